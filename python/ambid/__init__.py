@@ -1,0 +1,1 @@
+"""ambid: parameters of active magnetic bearings from the machine's own closed loop."""
