@@ -1,0 +1,342 @@
+"""Controllers as the rig file describes them, and their state space.
+
+What is given is K from the displacements y [m] to currents [A]; the loop applies the minus: i_ref = -(K y) + i_e.
+"""
+
+from abc import ABC, abstractmethod
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, field_validator, model_validator
+from pydantic_core import InitErrorDetails
+from scipy.linalg import block_diag, matrix_balance
+from scipy.signal import tf2ss
+
+from ambid.errors import RigError
+from ambid.spec import FINITE, MILLISECONDS, NOTHING, Range, Spec, per_axis, problem, refuse
+
+StateSpace = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+Matrix = tuple[tuple[Annotated[float, FINITE], ...], ...]
+
+SAMPLE_RATE = Range(100.0, 1e6, "Hz", (("kilohertz", 1e3),))
+DELAY_SAMPLES = Range(0.0, 100.0, "samples")
+_SIGN = "the loop applies the minus: i_ref = -(K y) + i_e"
+PROPORTIONAL = Range(0.0, 1e9, "A/m", (), _SIGN)
+INTEGRAL = Range(0.0, 1e12, "A/(m s)", (), _SIGN)
+DERIVATIVE = Range(0.0, 1e7, "A s/m", (), _SIGN)
+FILTER_TIME_CONSTANT = Range(1e-7, 0.1, "s", (MILLISECONDS,))
+
+
+class Controller(Spec, ABC):
+    """Base of the controllers.
+
+    Parameters
+    ----------
+    implementation : {"analog", "digital"}
+        Digital: y is sampled at `sample_rate`, and the output is held over the sample.
+    delay_samples : float
+        Digital only: delay of the sum that leaves the controller, in its samples; may be fractional.
+    sample_rate : float, optional
+        Digital only: rate of the controller [Hz], a whole multiple of the rig's; the rig's if absent.
+    """
+
+    implementation: Literal["analog", "digital"] = Field(description="'analog' or 'digital'")
+    delay_samples: Annotated[float, DELAY_SAMPLES] = 0.0
+    sample_rate: Annotated[float, SAMPLE_RATE] | None = None
+
+    @model_validator(mode="after")
+    def _digital_keys(self) -> "Controller":
+        if self.implementation == "analog":
+            given = {"delay_samples": self.delay_samples, "sample_rate": self.sample_rate}
+            text = "not allowed with implementation = 'analog'; remove the key, or write implementation = 'digital'."
+            refuse(*(problem(text, value, key) for key, value in given.items() if value))
+        return self
+
+    @property
+    def is_digital(self) -> bool:
+        """Whether it runs in samples."""
+        return self.implementation == "digital"
+
+    def rate(self, sample_rate: float) -> float:
+        """Sample rate of a digital controller [Hz], on a rig that records at `sample_rate` [Hz]."""
+        return sample_rate if self.sample_rate is None else self.sample_rate
+
+    @abstractmethod
+    def state_space(self, n_axes: int, sample_rate: float) -> StateSpace:
+        """State space of K, from y of all axes [m] to currents of all axes [A], without delay and minus.
+
+        Parameters
+        ----------
+        n_axes : int
+            Number of axes of the rig.
+        sample_rate : float
+            Of the rig [Hz]; an analog controller does not need it.
+
+        Returns
+        -------
+        A, B, C, D : ndarray, shapes (n, n), (n, n_axes), (n_axes, n), (n_axes, n_axes)
+            In continuous time if analog, otherwise in discrete time at `rate(sample_rate)`.
+        """
+
+    @abstractmethod
+    def axis_problems(self, n_axes: int) -> list[InitErrorDetails]:
+        """Problems of a controller that does not fit a rig of `n_axes` axes; empty if it fits."""
+
+    def rig_problems(self, n_axes: int, sample_rate: float) -> list[InitErrorDetails]:
+        """Problems of this controller on a rig of `n_axes` axes that records at `sample_rate` [Hz]."""
+        problems = self.axis_problems(n_axes)
+        multiple = self.rate(sample_rate) / sample_rate
+        if multiple < 0.5 or abs(multiple - round(multiple)) > 1e-6:
+            text = f"expected a whole multiple of the rig's sample_rate = {sample_rate:g} Hz; or leave the key out."
+            problems.append(problem(text, self.sample_rate, "sample_rate"))
+        return problems
+
+    @staticmethod
+    def from_lti(system: Any, delay_samples: float = 0.0) -> "StateSpaceController | TransferFunctionController":
+        """Take over a linear time-invariant system of python-control or SciPy.
+
+        Parameters
+        ----------
+        system : object
+            K, from y [m] to current [A]. Has `A`, `B`, `C`, `D`, or `num`, `den`, or `to_ss()`; and `dt`:
+            None or 0 is analog, a number is the sampling time of a digital controller [s].
+            A system with one input and one output is repeated on every axis.
+        delay_samples : float
+            As in `Controller`, for a digital system.
+
+        Raises
+        ------
+        RigError
+            If it is no such system, or its sampling time is not given as a number.
+        """
+        dt = getattr(system, "dt", None)
+        if dt is True:
+            raise RigError("controller: dt = True: expected the sampling time in s; give the system a number as dt.")
+        keys: dict[str, Any] = {"implementation": "analog", "delay_samples": delay_samples}
+        if dt:
+            keys |= {"implementation": "digital", "sample_rate": 1.0 / dt}
+        if not hasattr(system, "A") and not hasattr(system, "num") and hasattr(system, "to_ss"):
+            system = system.to_ss()
+        if all(hasattr(system, key) for key in "ABCD"):
+            return StateSpaceController(A=system.A, B=system.B, C=system.C, D=system.D, **keys)
+        if hasattr(system, "num") and hasattr(system, "den"):
+            keys["numerator"] = _per_axis_polynomials(system.num, may_couple=False)
+            keys["denominator"] = _per_axis_polynomials(system.den, may_couple=True)
+            return TransferFunctionController(**keys)
+        raise RigError(
+            f"controller: {type(system).__name__} object: expected a linear system with A, B, C, D or num, den; "
+            "convert it with control.ss or scipy.signal.StateSpace."
+        )
+
+
+class PidController(Controller):
+    """The same PID on every axis, P + I/s + D s/(T s + 1); digital: by Tustin's rule at the controller's rate.
+
+    Parameters
+    ----------
+    proportional, integral, derivative : float or sequence of float
+        P [A/m], I [A/(m s)], D [A s/m]; a number for all axes, or one per axis.
+    derivative_time_constant : float or sequence of float
+        T [s]; needed where D is not zero.
+    """
+
+    kind: Literal["pid"] = "pid"
+    proportional: Annotated[float | tuple[float, ...], per_axis(PROPORTIONAL)] = Field(
+        description=f"{PROPORTIONAL.allowed}, a number or one per axis"
+    )
+    integral: Annotated[float | tuple[float, ...], per_axis(INTEGRAL)] = 0.0
+    derivative: Annotated[float | tuple[float, ...], per_axis(DERIVATIVE)] = 0.0
+    derivative_time_constant: Annotated[float | tuple[float, ...], per_axis(FILTER_TIME_CONSTANT)] | None = None
+
+    @model_validator(mode="after")
+    def _filtered(self) -> "PidController":
+        if np.any(self.derivative) and self.derivative_time_constant is None:
+            text = f"the derivative needs it; expected {FILTER_TIME_CONSTANT.allowed}."
+            refuse(problem(text, NOTHING, "derivative_time_constant"))
+        return self
+
+    def axis_problems(self, n_axes: int) -> list[InitErrorDetails]:
+        """See `Controller.axis_problems`."""
+        names = ("proportional", "integral", "derivative", "derivative_time_constant")
+        given = {key: getattr(self, key) for key in names}
+        return _wrong_counts({key: value for key, value in given.items() if isinstance(value, tuple)}, n_axes)
+
+    def state_space(self, n_axes: int, sample_rate: float) -> StateSpace:
+        """See `Controller.state_space`; one state per axis and gain I, D that is not zero."""
+        time_constant = 0.0 if self.derivative_time_constant is None else self.derivative_time_constant
+        gains = (self.proportional, self.integral, self.derivative, time_constant)
+        system = _stack([_pid(*axis) for axis in zip(*(np.broadcast_to(g, n_axes) for g in gains), strict=True)])
+        return _tustin(system, 1.0 / self.rate(sample_rate)) if self.is_digital else system
+
+
+class StateSpaceController(Controller):
+    """Any linear controller, x' = A x + B y, K y = C x + D y; digital: the discrete matrices at its rate.
+
+    Parameters
+    ----------
+    A, B, C, D : (n, n), (n, m), (m, n), (m, m) array_like
+        m is the number of axes, in the rig's order; m = 1 is repeated on every axis.
+        A, B and C may be left out for a constant gain.
+    """
+
+    kind: Literal["state_space"] = "state_space"
+    A: Matrix = Field((), description="a matrix, n rows of n numbers")
+    B: Matrix = Field((), description="a matrix, n rows with one number per axis")
+    C: Matrix = Field((), description="a matrix, one row of n numbers per axis")
+    D: Matrix = Field(min_length=1, description="a matrix, one row per axis with one number per axis")
+
+    @model_validator(mode="after")
+    def _shapes_agree(self) -> "StateSpaceController":
+        n, m = len(self.A), len(self.D)
+        shapes = {"A": (n, n), "B": (n, m), "C": (m, n), "D": (m, m)}
+        refuse(
+            *(
+                problem(f"expected {shape[0]} rows of {shape[1]} numbers, to fit A and D.", getattr(self, key), key)
+                for key, shape in shapes.items()
+                if not _has_shape(getattr(self, key), shape)
+            )
+        )
+        return self
+
+    def axis_problems(self, n_axes: int) -> list[InitErrorDetails]:
+        """See `Controller.axis_problems`."""
+        return _wrong_counts({"D": self.D}, n_axes)
+
+    def state_space(self, n_axes: int, sample_rate: float) -> StateSpace:
+        """See `Controller.state_space`."""
+        n, m = len(self.A), len(self.D)
+        a, b = np.reshape(self.A, (n, n)), np.reshape(self.B, (n, m))
+        c, d = np.reshape(self.C, (m, n)), np.reshape(self.D, (m, m))
+        return _stack([(a, b, c, d)] * (n_axes // m))
+
+
+class TransferFunctionController(Controller):
+    """Proper transfer functions, one on each axis; polynomials in s, or in z if digital, highest power first.
+
+    Parameters
+    ----------
+    numerator, denominator : sequence of float, or one such sequence per axis
+        A single polynomial stands for all axes; kept as a tuple of polynomials.
+    """
+
+    kind: Literal["transfer_function"] = "transfer_function"
+    numerator: Matrix = Field(min_length=1, description="a list of coefficients, or one such list per axis")
+    denominator: Matrix = Field(min_length=1, description="a list of coefficients, or one such list per axis")
+
+    @field_validator("numerator", "denominator", mode="before")
+    @classmethod
+    def _one_per_axis(cls, value: Any) -> Any:
+        single = isinstance(value, list | tuple) and value and not isinstance(value[0], list | tuple | np.ndarray)
+        rows = (value,) if single else value
+        return (
+            [r.tolist() if isinstance(r, np.ndarray) else r for r in rows] if isinstance(rows, list | tuple) else value
+        )
+
+    @model_validator(mode="after")
+    def _proper(self) -> "TransferFunctionController":
+        n_axes = max(len(self.numerator), len(self.denominator))
+        sides = {"numerator": self.numerator, "denominator": self.denominator}
+        refuse(*_wrong_counts(sides, n_axes))
+        problems = [
+            problem("expected a coefficient that is not 0.", row, "denominator", k)
+            for k, row in enumerate(self.denominator)
+            if not any(row)
+        ]
+        refuse(*problems)
+        for k, (numerator, denominator) in enumerate(self._pairs(n_axes)):
+            if len(numerator) > len(denominator):
+                text = f"expected degree {len(denominator) - 1} at most, that of the denominator; "
+                text += "improper: filter the derivative, or divide by one more pole."
+                problems.append(problem(text, tuple(numerator.tolist()), "numerator", k))
+        refuse(*problems)
+        return self
+
+    def _pairs(self, n_axes: int) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Numerator and denominator of each axis, without leading zeros."""
+        sides = (
+            [np.trim_zeros(np.array(row, dtype=float), "f") for row in rows] * (n_axes // len(rows))
+            for rows in (self.numerator, self.denominator)
+        )
+        return list(zip(*sides, strict=True))
+
+    def axis_problems(self, n_axes: int) -> list[InitErrorDetails]:
+        """See `Controller.axis_problems`."""
+        return _wrong_counts({"numerator": self.numerator, "denominator": self.denominator}, n_axes)
+
+    def state_space(self, n_axes: int, sample_rate: float) -> StateSpace:
+        """See `Controller.state_space`; the realisation is a balanced companion form."""
+        return _stack([_companion(*pair) for pair in self._pairs(n_axes)])
+
+
+AnyController = Annotated[
+    PidController | StateSpaceController | TransferFunctionController, Field(discriminator="kind")
+]
+
+
+def _wrong_counts(given: dict[str, tuple[Any, ...]], n_axes: int) -> list[InitErrorDetails]:
+    """Problems of the keys that have neither one entry nor one per axis."""
+    return [
+        problem(f"expected 1 entry for all axes, or {n_axes}, one per axis; found {len(value)}.", value, key)
+        for key, value in given.items()
+        if len(value) not in (1, n_axes)
+    ]
+
+
+def _has_shape(rows: Matrix, shape: tuple[int, int]) -> bool:
+    empty = 0 in shape and not any(rows)
+    return empty or (len(rows) == shape[0] and all(len(row) == shape[1] for row in rows))
+
+
+def _stack(systems: list[StateSpace]) -> StateSpace:
+    """Independent systems side by side."""
+    a, b, c, d = (block_diag(*blocks).astype(float) for blocks in zip(*systems, strict=True))
+    return a, b, c, d
+
+
+def _pid(proportional: float, integral: float, derivative: float, time_constant: float) -> StateSpace:
+    """P + I/s + D s/(T s + 1), the last as D/T - (D/T)/(T s + 1)."""
+    poles, inputs, outputs, feedthrough = [], [], [], proportional
+    if integral:
+        poles, inputs, outputs = [0.0], [1.0], [integral]
+    if derivative:
+        poles.append(-1.0 / time_constant)
+        inputs.append(1.0 / time_constant)
+        outputs.append(-derivative / time_constant)
+        feedthrough += derivative / time_constant
+    a = np.diag(poles) if poles else np.zeros((0, 0))
+    return a, np.reshape(inputs, (-1, 1)), np.reshape(outputs, (1, -1)), np.array([[feedthrough]])
+
+
+def _tustin(system: StateSpace, period: float) -> StateSpace:
+    """Replace s by (2/h) (z - 1)/(z + 1), with h = `period` [s]."""
+    a, b, c, d = system
+    half = 0.5 * period * a
+    inverse = np.linalg.inv(np.eye(len(a)) - half)
+    b_discrete = period * inverse @ b
+    return inverse @ (np.eye(len(a)) + half), b_discrete, c @ inverse, d + 0.5 * c @ b_discrete
+
+
+def _companion(numerator: NDArray[np.float64], denominator: NDArray[np.float64]) -> StateSpace:
+    """Controllable form, its states scaled by powers of two so that A is balanced."""
+    if len(denominator) == 1 or len(numerator) == 0:
+        gain = numerator[0] / denominator[0] if len(numerator) else 0.0
+        return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[gain]])
+    a, b, c, d = tf2ss(numerator, denominator)
+    balanced, (scale, _) = matrix_balance(a, permute=False, separate=True)
+    return balanced, b / scale[:, None], c * scale, d
+
+
+def _per_axis_polynomials(rows: Any, may_couple: bool) -> list[list[float]]:
+    """Polynomial of each axis, from SciPy's single one or python-control's outputs x inputs of them."""
+    if np.isscalar(rows[0]):
+        return [list(map(float, rows))]
+    if np.isscalar(rows[0][0]):  # SciPy with one input, a row per output
+        rows = [[row] for row in rows]
+    coupled = not may_couple and any(np.any(p) for i, row in enumerate(rows) for j, p in enumerate(row) if i != j)
+    if len(rows) != len(rows[0]) or coupled:
+        raise RigError(
+            f"controller: {len(rows)} x {len(rows[0])} transfer functions: expected a diagonal matrix, one per axis; "
+            "convert coupled ones to state space first (control.ss)."
+        )
+    return [list(map(float, rows[k][k])) for k in range(len(rows))]

@@ -1,0 +1,397 @@
+"""What was measured: closed-loop records with their gates and noise ceiling, and static loadings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ambid import record_checks as checks
+from ambid.errors import RecordError
+from ambid.excitation import find_period, rebuild_excitation
+from ambid.readers import SIGNALS, read, read_csv_columns, require_content, write
+
+if TYPE_CHECKING:
+    from ambid.rig import Rig
+
+__all__ = ["Record", "StaticLoading", "find_period", "noise_ceiling", "rebuild_excitation"]
+
+WITHOUT_I_C = (
+    "i_c was not recorded: K_i, K_s and tau_e are found from y alone; "
+    "a lag of the amplifier, a delay of the loop and a lag of the sensor cannot be told apart"
+)
+
+
+@dataclass(frozen=True, repr=False)
+class Record:
+    """One closed-loop experiment, N samples on n axes.
+
+    `Record.load` and `Record.from_arrays` check the values; the constructor checks shapes only, and is meant for
+    simulated records. Arrays are kept as C-contiguous, read-only float64 copies.
+
+    Attributes
+    ----------
+    name : str
+        What reports call it.
+    sample_rate : float
+        Of every channel [Hz].
+    axes : tuple of str
+        Names of the columns, such as ``A_zeta``.
+    i_e : ndarray, shape (N, n), or None
+        Excitation [A]; ``i_e[k]`` is held from t[k] to t[k+1].
+    y : ndarray, shape (N, n)
+        Displacement at the sensors [m], read at t[k].
+    i_c : ndarray, shape (N, n), or None
+        Control current [A], read at t[k].
+    i_ref : ndarray, shape (N, n), or None
+        Command that reaches the amplifier, excitation included [A].
+    period : int or None
+        Samples per period of the excitation.
+    notes : tuple of str
+        Every warning and repair.
+    path : Path or None
+        File that it came from.
+
+    Raises
+    ------
+    RecordError
+        If an array has not the shape (N, n).
+    """
+
+    name: str
+    sample_rate: float
+    axes: tuple[str, ...]
+    i_e: NDArray[np.float64] | None
+    y: NDArray[np.float64]
+    i_c: NDArray[np.float64] | None = None
+    i_ref: NDArray[np.float64] | None = None
+    period: int | None = None
+    notes: tuple[str, ...] = ()
+    path: Path | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "axes", tuple(self.axes))
+        shape = (len(self.y), len(self.axes))
+        for signal in SIGNALS:
+            if getattr(self, signal) is None:
+                continue
+            array = np.array(getattr(self, signal), dtype=np.float64, order="C")
+            if array.shape != shape:
+                raise RecordError(
+                    f"{self.path or self.name}: {signal} has the shape {array.shape}, y and the axes "
+                    f"({', '.join(self.axes)}) make it {shape}; give N x axes, all of one length"
+                )
+            array.flags.writeable = False
+            object.__setattr__(self, signal, array)
+
+    @classmethod
+    def load(cls, path: str | Path, rig: Rig | None = None, *, period: int | None = None) -> Record:
+        """Read a record from a .csv, .mat (v5, v7.3), .h5, .hdf5 or .parquet file, and check it.
+
+        Parameters
+        ----------
+        path : str or Path
+            File in one of the formats above.
+        rig : Rig, optional
+            Its axes are matched by name, its sample rate and air gaps are held against the record, and its controller
+            rebuilds i_e where that was not logged.
+        period : int, optional
+            Samples per period; by default it is found from i_e.
+
+        Returns
+        -------
+        Record
+            With `notes` on everything that was noticed or repaired.
+
+        Raises
+        ------
+        RecordError
+            If the file cannot be read, or a gate refuses its values.
+        InputError
+            If the format needs a package that is not installed.
+        """
+        path = Path(path)
+        where = str(path)
+        raw = read(path)
+        notes = list(raw.notes)
+        axes = raw.signals["y"][0]
+        if axes is None:
+            if rig is None:
+                raise RecordError(f"{where}: the file names no axes; add 'axes', or give the rig")
+            axes = tuple(rig.axes)
+            notes.append(f"the file names no axes: its columns are taken as {', '.join(axes)}, the rig's order")
+        arrays = {}
+        for signal, (found, array) in raw.signals.items():
+            order = checks.order_of_axes(f"{where}: {signal}", found or axes, axes, "y")
+            arrays[signal] = array[:, order] if array.shape[1] == len(order) else array
+        if raw.t is not None:
+            if len(raw.t) != len(arrays["y"]):
+                raise RecordError(f"{where}: t has {len(raw.t)} rows, y has {len(arrays['y'])}; give one t per sample")
+            checks.require_finite(where, [("t", raw.t)])
+        checks.require_length(where, len(arrays["y"]), period)
+        rate, more = checks.sample_rate_of(where, raw.t, raw.sample_rate, None if rig is None else rig.sample_rate)
+        return cls.from_arrays(
+            **arrays,
+            sample_rate=rate,
+            axes=axes,
+            rig=rig,
+            period=period,
+            name=path.stem,
+            notes=(*notes, *more),
+            path=path,
+        )
+
+    @classmethod
+    def from_arrays(
+        cls,
+        *,
+        y: ArrayLike,
+        sample_rate: float,
+        axes: Sequence[str],
+        i_e: ArrayLike | None = None,
+        i_c: ArrayLike | None = None,
+        i_ref: ArrayLike | None = None,
+        rig: Rig | None = None,
+        period: int | None = None,
+        name: str = "record",
+        notes: Sequence[str] = (),
+        path: Path | None = None,
+    ) -> Record:
+        """Make a record from arrays (N, n) in SI units, with the same checks as `load`.
+
+        Parameters are the attributes of `Record`; `rig` is used as in `load`.
+
+        Raises
+        ------
+        RecordError
+            If a gate refuses the values.
+        """
+        where = str(path or name)
+        record = cls(
+            name=name,
+            sample_rate=float(sample_rate),
+            axes=tuple(axes),
+            i_e=None if i_e is None else _as_array(where, "i_e", i_e),
+            y=_as_array(where, "y", y),
+            i_c=None if i_c is None else _as_array(where, "i_c", i_c),
+            i_ref=None if i_ref is None else _as_array(where, "i_ref", i_ref),
+            period=period,
+            notes=tuple(notes),
+            path=path,
+        )
+        checks.require_length(where, record.samples, period)
+        checks.require_finite(where, record._channels())
+        if rig is not None:
+            record = record._in_order_of(tuple(rig.axes))
+            rate, more = checks.sample_rate_of(where, None, record.sample_rate, rig.sample_rate)
+            record = replace(record, sample_rate=rate, notes=(*record.notes, *more))
+            checks.require_metres(where, record.axes, record.y, rig)
+        for channel, values in record._channels():
+            if not channel.startswith("y."):
+                checks.require_ampere(where, channel, values)
+            if not channel.startswith("i_e."):
+                checks.require_alive(where, channel, values)
+        more = checks.notes_on_clipping(where, record.axes, record.y, record.i_c)
+        if record.i_c is None:
+            more.append(WITHOUT_I_C)
+        return replace(record, notes=(*record.notes, *more))._with_excitation(rig)
+
+    @property
+    def samples(self) -> int:
+        """Number of samples N."""
+        return len(self.y)
+
+    @property
+    def seconds(self) -> float:
+        """Length of the record [s]."""
+        return self.samples / self.sample_rate
+
+    @property
+    def periods(self) -> int:
+        """Number of whole periods; 0 where no period is known."""
+        return self.samples // self.period if self.period else 0
+
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """Sampling instants [s], from 0, shape (N,)."""
+        return np.arange(self.samples) / self.sample_rate
+
+    def save(self, path: str | Path) -> None:
+        """Write the signals to a .csv, .mat (v5), .h5, .hdf5 or .parquet file; period and notes are found on loading.
+
+        Raises
+        ------
+        RecordError
+            If the suffix is none of these.
+        InputError
+            If the format needs a package that is not installed.
+        """
+        write(self, Path(path))
+
+    def __repr__(self) -> str:
+        signals = " ".join(signal for signal in SIGNALS if getattr(self, signal) is not None)
+        period = f"{self.periods} periods of {self.period}" if self.period else "no period"
+        return (
+            f"Record({self.name!r}: {self.samples} samples at {self.sample_rate:g} Hz, {self.seconds:.4g} s, {period}; "
+            f"{signals} on {', '.join(self.axes)}; {len(self.notes)} notes)"
+        )
+
+    def _channels(self) -> Iterator[tuple[str, NDArray[np.float64]]]:
+        for signal in SIGNALS:
+            if (array := getattr(self, signal)) is not None:
+                yield from ((f"{signal}.{axis}", array[:, j]) for j, axis in enumerate(self.axes))
+
+    def _in_order_of(self, axes: tuple[str, ...]) -> Record:
+        """The same record with its columns in the rig's order."""
+        order = checks.order_of_axes(str(self.path or self.name), self.axes, axes, "the rig")
+        if self.axes == axes:
+            return self
+        i_e, i_c, i_ref = (None if s is None else s[:, order] for s in (self.i_e, self.i_c, self.i_ref))
+        note = f"axes {', '.join(self.axes)} were reordered to the rig's {', '.join(axes)}"
+        return replace(self, axes=axes, i_e=i_e, y=self.y[:, order], i_c=i_c, i_ref=i_ref, notes=(*self.notes, note))
+
+    def _with_excitation(self, rig: Rig | None) -> Record:
+        """The same record with i_e rebuilt where needed and possible, its period, and notes on both."""
+        record = self
+        if record.i_e is None:
+            if rig is None:
+                note = "i_e was not logged: load the record with its rig, whose controller rebuilds it"
+                return replace(record, notes=(*record.notes, note))
+            record = rebuild_excitation(record, rig)
+        i_e = np.asarray(record.i_e)
+        notes = checks.notes_on_excitation(str(self.path or self.name), record.axes, i_e)
+        found = find_period(i_e) if record is self else record.period
+        if self.period and found and self.period % found:
+            notes.append(f"a period of {self.period} samples was stated, but i_e repeats after {found}")
+        record = replace(record, period=record.period or found)
+        if record.periods < 3:
+            count = f"{record.periods} whole periods" if record.period else "no period"
+            notes.append(f"{count} of i_e found: the noise ceiling needs 3, and is not estimated")
+        return replace(record, notes=(*record.notes, *notes))
+
+
+def noise_ceiling(record: Record) -> dict[str, float]:
+    """Fit [%] that the exact model would reach, from the scatter of y and i_c over the periods.
+
+    The first period holds the transient and is left out. Over the M that remain, with xbar their mean period,
+
+        ceiling = 100 (1 - sqrt(M / (M - 1)) ||x - xbar|| / ||x - mean x||),
+
+    where the factor undoes that xbar was fitted to the same noise.
+
+    Parameters
+    ----------
+    record : Record
+        With a period.
+
+    Returns
+    -------
+    dict of str to float
+        By channel, such as ``y.A_zeta``; NaN where fewer than 2 periods remain (the record's notes say so).
+    """
+    kept = record.periods - 1
+    ceiling = {}
+    for channel, values in record._channels():
+        if not channel.startswith(("y.", "i_c.")):
+            continue
+        if record.period is None or kept < 2:
+            ceiling[channel] = float("nan")
+            continue
+        x = values[record.period : (kept + 1) * record.period].reshape(kept, record.period)
+        scatter = np.linalg.norm(x - x.mean(axis=0)) * np.sqrt(kept / (kept - 1))
+        ceiling[channel] = float(100 * (1 - scatter / np.linalg.norm(x - x.mean())))
+    return ceiling
+
+
+@dataclass(frozen=True, repr=False)
+class StaticLoading:
+    """One static loading, M steps: known forces on the levitated rotor and the currents that carry them.
+
+    Attributes
+    ----------
+    name : str
+        What reports call it.
+    axes : tuple of str
+        Names of the columns of `i_c`.
+    z : ndarray, shape (M,)
+        Where the force acts [m].
+    force : ndarray, shape (M, 2)
+        F_x and F_y in global axes [N].
+    i_c : ndarray, shape (M, n)
+        Mean control currents [A].
+    notes : tuple of str
+        Every warning and repair.
+    path : Path or None
+        File that it came from.
+    """
+
+    name: str
+    axes: tuple[str, ...]
+    z: NDArray[np.float64]
+    force: NDArray[np.float64]
+    i_c: NDArray[np.float64]
+    notes: tuple[str, ...] = ()
+    path: Path | None = None
+
+    @classmethod
+    def load(cls, path: str | Path, rig: Rig | None = None) -> StaticLoading:
+        """Read a loading from a .csv file with the columns step, z, F_x, F_y, i_c.<axis>, and check it.
+
+        Parameters
+        ----------
+        path : str or Path
+            The .csv file.
+        rig : Rig, optional
+            Its axes are matched by name, and z must lie on its shaft.
+
+        Raises
+        ------
+        RecordError
+            If the file cannot be read, has fewer than 3 steps or no change of load, or z is off the shaft.
+        """
+        path = Path(path)
+        where = str(path)
+        if path.suffix.lower() != ".csv":
+            raise RecordError(f"{where}: suffix {path.suffix!r} is not that of a static loading; use .csv")
+        require_content(path)
+        columns = read_csv_columns(path)
+        missing = [name for name in ("step", "z", "F_x", "F_y") if name not in columns]
+        axes = tuple(name.removeprefix("i_c.") for name in columns if name.startswith("i_c."))
+        if missing or not axes:
+            missing += [] if axes else ["i_c.<axis>"]
+            raise RecordError(f"{where}: no column {', '.join(missing)}; the columns are {', '.join(columns)}")
+        checks.require_finite(where, columns.items())
+        unused = [n for n in columns if n not in ("step", "z", "F_x", "F_y") and not n.startswith("i_c.")]
+        notes = [f"columns not used: {', '.join(unused)}"] if unused else []
+        if rig is not None:
+            checks.order_of_axes(where, axes, tuple(rig.axes), "the rig")
+            if axes != tuple(rig.axes):
+                notes.append(f"axes {', '.join(axes)} were reordered to the rig's {', '.join(rig.axes)}")
+                axes = tuple(rig.axes)
+        z, force = columns["z"], np.stack([columns["F_x"], columns["F_y"]], axis=1)
+        i_c = np.stack([columns[f"i_c.{axis}"] for axis in axes], axis=1)
+        if len(z) < 3:
+            raise RecordError(f"{where}: {len(z)} load steps; a slope needs at least 3")
+        if not np.any(np.ptp(force, axis=0)):
+            raise RecordError(f"{where}: the load is {force[0]} N in every step; apply at least two different loads")
+        for j, axis in enumerate(axes):
+            checks.require_ampere(where, f"i_c.{axis}", i_c[:, j])
+            checks.require_alive(where, f"i_c.{axis}", i_c[:, j])
+        if rig is not None:
+            checks.require_on_shaft(where, z, rig)
+        return cls(path.stem, axes, z, force, i_c, tuple(notes), path)
+
+    def __repr__(self) -> str:
+        largest = np.linalg.norm(self.force, axis=1).max()
+        return f"StaticLoading({self.name!r}: {len(self.z)} steps up to {largest:.4g} N; i_c on {', '.join(self.axes)})"
+
+
+def _as_array(where: str, signal: str, values: ArrayLike) -> NDArray[np.float64]:
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise RecordError(f"{where}: {signal} is not an array of real numbers ({error}); give N x axes") from None

@@ -1,0 +1,209 @@
+"""Gates that every record passes: each refuses with what was found and what to do, or returns a note."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambid.errors import RecordError
+
+if TYPE_CHECKING:
+    from ambid.rig import Rig
+
+MIN_SAMPLES = 200
+RATE_TOLERANCE = 1e-3
+LARGEST_CURRENT_RMS = 100.0  # A; larger than any bearing's, and reached at once by values in mA
+GAPS_OF_TRAVEL = 10.0  # |y| beyond this many air gaps is not in metres
+CLIPPED_SHARE = 0.01
+
+
+def order_of_axes(where: str, found: tuple[str, ...], wanted: tuple[str, ...], of: str) -> list[int]:
+    """Columns of `found` in the order of `wanted`; the two must name the same axes."""
+    if len(set(found)) < len(found):
+        raise RecordError(f"{where}: an axis is named twice in {', '.join(found)}; keep one")
+    if set(found) != set(wanted):
+        missing = ", ".join(axis for axis in wanted if axis not in found) or "none"
+        unknown = ", ".join(axis for axis in found if axis not in wanted) or "none"
+        raise RecordError(
+            f"{where}: axes {', '.join(found)}, but {of} has {', '.join(wanted)} "
+            f"(missing: {missing}; unknown: {unknown}); rename or add the columns"
+        )
+    return [found.index(axis) for axis in wanted]
+
+
+def require_length(where: str, samples: int, period: int | None) -> None:
+    """Refuse a record that is too short, or a stated period that does not fit in it."""
+    if samples < MIN_SAMPLES:
+        raise RecordError(f"{where}: {samples} samples, at least {MIN_SAMPLES} are needed; record for longer")
+    if period is not None and not (isinstance(period, int | np.integer) and 1 <= period <= samples):
+        raise RecordError(f"{where}: period = {period!r}; give a whole number of samples from 1 to {samples}")
+
+
+def require_finite(where: str, columns: Iterable[tuple[str, NDArray[np.float64]]]) -> None:
+    """Refuse NaN and infinity, naming the channel and the first row (counted from 1)."""
+    for channel, values in columns:
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise RecordError(
+                f"{where}: {channel} is {values[bad[0]]} in row {bad[0] + 1} ({bad.size} such rows); "
+                "cut the record there or record it again"
+            )
+
+
+def require_alive(where: str, channel: str, values: NDArray[np.float64]) -> None:
+    """Refuse a channel that never changes."""
+    if np.ptp(values) == 0:
+        raise RecordError(
+            f"{where}: {channel} is constant at {values[0]:.6g}: a dead or unplugged sensor; repair it and record again"
+        )
+
+
+def require_ampere(where: str, channel: str, values: NDArray[np.float64]) -> None:
+    """Refuse currents that only make sense in mA."""
+    rms = float(np.sqrt(np.mean(values**2)))
+    if rms > LARGEST_CURRENT_RMS:
+        raise RecordError(
+            f"{where}: {channel} has an rms of {rms:.4g} A, allowed is {LARGEST_CURRENT_RMS:g} A: "
+            "it looks like mA; give ampere"
+        )
+
+
+def require_metres(where: str, axes: tuple[str, ...], y: NDArray[np.float64], rig: Rig) -> None:
+    """Refuse displacements far beyond the air gap of their bearing."""
+    gaps = {axis: bearing.air_gap for bearing in rig.bearings for axis in bearing.axis_names}
+    for axis, values in zip(axes, y.T, strict=True):
+        largest = float(np.abs(values).max())
+        if largest > GAPS_OF_TRAVEL * gaps[axis]:
+            raise RecordError(
+                f"{where}: y.{axis} reaches {largest:.4g} m, the air gap is {gaps[axis]:g} m: "
+                "it looks like micrometres or millimetres; give metres"
+            )
+
+
+def require_on_shaft(where: str, z: NDArray[np.float64], rig: Rig) -> None:
+    """Refuse loads that act beside the shaft; a plain mass has no length to be held against."""
+    if rig.rotor.span is None:
+        return
+    low, high = rig.rotor.span
+    off = np.flatnonzero((z < low) | (z > high))
+    if off.size:
+        raise RecordError(
+            f"{where}: z = {z[off[0]]:g} m in row {off[0] + 1} is off the shaft, "
+            f"which reaches from {low:g} to {high:g} m; give metres in the rig's z"
+        )
+
+
+def sample_rate_of(
+    where: str, t: NDArray[np.float64] | None, stated: float | None, expected: float | None
+) -> tuple[float, list[str]]:
+    """Sample rate [Hz] from the times, what the file states and what the rig expects, which must agree; and notes."""
+    notes: list[str] = []
+    if stated is not None and not (np.isfinite(stated) and stated > 0):
+        raise RecordError(f"{where}: fs = {stated} Hz; give a finite rate above zero")
+    rate = stated
+    if t is not None:
+        measured = _rate_of_times(where, t, notes)
+        if rate is None:
+            # The last digit of written times is no reason for 9999.9997 Hz.
+            rate = float(round(measured)) if abs(measured - round(measured)) < 1e-6 * measured else measured
+        _require_same_rate(where, "t", measured, "fs", rate)
+    if rate is None:
+        raise RecordError(f"{where}: no sample rate; give fs [Hz] or t [s]")
+    if expected is not None:
+        _require_same_rate(where, "t" if stated is None else "fs", rate, "the rig's sample_rate", expected)
+        if abs(rate - expected) > 1e-6 * expected:
+            notes.append(f"sample rate {rate:.9g} Hz, taken as the rig's {expected:g} Hz")
+        rate = expected
+    return rate, notes
+
+
+def _rate_of_times(where: str, t: NDArray[np.float64], notes: list[str]) -> float:
+    steps = np.diff(t)
+    back = np.flatnonzero(steps <= 0)
+    if back.size:
+        k = back[0] + 1
+        raise RecordError(
+            f"{where}: t does not increase in row {k + 1} ({t[k - 1]:.9g} s, then {t[k]:.9g} s); "
+            "sort the rows, or write t with more digits"
+        )
+    dt = float(np.median(steps))
+    gaps = np.flatnonzero(steps > 1.5 * dt)
+    if gaps.size:
+        k = gaps[0] + 1
+        raise RecordError(
+            f"{where}: gap in t before row {k + 1}: {steps[k - 1]:.6g} s where {dt:.6g} s is usual, "
+            f"{round(steps[k - 1] / dt) - 1} samples are lost ({gaps.size} such gaps); cut the record there"
+        )
+    jitter = float(np.abs(steps / dt - 1).max())
+    if jitter > 0.05:
+        notes.append(f"t jitters by up to {100 * jitter:.0f} % of a sample; taken as uniform")
+    if t[0] != 0:
+        notes.append(f"t starts at {t[0]:.9g} s; counted from 0")
+    return (len(t) - 1) / float(t[-1] - t[0])
+
+
+def _require_same_rate(where: str, source: str, rate: float, other: str, expected: float) -> None:
+    if abs(rate - expected) <= RATE_TOLERANCE * expected:
+        return
+    units = {1e-3: "milliseconds", 1e-6: "microseconds", 1 / expected: "sample numbers"}
+    guess = [unit for factor, unit in units.items() if abs(rate / expected / factor - 1) < 0.01]
+    hint = f": t looks like {guess[0]}; give seconds" if guess and source == "t" else "; correct the one that is wrong"
+    raise RecordError(
+        f"{where}: {source} says {rate:.6g} Hz, {other} says {expected:.6g} Hz (allowed difference 0.1 %){hint}"
+    )
+
+
+def notes_on_clipping(
+    where: str, axes: tuple[str, ...], y: NDArray[np.float64], i_c: NDArray[np.float64] | None
+) -> list[str]:
+    """Refuse a clipped displacement; note a clipped current.
+
+    Beyond its range a displacement sensor says nothing, and no model can be held against what it reads. A current that
+    stands at a limit is what the amplifier really did: the linear model misses it, but the reading is true.
+    """
+    for axis, values in zip(axes, y.T, strict=True):
+        share, level = _clipped(values)
+        if share:
+            raise RecordError(
+                f"{where}: y.{axis} is clipped: {100 * share:.1f} % of the samples stand at {level:.6g} m; "
+                "lower the excitation or widen the range of the sensor"
+            )
+    notes = []
+    for axis, values in zip(axes, () if i_c is None else i_c.T, strict=i_c is not None):
+        share, level = _clipped(values)
+        if share:
+            notes.append(
+                f"i_c.{axis} is clipped: {100 * share:.1f} % of the samples stand at {level:.6g} A, "
+                "a limit of the amplifier or of its sensor that a linear loop does not have"
+            )
+    return notes
+
+
+def _clipped(values: NDArray[np.float64]) -> tuple[float, float]:
+    """Share of the samples at a clipped extreme and its value; share 0 where nothing is clipped."""
+    for level, inward in ((values.max(), np.max), (values.min(), np.min)):
+        at = values == level
+        share = float(at.mean())
+        in_runs = bool(np.any(at[:-2] & at[1:-1] & at[2:]))
+        # A coarse converter also repeats its extreme values, but hardly more often than the level next to them:
+        # at most 2.4 times for a sine.
+        if share > CLIPPED_SHARE and in_runs and at.sum() > 3 * np.sum(values == inward(values[~at])):
+            return share, float(level)
+    return 0.0, 0.0
+
+
+def notes_on_excitation(where: str, axes: tuple[str, ...], i_e: NDArray[np.float64]) -> list[str]:
+    """Refuse a record without excitation; note each axis that is not excited while others are."""
+    still = [axis for axis, values in zip(axes, i_e.T, strict=True) if np.ptp(values) == 0]
+    if len(still) == len(axes):
+        values = ", ".join(f"{value:.4g}" for value in i_e[0])
+        raise RecordError(
+            f"{where}: no excitation: i_e is constant ({values} A) on every axis; "
+            "excite the loop, or check that i_e was logged"
+        )
+    return [
+        f"i_e.{axis} is constant: this axis is not excited, and little can be said of its parameters" for axis in still
+    ]

@@ -1,0 +1,344 @@
+"""The rig file: everything that is known about the machine before any record is read."""
+
+import json
+import os
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, PrivateAttr, ValidationError, ValidationInfo, field_validator, model_validator
+
+from ambid.controller_spec import (
+    SAMPLE_RATE,
+    AnyController,
+    Controller,
+    PidController,
+    StateSpaceController,
+    TransferFunctionController,
+)
+from ambid.errors import RigError
+from ambid.rotor_spec import (
+    Disk,
+    FiniteElementRotor,
+    Material,
+    MatrixRotor,
+    ModalRotor,
+    PointMassRotor,
+    Position,
+    Rotor,
+    Section,
+    along,
+)
+from ambid.spec import (
+    MICROMETRES,
+    MICROSECONDS,
+    MILLIMETRES,
+    MILLISECONDS,
+    Range,
+    Spec,
+    per_axis,
+    plain,
+    problem,
+    refuse,
+    rig_error,
+)
+
+__all__ = [
+    "Actuator",
+    "Amplifier",
+    "Bearing",
+    "Controller",
+    "Disk",
+    "FiniteElementRotor",
+    "Material",
+    "MatrixRotor",
+    "ModalRotor",
+    "PidController",
+    "PointMassRotor",
+    "Rig",
+    "Section",
+    "StateSpaceController",
+    "TransferFunctionController",
+]
+
+SPEED = Range(0.0, 5e4, "rad/s")
+TILT = Range(-360.0, 360.0, "degrees")
+BIAS_CURRENT = Range(1e-3, 500.0, "A", (("milliamperes", 1e-3),))
+AIR_GAP = Range(1e-5, 0.02, "m", (MILLIMETRES, MICROMETRES))
+_CONVENTION = "f = K_i i + K_s s"
+FORCE_CURRENT = Range(1e-4, 1e5, "N/A", (), f"{_CONVENTION}, K_i > 0: current pulls towards +s")
+FORCE_DISPLACEMENT = Range(1e-2, 1e10, "N/m", (), f"{_CONVENTION}, K_s > 0 destabilises")
+STIFFNESS_SLIPS = (("N/mm", 1e3), ("N/um", 1e6))
+AMPLIFIER_LAG = Range(0.0, 0.05, "s", (MILLISECONDS, MICROSECONDS), "0 is an ideal amplifier")
+ACTUATOR_LAG = Range(1e-7, 0.05, "s", (MILLISECONDS, MICROSECONDS))
+
+
+class Bearing(Spec):
+    """One magnetic bearing with its sensors. Sign convention: f = K_i i + K_s s, K_s > 0 destabilises.
+
+    Parameters
+    ----------
+    name : str
+        An identifier without dots; it begins the names of the axes.
+    position, sensor_position : float
+        z of the magnet and of the sensors [m].
+    tilt : float
+        From global x to the zeta axis [degrees]; the sensors are aligned with the magnet.
+    bias_current, air_gap : float
+        i0 [A] and s0 [m].
+    axes : ("zeta", "eta") or ("zeta",)
+    force_current, force_displacement : float or sequence of float
+        Nominal K_i [N/A] and K_s [N/m] of each axis; a number stands for all. Kept as one value per axis.
+    """
+
+    name: str = Field(description="a name such as A: letters, digits and _, no dots")
+    axes: tuple[Literal["zeta", "eta"], ...] = Field(
+        ("zeta", "eta"), description="['zeta', 'eta'], or ['zeta'] for a single axis"
+    )
+    position: Position
+    sensor_position: Position
+    tilt: Annotated[float, TILT] = 0.0
+    bias_current: Annotated[float, BIAS_CURRENT]
+    air_gap: Annotated[float, AIR_GAP]
+    force_current: Annotated[tuple[float, ...], per_axis(FORCE_CURRENT)] = Field(
+        description=f"K_i, {FORCE_CURRENT.allowed}, a number or one per axis"
+    )
+    force_displacement: Annotated[tuple[float, ...], per_axis(FORCE_DISPLACEMENT)] = Field(
+        description=f"K_s, {FORCE_DISPLACEMENT.allowed}, a number or one per axis"
+    )
+
+    @field_validator("name")
+    @classmethod
+    def _identifier(cls, name: str) -> str:
+        if not name.isidentifier():
+            refuse(problem("expected a name such as A: letters, digits and _, no dots, no spaces.", name))
+        return name
+
+    @field_validator("axes")
+    @classmethod
+    def _known_axes(cls, axes: tuple[str, ...]) -> tuple[str, ...]:
+        if axes not in (("zeta", "eta"), ("zeta",)):
+            refuse(problem("expected ['zeta', 'eta'], or ['zeta'] for a single axis.", axes))
+        return axes
+
+    @field_validator("force_current", "force_displacement")
+    @classmethod
+    def _each_axis(cls, value: float | tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
+        n_axes = len(info.data.get("axes", ("zeta", "eta")))
+        values = value if isinstance(value, tuple) else (value,) * n_axes
+        if len(values) != n_axes:
+            refuse(problem(f"expected a number, or {n_axes} numbers, one per axis; found {len(values)}.", values))
+        return values
+
+    @model_validator(mode="after")
+    def _stiffness_fits_the_magnet(self) -> "Bearing":
+        """K_s s0 / (K_i i0) is 1 for a differential pair of magnets; far from that, a unit is wrong."""
+        for k_i, k_s in zip(self.force_current, self.force_displacement, strict=True):
+            ideal = k_i * self.bias_current / self.air_gap
+            note = f"0.01 to 100 times K_i bias_current / air_gap = {plain(ideal)} N/m"
+            complaint = Range(0.01 * ideal, 100.0 * ideal, "N/m", STIFFNESS_SLIPS, note).complaint(k_s)
+            if complaint:
+                refuse(problem(complaint, k_s, "force_displacement"))
+        return self
+
+    @property
+    def axis_names(self) -> tuple[str, ...]:
+        """Names of its axes in records and results, such as ("A_zeta", "A_eta")."""
+        return tuple(f"{self.name}_{axis}" for axis in self.axes)
+
+
+class Amplifier(Spec):
+    """Power amplifier, a known first-order lag of `time_constant` [s]; 0 is an ideal amplifier."""
+
+    time_constant: Annotated[float, AMPLIFIER_LAG]
+
+
+class Actuator(Spec):
+    """First-order lag from coil current to force, `time_constant` [s]: the initial guess of tau_e."""
+
+    time_constant: Annotated[float, ACTUATOR_LAG]
+
+
+class Rig(Spec):
+    """A machine: rotor, bearings, amplifiers and controller, in SI units.
+
+    Parameters
+    ----------
+    name : str
+    sample_rate : float
+        Of every recorded channel [Hz].
+    speed : float
+        Of rotation [rad/s].
+    rotor : FiniteElementRotor, MatrixRotor, ModalRotor or PointMassRotor
+    bearings : sequence of Bearing
+        `bearing` in the file.
+    amplifier : Amplifier
+    actuator : Actuator
+    controller : PidController, StateSpaceController or TransferFunctionController
+
+    Raises
+    ------
+    RigError
+        With one line per problem: key, value found, what is allowed, what to do.
+    """
+
+    name: str = Field(description="a text, the name of the rig")
+    sample_rate: Annotated[float, SAMPLE_RATE]
+    speed: Annotated[float, SPEED] = 0.0
+    rotor: Rotor = Field(description="a table [rotor] with its sections, matrices, modes or mass")
+    bearings: tuple[Bearing, ...] = Field(
+        alias="bearing", min_length=1, description="one or more [[bearing]] tables, each with double brackets"
+    )
+    amplifier: Amplifier = Field(description="a table [amplifier] with time_constant in s")
+    actuator: Actuator = Field(description="a table [actuator] with time_constant in s")
+    controller: AnyController = Field(
+        description="a table [controller] with kind = 'pid', 'state_space' or 'transfer_function'"
+    )
+    _path: Path | None = PrivateAttr(None)
+
+    @field_validator("bearings")
+    @classmethod
+    def _bearings_fit(cls, bearings: tuple[Bearing, ...], info: ValidationInfo) -> tuple[Bearing, ...]:
+        names = [bearing.name for bearing in bearings]
+        problems = [
+            problem("expected a name of its own, another bearing has this one; rename one of them.", name, k, "name")
+            for k, name in enumerate(names)
+            if name in names[:k]
+        ]
+        rotor = info.data.get("rotor")
+        if isinstance(rotor, PointMassRotor):
+            axes = [axis for bearing in bearings for axis in bearing.axis_names]
+            if len(axes) != 1:
+                text = "expected 1 axis, since the rotor is a plain mass; write one [[bearing]] with axes = ['zeta']."
+                problems.append(problem(text, axes, "axes"))
+        elif rotor is not None:
+            problems += [
+                problem(complaint, getattr(bearing, key), k, key)
+                for k, bearing in enumerate(bearings)
+                for key in ("position", "sensor_position")
+                if (complaint := along(rotor.span).complaint(getattr(bearing, key)))
+            ]
+        refuse(*problems)
+        return bearings
+
+    @field_validator("controller")
+    @classmethod
+    def _controller_fits(cls, controller: Controller, info: ValidationInfo) -> Controller:
+        if "bearings" in info.data and "sample_rate" in info.data:
+            n_axes = sum(len(bearing.axes) for bearing in info.data["bearings"])
+            refuse(*controller.rig_problems(n_axes, info.data["sample_rate"]))
+        return controller
+
+    @property
+    def path(self) -> Path | None:
+        """The file that it was read from, if any; no part of its equality."""
+        return self._path
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of all axes in order, such as ("A_zeta", "A_eta", "B_zeta", "B_eta")."""
+        return tuple(axis for bearing in self.bearings for axis in bearing.axis_names)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> "Rig":
+        """Read a rig file.
+
+        Parameters
+        ----------
+        path : path-like
+            A TOML file in SI units; see `Rig` for its tables.
+
+        Raises
+        ------
+        RigError
+            If the file cannot be read, is not TOML, or holds a wrong key or value.
+        """
+        try:
+            text = Path(path).read_text(encoding="utf-8")
+        except FileNotFoundError:
+            raise RigError(f"{path}: there is no such file; check the path of the rig file.") from None
+        except OSError as error:
+            raise RigError(f"{path}: cannot be read ({error.strerror}); give the path of a rig file.") from None
+        except UnicodeDecodeError as error:
+            raise RigError(f"{path}: not a text in UTF-8 ({error.reason}); give a rig file in TOML.") from None
+        return cls.from_toml(text, path)
+
+    @classmethod
+    def from_toml(cls, text: str, path: str | os.PathLike[str] | None = None) -> "Rig":
+        """Read a rig from the text of a rig file.
+
+        Parameters
+        ----------
+        text : str
+        path : path-like, optional
+            Where the text is from, for messages and for files that it names.
+
+        Raises
+        ------
+        RigError
+            If the text is not TOML, or holds a wrong key or value.
+        """
+        source = "rig" if path is None else os.fspath(path)
+        try:
+            data = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise RigError(f"{source}: not a TOML file: {error}; correct it there.") from None
+        try:
+            rig = cls.model_validate(data, context={"directory": Path(source).parent})
+        except ValidationError as error:
+            raise rig_error(error, source, data) from None
+        rig._path = None if path is None else Path(path)
+        return rig
+
+    def to_toml(self) -> str:
+        """Write the rig as the text of a rig file; `Rig.from_toml` reads the same rig back, to the last bit."""
+        return "\n".join(_toml_lines(self.model_dump(by_alias=True, exclude_none=True), "")).lstrip() + "\n"
+
+    def replace(self, **changes: Any) -> "Rig":
+        """Return a rig with other values of some keys, checked as a new one.
+
+        Raises
+        ------
+        RigError
+            If a key is unknown, or the rig would be wrong.
+        """
+        rig = type(self)(**{key: getattr(self, key) for key in type(self).model_fields} | changes)
+        rig._path = self._path
+        return rig
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Rig) and self._values() == other._values()
+
+    def __hash__(self) -> int:
+        return hash(self._values())
+
+    def _values(self) -> tuple[Any, ...]:
+        return tuple(getattr(self, key) for key in type(self).model_fields)
+
+
+def _toml_lines(table: dict[str, Any], prefix: str) -> Iterator[str]:
+    """Write a table: its plain values first, then the tables in it, then the arrays of tables."""
+    inner = {key: value for key, value in table.items() if isinstance(value, dict)}
+    arrays = {
+        key: value for key, value in table.items() if isinstance(value, tuple) and value and isinstance(value[0], dict)
+    }
+    for key, value in table.items():
+        if key not in inner and key not in arrays:
+            yield f"{key} = {_toml_value(value)}"
+    for key, value in inner.items():
+        yield from ("", f"[{prefix}{key}]")
+        yield from _toml_lines(value, f"{prefix}{key}.")
+    for key, entries in arrays.items():
+        for entry in entries:
+            yield from ("", f"[[{prefix}{key}]]")
+            yield from _toml_lines(entry, f"{prefix}{key}.")
+
+
+def _toml_value(value: Any) -> str:
+    """Write a text, a number, or a nested tuple of numbers; `repr` of a float reads back to the same float."""
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, tuple):
+        return f"[{', '.join(_toml_value(entry) for entry in value)}]"
+    return repr(value)

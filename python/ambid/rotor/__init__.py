@@ -1,0 +1,7 @@
+"""The rotor: a beam model of the shaft, or the user's own matrices or modes, reduced to the modes that are kept."""
+
+from ambid.rotor.assembly import BeamModel, assemble
+from ambid.rotor.matrices import matrix_model
+from ambid.rotor.modes import ReducedRotor, reduce, reduced_rotor
+
+__all__ = ["BeamModel", "ReducedRotor", "assemble", "matrix_model", "reduce", "reduced_rotor"]

@@ -1,0 +1,221 @@
+"""The shaft with its disks as a finite-element model, meshed finely enough for the frequencies that are kept."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from scipy.linalg import eigh
+
+from ambid.errors import RigError
+from ambid.rig import FiniteElementRotor
+from ambid.rotor.beam import FloatArray, PlaneMatrices, beam_element, both_planes
+
+SAME_PLACE = 1e-6
+"""Axial positions closer than this [m] are one place."""
+
+_CONVERGED = 5e-4  # largest relative change of a kept frequency when the elements are halved
+_MOST_NODES = 400  # unless the rotor's own sections and disks ask for more
+
+
+@dataclass(frozen=True)
+class BeamModel:
+    """Free rotor as nodes on an axis: M q'' + speed G q' + K q = f, freedoms [u_x, u_y, theta_x, theta_y] a node.
+
+    Attributes
+    ----------
+    z : ndarray, shape (n,)
+        Positions of the nodes [m], increasing.
+    M, G, K : ndarray, shape (4 n, 4 n)
+        Mass, gyroscopic matrix per rad/s (skew-symmetric) and stiffness; the same in both planes.
+    """
+
+    z: FloatArray
+    M: FloatArray
+    G: FloatArray
+    K: FloatArray
+
+    @cached_property
+    def mass(self) -> float:
+        """Mass [kg]."""
+        return float(self._translation @ self.M @ self._translation)
+
+    @cached_property
+    def centre(self) -> float:
+        """Axial position of the centre of mass [m]."""
+        return float(self._translation @ self.M @ self._rotation) / self.mass
+
+    @cached_property
+    def transverse_inertia(self) -> float:
+        """Moment of inertia about a transverse axis through the centre of mass [kg m^2]."""
+        about_centre = self._rotation - self.centre * self._translation
+        return float(about_centre @ self.M @ about_centre)
+
+    def displacement_row(self, z: float, direction: Literal["x", "y"]) -> FloatArray:
+        """Row that reads the lateral displacement at `z` out of the freedoms.
+
+        Parameters
+        ----------
+        z : float
+            Axial position [m], at a node.
+        direction : {"x", "y"}
+            Global direction.
+
+        Returns
+        -------
+        ndarray, shape (4 n,)
+            Ones and zeros; its transpose is where a unit force at `z` goes.
+
+        Raises
+        ------
+        RigError
+            No node within 1e-6 m of `z`.
+        """
+        row = np.zeros(4 * len(self.z))
+        row[4 * place_of(z, self.z) + "xy".index(direction)] = 1.0
+        return row
+
+    @property
+    def _translation(self) -> FloatArray:
+        return np.tile([1.0, 0.0, 0.0, 0.0], len(self.z))
+
+    @property
+    def _rotation(self) -> FloatArray:
+        """Unit rotation theta_y about z = 0."""
+        return np.column_stack([self.z, 0.0 * self.z, 0.0 * self.z, np.ones_like(self.z)]).ravel()
+
+
+def place_of(z: float, positions: FloatArray) -> int:
+    """Index of the position that `z` means.
+
+    Parameters
+    ----------
+    z : float
+        Axial position [m].
+    positions : ndarray, shape (n,)
+        Positions where the rotor is known [m].
+
+    Returns
+    -------
+    int
+        Index into `positions`.
+
+    Raises
+    ------
+    RigError
+        None within 1e-6 m; the message names the nearest ones.
+    """
+    distance = np.abs(positions - z)
+    nearest = np.argsort(distance, kind="stable")[:2]
+    if not distance[nearest[0]] <= SAME_PLACE:
+        allowed = ", ".join(f"{positions[i]:g}" for i in sorted(nearest))
+        raise RigError(
+            f"position {z:g} m is not a place at which the rotor is known; the nearest ones are {allowed} m. "
+            "Use one of them, or give the rotor a node there."
+        )
+    return int(nearest[0])
+
+
+def assemble(rotor: FiniteElementRotor, nodes_at: Sequence[float]) -> BeamModel:
+    """Finite-element model of a shaft with disks, free of any support.
+
+    Nodes lie at section ends, disks and `nodes_at`. The elements between them are halved until the `flexible_modes`
+    kept frequencies change by less than 0.05 %; the finer of the last two meshes is returned.
+
+    Parameters
+    ----------
+    rotor : FiniteElementRotor
+        Sections from z = 0 on, disks, material and the number of bending modes that will be kept.
+    nodes_at : sequence of float
+        Further places that need a node, such as bearings and sensors [m].
+
+    Returns
+    -------
+    BeamModel
+        Matrices at rest, and G per rad/s.
+
+    Raises
+    ------
+    RigError
+        One of `nodes_at` off the shaft, or more modes than a beam model can bear.
+    """
+    ends = np.cumsum([0.0, *(section.length for section in rotor.section)])
+    for position in nodes_at:
+        if not -SAME_PLACE <= position <= ends[-1] + SAME_PLACE:
+            raise RigError(
+                f"position of a bearing or sensor = {position:g} m is off the shaft, which reaches from 0 to "
+                f"{ends[-1]:g} m (the sum of the lengths in rotor.section). Correct the position or the sections."
+            )
+    places = _places(ends, [*(disk.position for disk in rotor.disk), *nodes_at])
+
+    longest = min(float(np.max(np.diff(places))), ends[-1] / (4.0 + 2.0 * rotor.flexible_modes))
+    z, plane = _mesh(rotor, ends, places, longest)
+    frequencies = _bending_frequencies(plane, rotor.flexible_modes)
+    while rotor.flexible_modes > 0:
+        if 2 * len(z) > max(_MOST_NODES, 4 * len(places)):
+            raise RigError(
+                f"rotor.flexible_modes = {rotor.flexible_modes}: the highest of these modes is not converged with "
+                f"{len(z)} nodes, so that a beam model cannot tell it. Keep fewer modes."
+            )
+        coarse, longest = frequencies, longest / 2.0
+        z, plane = _mesh(rotor, ends, places, longest)
+        frequencies = _bending_frequencies(plane, rotor.flexible_modes)
+        if np.max(np.abs(frequencies / coarse - 1.0)) < _CONVERGED:
+            break
+    return BeamModel(z, *both_planes(plane))
+
+
+def _places(ends: FloatArray, others: Sequence[float]) -> FloatArray:
+    """Section ends and those other positions that are not one place with an earlier one, sorted."""
+    places = list(ends)
+    for position in others:
+        if min(abs(position - place) for place in places) > SAME_PLACE:
+            places.append(position)
+    return np.sort(np.array(places))
+
+
+def _mesh(
+    rotor: FiniteElementRotor, ends: FloatArray, places: FloatArray, longest: float
+) -> tuple[FloatArray, PlaneMatrices]:
+    """Nodes and one-plane matrices with a node at every place and no element longer than `longest`."""
+    pieces = np.ceil(np.diff(places) / longest - 1e-9).astype(int)
+    spans = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(places[:-1], places[1:], pieces, strict=True)]
+    z = np.concatenate([*spans, places[-1:]])
+
+    size = 2 * len(z)
+    plane = PlaneMatrices(np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size)))
+    section_of = np.searchsorted(ends, (z[:-1] + z[1:]) / 2.0) - 1
+    for first, index in enumerate(section_of):
+        here = slice(2 * first, 2 * first + 4)
+        for whole, part in zip(plane, _section_element(rotor, index, z[first + 1] - z[first]), strict=True):
+            whole[here, here] += part
+    for disk in rotor.disk:
+        node = 2 * place_of(disk.position, z)
+        plane.mass[node, node] += disk.mass
+        plane.mass[node + 1, node + 1] += disk.transverse_inertia
+        plane.polar[node + 1, node + 1] += disk.polar_inertia
+    return z, plane
+
+
+def _section_element(rotor: FiniteElementRotor, index: int, length: float) -> PlaneMatrices:
+    section = rotor.section[index]
+    material = section.material or rotor.material
+    assert material is not None  # the rotor was refused otherwise
+    return beam_element(
+        length,
+        section.outer_diameter,
+        section.inner_diameter,
+        material.density,
+        material.youngs_modulus,
+        material.poisson_ratio,
+    )
+
+
+def _bending_frequencies(plane: PlaneMatrices, count: int) -> FloatArray:
+    """Lowest free-free bending frequencies [rad/s]; the two rigid modes of the plane are passed over."""
+    if count == 0:
+        return np.empty(0)
+    return np.sqrt(eigh(plane.stiffness, plane.mass, eigvals_only=True, subset_by_index=[2, count + 1]))

@@ -1,0 +1,260 @@
+"""The rotor's own modes, free and at rest: the second-order modal model that the plant is built on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import eigh
+
+from ambid.errors import RigError
+from ambid.rig import FiniteElementRotor, MatrixRotor, ModalRotor, PointMassRotor
+from ambid.rotor.assembly import BeamModel, assemble, place_of
+from ambid.rotor.beam import FloatArray, plane_bases
+from ambid.rotor.matrices import matrix_model
+
+_FREE = 1e-3  # a rigid frequency above this part of the first bending frequency means a rotor that is held
+_SAME_MODE = 2.0  # a measured frequency farther than this factor from the computed one is a mistake of units
+
+
+@dataclass(frozen=True)
+class ReducedRotor:
+    """Rotor in mass-normalised modal coordinates eta, the n modes of plane x before the same n modes of plane y.
+
+    eta'' + diag(2 damping frequencies) eta' + speed * gyroscopic eta' + diag(frequencies^2) eta = T_R^T f, speed in
+    rad/s, f the forces on the full freedoms q = T_R eta. Rigid modes come first, their frequency is exactly zero.
+
+    Attributes
+    ----------
+    frequencies_rad_s : ndarray, shape (n,)
+        Natural frequencies at rest [rad/s], the same in each plane.
+    damping : ndarray, shape (n,)
+        Damping ratios [-].
+    gyroscopic : ndarray, shape (planes n, planes n)
+        Skew-symmetric gyroscopic matrix per rad/s of speed.
+    T_R : ndarray, shape (freedoms, planes n)
+        Right matrix, from modal coordinates to the full freedoms.
+    T_L : ndarray, shape (planes n, freedoms)
+        Left matrix T_R^T M, with T_L T_R = I. A rotor given by modes or as a mass has no other freedoms than its
+        modal coordinates and its displacement; then both matrices are diagonal.
+    positions : ndarray, shape (m,)
+        Axial positions at which the modes are known [m]; empty for a point mass, which is the same everywhere.
+    shapes : ndarray, shape (m, n), or (1, 1) for a point mass
+        Lateral displacement of each mode in its plane [1/sqrt(kg)].
+    planes : int
+        2, or 1 for a point mass on one axis.
+    """
+
+    frequencies_rad_s: FloatArray
+    damping: FloatArray
+    gyroscopic: FloatArray
+    T_R: FloatArray
+    T_L: FloatArray
+    positions: FloatArray
+    shapes: FloatArray
+    planes: int = 2
+
+    def shape(self, z: float) -> FloatArray:
+        """Lateral displacement of each mode at an axial position, identical for both planes.
+
+        Parameters
+        ----------
+        z : float
+            Axial position [m].
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Mass-normalised [1/sqrt(kg)].
+
+        Raises
+        ------
+        RigError
+            The modes are not known within 1e-6 m of `z`; the message names the nearest positions.
+        """
+        row = 0 if self.planes == 1 else place_of(z, self.positions)
+        return self.shapes[row].copy()
+
+
+def reduced_rotor(
+    rotor: FiniteElementRotor | MatrixRotor | ModalRotor | PointMassRotor, nodes_at: Sequence[float]
+) -> ReducedRotor:
+    """Modal model of the rotor of a rig, whichever way the rig gives it.
+
+    Parameters
+    ----------
+    rotor : FiniteElementRotor, MatrixRotor, ModalRotor or PointMassRotor
+        The rig's rotor.
+    nodes_at : sequence of float
+        Positions whose shape will be asked for, such as bearings and sensors [m].
+
+    Returns
+    -------
+    ReducedRotor
+        One plane for a point mass, else two.
+
+    Raises
+    ------
+    RigError
+        What is given cannot be a free rotor, or is not known at one of `nodes_at`.
+    """
+    match rotor:
+        case FiniteElementRotor() | MatrixRotor():
+            model = assemble(rotor, nodes_at) if isinstance(rotor, FiniteElementRotor) else matrix_model(rotor)
+            reduced = reduce(model, rotor.flexible_modes, rotor.modal_damping, rotor.bending_frequencies_hz)
+        case ModalRotor():
+            reduced = _given_modes(rotor)
+        case PointMassRotor():
+            reduced = _point_mass(rotor.mass)
+    for z in nodes_at:
+        reduced.shape(z)
+    return reduced
+
+
+def reduce(
+    model: BeamModel,
+    flexible_modes: int,
+    modal_damping: float | Sequence[float] = 0.0,
+    bending_frequencies_hz: Sequence[float] | None = None,
+) -> ReducedRotor:
+    """Truncate a free rotor to its two rigid modes and its lowest bending modes in each plane.
+
+    The rigid modes are exact: translation, and rotation about the centre of mass with dx/dz > 0. A bending mode is
+    positive at the first node where it reaches half its largest displacement.
+
+    Parameters
+    ----------
+    model : BeamModel
+        Rotor whose two planes are equal.
+    flexible_modes : int
+        Number of bending modes kept in each plane.
+    modal_damping : float or sequence of float
+        Damping ratio of all bending modes or of each [-]; rigid modes have none. Values beyond the kept modes are
+        not used.
+    bending_frequencies_hz : sequence of float, optional
+        Measured free-free frequencies at rest [Hz], lowest first. They replace the computed ones, the shapes stay;
+        modes without a measured value keep the computed one, and values beyond the kept modes are not used.
+
+    Returns
+    -------
+    ReducedRotor
+        2 + `flexible_modes` modes in each plane.
+
+    Raises
+    ------
+    RigError
+        More modes than the model has, too few damping ratios, a measured frequency that is not the computed one within
+        a factor of two, or a model that is not free.
+    """
+    x, y = plane_bases(len(model.z))
+    rigid = _rigid_modes(model)
+    computed, bending = _bending_modes(x.T @ model.M @ x, x.T @ model.K @ x, rigid, flexible_modes)
+    measured = () if bending_frequencies_hz is None else bending_frequencies_hz
+    shapes = np.column_stack([rigid, bending])
+    T_R = np.column_stack([x @ shapes, y @ shapes])
+    gyroscopic = T_R.T @ model.G @ T_R
+    return ReducedRotor(
+        frequencies_rad_s=np.concatenate([[0.0, 0.0], _with_measured(computed, measured)]),
+        damping=np.concatenate([[0.0, 0.0], _damping_ratios(modal_damping, flexible_modes)]),
+        gyroscopic=(gyroscopic - gyroscopic.T) / 2.0,
+        T_R=T_R,
+        T_L=T_R.T @ model.M,
+        positions=model.z,
+        shapes=shapes[::2],
+    )
+
+
+def _rigid_modes(model: BeamModel) -> FloatArray:
+    """Translation and rotation about the centre of mass in one plane, (2 n, 2), mass-normalised."""
+    translation = np.tile([1.0, 0.0], len(model.z))
+    rotation = np.column_stack([model.z - model.centre, np.ones_like(model.z)]).ravel()
+    return np.column_stack([translation / np.sqrt(model.mass), rotation / np.sqrt(model.transverse_inertia)])
+
+
+def _bending_modes(
+    mass: FloatArray, stiffness: FloatArray, rigid: FloatArray, count: int
+) -> tuple[FloatArray, FloatArray]:
+    """Frequencies [rad/s], (count,), and mass-normalised shapes, (2 n, count), of one plane's lowest bending modes."""
+    available = len(mass) - 2
+    if count > available:
+        raise RigError(
+            f"rotor.flexible_modes = {count}, but a rotor of {len(mass) // 2} nodes has {available} bending modes "
+            "in each plane. Keep fewer modes, or give more nodes."
+        )
+    squares, shapes = eigh(stiffness, mass, subset_by_index=[2, max(3, count + 1)])
+    held_hz = np.sqrt(np.max(np.abs(np.diag(rigid.T @ stiffness @ rigid)))) / (2.0 * np.pi)
+    first_hz = np.sqrt(max(squares[0], 0.0)) / (2.0 * np.pi)
+    if not held_hz < _FREE * first_hz:
+        raise RigError(
+            f"rotor.K holds the rigid rotor (natural frequency {held_hz:g} Hz; allowed is {_FREE:g} of the first "
+            f"bending frequency, {first_hz:g} Hz). Leave bearings and supports out of K."
+        )
+    # The solver's error grows with the highest frequency of the mesh; freeing the shapes from rigid motion, and a
+    # second, small problem on them, make them orthogonal to machine precision.
+    shapes = shapes[:, :count] - rigid @ (rigid.T @ mass @ shapes[:, :count])
+    squares, mix = eigh(shapes.T @ stiffness @ shapes, shapes.T @ mass @ shapes) if count else (squares[:0], np.eye(0))
+    shapes = shapes @ mix
+    displacement = shapes[::2]
+    first_large = np.argmax(np.abs(displacement) >= 0.5 * np.max(np.abs(displacement), axis=0), axis=0)
+    return np.sqrt(squares), shapes * np.sign(displacement[first_large, np.arange(count)])
+
+
+def _with_measured(computed: FloatArray, measured_hz: Sequence[float]) -> FloatArray:
+    """Bending frequencies [rad/s] with the measured ones in place of the computed ones."""
+    result = computed.copy()
+    for index, value in enumerate(measured_hz[: len(computed)]):
+        expected = computed[index] / (2.0 * np.pi)
+        if not expected / _SAME_MODE <= value <= expected * _SAME_MODE:
+            raise RigError(
+                f"rotor.bending_frequencies_hz[{index}] = {value:g} Hz, but this mode of the rotor is computed at "
+                f"{expected:g} Hz; allowed is a factor of {_SAME_MODE:g}. Give free-free frequencies at rest in Hz "
+                "(not rad/s), lowest first, or correct the rotor's dimensions."
+            )
+        result[index] = 2.0 * np.pi * value
+    return result
+
+
+def _damping_ratios(given: float | Sequence[float], count: int) -> FloatArray:
+    if isinstance(given, int | float):
+        return np.full(count, float(given))
+    if len(given) < count:
+        raise RigError(
+            f"rotor.modal_damping has {len(given)} values, but rotor.flexible_modes = {count}. "
+            "Give one value for all bending modes, or one for each."
+        )
+    return np.array(given[:count], dtype=float)
+
+
+def _given_modes(rotor: ModalRotor) -> ReducedRotor:
+    frequencies = 2.0 * np.pi * np.array(rotor.frequencies_hz, dtype=float)
+    if np.any(np.diff(frequencies) < 0.0):
+        raise RigError(
+            f"rotor.frequencies_hz = {list(rotor.frequencies_hz)} has to increase, with the rigid modes (0 Hz) first. "
+            "Sort the modes, and with them damping, shapes and gyroscopic."
+        )
+    count = len(frequencies)
+    coupling = np.zeros((count, count)) if rotor.gyroscopic is None else np.array(rotor.gyroscopic, dtype=float)
+    return ReducedRotor(
+        frequencies_rad_s=frequencies,
+        damping=np.array(rotor.damping, dtype=float),
+        gyroscopic=np.block([[np.zeros_like(coupling), coupling], [-coupling.T, np.zeros_like(coupling)]]),
+        T_R=np.eye(2 * count),
+        T_L=np.eye(2 * count),
+        positions=np.array(rotor.positions, dtype=float),
+        shapes=np.array(rotor.shapes, dtype=float).T,
+    )
+
+
+def _point_mass(mass: float) -> ReducedRotor:
+    root = np.sqrt(np.array([[mass]]))
+    return ReducedRotor(
+        frequencies_rad_s=np.zeros(1),
+        damping=np.zeros(1),
+        gyroscopic=np.zeros((1, 1)),
+        T_R=1.0 / root,
+        T_L=root,
+        positions=np.empty(0),
+        shapes=1.0 / root,
+        planes=1,
+    )

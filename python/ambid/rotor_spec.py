@@ -1,0 +1,311 @@
+"""The rotor as the rig file describes it: finite elements, matrices, measured or computed modes, or a plain mass."""
+
+import math
+from pathlib import Path
+from typing import Annotated, Any, Literal
+from zipfile import BadZipFile
+
+import numpy as np
+import scipy.io
+from numpy.typing import NDArray
+from pydantic import Discriminator, Field, Tag, ValidationInfo, model_validator
+from pydantic_core import InitErrorDetails
+from scipy.io.matlab import MatReadError
+
+from ambid.spec import FINITE, MILLIMETRES, NOTHING, Range, Spec, per_axis, problem, refuse
+
+Finite = Annotated[float, FINITE]
+Position = Annotated[float, Range(unit="m")]
+Matrix = tuple[tuple[Finite, ...], ...]
+
+DENSITY = Range(500.0, 23000.0, "kg/m^3", (("g/cm^3", 1e3),))
+YOUNGS_MODULUS = Range(1e9, 2e12, "Pa", (("GPa", 1e9), ("MPa", 1e6)))
+LENGTH = Range(1e-5, 5.0, "m", (MILLIMETRES,))
+OUTER_DIAMETER = Range(1e-4, 3.0, "m", (MILLIMETRES,))
+INNER_DIAMETER = Range(0.0, 3.0, "m", (MILLIMETRES,))
+MASS = Range(1e-6, 1e5, "kg")
+INERTIA = Range(0.0, 1e5, "kg m^2", (("kg mm^2", 1e-6),))
+DAMPING = Range(0.0, 0.5, "", (("percent", 1e-2),), "a damping ratio")
+FREQUENCY = Range(0.1, 1e5, "Hz")
+MODE_FREQUENCY = Range(0.0, 1e5, "Hz", (), "0 for a rigid mode")
+
+FREEDOMS_PER_NODE = 4
+MATRIX_KEYS = ("node_positions", "M", "K", "G")
+
+
+class Material(Spec):
+    """Isotropic material: density [kg/m^3], Young's modulus [Pa], Poisson's ratio."""
+
+    density: Annotated[float, DENSITY]
+    youngs_modulus: Annotated[float, YOUNGS_MODULUS]
+    poisson_ratio: Annotated[float, Range(0.0, 0.5)]
+
+
+class Section(Spec):
+    """Cylindrical piece of shaft; the sections lie end to end from z = 0 on. Lengths and diameters in m."""
+
+    length: Annotated[float, LENGTH]
+    outer_diameter: Annotated[float, OUTER_DIAMETER]
+    inner_diameter: Annotated[float, INNER_DIAMETER] = 0.0
+    material: Material | None = Field(None, description="a table with density, youngs_modulus, poisson_ratio")
+
+    @model_validator(mode="after")
+    def _hollow_inside(self) -> "Section":
+        if self.inner_diameter >= self.outer_diameter:
+            allowed = f"expected less than outer_diameter = {self.outer_diameter:g} m; write 0 for a solid shaft."
+            refuse(problem(allowed, self.inner_diameter, "inner_diameter"))
+        return self
+
+
+class Disk(Spec):
+    """Rigid body on the shaft: position [m], mass [kg], inertias about its own centre [kg m^2]."""
+
+    position: Position
+    mass: Annotated[float, MASS]
+    transverse_inertia: Annotated[float, INERTIA]
+    polar_inertia: Annotated[float, INERTIA]
+
+
+class _FlexibleRotor(Spec):
+    """What the rotors that are reduced to modes have in common."""
+
+    flexible_modes: int = Field(0, ge=0, le=100, strict=True, description="a whole number of bending modes, 0 to 100")
+    modal_damping: Annotated[float | tuple[float, ...], per_axis(DAMPING)] = 0.0
+    bending_frequencies_hz: tuple[Annotated[float, FREQUENCY], ...] | None = Field(
+        None, description="a list of measured free-free frequencies in Hz, ascending"
+    )
+
+    @model_validator(mode="after")
+    def _enough_values(self) -> "_FlexibleRotor":
+        modes = self.flexible_modes
+        problems = [
+            problem(
+                f"expected at least {modes} values, one for each of the flexible_modes = {modes} "
+                f"bending modes; found {len(value)}. Add the others, or {instead}.",
+                value,
+                key,
+            )
+            for key, value, instead in (
+                ("modal_damping", self.modal_damping, "write a single number for all"),
+                ("bending_frequencies_hz", self.bending_frequencies_hz, "leave the key out"),
+            )
+            if isinstance(value, tuple) and len(value) < modes
+        ]
+        frequencies = self.bending_frequencies_hz or ()
+        if list(frequencies) != sorted(set(frequencies)):
+            problems.append(
+                problem("expected ascending frequencies; sort them.", frequencies, "bending_frequencies_hz")
+            )
+        refuse(*problems)
+        return self
+
+
+class FiniteElementRotor(_FlexibleRotor):
+    """Shaft of cylindrical sections with rigid disks, to be modelled by Timoshenko beam elements.
+
+    Parameters
+    ----------
+    flexible_modes : int
+        Bending modes kept per plane; 0 is the rigid rotor.
+    modal_damping : float or sequence of float
+        Damping ratio of all, or of each, bending mode.
+    bending_frequencies_hz : sequence of float, optional
+        Measured free-free at rest; the modes are scaled to them. At least `flexible_modes` values.
+    material : Material, optional
+        Of every section that does not name its own.
+    section : sequence of Section
+    disk : sequence of Disk
+    """
+
+    kind: Literal["finite_elements"] = "finite_elements"
+    material: Material | None = Field(None, description="a table [rotor.material] for all sections")
+    section: tuple[Section, ...] = Field(min_length=1, description="one or more [[rotor.section]] tables")
+    disk: tuple[Disk, ...] = Field((), description="[[rotor.disk]] tables")
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last z of the shaft [m]."""
+        return 0.0, round(math.fsum(s.length for s in self.section), 9)
+
+    @model_validator(mode="after")
+    def _on_the_shaft(self) -> "FiniteElementRotor":
+        problems = [
+            problem(text, disk.position, "disk", k, "position")
+            for k, disk in enumerate(self.disk)
+            if (text := along(self.span).complaint(disk.position))
+        ]
+        bare = [k for k, section in enumerate(self.section) if section.material is None]
+        if bare and self.material is None:
+            text = f"section[{bare[0]}] names no material of its own; add a table [rotor.material]."
+            problems.append(problem(text, NOTHING, "material"))
+        refuse(*problems)
+        return self
+
+
+class MatrixRotor(_FlexibleRotor):
+    """Free rotor by its matrices, M q'' + speed G q' + K q = f, freedoms [u_x, u_y, theta_x, theta_y] per node.
+
+    Parameters
+    ----------
+    node_positions : sequence of float
+        z of the N nodes [m], ascending.
+    M, K, G : (4 N, 4 N) array_like
+        Mass, stiffness and (optional) gyroscopic matrix, SI units; G is multiplied by the speed in rad/s.
+    file : path, optional
+        `.npz` or `.mat` with these four instead, relative to the rig file. It is read at once: the rotor
+        keeps the matrices, not the path.
+    flexible_modes, modal_damping, bending_frequencies_hz
+        As for `FiniteElementRotor`.
+    """
+
+    kind: Literal["matrices"] = "matrices"
+    node_positions: tuple[Position, ...] = Field(min_length=2, description="a list of two or more positions in m")
+    M: Matrix = Field(description="a square matrix, 4 rows per node")
+    K: Matrix = Field(description="a square matrix, 4 rows per node")
+    G: Matrix | None = Field(None, description="a square matrix, 4 rows per node")
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last z of the shaft [m]."""
+        return self.node_positions[0], self.node_positions[-1]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_file(cls, data: Any, info: ValidationInfo) -> Any:
+        if not isinstance(data, dict) or "file" not in data:
+            return data
+        name = data["file"]
+        given = {key: data[key] for key in data if key != "file"}
+        twice = [key for key in MATRIX_KEYS if key in given]
+        if twice:
+            refuse(problem(f"expected either file or {', '.join(twice)}; remove one of them.", name, "file"))
+        if not isinstance(name, str | Path) or Path(name).suffix not in (".npz", ".mat"):
+            refuse(problem("expected the path of an .npz or .mat file.", name, "file"))
+        return given | _matrices(Path((info.context or {}).get("directory", "."), name), name)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "MatrixRotor":
+        if list(self.node_positions) != sorted(set(self.node_positions)):
+            refuse(problem("expected ascending positions; sort the nodes.", self.node_positions, "node_positions"))
+        size = FREEDOMS_PER_NODE * len(self.node_positions)
+        shape_problems = _wrong_shapes({"M": self.M, "K": self.K, "G": self.G}, size)
+        refuse(*shape_problems)
+        for key, matrix in (("M", np.array(self.M)), ("K", np.array(self.K))):
+            gap = float(np.abs(matrix - matrix.T).max())
+            if gap > 1e-6 * float(np.abs(matrix).max()):
+                text = f"expected a symmetric matrix, entries differ by {gap:.3g}; is a row or an entry misplaced?"
+                refuse(problem(text, getattr(self, key), key))
+        try:
+            np.linalg.cholesky(np.array(self.M))
+        except np.linalg.LinAlgError:
+            text = "expected a positive definite matrix; does a node lack mass or inertia?"
+            refuse(problem(text, self.M, "M"))
+        return self
+
+
+class ModalRotor(Spec):
+    """Free rotor by its mass-normalised modes of one plane; the other plane has the same.
+
+    Parameters
+    ----------
+    frequencies_hz : sequence of float
+        n natural frequencies [Hz]; 0 for a rigid mode.
+    damping : sequence of float
+        n damping ratios.
+    positions : sequence of float
+        z of the P points where the shapes are given [m], ascending.
+    shapes : (n, P) array_like
+        Mode shapes [1/sqrt(kg)].
+    gyroscopic : (n, n) array_like, optional
+        Coupling of plane x to plane y, per rad/s of speed.
+    """
+
+    kind: Literal["modes"] = "modes"
+    frequencies_hz: tuple[Annotated[float, MODE_FREQUENCY], ...] = Field(
+        min_length=1, description="a list of natural frequencies in Hz, 0 for a rigid mode"
+    )
+    damping: tuple[Annotated[float, DAMPING], ...] = Field(description="a list of damping ratios, one per mode")
+    positions: tuple[Position, ...] = Field(min_length=2, description="a list of two or more positions in m")
+    shapes: Matrix = Field(description="one list per mode with its values at the positions, in 1/sqrt(kg)")
+    gyroscopic: Matrix | None = Field(None, description="a square matrix, one row per mode")
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last z of the shaft [m]."""
+        return self.positions[0], self.positions[-1]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "ModalRotor":
+        modes, points = len(self.frequencies_hz), len(self.positions)
+        problems = []
+        if len(self.damping) != modes:
+            text = f"expected {modes} values, one for each of frequencies_hz; found {len(self.damping)}."
+            problems.append(problem(text, self.damping, "damping"))
+        if list(self.positions) != sorted(set(self.positions)):
+            problems.append(problem("expected ascending positions; sort the points.", self.positions, "positions"))
+        if len(self.shapes) != modes or any(len(row) != points for row in self.shapes):
+            text = f"expected {modes} lists (one per mode) of {points} values (one per position)."
+            problems.append(problem(text, self.shapes, "shapes"))
+        if self.gyroscopic is not None:
+            problems += _wrong_shapes({"gyroscopic": self.gyroscopic}, modes)
+        refuse(*problems)
+        return self
+
+
+class PointMassRotor(Spec):
+    """A plain mass [kg] on one axis: a single-axis levitator."""
+
+    kind: Literal["mass"] = "mass"
+    mass: Annotated[float, MASS]
+
+    @property
+    def span(self) -> None:
+        """A point mass has no shaft: positions mean nothing."""
+        return None
+
+
+def _kind(value: Any) -> Any:
+    return value.get("kind", "finite_elements") if isinstance(value, dict) else getattr(value, "kind", None)
+
+
+Rotor = Annotated[
+    Annotated[FiniteElementRotor, Tag("finite_elements")]
+    | Annotated[MatrixRotor, Tag("matrices")]
+    | Annotated[ModalRotor, Tag("modes")]
+    | Annotated[PointMassRotor, Tag("mass")],
+    Discriminator(_kind),
+]
+
+
+def along(span: tuple[float, float]) -> Range:
+    """Range of the positions on a shaft that reaches over `span` [m]."""
+    return Range(*span, "m", (MILLIMETRES,), "the shaft")
+
+
+def _wrong_shapes(matrices: dict[str, Any], size: int) -> list[InitErrorDetails]:
+    return [
+        problem(f"expected {size} rows of {size} numbers; found {len(matrix)} rows.", matrix, key)
+        for key, matrix in matrices.items()
+        if matrix is not None and (len(matrix) != size or any(len(row) != size for row in matrix))
+    ]
+
+
+def _matrices(path: Path, name: str | Path) -> dict[str, Any]:
+    """Read the keys of a `MatrixRotor` from an `.npz` or `.mat` file, as nested lists."""
+    matrices: dict[str, NDArray[np.float64]] = {}
+    try:
+        with path.open("rb") as stream:
+            content = dict(np.load(stream)) if path.suffix == ".npz" else scipy.io.loadmat(stream)
+        for key in content.keys() & set(MATRIX_KEYS):
+            value = content[key].toarray() if hasattr(content[key], "toarray") else content[key]
+            matrices[key] = np.asarray(value, dtype=float)
+    except NotImplementedError:
+        refuse(problem("MATLAB v7.3 is not read here; save it with the option -v7, or as .npz.", name, "file"))
+    except OSError as error:
+        refuse(problem(f"cannot be read ({error.strerror}); give the path relative to the rig file.", name, "file"))
+    except (ValueError, TypeError, EOFError, BadZipFile, MatReadError):
+        text = (
+            f"cannot be read; expected a whole {path.suffix} file with the arrays {', '.join(MATRIX_KEYS)} of numbers."
+        )
+        refuse(problem(text, name, "file"))
+    return {key: (v.ravel() if key == "node_positions" else v).tolist() for key, v in matrices.items()}

@@ -1,0 +1,156 @@
+//! The noun that callers hold: a closed loop, split into its independent parts.
+
+use nalgebra::Complex;
+
+use crate::discretise::{Discrete, discretise};
+use crate::error::{Result, check_finite, check_len};
+use crate::linear::Response;
+use crate::modal;
+use crate::model::Model;
+use crate::split::{Part, split};
+
+/// A closed loop of any number of bearings, axes, modes and parameters.
+#[derive(Debug, Clone)]
+pub struct ClosedLoop {
+    model: Model,
+    parts: Vec<Part>,
+    parameters: usize,
+}
+
+impl ClosedLoop {
+    /// `parameters` is the length of the parameter vector that the gains of the model refer to.
+    ///
+    /// # Errors
+    /// [`crate::Error::Shape`] where a gain refers to a parameter that does not exist.
+    pub fn new(model: Model, parameters: usize) -> Result<Self> {
+        if let Some(gain) = model.lft.gains.iter().find(|g| g.parameter >= parameters) {
+            check_len("parameter vector", parameters, gain.parameter + 1)?;
+        }
+        let parts = split(&model);
+        Ok(Self { model, parts, parameters })
+    }
+
+    /// Number of inputs.
+    pub fn inputs(&self) -> usize {
+        self.model.inputs()
+    }
+
+    /// Number of outputs.
+    pub fn outputs(&self) -> usize {
+        self.model.outputs()
+    }
+
+    /// Number of parameters.
+    pub fn parameters(&self) -> usize {
+        self.parameters
+    }
+
+    /// Number of independent parts.
+    pub fn parts(&self) -> usize {
+        self.parts.len()
+    }
+
+    /// Poles in 1/s; those of a digital loop are `ln(mu)/dt` of its poles over one sample of the record.
+    ///
+    /// # Errors
+    /// [`crate::Error::Singular`], [`crate::Error::NotFinite`].
+    pub fn poles(&self, theta: &[f64]) -> Result<Vec<Complex<f64>>> {
+        self.check(theta, &[])?;
+        modal::poles(&self.model, theta)
+    }
+
+    /// The whole loop over one sample of the record, excitation held.
+    ///
+    /// # Errors
+    /// [`crate::Error::Singular`], [`crate::Error::NotFinite`].
+    pub fn discrete(&self, theta: &[f64]) -> Result<Discrete> {
+        self.check(theta, &[])?;
+        Ok(discretise(&self.model, theta, &[])?.0)
+    }
+
+    /// The response from rest, samples x outputs, to `u`, samples x inputs, both row by row.
+    ///
+    /// # Errors
+    /// [`crate::Error::Unstable`] and as [`ClosedLoop::poles`].
+    pub fn simulate(&self, theta: &[f64], u: &[f64]) -> Result<Vec<f64>> {
+        let (y, _) = self.sensitivity(theta, &[], u)?;
+        Ok(y)
+    }
+
+    /// The response and its exact derivative by the parameters in `free`: samples x outputs x `free`, row by row.
+    ///
+    /// # Errors
+    /// As [`ClosedLoop::simulate`].
+    pub fn sensitivity(&self, theta: &[f64], free: &[usize], u: &[f64]) -> Result<(Vec<f64>, Vec<f64>)> {
+        let (ny, np) = (self.outputs(), free.len());
+        let samples = u.len() / self.inputs().max(1);
+        let mut y = vec![0.0; samples * ny];
+        let mut jacobian = vec![0.0; samples * ny * np];
+        for prepared in self.prepare(theta, free)? {
+            prepared.run(u, self.inputs(), &mut |from, count, block, stride| {
+                let width = 1 + prepared.free.len();
+                let rows = || block.chunks_exact(stride).take(count);
+                for (i, o) in prepared.outputs.iter().enumerate() {
+                    for (row, y) in rows().zip(y[from * ny..].chunks_exact_mut(ny)) {
+                        y[*o] = row[i * width];
+                    }
+                    for (j, free) in prepared.free.iter().enumerate() {
+                        let (source, target) = (i * width + 1 + j, o * np + free);
+                        for (row, slopes) in rows().zip(jacobian[from * ny * np..].chunks_exact_mut(ny * np)) {
+                            slopes[target] = row[source];
+                        }
+                    }
+                }
+            });
+        }
+        Ok((y, jacobian))
+    }
+
+    /// Every part at `theta`, with the derivatives by those of `free` that act on it.
+    pub(crate) fn prepare(&self, theta: &[f64], free: &[usize]) -> Result<Vec<Prepared<'_>>> {
+        self.check(theta, free)?;
+        let prepare = |part| Prepared::new(part, theta, free);
+        self.parts.iter().filter(|p| !p.inputs.is_empty()).map(prepare).collect()
+    }
+
+    fn check(&self, theta: &[f64], free: &[usize]) -> Result<()> {
+        check_len("parameter vector", theta.len(), self.parameters)?;
+        check_finite("parameter vector", theta)?;
+        if let Some(last) = free.iter().max().filter(|f| **f >= self.parameters) {
+            check_len("parameter vector", self.parameters, last + 1)?;
+        }
+        Ok(())
+    }
+}
+
+/// One part, ready to run.
+pub(crate) struct Prepared<'a> {
+    response: Response,
+    inputs: &'a [usize],
+    pub outputs: &'a [usize],
+    /// Positions in the caller's `free` of the parameters that act on this part.
+    pub free: Vec<usize>,
+}
+
+impl<'a> Prepared<'a> {
+    fn new(part: &'a Part, theta: &[f64], free: &[usize]) -> Result<Self> {
+        let acts = |parameter: usize| part.model.lft.gains.iter().any(|g| g.parameter == parameter);
+        let own: Vec<usize> = (0..free.len()).filter(|j| acts(free[*j])).collect();
+        let parameters: Vec<usize> = own.iter().map(|j| free[*j]).collect();
+        let response = Response::new(&part.model, theta, &parameters)?;
+        Ok(Self { response, inputs: &part.inputs, outputs: &part.outputs, free: own })
+    }
+
+    /// Runs over all samples of `u`, which has `inputs` columns; see [`crate::kernel::Kernel::run`] for the sink.
+    pub fn run(&self, u: &[f64], inputs: usize, sink: &mut impl FnMut(usize, usize, &[f64], usize)) {
+        if self.inputs.len() == inputs {
+            return self.response.run(u, sink);
+        }
+        let own_inputs = self.inputs.len();
+        let mut own = vec![0.0; u.len() / inputs * own_inputs];
+        for (own, u) in own.chunks_exact_mut(own_inputs).zip(u.chunks_exact(inputs)) {
+            own.iter_mut().zip(self.inputs).for_each(|(own, i)| *own = u[*i]);
+        }
+        self.response.run(&own, sink);
+    }
+}

@@ -1,0 +1,212 @@
+//! Exact zero-order hold of a loop over one sample of the record, and its exact derivative by the parameters.
+
+use nalgebra::DMatrix;
+
+use crate::error::Result;
+use crate::expm::expm;
+use crate::lft::Closed;
+use crate::model::{Controller, Model};
+
+/// `x[k+1] = a x[k] + b u[k]`, `y[k] = c x[k] + d u[k]`; also the derivative of one by a parameter.
+#[derive(Debug, Clone)]
+pub struct Discrete {
+    pub a: DMatrix<f64>,
+    pub b: DMatrix<f64>,
+    pub c: DMatrix<f64>,
+    pub d: DMatrix<f64>,
+}
+
+/// A value and its derivatives, one per free parameter.
+struct Dual {
+    value: DMatrix<f64>,
+    slopes: Vec<DMatrix<f64>>,
+}
+
+impl Dual {
+    fn constant(value: DMatrix<f64>, parameters: usize) -> Self {
+        let zero = DMatrix::zeros(value.nrows(), value.ncols());
+        Self { value, slopes: vec![zero; parameters] }
+    }
+
+    fn times(&self, right: &Self) -> Self {
+        let slopes = (self.slopes.iter().zip(&right.slopes)).map(|(l, r)| l * &right.value + &self.value * r).collect();
+        Self { value: &self.value * &right.value, slopes }
+    }
+
+    fn plus(&self, right: &Self) -> Self {
+        let slopes = (self.slopes.iter().zip(&right.slopes)).map(|(l, r)| l + r).collect();
+        Self { value: &self.value + &right.value, slopes }
+    }
+
+    /// Applies a linear map (padding, selection, multiplication by a constant) to the value and to each slope.
+    fn map(&self, f: impl Fn(&DMatrix<f64>) -> DMatrix<f64>) -> Self {
+        Self { value: f(&self.value), slopes: self.slopes.iter().map(f).collect() }
+    }
+}
+
+/// The sampled loop and its derivative by each parameter in `free`.
+///
+/// # Errors
+/// [`crate::Error::Singular`] where Delta cannot be closed or the exponential overflows.
+pub fn discretise(model: &Model, theta: &[f64], free: &[usize]) -> Result<(Discrete, Vec<Discrete>)> {
+    let mut closed = model.lft.close(theta)?;
+    closed.balance();
+    let plant = Plant::new(model, &closed, theta, free);
+    match &model.controller {
+        None => {
+            let (a, b) = plant.hold(model.dt)?;
+            Ok(collect(&a, &b, &plant.c, &plant.d))
+        }
+        Some(controller) => sampled(&plant, controller, model.dt),
+    }
+}
+
+/// The closed continuous plant with its derivatives.
+struct Plant {
+    a: Dual,
+    b: Dual,
+    c: Dual,
+    d: Dual,
+}
+
+impl Plant {
+    fn new(model: &Model, closed: &Closed, theta: &[f64], free: &[usize]) -> Self {
+        let gains = &model.lft.gains;
+        // dX = left . dDelta . right, summed over the gains of one parameter
+        let slopes = |left: &DMatrix<f64>, right: &DMatrix<f64>| -> Vec<DMatrix<f64>> {
+            let slope_of = |parameter: &usize| {
+                let mut sum = DMatrix::zeros(left.nrows(), right.ncols());
+                for (k, gain) in gains.iter().enumerate().filter(|(_, g)| g.parameter == *parameter) {
+                    sum.ger(gain.slope(theta), &left.column(k), &right.row(k).transpose(), 1.0);
+                }
+                sum
+            };
+            free.iter().map(slope_of).collect()
+        };
+        let dual = |value: &DMatrix<f64>, slopes| Dual { value: value.clone(), slopes };
+        Self {
+            a: dual(&closed.a, slopes(&closed.b_w, &closed.c_z)),
+            b: dual(&closed.b_u, slopes(&closed.b_w, &closed.d_zu)),
+            c: dual(&closed.c_y, slopes(&closed.d_yw, &closed.c_z)),
+            d: dual(&closed.d_yu, slopes(&closed.d_yw, &closed.d_zu)),
+        }
+    }
+
+    /// `exp(A t)` and the integral of `exp(A s) B` over 0..t.
+    fn hold(&self, t: f64) -> Result<(Dual, Dual)> {
+        let (n, m) = self.b.value.shape();
+        let stacked = |a: &DMatrix<f64>, b: &DMatrix<f64>| {
+            let mut block = DMatrix::zeros(n + m, n + m);
+            block.view_mut((0, 0), (n, n)).copy_from(&(a * t));
+            block.view_mut((0, n), (n, m)).copy_from(&(b * t));
+            block
+        };
+        let directions: Vec<_> = (self.a.slopes.iter().zip(&self.b.slopes)).map(|(a, b)| stacked(a, b)).collect();
+        let (value, slopes) = expm(&stacked(&self.a.value, &self.b.value), &directions)?;
+        let whole = Dual { value, slopes };
+        let a = whole.map(|e| e.view((0, 0), (n, n)).into_owned());
+        let b = whole.map(|e| e.view((0, n), (n, m)).into_owned());
+        Ok((a, b))
+    }
+}
+
+/// The loop with a digital controller, over one sample of the record.
+///
+/// States: plant, controller, and the commands under way (newest first). Within a controller sample the amplifier
+/// sees the command of `whole + 1` samples ago for the fraction of the delay, then that of `whole` samples ago.
+fn sampled(plant: &Plant, k: &Controller, dt: f64) -> Result<(Discrete, Vec<Discrete>)> {
+    let np = plant.a.slopes.len();
+    let step = dt / k.steps as f64;
+    let (whole, fraction) = (k.delay.floor() as usize, k.delay.fract());
+    let (nx, m) = plant.b.value.shape();
+    let (nk, ny) = (k.a.nrows(), plant.c.value.nrows());
+    let queue = m * (whole + usize::from(fraction > 0.0));
+    let n = nx + nk + queue;
+    let inputs = if k.noise { 2 * m } else { m };
+    let constant = |value| Dual::constant(value, np);
+
+    // the fresh command v = -C_k x_k - D_k (y + noise) + i_e, as rows over [states | inputs]
+    let place = |rows: usize, columns: usize, at: (usize, usize), block: &DMatrix<f64>| {
+        let mut out = DMatrix::zeros(rows, columns);
+        out.view_mut(at, block.shape()).copy_from(block);
+        out
+    };
+    let y = plant.c.map(|c| place(m, n, (0, 0), &c.rows(0, m).into_owned()));
+    let fresh_x = y.map(|y| -&k.d * y).plus(&constant(place(m, n, (0, nx), &-&k.c)));
+    let mut fresh_u = place(m, inputs, (0, 0), &DMatrix::identity(m, m));
+    let mut measured_u = DMatrix::zeros(m, inputs);
+    if k.noise {
+        fresh_u.view_mut((0, m), (m, m)).copy_from(&-&k.d);
+        measured_u.view_mut((0, m), (m, m)).fill_with_identity();
+    }
+    // the command of `age` samples ago
+    let command = |age: usize| -> (Dual, Dual) {
+        if age == 0 {
+            return (fresh_x.map(Clone::clone), constant(fresh_u.clone()));
+        }
+        let row = place(m, n, (0, nx + nk + m * (age - 1)), &DMatrix::identity(m, m));
+        (constant(row), constant(DMatrix::zeros(m, inputs)))
+    };
+    let late = command(whole);
+
+    // plant over one controller sample
+    let (a2, g2) = plant.hold(step * (1.0 - fraction))?;
+    let mut plant_x = a2.map(|a| place(nx, n, (0, 0), a)).plus(&g2.times(&late.0));
+    let mut plant_u = g2.times(&late.1);
+    let mut first = late;
+    if fraction > 0.0 {
+        let (a1, g1) = plant.hold(step * fraction)?;
+        first = command(whole + 1);
+        plant_x = a2.times(&a1).map(|a| place(nx, n, (0, 0), a)).plus(&g2.times(&command(whole).0));
+        let a2g1 = a2.times(&g1);
+        plant_x = plant_x.plus(&a2g1.times(&first.0));
+        plant_u = plant_u.plus(&a2g1.times(&first.1));
+    }
+    // controller and queue
+    let control_x = y.map(|y| &k.b * y).plus(&constant(place(nk, n, (0, nx), &k.a)));
+    let control_u = constant(&k.b * &measured_u);
+    let stack = |parts: [&Dual; 3], columns: usize| -> Dual {
+        let build = |pick: &dyn Fn(&Dual) -> DMatrix<f64>| {
+            let mut out = DMatrix::zeros(n, columns);
+            let mut at = 0;
+            for part in parts {
+                let block = pick(part);
+                out.rows_mut(at, block.nrows()).copy_from(&block);
+                at += block.nrows();
+            }
+            out
+        };
+        let slopes = (0..np).map(|j| build(&|d: &Dual| d.slopes[j].clone())).collect();
+        Dual { value: build(&|d: &Dual| d.value.clone()), slopes }
+    };
+    let aged = place(queue, n, (m.min(queue), nx + nk), &DMatrix::identity(queue.saturating_sub(m), queue));
+    let newest = |d: &Dual, columns| d.map(|v| place(queue, columns, (0, 0), &v.rows(0, m.min(queue)).into_owned()));
+    let queue_x = newest(&fresh_x, n).plus(&constant(aged));
+    let queue_u = newest(&constant(fresh_u.clone()), inputs);
+    let step_a = stack([&plant_x, &control_x, &queue_x], n);
+    let step_b = stack([&plant_u, &control_u, &queue_u], inputs);
+
+    // several controller samples to one of the record, the excitation held
+    let (mut a, mut b) = (step_a.map(Clone::clone), step_b.map(Clone::clone));
+    for _ in 1..k.steps {
+        b = step_a.times(&b).plus(&step_b);
+        a = step_a.times(&a);
+    }
+    let c = plant.c.map(|c| place(ny, n, (0, 0), c)).plus(&plant.d.times(&first.0));
+    let read = place(ny, inputs, (0, 0), &measured_u);
+    let d = plant.d.times(&first.1).plus(&constant(read));
+    Ok(collect(&a, &b, &c, &d))
+}
+
+fn collect(a: &Dual, b: &Dual, c: &Dual, d: &Dual) -> (Discrete, Vec<Discrete>) {
+    let value = Discrete { a: a.value.clone(), b: b.value.clone(), c: c.value.clone(), d: d.value.clone() };
+    let slopes = (0..a.slopes.len())
+        .map(|j| Discrete {
+            a: a.slopes[j].clone(),
+            b: b.slopes[j].clone(),
+            c: c.slopes[j].clone(),
+            d: d.slopes[j].clone(),
+        })
+        .collect();
+    (value, slopes)
+}

@@ -1,0 +1,48 @@
+//! One error per cause that a caller can act on.
+
+/// What can go wrong in the core.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// A matrix or slice has the wrong size.
+    #[error("{what} has size {found}, expected {expected}")]
+    Shape {
+        /// The array in question.
+        what: &'static str,
+        /// Its size.
+        found: String,
+        /// The size that fits the model.
+        expected: String,
+    },
+    /// A number is NaN or infinite where only finite ones make sense.
+    #[error("{what} holds a value that is not finite")]
+    NotFinite {
+        /// The array in question.
+        what: &'static str,
+    },
+    /// The closed loop has a pole that does not decay.
+    #[error("the closed loop is unstable: a pole grows by the factor {growth:.6} per sample")]
+    Unstable {
+        /// Largest modulus of the poles of the sampled loop.
+        growth: f64,
+    },
+    /// An algebraic loop has no solution, or a parameter value makes the model singular.
+    #[error("the model is singular at these parameters: {what}")]
+    Singular {
+        /// Which step failed.
+        what: &'static str,
+    },
+}
+
+/// Result of the core.
+pub type Result<T> = std::result::Result<T, Error>;
+
+pub(crate) fn check_len(what: &'static str, found: usize, expected: usize) -> Result<()> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(Error::Shape { what, found: found.to_string(), expected: expected.to_string() })
+}
+
+pub(crate) fn check_finite(what: &'static str, values: &[f64]) -> Result<()> {
+    if values.iter().all(|v| v.is_finite()) { Ok(()) } else { Err(Error::NotFinite { what }) }
+}

@@ -1,0 +1,201 @@
+//! Response of a linear loop and its sensitivities: modal where the poles allow it, dense where they do not.
+
+use nalgebra::{Complex, DMatrix};
+
+use crate::discretise::{Discrete, discretise};
+use crate::error::{Error, Result};
+use crate::kernel::{BLOCK, Kernel};
+use crate::modal::{Modal, Residues};
+use crate::model::Model;
+
+/// A loop at one parameter set, ready to run over samples.
+///
+/// Output columns are `[y_0, dy_0/dtheta_0, .., y_1, dy_1/dtheta_0, ..]`.
+pub enum Response {
+    Modal(Kernel),
+    Dense(Dense),
+}
+
+impl Response {
+    /// Prepares the response, and its derivatives by the parameters in `free`.
+    ///
+    /// # Errors
+    /// [`Error::Unstable`] where a pole does not decay; else as [`Modal::new`].
+    pub fn new(model: &Model, theta: &[f64], free: &[usize]) -> Result<Self> {
+        if let Some(modal) = Modal::new(model, theta, free)? {
+            stable(modal.value.mu.iter().map(|mu| mu.norm()))?;
+            return Ok(Self::Modal(kernel(&modal)));
+        }
+        let (value, slopes) = discretise(model, theta, free)?;
+        let n = value.a.nrows();
+        let poles = faer::Mat::from_fn(n, n, |i, j| value.a[(i, j)]).eigenvalues();
+        let poles = poles.map_err(|_| Error::Singular { what: "the poles did not converge" })?;
+        stable(poles.iter().map(|mu| mu.norm()))?;
+        Ok(Self::Dense(Dense { value, slopes }))
+    }
+
+    /// Runs from rest over `u` (samples x inputs); see [`Kernel::run`] for the sink.
+    pub fn run(&self, u: &[f64], sink: &mut impl FnMut(usize, usize, &[f64], usize)) {
+        match self {
+            Self::Modal(kernel) => kernel.run(u, sink),
+            Self::Dense(dense) => dense.run(u, sink),
+        }
+    }
+}
+
+fn stable(moduli: impl Iterator<Item = f64>) -> Result<()> {
+    let growth = moduli.fold(0.0, |a: f64, b| if b.is_nan() { f64::INFINITY } else { a.max(b) });
+    if growth < 1.0 { Ok(()) } else { Err(Error::Unstable { growth }) }
+}
+
+/// A complex pair of poles (its upper one), or two real poles (the second may be missing).
+enum Cell {
+    Pair(usize),
+    Reals(usize, Option<usize>),
+}
+
+impl Cell {
+    /// The cells of a set of poles that is closed under conjugation.
+    fn all(mu: &[Complex<f64>]) -> Vec<Self> {
+        let upper = (0..mu.len()).filter(|i| mu[*i].im > 0.0).map(Self::Pair);
+        let real: Vec<usize> = (0..mu.len()).filter(|i| mu[*i].im == 0.0).collect();
+        upper.chain(real.chunks(2).map(|r| Self::Reals(r[0], r.get(1).copied()))).collect()
+    }
+
+    /// Multiplication by the number of each mode, as a 2 x 2 section.
+    fn section(&self, of: impl Fn(usize) -> Complex<f64>) -> [f64; 4] {
+        match *self {
+            Self::Pair(i) => [of(i).re, -of(i).im, of(i).im, of(i).re],
+            Self::Reals(i, j) => [of(i).re, 0.0, 0.0, j.map_or(0.0, |j| of(j).re)],
+        }
+    }
+
+    /// Weights of the two states that add up to the contribution of these modes to a real output.
+    fn weights(&self, of: impl Fn(usize) -> Complex<f64>) -> [f64; 2] {
+        match *self {
+            Self::Pair(i) => [2.0 * of(i).re, -2.0 * of(i).im],
+            Self::Reals(i, j) => [of(i).re, j.map_or(0.0, |j| of(j).re)],
+        }
+    }
+}
+
+fn kernel(modal: &Modal) -> Kernel {
+    let Residues { mu, b, c, d } = &modal.value;
+    let cells = Cell::all(mu);
+    let (nu, ny, np) = (b.ncols(), c.nrows(), modal.slopes.len());
+    let lanes = cells.len();
+    let mut kernel = Kernel { inputs: nu, columns: ny * (1 + np), ..Kernel::default() };
+    kernel.feedthrough = d.iter().chain(modal.slopes.iter().flat_map(|s| s.d.iter())).any(|x| *x != 0.0);
+    // the value alone: one bank, driven through b. With derivatives: one lane per cell and input, driven by the
+    // input itself, and a second bank for the derivative of the poles.
+    let split = np > 0;
+    let copies = if split { nu } else { 1 };
+    for _ in 0..copies {
+        cells.iter().for_each(|cell| kernel.p.push(cell.section(|i| mu[i])));
+    }
+    kernel.p.pad();
+    kernel.lanes = lanes;
+    for a in 0..nu {
+        for copy in 0..copies {
+            for cell in &cells {
+                let [re, _, im, second] = cell.section(|i| if split { Complex::from(1.0) } else { b[(i, a)] });
+                let forced = if !split || copy == a { 1.0 } else { 0.0 };
+                let im = if matches!(cell, Cell::Reals(..)) { second } else { im };
+                kernel.force.push([forced * re, forced * im, 0.0, 0.0]);
+            }
+        }
+        kernel.force.pad();
+        if split {
+            cells.iter().for_each(|cell| kernel.drive.push(cell.section(|i| b[(i, a)])));
+            kernel.drive.pad();
+        }
+    }
+    if split {
+        cells.iter().for_each(|cell| kernel.q.push(cell.section(|i| mu[i])));
+    }
+    let (lp, lq) = (kernel.p.padded(), kernel.q.padded());
+
+    let columns = kernel.columns;
+    let mut weights = vec![0.0; kernel.basis() * columns];
+    let mut put = |row: usize, column: usize, value: f64| weights[row * columns + column] = value;
+    for o in 0..ny {
+        let column = o * (1 + np);
+        for (l, cell) in cells.iter().enumerate() {
+            if !split {
+                let [re, im] = cell.weights(|i| c[(o, i)]);
+                put(l, column, re);
+                put(lp + l, column, im);
+                continue;
+            }
+            for a in 0..nu {
+                let lane = a * lanes + l;
+                let [re, im] = cell.weights(|i| c[(o, i)] * b[(i, a)]);
+                put(lane, column, re);
+                put(lp + lane, column, im);
+                for (j, s) in modal.slopes.iter().enumerate() {
+                    let [re, im] = cell.weights(|i| s.c[(o, i)] * b[(i, a)] + c[(o, i)] * s.b[(i, a)]);
+                    put(lane, column + 1 + j, re);
+                    put(lp + lane, column + 1 + j, im);
+                }
+            }
+            for (j, s) in modal.slopes.iter().enumerate() {
+                let [re, im] = cell.weights(|i| c[(o, i)] * s.mu[i]);
+                put(2 * lp + l, column + 1 + j, re);
+                put(2 * lp + lq + l, column + 1 + j, im);
+            }
+        }
+        if kernel.feedthrough {
+            let from = 2 * (lp + lq);
+            for a in 0..nu {
+                put(from + a, column, d[(o, a)]);
+                for (j, s) in modal.slopes.iter().enumerate() {
+                    put(from + a, column + 1 + j, s.d[(o, a)]);
+                }
+            }
+        }
+    }
+    kernel.weights = weights;
+    kernel
+}
+
+/// The plain recursion, right for every loop: `S+ = A S + dA x + dB u` beside `x+ = A x + B u`.
+pub struct Dense {
+    value: Discrete,
+    slopes: Vec<Discrete>,
+}
+
+impl Dense {
+    fn run(&self, u: &[f64], sink: &mut impl FnMut(usize, usize, &[f64], usize)) {
+        let (n, nu, ny, np) =
+            (self.value.a.nrows(), self.value.b.ncols(), self.value.c.nrows(), self.slopes.len());
+        let columns = ny * (1 + np);
+        let mut x = DMatrix::<f64>::zeros(n, 1);
+        let mut s = DMatrix::<f64>::zeros(n, np);
+        let mut block = vec![0.0; BLOCK * columns];
+        let samples = u.len() / nu;
+        for from in (0..samples).step_by(BLOCK) {
+            let count = BLOCK.min(samples - from);
+            for k in 0..count {
+                let input = DMatrix::from_column_slice(nu, 1, &u[(from + k) * nu..(from + k + 1) * nu]);
+                let y = &self.value.c * &x + &self.value.d * &input;
+                let dy = &self.value.c * &s;
+                let mut next = &self.value.a * &s;
+                let row = &mut block[k * columns..(k + 1) * columns];
+                for (j, slope) in self.slopes.iter().enumerate() {
+                    let direct = &slope.c * &x + &slope.d * &input;
+                    for o in 0..ny {
+                        row[o * (1 + np) + 1 + j] = dy[(o, j)] + direct[o];
+                    }
+                    let forcing = &slope.a * &x + &slope.b * &input;
+                    next.column_mut(j).axpy(1.0, &forcing.column(0), 1.0);
+                }
+                for o in 0..ny {
+                    row[o * (1 + np)] = y[o];
+                }
+                s = next;
+                x = &self.value.a * &x + &self.value.b * &input;
+            }
+            sink(from, count, &block, columns);
+        }
+    }
+}

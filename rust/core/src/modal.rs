@@ -1,0 +1,224 @@
+//! Poles and residues of the sampled loop, with their exact derivatives by the parameters.
+//!
+//! With `A V = V diag(lambda)`, `W = V^-1` and `T = W dA V`, to first order
+//! `d lambda_i = T_ii`, `dV = V Q`, `dW = -Q W`, `Q_mi = T_mi / (lambda_i - lambda_m)`, `Q_ii = 0`.
+//! A change of Delta gives `T = (W B_w) dDelta (C_z V)`, an outer product.
+
+use nalgebra::{Complex, DMatrix};
+
+use crate::discretise::{Discrete, discretise};
+use crate::error::{Error, Result};
+use crate::lft::{Closed, balancing};
+use crate::model::Model;
+
+type C64 = Complex<f64>;
+
+/// `y[k] = sum_i c_i p_i[k] + d u[k]`, `p_i[k+1] = mu_i p_i[k] + b_i u[k]`; also a derivative of these numbers.
+#[derive(Debug, Clone)]
+pub struct Residues {
+    pub mu: Vec<C64>,
+    /// modes x inputs.
+    pub b: DMatrix<C64>,
+    /// outputs x modes.
+    pub c: DMatrix<C64>,
+    pub d: DMatrix<f64>,
+}
+
+/// A loop in modal form. Complex poles come as conjugate pairs.
+#[derive(Debug, Clone)]
+pub struct Modal {
+    pub value: Residues,
+    /// One per free parameter.
+    pub slopes: Vec<Residues>,
+}
+
+/// Condition of the eigenvectors up to which ten digits of the response remain.
+const MAX_CONDITION: f64 = 1e5;
+/// Relative distance of two poles from which ten digits of the derivative remain.
+const MIN_GAP: f64 = 1e-5;
+
+impl Modal {
+    /// The modal form, or `None` where poles are so clustered or defective that it would lose digits.
+    ///
+    /// # Errors
+    /// As [`crate::lft::Lft::close`] and [`discretise`].
+    pub fn new(model: &Model, theta: &[f64], free: &[usize]) -> Result<Option<Self>> {
+        if model.controller.is_none() {
+            let mut closed = model.lft.close(theta)?;
+            closed.balance();
+            return Ok(Self::analog(model, &closed, theta, free));
+        }
+        let (mut value, mut slopes) = discretise(model, theta, free)?;
+        let t = balancing(&value.a);
+        for part in slopes.iter_mut().chain([&mut value]) {
+            rescale(part, &t);
+        }
+        Ok(Self::sampled(&value, &slopes))
+    }
+
+    fn analog(model: &Model, closed: &Closed, theta: &[f64], free: &[usize]) -> Option<Self> {
+        let basis = Eigen::new(&closed.a)?;
+        let (dt, gains) = (model.dt, &model.lft.gains);
+        let b = basis.left_times(&closed.b_u);
+        let c = basis.times_right(&closed.c_y);
+        let beta = basis.left_times(&closed.b_w);
+        let gamma = basis.times_right(&closed.c_z);
+        let n = basis.lambda.len();
+        let hold: Vec<Hold> = basis.lambda.iter().map(|l| Hold::new(*l, dt)).collect();
+        let held = |b: &DMatrix<C64>| DMatrix::from_fn(n, b.ncols(), |i, a| hold[i].phi * b[(i, a)]);
+
+        let slopes = free.iter().map(|parameter| {
+            let mut t = DMatrix::<C64>::zeros(n, n);
+            let mut db = DMatrix::<C64>::zeros(n, b.ncols());
+            let mut dc = DMatrix::<C64>::zeros(c.nrows(), n);
+            let mut dd = DMatrix::<f64>::zeros(c.nrows(), b.ncols());
+            for (k, gain) in gains.iter().enumerate().filter(|(_, g)| g.parameter == *parameter) {
+                let slope = gain.slope(theta);
+                let scaled = C64::from(slope);
+                let one = C64::from(1.0);
+                t.ger(scaled, &beta.column(k), &gamma.row(k).transpose(), one);
+                db.ger(scaled, &beta.column(k), &closed.d_zu.row(k).transpose().map(C64::from), one);
+                dc.ger(scaled, &closed.d_yw.column(k).map(C64::from), &gamma.row(k).transpose(), one);
+                dd.ger(slope, &closed.d_yw.column(k), &closed.d_zu.row(k).transpose(), 1.0);
+            }
+            let turn = basis.turn(&t);
+            dc += &c * &turn;
+            db -= &turn * &b;
+            let rate = |i: usize| t[(i, i)];
+            let mu = (0..n).map(|i| hold[i].mu * rate(i) * dt).collect();
+            let db = DMatrix::from_fn(n, b.ncols(), |i, a| {
+                hold[i].phi * db[(i, a)] + hold[i].phi_slope * rate(i) * b[(i, a)]
+            });
+            Residues { mu, b: db, c: dc, d: dd }
+        });
+        let slopes = slopes.collect();
+        let mu = hold.iter().map(|h| h.mu).collect();
+        let value = Residues { mu, b: held(&b), c, d: closed.d_yu.clone() };
+        Some(Self { value, slopes })
+    }
+
+    fn sampled(value: &Discrete, slopes: &[Discrete]) -> Option<Self> {
+        let basis = Eigen::new(&value.a)?;
+        let b = basis.left_times(&value.b);
+        let c = basis.times_right(&value.c);
+        let slopes = slopes.iter().map(|s| {
+            let t = basis.left_times(&(&s.a)) * &basis.v;
+            let turn = basis.turn(&t);
+            Residues {
+                mu: t.diagonal().iter().copied().collect(),
+                b: basis.left_times(&s.b) - &turn * &b,
+                c: basis.times_right(&s.c) + &c * &turn,
+                d: s.d.clone(),
+            }
+        });
+        let slopes = slopes.collect();
+        Some(Self { value: Residues { mu: basis.lambda, b, c, d: value.d.clone() }, slopes })
+    }
+}
+
+fn rescale(system: &mut Discrete, t: &[f64]) {
+    for (i, t) in t.iter().enumerate() {
+        system.a.row_mut(i).scale_mut(1.0 / t);
+        system.b.row_mut(i).scale_mut(1.0 / t);
+        system.a.column_mut(i).scale_mut(*t);
+        system.c.column_mut(i).scale_mut(*t);
+    }
+}
+
+/// Zero-order hold of one pole: `mu = exp(lambda dt)`, `phi = (mu - 1) / lambda`, and d phi / d lambda.
+struct Hold {
+    mu: C64,
+    phi: C64,
+    phi_slope: C64,
+}
+
+impl Hold {
+    fn new(lambda: C64, dt: f64) -> Self {
+        let z = lambda * dt;
+        let mu = z.exp();
+        if z.norm() > 0.5 {
+            let phi = (mu - 1.0) / lambda;
+            return Self { mu, phi, phi_slope: (mu * dt - phi) / lambda };
+        }
+        // series: (e^z - 1)/z = sum z^k/(k+1)!, its derivative sum (k+1) z^k/(k+2)!
+        let (mut phi, mut slope) = (C64::from(0.0), C64::from(0.0));
+        let mut term = C64::from(1.0); // z^k / (k+1)!
+        for k in 0..18 {
+            let k = f64::from(k);
+            phi += term;
+            slope += term * ((k + 1.0) / (k + 2.0));
+            term = term * z / (k + 2.0);
+        }
+        Self { mu, phi: phi * dt, phi_slope: slope * dt * dt }
+    }
+}
+
+/// Eigenvectors of a loop that can be relied upon.
+struct Eigen {
+    lambda: Vec<C64>,
+    v: DMatrix<C64>,
+    w: DMatrix<C64>,
+}
+
+impl Eigen {
+    fn new(a: &DMatrix<f64>) -> Option<Self> {
+        let n = a.nrows();
+        let matrix = faer::Mat::from_fn(n, n, |i, j| a[(i, j)]);
+        let eigen = matrix.eigen().ok()?;
+        let lambda: Vec<C64> = eigen.S().column_vector().iter().copied().collect();
+        let mut v = DMatrix::from_fn(n, n, |i, j| eigen.U()[(i, j)]);
+        for mut column in v.column_iter_mut() {
+            let norm = column.norm();
+            column.unscale_mut(norm);
+        }
+        if !v.iter().all(|x| x.re.is_finite() && x.im.is_finite()) || clustered(&lambda) {
+            return None;
+        }
+        let w = v.clone().try_inverse()?;
+        let condition = v.norm() * w.norm();
+        (condition.is_finite() && condition < MAX_CONDITION).then_some(Self { lambda, v, w })
+    }
+
+    fn left_times(&self, m: &DMatrix<f64>) -> DMatrix<C64> {
+        complex_real(&self.w, m)
+    }
+
+    fn times_right(&self, m: &DMatrix<f64>) -> DMatrix<C64> {
+        complex_real(&self.v.transpose(), &m.transpose()).transpose()
+    }
+
+    /// Q of the module's heading from T.
+    fn turn(&self, t: &DMatrix<C64>) -> DMatrix<C64> {
+        DMatrix::from_fn(t.nrows(), t.ncols(), |m, i| {
+            if m == i { C64::from(0.0) } else { t[(m, i)] / (self.lambda[i] - self.lambda[m]) }
+        })
+    }
+}
+
+fn complex_real(z: &DMatrix<C64>, m: &DMatrix<f64>) -> DMatrix<C64> {
+    let (re, im) = (z.map(|x| x.re) * m, z.map(|x| x.im) * m);
+    re.zip_map(&im, C64::new)
+}
+
+fn clustered(lambda: &[C64]) -> bool {
+    let close = |x: &C64, y: &C64| (x - y).norm() < MIN_GAP * x.norm().max(y.norm());
+    lambda.iter().enumerate().any(|(i, x)| lambda[..i].iter().any(|y| close(x, y)))
+}
+
+/// Poles of a loop in 1/s; those of a digital loop are `ln(mu)/dt` of the poles of the sampled loop.
+///
+/// # Errors
+/// As [`crate::lft::Lft::close`] and [`discretise`].
+pub fn poles(model: &Model, theta: &[f64]) -> Result<Vec<C64>> {
+    let eigenvalues = |a: &DMatrix<f64>| {
+        let t = balancing(a);
+        let n = a.nrows();
+        let matrix = faer::Mat::from_fn(n, n, |i, j| a[(i, j)] * t[j] / t[i]);
+        matrix.eigenvalues().map_err(|_| Error::Singular { what: "the poles did not converge" })
+    };
+    if model.controller.is_none() {
+        return eigenvalues(&model.lft.close(theta)?.a);
+    }
+    let (sampled, _) = discretise(model, theta, &[])?;
+    Ok(eigenvalues(&sampled.a)?.into_iter().map(|mu| mu.ln() / model.dt).collect())
+}

@@ -1,0 +1,84 @@
+//! A closed loop as data: the plant as an LFT, and, where the controller is digital, the controller.
+
+use nalgebra::DMatrix;
+
+use crate::error::{Error, Result, check_finite, check_len};
+use crate::lft::Lft;
+
+/// A digital controller K: `i_ref = -K y + i_e`, computed once a controller sample, held, and delayed.
+///
+/// It reads the first `b.ncols()` outputs of the plant and drives the first `c.nrows()` inputs; both counts are
+/// equal. The excitation is added before the delay.
+#[derive(Debug, Clone)]
+pub struct Controller {
+    pub a: DMatrix<f64>,
+    pub b: DMatrix<f64>,
+    pub c: DMatrix<f64>,
+    pub d: DMatrix<f64>,
+    /// Delay of everything that leaves the controller, in controller samples; need not be whole.
+    pub delay: f64,
+    /// Controller samples per sample of the record.
+    pub steps: usize,
+    /// True where as many further inputs are added to the displacements that the controller reads (sensor noise).
+    pub noise: bool,
+}
+
+/// A closed loop: an analog one is an LFT alone; a digital one an LFT between commands and outputs, and a controller.
+#[derive(Debug, Clone)]
+pub struct Model {
+    pub lft: Lft,
+    /// Sample time of the record in seconds.
+    pub dt: f64,
+    pub controller: Option<Controller>,
+}
+
+impl Controller {
+    /// Number of displacements read and of commands given.
+    pub fn channels(&self) -> usize {
+        self.d.nrows()
+    }
+}
+
+impl Model {
+    /// Checks that the controller fits the plant.
+    ///
+    /// # Errors
+    /// [`Error::Shape`], [`Error::NotFinite`].
+    pub fn new(lft: Lft, dt: f64, controller: Option<Controller>) -> Result<Self> {
+        check_finite("dt", &[dt, 1.0 / dt])?;
+        if let Some(k) = &controller {
+            let (n, m) = (k.a.nrows(), k.channels());
+            check_len("controller A (columns)", k.a.ncols(), n)?;
+            check_len("controller B (rows)", k.b.nrows(), n)?;
+            check_len("controller B (columns)", k.b.ncols(), m)?;
+            check_len("controller C (rows)", k.c.nrows(), m)?;
+            check_len("controller C (columns)", k.c.ncols(), n)?;
+            check_len("controller D (columns)", k.d.ncols(), m)?;
+            for part in [&k.a, &k.b, &k.c, &k.d] {
+                check_finite("controller", part.as_slice())?;
+            }
+            check_len("plant inputs", lft.inputs(), m)?;
+            if lft.outputs() < m {
+                check_len("plant outputs", lft.outputs(), m)?;
+            }
+            if !(k.delay >= 0.0 && k.delay.is_finite()) || k.steps == 0 {
+                return Err(Error::NotFinite { what: "controller delay or steps" });
+            }
+            if (0..m).any(|i| (0..m).any(|j| lft.d[(i, j)] != 0.0)) {
+                return Err(Error::Singular { what: "a displacement follows a command at once (D is not zero)" });
+            }
+        }
+        Ok(Self { lft, dt, controller })
+    }
+
+    /// Number of inputs of the closed loop: excitations, then noise where there is any.
+    pub fn inputs(&self) -> usize {
+        let noise = self.controller.as_ref().filter(|k| k.noise).map_or(0, Controller::channels);
+        self.lft.inputs() + noise
+    }
+
+    /// Number of outputs.
+    pub fn outputs(&self) -> usize {
+        self.lft.outputs()
+    }
+}

@@ -1,0 +1,161 @@
+//! Residuals of a loop against records, reduced to normal equations whose size does not depend on the records'.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use crate::closed_loop::ClosedLoop;
+use crate::error::{Result, check_finite, check_len};
+use crate::kernel::BLOCK;
+use crate::product::{LANES, add_gram};
+
+/// A measured record.
+#[derive(Debug, Clone)]
+pub struct Data {
+    /// Samples x inputs.
+    pub u: Vec<f64>,
+    /// Samples x outputs, each channel's mean from `first` on removed.
+    z: Vec<f64>,
+    /// Weight of each output; zero leaves the channel out.
+    weights: Vec<f64>,
+    /// First sample that counts. The simulation starts at 0 all the same.
+    first: usize,
+}
+
+/// `sum of weight^2 (z - y)^2` with each channel's mean removed from both, as a quadratic form about `theta`.
+#[derive(Debug, Clone)]
+pub struct Normal {
+    /// J'J of the residual y - z, free x free.
+    pub hessian: DMatrix<f64>,
+    /// J'r.
+    pub gradient: DVector<f64>,
+    /// Sum of squares of each output, weighted.
+    pub squares: Vec<f64>,
+}
+
+impl Data {
+    /// # Errors
+    /// [`crate::Error::Shape`], [`crate::Error::NotFinite`].
+    pub fn new(system: &ClosedLoop, u: Vec<f64>, mut z: Vec<f64>, weights: Vec<f64>, first: usize) -> Result<Self> {
+        let ny = system.outputs();
+        check_len("weights", weights.len(), ny)?;
+        check_finite("weights", &weights)?;
+        check_finite("excitation", &u)?;
+        check_finite("measurement", &z)?;
+        let samples = z.len() / ny;
+        check_len("excitation", u.len(), samples * system.inputs())?;
+        check_len("measurement", z.len(), samples * ny)?;
+        if first >= samples {
+            check_len("samples before the first that counts", first, samples.saturating_sub(1))?;
+        }
+        for o in 0..ny {
+            let mean = z.iter().skip(first * ny + o).step_by(ny).sum::<f64>() / (samples - first) as f64;
+            z.iter_mut().skip(o).step_by(ny).for_each(|z| *z -= mean);
+        }
+        Ok(Self { u, z, weights, first })
+    }
+}
+
+/// The normal equations of all records together, by the parameters in `free`.
+///
+/// # Errors
+/// [`crate::Error::Unstable`] and as [`ClosedLoop::poles`].
+pub fn normal_equations(system: &ClosedLoop, theta: &[f64], free: &[usize], records: &[&Data]) -> Result<Normal> {
+    let np = free.len();
+    let prepared = system.prepare(theta, free)?;
+    let (inputs, ny) = (system.inputs(), system.outputs());
+    let one = |data: &&Data| -> Normal {
+        let mut sum = Normal {
+            hessian: DMatrix::zeros(np, np),
+            gradient: DVector::zeros(np),
+            squares: vec![0.0; ny],
+        };
+        let mut seen = vec![false; ny];
+        for part in &prepared {
+            let mut moments: Vec<Moments> = part.outputs.iter().map(|_| Moments::new(part.free.len())).collect();
+            part.run(&data.u, inputs, &mut |from, count, block, stride| {
+                let skip = data.first.saturating_sub(from).min(count);
+                for (i, (o, moments)) in part.outputs.iter().zip(&mut moments).enumerate() {
+                    let rows = block.chunks_exact(stride).take(count).skip(skip);
+                    let measured = data.z[(from + skip) * ny..].chunks_exact(ny).map(|z| z[*o]);
+                    moments.add(i * moments.width, rows, measured.take(count - skip));
+                }
+            });
+            for (o, moments) in part.outputs.iter().zip(moments) {
+                seen[*o] = true;
+                moments.add_to(&mut sum, *o, data.weights[*o], &part.free);
+            }
+        }
+        // outputs that no input reaches stay zero
+        for o in (0..ny).filter(|o| !seen[*o]) {
+            let squares: f64 = data.z[data.first * ny..].iter().skip(o).step_by(ny).map(|z| z * z).sum();
+            sum.squares[o] += squares * data.weights[o].powi(2);
+        }
+        sum
+    };
+    let sums: Vec<Normal> =
+        if records.len() > 1 { records.par_iter().map(one).collect() } else { records.iter().map(one).collect() };
+    let mut sums = sums.into_iter();
+    let mut total = sums.next().unwrap_or(Normal {
+        hessian: DMatrix::zeros(np, np),
+        gradient: DVector::zeros(np),
+        squares: vec![0.0; ny],
+    });
+    for sum in sums {
+        total.hessian += sum.hessian;
+        total.gradient += sum.gradient;
+        total.squares.iter_mut().zip(sum.squares).for_each(|(t, s)| *t += s);
+    }
+    Ok(total)
+}
+
+/// Second moments of one channel's row `[residual, slopes.., 1]`.
+struct Moments {
+    width: usize,
+    /// A block of rows, each filled up to `stride`.
+    rows: Vec<f64>,
+    stride: usize,
+    /// stride x stride, upper part, row by row.
+    sum: Vec<f64>,
+}
+
+impl Moments {
+    fn new(slopes: usize) -> Self {
+        let width = 1 + slopes;
+        let stride = (width + 1).next_multiple_of(LANES);
+        let mut rows = vec![0.0; BLOCK * stride];
+        rows.iter_mut().skip(width).step_by(stride).for_each(|one| *one = 1.0);
+        Self { width, rows, stride, sum: vec![0.0; stride * stride] }
+    }
+
+    /// Adds rows that hold `[output, slopes..]` from cell `at` on, and the measurements that belong to them.
+    fn add<'a>(
+        &mut self,
+        at: usize,
+        rows: impl ExactSizeIterator<Item = &'a [f64]> + Clone,
+        measured: impl Iterator<Item = f64>,
+    ) {
+        let count = rows.len();
+        for i in 0..self.width {
+            for (own, row) in self.rows.chunks_exact_mut(self.stride).zip(rows.clone()) {
+                own[i] = row[at + i];
+            }
+        }
+        for (own, measured) in self.rows.chunks_exact_mut(self.stride).zip(measured) {
+            own[0] -= measured;
+        }
+        add_gram(&self.rows[..count * self.stride], self.stride, &mut self.sum);
+    }
+
+    fn add_to(&self, total: &mut Normal, output: usize, weight: f64, free: &[usize]) {
+        let moment = |i: usize, j: usize| self.sum[i.min(j) * self.stride + i.max(j)];
+        let one = self.width;
+        let central = |i, j| weight * weight * (moment(i, j) - moment(i, one) * moment(j, one) / moment(one, one));
+        total.squares[output] += central(0, 0).max(0.0);
+        for (i, a) in free.iter().enumerate() {
+            total.gradient[*a] += central(0, 1 + i);
+            for (j, b) in free.iter().enumerate() {
+                total.hessian[(*a, *b)] += central(1 + i, 1 + j);
+            }
+        }
+    }
+}

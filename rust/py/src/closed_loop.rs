@@ -1,0 +1,126 @@
+//! `ClosedLoop`: a loop compiled for the core.
+
+use std::sync::Arc;
+
+use ambid_core::{ClosedLoop as Core, Controller, Gain, Lft, Model};
+use numpy::{Complex64, IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+
+use crate::arrays::{cube, from_matrix, matrix, signal, table};
+use crate::errors::raise;
+
+type Matrix<'py> = PyReadonlyArray2<'py, f64>;
+type Matrices<'py> = (Matrix<'py>, Matrix<'py>, Matrix<'py>, Matrix<'py>);
+
+/// A digital controller beside the plant; see `ambid_core::Controller`.
+#[derive(FromPyObject)]
+pub struct DigitalController<'py> {
+    #[pyo3(item)]
+    matrices: Matrices<'py>,
+    #[pyo3(item)]
+    delay: f64,
+    #[pyo3(item)]
+    steps: usize,
+    #[pyo3(item)]
+    noise: bool,
+}
+
+#[pyclass(frozen, module = "ambid._core")]
+pub struct ClosedLoop {
+    pub core: Arc<Core>,
+}
+
+#[pymethods]
+impl ClosedLoop {
+    #[new]
+    #[pyo3(signature = (matrices, gains, parameters, dt, controller=None))]
+    fn new(
+        matrices: Matrices<'_>,
+        gains: Vec<(usize, f64, i32)>,
+        parameters: usize,
+        dt: f64,
+        controller: Option<DigitalController<'_>>,
+    ) -> PyResult<Self> {
+        let (a, b, c, d) = &matrices;
+        let gains = gains.into_iter().map(|(parameter, scale, power)| Gain { parameter, scale, power });
+        let lft = Lft::new(matrix(a), matrix(b), matrix(c), matrix(d), gains.collect()).map_err(raise)?;
+        let controller = controller.map(|k| {
+            let (a, b, c, d) = &k.matrices;
+            let (a, b, c, d) = (matrix(a), matrix(b), matrix(c), matrix(d));
+            Controller { a, b, c, d, delay: k.delay, steps: k.steps, noise: k.noise }
+        });
+        let model = Model::new(lft, dt, controller).map_err(raise)?;
+        Ok(Self { core: Arc::new(Core::new(model, parameters).map_err(raise)?) })
+    }
+
+    #[getter]
+    fn inputs(&self) -> usize {
+        self.core.inputs()
+    }
+
+    #[getter]
+    fn outputs(&self) -> usize {
+        self.core.outputs()
+    }
+
+    #[getter]
+    fn parameters(&self) -> usize {
+        self.core.parameters()
+    }
+
+    #[getter]
+    fn parts(&self) -> usize {
+        self.core.parts()
+    }
+
+    fn poles<'py>(
+        &self,
+        py: Python<'py>,
+        theta: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray1<Complex64>>> {
+        let poles = self.core.poles(theta.as_slice()?).map_err(raise)?;
+        Ok(poles.into_pyarray(py))
+    }
+
+    #[allow(clippy::type_complexity)]
+    fn discrete<'py>(
+        &self,
+        py: Python<'py>,
+        theta: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<(
+        Bound<'py, PyArray2<f64>>,
+        Bound<'py, PyArray2<f64>>,
+        Bound<'py, PyArray2<f64>>,
+        Bound<'py, PyArray2<f64>>,
+    )> {
+        let m = self.core.discrete(theta.as_slice()?).map_err(raise)?;
+        let array = |m| from_matrix(py, m);
+        Ok((array(&m.a)?, array(&m.b)?, array(&m.c)?, array(&m.d)?))
+    }
+
+    fn simulate<'py>(
+        &self,
+        py: Python<'py>,
+        theta: PyReadonlyArray1<'py, f64>,
+        u: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (theta, u) = (theta.as_slice()?, signal("excitation", &u, self.core.inputs())?);
+        let y = py.detach(|| self.core.simulate(theta, u)).map_err(raise)?;
+        table(py, y, self.core.outputs())
+    }
+
+    #[allow(clippy::type_complexity)]
+    fn sensitivity<'py>(
+        &self,
+        py: Python<'py>,
+        theta: PyReadonlyArray1<'py, f64>,
+        free: Vec<usize>,
+        u: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>)> {
+        let (theta, u) = (theta.as_slice()?, signal("excitation", &u, self.core.inputs())?);
+        let (y, jacobian) = py.detach(|| self.core.sensitivity(theta, &free, u)).map_err(raise)?;
+        let outputs = self.core.outputs();
+        let samples = y.len() / outputs.max(1);
+        Ok((table(py, y, outputs)?, cube(py, jacobian, [samples, outputs, free.len()])?))
+    }
+}

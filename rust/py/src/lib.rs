@@ -1,0 +1,19 @@
+//! The Python module `ambid._core`: registration only.
+
+mod arrays;
+mod closed_loop;
+mod errors;
+mod residual;
+mod stepper;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+mod _core {
+    #[pymodule_export]
+    use crate::closed_loop::ClosedLoop;
+    #[pymodule_export]
+    use crate::residual::{Data, normal_equations};
+    #[pymodule_export]
+    use crate::stepper::Stepper;
+}

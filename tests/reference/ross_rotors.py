@@ -1,0 +1,101 @@
+"""Write ross_rotors.json: reference values of the rotor tests, computed by ROSS 2.3.0.
+
+To run it again, outside the environment of ambid:
+
+    python -m venv ross && ross/bin/pip install ross-rotordynamics==2.3.0 "plotly<6"
+    ross/bin/python tests/reference/ross_rotors.py
+
+Shear coefficient: ROSS's default, Cowper (1966). What ROSS 2.3.0 calls "hutchinson" is, for a solid section,
+6 (1 + nu) / (7 + 12 nu + 4 nu^2); Hutchinson (2001) has (1 + nu)^2 in the numerator.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import ross as rs
+from scipy.linalg import eigh, eigvals
+
+LATERAL = [0, 1, 3, 4]  # of ROSS's freedoms x, y, z, alpha, beta, theta
+PIECES = 16  # elements a section
+
+MATERIAL = {"density": 7810.0, "youngs_modulus": 2.11e11, "poisson_ratio": 0.29}
+SECTIONS = [  # length, outer diameter, inner diameter [m]
+    (0.05, 0.030, 0.0),
+    (0.12, 0.050, 0.020),
+    (0.20, 0.060, 0.040),
+    (0.10, 0.050, 0.0),
+    (0.07, 0.035, 0.010),
+]
+DISKS = [
+    (1, 3.0, 0.010, 0.018),
+    (3, 5.5, 0.030, 0.055),
+    (5, 1.2, 0.002, 0.0035),
+]  # section end, mass, transverse, polar
+SPEEDS_RAD_S = [800.0, 3000.0]
+ELEMENT = {"length": 0.08, "outer_diameter": 0.07, "inner_diameter": 0.03}
+
+
+def shaft_element(length: float, outer: float, inner: float) -> rs.ShaftElement:
+    material = rs.Material(
+        "steel", rho=MATERIAL["density"], E=MATERIAL["youngs_modulus"], Poisson=MATERIAL["poisson_ratio"]
+    )
+    return rs.ShaftElement(length, inner, outer, material=material, shear_method_calc="cowper")
+
+
+def lateral(matrix: np.ndarray) -> np.ndarray:
+    keep = [6 * node + freedom for node in range(len(matrix) // 6) for freedom in LATERAL]
+    return matrix[np.ix_(keep, keep)]
+
+
+def rotor() -> dict:
+    shaft = [shaft_element(length / PIECES, outer, inner) for length, outer, inner in SECTIONS for _ in range(PIECES)]
+    disks = [rs.DiskElement(n=end * PIECES, m=m, Id=transverse, Ip=polar) for end, m, transverse, polar in DISKS]
+    free = [rs.BearingElement(n=node, kxx=0.0, cxx=0.0) for node in (0, len(shaft))]
+    model = rs.Rotor(shaft, disks, free)
+    M, K, G = lateral(model.M()), lateral(model.K(0)), lateral(model.G())
+    at_rest = np.sqrt(eigh(K, M, eigvals_only=True, subset_by_index=[4, 11])[::2])
+
+    # Whirl in complex form: with r = x + j y the isotropic rotor has half the freedoms, and the sign of its
+    # frequency tells forward (+) from backward (-).
+    nodes = len(shaft) + 1
+    rotate = np.kron(np.eye(nodes), np.array([[1, 1j, 0, 0], [0, 0, -1j, 1]])) / np.sqrt(2)
+    M, K, G = (rotate @ matrix @ rotate.conj().T for matrix in (M, K, G))
+    forward, backward = [], []
+    for speed in SPEEDS_RAD_S:
+        inverse = np.linalg.inv(M)
+        state = np.block([[np.zeros_like(M), np.eye(len(M))], [-inverse @ K, -speed * inverse @ G]])
+        whirl = np.sort(eigvals(state).imag)
+        bending = whirl[np.abs(whirl) > 0.6 * at_rest[0]]
+        forward.append(bending[bending > 0.0][:3].tolist())
+        backward.append((-bending[bending < 0.0][::-1][:3]).tolist())
+
+    z = np.concatenate([[0.0], np.cumsum([element.L for element in shaft])])
+    return {
+        "material": MATERIAL,
+        "sections": SECTIONS,
+        "disks": DISKS,
+        "mass_kg": model.m,
+        "centre_m": model.CG,
+        "transverse_inertia_kg_m2": transverse_inertia(lateral(model.M()), z),
+        "frequencies_rad_s": at_rest[:4].tolist(),
+        "speeds_rad_s": SPEEDS_RAD_S,
+        "forward_rad_s": forward,
+        "backward_rad_s": backward,
+    }
+
+
+def transverse_inertia(M: np.ndarray, z: np.ndarray) -> float:
+    shift = np.tile([1.0, 0.0, 0.0, 0.0], len(z))
+    tilt = np.column_stack([z, 0.0 * z, 0.0 * z, np.ones_like(z)]).ravel()
+    return float(tilt @ M @ tilt - (shift @ M @ tilt) ** 2 / (shift @ M @ shift))
+
+
+def element() -> dict:
+    one = shaft_element(ELEMENT["length"], ELEMENT["outer_diameter"], ELEMENT["inner_diameter"])
+    return ELEMENT | MATERIAL | {name: lateral(getattr(one, name)()).tolist() for name in ("M", "G", "K")}
+
+
+if __name__ == "__main__":
+    target = Path(__file__).with_name("ross_rotors.json")
+    target.write_text(json.dumps({"ross": "2.3.0", "element": element(), "rotor": rotor()}, indent=1) + "\n")
