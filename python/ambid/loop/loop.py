@@ -1,0 +1,149 @@
+"""The closed loop, compiled for the Rust core: simulation, sensitivities, poles, one sample at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ambid import _core
+from ambid.errors import ModelError
+from ambid.loop.controller import close_analog
+from ambid.loop.plant import FloatArray, Lft, plant
+from ambid.rig import Rig
+from ambid.rotor import reduced_rotor
+
+class Loop:
+    """A rig's closed loop with named inputs, outputs and parameters.
+
+    Parameters
+    ----------
+    rig : Rig
+    filled_by : dict of str to int
+        Index in the parameter vector for each slot of Delta, such as ``{"K_i.A_zeta": 0, ...}``.
+    noise : bool
+        Whether sensor noise is a further input of each axis (for virtual experiments).
+
+    Attributes
+    ----------
+    lft : Lft
+        G with its ports; for a digital controller without it, commands to outputs, else the closed loop.
+    inputs, outputs : tuple of str
+        Names, such as ``i_e.A_zeta``; ``y.A_zeta``, ..., ``i_c.A_zeta``.
+    core : _core.ClosedLoop
+    """
+
+    def __init__(self, rig: Rig, filled_by: dict[str, int], *, noise: bool = False) -> None:
+        places = [z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)]
+        open_plant = plant(rig, reduced_rotor(rig.rotor, places))
+        n = len(rig.axes)
+        matrices = tuple(np.ascontiguousarray(m) for m in rig.controller.state_space(n, rig.sample_rate))
+        controller = None
+        if rig.controller.is_digital:
+            controller = {
+                "matrices": matrices,
+                "delay": rig.controller.delay_samples,
+                "steps": round(rig.controller.rate(rig.sample_rate) / rig.sample_rate),
+                "noise": noise,
+            }
+            self.lft = open_plant
+            self.inputs = tuple(f"i_e.{axis}" for axis in rig.axes)
+            self.inputs += tuple(f"n.{axis}" for axis in rig.axes) if noise else ()
+        else:
+            self.lft = close_analog(open_plant, matrices, noise=noise)
+            self.inputs = self.lft.inputs
+        self.outputs = self.lft.outputs
+        self.sample_time = 1.0 / rig.sample_rate
+        gains = [(filled_by[port.slot], port.scale, port.power) for port in self.lft.ports]
+        self.parameters = 1 + max(filled_by.values(), default=-1)
+        self.core = _core.ClosedLoop(_matrices(self.lft), gains, self.parameters, self.sample_time, controller)
+
+    def simulate(self, theta: ArrayLike, u: ArrayLike) -> FloatArray:
+        """Exact zero-order-hold response from rest.
+
+        Parameters
+        ----------
+        theta : array_like, shape (parameters,)
+        u : array_like, shape (N, inputs)
+            Each row is held from its sample to the next.
+
+        Returns
+        -------
+        ndarray, shape (N, outputs)
+
+        Raises
+        ------
+        UnstableLoopError
+            If the loop is unstable at `theta`.
+        """
+        return self.core.simulate(_vector(theta), _signal(u))
+
+    def sensitivity(self, theta: ArrayLike, u: ArrayLike, free: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+        """Response and its exact derivative by the parameters in `free`.
+
+        Returns
+        -------
+        y : ndarray, shape (N, outputs)
+        jacobian : ndarray, shape (N, outputs, len(free))
+        """
+        return self.core.sensitivity(_vector(theta), list(free), _signal(u))
+
+    def poles(self, theta: ArrayLike) -> np.ndarray:
+        """Poles of the closed loop [1/s], shape (states,), slowest first."""
+        poles = self.core.poles(_vector(theta))
+        return poles[np.lexsort((poles.imag, -poles.real))]
+
+    def state_space(self, theta: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """A, B, C, D of the loop sampled with zero-order hold, inputs to outputs."""
+        return self.core.discrete(_vector(theta))
+
+    def simulator(self, theta: ArrayLike) -> Simulator:
+        """Return the loop at `theta`, at rest, to be stepped sample by sample."""
+        return Simulator(self, theta)
+
+
+class Simulator:
+    """Embedded simulator: takes one sample of the excitation, returns the outputs of that instant.
+
+    Unlike `Loop.simulate` it also runs an unstable loop, since the real one would do so too.
+
+    Parameters
+    ----------
+    loop : Loop
+    theta : array_like, shape (parameters,)
+    """
+
+    def __init__(self, loop: Loop, theta: ArrayLike) -> None:
+        self.inputs, self.outputs = loop.inputs, loop.outputs
+        self._stepper = _core.Stepper(loop.core, _vector(theta))
+
+    def step(self, u: ArrayLike) -> FloatArray:
+        """Outputs now, shape (outputs,); `u`, shape (inputs,), is held until the next call."""
+        return self._stepper.step(_vector(u))
+
+    def run(self, u: ArrayLike) -> FloatArray:
+        """Outputs, shape (N, outputs), while stepping through `u`, shape (N, inputs), from the present state."""
+        return self._stepper.run(_signal(u))
+
+    def reset(self) -> None:
+        """Back to rest."""
+        self._stepper.reset()
+
+
+def _matrices(lft: Lft) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    return tuple(np.ascontiguousarray(m, dtype=np.float64) for m in (lft.A, lft.B, lft.C, lft.D))
+
+
+def _vector(values: ArrayLike) -> FloatArray:
+    vector = np.ascontiguousarray(values, dtype=np.float64)
+    if vector.ndim != 1:
+        raise ModelError(f"a vector is needed, found an array of shape {vector.shape}")
+    return vector
+
+
+def _signal(values: ArrayLike) -> FloatArray:
+    signal = np.ascontiguousarray(values, dtype=np.float64)
+    if signal.ndim != 2:
+        raise ModelError(f"a signal of shape (samples, channels) is needed, found shape {signal.shape}")
+    return signal
