@@ -1,0 +1,419 @@
+"""Closed-loop identification (CLI): the parameters that make the simulated loop follow the measured one (eq. 9)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import product
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ambid import _core
+from ambid.covariance import score_covariance
+from ambid.errors import ModelError, RecordError, UnstableLoopError
+from ambid.estimate import Estimate, ParameterEstimate
+from ambid.fit import fit_percent, measured_outputs, recorded_channels, with_average
+from ambid.loop.plant import FloatArray
+from ambid.model import UNITS, Model
+from ambid.record import Record, noise_ceiling
+from ambid.rig import Rig
+
+__all__ = ["identify"]
+
+NORMAL_95 = 1.959964
+STABLE_FACTORS = (0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.5)
+"""Where the start is unstable, these multiples of the start values are tried."""
+WHOLLY_UNKNOWN = 1.0
+"""A combination of parameters with a relative standard deviation above this is not identifiable."""
+
+
+def identify(
+    model: Model | Rig,
+    records: Record | Sequence[Record],
+    *,
+    free: Iterable[str] | None = None,
+    fixed: Iterable[str] = (),
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    weights: Mapping[str, float] | None = None,
+    starts: int = 1,
+    seed: int = 0,
+    max_evaluations: int = 100,
+    progress: Callable[[int, float], None] | None = None,
+) -> Estimate:
+    """Fit the free parameters of a closed-loop model to records by least squares (eq. 9).
+
+    The loop is simulated from rest with each record's excitation; the means of the measured and the simulated signals
+    are removed per record and channel, so that gravity and sensor offsets do not matter. Residuals are weighted by the
+    noise of their channel: its scatter over the periods, or, without periods, the residual of a first fit.
+
+    Parameters
+    ----------
+    model : Model or Rig
+        Start values; a rig means its nominal values.
+    records : Record or sequence of Record
+        Of this rig, all with the same axes and sample rate.
+    free : iterable of str, optional
+        Names or patterns such as ``K_i`` or ``K_s.A_*``; default all.
+    fixed : iterable of str
+        Names or patterns that keep their start values.
+    bounds : mapping of str to (float, float), optional
+        By name or pattern, SI units; default positive.
+    weights : mapping of str to float, optional
+        Further factors for the signals ``y`` and ``i_c``, or single channels such as ``y.A_zeta``; 0 leaves them out.
+    starts : int
+        Number of starts; those after the first are spread by about 30 % around it, and the best end counts.
+    seed : int
+        Of the spread.
+    max_evaluations : int
+        Per start.
+    progress : callable, optional
+        Called with the number of evaluations and the present cost.
+
+    Returns
+    -------
+    Estimate
+
+    Raises
+    ------
+    UnstableLoopError
+        If the loop is unstable at every start.
+    InputError
+        If a name, bound, weight or record does not fit the model.
+    """
+    begun = time.perf_counter()
+    model = Model(model) if isinstance(model, Rig) else model
+    records = (records,) if isinstance(records, Record) else tuple(records)
+    _check_records(model, records)
+    chosen = set(range(len(model.names)) if free is None else model.index(free)) - set(model.index(fixed))
+    if not chosen:
+        raise ModelError("no parameter is free; leave some out of `fixed`, or name some in `free`")
+    problem = _Problem(model, records, sorted(chosen), _noise(records), _factors(model, weights), progress)
+    limits = _limits(model, problem.free, bounds)
+    best, notes = _best_of(problem, _starts(model.theta, problem.free, limits, starts, seed), limits, max_evaluations)
+    if not all(record.periods >= 3 for record in records):
+        # without a scatter over periods the first fit's residual is the noise
+        problem = problem.with_noise(problem.residual_rms(best.theta))
+        again, more = _best_of(problem, [best.theta[problem.free]], limits, max_evaluations)
+        best, notes = again, [*notes, *more]
+    return _estimate(problem, best, limits, notes, begun)
+
+
+class _End:
+    """Where one start ended."""
+
+    def __init__(self, theta: FloatArray, cost: float, status: str) -> None:
+        self.theta, self.cost, self.status = theta, cost, status
+
+
+class _Problem:
+    """Weighted least squares in relative parameters x = theta / start, reduced to normal equations by the core.
+
+    SciPy sees a residual of `free + 1` numbers with the same norm, Jacobian and gradient as the N x channels one: with
+    the eigenvectors ``J'J = V L V'``, they are ``[L^-1/2 V'J'r; what J cannot explain]`` and ``[L^1/2 V'; 0]``.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        records: tuple[Record, ...],
+        free: list[int],
+        noise: list[FloatArray],
+        factors: FloatArray,
+        progress: Callable[[int, float], None] | None,
+    ) -> None:
+        self.model, self.records, self.free = model, records, free
+        self.scale = model.theta[free]
+        self.factors, self.progress = factors, progress
+        self.weights = [
+            np.where(_recorded(model, record), factors / rms, 0.0) for record, rms in zip(records, noise, strict=True)
+        ]
+        core = model.loop.core
+        self._data = [
+            _core.Data(core, record.i_e, measured_outputs(record), w)
+            for record, w in zip(records, self.weights, strict=True)
+        ]
+        self.evaluations = 0
+        self._last: tuple[bytes, FloatArray, FloatArray, float] | None = None
+        self.best: tuple[float, FloatArray] | None = None
+
+    def with_noise(self, noise: list[FloatArray]) -> _Problem:
+        """The same problem with other noise levels."""
+        other = _Problem(self.model, self.records, self.free, noise, self.factors, self.progress)
+        other.evaluations = self.evaluations
+        return other
+
+    def theta(self, x: FloatArray) -> FloatArray:
+        theta = self.model.theta
+        theta[self.free] = x * self.scale
+        return theta
+
+    def normal_equations(self, x: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        """J'J and J'r by x, and r'r."""
+        if self._last is None or self._last[0] != x.tobytes():
+            core = self.model.loop.core
+            hessian, gradient, squares = _core.normal_equations(core, self.theta(x), self.free, self._data)
+            cost = float(squares.sum())
+            self.evaluations += 1
+            self._last = (x.tobytes(), hessian * np.outer(self.scale, self.scale), gradient * self.scale, cost)
+            if self.best is None or cost < self.best[0]:
+                self.best = (cost, x.copy())
+            if self.progress is not None:
+                self.progress(self.evaluations, cost)
+        return self._last[1:]
+
+    def residual(self, x: FloatArray) -> FloatArray:
+        """The short residual; infinite, which SciPy rejects as a step, where the loop is unstable."""
+        try:
+            return self._short(x)[0]
+        except (UnstableLoopError, ModelError):
+            return np.full(len(x) + 1, np.inf)
+
+    def jacobian(self, x: FloatArray) -> FloatArray:
+        return self._short(x)[1]
+
+    def _short(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        hessian, gradient, cost = self.normal_equations(x)
+        values, vectors = np.linalg.eigh(hessian)
+        roots = np.sqrt(np.maximum(values, values[-1] * 1e-15))
+        explained = vectors.T @ gradient / roots
+        rest = np.sqrt(max(cost - explained @ explained, 0.0))
+        return np.append(explained, rest), np.vstack([roots[:, None] * vectors.T, np.zeros(len(x))])
+
+    def residual_rms(self, theta: FloatArray) -> list[FloatArray]:
+        """Rms of each channel's residual, per record."""
+        found = []
+        for record in self.records:
+            z = measured_outputs(record)
+            rms = (z - self.model.loop.simulate(theta, record.i_e)).std(axis=0)
+            found.append(np.where(rms > 0.0, rms, 1.0))
+        return found
+
+
+def _check_records(model: Model, records: tuple[Record, ...]) -> None:
+    if not records:
+        raise RecordError("no record was given; give at least one")
+    for record in records:
+        where = record.path or record.name
+        if record.axes != model.rig.axes:
+            raise RecordError(
+                f"{where}: axes {', '.join(record.axes)}, the rig has {', '.join(model.rig.axes)}; "
+                "load the record with its rig"
+            )
+        if abs(record.sample_rate / model.rig.sample_rate - 1.0) > 1e-6:
+            raise RecordError(f"{where}: {record.sample_rate:g} Hz, the rig samples at {model.rig.sample_rate:g} Hz")
+        if record.i_e is None:
+            raise RecordError(f"{where}: i_e was not logged; load the record with its rig, whose controller rebuilds it")
+
+
+def _recorded(model: Model, record: Record) -> FloatArray:
+    return np.isin(model.loop.outputs, recorded_channels(record))
+
+
+def _noise(records: tuple[Record, ...]) -> list[FloatArray]:
+    """Noise rms of each output, from the scatter over the periods; without periods, the signal's own rms."""
+    levels = []
+    for record in records:
+        ceilings = noise_ceiling(record)
+        deviation = measured_outputs(record).std(axis=0)
+        share = np.array([1.0 - ceilings.get(name, np.nan) / 100.0 for name in recorded_channels(record)])
+        share = np.append(share, np.ones(len(deviation) - len(share)))
+        rms = np.where(np.isnan(share), 1.0, share) * deviation
+        levels.append(np.where(rms > 0.0, rms, 1.0))
+    return levels
+
+
+def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:
+    factors = np.ones(len(model.loop.outputs))
+    for name, factor in (weights or {}).items():
+        own = [i for i, out in enumerate(model.loop.outputs) if out == name or out.startswith(f"{name}.")]
+        if not own:
+            raise ModelError(f"weights: {name} is no channel; expected y, i_c, or one of {', '.join(model.loop.outputs)}")
+        if not (np.isfinite(factor) and factor >= 0.0):
+            raise ModelError(f"weights: {name} = {factor}; expected a number of 0 or more")
+        factors[own] = factor
+    if not factors.any():
+        raise ModelError("weights: every channel has weight 0; leave at least one in")
+    return factors
+
+
+def _limits(
+    model: Model, free: list[int], bounds: Mapping[str, tuple[float, float]] | None
+) -> tuple[FloatArray, FloatArray]:
+    """Lower and upper bounds of x."""
+    lower, upper = np.full(len(model.names), 0.0), np.full(len(model.names), np.inf)
+    for name, (low, high) in (bounds or {}).items():
+        at = model.index([name])
+        if not 0.0 <= low < high:
+            raise ModelError(f"bounds of {name}: {low:g} .. {high:g}; expected 0 <= lower < upper, SI units")
+        lower[at], upper[at] = low, high
+        outside = [model.names[i] for i in at if i in free and not low <= model.theta[i] <= high]
+        if outside:
+            values = ", ".join(f"{n} = {model.theta[model.names.index(n)]:g}" for n in outside)
+            raise ModelError(f"bounds of {name}: the start {values} lies outside {low:g} .. {high:g}; move one of them")
+    scale = model.theta[free]
+    return lower[free] / scale, upper[free] / scale
+
+
+def _starts(
+    theta: FloatArray, free: list[int], limits: tuple[FloatArray, FloatArray], count: int, seed: int
+) -> list[FloatArray]:
+    if count < 1:
+        raise ModelError(f"starts = {count}; expected 1 or more")
+    random = np.random.default_rng(seed)
+    factors = [np.ones(len(free)), *np.exp(0.3 * random.standard_normal((count - 1, len(free))))]
+    return [theta[free] * np.clip(factor, *limits) for factor in factors]
+
+
+def _best_of(
+    problem: _Problem, starts: list[FloatArray], limits: tuple[FloatArray, FloatArray], max_evaluations: int
+) -> tuple[_End, list[str]]:
+    ends, unstable = [], None
+    for start in starts:
+        x = start / problem.scale
+        try:
+            problem.normal_equations(x)
+        except UnstableLoopError as error:
+            unstable = error
+            continue
+        ends.append(_descend(problem, x, limits, max_evaluations))
+        if ends[-1].status == "stopped":
+            break
+    notes = []
+    if not ends:
+        x, moved = _stable_start(problem, limits)
+        if x is None:
+            raise UnstableLoopError(
+                f"the closed loop is unstable at the start values ({unstable}), and at all others that were tried "
+                f"around them. Check the controller, the signs and sizes of K_i and K_s, and the time constants in "
+                f"{problem.model.rig.path or 'the rig'}."
+            )
+        notes.append(f"the loop is unstable at the rig's values; started from {moved} instead")
+        ends.append(_descend(problem, x, limits, max_evaluations))
+    best = min(ends, key=lambda end: end.cost)
+    if len(starts) > 1:
+        same = sum(end.cost < best.cost * (1.0 + 1e-6) for end in ends)
+        notes.append(f"{same} of {len(starts)} starts ended at this optimum, {len(starts) - len(ends)} were unstable")
+    return best, notes
+
+
+def _stable_start(problem: _Problem, limits: tuple[FloatArray, FloatArray]) -> tuple[FloatArray | None, str]:
+    """The nearest start that is stable, among common factors of all K_i, all K_s and all time constants."""
+    kinds = {kind: [k for k, i in enumerate(problem.free) if problem.model.names[i].startswith(kind)] for kind in UNITS}
+    factors = product(*((STABLE_FACTORS if members else (1.0,)) for members in kinds.values()))
+    for trial in sorted(factors, key=lambda trial: np.sum(np.log(trial) ** 2)):
+        x = np.ones(len(problem.free))
+        for members, factor in zip(kinds.values(), trial, strict=True):
+            x[members] = factor
+        x = np.clip(x, *limits)
+        if problem.model.loop.poles(problem.theta(x)).real.max() < 0.0:
+            used = [f"{f:g} {kind}" for (kind, members), f in zip(kinds.items(), trial, strict=True) if members]
+            return x, ", ".join(used)
+    return None, ""
+
+
+def _descend(problem: _Problem, x: FloatArray, limits: tuple[FloatArray, FloatArray], max_evaluations: int) -> _End:
+    problem.best = None
+    tiny = 1e-9  # bounds of zero are open: a gain or time constant of zero is no model
+    bounds = (np.maximum(limits[0], tiny), limits[1])
+    inside = np.clip(x, bounds[0] * (1 + 1e-12), bounds[1] * (1 - 1e-12))
+    try:
+        result = least_squares(
+            problem.residual, inside, problem.jacobian, bounds=bounds, method="trf",
+            xtol=1e-8, ftol=1e-10, gtol=1e-10, max_nfev=max_evaluations,
+        )  # fmt: skip
+    except KeyboardInterrupt:
+        cost, x = problem.best
+        return _End(problem.theta(x), cost, "stopped")
+    status = "max_evaluations" if result.status == 0 else "converged"
+    at_bound = (result.active_mask != 0) & (result.x > 10 * tiny)
+    return _End(problem.theta(result.x), 2.0 * result.cost, "at_bound" if at_bound.any() else status)
+
+
+def _estimate(
+    problem: _Problem, end: _End, limits: tuple[FloatArray, FloatArray], notes: list[str], begun: float
+) -> Estimate:
+    model, free = problem.model, problem.free
+    simulated, covariance = _spread(problem, end.theta)
+    relative = covariance / np.outer(end.theta[free], end.theta[free])
+    directions = _unknown(relative, [model.names[i] for i in free])
+    lost = {name for direction in directions for name in direction}
+    deviation = np.sqrt(np.diag(covariance))
+    parameters = {}
+    for k, i in enumerate(free):
+        name, value, sd = model.names[i], float(end.theta[i]), float(deviation[k])
+        unit = model.parameters[i].unit
+        if name in lost:
+            parameters[name] = ParameterEstimate(None, None, None, unit)
+            covariance[k, :] = covariance[:, k] = np.nan
+        else:
+            interval = (value - NORMAL_95 * sd, value + NORMAL_95 * sd)
+            parameters[name] = ParameterEstimate(value, sd, interval, unit)
+    if end.status == "at_bound":
+        x = end.theta[free] / problem.scale
+        at = [model.names[i] for k, i in enumerate(free) if x[k] <= limits[0][k] * 1.001 or x[k] >= limits[1][k] * 0.999]
+        notes = [*notes, f"at a bound: {', '.join(at)}"]
+    records = problem.records
+    channels = [c for c in recorded_channels(records[0]) if all(c in recorded_channels(r) for r in records)]
+    return Estimate(
+        model=model.with_values(dict(zip(model.names, end.theta, strict=True))),
+        parameters=parameters,
+        covariance=covariance,
+        fit_percent=fit_percent(channels, [measured_outputs(r) for r in records], simulated),
+        noise_ceiling_percent=_pooled_ceiling(records, channels),
+        status="not_identifiable" if directions else end.status,
+        evaluations=problem.evaluations,
+        seconds=time.perf_counter() - begun,
+        records=records,
+        simulated=simulated,
+        directions=directions,
+        notes=(*(note for record in records for note in record.notes), *notes),
+    )
+
+
+def _spread(problem: _Problem, theta: FloatArray) -> tuple[tuple[FloatArray, ...], FloatArray]:
+    """Simulated outputs of each record, and the covariance of the free parameters."""
+    size = len(problem.free)
+    hessian, score, simulated = np.zeros((size, size)), np.zeros((size, size)), []
+    for record, weight in zip(problem.records, problem.weights, strict=True):
+        y, jacobian = problem.model.loop.sensitivity(theta, record.i_e, problem.free)
+        simulated.append(y)
+        used = weight > 0.0
+        residual = (measured_outputs(record) - y)[:, used] * weight[used]
+        jacobian = jacobian[:, used] * (weight[used, None] * theta[problem.free])
+        residual -= residual.mean(axis=0)
+        jacobian -= jacobian.mean(axis=0)
+        lines = jacobian.reshape(-1, size)
+        hessian += lines.T @ lines
+        score += score_covariance(residual, jacobian)
+    inverse = _inverse(hessian)
+    return tuple(simulated), inverse @ score @ inverse * np.outer(theta[problem.free], theta[problem.free])
+
+
+def _inverse(hessian: FloatArray) -> FloatArray:
+    """Inverse whose unknown directions come out huge, not as an error."""
+    values, vectors = np.linalg.eigh(hessian)
+    values = np.maximum(values, values[-1] * 1e-13)
+    return (vectors / values) @ vectors.T
+
+
+def _unknown(relative: FloatArray, names: list[str]) -> list[dict[str, float]]:
+    """Combinations of parameters, as relative changes, that the records do not determine."""
+    values, vectors = np.linalg.eigh(relative)
+    unknown = vectors[:, np.sqrt(np.maximum(values, 0.0)) > WHOLLY_UNKNOWN]
+    found = []
+    for vector in unknown.T:
+        vector = vector / vector[np.argmax(np.abs(vector))]
+        found.append({name: float(v) for name, v in zip(names, vector, strict=True) if abs(v) > 0.05})
+    return found
+
+
+def _pooled_ceiling(records: tuple[Record, ...], channels: list[str]) -> dict[str, float]:
+    """Noise ceiling over all records, weighted by the power of each."""
+    missed, total = np.zeros(len(channels)), np.zeros(len(channels))
+    for record in records:
+        ceilings = noise_ceiling(record)
+        power = measured_outputs(record)[:, : len(channels)].var(axis=0) * record.samples
+        missed += (1.0 - np.array([ceilings[c] for c in channels]) / 100.0) ** 2 * power
+        total += power
+    return with_average(dict(zip(channels, (100.0 * (1.0 - np.sqrt(missed / total))).tolist(), strict=True)))
