@@ -136,6 +136,7 @@ class Estimate:
             lines.append(
                 f"{name:14s} {p.value:13.6g} {p.std_error:11.3g}   {p.ci95[0]:.6g} .. {p.ci95[1]:.6g} {p.unit}"
             )
+        lines += ["forces: f = K_i i + K_s s, K_s > 0 destabilises"]
         lines += ["", f"{'channel':14s} {'fit %':>8s} {'noise ceiling %':>16s}", "-" * 40]
         for channel, fit in self.fit_percent.items():
             lines.append(f"{channel:14s} {fit:8.2f} {self.noise_ceiling_percent.get(channel, np.nan):16.2f}")

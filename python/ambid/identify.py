@@ -9,13 +9,13 @@ from itertools import product
 import numpy as np
 from scipy.optimize import least_squares
 
-from ambid import _core
 from ambid.covariance import score_covariance
 from ambid.errors import ModelError, RecordError, UnstableLoopError
 from ambid.estimate import Estimate, ParameterEstimate
-from ambid.fit import fit_percent, measured_outputs, recorded_channels, with_average
+from ambid.fit import excitation, fit_percent, measured_outputs, recorded_channels, with_average
 from ambid.loop.plant import FloatArray
 from ambid.model import UNITS, Model
+from ambid.problem import Problem, noise_levels
 from ambid.record import Record, noise_ceiling
 from ambid.rig import Rig
 
@@ -88,7 +88,7 @@ def identify(
     chosen = set(range(len(model.names)) if free is None else model.index(free)) - set(model.index(fixed))
     if not chosen:
         raise ModelError("no parameter is free; leave some out of `fixed`, or name some in `free`")
-    problem = _Problem(model, records, sorted(chosen), _noise(records), _factors(model, weights), progress)
+    problem = Problem(model, records, sorted(chosen), noise_levels(records), _factors(model, weights), progress)
     limits = _limits(model, problem.free, bounds)
     best, notes = _best_of(problem, _starts(model.theta, problem.free, limits, starts, seed), limits, max_evaluations)
     if not all(record.periods >= 3 for record in records):
@@ -106,90 +106,6 @@ class _End:
         self.theta, self.cost, self.status = theta, cost, status
 
 
-class _Problem:
-    """Weighted least squares in relative parameters x = theta / start, reduced to normal equations by the core.
-
-    SciPy sees a residual of `free + 1` numbers with the same norm, Jacobian and gradient as the N x channels one: with
-    the eigenvectors ``J'J = V L V'``, they are ``[L^-1/2 V'J'r; what J cannot explain]`` and ``[L^1/2 V'; 0]``.
-    """
-
-    def __init__(
-        self,
-        model: Model,
-        records: tuple[Record, ...],
-        free: list[int],
-        noise: list[FloatArray],
-        factors: FloatArray,
-        progress: Callable[[int, float], None] | None,
-    ) -> None:
-        self.model, self.records, self.free = model, records, free
-        self.scale = model.theta[free]
-        self.factors, self.progress = factors, progress
-        self.weights = [
-            np.where(_recorded(model, record), factors / rms, 0.0) for record, rms in zip(records, noise, strict=True)
-        ]
-        core = model.loop.core
-        self._data = [
-            _core.Data(core, record.i_e, measured_outputs(record), w)
-            for record, w in zip(records, self.weights, strict=True)
-        ]
-        self.evaluations = 0
-        self._last: tuple[bytes, FloatArray, FloatArray, float] | None = None
-        self.best: tuple[float, FloatArray] | None = None
-
-    def with_noise(self, noise: list[FloatArray]) -> _Problem:
-        """The same problem with other noise levels."""
-        other = _Problem(self.model, self.records, self.free, noise, self.factors, self.progress)
-        other.evaluations = self.evaluations
-        return other
-
-    def theta(self, x: FloatArray) -> FloatArray:
-        theta = self.model.theta
-        theta[self.free] = x * self.scale
-        return theta
-
-    def normal_equations(self, x: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-        """J'J and J'r by x, and r'r."""
-        if self._last is None or self._last[0] != x.tobytes():
-            core = self.model.loop.core
-            hessian, gradient, squares = _core.normal_equations(core, self.theta(x), self.free, self._data)
-            cost = float(squares.sum())
-            self.evaluations += 1
-            self._last = (x.tobytes(), hessian * np.outer(self.scale, self.scale), gradient * self.scale, cost)
-            if self.best is None or cost < self.best[0]:
-                self.best = (cost, x.copy())
-            if self.progress is not None:
-                self.progress(self.evaluations, cost)
-        return self._last[1:]
-
-    def residual(self, x: FloatArray) -> FloatArray:
-        """The short residual; infinite, which SciPy rejects as a step, where the loop is unstable."""
-        try:
-            return self._short(x)[0]
-        except (UnstableLoopError, ModelError):
-            return np.full(len(x) + 1, np.inf)
-
-    def jacobian(self, x: FloatArray) -> FloatArray:
-        return self._short(x)[1]
-
-    def _short(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        hessian, gradient, cost = self.normal_equations(x)
-        values, vectors = np.linalg.eigh(hessian)
-        roots = np.sqrt(np.maximum(values, values[-1] * 1e-15))
-        explained = vectors.T @ gradient / roots
-        rest = np.sqrt(max(cost - explained @ explained, 0.0))
-        return np.append(explained, rest), np.vstack([roots[:, None] * vectors.T, np.zeros(len(x))])
-
-    def residual_rms(self, theta: FloatArray) -> list[FloatArray]:
-        """Rms of each channel's residual, per record."""
-        found = []
-        for record in self.records:
-            z = measured_outputs(record)
-            rms = (z - self.model.loop.simulate(theta, record.i_e)).std(axis=0)
-            found.append(np.where(rms > 0.0, rms, 1.0))
-        return found
-
-
 def _check_records(model: Model, records: tuple[Record, ...]) -> None:
     if not records:
         raise RecordError("no record was given; give at least one")
@@ -202,25 +118,7 @@ def _check_records(model: Model, records: tuple[Record, ...]) -> None:
             )
         if abs(record.sample_rate / model.rig.sample_rate - 1.0) > 1e-6:
             raise RecordError(f"{where}: {record.sample_rate:g} Hz, the rig samples at {model.rig.sample_rate:g} Hz")
-        if record.i_e is None:
-            raise RecordError(f"{where}: i_e was not logged; load the record with its rig, whose controller rebuilds it")
-
-
-def _recorded(model: Model, record: Record) -> FloatArray:
-    return np.isin(model.loop.outputs, recorded_channels(record))
-
-
-def _noise(records: tuple[Record, ...]) -> list[FloatArray]:
-    """Noise rms of each output, from the scatter over the periods; without periods, the signal's own rms."""
-    levels = []
-    for record in records:
-        ceilings = noise_ceiling(record)
-        deviation = measured_outputs(record).std(axis=0)
-        share = np.array([1.0 - ceilings.get(name, np.nan) / 100.0 for name in recorded_channels(record)])
-        share = np.append(share, np.ones(len(deviation) - len(share)))
-        rms = np.where(np.isnan(share), 1.0, share) * deviation
-        levels.append(np.where(rms > 0.0, rms, 1.0))
-    return levels
+        excitation(record)
 
 
 def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:
@@ -228,7 +126,9 @@ def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:
     for name, factor in (weights or {}).items():
         own = [i for i, out in enumerate(model.loop.outputs) if out == name or out.startswith(f"{name}.")]
         if not own:
-            raise ModelError(f"weights: {name} is no channel; expected y, i_c, or one of {', '.join(model.loop.outputs)}")
+            raise ModelError(
+                f"weights: {name} is no channel; expected y, i_c, or one of {', '.join(model.loop.outputs)}"
+            )
         if not (np.isfinite(factor) and factor >= 0.0):
             raise ModelError(f"weights: {name} = {factor}; expected a number of 0 or more")
         factors[own] = factor
@@ -266,7 +166,7 @@ def _starts(
 
 
 def _best_of(
-    problem: _Problem, starts: list[FloatArray], limits: tuple[FloatArray, FloatArray], max_evaluations: int
+    problem: Problem, starts: list[FloatArray], limits: tuple[FloatArray, FloatArray], max_evaluations: int
 ) -> tuple[_End, list[str]]:
     ends, unstable = [], None
     for start in starts:
@@ -281,14 +181,15 @@ def _best_of(
             break
     notes = []
     if not ends:
-        x, moved = _stable_start(problem, limits)
-        if x is None:
+        found = _stable_start(problem, limits)
+        if found is None:
             raise UnstableLoopError(
                 f"the closed loop is unstable at the start values ({unstable}), and at all others that were tried "
                 f"around them. Check the controller, the signs and sizes of K_i and K_s, and the time constants in "
                 f"{problem.model.rig.path or 'the rig'}."
             )
-        notes.append(f"the loop is unstable at the rig's values; started from {moved} instead")
+        x, moved = found
+        notes.append(f"the loop is unstable at the start values; started from {moved} of them instead")
         ends.append(_descend(problem, x, limits, max_evaluations))
     best = min(ends, key=lambda end: end.cost)
     if len(starts) > 1:
@@ -297,7 +198,7 @@ def _best_of(
     return best, notes
 
 
-def _stable_start(problem: _Problem, limits: tuple[FloatArray, FloatArray]) -> tuple[FloatArray | None, str]:
+def _stable_start(problem: Problem, limits: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, str] | None:
     """The nearest start that is stable, among common factors of all K_i, all K_s and all time constants."""
     kinds = {kind: [k for k, i in enumerate(problem.free) if problem.model.names[i].startswith(kind)] for kind in UNITS}
     factors = product(*((STABLE_FACTORS if members else (1.0,)) for members in kinds.values()))
@@ -307,13 +208,13 @@ def _stable_start(problem: _Problem, limits: tuple[FloatArray, FloatArray]) -> t
             x[members] = factor
         x = np.clip(x, *limits)
         if problem.model.loop.poles(problem.theta(x)).real.max() < 0.0:
-            used = [f"{f:g} {kind}" for (kind, members), f in zip(kinds.items(), trial, strict=True) if members]
+            used = [f"{f:g} times {kind}" for (kind, members), f in zip(kinds.items(), trial, strict=True) if members]
             return x, ", ".join(used)
-    return None, ""
+    return None
 
 
-def _descend(problem: _Problem, x: FloatArray, limits: tuple[FloatArray, FloatArray], max_evaluations: int) -> _End:
-    problem.best = None
+def _descend(problem: Problem, x: FloatArray, limits: tuple[FloatArray, FloatArray], max_evaluations: int) -> _End:
+    problem.best = (np.inf, x)
     tiny = 1e-9  # bounds of zero are open: a gain or time constant of zero is no model
     bounds = (np.maximum(limits[0], tiny), limits[1])
     inside = np.clip(x, bounds[0] * (1 + 1e-12), bounds[1] * (1 - 1e-12))
@@ -331,7 +232,7 @@ def _descend(problem: _Problem, x: FloatArray, limits: tuple[FloatArray, FloatAr
 
 
 def _estimate(
-    problem: _Problem, end: _End, limits: tuple[FloatArray, FloatArray], notes: list[str], begun: float
+    problem: Problem, end: _End, limits: tuple[FloatArray, FloatArray], notes: list[str], begun: float
 ) -> Estimate:
     model, free = problem.model, problem.free
     simulated, covariance = _spread(problem, end.theta)
@@ -351,7 +252,8 @@ def _estimate(
             parameters[name] = ParameterEstimate(value, sd, interval, unit)
     if end.status == "at_bound":
         x = end.theta[free] / problem.scale
-        at = [model.names[i] for k, i in enumerate(free) if x[k] <= limits[0][k] * 1.001 or x[k] >= limits[1][k] * 0.999]
+        touches = (x <= limits[0] * 1.001) | (x >= limits[1] * 0.999)
+        at = [model.names[i] for i, touched in zip(free, touches, strict=True) if touched]
         notes = [*notes, f"at a bound: {', '.join(at)}"]
     records = problem.records
     channels = [c for c in recorded_channels(records[0]) if all(c in recorded_channels(r) for r in records)]
@@ -371,12 +273,12 @@ def _estimate(
     )
 
 
-def _spread(problem: _Problem, theta: FloatArray) -> tuple[tuple[FloatArray, ...], FloatArray]:
+def _spread(problem: Problem, theta: FloatArray) -> tuple[tuple[FloatArray, ...], FloatArray]:
     """Simulated outputs of each record, and the covariance of the free parameters."""
     size = len(problem.free)
     hessian, score, simulated = np.zeros((size, size)), np.zeros((size, size)), []
     for record, weight in zip(problem.records, problem.weights, strict=True):
-        y, jacobian = problem.model.loop.sensitivity(theta, record.i_e, problem.free)
+        y, jacobian = problem.model.loop.sensitivity(theta, excitation(record), problem.free)
         simulated.append(y)
         used = weight > 0.0
         residual = (measured_outputs(record) - y)[:, used] * weight[used]

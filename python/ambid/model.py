@@ -71,7 +71,9 @@ class Model:
             )
         for parameter in self.parameters:
             if not (np.isfinite(parameter.value) and parameter.value > 0.0):
-                raise ModelError(f"{parameter.name} = {parameter.value}: expected a positive number in {parameter.unit}")
+                raise ModelError(
+                    f"{parameter.name} = {parameter.value}: expected a positive number in {parameter.unit}"
+                )
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -210,11 +212,11 @@ class Model:
         covariance : array_like, shape (parameters, parameters), optional
             NaN for parameters that were not free.
         """
-        matrix = None if covariance is None else np.where(np.isnan(covariance), None, covariance).tolist()
-        parameters = {
-            p.name: {"value": p.value, "unit": p.unit, "slots": list(p.slots)} for p in self.parameters
-        }
-        text = {
+        matrix = None
+        if covariance is not None:
+            matrix = [[None if np.isnan(c) else float(c) for c in row] for row in np.asarray(covariance)]
+        parameters = {p.name: {"value": p.value, "unit": p.unit, "slots": list(p.slots)} for p in self.parameters}
+        text: dict[str, Any] = {
             "format": FORMAT,
             "rig": self.rig.to_toml(),
             "effects": [],

@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike
 from ambid import _core
 from ambid.errors import ModelError
 from ambid.loop.controller import close_analog
-from ambid.loop.plant import FloatArray, Lft, plant
+from ambid.loop.plant import FloatArray, plant
 from ambid.rig import Rig
 from ambid.rotor import reduced_rotor
+
 
 class Loop:
     """A rig's closed loop with named inputs, outputs and parameters.
@@ -38,8 +39,8 @@ class Loop:
         places = [z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)]
         open_plant = plant(rig, reduced_rotor(rig.rotor, places))
         n = len(rig.axes)
-        matrices = tuple(np.ascontiguousarray(m) for m in rig.controller.state_space(n, rig.sample_rate))
-        controller = None
+        matrices = _matrices(*rig.controller.state_space(n, rig.sample_rate))
+        controller: _core._DigitalController | None = None
         if rig.controller.is_digital:
             controller = {
                 "matrices": matrices,
@@ -57,7 +58,13 @@ class Loop:
         self.sample_time = 1.0 / rig.sample_rate
         gains = [(filled_by[port.slot], port.scale, port.power) for port in self.lft.ports]
         self.parameters = 1 + max(filled_by.values(), default=-1)
-        self.core = _core.ClosedLoop(_matrices(self.lft), gains, self.parameters, self.sample_time, controller)
+        self.core = _core.ClosedLoop(
+            _matrices(self.lft.A, self.lft.B, self.lft.C, self.lft.D),
+            gains,
+            self.parameters,
+            self.sample_time,
+            controller,
+        )
 
     def simulate(self, theta: ArrayLike, u: ArrayLike) -> FloatArray:
         """Exact zero-order-hold response from rest.
@@ -86,7 +93,17 @@ class Loop:
         -------
         y : ndarray, shape (N, outputs)
         jacobian : ndarray, shape (N, outputs, len(free))
+
+        Raises
+        ------
+        ModelError
+            If there is no such parameter.
+        UnstableLoopError
+            If the loop is unstable at `theta`.
         """
+        for index in free:
+            if not 0 <= index < self.parameters:
+                raise ModelError(f"free parameter {index} is not one of the {self.parameters}, which count from 0")
         return self.core.sensitivity(_vector(theta), list(free), _signal(u))
 
     def poles(self, theta: ArrayLike) -> np.ndarray:
@@ -131,14 +148,25 @@ class Simulator:
         self._stepper.reset()
 
 
-def _matrices(lft: Lft) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    return tuple(np.ascontiguousarray(m, dtype=np.float64) for m in (lft.A, lft.B, lft.C, lft.D))
+def _matrices(
+    a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """The same matrices as the core wants them."""
+    return (
+        np.ascontiguousarray(a, dtype=np.float64),
+        np.ascontiguousarray(b, dtype=np.float64),
+        np.ascontiguousarray(c, dtype=np.float64),
+        np.ascontiguousarray(d, dtype=np.float64),
+    )
 
 
 def _vector(values: ArrayLike) -> FloatArray:
     vector = np.ascontiguousarray(values, dtype=np.float64)
     if vector.ndim != 1:
         raise ModelError(f"a vector is needed, found an array of shape {vector.shape}")
+    if not np.isfinite(vector).all():
+        index = int(np.argmin(np.isfinite(vector)))
+        raise ModelError(f"finite numbers are needed, found {vector[index]} at index {index} of a vector")
     return vector
 
 
@@ -146,4 +174,8 @@ def _signal(values: ArrayLike) -> FloatArray:
     signal = np.ascontiguousarray(values, dtype=np.float64)
     if signal.ndim != 2:
         raise ModelError(f"a signal of shape (samples, channels) is needed, found shape {signal.shape}")
+    if not np.isfinite(signal).all():
+        sample, channel = np.argwhere(~np.isfinite(signal))[0]
+        found = f"{signal[sample, channel]} at sample {sample} of channel {channel}"
+        raise ModelError(f"finite numbers are needed, found {found} of a signal; repair or cut the record")
     return signal

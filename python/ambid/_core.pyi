@@ -1,0 +1,56 @@
+"""The Rust core. `ambid.loop` and `ambid.identify` give it names and units; use those."""
+
+from typing import TypedDict, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["ClosedLoop", "Data", "Stepper", "normal_equations"]
+
+_Vector = NDArray[np.float64]
+_Matrix = NDArray[np.float64]
+_Matrices = tuple[_Matrix, _Matrix, _Matrix, _Matrix]
+
+class _DigitalController(TypedDict):
+    matrices: _Matrices
+    delay: float
+    steps: int
+    noise: bool
+
+@final
+class ClosedLoop:
+    def __new__(
+        cls,
+        matrices: _Matrices,
+        gains: list[tuple[int, float, int]],
+        parameters: int,
+        dt: float,
+        controller: _DigitalController | None = None,
+    ) -> ClosedLoop: ...
+    @property
+    def inputs(self) -> int: ...
+    @property
+    def outputs(self) -> int: ...
+    @property
+    def parameters(self) -> int: ...
+    @property
+    def parts(self) -> int: ...
+    def poles(self, theta: _Vector) -> NDArray[np.complex128]: ...
+    def discrete(self, theta: _Vector) -> _Matrices: ...
+    def simulate(self, theta: _Vector, u: _Matrix) -> _Matrix: ...
+    def sensitivity(self, theta: _Vector, free: list[int], u: _Matrix) -> tuple[_Matrix, NDArray[np.float64]]: ...
+
+@final
+class Data:
+    def __new__(cls, system: ClosedLoop, u: _Matrix, z: _Matrix, weights: _Vector, first: int = 0) -> Data: ...
+
+@final
+class Stepper:
+    def __new__(cls, system: ClosedLoop, theta: _Vector) -> Stepper: ...
+    def step(self, u: _Vector) -> _Vector: ...
+    def run(self, u: _Matrix) -> _Matrix: ...
+    def reset(self) -> None: ...
+
+def normal_equations(
+    system: ClosedLoop, theta: _Vector, free: list[int], records: list[Data]
+) -> tuple[_Matrix, _Vector, _Vector]: ...
