@@ -18,6 +18,7 @@ from ambid.identify import identify
 from ambid.model import Model, Parameter
 from ambid.record import Record, StaticLoading, noise_ceiling
 from ambid.rig import Controller, Rig
+from ambid.static_load import StaticEstimate, static_load
 
 __version__ = version("ambid")
 
@@ -36,6 +37,7 @@ __all__ = [
     "RecordError",
     "Rig",
     "RigError",
+    "StaticEstimate",
     "StaticLoading",
     "UnstableLoopError",
     "compare",
@@ -43,4 +45,5 @@ __all__ = [
     "multisine",
     "noise_ceiling",
     "prbs",
+    "static_load",
 ]

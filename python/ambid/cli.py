@@ -100,12 +100,13 @@ def identify_command(
 def static_load_command(
     rig: RigFile,
     loads: Annotated[list[Path], typer.Argument(metavar="LOADS...", help="Static loadings (.csv).")],
+    deflection: Annotated[bool, typer.Option("--deflection", help="Take in K_s s of the bent rotor.")] = False,
     json_file: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
     """Find K_i by static loading: equilibrium of known forces and recorded currents."""
     machine = Rig.load(rig)
-    estimate = static_load(machine, [StaticLoading.load(path, machine) for path in loads])
+    estimate = static_load(machine, [StaticLoading.load(path, machine) for path in loads], deflection=deflection)
     _print(estimate, quiet)
     _write_json(estimate.to_json(), json_file)
 

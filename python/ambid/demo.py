@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ambid.compare import compare
+from ambid.estimate import ParameterEstimate
 from ambid.identify import identify
 from ambid.plot import save_comparison
 from ambid.record import Record, StaticLoading
@@ -46,8 +47,7 @@ def run(out: Path, say: Callable[[str], None] = print) -> dict[str, Any]:
     say("4. K_i by both methods [N/A]:")
     say(f"{'':12s} {'closed-loop identification':>32s} {'static loading':>32s}")
     for name, static in loading.parameters.items():
-        both = (estimate.parameters[name], static)
-        say(f"{name:12s} " + " ".join(f"{p.value:14.2f} [{p.ci95[0]:.2f}, {p.ci95[1]:.2f}]" for p in both))
+        say(f"{name:12s} {_interval(estimate.parameters[name]):>32s} {_interval(static):>32s}")
     model, picture = out / "model.json", out / "measured_and_simulated.png"
     estimate.save(model)
     save_comparison(comparison, picture)
@@ -60,3 +60,9 @@ def run(out: Path, say: Callable[[str], None] = print) -> dict[str, Any]:
         "files": [str(picture), str(model)],
         "seconds": seconds,
     }
+
+
+def _interval(p: ParameterEstimate) -> str:
+    if p.value is None or p.ci95 is None:
+        return "not identifiable"
+    return f"{p.value:.2f} [{p.ci95[0]:.2f}, {p.ci95[1]:.2f}]"
