@@ -34,6 +34,8 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 status = Console(stderr=True)
+LONGEST_SIMULATION = 10_000_000
+"""Samples of a virtual experiment; more would not fit into the memory of a small computer."""
 
 RigFile = Annotated[Path, typer.Argument(metavar="RIG", help="Rig file (.toml).")]
 RecordFiles = Annotated[list[Path], typer.Argument(metavar="RECORD...", help="Records: .csv, .mat, .h5, .parquet.")]
@@ -65,6 +67,7 @@ def identify_command(
     quiet: Quiet = False,
 ) -> None:
     """Find K_i, K_s and tau_e by closed-loop identification."""
+    _require_folders(json_file, save, plot)
     check_format(plot)
     start, loaded = _model(rig, model), _records(rig, records, period)
     for text in share:
@@ -105,6 +108,7 @@ def static_load_command(
     quiet: Quiet = False,
 ) -> None:
     """Find K_i by static loading: equilibrium of known forces and recorded currents."""
+    _require_folders(json_file)
     machine = Rig.load(rig)
     estimate = static_load(machine, [StaticLoading.load(path, machine) for path in loads], deflection=deflection)
     _print(estimate, quiet)
@@ -122,6 +126,7 @@ def compare_command(
     quiet: Quiet = False,
 ) -> None:
     """Show where and by how much the model misses the measurement; nothing is fitted."""
+    _require_folders(json_file, plot)
     check_format(plot)
     comparison = compare(_model(rig, model), _records(rig, records, period))
     _print(comparison, quiet)
@@ -144,6 +149,7 @@ def simulate_command(
     quiet: Quiet = False,
 ) -> None:
     """Run a virtual experiment and write its record."""
+    _require_folders(json_file, out)
     start = _model(rig, model)
     excitation = virtual_excitation(start.rig, seconds, amplitude)
     record = start.virtual_experiment(excitation, sensor_noise=sensor_noise, current_noise=current_noise, seed=seed)
@@ -170,6 +176,7 @@ def demo_command(
     quiet: Quiet = False,
 ) -> None:
     """Run the whole story on data that come with the package."""
+    _require_folders(json_file)
     result = demonstration.run(out, say=(lambda _: None) if quiet else print)
     _write_json(result, json_file)
 
@@ -178,13 +185,22 @@ def virtual_excitation(rig: Rig, seconds: float, amplitude: float) -> Any:
     """PRBS for a virtual experiment: at least 5 periods in `seconds`, held so that it reaches fs/4."""
     hold = 2
     samples = seconds * rig.sample_rate
-    if not samples >= 5 * 31 * hold:
+    shortest, longest = 5 * 31 * hold, LONGEST_SIMULATION
+    if not shortest <= samples <= longest:
         raise InputError(
-            f"--seconds {seconds:g}: expected at least {5 * 31 * hold / rig.sample_rate:g} s, five periods"
+            f"--seconds {seconds:g}: expected {shortest / rig.sample_rate:g} (five periods) "
+            f"to {longest / rig.sample_rate:g} s at {rig.sample_rate:g} Hz"
         )
     order = next(n for n in range(15, 4, -1) if 5 * (2**n - 1) * hold <= samples)
     periods = -(-int(samples) // ((2**order - 1) * hold))
     return prbs(order, amplitude=amplitude, hold=hold, axes=len(rig.axes), periods=periods)
+
+
+def _require_folders(*files: Path | None) -> None:
+    """Refuse a file that could not be written, before any work is done."""
+    for path in files:
+        if path is not None and (path.is_dir() or not path.parent.is_dir()):
+            raise InputError(f"{path}: cannot be written; give a file in a folder that exists")
 
 
 def _model(rig: Path, model: Path | None) -> Model:
@@ -232,7 +248,7 @@ def _number(option: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise InputError(f"{option}: {text!r} is no number") from None
+        raise InputError(f"{option}: {text!r} is no number; give one in SI units, such as 3e-4") from None
 
 
 def _bound(text: str) -> tuple[str, tuple[float, float]]:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ambid.errors import RecordError
-from ambid.fit import excitation, fit_percent, measured_outputs, recorded_channels, with_average
-from ambid.loop.plant import FloatArray
+from ambid.fit import fit_percent, measured_outputs, recorded_channels, with_average
+from ambid.loop.assembly import FloatArray
 from ambid.model import Model
 from ambid.record import Record, noise_ceiling
 from ambid.yardstick import Whitener, Window, channel_misfit
@@ -139,7 +139,7 @@ def _one(model: Model, record: Record) -> RecordComparison:
         )
     channels = recorded_channels(record)
     measured = measured_outputs(record)[:, : len(channels)]
-    simulated = model.loop.simulate(model.theta, excitation(record))[:, : len(channels)]
+    simulated = model.loop.simulate(model.theta, model.excitation(record))[:, : len(channels)]
     fit = fit_percent(channels, [measured], [simulated])
     ceiling = noise_ceiling(record)
     residual = measured - simulated

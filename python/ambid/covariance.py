@@ -15,7 +15,7 @@ import numpy as np
 from scipy.fft import rfft
 from scipy.ndimage import uniform_filter1d
 
-from ambid.loop.plant import FloatArray
+from ambid.loop.assembly import FloatArray
 
 HALF_WIDTH = 10
 """The spectrum of the residual is averaged over this many lines to each side."""

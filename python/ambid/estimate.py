@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ambid.loop.plant import FloatArray
+from ambid.loop.assembly import FloatArray
 from ambid.model import Model
 from ambid.record import Record
 

@@ -6,25 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ambid.errors import RecordError
-from ambid.loop.plant import FloatArray
+from ambid.loop.assembly import FloatArray
 from ambid.record import Record
-
-
-def excitation(record: Record) -> FloatArray:
-    """Return i_e of a record, shape (N, axes).
-
-    Raises
-    ------
-    RecordError
-        If it was neither logged nor rebuilt.
-    """
-    if record.i_e is None:
-        raise RecordError(
-            f"{record.path or record.name}: i_e was not logged; load the record with its rig, whose controller "
-            "rebuilds it"
-        )
-    return record.i_e
 
 
 def measured_outputs(record: Record) -> FloatArray:

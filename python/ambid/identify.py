@@ -7,15 +7,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import product
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from ambid.covariance import score_covariance
 from ambid.errors import ModelError, RecordError, UnstableLoopError
 from ambid.estimate import Estimate, ParameterEstimate
-from ambid.fit import excitation, fit_percent, measured_outputs, recorded_channels, with_average
-from ambid.loop.plant import FloatArray
+from ambid.fit import fit_percent, measured_outputs, recorded_channels, with_average
+from ambid.loop.assembly import FloatArray
 from ambid.model import UNITS, Model
-from ambid.problem import Problem, noise_levels
+from ambid.problem import End, Limits, Problem, noise_levels
 from ambid.record import Record, noise_ceiling
 from ambid.rig import Rig
 
@@ -26,6 +25,8 @@ STABLE_FACTORS = (0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.5)
 """Where the start is unstable, these multiples of the start values are tried."""
 WHOLLY_UNKNOWN = 1.0
 """A combination of parameters with a relative standard deviation above this is not identifiable."""
+UNSEEN_VARIANCE = 1e6
+"""Relative variance that stands for infinity, for a combination that moves no output."""
 
 
 def identify(
@@ -82,6 +83,9 @@ def identify(
         If a name, bound, weight or record does not fit the model.
     """
     begun = time.perf_counter()
+    for name, number, least in (("starts", starts, 1), ("seed", seed, 0), ("max_evaluations", max_evaluations, 1)):
+        if number < least:
+            raise ModelError(f"{name} = {number}; expected {least} or more")
     model = Model(model) if isinstance(model, Rig) else model
     records = (records,) if isinstance(records, Record) else tuple(records)
     _check_records(model, records)
@@ -99,13 +103,6 @@ def identify(
     return _estimate(problem, best, limits, notes, begun)
 
 
-class _End:
-    """Where one start ended."""
-
-    def __init__(self, theta: FloatArray, cost: float, status: str) -> None:
-        self.theta, self.cost, self.status = theta, cost, status
-
-
 def _check_records(model: Model, records: tuple[Record, ...]) -> None:
     if not records:
         raise RecordError("no record was given; give at least one")
@@ -118,7 +115,7 @@ def _check_records(model: Model, records: tuple[Record, ...]) -> None:
             )
         if abs(record.sample_rate / model.rig.sample_rate - 1.0) > 1e-6:
             raise RecordError(f"{where}: {record.sample_rate:g} Hz, the rig samples at {model.rig.sample_rate:g} Hz")
-        excitation(record)
+        model.excitation(record)
 
 
 def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:
@@ -137,11 +134,10 @@ def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:
     return factors
 
 
-def _limits(
-    model: Model, free: list[int], bounds: Mapping[str, tuple[float, float]] | None
-) -> tuple[FloatArray, FloatArray]:
+def _limits(model: Model, free: list[int], bounds: Mapping[str, tuple[float, float]] | None) -> Limits:
     """Lower and upper bounds of x."""
-    lower, upper = np.full(len(model.names), 0.0), np.full(len(model.names), np.inf)
+    lower = np.array([p.lower for p in model.parameters])
+    upper = np.array([p.upper for p in model.parameters])
     for name, (low, high) in (bounds or {}).items():
         at = model.index([name])
         if not 0.0 <= low < high:
@@ -151,32 +147,26 @@ def _limits(
         if outside:
             values = ", ".join(f"{n} = {model.theta[model.names.index(n)]:g}" for n in outside)
             raise ModelError(f"bounds of {name}: the start {values} lies outside {low:g} .. {high:g}; move one of them")
-    scale = model.theta[free]
+    scale = np.array([model.parameters[i].scale for i in free])
     return lower[free] / scale, upper[free] / scale
 
 
-def _starts(
-    theta: FloatArray, free: list[int], limits: tuple[FloatArray, FloatArray], count: int, seed: int
-) -> list[FloatArray]:
-    if count < 1:
-        raise ModelError(f"starts = {count}; expected 1 or more")
+def _starts(theta: FloatArray, free: list[int], limits: Limits, count: int, seed: int) -> list[FloatArray]:
     random = np.random.default_rng(seed)
     factors = [np.ones(len(free)), *np.exp(0.3 * random.standard_normal((count - 1, len(free))))]
-    return [theta[free] * np.clip(factor, *limits) for factor in factors]
+    return [theta[free] * factor for factor in factors]
 
 
-def _best_of(
-    problem: Problem, starts: list[FloatArray], limits: tuple[FloatArray, FloatArray], max_evaluations: int
-) -> tuple[_End, list[str]]:
+def _best_of(problem: Problem, starts: list[FloatArray], limits: Limits, max_evaluations: int) -> tuple[End, list[str]]:
     ends, unstable = [], None
     for start in starts:
-        x = start / problem.scale
+        x = np.clip(start / problem.scale, *limits)
         try:
             problem.normal_equations(x)
         except UnstableLoopError as error:
             unstable = error
             continue
-        ends.append(_descend(problem, x, limits, max_evaluations))
+        ends.append(problem.descend(x, limits, max_evaluations))
         if ends[-1].status == "stopped":
             break
     notes = []
@@ -190,7 +180,7 @@ def _best_of(
             )
         x, moved = found
         notes.append(f"the loop is unstable at the start values; started from {moved} of them instead")
-        ends.append(_descend(problem, x, limits, max_evaluations))
+        ends.append(problem.descend(x, limits, max_evaluations))
     best = min(ends, key=lambda end: end.cost)
     if len(starts) > 1:
         same = sum(end.cost < best.cost * (1.0 + 1e-6) for end in ends)
@@ -198,14 +188,14 @@ def _best_of(
     return best, notes
 
 
-def _stable_start(problem: Problem, limits: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, str] | None:
+def _stable_start(problem: Problem, limits: Limits) -> tuple[FloatArray, str] | None:
     """The nearest start that is stable, among common factors of all K_i, all K_s and all time constants."""
     kinds = {kind: [k for k, i in enumerate(problem.free) if problem.model.names[i].startswith(kind)] for kind in UNITS}
     factors = product(*((STABLE_FACTORS if members else (1.0,)) for members in kinds.values()))
     for trial in sorted(factors, key=lambda trial: np.sum(np.log(trial) ** 2)):
-        x = np.ones(len(problem.free))
+        x = problem.model.theta[problem.free] / problem.scale
         for members, factor in zip(kinds.values(), trial, strict=True):
-            x[members] = factor
+            x[members] *= factor
         x = np.clip(x, *limits)
         if problem.model.loop.poles(problem.theta(x)).real.max() < 0.0:
             used = [f"{f:g} times {kind}" for (kind, members), f in zip(kinds.items(), trial, strict=True) if members]
@@ -213,30 +203,11 @@ def _stable_start(problem: Problem, limits: tuple[FloatArray, FloatArray]) -> tu
     return None
 
 
-def _descend(problem: Problem, x: FloatArray, limits: tuple[FloatArray, FloatArray], max_evaluations: int) -> _End:
-    problem.best = (np.inf, x)
-    tiny = 1e-9  # bounds of zero are open: a gain or time constant of zero is no model
-    bounds = (np.maximum(limits[0], tiny), limits[1])
-    inside = np.clip(x, bounds[0] * (1 + 1e-12), bounds[1] * (1 - 1e-12))
-    try:
-        result = least_squares(
-            problem.residual, inside, problem.jacobian, bounds=bounds, method="trf",
-            xtol=1e-8, ftol=1e-10, gtol=1e-10, max_nfev=max_evaluations,
-        )  # fmt: skip
-    except KeyboardInterrupt:
-        cost, x = problem.best
-        return _End(problem.theta(x), cost, "stopped")
-    status = "max_evaluations" if result.status == 0 else "converged"
-    at_bound = (result.active_mask != 0) & (result.x > 10 * tiny)
-    return _End(problem.theta(result.x), 2.0 * result.cost, "at_bound" if at_bound.any() else status)
-
-
-def _estimate(
-    problem: Problem, end: _End, limits: tuple[FloatArray, FloatArray], notes: list[str], begun: float
-) -> Estimate:
+def _estimate(problem: Problem, end: End, limits: Limits, notes: list[str], begun: float) -> Estimate:
     model, free = problem.model, problem.free
     simulated, covariance = _spread(problem, end.theta)
-    relative = covariance / np.outer(end.theta[free], end.theta[free])
+    sizes = np.maximum(np.abs(end.theta[free]), problem.scale)
+    relative = covariance / np.outer(sizes, sizes)
     directions = _unknown(relative, [model.names[i] for i in free])
     lost = {name for direction in directions for name in direction}
     deviation = np.sqrt(np.diag(covariance))
@@ -252,7 +223,7 @@ def _estimate(
             parameters[name] = ParameterEstimate(value, sd, interval, unit)
     if end.status == "at_bound":
         x = end.theta[free] / problem.scale
-        touches = (x <= limits[0] * 1.001) | (x >= limits[1] * 0.999)
+        touches = (np.abs(x - limits[0]) < 1e-3) | (np.abs(x - limits[1]) < 1e-3)
         at = [model.names[i] for i, touched in zip(free, touches, strict=True) if touched]
         notes = [*notes, f"at a bound: {', '.join(at)}"]
     records = problem.records
@@ -278,25 +249,27 @@ def _spread(problem: Problem, theta: FloatArray) -> tuple[tuple[FloatArray, ...]
     size = len(problem.free)
     hessian, score, simulated = np.zeros((size, size)), np.zeros((size, size)), []
     for record, weight in zip(problem.records, problem.weights, strict=True):
-        y, jacobian = problem.model.loop.sensitivity(theta, excitation(record), problem.free)
+        y, jacobian = problem.model.loop.sensitivity(theta, problem.model.excitation(record), problem.free)
         simulated.append(y)
         used = weight > 0.0
         residual = (measured_outputs(record) - y)[:, used] * weight[used]
-        jacobian = jacobian[:, used] * (weight[used, None] * theta[problem.free])
+        jacobian = jacobian[:, used] * (weight[used, None] * problem.scale)
         residual -= residual.mean(axis=0)
         jacobian -= jacobian.mean(axis=0)
         lines = jacobian.reshape(-1, size)
         hessian += lines.T @ lines
         score += score_covariance(residual, jacobian)
-    inverse = _inverse(hessian)
-    return tuple(simulated), inverse @ score @ inverse * np.outer(theta[problem.free], theta[problem.free])
+    # where no output moves, the score does not scatter either, and the sandwich alone would claim perfect knowledge
+    inverse, unseen = _inverse(hessian)
+    relative = inverse @ score @ inverse + UNSEEN_VARIANCE * unseen @ unseen.T
+    return tuple(simulated), relative * np.outer(problem.scale, problem.scale)
 
 
-def _inverse(hessian: FloatArray) -> FloatArray:
-    """Inverse whose unknown directions come out huge, not as an error."""
+def _inverse(hessian: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Inverse in the directions that move the outputs, and the directions that do not, shape (free, unseen)."""
     values, vectors = np.linalg.eigh(hessian)
-    values = np.maximum(values, values[-1] * 1e-13)
-    return (vectors / values) @ vectors.T
+    seen = values > values[-1] * 1e-13
+    return (vectors[:, seen] / values[seen]) @ vectors[:, seen].T, vectors[:, ~seen]
 
 
 def _unknown(relative: FloatArray, names: list[str]) -> list[dict[str, float]]:

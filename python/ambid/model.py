@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambid.errors import ModelError
+from ambid.effects import Effect, find
+from ambid.errors import ModelError, RecordError
 from ambid.loop.loop import Loop, Simulator
 from ambid.record import Record
 from ambid.rig import Rig
@@ -37,43 +38,64 @@ class Parameter:
     unit : str
     slots : tuple of str
         Places in Delta that it fills; several where axes share it.
+    lower, upper : float
+        What physics allows, in `unit`.
+    typical : float or None
+        Size by which the optimiser scales; None where that is its value.
     """
 
     name: str
     value: float
     unit: str
     slots: tuple[str, ...]
+    lower: float = 0.0
+    upper: float = np.inf
+    typical: float | None = None
+
+    @property
+    def scale(self) -> float:
+        """A positive number of the parameter's own size."""
+        return self.value if self.typical is None else max(abs(self.value), self.typical)
 
 
 class Model:
-    """A closed-loop model: rig and parameters. Immutable; every change returns a new model.
+    """A closed-loop model: rig, effects and parameters. Immutable; every change returns a new model.
 
     Parameters
     ----------
     rig : Rig
     parameters : sequence of Parameter, optional
-        Default: K_i and K_s of every axis at the rig's nominal values and one tau_e shared by all axes.
+        Default: K_i and K_s of every axis at the rig's nominal values and one tau_e shared by all axes, and those of
+        the effects.
+    effects : sequence of Effect
+        Physics beyond the base model.
 
     Raises
     ------
     ModelError
-        If the parameters do not fill every slot of Delta just once, or a value is not positive.
+        If the parameters do not fill every slot of Delta just once, two have one name, or a value is not positive.
     """
 
-    def __init__(self, rig: Rig, parameters: Sequence[Parameter] | None = None) -> None:
-        self.rig = rig
-        self.parameters = tuple(_nominal(rig) if parameters is None else parameters)
+    def __init__(self, rig: Rig, parameters: Sequence[Parameter] | None = None, effects: Sequence[Effect] = ()) -> None:
+        self.rig, self.effects = rig, tuple(effects)
+        nominal = [*_nominal(rig), *(p for effect in self.effects for p in _of_effect(rig, effect, {}))]
+        self.parameters = tuple(nominal if parameters is None else parameters)
         filled = [slot for parameter in self.parameters for slot in parameter.slots]
-        needed = [slot for parameter in _nominal(rig) for slot in parameter.slots]
-        if sorted(filled) != sorted(needed):
-            raise ModelError(
-                f"parameters fill {', '.join(sorted(filled))}; expected each of {', '.join(sorted(needed))} just once"
-            )
+        needed = [slot for parameter in nominal for slot in parameter.slots]
+        wrong = {
+            "without a value": [slot for slot in needed if slot not in filled],
+            "not of this rig": [slot for slot in filled if slot not in needed],
+            "filled twice": sorted({slot for slot in filled if filled.count(slot) > 1}),
+            "the name of two parameters": sorted({name for name in self.names if self.names.count(name) > 1}),
+        }
+        if any(wrong.values()):
+            found = "; ".join(f"{', '.join(slots)}: {what}" for what, slots in wrong.items() if slots)
+            raise ModelError(f"{found}; give every parameter a name of its own, and each of the rig's values just once")
         for parameter in self.parameters:
-            if not (np.isfinite(parameter.value) and parameter.value > 0.0):
-                raise ModelError(
-                    f"{parameter.name} = {parameter.value}: expected a positive number in {parameter.unit}"
-                )
+            low, high = parameter.lower, parameter.upper
+            if not (np.isfinite(parameter.value) and low <= parameter.value <= high and parameter.scale > 0.0):
+                allowed = "a positive number" if (low, high) == (0.0, np.inf) else f"{low:g} to {high:g}"
+                raise ModelError(f"{parameter.name} = {parameter.value}: expected {allowed} in {parameter.unit}")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -97,6 +119,48 @@ class Model:
         changed = [replace(p, value=float(values.get(p.name, p.value))) for p in self.parameters]
         return self._with_parameters(changed)
 
+    def with_theta(self, theta: ArrayLike) -> Model:
+        """Return the model with other values of all parameters, in the order of `names`."""
+        return self.with_values(dict(zip(self.names, np.asarray(theta, dtype=np.float64), strict=True)))
+
+    def excitation(self, record: Record) -> NDArray[np.float64]:
+        """Inputs of the loop during a record, shape (N, inputs): i_e.
+
+        Raises
+        ------
+        RecordError
+            If i_e was neither logged nor rebuilt.
+        """
+        if record.i_e is None:
+            raise RecordError(
+                f"{record.path or record.name}: i_e was not logged; load the record with its rig, whose controller "
+                "rebuilds it"
+            )
+        return record.i_e
+
+    def add(self, effect: Effect | str, values: Mapping[str, float] | None = None) -> Model:
+        """Return the model with one more physical effect.
+
+        Parameters
+        ----------
+        effect : Effect or str
+            One of your own, or the name of one of the catalogue, such as ``loop_delay``.
+        values : mapping of str to float, optional
+            Start values by parameter such as ``delay``; default: typical small ones.
+
+        Raises
+        ------
+        ModelError
+            If the name is unknown, the effect is there already, or makes no sense on this rig.
+        """
+        effect = find(effect) if isinstance(effect, str) else effect
+        if effect.name in (own.name for own in self.effects):
+            raise ModelError(f"{effect.name} is in the model already")
+        if not effect.parameters(self.rig):
+            raise ModelError(f"{effect.name} makes no sense on this rig ({effect.physics})")
+        own = _of_effect(self.rig, effect, values or {})
+        return Model(self.rig, [*self.parameters, *own], [*self.effects, effect])
+
     def share(self, name: str, members: Iterable[str]) -> Model:
         """Return the model with one parameter in place of several, starting from their mean.
 
@@ -117,11 +181,25 @@ class Model:
         return self._with_parameters([*rest[:at], shared, *rest[at:]])
 
     def per_axis(self, name: str) -> Model:
-        """Return the model with a shared parameter split into one per axis, all starting from its value."""
-        (at,) = self.index([name])
-        shared = self.parameters[at]
-        own = [Parameter(slot, shared.value, shared.unit, (slot,)) for slot in shared.slots]
-        return self._with_parameters([*self.parameters[:at], *own, *self.parameters[at + 1 :]])
+        """Return the model with shared parameters split into one per axis, all starting from the shared value.
+
+        Parameters
+        ----------
+        name : str
+            Name or pattern of the shared parameters, such as ``tau_e``.
+
+        Raises
+        ------
+        ModelError
+            If there is no such parameter, or none that several axes share.
+        """
+        chosen = [self.parameters[i] for i in self.index([name])]
+        if all(len(parameter.slots) == 1 for parameter in chosen):
+            raise ModelError(f"{name}: every axis has its own {', '.join(p.name for p in chosen)} already")
+        split: list[Parameter] = []
+        for p in self.parameters:
+            split += [Parameter(slot, p.value, p.unit, (slot,)) for slot in p.slots] if p in chosen else [p]
+        return self._with_parameters(split)
 
     def index(self, patterns: Iterable[str]) -> list[int]:
         """Indices of the parameters that names or patterns such as ``K_i.*`` select, in the model's order.
@@ -143,7 +221,7 @@ class Model:
     @cached_property
     def loop(self) -> Loop:
         """The closed loop, inputs i_e, outputs y and i_c."""
-        return Loop(self.rig, self._filled_by())
+        return Loop(self.rig, self._filled_by(), self.effects)
 
     def simulate(self, i_e: ArrayLike) -> Record:
         """Response from rest to an excitation, without noise.
@@ -180,11 +258,23 @@ class Model:
         current_noise : float
             Rms of white noise on every recorded current [A].
         seed : int, optional
+
+        Raises
+        ------
+        ModelError
+            If a noise or the seed is negative.
+        UnstableLoopError
+            If the closed loop is unstable.
         """
+        for name, rms in {"sensor_noise": sensor_noise, "current_noise": current_noise}.items():
+            if not (np.isfinite(rms) and rms >= 0.0):
+                raise ModelError(f"{name} = {rms:g}: expected an rms of 0 or more, in m or A")
+        if seed is not None and seed < 0:
+            raise ModelError(f"seed = {seed}: expected a whole number of 0 or more")
         excitation = np.asarray(i_e, dtype=np.float64)
         random = np.random.default_rng(seed)
         noise = sensor_noise * random.standard_normal(excitation.shape)
-        loop = Loop(self.rig, self._filled_by(), noise=True)
+        loop = Loop(self.rig, self._filled_by(), self.effects, noise=True)
         outputs = loop.simulate(self.theta, np.hstack([excitation, noise]))
         n = len(self.rig.axes)
         outputs[:, n:] += current_noise * random.standard_normal(excitation.shape)
@@ -219,7 +309,7 @@ class Model:
         text: dict[str, Any] = {
             "format": FORMAT,
             "rig": self.rig.to_toml(),
-            "effects": [],
+            "effects": [effect.name for effect in self.effects],
             "parameters": parameters,
             "covariance": matrix,
         }
@@ -244,22 +334,34 @@ class Model:
             text: dict[str, Any] = json.loads(Path(path).read_text(encoding="utf-8"))
             if text.get("format") != FORMAT:
                 raise ModelError(f"{path}: format = {text.get('format')!r}, expected {FORMAT!r}, as --save writes it")
-            parameters = [
+            stored = [
                 Parameter(name, float(p["value"]), p["unit"], tuple(p["slots"]))
                 for name, p in text["parameters"].items()
             ]
-            return cls(rig or Rig.from_toml(text["rig"], path), parameters)
+            machine = rig or Rig.from_toml(text["rig"], path)
+            names = list(text["effects"])
         except OSError as error:
             raise ModelError(f"{path}: cannot be read ({error.strerror}); give a file that --save wrote") from None
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise ModelError(f"{path}: not a model that --save wrote ({type(error).__name__}: {error})") from None
+        try:
+            effects = [find(name) for name in names]
+            known = {p.name: p for p in cls(machine, effects=effects).parameters}
+            parameters = [
+                replace(known[p.name], value=p.value) if p.name in known and known[p.name].slots == p.slots else p
+                for p in stored
+            ]
+            return cls(machine, parameters, effects)
+        except ModelError as error:
+            raise ModelError(f"{path}: {error}") from None
 
     def __repr__(self) -> str:
         rows = [f"  {p.name:12s} {p.value:12.6g} {p.unit}" for p in self.parameters]
-        return "\n".join([f"Model of {self.rig.name!r}, {len(self.rig.axes)} axes", *rows])
+        effects = ", ".join(effect.name for effect in self.effects) or "no effects added"
+        return "\n".join([f"Model of {self.rig.name!r}, {len(self.rig.axes)} axes, {effects}", *rows])
 
     def _with_parameters(self, parameters: Sequence[Parameter]) -> Model:
-        model = Model(self.rig, parameters)
+        model = Model(self.rig, parameters, self.effects)
         if "loop" in self.__dict__ and [p.slots for p in model.parameters] == [p.slots for p in self.parameters]:
             model.__dict__["loop"] = self.loop  # the compiled loop does not hold values
         return model
@@ -271,6 +373,28 @@ class Model:
         axes = self.rig.axes
         n = len(axes)
         return Record(name, self.rig.sample_rate, axes, excitation, outputs[:, :n], outputs[:, n:])
+
+
+def _of_effect(rig: Rig, effect: Effect, values: Mapping[str, float]) -> list[Parameter]:
+    """The parameters of an effect, at given or typical values."""
+    own = effect.parameters(rig)
+    unknown = set(values) - {p.name for p in own}
+    if unknown:
+        raise ModelError(
+            f"{effect.name}: no parameter {', '.join(sorted(unknown))}; it has {', '.join(p.name for p in own)}"
+        )
+    return [
+        Parameter(
+            effect.slot(p.name),
+            float(values.get(p.name, p.probe)),
+            p.unit,
+            (effect.slot(p.name),),
+            p.lower,
+            p.upper,
+            p.probe,
+        )
+        for p in own
+    ]
 
 
 def _nominal(rig: Rig) -> list[Parameter]:

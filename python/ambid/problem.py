@@ -2,55 +2,49 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from ambid import _core
 from ambid.errors import ModelError, UnstableLoopError
-from ambid.fit import excitation, measured_outputs, recorded_channels
-from ambid.loop.plant import FloatArray
+from ambid.fit import measured_outputs, recorded_channels
+from ambid.loop.assembly import FloatArray
 from ambid.model import Model
 from ambid.record import Record, noise_ceiling
 
 
-class Problem:
-    """Weighted least squares in relative parameters x = theta / start, reduced to normal equations by the core.
+class End(NamedTuple):
+    """Where a descent ended: all parameters, cost, and a status of `estimate.STATUS`."""
+
+    theta: FloatArray
+    cost: float
+    status: str
+
+
+Limits = tuple[FloatArray, FloatArray]
+
+
+class LeastSquares(ABC):
+    """Least squares in scaled parameters x = theta / scale, reduced to normal equations.
 
     SciPy sees a residual of `free + 1` numbers with the same norm, Jacobian and gradient as the N x channels one: with
     the eigenvectors ``J'J = V L V'``, they are ``[L^-1/2 V'J'r; what J cannot explain]`` and ``[L^1/2 V'; 0]``.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        records: tuple[Record, ...],
-        free: list[int],
-        noise: list[FloatArray],
-        factors: FloatArray,
-        progress: Callable[[int, float], None] | None,
-    ) -> None:
-        self.model, self.records, self.free = model, records, free
-        self.scale = model.theta[free]
-        self.factors, self.progress = factors, progress
-        self.weights = [
-            np.where(np.isin(model.loop.outputs, recorded_channels(record)), factors / rms, 0.0)
-            for record, rms in zip(records, noise, strict=True)
-        ]
-        core = model.loop.core
-        self._data = [
-            _core.Data(core, excitation(record), measured_outputs(record), w)
-            for record, w in zip(records, self.weights, strict=True)
-        ]
+    def __init__(self, model: Model, free: list[int], progress: Callable[[int, float], None] | None) -> None:
+        self.model, self.free, self.progress = model, free, progress
+        self.scale = np.array([model.parameters[i].scale for i in free])
         self.evaluations = 0
+        self._best: tuple[float, FloatArray] = (np.inf, self.scale)
         self._last: tuple[bytes, FloatArray, FloatArray, float] | None = None
-        self.best: tuple[float, FloatArray] = (np.inf, self.scale)
 
-    def with_noise(self, noise: list[FloatArray]) -> Problem:
-        """The same problem with other noise levels."""
-        other = Problem(self.model, self.records, self.free, noise, self.factors, self.progress)
-        other.evaluations = self.evaluations
-        return other
+    @abstractmethod
+    def _evaluate(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        """J'J and J'r by the free parameters, and r'r, r being simulated minus measured."""
 
     def theta(self, x: FloatArray) -> FloatArray:
         """All parameters of the model at x."""
@@ -61,26 +55,42 @@ class Problem:
     def normal_equations(self, x: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         """J'J and J'r by x, and r'r."""
         if self._last is None or self._last[0] != x.tobytes():
-            core = self.model.loop.core
-            hessian, gradient, squares = _core.normal_equations(core, self.theta(x), self.free, self._data)
-            cost = float(squares.sum())
+            hessian, gradient, cost = self._evaluate(self.theta(x))
             self.evaluations += 1
             self._last = (x.tobytes(), hessian * np.outer(self.scale, self.scale), gradient * self.scale, cost)
-            if cost < self.best[0]:
-                self.best = (cost, x.copy())
+            if cost < self._best[0]:
+                self._best = (cost, x.copy())
             if self.progress is not None:
                 self.progress(self.evaluations, cost)
         return self._last[1:]
 
-    def residual(self, x: FloatArray) -> FloatArray:
+    def descend(self, x: FloatArray, limits: Limits, max_evaluations: int) -> End:
+        """Go downhill from x with SciPy's trust-region method; a step into an unstable loop is rejected."""
+        self._best = (np.inf, x)
+        tiny = 1e-9  # bounds of zero are open: a gain or time constant of zero is no model
+        bounds = (np.where(limits[0] == 0.0, tiny, limits[0]), limits[1])
+        margin = 1e-12 * np.maximum(1.0, np.abs(x))
+        inside = np.clip(x, bounds[0] + margin, bounds[1] - margin)
+        try:
+            result = least_squares(
+                self._residual, inside, self._jacobian, bounds=bounds, method="trf",
+                xtol=1e-8, ftol=1e-10, gtol=1e-10, max_nfev=max_evaluations,
+            )  # fmt: skip
+        except KeyboardInterrupt:
+            cost, x = self._best
+            return End(self.theta(x), cost, "stopped")
+        status = "max_evaluations" if result.status == 0 else "converged"
+        at_bound = (result.active_mask != 0) & (np.abs(result.x) > 10 * tiny)
+        return End(self.theta(result.x), 2.0 * result.cost, "at_bound" if at_bound.any() else status)
+
+    def _residual(self, x: FloatArray) -> FloatArray:
         """The short residual; infinite, which SciPy rejects as a step, where the loop is unstable."""
         try:
             return self._short(x)[0]
         except (UnstableLoopError, ModelError):
             return np.full(len(x) + 1, np.inf)
 
-    def jacobian(self, x: FloatArray) -> FloatArray:
-        """The short Jacobian that belongs to `residual`."""
+    def _jacobian(self, x: FloatArray) -> FloatArray:
         return self._short(x)[1]
 
     def _short(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -91,12 +101,47 @@ class Problem:
         rest = np.sqrt(max(cost - explained @ explained, 0.0))
         return np.append(explained, rest), np.vstack([roots[:, None] * vectors.T, np.zeros(len(x))])
 
+
+class Problem(LeastSquares):
+    """Weighted residuals of y and i_c over all samples; the core forms the normal equations."""
+
+    def __init__(
+        self,
+        model: Model,
+        records: tuple[Record, ...],
+        free: list[int],
+        noise: list[FloatArray],
+        factors: FloatArray,
+        progress: Callable[[int, float], None] | None,
+    ) -> None:
+        super().__init__(model, free, progress)
+        self.records, self.factors = records, factors
+        self.weights = [
+            np.where(np.isin(model.loop.outputs, recorded_channels(record)), factors / rms, 0.0)
+            for record, rms in zip(records, noise, strict=True)
+        ]
+        core = model.loop.core
+        self._data = [
+            _core.Data(core, model.excitation(record), measured_outputs(record), w)
+            for record, w in zip(records, self.weights, strict=True)
+        ]
+
+    def _evaluate(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        hessian, gradient, squares = _core.normal_equations(self.model.loop.core, theta, self.free, self._data)
+        return hessian, gradient, float(squares.sum())
+
+    def with_noise(self, noise: list[FloatArray]) -> Problem:
+        """The same problem with other noise levels."""
+        other = Problem(self.model, self.records, self.free, noise, self.factors, self.progress)
+        other.evaluations = self.evaluations
+        return other
+
     def residual_rms(self, theta: FloatArray) -> list[FloatArray]:
         """Rms of each channel's residual, per record."""
         found = []
         for record in self.records:
             z = measured_outputs(record)
-            rms = (z - self.model.loop.simulate(theta, excitation(record))).std(axis=0)
+            rms = (z - self.model.loop.simulate(theta, self.model.excitation(record))).std(axis=0)
             found.append(np.where(rms > 0.0, rms, 1.0))
         return found
 

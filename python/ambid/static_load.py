@@ -12,7 +12,8 @@ from scipy import stats
 
 from ambid.errors import IdentificationError, RigError
 from ambid.estimate import ParameterEstimate
-from ambid.loop.plant import FloatArray, axis_angles, geometry
+from ambid.loop.assembly import FloatArray
+from ambid.loop.geometry import axis_angles, axis_directions, geometry
 from ambid.record import StaticLoading
 from ambid.record_checks import order_of_axes
 from ambid.rig import PointMassRotor, Rig
@@ -200,8 +201,7 @@ def _magnet_forces(rig: Rig, z: FloatArray, loads: FloatArray) -> FloatArray:
 
     Where all axes lie in one plane, something else guides the rotor across it, and only that plane is balanced.
     """
-    angles = np.deg2rad(axis_angles(rig))
-    directions = np.round(np.stack([np.cos(angles), np.sin(angles)], axis=1), 15)
+    directions = axis_directions(rig)
     plane = directions[:1] if np.linalg.matrix_rank(directions) == 1 else np.eye(2)
     axis_parts, load_parts = directions @ plane.T, loads @ plane.T
     if not isinstance(rig.rotor, PointMassRotor):
@@ -283,7 +283,7 @@ def _require_loaded(rig: Rig, loadings: Sequence[StaticLoading], load: FloatArra
     idle = [j for j in range(len(load)) if load[j] <= least]
     if not idle:
         return
-    angles = np.array(axis_angles(rig)) + rig.bearings[0].tilt
+    angles = axis_angles(rig) + rig.bearings[0].tilt
     found = ", ".join(f"K_i.{rig.axes[j]} ({load[j]:.3g} N rms)" for j in idle)
     along = " and ".join(f"{angle:g}" for angle in sorted({angles[j] % 180.0 for j in idle}))
     raise IdentificationError(

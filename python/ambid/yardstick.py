@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft
 
-from ambid.loop.plant import FloatArray
+from ambid.loop.assembly import FloatArray
 
 ComplexArray = NDArray[np.complex128]
 

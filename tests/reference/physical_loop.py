@@ -6,13 +6,15 @@ planes are the global x and y; the package lays them along the axes of the first
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 from ambid.rig import PidController, Rig
 from ambid.rotor import reduced_rotor
+
+modes = cache(reduced_rotor)
 
 
 def by_series(slope: Callable, x: np.ndarray, duration: float) -> np.ndarray:
@@ -75,7 +77,7 @@ class PhysicalLoop:
     def __init__(self, rig: Rig, K_i: np.ndarray, K_s: np.ndarray, tau_e: np.ndarray) -> None:
         self.rig, self.K_i, self.K_s, self.tau_e = rig, K_i, K_s, tau_e
         self.pid = Pid(rig.controller)
-        rotor = reduced_rotor(rig.rotor, [z for b in rig.bearings for z in (b.position, b.sensor_position)])
+        rotor = modes(rig.rotor, tuple(z for b in rig.bearings for z in (b.position, b.sensor_position)))
         magnet, sensor = [], []
         for bearing in rig.bearings:
             c, s = np.cos(np.deg2rad(bearing.tilt)), np.sin(np.deg2rad(bearing.tilt))
@@ -88,7 +90,9 @@ class PhysicalLoop:
         omega, zeta = (np.tile(values, rotor.planes) for values in (rotor.frequencies_rad_s, rotor.damping))
         self.stiffness, self.damping = np.diag(omega**2), np.diag(2.0 * zeta * omega) + rig.speed * rotor.gyroscopic
         n, m = self.magnet.shape
-        self.eta, self.rate, *self.own = np.split(np.arange(2 * m + 4 * n), np.cumsum([m, m, n, n, n]))
+        ends = [0, m, 2 * m, *range(2 * m + n, 2 * m + 5 * n, n)]
+        self.states = ends[-1]
+        self.eta, self.rate, self.i_a, self.i_f, self.integral, self.lagged = map(slice, ends[:-1], ends[1:])
 
     # Time -------------------------------------------------------------------------------------------------------------
 
@@ -100,37 +104,35 @@ class PhysicalLoop:
         return np.array(list(run(u, noise, propagate)))
 
     def _rest(self) -> np.ndarray:
-        return np.zeros((2 * self.stiffness.shape[0] + 4 * len(self.magnet), self.K_i.shape[1]), dtype=self.K_i.dtype)
+        return np.zeros((self.states, self.K_i.shape[1]), dtype=self.K_i.dtype)
 
     def _motion(self, x: np.ndarray, i_ref: np.ndarray) -> np.ndarray:
         """Slope of everything but the controller."""
-        i_a, i_f = self._current(x, i_ref), x[self.own[1]]
+        i_a, i_f = self._current(x, i_ref), x[self.i_f]
         force = self.K_i * i_f + self.K_s * (self.magnet @ x[self.eta])
         slope = np.zeros_like(x)
         slope[self.eta] = x[self.rate]
         slope[self.rate] = self.magnet.T @ force - self.stiffness @ x[self.eta] - self.damping @ x[self.rate]
         if self.rig.amplifier.time_constant > 0.0:
-            slope[self.own[0]] = (i_ref - i_a) / self.rig.amplifier.time_constant
-        slope[self.own[1]] = (i_a - i_f) / self.tau_e
+            slope[self.i_a] = (i_ref - i_a) / self.rig.amplifier.time_constant
+        slope[self.i_f] = (i_a - i_f) / self.tau_e
         return slope
 
     def _current(self, x: np.ndarray, i_ref: np.ndarray) -> np.ndarray:
-        return x[self.own[0]] if self.rig.amplifier.time_constant > 0.0 else i_ref
+        return x[self.i_a] if self.rig.amplifier.time_constant > 0.0 else i_ref
 
     def _outputs(self, x: np.ndarray, i_ref: np.ndarray, noise: np.ndarray) -> np.ndarray:
         i_c = np.broadcast_to(self._current(x, i_ref), (len(self.magnet), x.shape[1]))
         return np.concatenate([self.sensor @ x[self.eta] + noise, i_c])
 
     def _analog(self, u: np.ndarray, noise: np.ndarray, propagate: Callable) -> Iterator[np.ndarray]:
-        integral, lagged = self.own[2:]
-
         def command(x, i_e, n):
-            return -self.pid.output(self.sensor @ x[self.eta] + n, x[integral], x[lagged]) + i_e
+            return -self.pid.output(self.sensor @ x[self.eta] + n, x[self.integral], x[self.lagged]) + i_e
 
         def slope(x, i_e, n):
             slope = self._motion(x, command(x, i_e, n))
-            slope[integral] = self.sensor @ x[self.eta] + n
-            slope[lagged] = (self.sensor @ x[self.eta] + n - x[lagged]) / self.pid.T
+            slope[self.integral] = self.sensor @ x[self.eta] + n
+            slope[self.lagged] = (self.sensor @ x[self.eta] + n - x[self.lagged]) / self.pid.T
             return slope
 
         x = self._rest()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ambid.loop.plant import FloatArray, Lft
+from ambid.loop.assembly import FloatArray, Lft
 
 
 def close_analog(plant: Lft, controller: tuple[FloatArray, FloatArray, FloatArray, FloatArray], *, noise: bool) -> Lft:

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ambid import _core
 from ambid.errors import ModelError
+from ambid.loop.assembly import FloatArray, Lft
 from ambid.loop.controller import close_analog
-from ambid.loop.plant import FloatArray, plant
+from ambid.loop.plant import Plant
 from ambid.rig import Rig
 from ambid.rotor import reduced_rotor
+
+if TYPE_CHECKING:
+    from ambid.effects.base import Effect
 
 
 class Loop:
@@ -23,6 +28,8 @@ class Loop:
     rig : Rig
     filled_by : dict of str to int
         Index in the parameter vector for each slot of Delta, such as ``{"K_i.A_zeta": 0, ...}``.
+    effects : sequence of Effect
+        Physics that is attached to the plant.
     noise : bool
         Whether sensor noise is a further input of each axis (for virtual experiments).
 
@@ -35,9 +42,10 @@ class Loop:
     core : _core.ClosedLoop
     """
 
-    def __init__(self, rig: Rig, filled_by: dict[str, int], *, noise: bool = False) -> None:
-        places = [z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)]
-        open_plant = plant(rig, reduced_rotor(rig.rotor, places))
+    def __init__(
+        self, rig: Rig, filled_by: dict[str, int], effects: Sequence[Effect] = (), *, noise: bool = False
+    ) -> None:
+        open_plant = _plant(rig, effects)
         n = len(rig.axes)
         matrices = _matrices(*rig.controller.state_space(n, rig.sample_rate))
         controller: _core._DigitalController | None = None
@@ -146,6 +154,21 @@ class Simulator:
     def reset(self) -> None:
         """Back to rest."""
         self._stepper.reset()
+
+
+def _plant(rig: Rig, effects: Sequence[Effect]) -> Lft:
+    """The plant with all effects attached; bending modes that effects bring are the last of the rotor."""
+    places = [z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)]
+    places += [z for effect in effects for z in effect.positions(rig)]
+    spec, more = rig.rotor, sum(effect.flexible_modes(rig) for effect in effects)
+    if more:
+        kept, given = spec.flexible_modes, spec.modal_damping
+        damping = [*([given] * kept if isinstance(given, float) else given[:kept]), *[0.0] * more]
+        spec = spec.model_copy(update={"flexible_modes": kept + more, "modal_damping": tuple(damping)})
+    built = Plant(rig, reduced_rotor(spec, places), free_modes=more)
+    for effect in effects:
+        effect.attach(built)
+    return built.between_commands_and_outputs()
 
 
 def _matrices(

@@ -1,109 +1,115 @@
-"""The plant as an upper linear fractional transformation: everything known in G, K_i, K_s and tau_e in Delta."""
+"""The plant: rotor, amplifiers, actuators and magnets, from the commands i_ref to the outputs y and i_c."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
 
+from ambid.loop.assembly import Assembly, Lft, Signal, combine
+from ambid.loop.geometry import axis_directions
 from ambid.rig import Rig
 from ambid.rotor import ReducedRotor
 
-FloatArray = NDArray[np.float64]
 
+class Plant(Assembly):
+    """The base plant as named signals, ready for effects to be attached.
 
-@dataclass(frozen=True)
-class Port:
-    """One diagonal entry of Delta: ``w = scale * value**power * z``.
+    ``tau_a i_a' = i_ref - i_a``, ``tau_e i_f' = i_a - i_f``, ``f = K_i i_f + K_s s``. K_i, K_s and 1/tau_e are entries
+    of Delta (B_Delta, C_Delta of eqs. 4-7). An ideal amplifier has no state.
 
-    Attributes
+    Signals of each axis: ``i_ref`` [A] into the amplifier, ``i_a`` [A] behind it, ``i_c`` [A] as recorded, ``i_f`` [A]
+    that makes force, ``s`` [m] and ``v`` [m/s] at the magnet, ``f`` [N], ``y`` [m] as read; ``drive`` [A] is
+    ``tau_a i_a'``. Signals of each modal coordinate k: ``eta.k``, ``eta_rate.k``, ``modal_force.k``.
+
+    Parameters
     ----------
-    slot : str
-        What the entry stands for, such as ``K_i.A_zeta``; a parameter fills one slot or several.
-    power : int
-        1 for K_i and K_s, -1 for a time constant.
-    scale : float
-        Constant factor.
+    rig : Rig
+    rotor : ReducedRotor
+        Of the same rig, known at its bearings and sensors, and wherever effects act.
+    free_modes : int
+        Last modes of each plane that get no stiffness and damping here: an effect gives them.
     """
 
-    slot: str
-    power: int = 1
-    scale: float = 1.0
+    def __init__(self, rig: Rig, rotor: ReducedRotor, *, free_modes: int = 0) -> None:
+        super().__init__()
+        self.rig, self.rotor = rig, rotor
+        self.axes = rig.axes
+        self.directions = axis_directions(rig)[:, : rotor.planes]
+        self.coordinates = len(rotor.frequencies_rad_s) * rotor.planes
+        self.magnets = [b.position for b in rig.bearings for _ in b.axes]
+        self.sensors = [b.sensor_position for b in rig.bearings for _ in b.axes]
+        held = np.ones(len(rotor.frequencies_rad_s))
+        held[len(held) - free_modes :] = 0.0
+        omega = np.tile(held * rotor.frequencies_rad_s, rotor.planes)
+        zeta = np.tile(rotor.damping, rotor.planes)
 
+        eta = [self.state(f"eta.{k}") for k in range(self.coordinates)]
+        rates = [self.state(f"eta_rate.{k}") for k in range(self.coordinates)]
+        for k in range(self.coordinates):
+            self.signal(f"eta.{k}", eta[k])
+            self.signal(f"eta_rate.{k}", rates[k])
+        commands = [self.input(f"i_ref.{axis}") for axis in self.axes]
+        i_a = [self._amplifier(axis, command) for axis, command in zip(self.axes, commands, strict=True)]
+        states = [self.state(f"i_f.{axis}") for axis in self.axes]
+        i_f = [self.signal(f"i_f.{axis}", state) for axis, state in zip(self.axes, states, strict=True)]
+        s = [
+            self.signal(f"s.{axis}", self.at(z, direction))
+            for axis, z, direction in zip(self.axes, self.magnets, self.directions, strict=True)
+        ]
+        for axis, z, direction in zip(self.axes, self.magnets, self.directions, strict=True):
+            self.signal(f"v.{axis}", self.at(z, direction, "eta_rate"))
+        from_current = [self.port(f"K_i.{axis}", i) for axis, i in zip(self.axes, i_f, strict=True)]
+        from_motion = [self.port(f"K_s.{axis}", x) for axis, x in zip(self.axes, s, strict=True)]
+        for axis, state, current in zip(self.axes, states, i_a, strict=True):
+            self.set_rate(f"i_f.{axis}", self.port(f"tau_e.{axis}", current - state, power=-1))
+        for axis, a, b in zip(self.axes, from_current, from_motion, strict=True):
+            self.signal(f"f.{axis}", a + b)
+        for axis, z, direction in zip(self.axes, self.sensors, self.directions, strict=True):
+            self.signal(f"y.{axis}", self.at(z, direction))
 
-@dataclass(frozen=True)
-class Lft:
-    """G with its Delta ports: ``x' = A x + B [u; w]``, ``[y; z] = C x + D [u; w]``, ``w = Delta z`` (eq. 8, Fig. 3).
+        onto = np.array([self.shape(z, d) for z, d in zip(self.magnets, self.directions, strict=True)])
+        forces = [self[f"f.{axis}"] for axis in self.axes]
+        for k in range(self.coordinates):
+            force = self.signal(f"modal_force.{k}", combine(onto[:, k], forces))
+            turning = combine(-rig.speed * rotor.gyroscopic[k], rates)
+            self.set_rate(f"eta.{k}", rates[k])
+            self.set_rate(
+                f"eta_rate.{k}", force + turning - omega[k] ** 2 * eta[k] - 2.0 * zeta[k] * omega[k] * rates[k]
+            )
 
-    Attributes
-    ----------
-    A : ndarray, shape (n, n)
-    B : ndarray, shape (n, inputs + ports)
-    C : ndarray, shape (outputs + ports, n)
-    D : ndarray, shape (outputs + ports, inputs + ports)
-    inputs, outputs : tuple of str
-        Names of the signals u and y, such as ``i_ref.A_zeta`` and ``y.A_zeta``.
-    ports : tuple of Port
-        Entries of Delta, in the order of w and z.
-    """
+    def shape(self, z: float, direction: np.ndarray) -> np.ndarray:
+        """Displacement of every modal coordinate at `z` in a direction of the planes, shape (coordinates,)."""
+        return np.kron(direction, self.rotor.shape(z))
 
-    A: FloatArray
-    B: FloatArray
-    C: FloatArray
-    D: FloatArray
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    ports: tuple[Port, ...]
+    def at(self, z: float, direction: np.ndarray, of: str = "eta") -> Signal:
+        """Displacement of the rotor at `z`, or with ``of="eta_rate"`` its velocity."""
+        return combine(self.shape(z, direction), [self[f"{of}.{k}"] for k in range(self.coordinates)])
 
+    def push(self, z: float, direction: np.ndarray, force: Signal) -> None:
+        """Let a force act on the rotor at `z`."""
+        for k, onto in enumerate(self.shape(z, direction)):
+            if onto:
+                self.inject(f"modal_force.{k}", onto * force)
 
-@dataclass(frozen=True)
-class Geometry:
-    """How forces at the magnets and displacements reach the modal coordinates of the rotor.
+    def _amplifier(self, axis: str, command: Signal) -> Signal:
+        i_ref = self.signal(f"i_ref.{axis}", command)
+        tau = self.rig.amplifier.time_constant
+        if tau == 0.0:
+            i_a = self.signal(f"i_a.{axis}", i_ref)
+        else:
+            state = self.state(f"i_a.{axis}")
+            i_a = self.signal(f"i_a.{axis}", state)
+            drive = self.signal(f"drive.{axis}", i_ref - state)
+            self.set_rate(f"i_a.{axis}", drive / tau)
+        self.signal(f"i_c.{axis}", i_a)
+        return i_a
 
-    Attributes
-    ----------
-    force : ndarray, shape (modal coordinates, axes)
-        Modal force of a unit force of each axis; its transpose gives the displacement s at each magnet.
-    sensor : ndarray, shape (axes, modal coordinates)
-        Displacement y at each sensor.
-    """
-
-    force: FloatArray
-    sensor: FloatArray
-
-
-def axis_angles(rig: Rig) -> list[float]:
-    """Angle of each axis from the first bearing's zeta axis, counted from x to y [degrees]."""
-    quarter = {"zeta": 0.0, "eta": 90.0}
-    first = rig.bearings[0].tilt
-    return [bearing.tilt - first + quarter[axis] for bearing in rig.bearings for axis in bearing.axes]
-
-
-def geometry(rig: Rig, rotor: ReducedRotor) -> Geometry:
-    """Modal input and output matrices of all axes.
-
-    The rotor is the same in every plane, so its planes are laid along zeta and eta of the first bearing: where all
-    bearings have one tilt and nothing turns, the two planes do not act on each other, exactly.
-    """
-    angles = iter(axis_angles(rig))
-    force, sensor = [], []
-    for bearing in rig.bearings:
-        for _ in bearing.axes:
-            angle = np.deg2rad(next(angles))
-            directions = np.round([np.cos(angle), np.sin(angle)], 15)[: rotor.planes]
-            force.append(np.kron(directions, rotor.shape(bearing.position)))
-            sensor.append(np.kron(directions, rotor.shape(bearing.sensor_position)))
-    return Geometry(force=np.array(force).T, sensor=np.array(sensor))
+    def between_commands_and_outputs(self) -> Lft:
+        """Inputs ``i_ref.<axis>`` and those of effects, outputs ``y.<axis>`` then ``i_c.<axis>``."""
+        return self.lft([f"{signal}.{axis}" for signal in ("y", "i_c") for axis in self.axes])
 
 
 def plant(rig: Rig, rotor: ReducedRotor) -> Lft:
-    """Rotor, amplifiers and actuators between the commands i_ref and the outputs y, i_c.
-
-    States: modal coordinates, their rates, current i_a behind each amplifier (none where it is ideal), force current
-    i_f behind each actuator. ``tau_a i_a' = i_ref - i_a``, ``tau_e i_f' = i_a - i_f``, ``f = K_i i_f + K_s s``;
-    ``i_c = i_a``. K_i, K_s and 1/tau_e are the entries of Delta (B_Delta, C_Delta of eqs. 4-7).
+    """The plant without any effect.
 
     Parameters
     ----------
@@ -116,43 +122,4 @@ def plant(rig: Rig, rotor: ReducedRotor) -> Lft:
     Lft
         Inputs ``i_ref.<axis>``, outputs ``y.<axis>`` then ``i_c.<axis>``, ports K_i, K_s, tau_e of each axis.
     """
-    where = geometry(rig, rotor)
-    m, n = where.force.shape
-    ideal = rig.amplifier.time_constant == 0.0
-    modes, rates = slice(0, m), slice(m, 2 * m)
-    n_a = 0 if ideal else n
-    amplifier, actuator = slice(2 * m, 2 * m + n_a), slice(2 * m + n_a, 2 * m + n_a + n)
-    states = actuator.stop
-    k_i, k_s, tau = slice(n, 2 * n), slice(2 * n, 3 * n), slice(3 * n, 4 * n)  # columns of B, after i_ref
-
-    A, B = np.zeros((states, states)), np.zeros((states, 4 * n))
-    omega = np.tile(rotor.frequencies_rad_s, rotor.planes)
-    zeta = np.tile(rotor.damping, rotor.planes)
-    A[modes, rates] = np.eye(m)
-    A[rates, modes] = -np.diag(omega**2)
-    A[rates, rates] = -np.diag(2.0 * zeta * omega) - rig.speed * rotor.gyroscopic
-    B[rates, k_i] = B[rates, k_s] = where.force
-    B[actuator, tau] = np.eye(n)
-
-    # rows of C and D: y, i_c, then z of K_i (i_f), of K_s (s), of tau_e (i_a - i_f)
-    C, D = np.zeros((5 * n, states)), np.zeros((5 * n, 4 * n))
-    C[0:n, modes] = where.sensor
-    C[2 * n : 3 * n, actuator] = np.eye(n)
-    C[3 * n : 4 * n, modes] = where.force.T
-    C[4 * n :, actuator] = -np.eye(n)
-    if ideal:
-        D[n : 2 * n, :n] = D[4 * n :, :n] = np.eye(n)
-    else:
-        A[amplifier, amplifier] = -np.eye(n) / rig.amplifier.time_constant
-        B[amplifier, :n] = np.eye(n) / rig.amplifier.time_constant
-        C[n : 2 * n, amplifier] = C[4 * n :, amplifier] = np.eye(n)
-    ports = [
-        *(Port(f"K_i.{axis}") for axis in rig.axes),
-        *(Port(f"K_s.{axis}") for axis in rig.axes),
-        *(Port(f"tau_e.{axis}", power=-1) for axis in rig.axes),
-    ]
-    return Lft(A, B, C, D, _names("i_ref", rig.axes), _names("y", rig.axes) + _names("i_c", rig.axes), tuple(ports))
-
-
-def _names(signal: str, axes: Iterable[str]) -> tuple[str, ...]:
-    return tuple(f"{signal}.{axis}" for axis in axes)
+    return Plant(rig, rotor).between_commands_and_outputs()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import eigh
@@ -99,6 +100,13 @@ def reduced_rotor(
     RigError
         What is given cannot be a free rotor, or is not known at one of `nodes_at`.
     """
+    return _reduced(rotor, tuple(float(z) for z in nodes_at))
+
+
+@lru_cache(maxsize=64)
+def _reduced(
+    rotor: FiniteElementRotor | MatrixRotor | ModalRotor | PointMassRotor, nodes_at: tuple[float, ...]
+) -> ReducedRotor:
     match rotor:
         case FiniteElementRotor() | MatrixRotor():
             model = assemble(rotor, nodes_at) if isinstance(rotor, FiniteElementRotor) else matrix_model(rotor)

@@ -1,0 +1,128 @@
+"""Effects between the controller and the coil current."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import comb, factorial, pi
+
+import numpy as np
+
+from ambid.effects.base import Effect, EffectParameter
+from ambid.loop.assembly import combine
+from ambid.loop.plant import Plant
+from ambid.rig import Rig
+
+
+class LoopDelay(Effect):
+    """A delay, as a Pade approximant of order 6: exact to 1e-9 below one radian per delay."""
+
+    name = "loop_delay"
+    physics = "everything that leaves the controller, feedback and excitation, reaches the amplifier late"
+    signature = "phase that falls with frequency in y and i_c, most in i_c at every step of the excitation"
+    source = "Franklin, Powell, Workman, Digital Control of Dynamic Systems, 3rd ed., section 5.7"
+    order = 6
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """The delay [s]."""
+        return [EffectParameter("delay", "s", 0.05 / rig.sample_rate, upper=20.0 / rig.sample_rate)]
+
+    def attach(self, plant: Plant) -> None:
+        """``x' = (A x + B i_ref)/tau``, ``i_ref_late = C x + i_ref`` (D = 1 since the order is even)."""
+        a, b, c = pade(self.order)
+        for axis in plant.axes:
+            command = plant.raw(f"i_ref.{axis}")
+            names = [f"delay.{axis}.{k}" for k in range(self.order)]
+            states = [plant.state(name) for name in names]
+            for k, name in enumerate(names):
+                drive = combine(a[k], states) + b[k] * command
+                plant.set_rate(name, plant.port(self.slot("delay"), drive, power=-1))
+            plant.inject(f"i_ref.{axis}", combine(c, states))
+
+
+def pade(order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A, b, c of the Pade approximant of ``exp(-s) - 1`` of an even order, in balanced companion form."""
+    q = [factorial(2 * order - k) * comb(order, k) / factorial(2 * order) for k in range(order + 1)]
+    # rows of the companion form, each state scaled so that neighbours couple with like strength
+    ratio = [q[k] / q[k + 1] for k in range(order)]
+    a = np.zeros((order, order))
+    for k in range(order - 1):
+        a[k, k + 1] = ratio[k]
+    a[order - 1, :] = -ratio[order - 1]
+    b = np.zeros(order)
+    b[order - 1] = ratio[order - 1]
+    c = np.array([-2.0 if k % 2 else 0.0 for k in range(order)])
+    return a, b, c
+
+
+class AmplifierBandwidth(Effect):
+    """A second-order amplifier in place of the rig's lag."""
+
+    name = "amplifier_bandwidth"
+    physics = "the amplifier is of second order, or faster or slower than the lag of the rig file"
+    signature = "i_c leads or lags at every step of the excitation, with overshoot where it is underdamped"
+    source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 3"
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Undamped natural frequency [Hz] and damping ratio."""
+        if rig.amplifier.time_constant == 0.0:
+            return []
+        corner = 1.0 / (2.0 * pi * rig.amplifier.time_constant)
+        return [
+            EffectParameter("frequency_hz", "Hz", 2.0 * corner, lower=0.05 * corner, upper=20.0 * corner),
+            EffectParameter("damping", "1", 1.0, lower=0.05, upper=10.0),
+        ]
+
+    def probes(self, rig: Rig) -> Sequence[Mapping[str, float]]:
+        """A lag 10 % longer, and as much of second order."""
+        tau = rig.amplifier.time_constant
+        corner = 1.0 / (2.0 * pi * tau)
+        fast = 10.0 * corner  # a second pole so far out that the first alone remains
+        return [
+            {
+                "frequency_hz": np.sqrt(fast * corner / 1.1),
+                "damping": 0.5 * (fast + corner / 1.1) / np.sqrt(fast * corner / 1.1),
+            },
+            {"frequency_hz": 2.0 * corner, "damping": 1.0},
+        ]
+
+    def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
+        """Slower or faster, with more or less of second order."""
+        return np.full(2, -np.inf), np.full(2, np.inf)
+
+    def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
+        """Twice the corner frequency, critically damped: the same delay at low frequency."""
+        return {p.name: p.probe for p in self.parameters(rig)}
+
+    def attach(self, plant: Plant) -> None:
+        """The true amplifier beside the nominal one: ``i'' = w^2 (i_ref - i) - 2 zeta w i'``, ``w = 2 pi f``."""
+        frequency, damping = self.slot("frequency_hz"), self.slot("damping")
+        for axis in plant.axes:
+            current, rate = plant.state(f"amplifier.{axis}"), plant.state(f"amplifier_rate.{axis}")
+            # states scaled by w: rate' is in amperes
+            plant.set_rate(f"amplifier.{axis}", plant.port(frequency, rate, scale=2.0 * pi))
+            damped = plant.port(damping, rate, scale=2.0)
+            drive = plant[f"i_ref.{axis}"] - current - damped
+            plant.set_rate(f"amplifier_rate.{axis}", plant.port(frequency, drive, scale=2.0 * pi))
+            plant.inject(f"i_a.{axis}", current - plant.raw(f"i_a.{axis}"))
+
+
+class BackEmf(Effect):
+    """Motion induces voltage."""
+
+    name = "back_emf"
+    physics = "motion of the rotor induces voltage in the coil: the current responds to velocity"
+    signature = "i_c in phase with velocity, in a band where the amplifier does not hold the current"
+    source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, section 4.3"
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Current per velocity [A s/m]."""
+        if rig.amplifier.time_constant == 0.0:
+            return []
+        scale = rig.bearings[0].bias_current / rig.bearings[0].air_gap * rig.amplifier.time_constant
+        return [EffectParameter("current_per_velocity", "A s/m", 0.02 * scale)]
+
+    def attach(self, plant: Plant) -> None:
+        """``tau_a i_a' = i_ref - i_a - b v``."""
+        for axis in plant.axes:
+            induced = plant.port(self.slot("current_per_velocity"), plant[f"v.{axis}"])
+            plant.inject(f"drive.{axis}", -induced)

@@ -1,0 +1,157 @@
+"""Effects of the rotor itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import pi
+
+import numpy as np
+
+from ambid.effects.base import Effect, EffectParameter
+from ambid.loop.plant import Plant
+from ambid.rig import Rig
+from ambid.rotor import reduced_rotor
+
+
+class RotorBendingMode(Effect):
+    """Bending modes that the base model left out."""
+
+    name = "rotor_bending_mode"
+    physics = "the rotor bends in modes that the base model left out"
+    signature = "narrow peaks near the free-free bending frequencies, in y and i_c"
+    source = "Friswell, Penny, Garvey, Lees, Dynamics of Rotating Machines, 2010, chapters 5 and 6"
+
+    def flexible_modes(self, rig: Rig) -> int:
+        """How many further modes lie well below half the sample rate; two at the most."""
+        if rig.rotor.kind not in ("finite_elements", "matrices"):
+            return 0
+        kept = rig.rotor.flexible_modes
+        wider = rig.rotor.model_copy(update={"flexible_modes": kept + 2, "modal_damping": 0.0})
+        rotor = reduced_rotor(wider, [b.position for b in rig.bearings])
+        return sum(f < 0.4 * rig.sample_rate for f in rotor.frequencies_rad_s[-2:] / (2.0 * pi))
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Frequency [Hz] and damping ratio of each further mode."""
+        more = self.flexible_modes(rig)
+        if more == 0:
+            return []
+        wider = rig.rotor.model_copy(update={"flexible_modes": rig.rotor.flexible_modes + more, "modal_damping": 0.0})
+        found = reduced_rotor(wider, [b.position for b in rig.bearings]).frequencies_rad_s[-more:] / (2.0 * pi)
+        given = rig.rotor.modal_damping
+        damping = given if isinstance(given, float) and given > 0.0 else 0.003
+        parameters = []
+        for k, frequency in enumerate(found, start=1):
+            parameters += [
+                EffectParameter(f"frequency_{k}_hz", "Hz", float(frequency), 0.7 * frequency, 1.4 * frequency),
+                EffectParameter(f"damping_{k}", "1", damping, lower=1e-5, upper=0.3),
+            ]
+        return parameters
+
+    def probes(self, rig: Rig) -> Sequence[Mapping[str, float]]:
+        """All further modes at once, as computed: mode in minus mode out."""
+        return [{p.name: p.probe for p in self.parameters(rig)}]
+
+    def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
+        """Present or absent."""
+        return np.zeros(1), np.full(1, np.inf)
+
+    def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
+        """As computed."""
+        return {p.name: p.probe for p in self.parameters(rig)}
+
+    def attach(self, plant: Plant) -> None:
+        """``eta'' = -w^2 eta - 2 zeta w eta' + force`` with w and zeta as parameters."""
+        more = self.flexible_modes(plant.rig)
+        n = len(plant.rotor.frequencies_rad_s)
+        for j in range(more):
+            frequency, damping = self.slot(f"frequency_{j + 1}_hz"), self.slot(f"damping_{j + 1}")
+            for plane in range(plant.rotor.planes):
+                k = plane * n + n - more + j
+                w_eta = plant.port(frequency, plant[f"eta.{k}"], scale=2.0 * pi)
+                damped = plant.port(damping, plant[f"eta_rate.{k}"], scale=2.0)
+                plant.inject(f"modal_force.{k}", -plant.port(frequency, w_eta + damped, scale=2.0 * pi))
+
+
+class BendingModeShift(Effect):
+    """Frequency and damping of kept modes differ from the model's."""
+
+    name = "bending_mode_shift"
+    physics = "a kept bending mode has another frequency or damping than the model says"
+    signature = "a narrow peak at a kept bending frequency that changes sign across it"
+    source = "Friswell, Penny, Garvey, Lees, Dynamics of Rotating Machines, 2010, chapter 5"
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Relative shift of the squared frequency, and of the damping [times the critical], of each kept mode."""
+        if rig.rotor.kind == "mass":
+            return []
+        kept = _flexible(rig)
+        parameters = []
+        for k in range(1, kept + 1):
+            parameters += [
+                EffectParameter(f"squared_frequency_{k}", "1", 1e-3, lower=-0.6, upper=0.6),
+                EffectParameter(f"damping_{k}", "1", 3e-4, lower=-0.02, upper=0.3),
+            ]
+        return parameters
+
+    def attach(self, plant: Plant) -> None:
+        """``eta'' -= d w^2 eta + 2 z w eta'``."""
+        n = len(plant.rotor.frequencies_rad_s)
+        first = 2
+        for j in range(_flexible(plant.rig)):
+            w = plant.rotor.frequencies_rad_s[first + j]
+            for plane in range(plant.rotor.planes):
+                k = plane * n + first + j
+                stiffer = plant.port(self.slot(f"squared_frequency_{j + 1}"), plant[f"eta.{k}"], scale=w**2)
+                damped = plant.port(self.slot(f"damping_{j + 1}"), plant[f"eta_rate.{k}"], scale=2.0 * w)
+                plant.inject(f"modal_force.{k}", -stiffer - damped)
+
+
+def _flexible(rig: Rig) -> int:
+    """Bending modes per plane that the rig's model keeps."""
+    if rig.rotor.kind in ("finite_elements", "matrices"):
+        return rig.rotor.flexible_modes
+    return 0
+
+
+class RotorInertiaError(Effect):
+    """Mass or transverse inertia differ from the model's."""
+
+    name = "rotor_inertia_error"
+    physics = "the mass or the transverse inertia of the rotor differs from the model's"
+    signature = "rigid-body motion at high frequency too large or too small, at every amplitude"
+    source = "Friswell, Penny, Garvey, Lees, Dynamics of Rotating Machines, 2010, chapter 3"
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Relative errors; of a gain common to all modes K_i takes its part, so that only the inertia's is new."""
+        if rig.rotor.kind not in ("finite_elements", "matrices"):
+            return []
+        return [EffectParameter("inertia", "1", 0.01, lower=-0.5, upper=1.0)]
+
+    def attach(self, plant: Plant) -> None:
+        """``(1 + d) eta'' = force`` of the rotation, so that the force there is divided by 1 + d."""
+        n = len(plant.rotor.frequencies_rad_s)
+        for plane in range(plant.rotor.planes):
+            k = plane * n + 1
+            heavier = plant.port(self.slot("inertia"), plant[f"modal_force.{k}"])
+            plant.inject(f"modal_force.{k}", -heavier)
+
+
+class GyroscopicCoupling(Effect):
+    """Gyroscopic moments differ from the model's."""
+
+    name = "gyroscopic_coupling"
+    physics = "the gyroscopic moments are larger or smaller than polar inertia and speed of the model give"
+    signature = "forward and backward whirl apart by another amount; one plane answers the other at speed"
+    source = "Friswell, Penny, Garvey, Lees, Dynamics of Rotating Machines, 2010, chapter 3"
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Relative error."""
+        return [EffectParameter("factor", "1", 0.05, lower=-1.0, upper=5.0)] if rig.speed > 0.0 else []
+
+    def attach(self, plant: Plant) -> None:
+        """``eta'' -= d speed G eta'``."""
+        for k, row in enumerate(plant.rotor.gyroscopic):
+            for j, g in enumerate(row):
+                if g:
+                    more = plant.port(self.slot("factor"), plant[f"eta_rate.{j}"], scale=-plant.rig.speed * g)
+                    plant.inject(f"modal_force.{k}", more)

@@ -1,0 +1,139 @@
+"""Effects in the displacement sensors and in the recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ambid.effects.base import Effect, EffectParameter
+from ambid.loop.assembly import combine
+from ambid.loop.plant import Plant
+from ambid.rig import Rig
+
+UNBOUNDED = float("inf")
+
+
+class SensorLag(Effect):
+    """First-order bandwidth of the displacement sensors."""
+
+    name = "sensor_lag"
+    physics = "the displacement sensor and its filter follow the rotor with a first-order lag"
+    signature = "y too small and late at high frequency; the loop loses damping, while i_c follows i_e as modelled"
+    source = "ISO 14839-3; Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 3"
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Time constant [s]."""
+        return [EffectParameter("time_constant", "s", 0.05 / rig.sample_rate, upper=0.01)]
+
+    def attach(self, plant: Plant) -> None:
+        """``tau y' = y_true - y``."""
+        for axis in plant.axes:
+            true = plant.raw(f"y.{axis}")
+            read = plant.lag(f"sensor.{axis}", true, self.slot("time_constant"))
+            plant.inject(f"y.{axis}", read - true)
+
+
+class SensorGainError(Effect):
+    """Gains of the two sensors of a plane that differ; a gain common to both is absorbed by K_i."""
+
+    name = "sensor_gain_error"
+    physics = "single sensors read too large or too small; only their ratio within a plane is identifiable"
+    signature = "rigid-body modes shift between the bearings in one plane, the same at every amplitude"
+    source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 3"
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Relative gain of the first bearing's sensor, the second's being its opposite; one per direction."""
+        if len(rig.bearings) < 2:
+            return []
+        shared = [axis for axis in rig.bearings[0].axes if axis in rig.bearings[1].axes]
+        return [EffectParameter(axis, "1", 0.01, lower=-0.5, upper=0.5) for axis in shared]
+
+    def attach(self, plant: Plant) -> None:
+        """``y = (1 + g) y_true`` at the first bearing, ``(1 - g) y_true`` at the second."""
+        for bearing, sign in zip(plant.rig.bearings[:2], (1.0, -1.0), strict=False):
+            for parameter in self.parameters(plant.rig):
+                axis = f"{bearing.name}_{parameter.name}"
+                plant.inject(f"y.{axis}", plant.port(self.slot(parameter.name), plant.raw(f"y.{axis}"), scale=sign))
+
+
+class SensorMisalignment(Effect):
+    """Sensor axes rotated against the actuator axes."""
+
+    name = "sensor_misalignment"
+    physics = "the sensors of a bearing are rotated against its magnets"
+    signature = "zeta answers eta with opposite sign to eta answering zeta, in y of one bearing"
+    source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 8"
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Angle of each bearing's sensors [rad], counted from zeta to eta."""
+        both = [b for b in rig.bearings if len(b.axes) == 2]
+        return [EffectParameter(f"angle_{b.name}", "rad", 0.01, lower=-0.8, upper=0.8) for b in both]
+
+    def attach(self, plant: Plant) -> None:
+        """``y_zeta += a y_eta``, ``y_eta -= a y_zeta``; exact to first order in the angle."""
+        for bearing in plant.rig.bearings:
+            if len(bearing.axes) < 2:
+                continue
+            zeta, eta = (f"y.{axis}" for axis in bearing.axis_names)
+            slot = self.slot(f"angle_{bearing.name}")
+            plant.inject(zeta, plant.port(slot, plant.raw(eta)))
+            plant.inject(eta, plant.port(slot, plant.raw(zeta), scale=-1.0))
+
+
+class SensorPositionError(Effect):
+    """Sensors that sit elsewhere along the shaft than the rig file says."""
+
+    name = "sensor_position_error"
+    physics = "the sensors of a bearing read the rotor at another z than the rig file says"
+    signature = "rigid-body modes seen in other proportions at one bearing, both planes alike"
+    source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 12"
+    step = 1e-3
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Offset of each bearing's sensors [m]."""
+        if rig.rotor.kind not in ("finite_elements",):
+            return []
+        return [EffectParameter(f"offset_{b.name}", "m", 1e-3, lower=-0.05, upper=0.05) for b in rig.bearings]
+
+    def positions(self, rig: Rig) -> Sequence[float]:
+        """A millimetre to each side of every sensor: their shapes give the slope."""
+        low, high = rig.rotor.span
+        return [float(np.clip(b.sensor_position + d, low, high)) for b in rig.bearings for d in (-self.step, self.step)]
+
+    def attach(self, plant: Plant) -> None:
+        """``y += dz (d shape/dz) eta``; exact to first order in the offset."""
+        places = iter(zip(plant.axes, plant.directions, strict=True))
+        at = iter(self.positions(plant.rig))
+        for bearing in plant.rig.bearings:
+            below, above = next(at), next(at)
+            for _ in bearing.axes:
+                axis, direction = next(places)
+                slope = (plant.shape(above, direction) - plant.shape(below, direction)) / (above - below)
+                tilt = combine(slope, [plant[f"eta.{k}"] for k in range(plant.coordinates)])
+                plant.inject(f"y.{axis}", plant.port(self.slot(f"offset_{bearing.name}"), tilt))
+
+
+class SamplingSkew(Effect):
+    """Currents and displacements read at different instants."""
+
+    name = "sampling_skew"
+    physics = "i_c is read a little later than y; the loop itself is as modelled"
+    signature = "i_c alone is late, y fits: the residual of i_c is its own derivative"
+    source = "Pintelon, Schoukens, System Identification, 2nd ed., section 2.7"
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """By how much i_c is read after y [s]."""
+        if rig.amplifier.time_constant == 0.0:
+            return []
+        limit = 0.5 / rig.sample_rate
+        return [EffectParameter("current_late", "s", 0.02 / rig.sample_rate, lower=-limit, upper=limit)]
+
+    def attach(self, plant: Plant) -> None:
+        """``i_c = i_a + d i_a' + d^2/2 i_a''`` with ``tau_a i_a' = i_ref - i_a`` and i_ref held."""
+        tau = plant.rig.amplifier.time_constant
+        slot = self.slot("current_late")
+        for axis in plant.axes:
+            first = plant.port(slot, plant[f"drive.{axis}"], scale=1.0 / tau)
+            second = plant.port(slot, first, scale=-0.5 / tau)
+            plant.inject(f"i_c.{axis}", first + second)

@@ -1,0 +1,145 @@
+"""Effects of what holds the rotor or the housing beside the magnets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import pi
+
+import numpy as np
+
+from ambid.effects.base import Effect, EffectParameter
+from ambid.loop.plant import Plant
+from ambid.rig import PointMassRotor, Rig
+
+UNBOUNDED = float("inf")
+
+
+def _stiffness(rig: Rig) -> float:
+    return float(np.mean([k for b in rig.bearings for k in b.force_displacement]))
+
+
+class SealForces(Effect):
+    """Direct and cross-coupled stiffness and damping at one place of the rotor."""
+
+    name = "seal_forces"
+    physics = "a seal, or another annular gap, pushes the rotor with direct and cross-coupled stiffness and damping"
+    signature = "rigid-body band, both planes, and one plane answering the other with opposite signs"
+    source = "Childs, Turbomachinery Rotordynamics, 1993, chapter 4"
+
+    def __init__(self, z: float | None = None) -> None:
+        self.z = z
+
+    def place(self, rig: Rig) -> float:
+        """Where it acts [m]; by default half-way between the outermost bearings."""
+        ends = [b.position for b in rig.bearings]
+        return 0.5 * (min(ends) + max(ends)) if self.z is None else self.z
+
+    def positions(self, rig: Rig) -> Sequence[float]:
+        """Its place."""
+        return [] if isinstance(rig.rotor, PointMassRotor) else [self.place(rig)]
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Direct and cross stiffness [N/m], damping [N s/m]."""
+        if rig.rotor.kind != "finite_elements":
+            return []
+        k = _stiffness(rig)
+        return [
+            EffectParameter("direct_stiffness", "N/m", 0.02 * k, lower=-UNBOUNDED),
+            EffectParameter("cross_stiffness", "N/m", 0.02 * k, lower=-UNBOUNDED),
+            EffectParameter("damping", "N s/m", 2e-5 * k),
+        ]
+
+    def attach(self, plant: Plant) -> None:
+        """``F_x = -k x - k_c y - c x'``, ``F_y = -k y + k_c x - c y'``."""
+        z = self.place(plant.rig)
+        planes = np.eye(plant.rotor.planes)
+        x = [plant.at(z, plane) for plane in planes]
+        v = [plant.at(z, plane, "eta_rate") for plane in planes]
+        for k, plane in enumerate(planes):
+            force = -plant.port(self.slot("direct_stiffness"), x[k]) - plant.port(self.slot("damping"), v[k])
+            if len(planes) == 2:
+                force = force + plant.port(self.slot("cross_stiffness"), x[1 - k], scale=-1.0 if k == 0 else 1.0)
+            plant.push(z, plane, force)
+
+
+class CouplingStiffness(Effect):
+    """Stiffness and damping to ground at the drive end."""
+
+    name = "coupling_stiffness"
+    physics = "the coupling to the drive holds the end of the shaft with stiffness and damping"
+    signature = "rigid-body band, both planes alike, more at the bearing next to the drive; no cross-coupling"
+    source = "Friswell, Penny, Garvey, Lees, Dynamics of Rotating Machines, 2010, chapter 5"
+
+    def __init__(self, end: int | None = None) -> None:
+        self.end = end
+
+    def positions(self, rig: Rig) -> Sequence[float]:
+        """Both ends of the shaft."""
+        return [] if rig.rotor.kind != "finite_elements" else list(rig.rotor.span)
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Stiffness [N/m] and damping [N s/m] at each end of the shaft."""
+        if rig.rotor.kind != "finite_elements":
+            return []
+        k = _stiffness(rig)
+        return [
+            EffectParameter("stiffness", "N/m", 0.01 * k),
+            EffectParameter("damping", "N s/m", 1e-5 * k),
+        ]
+
+    def attach(self, plant: Plant) -> None:
+        """``F = -k x - c x'`` in every plane."""
+        z = plant.rig.rotor.span[1 if self.end is None else self.end]
+        for plane in np.eye(plant.rotor.planes):
+            force = plant.port(self.slot("stiffness"), plant.at(z, plane))
+            force = force + plant.port(self.slot("damping"), plant.at(z, plane, "eta_rate"))
+            plant.push(z, plane, -force)
+
+
+class FoundationResonance(Effect):
+    """A mode of the housing that carries magnets and sensors."""
+
+    name = "foundation_resonance"
+    physics = "the housing that carries magnets and sensors moves: a mode of the support, the same in each bearing"
+    signature = "a narrow band in y and i_c where no rotor mode lies, all axes"
+    source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 10"
+
+    def __init__(self, frequency_hz: float = 100.0) -> None:
+        self.frequency_hz = frequency_hz
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Frequency [Hz], damping ratio, compliance as the inverse of the moving mass [1/kg]."""
+        return [
+            EffectParameter("frequency_hz", "Hz", self.frequency_hz, lower=1.0, upper=0.5 * rig.sample_rate),
+            EffectParameter("damping", "1", 0.03, lower=1e-4, upper=2.0),
+            EffectParameter("inverse_mass", "1/kg", 1e-3),
+        ]
+
+    def probes(self, rig: Rig) -> Sequence[dict[str, float]]:
+        """The mode at its frequency with a heavy housing."""
+        return [{p.name: p.probe for p in self.parameters(rig)}]
+
+    def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
+        """Any mass."""
+        return np.zeros(1), np.full(1, np.inf)
+
+    def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
+        """As probed, with the mass that the residual calls for."""
+        start = {p.name: p.probe for p in self.parameters(rig)}
+        start["inverse_mass"] *= float(np.clip(amplitudes[0], 0.1, 100.0))
+        return start
+
+    def attach(self, plant: Plant) -> None:
+        """``h'' = -w^2 h - 2 zeta w h' - f/m`` in each axis; magnets and sensors read the rotor against h."""
+        frequency, damping = self.slot("frequency_hz"), self.slot("damping")
+        for axis in plant.axes:
+            h, scaled_rate = plant.state(f"housing.{axis}"), plant.state(f"housing_rate.{axis}")
+            pushed = plant.port(self.slot("inverse_mass"), plant[f"f.{axis}"])
+            # scaled_rate = h'/w: h' = w scaled_rate, scaled_rate' = -w h - 2 zeta w scaled_rate - f/(m w)
+            plant.set_rate(f"housing.{axis}", plant.port(frequency, scaled_rate, scale=2.0 * pi))
+            damped = plant.port(damping, scaled_rate, scale=2.0)
+            slowed = plant.port(frequency, h + damped, scale=2.0 * pi)
+            pushed = plant.port(frequency, pushed, power=-1, scale=1.0 / (2.0 * pi))
+            plant.set_rate(f"housing_rate.{axis}", -slowed - pushed)
+            plant.inject(f"s.{axis}", -h)
+            plant.inject(f"y.{axis}", -h)

@@ -1,0 +1,188 @@
+"""A linear fractional transformation put together from named signals, so that physics can be added at any of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Port:
+    """One diagonal entry of Delta: ``w = scale * value**power * z``.
+
+    Attributes
+    ----------
+    slot : str
+        What the entry stands for, such as ``K_i.A_zeta``; a parameter fills one slot or several.
+    power : int
+        1 for K_i and K_s, -1 for a time constant.
+    scale : float
+        Constant factor.
+    """
+
+    slot: str
+    power: int = 1
+    scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class Lft:
+    """G with its Delta ports: ``x' = A x + B [u; w]``, ``[y; z] = C x + D [u; w]``, ``w = Delta z`` (eq. 8, Fig. 3).
+
+    Attributes
+    ----------
+    A : ndarray, shape (n, n)
+    B : ndarray, shape (n, inputs + ports)
+    C : ndarray, shape (outputs + ports, n)
+    D : ndarray, shape (outputs + ports, inputs + ports)
+    inputs, outputs : tuple of str
+        Names of the signals u and y, such as ``i_ref.A_zeta`` and ``y.A_zeta``.
+    ports : tuple of Port
+        Entries of Delta, in the order of w and z.
+    """
+
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: FloatArray
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    ports: tuple[Port, ...]
+
+
+class Signal:
+    """A linear combination of states, inputs, Delta outputs and injections; adds, subtracts, and scales."""
+
+    __slots__ = ("terms",)
+
+    def __init__(self, terms: Mapping[str, float]) -> None:
+        self.terms = dict(terms)
+
+    def __add__(self, other: Signal) -> Signal:
+        terms = dict(self.terms)
+        for symbol, factor in other.terms.items():
+            terms[symbol] = terms.get(symbol, 0.0) + factor
+        return Signal(terms)
+
+    def __mul__(self, factor: float) -> Signal:
+        return Signal({symbol: factor * own for symbol, own in self.terms.items()} if factor else {})
+
+    __rmul__ = __mul__
+
+    def __neg__(self) -> Signal:
+        return self * -1.0
+
+    def __sub__(self, other: Signal) -> Signal:
+        return self + -other
+
+    def __truediv__(self, divisor: float) -> Signal:
+        return self * (1.0 / divisor)
+
+
+ZERO = Signal({})
+
+
+def combine(factors: Iterable[float], signals: Iterable[Signal]) -> Signal:
+    """Sum of factors times signals."""
+    total = ZERO
+    for factor, signal in zip(factors, signals, strict=True):
+        if factor:
+            total = total + factor * signal
+    return total
+
+
+class Assembly:
+    """Builds an `Lft` from states, inputs, signals and Delta ports.
+
+    A named signal is made by `signal`; whoever uses it gets it with what others add to it by `inject`, before or after.
+    """
+
+    def __init__(self) -> None:
+        self.states: list[str] = []
+        self.inputs: list[str] = []
+        self.ports: list[Port] = []
+        self._rates: dict[str, Signal] = {}
+        self._seen: list[Signal] = []
+        self._raw: dict[str, Signal] = {}
+        self._injected: dict[str, Signal] = {}
+
+    def state(self, name: str) -> Signal:
+        """A new state; give its rate by `set_rate`."""
+        self.states.append(f"x:{name}")
+        return Signal({f"x:{name}": 1.0})
+
+    def set_rate(self, name: str, rate: Signal) -> None:
+        """Time derivative of a state."""
+        self._rates[f"x:{name}"] = rate
+
+    def lag(self, name: str, source: Signal, slot: str) -> Signal:
+        """A new state that follows `source` with the time constant that fills `slot`."""
+        state = self.state(name)
+        self.set_rate(name, self.port(slot, source - state, power=-1))
+        return state
+
+    def input(self, name: str) -> Signal:
+        """A new input."""
+        self.inputs.append(name)
+        return Signal({f"u:{name}": 1.0})
+
+    def port(self, slot: str, z: Signal, *, power: int = 1, scale: float = 1.0) -> Signal:
+        """A new entry of Delta that sees `z`; returns its output ``scale value**power z``."""
+        symbol = f"w:{len(self.ports)}"
+        self.ports.append(Port(slot, power, scale))
+        self._seen.append(z)
+        return Signal({symbol: 1.0})
+
+    def signal(self, name: str, value: Signal) -> Signal:
+        """A new named signal; returns it together with all that is injected into it."""
+        self._raw[name] = value
+        return self[name]
+
+    def __getitem__(self, name: str) -> Signal:
+        return self._raw[name] + Signal({f"j:{name}": 1.0})
+
+    def raw(self, name: str) -> Signal:
+        """A named signal without what is injected into it."""
+        return self._raw[name]
+
+    def inject(self, name: str, value: Signal) -> None:
+        """Add to a named signal wherever it is used."""
+        self._injected[name] = self._injected.get(name, ZERO) + value
+
+    def lft(self, outputs: Sequence[str]) -> Lft:
+        """The transformation, with these named signals as outputs."""
+        states, inputs, ports = len(self.states), len(self.inputs), len(self.ports)
+        names = [*self.states, *(f"u:{name}" for name in self.inputs), *(f"w:{k}" for k in range(ports))]
+        column = {symbol: k for k, symbol in enumerate(names)}
+        injected = {f"j:{name}": k for k, name in enumerate(self._injected)}
+
+        def rows(signals: Sequence[Signal]) -> tuple[FloatArray, FloatArray]:
+            own, of_injections = np.zeros((len(signals), len(names))), np.zeros((len(signals), len(injected)))
+            for i, signal in enumerate(signals):
+                for symbol, factor in signal.terms.items():
+                    if symbol in column:
+                        own[i, column[symbol]] += factor
+                    elif symbol in injected:
+                        of_injections[i, injected[symbol]] += factor
+            return own, of_injections
+
+        own, of_injections = rows(list(self._injected.values()))
+        eliminated = np.linalg.solve(np.eye(len(injected)) - of_injections, own)
+        used = [self._rates[state] for state in self.states] + [self[name] for name in outputs] + self._seen
+        own, of_injections = rows(used)
+        table = own + of_injections @ eliminated
+        n, m = states, states + inputs + ports
+        return Lft(
+            A=table[:n, :n],
+            B=table[:n, n:m],
+            C=table[n:, :n],
+            D=table[n:, n:m],
+            inputs=tuple(self.inputs),
+            outputs=tuple(outputs),
+            ports=tuple(self.ports),
+        )

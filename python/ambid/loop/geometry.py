@@ -1,0 +1,53 @@
+"""How forces at the magnets and displacements at the sensors reach the modal coordinates of the rotor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ambid.loop.assembly import FloatArray
+from ambid.rig import Rig
+from ambid.rotor import ReducedRotor
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Modal input and output matrices of all axes.
+
+    Attributes
+    ----------
+    force : ndarray, shape (modal coordinates, axes)
+        Modal force of a unit force of each axis; its transpose gives the displacement s at each magnet.
+    sensor : ndarray, shape (axes, modal coordinates)
+        Displacement y at each sensor.
+    """
+
+    force: FloatArray
+    sensor: FloatArray
+
+
+def axis_angles(rig: Rig) -> FloatArray:
+    """Angle of each axis from the first bearing's zeta axis, counted from x to y, shape (axes,) [degrees]."""
+    quarter = {"zeta": 0.0, "eta": 90.0}
+    first = rig.bearings[0].tilt
+    return np.array([bearing.tilt - first + quarter[axis] for bearing in rig.bearings for axis in bearing.axes])
+
+
+def axis_directions(rig: Rig) -> FloatArray:
+    """Direction of each axis in the planes of the model, shape (axes, 2).
+
+    The rotor is the same in every plane, so the planes are laid along zeta and eta of the first bearing: where all
+    bearings have one tilt and nothing turns, the two planes do not act on each other, exactly.
+    """
+    angles = np.deg2rad(axis_angles(rig))
+    return np.round(np.column_stack([np.cos(angles), np.sin(angles)]), 15)
+
+
+def geometry(rig: Rig, rotor: ReducedRotor) -> Geometry:
+    """Modal input and output matrices of all axes of a rig."""
+    directions = axis_directions(rig)[:, : rotor.planes]
+    places = [(bearing.position, bearing.sensor_position) for bearing in rig.bearings for _ in bearing.axes]
+    force = [np.kron(d, rotor.shape(magnet)) for d, (magnet, _) in zip(directions, places, strict=True)]
+    sensor = [np.kron(d, rotor.shape(sensor)) for d, (_, sensor) in zip(directions, places, strict=True)]
+    return Geometry(force=np.array(force).T, sensor=np.array(sensor))

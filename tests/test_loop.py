@@ -1,0 +1,397 @@
+"""The loop room against closed forms, the full rotor, SciPy, python-control, complex steps and its own promises."""
+
+import control
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.linalg import block_diag
+from scipy.optimize import linear_sum_assignment
+
+from ambid.errors import ModelError, UnstableLoopError
+from ambid.loop.assembly import Lft
+from ambid.rig import Rig
+from ambid.rotor import assemble, reduced_rotor
+from reference.loop_rigs import (
+    BENCH,
+    CROSSED,
+    DIGITAL,
+    LEVITATOR,
+    OFF,
+    RIGS,
+    excitation,
+    filled_by,
+    loop_of,
+    parameters,
+    rig,
+)
+from reference.physical_loop import PhysicalLoop, by_integration
+
+every_rig = pytest.mark.parametrize("machine", RIGS.values(), ids=RIGS.keys())
+
+
+def physical(machine: Rig, theta: np.ndarray, shared: bool = False) -> PhysicalLoop:
+    """The reference at parameters of shape (parameters,) or (parameters, sets)."""
+    values = np.asarray(theta).reshape(len(theta), -1)[list(filled_by(machine, shared).values())]
+    return PhysicalLoop(machine, *np.split(values, 3))
+
+
+def assert_close(actual, expected, tolerance) -> None:
+    """Within `tolerance` of each channel's peak."""
+    assert actual.shape == expected.shape
+    peak = np.max(np.abs(expected), axis=0)
+    assert np.all(peak > 0.0)
+    assert np.max(np.abs(actual - expected) / peak) < tolerance
+
+
+def assert_same_poles(actual, expected, tolerance) -> None:
+    """As sets, each pole relative to its own modulus."""
+    distance = np.abs(actual[:, None] - expected[None, :])
+    pairs = linear_sum_assignment(distance)
+    assert actual.shape == expected.shape
+    assert np.max(distance[pairs] / np.abs(expected[pairs[1]])) < tolerance
+
+
+def close_delta(lft: Lft, theta: np.ndarray, fills: dict[str, int]) -> tuple[np.ndarray, ...]:
+    """A, B, C, D of the LFT with ``w = Delta z`` put in."""
+    delta = np.diag([port.scale * theta[fills[port.slot]] ** port.power for port in lft.ports])
+    n_u, n_y = len(lft.inputs), len(lft.outputs)
+    b_u, b_w, c_y, c_z = lft.B[:, :n_u], lft.B[:, n_u:], lft.C[:n_y], lft.C[n_y:]
+    (d_yu, d_yw), (d_zu, d_zw) = (np.split(rows, [n_u], axis=1) for rows in np.split(lft.D, [n_y]))
+    closed = np.linalg.solve(np.eye(len(delta)) - delta @ d_zw, delta)
+    return lft.A + b_w @ closed @ c_z, b_u + b_w @ closed @ d_zu, c_y + d_yw @ closed @ c_z, d_yu + d_yw @ closed @ d_zu
+
+
+# The plant and Delta --------------------------------------------------------------------------------------------------
+
+
+def test_single_mass_without_controller_has_the_poles_of_its_negative_stiffness():
+    machine = rig(LEVITATOR, **OFF)
+    k_i, k_s, tau_e = theta = parameters(machine)
+    rate = np.sqrt(k_s / machine.rotor.mass)
+    expected = np.array([rate, -rate, -1.0 / tau_e, -1.0 / machine.amplifier.time_constant])
+    assert_same_poles(loop_of(machine).poles(theta), expected, 1e-10)
+
+
+@pytest.mark.parametrize("implementation", ["analog", "digital"])
+def test_bench_without_controller_is_unstable_in_every_rigid_mode(implementation):
+    machine = rig(**OFF, implementation=implementation)
+    assert np.sum(loop_of(machine).poles(parameters(machine)).real > 0.0) == 4
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("speed", [0.0, 600.0])
+def test_closing_delta_equals_reducing_the_full_rotor_with_its_magnets(speed, seed):
+    """Every freedom of the finite elements, magnets' stiffness at their nodes, then T_L (.) T_R: eqs. 4 to 8."""
+    tilts = (30.0, 75.0)
+    machine = rig(tilts=tilts, speed=speed, rotor={"bending_frequencies_hz": None}, **OFF)
+    fills, theta = filled_by(machine), parameters(machine, spread=0.5, seed=seed)
+    k_i, k_s, tau_e = (np.diag(values) for values in np.split(theta, 3))
+    places = [z for b in machine.bearings for z in (b.position, b.sensor_position)]
+    full, modes = assemble(machine.rotor, places), reduced_rotor(machine.rotor, places)
+
+    def rows(key):
+        x = {b.name: full.displacement_row(getattr(b, key), "x") for b in machine.bearings}
+        y = {b.name: full.displacement_row(getattr(b, key), "y") for b in machine.bearings}
+        angles = [(b.name, np.deg2rad(b.tilt + quarter)) for b in machine.bearings for quarter in (0.0, 90.0)]
+        return np.array([np.cos(angle) * x[name] + np.sin(angle) * y[name] for name, angle in angles])
+
+    magnet, sensor = rows("position"), rows("sensor_position")
+    ratios, omega = np.tile(modes.damping, 2), np.tile(modes.frequencies_rad_s, 2)
+    damping = modes.T_L.T @ np.diag(2.0 * ratios * omega) @ modes.T_L
+    moved, turned, driven = (
+        np.linalg.solve(full.M, m)
+        for m in (magnet.T @ k_s @ magnet - full.K, -damping - speed * full.G, magnet.T @ k_i)
+    )
+    n, size, lag = 4, len(full.M), np.eye(4) / machine.amplifier.time_constant
+    release, none = np.linalg.inv(tau_e), np.zeros
+    A = np.block(
+        [
+            [none((size, size)), np.eye(size), none((size, 2 * n))],
+            [moved, turned, none((size, n)), driven],
+            [none((n, 2 * size)), -lag, none((n, n))],
+            [none((n, 2 * size)), release, -release],
+        ]
+    )
+    # the package's planes lie along zeta and eta of the first bearing
+    c, s = np.cos(np.deg2rad(tilts[0])), np.sin(np.deg2rad(tilts[0]))
+    turn = np.kron([[c, -s], [s, c]], np.eye(len(modes.frequencies_rad_s)))
+    left = block_diag(turn.T @ modes.T_L, turn.T @ modes.T_L, np.eye(2 * n))
+    right = block_diag(modes.T_R @ turn, modes.T_R @ turn, np.eye(2 * n))
+    loop = loop_of(machine)
+    closed = close_delta(loop.lft, theta, fills)
+    expected = left @ A @ right
+    assert_allclose(closed[0], expected, rtol=0.0, atol=1e-10 * np.max(np.abs(expected)))
+    coupling = left[:, size : 2 * size] @ driven  # of small numbers, so held by itself
+    assert_allclose(closed[0][:, -n:][: 2 * len(omega)], coupling[: 2 * len(omega)], rtol=1e-10, atol=1e-12)
+    assert_allclose(closed[2][:n, : len(omega)], sensor @ modes.T_R @ turn, rtol=1e-10, atol=1e-12)
+    assert_same_poles(loop.poles(theta), np.linalg.eigvals(expected), 1e-9)
+
+
+# The response ---------------------------------------------------------------------------------------------------------
+
+
+@every_rig
+def test_response_agrees_with_integrated_equations_of_motion(machine):
+    theta, u = parameters(machine), excitation(machine, 60)
+    expected = physical(machine, theta).respond(u, propagate=by_integration)[:, :, 0]
+    assert_close(loop_of(machine).simulate(theta, u), expected, 1e-8)
+
+
+@every_rig
+def test_response_agrees_with_the_series_of_the_equations_of_motion(machine):
+    theta, u = parameters(machine), excitation(machine, 150)
+    assert_close(loop_of(machine).simulate(theta, u), physical(machine, theta).respond(u)[:, :, 0], 1e-9)
+
+
+@pytest.mark.parametrize("name", ["analog, rotating", "analog, rigid rotor", "analog, one axis"])
+def test_analog_response_agrees_with_python_control(name):
+    machine = RIGS[name]
+    theta, u = parameters(machine), excitation(machine, 400)
+    reference = physical(machine, theta)
+    k_i, k_s, tau_e = np.split(theta, 3)
+    n, m = reference.magnet.shape
+    zero, eye = np.zeros((m, m)), np.eye(n)
+    rotor = control.ss(
+        np.block([[zero, np.eye(m)], [-reference.stiffness, -reference.damping]]),
+        np.vstack([0.0 * reference.magnet.T, reference.magnet.T]),
+        np.hstack([np.vstack([reference.magnet, reference.sensor]), np.zeros((2 * n, m))]),
+        np.zeros((2 * n, n)),
+    )
+    magnets = control.append(
+        *(control.ss([[-1 / t]], [[1 / t]], [[k]], [[0]]) for k, t in zip(k_i, tau_e, strict=True))
+    )
+    lag = 1.0 / machine.amplifier.time_constant
+    amplifiers = control.append(*[control.ss([[-lag]], [[lag]], [[1]], [[0]])] * n)
+    pid, rate = machine.controller, 1.0 / machine.controller.derivative_time_constant
+    law = control.ss([[0]], [[1]], [[pid.integral]], [[pid.proportional + pid.derivative * rate]])
+    law += control.ss([[-rate]], [[rate]], [[-pid.derivative * rate]], [[0]])
+    held = control.feedback(rotor, control.ss([], [], [], np.hstack([np.diag(k_s), 0.0 * eye])), sign=1)
+    both = control.ss([], [], [], np.vstack([eye, eye]))
+    plant = control.append(held * magnets, control.ss([], [], [], eye)) * both * amplifiers
+    read = control.ss([], [], [], np.hstack([0.0 * eye, eye, 0.0 * eye]))
+    loop = control.feedback(plant, control.append(*[law] * n) * read)
+    sampled = control.sample_system(loop, 1.0 / machine.sample_rate, "zoh")
+    expected = np.asarray(control.forced_response(sampled, inputs=u.T).outputs).reshape(3 * n, -1)[n:].T
+    assert_close(loop_of(machine).simulate(theta, u), expected, 1e-9)
+
+
+# Sensitivities --------------------------------------------------------------------------------------------------------
+
+
+def assert_slopes_by_complex_step(machine: Rig, shared: bool, theta: np.ndarray, samples: int = 150) -> None:
+    u, every = excitation(machine, samples), range(len(theta))
+    y, jacobian = loop_of(machine, shared).sensitivity(theta, u, every)
+    step = 1e-20 * theta
+    stepped = physical(machine, theta[:, None] + 1j * np.diag(step), shared).respond(u)
+    expected = stepped.imag / step
+    assert_close(y, stepped[:, :, 0].real, 1e-9)
+    peak = np.max(np.abs(expected), axis=0)
+    n = len(machine.axes)  # each column by the peak of its own unit: a parameter of one plane does nothing in the other
+    for slopes, exact in ((jacobian[:, :n], expected[:, :n]), (jacobian[:, n:], expected[:, n:])):
+        peak = np.max(np.abs(exact), axis=(0, 1))
+        assert np.all(peak > 0.0)
+        assert np.max(np.abs(slopes - exact) / peak) < 1e-8
+
+
+@pytest.mark.parametrize("shared", [True, False], ids=["one tau_e", "tau_e of each axis"])
+@pytest.mark.parametrize("name", ["analog", "analog, rotating", "digital, delay 1.5, twice the rate"])
+def test_sensitivity_agrees_with_complex_step(name, shared):
+    assert_slopes_by_complex_step(RIGS[name], shared, parameters(RIGS[name], shared))
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["analog, ideal amplifier", "analog, one axis", "digital, delay 0.3, ideal amplifier"],
+)
+def test_sensitivity_agrees_with_complex_step_on_odd_rigs(name):
+    assert_slopes_by_complex_step(RIGS[name], False, parameters(RIGS[name]))
+
+
+@pytest.mark.parametrize("spread", [0.0, 1e-6, 2e-5, 1e-3])
+@pytest.mark.parametrize("controller", [{}, DIGITAL], ids=["analog", "digital"])
+def test_sensitivity_holds_where_the_poles_of_two_planes_coincide(controller, spread):
+    """Crossed axes couple two equal planes, so that their poles are double or nearly so."""
+    machine = rig(tilts=(30.0, 75.0), **controller)
+    assert_slopes_by_complex_step(machine, True, parameters(machine, True, spread))
+
+
+@pytest.mark.parametrize("delay", [0.3, 1.0, 1.5, 2.2])
+@pytest.mark.parametrize("steps", [2, 4])
+def test_sensitivity_holds_where_the_poles_of_the_delay_gather_at_zero(steps, delay):
+    """Commands under way are forgotten within a sample of the record, the more so with a faster controller."""
+    machine = rig(amplifier=5e-5, **CROSSED, **DIGITAL | {"delay_samples": delay, "sample_rate": steps * 1e4})
+    assert_slopes_by_complex_step(machine, False, parameters(machine), samples=30)
+
+
+def test_sensitivity_gives_the_asked_columns_in_their_order():
+    machine = RIGS["analog"]
+    loop, theta, u = loop_of(machine), parameters(machine), excitation(machine)
+    _, whole = loop.sensitivity(theta, u, range(12))
+    y, some = loop.sensitivity(theta, u, [7, 0, 10])
+    assert_close(y, loop.simulate(theta, u), 1e-10)
+    # the columns of the other plane are zero
+    assert np.max(np.abs(some - whole[:, :, [7, 0, 10]])) <= 1e-10 * np.max(np.abs(some))
+
+
+# What the loop promises -----------------------------------------------------------------------------------------------
+
+
+@every_rig
+def test_response_is_linear_causal_and_from_rest(machine):
+    loop, theta = loop_of(machine), parameters(machine)
+    u, v = excitation(machine, seed=3), excitation(machine, seed=4)
+    sum_of_both = 2.0 * loop.simulate(theta, u) - 3.0 * loop.simulate(theta, v)
+    assert_close(loop.simulate(theta, 2.0 * u - 3.0 * v), sum_of_both, 1e-10)
+    late = u.copy()
+    late[:90] = 0.0
+    shifted = loop.simulate(theta, late)
+    assert np.all(shifted[:90] == 0.0)
+    assert_close(shifted[90:], loop.simulate(theta, u[90:]), 1e-10)
+    assert np.all(loop.simulate(theta, u)[0, : len(machine.axes)] == 0.0)  # no displacement before any time has passed
+
+
+@every_rig
+def test_simulator_equals_simulate_by_step_and_by_run(machine):
+    loop, theta, u = loop_of(machine), parameters(machine), excitation(machine)
+    expected, simulator = loop.simulate(theta, u), loop.simulator(theta)
+    assert simulator.inputs == loop.inputs
+    assert simulator.outputs == loop.outputs
+    assert_close(np.array([simulator.step(row) for row in u]), expected, 1e-10)
+    simulator.reset()
+    assert_close(np.vstack([simulator.run(u[:71]), simulator.run(u[71:])]), expected, 1e-10)
+
+
+@pytest.mark.parametrize("controller", [{}, DIGITAL], ids=["analog", "digital"])
+def test_unstable_loop_runs_in_the_simulator_alone(controller):
+    machine = rig(**OFF | controller)
+    loop, theta, u = loop_of(machine), parameters(machine), excitation(machine, 100)
+    growth = np.exp(np.max(loop.poles(theta).real) / machine.sample_rate)
+    with pytest.raises(UnstableLoopError, match=f"{growth:.6f}"):
+        loop.simulate(theta, u)
+    with pytest.raises(UnstableLoopError):
+        loop.sensitivity(theta, u, [0])
+    # without feedback the controller's kind makes no difference
+    assert_close(loop.simulator(theta).run(u), physical(rig(**OFF), theta).respond(u)[:, :, 0], 1e-8)
+
+
+NOISY = [
+    "analog, rotating",
+    "analog, one axis",
+    "digital",
+    "digital, delay 1, rotating",
+    "digital, delay 0.5, one axis",
+]
+
+
+@pytest.mark.parametrize("name", NOISY)
+def test_sensor_noise_goes_round_the_loop_by_the_sensitivity_function(name):
+    """Spectrum of the response to one pulse of noise, long enough to die out."""
+    machine, samples = RIGS[name], 120_000
+    loop, theta, n = loop_of(machine, noise=True), parameters(machine), len(machine.axes)
+    reference = physical(machine, theta)
+    assert loop.inputs[n:] == tuple(f"n.{axis}" for axis in machine.axes)
+    bins = np.array([120, 1200, 6600, 18_000, 48_000])
+    for axis in range(n):
+        pulse = np.zeros((samples, 2 * n))
+        pulse[0, n + axis] = 1.0
+        y = loop.simulate(theta, pulse)[:, :n]
+        assert np.max(np.abs(y[-1])) < 1e-10
+        spectrum = np.fft.rfft(y, axis=0)[bins]
+        omega = 2.0 * np.pi * machine.sample_rate / samples * bins
+        expected = np.array([reference.sensitivity_function(w)[:, axis] for w in omega])
+        assert np.max(np.abs(spectrum - expected)) < 1e-8
+
+
+@pytest.mark.parametrize("name", ["analog", "digital, delay 1.5, twice the rate"])
+def test_excitation_and_noise_act_together(name):
+    machine = RIGS[name]
+    theta, u = parameters(machine), excitation(machine)
+    noise = 1e-6 * excitation(machine, seed=5)
+    y = loop_of(machine, noise=True).simulate(theta, np.hstack([u, noise]))
+    assert_close(y, physical(machine, theta).respond(u, noise)[:, :, 0], 1e-9)
+
+
+@pytest.mark.parametrize("controller", [{}, DIGITAL], ids=["analog", "digital"])
+def test_planes_part_at_rest_and_join_when_the_rotor_turns(controller):
+    rest, turning = rig(**controller), rig(speed=1.0, **controller)
+    assert loop_of(rest).core.parts == 2
+    assert loop_of(turning).core.parts == 1
+    crossed = rig(tilts=(30.0, 75.0), **controller)
+    assert loop_of(crossed).core.parts == 1
+
+
+@pytest.mark.parametrize("speed", [0.0, 600.0])
+def test_turning_all_bearings_together_changes_nothing(speed):
+    """The rotor is the same in every plane."""
+    first, second = rig(tilts=(0.0, 20.0), speed=speed), rig(tilts=(-100.0, -80.0), speed=speed)
+    theta, u = parameters(first), excitation(first)
+    assert_close(loop_of(second).simulate(theta, u), loop_of(first).simulate(theta, u), 1e-10)
+
+
+def test_sampled_matrices_give_the_response():
+    machine = RIGS["digital, delay 1.5, twice the rate"]
+    loop, theta, u = loop_of(machine), parameters(machine), excitation(machine)
+    a, b, c, d = loop.state_space(theta)
+    x, rows = np.zeros(len(a)), []
+    for row in u:
+        rows.append(c @ x + d @ row)
+        x = a @ x + b @ row
+    assert_close(np.array(rows), loop.simulate(theta, u), 1e-10)
+    poles = loop.poles(theta)
+    assert np.all(np.diff(poles.real) <= 0.0)
+    assert_allclose(np.exp(poles.real[0] / machine.sample_rate), np.max(np.abs(np.linalg.eigvals(a))), rtol=1e-10)
+
+
+# What it refuses ------------------------------------------------------------------------------------------------------
+
+
+def spoiled(values: np.ndarray, place, value: float) -> np.ndarray:
+    copy = values.copy()
+    copy[place] = value
+    return copy
+
+
+THETA, U = parameters(BENCH), excitation(BENCH)
+WRONG = {
+    "theta too short": (THETA[:5], U, r"size 5, expected 12"),
+    "theta of two axes": (THETA[None], U, r"shape \(1, 12\)"),
+    "theta NaN": (spoiled(THETA, 3, np.nan), U, r"nan at index 3"),
+    "theta infinite": (spoiled(THETA, 3, np.inf), U, r"inf at index 3"),
+    "tau_e zero": (spoiled(THETA, 9, 0.0), U, r"singular"),
+    "u of one axis": (THETA, U[:, 0], r"shape \(200,\)"),
+    "u too narrow": (THETA, U[:, :3], r"3 channels, expected 4"),
+    "u NaN": (THETA, spoiled(U, (17, 2), np.nan), r"nan at sample 17 of channel 2"),
+}
+
+
+@pytest.mark.parametrize(("theta", "u", "message"), WRONG.values(), ids=WRONG.keys())
+def test_wrong_arrays_are_refused_with_their_numbers(theta, u, message):
+    with pytest.raises(ModelError, match=message):
+        loop_of(BENCH).simulate(theta, u)
+    with pytest.raises(ModelError, match=message):
+        loop_of(BENCH).sensitivity(theta, u, [0])
+    with pytest.raises(ModelError, match=message):
+        loop_of(BENCH).simulator(theta).run(u)
+
+
+@pytest.mark.parametrize("index", [-1, 12])
+def test_parameter_that_does_not_exist_is_refused(index):
+    with pytest.raises(ModelError, match=f"{index} .* 12"):
+        loop_of(BENCH).sensitivity(THETA, U, [0, index])
+
+
+def test_step_refuses_a_wrong_row_and_stays_where_it_was():
+    simulator = loop_of(BENCH).simulator(THETA)
+    before = simulator.run(U[:50])
+    for row, message in ((U[50, :2], "2 channels, expected 4"), (U[50] * np.nan, "nan at index 0"), (U, "200, 4")):
+        with pytest.raises(ModelError, match=message):
+            simulator.step(row)
+    assert_close(np.vstack([before, simulator.run(U[50:])]), loop_of(BENCH).simulate(THETA, U), 1e-10)
+
+
+def test_arguments_are_not_changed():
+    theta, u = THETA.copy(), U.copy()
+    loop_of(BENCH).sensitivity(theta, u, [0])
+    loop_of(BENCH).simulator(theta).run(u)
+    assert np.array_equal(theta, THETA)
+    assert np.array_equal(u, U)
