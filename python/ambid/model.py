@@ -161,6 +161,14 @@ class Model:
         own = _of_effect(self.rig, effect, values or {})
         return Model(self.rig, [*self.parameters, *own], [*self.effects, effect])
 
+    def without(self, name: str) -> Model:
+        """Return the model without one of its effects."""
+        effects = [effect for effect in self.effects if effect.name != name]
+        if len(effects) == len(self.effects):
+            raise ModelError(f"{name} is not in the model; it has {', '.join(e.name for e in self.effects) or 'none'}")
+        parameters = [p for p in self.parameters if not p.name.startswith(f"{name}.")]
+        return Model(self.rig, parameters, effects)
+
     def share(self, name: str, members: Iterable[str]) -> Model:
         """Return the model with one parameter in place of several, starting from their mean.
 

@@ -1,1 +1,67 @@
-fn main(){}
+//! Cost of the core on a 24-state, nine-parameter machine. Run with `cargo bench -p ambid-core`.
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use ambid_core::{Data, Stepper, normal_equations};
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use common::loops::Problem;
+use common::machine::machine;
+use common::random::Random;
+
+const SAMPLES: usize = 20_000;
+const REPEATS: usize = 15;
+
+/// Prints median and minimum of the time of `run`, which covers `samples` samples.
+fn measure(what: &str, samples: usize, mut run: impl FnMut()) {
+    run();
+    let mut seconds: Vec<f64> = (0..REPEATS)
+        .map(|_| {
+            let start = Instant::now();
+            run();
+            start.elapsed().as_secs_f64()
+        })
+        .collect();
+    seconds.sort_by(f64::total_cmp);
+    let (median, minimum) = (seconds[REPEATS / 2], seconds[0]);
+    let each = 1e9 * median / samples as f64;
+    println!("{what:<44} {samples:>7} {:>11.3} {:>11.3} {each:>11.1}", 1e3 * median, 1e3 * minimum);
+}
+
+fn measure_loop(name: &str, p: &Problem) {
+    let (system, free) = (p.system(), p.free());
+    for samples in [SAMPLES, 2 * SAMPLES] {
+        let u = Random(1).signal(samples * system.inputs());
+        let z = system.simulate(&p.theta, &u).expect("stable");
+        let data = Data::new(&system, u.clone(), z, vec![1.0; system.outputs()], 0).expect("consistent");
+        measure(&format!("{name}: simulate"), samples, || {
+            black_box(system.simulate(&p.theta, &u).expect("stable"));
+        });
+        measure(&format!("{name}: sensitivity"), samples, || {
+            black_box(system.sensitivity(&p.theta, &free, &u).expect("stable"));
+        });
+        measure(&format!("{name}: normal equations"), samples, || {
+            black_box(normal_equations(&system, &p.theta, &free, &[&data]).expect("stable"));
+        });
+    }
+    let u = Random(1).signal(SAMPLES * system.inputs());
+    let mut stepper = Stepper::new(&system, &p.theta).expect("regular");
+    let mut y = vec![0.0; system.outputs()];
+    measure(&format!("{name}: stepper"), SAMPLES, || {
+        for u in u.chunks_exact(system.inputs()) {
+            stepper.step(u, &mut y).expect("sizes fit");
+        }
+        black_box(&y);
+    });
+}
+
+fn main() {
+    println!("{:<44} {:>7} {:>11} {:>11} {:>11}", "", "samples", "median ms", "minimum ms", "ns/sample");
+    measure_loop("two planes at rest", &machine(0.0, 0.02));
+    measure_loop("gyroscopically coupled", &machine(100.0, 0.02));
+    // alike planes that barely couple: double poles, so the plain recursion
+    measure_loop("double poles (dense)", &machine(1e-9, 0.0));
+}

@@ -71,7 +71,7 @@ impl ClosedLoop {
     /// The response from rest, samples x outputs, to `u`, samples x inputs, both row by row.
     ///
     /// # Errors
-    /// [`crate::Error::Unstable`] and as [`ClosedLoop::poles`].
+    /// [`crate::Error::Unstable`], [`crate::Error::Shape`], and as [`ClosedLoop::poles`].
     pub fn simulate(&self, theta: &[f64], u: &[f64]) -> Result<Vec<f64>> {
         let (y, _) = self.sensitivity(theta, &[], u)?;
         Ok(y)
@@ -83,7 +83,8 @@ impl ClosedLoop {
     /// As [`ClosedLoop::simulate`].
     pub fn sensitivity(&self, theta: &[f64], free: &[usize], u: &[f64]) -> Result<(Vec<f64>, Vec<f64>)> {
         let (ny, np) = (self.outputs(), free.len());
-        let samples = u.len() / self.inputs().max(1);
+        let samples = u.len().checked_div(self.inputs()).unwrap_or(0);
+        check_len("excitation", u.len(), samples * self.inputs())?;
         let mut y = vec![0.0; samples * ny];
         let mut jacobian = vec![0.0; samples * ny * np];
         for prepared in self.prepare(theta, free)? {

@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::expm::expm;
 use crate::lft::Closed;
 use crate::model::{Controller, Model};
@@ -10,10 +10,26 @@ use crate::model::{Controller, Model};
 /// `x[k+1] = a x[k] + b u[k]`, `y[k] = c x[k] + d u[k]`; also the derivative of one by a parameter.
 #[derive(Debug, Clone)]
 pub struct Discrete {
+    /// States x states.
     pub a: DMatrix<f64>,
+    /// States x inputs.
     pub b: DMatrix<f64>,
+    /// Outputs x states.
     pub c: DMatrix<f64>,
+    /// Outputs x inputs.
     pub d: DMatrix<f64>,
+}
+
+impl Discrete {
+    /// `[a b; c d]`.
+    pub(crate) fn stacked(&self) -> DMatrix<f64> {
+        let (n, m) = self.b.shape();
+        let mut out = DMatrix::zeros(n + self.c.nrows(), n + m);
+        for (at, part) in [((0, 0), &self.a), ((0, n), &self.b), ((n, 0), &self.c), ((n, n), &self.d)] {
+            out.view_mut(at, part.shape()).copy_from(part);
+        }
+        out
+    }
 }
 
 /// A value and its derivatives, one per free parameter.
@@ -47,7 +63,8 @@ impl Dual {
 /// The sampled loop and its derivative by each parameter in `free`.
 ///
 /// # Errors
-/// [`crate::Error::Singular`] where Delta cannot be closed or the exponential overflows.
+/// [`Error::Singular`] where Delta cannot be closed, the exponential overflows, or a displacement that a digital
+/// controller reads follows its command at once.
 pub fn discretise(model: &Model, theta: &[f64], free: &[usize]) -> Result<(Discrete, Vec<Discrete>)> {
     let mut closed = model.lft.close(theta)?;
     closed.balance();
@@ -116,6 +133,10 @@ impl Plant {
 /// sees the command of `whole + 1` samples ago for the fraction of the delay, then that of `whole` samples ago.
 fn sampled(plant: &Plant, k: &Controller, dt: f64) -> Result<(Discrete, Vec<Discrete>)> {
     let np = plant.a.slopes.len();
+    let at_once = |d: &DMatrix<f64>| d.rows(0, k.channels()).iter().any(|x| *x != 0.0);
+    if at_once(&plant.d.value) || plant.d.slopes.iter().any(at_once) {
+        return Err(Error::Singular { what: "a displacement follows a command at once, through Delta" });
+    }
     let step = dt / k.steps as f64;
     let (whole, fraction) = (k.delay.floor() as usize, k.delay.fract());
     let (nx, m) = plant.b.value.shape();

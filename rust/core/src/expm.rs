@@ -29,12 +29,12 @@ const THETA_13: f64 = 4.74;
 /// `exp(a)` and, for each direction `e`, the derivative of `exp(a + s e)` by s at 0.
 ///
 /// # Errors
-/// [`Error::Singular`] where `a` is not finite or too large to exponentiate.
+/// [`Error::Singular`] where `a` is not finite or too large to exponentiate, or the result overflows.
 pub fn expm(a: &DMatrix<f64>, directions: &[DMatrix<f64>]) -> Result<(DMatrix<f64>, Vec<DMatrix<f64>>)> {
     let too_large = Error::Singular { what: "the matrix exponential over one sample overflows" };
     let n = a.nrows();
     let norm = (0..n).map(|j| a.column(j).lp_norm(1)).fold(0.0, f64::max);
-    if !norm.is_finite() || norm > 1e4 {
+    if norm > 1e8 || !a.iter().all(|x| x.is_finite()) {
         return Err(too_large);
     }
     let squarings = (norm / THETA_13).log2().ceil().max(0.0) as i32;
@@ -52,20 +52,17 @@ pub fn expm(a: &DMatrix<f64>, directions: &[DMatrix<f64>]) -> Result<(DMatrix<f6
     let u = &a * &w;
     let v = &a6 * &z1 + z2;
     let lu = (&v - &u).lu();
-    let mut r = lu.solve(&(&u + &v)).ok_or(too_large)?;
+    let mut r = lu.solve(&(&u + &v)).ok_or_else(|| too_large.clone())?;
     let mut derivatives = Vec::with_capacity(directions.len());
     for e in directions {
         let e = e * scale;
         let m2 = &a * &e + &e * &a;
         let m4 = &a2 * &m2 + &m2 * &a2;
         let m6 = &a4 * &m2 + &m4 * &a2;
-        let lw = &a6 * (&m6 * B[13] + &m4 * B[11] + &m2 * B[9])
-            + &m6 * &w1
-            + (&m6 * B[7] + &m4 * B[5] + &m2 * B[3]);
+        let lw = &a6 * (&m6 * B[13] + &m4 * B[11] + &m2 * B[9]) + &m6 * &w1 + (&m6 * B[7] + &m4 * B[5] + &m2 * B[3]);
         let lu_part = &a * lw + &e * &w;
-        let lv_part = &a6 * (&m6 * B[12] + &m4 * B[10] + &m2 * B[8])
-            + &m6 * &z1
-            + (&m6 * B[6] + &m4 * B[4] + &m2 * B[2]);
+        let lv_part =
+            &a6 * (&m6 * B[12] + &m4 * B[10] + &m2 * B[8]) + &m6 * &z1 + (&m6 * B[6] + &m4 * B[4] + &m2 * B[2]);
         let right = &lu_part + &lv_part + (&lu_part - &lv_part) * &r;
         derivatives.push(lu.solve(&right).expect("the same matrix was solved before"));
     }
@@ -75,5 +72,11 @@ pub fn expm(a: &DMatrix<f64>, directions: &[DMatrix<f64>]) -> Result<(DMatrix<f6
         }
         r = &r * &r;
     }
+    if !derivatives.iter().chain([&r]).all(|m| m.iter().all(|x| x.is_finite())) {
+        return Err(too_large);
+    }
     Ok((r, derivatives))
 }
+
+#[cfg(test)]
+mod tests;

@@ -121,7 +121,9 @@ impl Drive for Forced<'_> {
     #[inline(always)]
     fn add<const FMA: bool>(&self, _: &[f64], u: &[f64], v: usize, sum: (Vector, Vector)) -> (Vector, Vector) {
         let (mut re, mut im) = sum;
-        for (force, u) in self.0.force.vectors[v..].iter().step_by(self.0.p.vectors.len()).zip(u) {
+        let (force, vectors) = (&self.0.force.vectors[..], self.0.p.vectors.len());
+        for (a, u) in u.iter().enumerate() {
+            let force = &force[a * vectors + v];
             re = fma::<FMA>(force[0], [*u; LANES], re);
             im = fma::<FMA>(force[1], [*u; LANES], im);
         }
@@ -141,7 +143,8 @@ impl Drive for Driven<'_> {
     #[inline(always)]
     fn add<const FMA: bool>(&self, row: &[f64], u: &[f64], v: usize, mut sum: (Vector, Vector)) -> (Vector, Vector) {
         let (lp, lanes, vectors) = (self.0.p.padded(), self.0.lanes, self.0.q.vectors.len());
-        for (a, drive) in self.0.drive.vectors[v..].iter().step_by(vectors).take(u.len()).enumerate() {
+        for a in 0..u.len() {
+            let drive = &self.0.drive.vectors[a * vectors + v];
             // may read past the lanes of this input: there the drive is zero
             let at = a * lanes + v * LANES;
             sum = apply::<FMA>(drive, load(row, at), load(row, lp + at), sum);

@@ -67,13 +67,7 @@ impl Lft {
     ///
     /// # Errors
     /// [`Error::Shape`], [`Error::NotFinite`].
-    pub fn new(
-        a: DMatrix<f64>,
-        b: DMatrix<f64>,
-        c: DMatrix<f64>,
-        d: DMatrix<f64>,
-        gains: Vec<Gain>,
-    ) -> Result<Self> {
+    pub fn new(a: DMatrix<f64>, b: DMatrix<f64>, c: DMatrix<f64>, d: DMatrix<f64>, gains: Vec<Gain>) -> Result<Self> {
         let shape = |what, m: &DMatrix<f64>, rows: usize, columns: usize| {
             if m.shape() == (rows, columns) {
                 return check_finite(what, m.as_slice());
@@ -102,13 +96,14 @@ impl Lft {
     /// Closes Delta at `theta`.
     ///
     /// # Errors
-    /// [`Error::Singular`] where `I - D_zw Delta` has no inverse or an entry of Delta is not finite.
+    /// [`Error::Singular`] where `I - D_zw Delta` has no inverse or an entry of Delta, or its derivative, is not finite.
     pub fn close(&self, theta: &[f64]) -> Result<Closed> {
         let k = self.gains.len();
         let (nu, ny) = (self.inputs(), self.outputs());
         let delta: Vec<f64> = self.gains.iter().map(|g| g.value(theta)).collect();
-        if delta.iter().any(|g| !g.is_finite()) {
-            return Err(Error::Singular { what: "an entry of Delta is not finite" });
+        let slopes = self.gains.iter().map(|g| g.slope(theta));
+        if delta.iter().copied().chain(slopes).any(|g| !g.is_finite()) {
+            return Err(Error::Singular { what: "an entry of Delta or its derivative is not finite" });
         }
         let b_u = self.b.columns(0, nu);
         let b_w = self.b.columns(nu, k).into_owned();

@@ -3,6 +3,22 @@
 //! The way of the data: [`Lft`] and, where it is digital, [`Controller`] make a [`Model`]; a [`ClosedLoop`] splits it
 //! into independent parts, simulates, differentiates, and reduces residuals to [`normal_equations`]; a [`Stepper`]
 //! runs it sample by sample without allocating.
+//!
+//! ```
+//! use ambid_core::{ClosedLoop, Gain, Lft, Model};
+//! use nalgebra::DMatrix;
+//!
+//! // a lag, x' = (u - x) / tau: the port z = u - x reaches w = z / tau
+//! let b = DMatrix::from_row_slice(1, 2, &[0.0, 1.0]);
+//! let c = DMatrix::from_row_slice(2, 1, &[1.0, -1.0]);
+//! let d = DMatrix::from_row_slice(2, 2, &[0.0, 0.0, 1.0, 0.0]);
+//! let lft = Lft::new(DMatrix::zeros(1, 1), b, c, d, vec![Gain { parameter: 0, scale: 1.0, power: -1 }])?;
+//! let system = ClosedLoop::new(Model::new(lft, 0.1, None)?, 1)?;
+//! let (y, slope) = system.sensitivity(&[0.5], &[0], &[1.0, 1.0])?;
+//! assert!((y[1] - (1.0 - (-0.2_f64).exp())).abs() < 1e-15);
+//! assert!((slope[1] + 0.4 * (-0.2_f64).exp()).abs() < 1e-15);
+//! # Ok::<(), ambid_core::Error>(())
+//! ```
 
 mod closed_loop;
 mod discretise;
@@ -25,3 +41,10 @@ pub use lft::{Gain, Lft};
 pub use model::{Controller, Model};
 pub use realtime::Stepper;
 pub use residual::{Data, Normal, normal_equations};
+
+// the loops and the reference of the integration tests serve the unit tests too
+#[cfg(test)]
+extern crate self as ambid_core;
+#[cfg(test)]
+#[path = "../tests/common/mod.rs"]
+mod common;

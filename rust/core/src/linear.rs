@@ -1,12 +1,13 @@
 //! Response of a linear loop and its sensitivities: modal where the poles allow it, dense where they do not.
 
-use nalgebra::{Complex, DMatrix};
+use nalgebra::Complex;
 
 use crate::discretise::{Discrete, discretise};
 use crate::error::{Error, Result};
 use crate::kernel::{BLOCK, Kernel};
 use crate::modal::{Modal, Residues};
 use crate::model::Model;
+use crate::product::{Panels, ROW_MULTIPLE, product};
 
 /// A loop at one parameter set, ready to run over samples.
 ///
@@ -31,7 +32,7 @@ impl Response {
         let poles = faer::Mat::from_fn(n, n, |i, j| value.a[(i, j)]).eigenvalues();
         let poles = poles.map_err(|_| Error::Singular { what: "the poles did not converge" })?;
         stable(poles.iter().map(|mu| mu.norm()))?;
-        Ok(Self::Dense(Dense { value, slopes }))
+        Ok(Self::Dense(Dense::new(&value, &slopes)))
     }
 
     /// Runs from rest over `u` (samples x inputs); see [`Kernel::run`] for the sink.
@@ -159,43 +160,78 @@ fn kernel(modal: &Modal) -> Kernel {
 }
 
 /// The plain recursion, right for every loop: `S+ = A S + dA x + dB u` beside `x+ = A x + B u`.
+///
+/// A sample is a row, and matrices stand to its right: `[x | u]` gives `[x+ | y]`.
 pub struct Dense {
-    value: Discrete,
-    slopes: Vec<Discrete>,
+    states: usize,
+    inputs: usize,
+    outputs: usize,
+    parameters: usize,
+    step: Panels,
+    /// Derivatives of `step`, those of all parameters side by side.
+    forcing: Panels,
+    /// The part of `step` that x meets, here met by the rows of S.
+    carry: Panels,
 }
 
 impl Dense {
+    fn new(value: &Discrete, slopes: &[Discrete]) -> Self {
+        let (n, nu, ny, np) = (value.a.nrows(), value.b.ncols(), value.c.nrows(), slopes.len());
+        // a matrix stored column by column is its transpose row by row
+        let step = value.stacked();
+        let slopes: Vec<_> = slopes.iter().map(Discrete::stacked).collect();
+        let mut forcing = Vec::with_capacity((n + nu) * np * (n + ny));
+        for column in 0..n + nu {
+            slopes.iter().for_each(|slope| forcing.extend(slope.column(column).iter()));
+        }
+        Self {
+            states: n,
+            inputs: nu,
+            outputs: ny,
+            parameters: np,
+            step: Panels::new(n + nu, n + ny, step.as_slice()),
+            forcing: Panels::new(n + nu, np * (n + ny), &forcing),
+            carry: Panels::new(n, n + ny, step.as_slice()),
+        }
+    }
+
     fn run(&self, u: &[f64], sink: &mut impl FnMut(usize, usize, &[f64], usize)) {
-        let (n, nu, ny, np) =
-            (self.value.a.nrows(), self.value.b.ncols(), self.value.c.nrows(), self.slopes.len());
-        let columns = ny * (1 + np);
-        let mut x = DMatrix::<f64>::zeros(n, 1);
-        let mut s = DMatrix::<f64>::zeros(n, np);
+        let (n, inputs, ny, np) = (self.states, self.inputs, self.outputs, self.parameters);
+        let (depth, width) = (n + inputs, 1 + np);
+        let columns = ny * width;
+        let mut rows = vec![0.0; (BLOCK + ROW_MULTIPLE) * depth];
+        let mut next = vec![0.0; ROW_MULTIPLE * self.step.stride];
+        let mut forced = vec![0.0; BLOCK * self.forcing.stride];
+        // a row of S and what comes of it, per parameter
+        let padded = np.next_multiple_of(ROW_MULTIPLE);
+        let mut s = vec![0.0; padded * n];
+        let mut carried = vec![0.0; padded * self.carry.stride];
         let mut block = vec![0.0; BLOCK * columns];
-        let samples = u.len() / nu;
-        for from in (0..samples).step_by(BLOCK) {
-            let count = BLOCK.min(samples - from);
-            for k in 0..count {
-                let input = DMatrix::from_column_slice(nu, 1, &u[(from + k) * nu..(from + k + 1) * nu]);
-                let y = &self.value.c * &x + &self.value.d * &input;
-                let dy = &self.value.c * &s;
-                let mut next = &self.value.a * &s;
-                let row = &mut block[k * columns..(k + 1) * columns];
-                for (j, slope) in self.slopes.iter().enumerate() {
-                    let direct = &slope.c * &x + &slope.d * &input;
-                    for o in 0..ny {
-                        row[o * (1 + np) + 1 + j] = dy[(o, j)] + direct[o];
-                    }
-                    let forcing = &slope.a * &x + &slope.b * &input;
-                    next.column_mut(j).axpy(1.0, &forcing.column(0), 1.0);
-                }
-                for o in 0..ny {
-                    row[o * (1 + np)] = y[o];
-                }
-                s = next;
-                x = &self.value.a * &x + &self.value.b * &input;
+        for (i, u) in u.chunks(BLOCK * inputs).enumerate() {
+            let count = u.len() / inputs;
+            for (k, u) in u.chunks_exact(inputs).enumerate() {
+                let row = &mut rows[k * depth..];
+                row[n..depth].copy_from_slice(u);
+                product(row, 1, &self.step, &mut next);
+                row[depth..depth + n].copy_from_slice(&next[..n]);
+                let outputs = block[k * columns..].iter_mut().step_by(width);
+                outputs.zip(&next[n..n + ny]).for_each(|(y, next)| *y = *next);
             }
-            sink(from, count, &block, columns);
+            product(&rows, count, &self.forcing, &mut forced);
+            for k in 0..count {
+                product(&s, np, &self.carry, &mut carried);
+                for j in 0..np {
+                    let forced = &forced[k * self.forcing.stride + j * (n + ny)..];
+                    let sum = carried[j * self.carry.stride..].iter().zip(forced).map(|(c, f)| c + f);
+                    let outputs = block[k * columns + 1 + j..].iter_mut().step_by(width).take(ny);
+                    s[j * n..(j + 1) * n].iter_mut().chain(outputs).zip(sum).for_each(|(to, sum)| *to = sum);
+                }
+            }
+            sink(i * BLOCK, count, &block, columns);
+            rows.copy_within(count * depth..count * depth + n, 0);
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -34,8 +34,12 @@ pub struct Modal {
 
 /// Condition of the eigenvectors up to which ten digits of the response remain.
 const MAX_CONDITION: f64 = 1e5;
-/// Relative distance of two poles from which ten digits of the derivative remain.
-const MIN_GAP: f64 = 1e-5;
+/// Condition per pole, divided by the smallest gap between poles, up to which nine digits of the derivatives remain.
+///
+/// Measured on clustered loops of 2 to 24 poles: the loss is up to 2.5e-15 times this ratio.
+const MAX_LOSS_ANALOG: f64 = 3e5;
+/// The same of a sampled loop, where it is up to 8e-14 times the ratio: commands under way are all but nilpotent.
+const MAX_LOSS_SAMPLED: f64 = 1e4;
 
 impl Modal {
     /// The modal form, or `None` where poles are so clustered or defective that it would lose digits.
@@ -57,7 +61,7 @@ impl Modal {
     }
 
     fn analog(model: &Model, closed: &Closed, theta: &[f64], free: &[usize]) -> Option<Self> {
-        let basis = Eigen::new(&closed.a)?;
+        let basis = Eigen::new(&closed.a, 0.0, MAX_LOSS_ANALOG)?;
         let (dt, gains) = (model.dt, &model.lft.gains);
         let b = basis.left_times(&closed.b_u);
         let c = basis.times_right(&closed.c_y);
@@ -98,11 +102,11 @@ impl Modal {
     }
 
     fn sampled(value: &Discrete, slopes: &[Discrete]) -> Option<Self> {
-        let basis = Eigen::new(&value.a)?;
+        let basis = Eigen::new(&value.a, 1.0, MAX_LOSS_SAMPLED)?;
         let b = basis.left_times(&value.b);
         let c = basis.times_right(&value.c);
         let slopes = slopes.iter().map(|s| {
-            let t = basis.left_times(&(&s.a)) * &basis.v;
+            let t = basis.left_times(&s.a) * &basis.v;
             let turn = basis.turn(&t);
             Residues {
                 mu: t.diagonal().iter().copied().collect(),
@@ -161,7 +165,8 @@ struct Eigen {
 }
 
 impl Eigen {
-    fn new(a: &DMatrix<f64>) -> Option<Self> {
+    /// `rest` is the pole of a state that stays as it is: 0 of a continuous, 1 of a sampled loop.
+    fn new(a: &DMatrix<f64>, rest: f64, max_loss: f64) -> Option<Self> {
         let n = a.nrows();
         let matrix = faer::Mat::from_fn(n, n, |i, j| a[(i, j)]);
         let eigen = matrix.eigen().ok()?;
@@ -171,12 +176,13 @@ impl Eigen {
             let norm = column.norm();
             column.unscale_mut(norm);
         }
-        if !v.iter().all(|x| x.re.is_finite() && x.im.is_finite()) || clustered(&lambda) {
+        if !v.iter().all(|x| x.re.is_finite() && x.im.is_finite()) {
             return None;
         }
         let w = v.clone().try_inverse()?;
         let condition = v.norm() * w.norm();
-        (condition.is_finite() && condition < MAX_CONDITION).then_some(Self { lambda, v, w })
+        let reliable = condition < MAX_CONDITION && condition < max_loss * n as f64 * gap(&lambda, rest);
+        reliable.then_some(Self { lambda, v, w })
     }
 
     fn left_times(&self, m: &DMatrix<f64>) -> DMatrix<C64> {
@@ -200,9 +206,14 @@ fn complex_real(z: &DMatrix<C64>, m: &DMatrix<f64>) -> DMatrix<C64> {
     re.zip_map(&im, C64::new)
 }
 
-fn clustered(lambda: &[C64]) -> bool {
-    let close = |x: &C64, y: &C64| (x - y).norm() < MIN_GAP * x.norm().max(y.norm());
-    lambda.iter().enumerate().any(|(i, x)| lambda[..i].iter().any(|y| close(x, y)))
+/// Smallest distance of two poles relative to their distance from the pole at rest.
+fn gap(lambda: &[C64], rest: f64) -> f64 {
+    let between = |x: &C64, y: &C64| {
+        let size = (x - rest).norm().max((y - rest).norm());
+        if size > 0.0 { (x - y).norm() / size } else { 0.0 }
+    };
+    let pairs = lambda.iter().enumerate().flat_map(|(i, x)| lambda[..i].iter().map(move |y| between(x, y)));
+    pairs.fold(f64::INFINITY, f64::min)
 }
 
 /// Poles of a loop in 1/s; those of a digital loop are `ln(mu)/dt` of the poles of the sampled loop.

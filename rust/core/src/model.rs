@@ -11,9 +11,13 @@ use crate::lft::Lft;
 /// equal. The excitation is added before the delay.
 #[derive(Debug, Clone)]
 pub struct Controller {
+    /// States x states, over one controller sample.
     pub a: DMatrix<f64>,
+    /// States x channels.
     pub b: DMatrix<f64>,
+    /// Channels x states.
     pub c: DMatrix<f64>,
+    /// Channels x channels.
     pub d: DMatrix<f64>,
     /// Delay of everything that leaves the controller, in controller samples; need not be whole.
     pub delay: f64,
@@ -26,9 +30,11 @@ pub struct Controller {
 /// A closed loop: an analog one is an LFT alone; a digital one an LFT between commands and outputs, and a controller.
 #[derive(Debug, Clone)]
 pub struct Model {
+    /// The plant, or the whole of an analog loop.
     pub lft: Lft,
     /// Sample time of the record in seconds.
     pub dt: f64,
+    /// None where the controller is analog and part of `lft`.
     pub controller: Option<Controller>,
 }
 
@@ -45,7 +51,7 @@ impl Model {
     /// # Errors
     /// [`Error::Shape`], [`Error::NotFinite`].
     pub fn new(lft: Lft, dt: f64, controller: Option<Controller>) -> Result<Self> {
-        check_finite("dt", &[dt, 1.0 / dt])?;
+        check_finite("logarithm of dt", &[dt.ln(), 1.0 / dt])?;
         if let Some(k) = &controller {
             let (n, m) = (k.a.nrows(), k.channels());
             check_len("controller A (columns)", k.a.ncols(), n)?;

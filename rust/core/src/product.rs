@@ -45,7 +45,7 @@ impl Panels {
         let stride = columns.next_multiple_of(LANES);
         let mut packed = Vec::with_capacity(depth * stride);
         for (first, width) in panel_widths(stride) {
-            for row in matrix.chunks_exact(columns).take(depth) {
+            for row in matrix.chunks_exact(columns.max(1)).take(depth) {
                 packed.extend((first..first + width).map(|c| row.get(c).copied().unwrap_or(0.0)));
             }
         }

@@ -27,13 +27,7 @@ impl Stepper {
     /// From the matrices of the sampled loop.
     pub fn from_discrete(discrete: &Discrete) -> Self {
         let (n, m, p) = (discrete.a.nrows(), discrete.b.ncols(), discrete.c.nrows());
-        let mut columns = Vec::with_capacity((n + m) * (n + p));
-        for j in 0..n {
-            columns.extend(discrete.a.column(j).iter().chain(discrete.c.column(j).iter()));
-        }
-        for j in 0..m {
-            columns.extend(discrete.b.column(j).iter().chain(discrete.d.column(j).iter()));
-        }
+        let columns = discrete.stacked().as_slice().to_vec();
         Self { inputs: m, outputs: p, columns, state: vec![0.0; n], next: vec![0.0; n + p] }
     }
 

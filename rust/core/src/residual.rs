@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::closed_loop::ClosedLoop;
-use crate::error::{Result, check_finite, check_len};
+use crate::error::{Error, Result, check_finite, check_len};
 use crate::kernel::BLOCK;
 use crate::product::{LANES, add_gram};
 
@@ -33,6 +33,8 @@ pub struct Normal {
 }
 
 impl Data {
+    /// `u` is samples x inputs, `z` samples x outputs, both row by row; `weights` has one entry per output.
+    ///
     /// # Errors
     /// [`crate::Error::Shape`], [`crate::Error::NotFinite`].
     pub fn new(system: &ClosedLoop, u: Vec<f64>, mut z: Vec<f64>, weights: Vec<f64>, first: usize) -> Result<Self> {
@@ -41,11 +43,12 @@ impl Data {
         check_finite("weights", &weights)?;
         check_finite("excitation", &u)?;
         check_finite("measurement", &z)?;
-        let samples = z.len() / ny;
+        let samples = z.len().checked_div(ny).unwrap_or(0);
         check_len("excitation", u.len(), samples * system.inputs())?;
         check_len("measurement", z.len(), samples * ny)?;
         if first >= samples {
-            check_len("samples before the first that counts", first, samples.saturating_sub(1))?;
+            let (found, expected) = (first.to_string(), format!("less than the {samples} samples"));
+            return Err(Error::Shape { what: "first sample that counts", found, expected });
         }
         for o in 0..ny {
             let mean = z.iter().skip(first * ny + o).step_by(ny).sum::<f64>() / (samples - first) as f64;
@@ -58,17 +61,18 @@ impl Data {
 /// The normal equations of all records together, by the parameters in `free`.
 ///
 /// # Errors
-/// [`crate::Error::Unstable`] and as [`ClosedLoop::poles`].
+/// [`crate::Error::Unstable`], [`crate::Error::Shape`] where a record belongs to another loop, and as
+/// [`ClosedLoop::poles`].
 pub fn normal_equations(system: &ClosedLoop, theta: &[f64], free: &[usize], records: &[&Data]) -> Result<Normal> {
     let np = free.len();
     let prepared = system.prepare(theta, free)?;
     let (inputs, ny) = (system.inputs(), system.outputs());
+    for data in records {
+        check_len("weights of a record", data.weights.len(), ny)?;
+        check_len("excitation of a record", data.u.len(), data.z.len() / ny * inputs)?;
+    }
     let one = |data: &&Data| -> Normal {
-        let mut sum = Normal {
-            hessian: DMatrix::zeros(np, np),
-            gradient: DVector::zeros(np),
-            squares: vec![0.0; ny],
-        };
+        let mut sum = Normal { hessian: DMatrix::zeros(np, np), gradient: DVector::zeros(np), squares: vec![0.0; ny] };
         let mut seen = vec![false; ny];
         for part in &prepared {
             let mut moments: Vec<Moments> = part.outputs.iter().map(|_| Moments::new(part.free.len())).collect();

@@ -90,9 +90,8 @@ fn part(
     controls: &[usize],
 ) -> Part {
     let lft = &model.lft;
-    let shifted = |own: &[usize], by: usize| -> Vec<usize> {
-        own.iter().copied().chain(ports.iter().map(|p| p + by)).collect()
-    };
+    let shifted =
+        |own: &[usize], by: usize| -> Vec<usize> { own.iter().copied().chain(ports.iter().map(|p| p + by)).collect() };
     let columns = shifted(&inputs, lft.inputs());
     let rows = shifted(&outputs, lft.outputs());
     let sub = Lft {

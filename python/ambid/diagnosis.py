@@ -1,0 +1,195 @@
+"""What a diagnosis found: verdict, effects, the ledger of steps, and where the model fails."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ambid.model import Model
+from ambid.rank import Ranking
+from ambid.record import Record
+
+VERDICTS = {
+    "adequate": "nothing is missing that these data can show, in this band and at this amplitude",
+    "explained": "the effects named explain the misfit",
+    "ambiguous": "one of the effects of each set explains the misfit; these data cannot tell which",
+    "none_of_the_candidates": "something is missing that no effect of the catalogue explains; nothing was added",
+    "not_informative": "these data cannot decide",
+}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Misfit of one channel in one band of one record, in units of its noise.
+
+    Attributes
+    ----------
+    record, channel : str
+    band_hz : tuple of float
+    misfit : float
+        Mean square of the whitened lines; 1 is noise alone.
+    kind : str
+        linear, odd, even, synchronous or drift.
+    """
+
+    record: str
+    channel: str
+    band_hz: tuple[float, float]
+    misfit: float
+    kind: str
+
+
+@dataclass(frozen=True)
+class Step:
+    """One line of the ledger: the model after a step.
+
+    Attributes
+    ----------
+    effects : tuple of str
+        In the model, in the order of their adding.
+    fit_percent, validation_fit_percent : dict
+        Per channel and ``average``; None without records to validate on.
+    misfit, validation_misfit : float
+        J/dof.
+    predicted_misfit : float or None
+        What the ranking before predicted for the effect that was added.
+    ranking : Ranking
+        Of what is still outside the model.
+    parameters : dict
+        Values of all parameters.
+    removed : str or None
+        Effect that this step took out again.
+    """
+
+    effects: tuple[str, ...]
+    fit_percent: dict[str, float]
+    validation_fit_percent: dict[str, float] | None
+    misfit: float
+    validation_misfit: float | None
+    predicted_misfit: float | None
+    ranking: Ranking
+    parameters: dict[str, float]
+    removed: str | None = None
+
+    def line(self) -> str:
+        """One line of text."""
+        name = f"- {self.removed}" if self.removed else f"+ {self.effects[-1]}" if self.effects else "base model"
+        text = f"{name:26s} misfit {self.misfit:10.3f}   fit of y {self.fit_percent['average']:6.2f} %"
+        if self.predicted_misfit is not None:
+            text += f"   (predicted {self.predicted_misfit:.3f})"
+        if self.validation_misfit is not None and self.validation_fit_percent is not None:
+            text += f"   validation {self.validation_misfit:.3f}, {self.validation_fit_percent['average']:.2f} %"
+        return text
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data, as in JSON."""
+        return {
+            "effects": list(self.effects),
+            "fit_percent": self.fit_percent,
+            "validation_fit_percent": self.validation_fit_percent,
+            "misfit": self.misfit,
+            "validation_misfit": self.validation_misfit,
+            "candidates": [candidate.as_dict() for candidate in self.ranking.candidates],
+        }
+
+
+@dataclass(frozen=True, repr=False)
+class Diagnosis:
+    """Result of `diagnose`.
+
+    Attributes
+    ----------
+    verdict : str
+        One of `VERDICTS`.
+    effects : tuple of str
+        Added, in order.
+    ambiguous_sets : list of list of str
+        Effects that these data cannot tell apart.
+    history : list of Step
+    where : list of Cell
+        Largest misfit first.
+    model : Model
+        The last model.
+    records : tuple of Record
+    next_experiment : str
+        What would tell the rest apart.
+    seconds : float
+    notes : tuple of str
+    """
+
+    verdict: str
+    effects: tuple[str, ...]
+    ambiguous_sets: list[list[str]]
+    history: list[Step]
+    where: list[Cell]
+    model: Model
+    records: tuple[Record, ...]
+    next_experiment: str
+    seconds: float
+    notes: tuple[str, ...] = field(default_factory=tuple)
+
+    @classmethod
+    def uninformative(cls, model: Model, records: Sequence[Record], why: str, begun: float) -> Diagnosis:
+        """A diagnosis that could not begin."""
+        return cls(
+            verdict="not_informative",
+            effects=(),
+            ambiguous_sets=[],
+            history=[],
+            where=[],
+            model=model,
+            records=tuple(records),
+            next_experiment=f"{why}: excite every axis, with more amplitude or over more periods",
+            seconds=time.perf_counter() - begun,
+            notes=(why,),
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data as the command's ``--json`` writes it."""
+        return {
+            "verdict": self.verdict,
+            "verdict_meaning": VERDICTS[self.verdict],
+            "effects": list(self.effects),
+            "ambiguous_sets": self.ambiguous_sets,
+            "history": [step.as_dict() for step in self.history],
+            "where": [
+                {
+                    "record": c.record,
+                    "channel": c.channel,
+                    "band_hz": list(c.band_hz),
+                    "misfit": c.misfit,
+                    "kind": c.kind,
+                }
+                for c in self.where[:20]
+            ],
+            "parameters": {p.name: {"value": p.value, "unit": p.unit} for p in self.model.parameters},
+            "next_experiment": self.next_experiment,
+            "seconds": self.seconds,
+            "notes": [*(note for record in self.records for note in record.notes), *self.notes],
+        }
+
+    def save(self, path: str | Path) -> None:
+        """Write the last model, for ``--model`` and `Model.load`."""
+        self.model.save(path)
+
+    def __repr__(self) -> str:
+        named = f": {', '.join(self.effects)}" if self.effects else ""
+        lines = [f"verdict: {self.verdict}{named}", f"  {VERDICTS[self.verdict]}"]
+        lines += [f"  cannot be told apart: {', '.join(names)}" for names in self.ambiguous_sets]
+        lines += ["", *(step.line() for step in self.history)]
+        own = [p for p in self.model.parameters if p.typical is not None]
+        if own:
+            lines += ["", *(f"{p.name:36s} {p.value:12.5g} {p.unit}" for p in own)]
+        worst = [cell for cell in self.where[:3] if np.isfinite(cell.misfit)]
+        if worst and self.verdict != "adequate":
+            lines += ["", "largest misfit now:"]
+            lines += [
+                f"  {c.channel:12s} {c.band_hz[0]:7.0f} .. {c.band_hz[1]:.0f} Hz: {c.misfit:.1f} times noise"
+                for c in worst
+            ]
+        return "\n".join([*lines, "", f"next: {self.next_experiment}", *(f"note: {note}" for note in self.notes)])

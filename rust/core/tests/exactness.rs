@@ -1,0 +1,105 @@
+//! Response and sensitivities against a reference that shares no code with the core, on ordinary and awkward loops.
+
+mod common;
+
+use common::loops::{Problem, lags, oscillators};
+use common::random::Random;
+use common::{deviation, reference, slope_deviation};
+
+const SAMPLES: usize = 200;
+
+fn assert_exact(p: &Problem, random: &mut Random, what: &str) {
+    let (system, free) = (p.system(), p.free());
+    let u = random.signal(SAMPLES * system.inputs());
+    let (y, jacobian) = system.sensitivity(&p.theta, &free, &u).unwrap_or_else(|e| panic!("{what}: {e}"));
+    let simulated = system.simulate(&p.theta, &u).expect("as before");
+    let (expected, slopes) = reference::sensitivity(&p.model, &p.theta, &free, &u);
+    let outputs = system.outputs();
+    for y in [&y, &simulated] {
+        let error = deviation(y, &expected, outputs);
+        assert!(error < 1e-9, "{what}: response off by {error:.1e}");
+    }
+    let error = slope_deviation(&jacobian, &slopes, &expected, outputs);
+    assert!(error < 1e-9, "{what}: sensitivities off by {error:.1e}");
+}
+
+#[test]
+fn random_analog_loops() {
+    let mut random = Random(11);
+    for i in 0..60 {
+        let p = random.analog_loop();
+        assert_exact(&p, &mut random, &format!("loop {i}"));
+    }
+}
+
+#[test]
+fn random_digital_loops() {
+    let mut random = Random(12);
+    for delay in [0.0, 0.3, 1.0, 2.5] {
+        for steps in [1, 2] {
+            for i in 0..12 {
+                let p = random.digital_loop(delay, steps);
+                assert_exact(&p, &mut random, &format!("loop {i}, delay {delay}, {steps} steps"));
+            }
+        }
+    }
+}
+
+/// Two or three poles at a relative distance `gap`; at zero they are defective or repeated.
+fn clusters(gap: f64) -> Vec<(&'static str, Problem)> {
+    let (one, other, third) = (0.7, 0.7 * (1.0 + gap), 0.7 * (1.0 - gap));
+    let swing = |push| oscillators([3.0, 3.0 * (1.0 + gap)], 0.1, push);
+    vec![
+        ("two lags in series", lags(&[one, other], &[&[], &[0]], &[1])),
+        ("three lags in series", lags(&[one, other, third], &[&[], &[0], &[1]], &[2])),
+        ("two lags side by side", lags(&[one, other], &[&[], &[]], &[0, 1])),
+        ("oscillators in series", swing([[0.0, 0.0], [1.0, 0.0]])),
+        ("oscillators that barely couple", oscillators([3.0, 3.0], 0.1, [[0.0, gap], [gap, 0.0]])),
+        ("oscillators that couple crosswise", oscillators([3.0, 3.0], 0.1, [[0.0, gap], [-gap, 0.0]])),
+    ]
+}
+
+/// No gap at all, then 1e-9 to 1e-1 in steps of a third of a decade.
+fn gaps() -> impl Iterator<Item = f64> {
+    std::iter::once(0.0).chain((0..25).map(|i| 10_f64.powf(-9.0 + f64::from(i) / 3.0)))
+}
+
+#[test]
+fn clustered_and_defective_analog_loops() {
+    let mut random = Random(13);
+    for gap in gaps() {
+        for (name, p) in clusters(gap) {
+            assert_exact(&p, &mut random, &format!("{name}, gap {gap:.1e}"));
+        }
+    }
+}
+
+/// With a delay and next to no feedback, the commands under way are a second cluster, about zero.
+#[test]
+fn clustered_and_defective_digital_loops() {
+    let mut random = Random(14);
+    for gap in gaps().step_by(2) {
+        for (dt, delay, gain) in
+            [(0.1, 0.0, 0.0), (0.1, 0.0, 1e-3), (0.01, 1.0, 0.0), (0.1, 2.5, 1e-3), (0.1, 2.5, 0.1)]
+        {
+            for (name, p) in clusters(gap) {
+                let what = format!("{name}, gap {gap:.1e}, dt {dt}, delay {delay}, gain {gain}");
+                assert_exact(&p.under_digital(dt, gain, delay), &mut random, &what);
+            }
+        }
+    }
+}
+
+/// The response of a lag of time constant tau to a step, and its derivative by tau.
+#[test]
+fn a_lag_follows_its_closed_form() {
+    let tau = 0.7;
+    let system = lags(&[tau], &[&[]], &[0]).system();
+    let (y, jacobian) = system.sensitivity(&[tau], &[0], &[1.0; 50]).unwrap();
+    for (k, (y, slope)) in y.iter().zip(jacobian).enumerate() {
+        let t = 0.1 * k as f64;
+        let decay = (-t / tau).exp();
+        assert!((y - (1.0 - decay)).abs() < 1e-14, "sample {k}");
+        assert!((slope + t / (tau * tau) * decay).abs() < 1e-13, "sample {k}");
+    }
+}

@@ -1,0 +1,122 @@
+//! Independent parts: found where they are, not where they are not, and every signal in its place.
+
+mod common;
+
+use ambid_core::{ClosedLoop, Controller, Lft, Model};
+use common::loops::Problem;
+use common::machine::machine;
+use common::random::Random;
+use common::{deviation, reference, slope_deviation};
+use nalgebra::DMatrix;
+
+/// `x_i' = -(i + 1) x_i + b u`, read as `y = c x + d u`.
+fn first_orders(b: DMatrix<f64>, c: DMatrix<f64>, d: DMatrix<f64>) -> Lft {
+    let n = b.nrows();
+    let a = DMatrix::from_fn(n, n, |i, j| if i == j { -1.0 - i as f64 } else { 0.0 });
+    Lft::new(a, b, c, d, vec![]).expect("consistent")
+}
+
+fn entries(rows: usize, columns: usize, at: &[(usize, usize)]) -> DMatrix<f64> {
+    DMatrix::from_fn(rows, columns, |i, j| f64::from(u8::from(at.contains(&(i, j)))))
+}
+
+fn system(lft: Lft) -> ClosedLoop {
+    ClosedLoop::new(Model::new(lft, 0.1, None).expect("consistent"), 0).expect("consistent")
+}
+
+fn assert_exact(p: &Problem) {
+    let system = p.system();
+    let u = Random(31).signal(150 * system.inputs());
+    let (y, jacobian) = system.sensitivity(&p.theta, &p.free(), &u).expect("stable");
+    let (expected, slopes) = reference::sensitivity(&p.model, &p.theta, &p.free(), &u);
+    assert!(deviation(&y, &expected, system.outputs()) < 1e-9);
+    assert!(slope_deviation(&jacobian, &slopes, &expected, system.outputs()) < 1e-9);
+}
+
+#[test]
+fn the_planes_of_a_rotor_at_rest_decouple() {
+    assert_eq!(machine(0.0, 0.02).system().parts(), 2);
+    assert_eq!(machine(1e-12, 0.02).system().parts(), 1, "any coupling at all counts");
+}
+
+/// Only axes of one plane respond to an axis of it, and only to parameters of that plane and the common lag.
+#[test]
+fn planes_keep_to_themselves() {
+    let p = machine(0.0, 0.02);
+    let system = p.system();
+    let mut u = vec![0.0; 4 * 100];
+    u.iter_mut().skip(1).step_by(4).for_each(|u| *u = 1.0); // A_eta
+    let (y, jacobian) = system.sensitivity(&p.theta, &p.free(), &u).expect("stable");
+    for axis in 0..8 {
+        let moves = y.iter().skip(axis).step_by(8).any(|y| *y != 0.0);
+        assert_eq!(moves, axis % 2 == 1, "output {axis}");
+        for j in 0..9 {
+            let matters = jacobian.iter().skip(axis * 9 + j).step_by(72).any(|s| *s != 0.0);
+            assert_eq!(matters, axis % 2 == 1 && (j == 8 || j % 2 == 1), "output {axis}, parameter {j}");
+        }
+    }
+}
+
+/// Inputs and outputs of three independent states in mixed order.
+#[test]
+fn signals_keep_their_places() {
+    let b = entries(3, 3, &[(0, 2), (1, 0), (2, 1)]);
+    let c = entries(4, 3, &[(0, 1), (1, 2), (2, 0), (3, 2)]);
+    let lft = first_orders(b, c, DMatrix::zeros(4, 3));
+    let p = Problem { model: Model::new(lft, 0.1, None).expect("consistent"), theta: vec![] };
+    assert_eq!(p.system().parts(), 3);
+    assert_exact(&p);
+}
+
+#[test]
+fn feedthrough_couples_too() {
+    let (b, c) = (entries(2, 2, &[(0, 0), (1, 1)]), entries(2, 2, &[(0, 0), (1, 1)]));
+    assert_eq!(system(first_orders(b.clone(), c.clone(), DMatrix::zeros(2, 2))).parts(), 2);
+    assert_eq!(system(first_orders(b, c, entries(2, 2, &[(0, 1)]))).parts(), 1);
+}
+
+/// A digital controller couples by any of its matrices; its noise inputs go with their channels.
+#[test]
+fn digital_controllers_split_with_the_plant() {
+    let plant = || {
+        let c = entries(3, 2, &[(0, 0), (1, 1), (2, 0)]);
+        first_orders(entries(2, 2, &[(0, 0), (1, 1)]), c, DMatrix::zeros(3, 2))
+    };
+    let controlled = |couple: usize| {
+        let part = |i: usize| {
+            let mut m = DMatrix::from_diagonal_element(2, 2, 0.3);
+            m[(1, 0)] = if couple == i { 0.1 } else { 0.0 };
+            m
+        };
+        let [a, b, c, d] = [0, 1, 2, 3].map(part);
+        let controller = Controller { a, b, c, d, delay: 1.5, steps: 2, noise: true };
+        Problem { model: Model::new(plant(), 0.1, Some(controller)).expect("consistent"), theta: vec![] }
+    };
+    let apart = controlled(usize::MAX);
+    assert_eq!(apart.system().parts(), 2);
+    assert_exact(&apart);
+    for couple in 0..4 {
+        let p = controlled(couple);
+        assert_eq!(p.system().parts(), 1, "matrix {couple}");
+        assert_exact(&p);
+    }
+}
+
+/// The last state has an output but no input, the last output no state: both stay at zero.
+#[test]
+fn what_no_input_reaches_is_zero() {
+    let lft = first_orders(entries(2, 1, &[(0, 0)]), entries(3, 2, &[(0, 0), (1, 1)]), DMatrix::zeros(3, 1));
+    let system = system(lft);
+    assert_eq!(system.parts(), 3);
+    let y = system.simulate(&[], &[1.0; 20]).expect("stable");
+    assert!(y.chunks_exact(3).skip(1).all(|y| y[0] > 0.0 && y[1] == 0.0 && y[2] == 0.0));
+}
+
+/// A state that no output shows makes no part; its input is heard by nobody.
+#[test]
+fn what_no_output_shows_is_left_out() {
+    let lft = first_orders(entries(2, 2, &[(0, 0), (1, 1)]), entries(1, 2, &[(0, 0)]), DMatrix::zeros(1, 2));
+    let p = Problem { model: Model::new(lft, 0.1, None).expect("consistent"), theta: vec![] };
+    assert_eq!(p.system().parts(), 1);
+    assert_exact(&p);
+}

@@ -1,0 +1,73 @@
+"""What several rooms of tests share: the demo's data, virtual experiments, and the command run in this process."""
+
+import sys
+from dataclasses import dataclass
+
+import pytest
+
+import ambid
+import ambid.cli
+from ambid.demo import DATA
+from ambid.excitation import prbs
+from virtual import VirtualBench
+
+DEMO_RIG, DEMO_RECORD = DATA / "rig.toml", DATA / "prbs.mat"
+
+
+@dataclass(frozen=True)
+class Finished:
+    """How a command ended, and what it wrote."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def command(monkeypatch, capsys):
+    """Run `ambid` with these arguments in this process."""
+
+    def run(*arguments) -> Finished:
+        monkeypatch.setattr(sys, "argv", ["ambid", *map(str, arguments)])
+        capsys.readouterr()
+        try:
+            ambid.cli.main()
+        except SystemExit as exit_:
+            code = exit_.code or 0
+        else:
+            code = 0
+        return Finished(code, *capsys.readouterr())
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def demo_rig():
+    return ambid.Rig.load(DEMO_RIG)
+
+
+@pytest.fixture(scope="session")
+def demo_record(demo_rig):
+    return ambid.Record.load(DEMO_RECORD, demo_rig)
+
+
+@pytest.fixture(scope="session")
+def demo_estimate(demo_rig, demo_record):
+    return ambid.identify(demo_rig, demo_record)
+
+
+@pytest.fixture(scope="session")
+def bench():
+    return VirtualBench()
+
+
+@pytest.fixture(scope="session")
+def i_e():
+    """Six periods of 510 samples on four axes."""
+    return prbs(8, amplitude=0.15, hold=2, axes=4, periods=6)
+
+
+@pytest.fixture(scope="session")
+def run(bench, i_e):
+    """One noisy virtual record."""
+    return bench.records(i_e, [1], period=510)[0]

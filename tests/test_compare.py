@@ -1,0 +1,117 @@
+"""Comparison: fit, ceiling and misfit against their definitions, and the channel that is to blame."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from ambid.compare import compare
+from ambid.errors import RecordError, UnstableLoopError
+from ambid.identify import identify
+from ambid.model import Model
+from ambid.record import noise_ceiling
+from virtual import AXES
+
+CHANNELS = [f"{signal}.{axis}" for signal in ("y", "i_c") for axis in AXES]
+
+
+@pytest.fixture(scope="module")
+def exact(bench):
+    return Model(bench.rig())
+
+
+@pytest.fixture(scope="module")
+def comparison(exact, run):
+    return compare(exact, run)
+
+
+def test_fit_is_as_defined(bench, comparison, run):
+    simulated = bench.respond(run.i_e)[:, :, 0]
+    measured = np.hstack([run.y, run.i_c])
+    for k, channel in enumerate(comparison.records[0].channels):
+        z, zhat = (s[:, k] - s[:, k].mean() for s in (measured, simulated))
+        assert channel.channel == CHANNELS[k]
+        assert channel.unit == ("m" if k < 4 else "A")
+        assert_allclose(channel.fit_percent, 100 * (1 - np.linalg.norm(z - zhat) / np.linalg.norm(z)), rtol=1e-9)
+        assert_allclose(channel.residual_rms, (z - zhat).std(), rtol=1e-9)
+        assert channel.noise_ceiling_percent == noise_ceiling(run)[channel.channel]
+
+
+def test_the_exact_model_reaches_the_ceiling(comparison):
+    (record,) = comparison.records
+    for channel in record.channels:
+        assert abs(channel.fit_percent - channel.noise_ceiling_percent) < 0.5
+        assert_allclose(channel.residual_rms, channel.noise_rms, rtol=0.12)
+        assert abs(channel.misfit - 1.0) < 0.35
+    assert abs(record.misfit - 1.0) < 0.1
+    assert record.repeatable_share < 0.1
+
+
+def test_what_is_fitted_is_what_is_compared(exact, run):
+    estimate = identify(exact, run)
+    (record,) = compare(estimate.model, run).records
+    for channel in record.channels:
+        assert_allclose(channel.fit_percent, estimate.fit_percent[channel.channel], rtol=1e-9)
+
+
+def test_the_residual_has_no_mean(comparison, run):
+    (record,) = comparison.records
+    assert record.residual.shape == (run.samples, 8)
+    assert_allclose(record.residual.mean(axis=0) / record.residual.std(axis=0), 0.0, atol=1e-9)
+
+
+def test_the_channel_that_is_wrong_is_the_worst(exact, run):
+    y = run.y.copy()
+    y[:, 2] *= 1.2
+    comparison = compare(exact, replace(run, y=y, name="spoilt"))
+    name, channel = comparison.worst
+    assert (name, channel.channel) == ("spoilt", "y.B_zeta")
+    assert channel.misfit > 10.0
+    assert comparison.records[0].misfit > 10.0
+    assert comparison.records[0].repeatable_share > 0.9
+
+
+def test_offsets_do_not_matter(exact, run, comparison):
+    lifted = compare(exact, replace(run, y=run.y + 1e-5, i_c=run.i_c - 3.0))
+    assert_allclose(lifted.records[0].misfit, comparison.records[0].misfit, rtol=1e-6)
+
+
+def test_y_alone(exact, run):
+    (record,) = compare(exact, replace(run, i_c=None)).records
+    assert [c.channel for c in record.channels] == CHANNELS[:4]
+    assert record.residual.shape == (run.samples, 4)
+    assert abs(record.misfit - 1.0) < 0.15
+
+
+def test_without_periods_the_misfit_is_unknown(exact, run):
+    comparison = compare(exact, replace(run, period=None))
+    (record,) = comparison.records
+    assert np.isnan(record.misfit)
+    assert np.isnan(record.repeatable_share)
+    (plain,) = comparison.to_json()["records"]
+    assert plain["misfit"] is plain["repeatable_share"] is plain["channels"][0]["noise_rms"] is None
+    assert plain["fit_percent"]["average"] > 90.0
+
+
+def test_several_records(exact, run):
+    comparison = compare(exact, [run, replace(run, name="other")])
+    assert [r.record.name for r in comparison.records] == [run.name, "other"]
+    assert [r["record"] for r in comparison.to_json()["records"]] == [run.name, "other"]
+
+
+def test_what_it_says(comparison):
+    for text in (*CHANNELS, "misfit", "ceiling", "um", "mA", "1 when the model is right"):
+        assert text in repr(comparison)
+    (plain,) = comparison.to_json()["records"]
+    assert set(plain["fit_percent"]) == set(plain["noise_ceiling_percent"]) == {*CHANNELS, "average"}
+    assert [c["channel"] for c in plain["channels"]] == CHANNELS
+
+
+def test_wrong_records_and_models(exact, run):
+    with pytest.raises(RecordError, match="the rig has A_zeta"):
+        compare(exact, replace(run, axes=AXES[::-1]))
+    with pytest.raises(RecordError, match="i_e was not logged"):
+        compare(exact, replace(run, i_e=None))
+    with pytest.raises(UnstableLoopError):
+        compare(exact.with_values({"tau_e": 2e-3}), run)
