@@ -15,6 +15,7 @@ from rich.console import Console
 import ambid
 from ambid import demo as demonstration
 from ambid.compare import compare
+from ambid.diagnose import diagnose
 from ambid.errors import AmbidError, InputError
 from ambid.estimate import Estimate
 from ambid.excitation import prbs
@@ -133,6 +134,40 @@ def compare_command(
     _write_json(comparison.to_json(), json_file)
     if plot is not None:
         _announce(save_comparison(comparison, plot), quiet)
+
+
+@app.command("diagnose")
+def diagnose_command(
+    rig: RigFile,
+    records: RecordFiles,
+    validate: Annotated[list[Path], typer.Option(metavar="RECORD", help="Record to validate on; repeatable.")] = [],  # noqa: B006
+    effects: Annotated[str | None, typer.Option(metavar="NAME,...", help="Add these instead of choosing.")] = None,
+    tolerance: Annotated[float, typer.Option(help="Misfit J/dof that is good enough.")] = 1.1,
+    model: ModelFile = None,
+    period: Period = None,
+    json_file: JsonFile = None,
+    save: Annotated[Path | None, typer.Option(metavar="MODEL", help="Write the last model.")] = None,
+    plot: PlotFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """Name the physics that the model lacks, add it, and watch the misfit fall."""
+    check_format(plot)
+    _require_folders(json_file, save, plot)
+    loaded = _records(rig, records, period)
+    found = diagnose(
+        _model(rig, model),
+        loaded,
+        validate=_records(rig, validate, period),
+        effects=None if effects is None else effects.split(","),
+        tolerance=tolerance,
+        say=(lambda _: None) if quiet or not status.is_terminal else lambda line: status.print(line, highlight=False),
+    )
+    _print(found, quiet)
+    _write_json(found.to_json(), json_file)
+    if save is not None:
+        found.save(save)
+    if plot is not None:
+        _plot(found.model, loaded, plot, quiet)
 
 
 @app.command("simulate")

@@ -14,12 +14,12 @@ from ambid.effects import CATALOGUE, Effect, find
 from ambid.errors import UnstableLoopError
 from ambid.fit import fit_percent, measured_outputs, recorded_channels
 from ambid.identify import identify
-from ambid.loop.assembly import FloatArray
 from ambid.model import Model
 from ambid.rank import Candidate, Ranking, rank
 from ambid.record import Record
 from ambid.rig import Rig
 from ambid.whitened import Noise, WhitenedProblem
+from ambid.yardstick import channel_lines
 
 __all__ = ["diagnose"]
 
@@ -103,6 +103,8 @@ def diagnose(
     chosen = [find(name) for name in effects] if effects is not None else None
     while len(fit.model.effects) < MOST_EFFECTS:
         ranking = history[-1].ranking
+        if chosen is None and fit.model.effects and history[-1].misfit < tolerance:
+            break  # what is left is smaller than what the user calls adequate
         if chosen is not None:
             names = {effect.name for effect in chosen}
             tried = [c for c in ranking.candidates if c.effect.name in names][:1]
@@ -187,9 +189,7 @@ def _prune(
     return fit, history
 
 
-def _step(
-    fit: _Fit, noise: Noise, validate: Sequence[Record], ranking: Ranking, added: Candidate | None
-) -> Step:
+def _step(fit: _Fit, noise: Noise, validate: Sequence[Record], ranking: Ranking, added: Candidate | None) -> Step:
     dof = noise.lines - len(fit.model.names)
     misfit = None
     if validate:
@@ -267,7 +267,7 @@ def _where(model: Model, noise: Noise, records: Sequence[Record], bands: int = 1
         channels = recorded_channels(record)
         simulated = model.loop.simulate(model.theta, model.excitation(record))[:, : len(channels)]
         residual = measured_outputs(record)[:, : len(channels)] - simulated
-        alone = _channel_lines(residual, whitener)
+        alone = channel_lines(residual, whitener.window)
         frequency = whitener.window.excited * record.sample_rate / (whitener.window.period * whitener.window.periods)
         edges = np.geomspace(frequency[0], frequency[-1] * 1.0001, bands + 1)
         for low, high in zip(edges[:-1], edges[1:], strict=True):
@@ -278,18 +278,6 @@ def _where(model: Model, noise: Noise, records: Sequence[Record], bands: int = 1
                 misfit = float(np.mean(alone[:, inside, k] ** 2))
                 cells.append(Cell(record.name, channel, (float(low), float(high)), misfit, "linear"))
     return sorted(cells, key=lambda cell: -cell.misfit)
-
-
-def _channel_lines(residual: FloatArray, whitener: object) -> FloatArray:
-    """Whitened excited lines of each channel alone, shape (2, K, p)."""
-    from ambid.yardstick import Whitener
-
-    assert isinstance(whitener, Whitener)
-    parts = []
-    for channel in residual.T:
-        own = Whitener.from_residual(channel[:, None], whitener.window)
-        parts.append(own.whiten(channel[:, None])[..., 0])
-    return np.stack(parts, axis=-1)
 
 
 def _next_experiment(verdict: str, alternatives: list[str], where: list[Cell]) -> str:

@@ -215,7 +215,7 @@ def _magnet_forces(rig: Rig, z: FloatArray, loads: FloatArray) -> FloatArray:
             f"{axes} axes share {equations} equations of equilibrium, allowed is as many axes, in two bearings at "
             "different positions; identify K_i in closed loop, or levitate on two bearings"
         )
-    return -np.linalg.solve(axis_parts.T, load_parts.T).T
+    return np.asarray(-np.linalg.solve(axis_parts.T, load_parts.T).T, dtype=np.float64)
 
 
 def _deflection_forces(rig: Rig, z: FloatArray, loads: FloatArray, magnet_forces: FloatArray) -> FloatArray:

@@ -103,10 +103,15 @@ class Whitener:
         return np.stack([white.real, white.imag])
 
 
-def channel_misfit(residual: FloatArray, window: Window) -> FloatArray:
-    """J/dof of each channel alone, shape (p,), each judged against its own noise."""
-    found = []
+def channel_lines(residual: FloatArray, window: Window) -> FloatArray:
+    """Whitened excited lines of each channel, judged against its own noise alone, shape (2, K, p)."""
+    parts = []
     for channel in residual.T:
-        white = Whitener.from_residual(channel[:, None], window).whiten(channel[:, None])
-        found.append(np.sum(white**2) / white.size)
-    return np.array(found)
+        own = Whitener.from_residual(channel[:, None], window)
+        parts.append(own.whiten(channel[:, None])[..., 0])
+    return np.stack(parts, axis=-1)
+
+
+def channel_misfit(residual: FloatArray, window: Window) -> FloatArray:
+    """J/dof of each channel alone, shape (p,)."""
+    return np.mean(channel_lines(residual, window) ** 2, axis=(0, 1))

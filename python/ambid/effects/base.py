@@ -69,7 +69,7 @@ class Effect(ABC):
         return 0
 
     def probes(self, rig: Rig) -> Sequence[Mapping[str, float]]:
-        """Sets of parameter values whose responses span the effect; by default one parameter at a time, the others 0."""
+        """Sets of parameter values whose responses span the effect; by default one parameter at a time."""
         own = self.parameters(rig)
         return [{p.name: p.probe if p is one else 0.0 for p in own} for one in own]
 

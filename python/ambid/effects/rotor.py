@@ -9,8 +9,8 @@ import numpy as np
 
 from ambid.effects.base import Effect, EffectParameter
 from ambid.loop.plant import Plant
-from ambid.rig import Rig
-from ambid.rotor import reduced_rotor
+from ambid.rig import FiniteElementRotor, MatrixRotor, Rig
+from ambid.rotor import reduced_rotor, with_more_modes
 
 
 class RotorBendingMode(Effect):
@@ -23,11 +23,9 @@ class RotorBendingMode(Effect):
 
     def flexible_modes(self, rig: Rig) -> int:
         """How many further modes lie well below half the sample rate; two at the most."""
-        if rig.rotor.kind not in ("finite_elements", "matrices"):
+        if not isinstance(rig.rotor, FiniteElementRotor | MatrixRotor):
             return 0
-        kept = rig.rotor.flexible_modes
-        wider = rig.rotor.model_copy(update={"flexible_modes": kept + 2, "modal_damping": 0.0})
-        rotor = reduced_rotor(wider, [b.position for b in rig.bearings])
+        rotor = reduced_rotor(with_more_modes(rig.rotor, 2), [b.position for b in rig.bearings])
         return sum(f < 0.4 * rig.sample_rate for f in rotor.frequencies_rad_s[-2:] / (2.0 * pi))
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
@@ -35,9 +33,9 @@ class RotorBendingMode(Effect):
         more = self.flexible_modes(rig)
         if more == 0:
             return []
-        wider = rig.rotor.model_copy(update={"flexible_modes": rig.rotor.flexible_modes + more, "modal_damping": 0.0})
-        found = reduced_rotor(wider, [b.position for b in rig.bearings]).frequencies_rad_s[-more:] / (2.0 * pi)
-        given = rig.rotor.modal_damping
+        rotor = reduced_rotor(with_more_modes(rig.rotor, more), [b.position for b in rig.bearings])
+        found = rotor.frequencies_rad_s[-more:] / (2.0 * pi)
+        given = getattr(rig.rotor, "modal_damping", 0.0)
         damping = given if isinstance(given, float) and given > 0.0 else 0.003
         parameters = []
         for k, frequency in enumerate(found, start=1):
@@ -108,9 +106,7 @@ class BendingModeShift(Effect):
 
 def _flexible(rig: Rig) -> int:
     """Bending modes per plane that the rig's model keeps."""
-    if rig.rotor.kind in ("finite_elements", "matrices"):
-        return rig.rotor.flexible_modes
-    return 0
+    return rig.rotor.flexible_modes if isinstance(rig.rotor, FiniteElementRotor | MatrixRotor) else 0
 
 
 class RotorInertiaError(Effect):
@@ -123,7 +119,7 @@ class RotorInertiaError(Effect):
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Relative errors; of a gain common to all modes K_i takes its part, so that only the inertia's is new."""
-        if rig.rotor.kind not in ("finite_elements", "matrices"):
+        if not isinstance(rig.rotor, FiniteElementRotor | MatrixRotor):
             return []
         return [EffectParameter("inertia", "1", 0.01, lower=-0.5, upper=1.0)]
 

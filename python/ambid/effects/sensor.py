@@ -9,7 +9,7 @@ import numpy as np
 from ambid.effects.base import Effect, EffectParameter
 from ambid.loop.assembly import combine
 from ambid.loop.plant import Plant
-from ambid.rig import Rig
+from ambid.rig import FiniteElementRotor, Rig
 
 UNBOUNDED = float("inf")
 
@@ -92,12 +92,14 @@ class SensorPositionError(Effect):
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Offset of each bearing's sensors [m]."""
-        if rig.rotor.kind not in ("finite_elements",):
+        if not isinstance(rig.rotor, FiniteElementRotor):
             return []
         return [EffectParameter(f"offset_{b.name}", "m", 1e-3, lower=-0.05, upper=0.05) for b in rig.bearings]
 
     def positions(self, rig: Rig) -> Sequence[float]:
         """A millimetre to each side of every sensor: their shapes give the slope."""
+        if not isinstance(rig.rotor, FiniteElementRotor):
+            return []
         low, high = rig.rotor.span
         return [float(np.clip(b.sensor_position + d, low, high)) for b in rig.bearings for d in (-self.step, self.step)]
 

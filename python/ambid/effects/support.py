@@ -9,7 +9,7 @@ import numpy as np
 
 from ambid.effects.base import Effect, EffectParameter
 from ambid.loop.plant import Plant
-from ambid.rig import PointMassRotor, Rig
+from ambid.rig import FiniteElementRotor, PointMassRotor, Rig
 
 UNBOUNDED = float("inf")
 
@@ -40,7 +40,7 @@ class SealForces(Effect):
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Direct and cross stiffness [N/m], damping [N s/m]."""
-        if rig.rotor.kind != "finite_elements":
+        if not isinstance(rig.rotor, FiniteElementRotor):
             return []
         k = _stiffness(rig)
         return [
@@ -75,11 +75,11 @@ class CouplingStiffness(Effect):
 
     def positions(self, rig: Rig) -> Sequence[float]:
         """Both ends of the shaft."""
-        return [] if rig.rotor.kind != "finite_elements" else list(rig.rotor.span)
+        return list(rig.rotor.span) if isinstance(rig.rotor, FiniteElementRotor) else []
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
-        """Stiffness [N/m] and damping [N s/m] at each end of the shaft."""
-        if rig.rotor.kind != "finite_elements":
+        """Stiffness [N/m] and damping [N s/m] at the drive end."""
+        if not isinstance(rig.rotor, FiniteElementRotor):
             return []
         k = _stiffness(rig)
         return [
@@ -89,7 +89,7 @@ class CouplingStiffness(Effect):
 
     def attach(self, plant: Plant) -> None:
         """``F = -k x - c x'`` in every plane."""
-        z = plant.rig.rotor.span[1 if self.end is None else self.end]
+        z = self.positions(plant.rig)[1 if self.end is None else self.end]
         for plane in np.eye(plant.rotor.planes):
             force = plant.port(self.slot("stiffness"), plant.at(z, plane))
             force = force + plant.port(self.slot("damping"), plant.at(z, plane, "eta_rate"))

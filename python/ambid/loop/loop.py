@@ -14,7 +14,7 @@ from ambid.loop.assembly import FloatArray, Lft
 from ambid.loop.controller import close_analog
 from ambid.loop.plant import Plant
 from ambid.rig import Rig
-from ambid.rotor import reduced_rotor
+from ambid.rotor import reduced_rotor, with_more_modes
 
 if TYPE_CHECKING:
     from ambid.effects.base import Effect
@@ -160,12 +160,9 @@ def _plant(rig: Rig, effects: Sequence[Effect]) -> Lft:
     """The plant with all effects attached; bending modes that effects bring are the last of the rotor."""
     places = [z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)]
     places += [z for effect in effects for z in effect.positions(rig)]
-    spec, more = rig.rotor, sum(effect.flexible_modes(rig) for effect in effects)
-    if more:
-        kept, given = spec.flexible_modes, spec.modal_damping
-        damping = [*([given] * kept if isinstance(given, float) else given[:kept]), *[0.0] * more]
-        spec = spec.model_copy(update={"flexible_modes": kept + more, "modal_damping": tuple(damping)})
-    built = Plant(rig, reduced_rotor(spec, places), free_modes=more)
+    more = sum(effect.flexible_modes(rig) for effect in effects)
+    rotor = reduced_rotor(with_more_modes(rig.rotor, more) if more else rig.rotor, places)
+    built = Plant(rig, rotor, free_modes=more)
     for effect in effects:
         effect.attach(built)
     return built.between_commands_and_outputs()

@@ -2,6 +2,6 @@
 
 from ambid.rotor.assembly import BeamModel, assemble
 from ambid.rotor.matrices import matrix_model
-from ambid.rotor.modes import ReducedRotor, reduce, reduced_rotor
+from ambid.rotor.modes import ReducedRotor, reduce, reduced_rotor, with_more_modes
 
-__all__ = ["BeamModel", "ReducedRotor", "assemble", "matrix_model", "reduce", "reduced_rotor"]
+__all__ = ["BeamModel", "ReducedRotor", "assemble", "matrix_model", "reduce", "reduced_rotor", "with_more_modes"]

@@ -78,6 +78,23 @@ class ReducedRotor:
         return self.shapes[row].copy()
 
 
+def with_more_modes(
+    rotor: FiniteElementRotor | MatrixRotor | ModalRotor | PointMassRotor, more: int
+) -> FiniteElementRotor | MatrixRotor:
+    """Return the same rotor with further, undamped bending modes in each plane.
+
+    Raises
+    ------
+    RigError
+        The rotor is given by its modes or as a mass, and has no others.
+    """
+    if not isinstance(rotor, FiniteElementRotor | MatrixRotor):
+        raise RigError(f"rotor.kind = {rotor.kind!r}: only a rotor of sections or matrices has further bending modes")
+    kept, given = rotor.flexible_modes, rotor.modal_damping
+    damping = [given] * kept if isinstance(given, float) else list(given[:kept])
+    return rotor.model_copy(update={"flexible_modes": kept + more, "modal_damping": (*damping, *[0.0] * more)})
+
+
 def reduced_rotor(
     rotor: FiniteElementRotor | MatrixRotor | ModalRotor | PointMassRotor, nodes_at: Sequence[float]
 ) -> ReducedRotor:
