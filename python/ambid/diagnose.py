@@ -11,7 +11,7 @@ import numpy as np
 from ambid.compare import compare
 from ambid.diagnosis import Cell, Diagnosis, Step
 from ambid.effects import CATALOGUE, Effect, find
-from ambid.errors import UnstableLoopError
+from ambid.errors import ModelError, UnstableLoopError
 from ambid.fit import fit_percent, measured_outputs, recorded_channels
 from ambid.identify import identify
 from ambid.model import Model
@@ -149,7 +149,7 @@ def _refits(fit: _Fit, nominal: Model, tried: Sequence[Candidate], noise: Noise)
         for base, values in ((fit.model, candidate.start), (_with_effects_of(nominal, fit.model), None)):
             try:
                 ends.append(_refit(base.add(candidate.effect, values), noise))
-            except (UnstableLoopError, ValueError):
+            except (UnstableLoopError, ModelError, ValueError):
                 continue
             if ends[-1].cost < ADEQUATE * noise.lines:
                 break

@@ -317,7 +317,7 @@ class Model:
         text: dict[str, Any] = {
             "format": FORMAT,
             "rig": self.rig.to_toml(),
-            "effects": [effect.name for effect in self.effects],
+            "effects": [{"name": effect.name, **effect.settings()} for effect in self.effects],
             "parameters": parameters,
             "covariance": matrix,
         }
@@ -347,13 +347,15 @@ class Model:
                 for name, p in text["parameters"].items()
             ]
             machine = rig or Rig.from_toml(text["rig"], path)
-            names = list(text["effects"])
+            chosen = [
+                ({**entry}.pop("name"), {k: v for k, v in entry.items() if k != "name"}) for entry in text["effects"]
+            ]
         except OSError as error:
             raise ModelError(f"{path}: cannot be read ({error.strerror}); give a file that --save wrote") from None
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise ModelError(f"{path}: not a model that --save wrote ({type(error).__name__}: {error})") from None
         try:
-            effects = [find(name) for name in names]
+            effects = [find(name, settings) for name, settings in chosen]
             known = {p.name: p for p in cls(machine, effects=effects).parameters}
             parameters = [
                 replace(known[p.name], value=p.value) if p.name in known and known[p.name].slots == p.slots else p

@@ -12,7 +12,7 @@ modification index of structural-equation software). Values that physics forbids
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -140,22 +140,27 @@ def rank(comparison: Comparison, catalogue: Sequence[Effect] = CATALOGUE, *, noi
     for effect in catalogue:
         if effect.name in present or not effect.parameters(model.rig):
             continue
-        try:
-            change = _responses(model, effect, noise)
-        except (UnstableLoopError, ModelError) as error:
-            skipped[effect.name] = str(error)
-            continue
-        change = change - basis @ (basis.T @ change)
-        candidate, direction = _score(model, effect, residual, change, cost, dof)
-        candidates.append(candidate)
-        directions.append(direction)
+        scored = []
+        for variant in effect.variants(model.rig):
+            try:
+                change = _responses(model, variant, noise)
+            except (UnstableLoopError, ModelError) as error:
+                skipped[effect.name] = str(error)
+                continue
+            change = change - basis @ (basis.T @ change)
+            scored.append(_score(model, variant, residual, change, cost, dof))
+        if scored:
+            skipped.pop(effect.name, None)
+            candidate, direction = max(scored, key=lambda pair: pair[0].score)
+            p_value = min(1.0, len(scored) * candidate.p_value)
+            candidates.append(replace(candidate, p_value=p_value))
+            directions.append(direction)
     order = sorted(range(len(candidates)), key=lambda k: -candidates[k].score / candidates[k].degrees)
     cosines = np.abs(np.array(directions) @ np.array(directions).T) if directions else np.zeros((0, 0))
     ranked = []
     for k in order:
         near = [candidates[j].effect.name for j in order if j != k and cosines[k, j] > CONFUSABLE]
-        c = candidates[k]
-        ranked.append(Candidate(c.effect, c.score, c.degrees, c.p_value, c.start, c.predicted_misfit, tuple(near)))
+        ranked.append(replace(candidates[k], confusable_with=tuple(near)))
     return Ranking(tuple(ranked), cost / dof, skipped)
 
 

@@ -1,5 +1,7 @@
 """The catalogue of physical effects that a model may lack."""
 
+from collections.abc import Mapping
+
 from ambid.effects.actuator import AxisCrossCoupling, EddyCurrents
 from ambid.effects.amplifier import AmplifierBandwidth, BackEmf, LoopDelay
 from ambid.effects.base import Effect, EffectParameter
@@ -37,8 +39,8 @@ CATALOGUE: tuple[Effect, ...] = (
 )
 
 
-def find(name: str) -> Effect:
-    """Effect of the catalogue by name.
+def find(name: str, settings: Mapping[str, float] | None = None) -> Effect:
+    """Effect of the catalogue by name; with settings, the variant of it that they make.
 
     Raises
     ------
@@ -47,5 +49,5 @@ def find(name: str) -> Effect:
     """
     for effect in CATALOGUE:
         if effect.name == name:
-            return effect
+            return type(effect)(**settings) if settings else effect
     raise ModelError(f"{name}: no such effect; the catalogue has {', '.join(effect.name for effect in CATALOGUE)}")

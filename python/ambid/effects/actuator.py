@@ -24,7 +24,8 @@ class EddyCurrents(Effect):
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Time constant of the half-order lag [s]."""
-        return [EffectParameter("time_constant", "s", 1e-3 * rig.actuator.time_constant, upper=1.0)]
+        tau = rig.actuator.time_constant
+        return [EffectParameter("time_constant", "s", 1e-3 * tau, lower=1e-6 * tau, upper=1.0)]
 
     def attach(self, plant: Plant) -> None:
         """The flux current behind a sum of lags whose time constants all scale with tau."""
@@ -71,12 +72,11 @@ class AxisCrossCoupling(Effect):
         return [EffectParameter(f"share_{b.name}", "1", 0.005, lower=-0.5, upper=0.5) for b in both]
 
     def attach(self, plant: Plant) -> None:
-        """``f_zeta += c K_i i_eta``, ``f_eta += c K_i i_zeta``."""
+        """``i_zeta += c i_eta``, ``i_eta += c i_zeta`` of the current that makes force."""
         for bearing in plant.rig.bearings:
             if len(bearing.axes) < 2:
                 continue
             zeta, eta = bearing.axis_names
             slot = self.slot(f"share_{bearing.name}")
             for to, source in ((zeta, eta), (eta, zeta)):
-                force = plant.port(f"K_i.{source}", plant[f"i_f.{source}"])
-                plant.inject(f"f.{to}", plant.port(slot, force))
+                plant.inject(f"i_f.{to}", plant.port(slot, plant.raw(f"i_f.{source}")))

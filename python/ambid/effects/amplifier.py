@@ -24,7 +24,8 @@ class LoopDelay(Effect):
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """The delay [s]."""
-        return [EffectParameter("delay", "s", 0.05 / rig.sample_rate, upper=20.0 / rig.sample_rate)]
+        sample = 1.0 / rig.sample_rate
+        return [EffectParameter("delay", "s", 0.05 * sample, lower=5e-5 * sample, upper=20.0 * sample)]
 
     def attach(self, plant: Plant) -> None:
         """``x' = (A x + B i_ref)/tau``, ``i_ref_late = C x + i_ref`` (D = 1 since the order is even)."""

@@ -60,6 +60,14 @@ class Effect(ABC):
     def attach(self, plant: Plant) -> None:
         """Add states, ports and injections to the plant; ports fill the slots ``<effect>.<parameter>``."""
 
+    def variants(self, rig: Rig) -> Sequence[Effect]:
+        """The effect at each place or frequency where it is to be tried; the best of them is ranked."""
+        return (self,)
+
+    def settings(self) -> dict[str, float]:
+        """Arguments of the constructor that make this variant, as saved with a model."""
+        return {}
+
     def positions(self, rig: Rig) -> Sequence[float]:
         """Axial positions at which it acts, beside magnets and sensors [m]."""
         return ()

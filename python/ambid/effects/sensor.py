@@ -24,7 +24,8 @@ class SensorLag(Effect):
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Time constant [s]."""
-        return [EffectParameter("time_constant", "s", 0.05 / rig.sample_rate, upper=0.01)]
+        sample = 1.0 / rig.sample_rate
+        return [EffectParameter("time_constant", "s", 0.05 * sample, lower=5e-5 * sample, upper=0.01)]
 
     def attach(self, plant: Plant) -> None:
         """``tau y' = y_true - y``."""

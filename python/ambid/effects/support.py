@@ -29,6 +29,15 @@ class SealForces(Effect):
     def __init__(self, z: float | None = None) -> None:
         self.z = z
 
+    def variants(self, rig: Rig) -> Sequence[Effect]:
+        """Half-way between the bearings, and at every disk."""
+        disks = [] if not isinstance(rig.rotor, FiniteElementRotor) else [disk.position for disk in rig.rotor.disk]
+        return [SealForces(z) for z in sorted({round(self.place(rig), 9), *disks})] if self.z is None else (self,)
+
+    def settings(self) -> dict[str, float]:
+        """Its place."""
+        return {} if self.z is None else {"z": self.z}
+
     def place(self, rig: Rig) -> float:
         """Where it acts [m]; by default half-way between the outermost bearings."""
         ends = [b.position for b in rig.bearings]
@@ -73,6 +82,14 @@ class CouplingStiffness(Effect):
     def __init__(self, end: int | None = None) -> None:
         self.end = end
 
+    def variants(self, rig: Rig) -> Sequence[Effect]:
+        """At either end, since the rig file does not say which is the drive end."""
+        return [CouplingStiffness(0), CouplingStiffness(1)] if self.end is None else (self,)
+
+    def settings(self) -> dict[str, float]:
+        """Which end: 0 at z = 0, 1 at the other."""
+        return {} if self.end is None else {"end": self.end}
+
     def positions(self, rig: Rig) -> Sequence[float]:
         """Both ends of the shaft."""
         return list(rig.rotor.span) if isinstance(rig.rotor, FiniteElementRotor) else []
@@ -104,14 +121,20 @@ class FoundationResonance(Effect):
     signature = "a narrow band in y and i_c where no rotor mode lies, all axes"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 10"
 
-    def __init__(self, frequency_hz: float = 100.0) -> None:
+    def __init__(self, frequency_hz: float | None = None) -> None:
         self.frequency_hz = frequency_hz
+
+    def variants(self, rig: Rig) -> Sequence[Effect]:
+        """A scan over frequency, a tenth of an octave more than its probe is wide."""
+        if self.frequency_hz is not None:
+            return (self,)
+        return [FoundationResonance(float(f)) for f in np.geomspace(10.0, 0.2 * rig.sample_rate, 40)]
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Frequency [Hz], damping ratio, compliance as the inverse of the moving mass [1/kg]."""
         return [
-            EffectParameter("frequency_hz", "Hz", self.frequency_hz, lower=1.0, upper=0.5 * rig.sample_rate),
-            EffectParameter("damping", "1", 0.03, lower=1e-4, upper=2.0),
+            EffectParameter("frequency_hz", "Hz", self.frequency_hz or 100.0, lower=1.0, upper=0.5 * rig.sample_rate),
+            EffectParameter("damping", "1", 0.07, lower=1e-4, upper=2.0),
             EffectParameter("inverse_mass", "1/kg", 1e-3),
         ]
 

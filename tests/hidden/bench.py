@@ -1,0 +1,123 @@
+"""Records that a machine with hidden physics would give: `simulate` one, `simulate_all` many at once."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ambid.record import Record
+from ambid.rig import Rig
+
+from .machine import build
+from .physics import settle
+
+
+class MachineFailure(RuntimeError):
+    """The rotor has left its air gap: the machine is unstable, or hit too hard."""
+
+
+def simulate(
+    rig: Rig,
+    i_e: ArrayLike,
+    hidden: Mapping[str, Mapping[str, object]] | None = None,
+    *,
+    K_i: ArrayLike,
+    K_s: ArrayLike,
+    tau_e: ArrayLike,
+    seed: int | None,
+    sensor_noise: float = 50e-9,
+    current_noise: float = 5e-3,
+    flexible_modes: int | None = None,
+    gravity: float = 0.0,
+    warm_up: float | None = None,
+    with_i_c: bool = True,
+    period: int | None = None,
+    longest_step: float = 10e-6,
+    name: str = "record",
+) -> Record:
+    """Record of a levitated machine whose physics has more in it than its rig file says.
+
+    Sensor noise is held over each sample and goes round the loop; current noise is on the record only. The machine
+    runs for `warm_up` before t = 0, without excitation. What is linear is integrated exactly.
+
+    Parameters
+    ----------
+    rig : Rig
+        What is known of the machine.
+    i_e : array_like, shape (N, axes)
+        Excitation [A], held over each sample.
+    hidden : mapping of effect to its parameters
+        Names and units in `physics.py`.
+    K_i, K_s, tau_e : float or array_like, shape (axes,)
+        True small-signal values [N/A, N/m, s].
+    seed : int or None
+        Of both noises; None is a record without noise.
+    sensor_noise, current_noise : float
+        Rms of white noise [m, A].
+    flexible_modes : int, optional
+        True number of bending modes per plane; by default the rig's. `rotor_bending_mode` adds to it.
+    gravity : float
+        Along -y [m/s^2].
+    warm_up : float, optional
+        [s]; by default 0.3, and 2.5 with gravity.
+    with_i_c : bool
+        Whether i_c was recorded.
+    period : int, optional
+        Samples per period, noted in the record.
+    longest_step : float
+        Of the integration of what is nonlinear or delayed [s].
+
+    Raises
+    ------
+    ValueError
+        For an unknown effect or parameter.
+    MachineFailure
+        If the rotor leaves its air gap.
+    """
+    settled = settle(hidden or {})
+    i_e = np.asarray(i_e, dtype=float)
+    n, rate = len(rig.axes), rig.sample_rate
+    warm = round((warm_up if warm_up is not None else 2.5 if gravity else 0.3) * rate)
+    machine = build(
+        rig,
+        settled,
+        **{key: np.broadcast_to(value, n) for key, value in (("K_i", K_i), ("K_s", K_s), ("tau_e", tau_e))},
+        flexible_modes=flexible_modes,
+        gravity=gravity,
+        before=warm / rate,
+        seconds=len(i_e) / rate,
+    )
+    random = np.random.default_rng(seed)
+    rows = warm + len(i_e) + machine.late
+    inputs = np.zeros((rows, 2 * n))
+    inputs[warm : warm + len(i_e), :n] = i_e
+    inputs[:, n:] = 0.0 if seed is None else sensor_noise * random.standard_normal((rows, n))
+    controller = rig.controller
+    pieces = round(controller.rate(rate) / rate) if controller.is_digital else 1
+    piece = 1.0 / rate / pieces
+    recorded = machine.network.run(
+        machine.outputs,
+        inputs,
+        piece=piece,
+        pieces=pieces,
+        steps=max(4, int(np.ceil(piece / longest_step - 1e-9))) if machine.network.needs_fine_steps else 1,
+        warm_up=warm,
+        controller=controller.state_space(n, rate) if controller.is_digital else None,
+    )
+    gaps = np.array([bearing.air_gap for bearing in rig.bearings for _ in bearing.axes])
+    if recorded is None or np.any(np.abs(recorded[:, :n]).max(axis=0) > 2.0 * gaps):
+        raise MachineFailure(f"{rig.name}: the rotor has left its air gap with {dict(hidden or {})}")
+    y, i_c = recorded[: len(i_e), :n], recorded[machine.late :, n:]
+    if seed is not None:
+        i_c = i_c + current_noise * random.standard_normal(i_c.shape)
+    return Record(name, rate, rig.axes, i_e, y, i_c if with_i_c else None, period=period)
+
+
+def simulate_all(jobs: Sequence[Mapping[str, object]]) -> list[Record]:
+    """Run `simulate` with each of the keyword sets, on all cores; results in order, the same on any number of cores."""
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(lambda job: simulate(**job), jobs))

@@ -1,0 +1,353 @@
+"""The physics of a machine with hidden effects, stage by stage along the loop.
+
+rotor and housings -> sensors -> controller -> command -> amplifiers -> flux -> force -> rotor. Without effects this is
+``M q'' + speed G q' + K q = f``, ``tau_a i_c' = i_ref - i_c``, ``tau_e i_f' = i_c - i_f``, ``f = K_i i_f + K_s s`` and
+``i_ref = -(K y) + i_e``, written in global x and y.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from ambid.rig import Rig
+
+from .network import CAPACITY, Network, library
+from .rotor import TrueRotor
+
+IRON = {"linear": 0, "tanh": 1, "blend": 2}
+
+
+@dataclass(frozen=True)
+class Machine:
+    """Network of a rig with its hidden effects.
+
+    Attributes
+    ----------
+    network : Network
+    outputs : ndarray, shape (2 axes, CAPACITY)
+        y then i_c as they are read at each sample.
+    late : bool
+        Whether each row of i_c comes one row after that of y which it belongs to.
+    """
+
+    network: Network
+    outputs: np.ndarray
+    late: bool
+
+
+def build(
+    rig: Rig,
+    hidden: dict[str, dict],
+    *,
+    K_i: np.ndarray,
+    K_s: np.ndarray,
+    tau_e: np.ndarray,
+    flexible_modes: int | None,
+    gravity: float,
+    before: float,
+    seconds: float,
+) -> Machine:
+    """Lay out the machine; parameters as in `bench.simulate`, `before` is the time from its start to t = 0 [s]."""
+    return _Builder(rig, hidden, K_i, K_s, tau_e, before, seconds).build(
+        TrueRotor(rig, hidden, flexible_modes), gravity
+    )
+
+
+class _Builder:
+    def __init__(self, rig, hidden, K_i, K_s, tau_e, before, seconds) -> None:
+        self.rig, self.hidden = rig, hidden
+        self.K_i, self.K_s, self.tau_e = K_i, K_s, tau_e
+        self.before, self.seconds = before, seconds
+        self.n = len(rig.axes)
+        self.of_bearing = [k for k, bearing in enumerate(rig.bearings) for _ in bearing.axes]
+        self.net = Network()
+        self.i_e, self.noise = self.net.inputs(self.n), self.net.inputs(self.n)
+        self.held = self.net.inputs(self.n if rig.controller.is_digital else 0)
+
+    def build(self, rotor: TrueRotor, gravity: float) -> Machine:
+        net, n = self.net, self.n
+        self.rotor = rotor
+        self.planes = rotor.planes
+        self.q, self.v = (net.states(np.zeros(len(rotor.squares))) for _ in range(2))
+        self.push = np.zeros((len(rotor.squares), CAPACITY))  # modal forces
+        self._housings()
+        places = [b.position for b in self.rig.bearings for _ in b.axes]
+        s, s_rate = (self._along_axes(places, of) for of in ((self.q, self.house), (self.v, self.house_rate)))
+        y = self._sensors()
+        i_c, out = self._amplifiers(self._command(y), s_rate)
+        force = self._force(self._flux(i_c), s)
+        for k in range(n):
+            direction = self._directions[k]
+            self.push += rotor.at(places[k]).T @ direction[:, None] @ force[[k]]
+            self.house_push[self.of_bearing[k]] -= direction[:, None] @ force[[k]]
+        self._surroundings(gravity)
+        net.rate(self.q, self.v)
+        gyroscopic = self.rig.speed * rotor.gyroscopic
+        moving = np.diag(rotor.damping) + gyroscopic
+        net.rate(self.v, self.push - np.diag(rotor.squares) @ self.q - moving @ self.v)
+        self._support()
+        late = "sampling_skew" in self.hidden and self.hidden["sampling_skew"]["seconds"] > 0.0
+        return Machine(net, np.concatenate([y, out]), late)
+
+    # Motion -----------------------------------------------------------------------------------------------------------
+
+    @property
+    def _directions(self) -> np.ndarray:
+        """Unit vector of each axis, shape (axes, planes)."""
+        if self.planes == 1:
+            return np.ones((self.n, 1))
+        angles = [b.tilt + {"zeta": 0.0, "eta": 90.0}[a] for b in self.rig.bearings for a in b.axes]
+        return np.column_stack([np.cos(np.deg2rad(angles)), np.sin(np.deg2rad(angles))])
+
+    def _along_axes(self, places, of) -> np.ndarray:
+        """Displacement (or rate) of the rotor at one z per axis against the housings, along the axes."""
+        modal, house = of
+        rows = [
+            self._directions[[k]] @ (self.rotor.at(z) @ modal - house[self.of_bearing[k]]) for k, z in enumerate(places)
+        ]
+        return np.concatenate(rows)
+
+    def _housings(self) -> None:
+        """Displacement and rate of the housing of each bearing, (planes, CAPACITY); zero where it is rigid."""
+        still = np.zeros((self.planes, CAPACITY))
+        self.house, self.house_rate, self.house_push = [], [], []
+        for bearing in self.rig.bearings:
+            moves = "foundation_resonance" in self.hidden
+            moves = moves and self.hidden["foundation_resonance"]["bearing"] in (None, bearing.name)
+            self.house.append(self.net.states(np.zeros(self.planes)) if moves else still)
+            self.house_rate.append(self.net.states(np.zeros(self.planes)) if moves else still)
+            self.house_push.append(still.copy())
+
+    def _support(self) -> None:
+        for house, rate, push in zip(self.house, self.house_rate, self.house_push, strict=True):
+            if house.any():
+                support = self.hidden["foundation_resonance"]
+                omega = 2.0 * np.pi * support["frequency_hz"]
+                self.net.rate(house, rate)
+                back = omega**2 * house + 2.0 * support["damping"] * omega * rate
+                self.net.rate(rate, push / support["mass_kg"] - back)
+
+    # Sensors and controller -------------------------------------------------------------------------------------------
+
+    def _sensors(self) -> np.ndarray:
+        hidden, n = self.hidden, self.n
+        dz = self._per_bearing("sensor_position_error", "dz")
+        places = [self.rig.bearings[k].sensor_position + dz[k] for k in self.of_bearing]
+        y = self._along_axes(places, (self.q, self.house))
+        if "sensor_misalignment" in hidden:
+            angles = np.deg2rad(self._per_bearing("sensor_misalignment", "degrees"))
+            turns = [np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]]) for a in angles]
+            y = (
+                block_diag(*(t[: len(b.axes), : len(b.axes)] for t, b in zip(turns, self.rig.bearings, strict=True)))
+                @ y
+            )
+        if "sensor_gain_error" in hidden:
+            y = np.broadcast_to(hidden["sensor_gain_error"]["gain"], n)[:, None] * y
+        if "sensor_nonlinearity" in hidden:
+            curve = hidden["sensor_nonlinearity"]
+            y = y + self.net.each("polynomial", [[curve["quadratic"], curve["cubic"]]] * n, y)
+        if "sensor_lag" in hidden and hidden["sensor_lag"]["tau"] > 0.0:
+            y = self._lag(y, hidden["sensor_lag"]["tau"])
+        return y + self.noise
+
+    def _command(self, y: np.ndarray) -> np.ndarray:
+        """Currents that are wanted of the amplifiers."""
+        hidden, n, net = self.hidden, self.n, self.net
+        controller = self.rig.controller
+        held, delay = controller.is_digital, 0.0
+        if held:
+            i_ref = self.held
+            delay = controller.delay_samples / controller.rate(self.rig.sample_rate)
+        else:
+            A, B, C, D = controller.state_space(n, self.rig.sample_rate)
+            k = net.states(np.zeros(len(A)))
+            net.rate(k, A @ k + B @ y)
+            i_ref = self.i_e - C @ k - D @ y
+        if "command_quantisation" in hidden:
+            step = hidden["command_quantisation"]["step"]
+            i_ref = i_ref + net.each("quantiser", [[step]] * n, i_ref, held=held)
+        delay += hidden.get("loop_delay", {"seconds": 0.0})["seconds"]
+        if delay > 0.0:
+            i_ref = net.each("delay", [[delay]] * n, i_ref, held=held)
+        if "amplifier_dead_band" in hidden:
+            band = hidden["amplifier_dead_band"]["current"]
+            i_ref = i_ref + net.each("dead_band", [[band]] * n, i_ref, held=held)
+        if "amplifier_asymmetry" in hidden:
+            fraction = hidden["amplifier_asymmetry"]["fraction"]
+            i_ref = i_ref + net.each("asymmetry", [[fraction]] * n, i_ref, held=held)
+        return i_ref + self._hum("current")
+
+    # Amplifiers and magnets -------------------------------------------------------------------------------------------
+
+    def _amplifiers(self, i_ref: np.ndarray, s_rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coil currents, and these as they are read."""
+        hidden, n, net = self.hidden, self.n, self.net
+        drive = i_ref - hidden.get("back_emf", {"coefficient": 0.0})["coefficient"] * s_rate
+        other = hidden.get("amplifier_bandwidth", {"frequency_hz": None, "time_constant": None})
+        tau = self.rig.amplifier.time_constant if other["time_constant"] is None else other["time_constant"]
+        if other["frequency_hz"] is None and tau == 0.0:
+            if "amplifier_voltage_limit" in hidden:
+                raise ValueError("amplifier_voltage_limit needs an amplifier with a time constant")
+            i_c = drive
+        else:
+            i_c = net.states(np.zeros(n))
+            if other["frequency_hz"] is None:
+                rate = (drive - i_c) / tau
+            else:
+                omega = 2.0 * np.pi * other["frequency_hz"]
+                rate = net.states(np.zeros(n))
+                net.rate(rate, omega**2 * (drive - i_c) - 2.0 * other["damping"] * omega * rate)
+            if "amplifier_voltage_limit" in hidden:
+                rate = rate + net.each("limit", [[hidden["amplifier_voltage_limit"]["slew"]]] * n, rate)
+            net.rate(i_c, rate)
+        skew = hidden.get("sampling_skew", {"seconds": 0.0})["seconds"]
+        if skew == 0.0:
+            return i_c, i_c
+        sample = 1.0 / self.rig.sample_rate
+        if abs(skew) >= sample:
+            raise ValueError(f"sampling_skew = {skew} s: less than a sample, {sample} s, either way")
+        return i_c, net.each("delay", [[-skew if skew < 0.0 else sample - skew]] * n, i_c)
+
+    def _flux(self, i_c: np.ndarray) -> np.ndarray:
+        """Currents that the flux follows."""
+        hidden, n, net = self.hidden, self.n, self.net
+        i_f = net.states(np.zeros(n))
+        rate = np.diag(1.0 / self.tau_e) @ (i_c - i_f)
+        if "rate_softening" in hidden:
+            rate = rate + net.each("softening", [[hidden["rate_softening"]["knee"]]] * n, rate)
+        net.rate(i_f, rate)
+        if "eddy_currents" in hidden and hidden["eddy_currents"]["tau"] > 0.0:
+            poles, weights, constant = half_order(hidden["eddy_currents"]["tau"])
+            slow = constant * i_f
+            for pole, weight in zip(poles, weights, strict=True):
+                slow = slow + weight * self._lag(i_f, 1.0 / pole)
+            i_f = slow
+        if "magnetic_hysteresis" in hidden:
+            iron = hidden["magnetic_hysteresis"]
+            i_f = i_f + net.each("hysteresis", [[iron["share"], iron["width"]]] * n, i_f)
+        return i_f
+
+    def _force(self, i: np.ndarray, s: np.ndarray) -> np.ndarray:
+        hidden, n, net = self.hidden, self.n, self.net
+        if "axis_cross_coupling" in hidden:
+            pairs = [np.ones((len(b.axes),) * 2) - np.eye(len(b.axes)) for b in self.rig.bearings]
+            i = i + hidden["axis_cross_coupling"]["fraction"] * block_diag(*pairs) @ i
+        pull = np.diag(self.K_i) @ i
+        force = pull + np.diag(self.K_s) @ s + self._hum("force")
+        if "force_nonlinearity" in hidden or "flux_saturation" in hidden:
+            bias = [b.bias_current for b in self.rig.bearings for _ in b.axes]
+            iron = hidden.get("flux_saturation", {"level": 0.0, "curve": "linear"})
+            share = 1.0 if iron["level"] else hidden.get("force_nonlinearity", {"share": 0.0})["share"]
+            laws = [magnet(*numbers, **iron) for numbers in zip(self.K_i, self.K_s, bias, strict=True)]
+            force = force + share * net.each("magnet", laws, i, s)
+        if "cubic_bearing_force" in hidden:
+            cubic = -hidden["cubic_bearing_force"]["coefficient"]
+            force = force + net.each("polynomial", [[0.0, cubic]] * n, s)
+        if "one_sided_stop" in hidden:
+            stop = hidden["one_sided_stop"]
+            force = force + net.each("contact", [[stop["stiffness"], stop["gap"]]] * n, s)
+        if "coulomb_friction" in hidden and hidden["coulomb_friction"]["z"] is None:
+            force = force + net.each("friction", [self._friction] * n, s)
+        if "force_current_drift" in hidden:
+            drift = hidden["force_current_drift"]["fraction"]
+            force = force + net.each("ramp", [[drift, self.seconds]] * n, pull)
+        if "parametric_stiffness" in hidden:
+            spring = hidden["parametric_stiffness"]
+            law = [-spring["stiffness"], 2.0 * np.pi * spring["frequency_hz"]]
+            force = force + net.each("parametric", [law] * n, s)
+        return force
+
+    # Surroundings -----------------------------------------------------------------------------------------------------
+
+    def _surroundings(self, gravity: float) -> None:
+        """Forces on the rotor that do not come from the magnets."""
+        hidden, rotor = self.hidden, self.rotor
+        across = np.array([[0.0, -1.0], [1.0, 0.0]]) if self.planes == 2 else np.zeros((1, 1))
+        eye = np.eye(self.planes)
+        if "seal_forces" in hidden:
+            seal = hidden["seal_forces"]
+            self._spring(
+                seal["z"],
+                -seal["direct"] * eye + seal["cross"] * across,
+                -seal["damping"] * eye + seal["cross_damping"] * across,
+            )
+        if "coupling_stiffness" in hidden:
+            end = hidden["coupling_stiffness"]
+            z = rotor.drive_end if end["z"] is None else end["z"]
+            self._spring(z, -end["stiffness"] * eye, -end["damping"] * eye)
+        if "coulomb_friction" in hidden and hidden["coulomb_friction"]["z"] is not None:
+            at = rotor.at(hidden["coulomb_friction"]["z"])
+            self.push += at.T @ self.net.each("friction", [self._friction] * self.planes, at @ self.q)
+        if "unbalance" in hidden and self.rig.speed:
+            mass = hidden["unbalance"]
+            turning = self._oscillator(self.rig.speed, mass["phase"])
+            self.push += mass["mass_eccentricity"] * self.rig.speed**2 * rotor.at(mass["z"]).T @ turning[: self.planes]
+        if gravity:
+            constant = self.net.states([1.0])
+            self.net.rate(constant, 0.0 * constant)
+            self.push += rotor.weight(gravity)[:, None] @ constant
+
+    def _spring(self, z: float, stiffness: np.ndarray, damping: np.ndarray) -> None:
+        at = self.rotor.at(z)
+        self.push += at.T @ (stiffness @ at @ self.q + damping @ at @ self.v)
+
+    @property
+    def _friction(self) -> list[float]:
+        friction = self.hidden["coulomb_friction"]
+        return [friction["force"], friction["stiffness"]]
+
+    def _hum(self, port: str) -> np.ndarray:
+        hum, found = self.hidden.get("periodic_disturbance"), np.zeros((self.n, CAPACITY))
+        if hum and hum["port"] == port:
+            axes = slice(None) if hum["axis"] is None else [hum["axis"]]
+            found[axes] = hum["amplitude"] * self._oscillator(2.0 * np.pi * hum["frequency_hz"], hum["phase"])[1]
+        return found
+
+    def _oscillator(self, omega: float, phase: float) -> np.ndarray:
+        """Cosine and sine of ``omega t + phase``."""
+        angle = phase - omega * self.before
+        both = self.net.states([np.cos(angle), np.sin(angle)])
+        self.net.rate(both, omega * np.array([[0.0, -1.0], [1.0, 0.0]]) @ both)
+        return both
+
+    def _lag(self, signal: np.ndarray, tau: float) -> np.ndarray:
+        lagged = self.net.states(np.zeros(len(signal)))
+        self.net.rate(lagged, (signal - lagged) / tau)
+        return lagged
+
+    def _per_bearing(self, effect: str, name: str) -> np.ndarray:
+        return np.broadcast_to(self.hidden.get(effect, {name: 0.0})[name], len(self.rig.bearings))
+
+
+def magnet(K_i: float, K_s: float, bias_current: float, level: float = 0.0, curve: str = "linear") -> list[float]:
+    """Numbers of the port law "magnet", whose slopes at rest are K_i and K_s.
+
+    f = scale (beta_+^2 - beta_-^2), beta the flux density that the iron allows for the linear one,
+    (i0 +- i) / (gap -+ s) gap / i0, which is 1 at rest. Both slopes share beta beta', so that gap = i0 K_i / K_s.
+    """
+    kind = IRON[curve if level else "linear"]
+    level = level or 1.0
+    step = 1e-4 * level
+    value = library().iron(kind, level) / level
+    slope = (library().iron(kind, level + step) - library().iron(kind, level - step)) / (2.0 * step)
+    scale = K_i * bias_current / (4.0 * value * slope)
+    return [bias_current, bias_current * K_i / K_s, scale, K_i, K_s, kind, level]
+
+
+@cache
+def half_order(tau: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Poles p [rad/s], weights w and constant c of ``1/(1 + sqrt(tau s)) ~ c + sum w p / (s + p)``.
+
+    The error from 0.1 Hz to 20 kHz is below 1e-4; the value at rest is 1.
+    """
+    poles = 2.0 * np.pi * np.geomspace(0.01, 5e5, 20)
+    s = 2j * np.pi * np.geomspace(0.05, 3e4, 600)
+    basis = poles / (s[:, None] + poles) - 1.0  # 1 + sum w (p / (s + p) - 1)
+    wanted = 1.0 / (1.0 + np.sqrt(tau * s)) - 1.0
+    both = np.concatenate([basis.real, basis.imag]), np.concatenate([wanted.real, wanted.imag])
+    weights = np.linalg.lstsq(*both, rcond=1e-10)[0]
+    return poles, weights, 1.0 - float(weights.sum())
