@@ -3,6 +3,9 @@
 from importlib.metadata import version
 
 from ambid.compare import Comparison, compare
+from ambid.diagnose import diagnose
+from ambid.diagnosis import Diagnosis
+from ambid.effects import CATALOGUE, Effect, EffectParameter
 from ambid.errors import (
     AmbidError,
     IdentificationError,
@@ -16,6 +19,7 @@ from ambid.estimate import Estimate, ParameterEstimate
 from ambid.excitation import multisine, prbs
 from ambid.identify import identify
 from ambid.model import Model, Parameter
+from ambid.rank import Ranking, rank
 from ambid.record import Record, StaticLoading, noise_ceiling
 from ambid.rig import Controller, Rig
 from ambid.static_load import StaticEstimate, static_load
@@ -23,9 +27,13 @@ from ambid.static_load import StaticEstimate, static_load
 __version__ = version("ambid")
 
 __all__ = [
+    "CATALOGUE",
     "AmbidError",
     "Comparison",
     "Controller",
+    "Diagnosis",
+    "Effect",
+    "EffectParameter",
     "Estimate",
     "IdentificationError",
     "InputError",
@@ -33,6 +41,7 @@ __all__ = [
     "ModelError",
     "Parameter",
     "ParameterEstimate",
+    "Ranking",
     "Record",
     "RecordError",
     "Rig",
@@ -41,9 +50,11 @@ __all__ = [
     "StaticLoading",
     "UnstableLoopError",
     "compare",
+    "diagnose",
     "identify",
     "multisine",
     "noise_ceiling",
     "prbs",
+    "rank",
     "static_load",
 ]
