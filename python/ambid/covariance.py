@@ -11,14 +11,16 @@ Identification, 2nd ed., section 9.5; White 1980 for the sandwich).
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 from scipy.fft import rfft
-from scipy.ndimage import uniform_filter1d
 
 from ambid.loop.assembly import FloatArray
 
-HALF_WIDTH = 10
-"""The spectrum of the residual is averaged over this many lines to each side."""
+BAND = 21
+"""Neighbouring lines over which the spectrum of the residual is averaged."""
 
 
 def score_covariance(residual: FloatArray, jacobian: FloatArray) -> FloatArray:
@@ -35,18 +37,23 @@ def score_covariance(residual: FloatArray, jacobian: FloatArray) -> FloatArray:
     -------
     ndarray, shape (parameters, parameters)
     """
-    samples = len(residual)
-    r = rfft(residual, axis=0)
-    j = rfft(jacobian, axis=0)
-    spectrum = np.einsum("fc,fd->fcd", r, r.conj()) / samples
-    width = 2 * HALF_WIDTH + 1
-    spectrum = uniform_filter1d(spectrum.real, width, axis=0, mode="mirror") + 1j * uniform_filter1d(
-        spectrum.imag, width, axis=0, mode="mirror"
-    )
-    sides = np.full(len(r), 2.0)  # negative frequencies
+    samples, _, parameters = jacobian.shape
+    r = _in_bands(rfft(residual, axis=0))
+    j = _in_bands(rfft(jacobian, axis=0))
+    lines = samples // 2 + 1
+    sides = np.full(lines, 2.0)  # negative frequencies
     sides[0] = 1.0
     if samples % 2 == 0:
         sides[-1] = 1.0
-    filtered = np.einsum("fcd,fdp->fcp", spectrum, j) * sides[:, None, None]
-    lines = j.reshape(-1, j.shape[2])
-    return (lines.conj().T @ filtered.reshape(-1, j.shape[2])).real / samples
+    used = _in_bands(np.ones(lines)).sum(axis=1)
+    spectrum = r.transpose(0, 2, 1) @ r.conj() / (samples * used[:, None, None])  # E[R_c conj(R_d)]
+    filtered = spectrum[:, None] @ j
+    weighted = (_in_bands(sides)[:, :, None, None] * filtered).reshape(-1, parameters)
+    return (j.reshape(-1, parameters).conj().T @ weighted).real / samples
+
+
+def _in_bands(lines: NDArray[Any]) -> NDArray[Any]:
+    """Lines (n, ...) as (bands, BAND, ...), filled up with zeros."""
+    fill = -len(lines) % BAND
+    padded = np.concatenate([lines, np.zeros((fill, *lines.shape[1:]), lines.dtype)])
+    return padded.reshape(-1, BAND, *lines.shape[1:])
