@@ -11,8 +11,6 @@ from ambid.loop.assembly import combine
 from ambid.loop.plant import Plant
 from ambid.rig import FiniteElementRotor, Rig
 
-UNBOUNDED = float("inf")
-
 
 class SensorLag(Effect):
     """First-order bandwidth of the displacement sensors."""
