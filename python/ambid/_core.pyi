@@ -1,6 +1,7 @@
 """The Rust core. `ambid.loop` and `ambid.identify` give it names and units; use those."""
 
-from typing import TypedDict, final
+from collections.abc import Mapping, Sequence
+from typing import Literal, NotRequired, TypedDict, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,16 @@ class _DigitalController(TypedDict):
     steps: int
     noise: bool
 
+class _Block(TypedDict):
+    law: Literal["force_law", "slew_limit", "bouc_wen", "table", "polynomial"]
+    curve: NotRequired[Literal["unsaturated", "power", "tanh"]]
+    parameters: NotRequired[Mapping[str, int | None]]
+    constants: NotRequired[Mapping[str, float]]
+    values: NotRequired[NDArray[np.float64]]
+    first: NotRequired[Sequence[float]]
+    spacing: NotRequired[Sequence[float]]
+    exponents: NotRequired[Sequence[Sequence[int]]]
+
 @final
 class ClosedLoop:
     def __new__(
@@ -26,6 +37,8 @@ class ClosedLoop:
         parameters: int,
         dt: float,
         controller: _DigitalController | None = None,
+        blocks: Sequence[_Block] = ...,
+        substeps: int | None = None,
     ) -> ClosedLoop: ...
     @property
     def inputs(self) -> int: ...

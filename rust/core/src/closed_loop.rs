@@ -7,6 +7,7 @@ use crate::error::{Result, check_finite, check_len};
 use crate::linear::Response;
 use crate::modal;
 use crate::model::Model;
+use crate::nonlinear::Nonlinear;
 use crate::split::{Part, split};
 
 /// A closed loop of any number of bearings, axes, modes and parameters.
@@ -18,13 +19,13 @@ pub struct ClosedLoop {
 }
 
 impl ClosedLoop {
-    /// `parameters` is the length of the parameter vector that the gains of the model refer to.
+    /// `parameters` is the length of the parameter vector that the gains and blocks of the model refer to.
     ///
     /// # Errors
-    /// [`crate::Error::Shape`] where a gain refers to a parameter that does not exist.
+    /// [`crate::Error::Shape`] where a gain or block refers to a parameter that does not exist.
     pub fn new(model: Model, parameters: usize) -> Result<Self> {
-        if let Some(gain) = model.lft.gains.iter().find(|g| g.parameter >= parameters) {
-            check_len("parameter vector", parameters, gain.parameter + 1)?;
+        if let Some(missing) = model.lft.parameters().find(|p| *p >= parameters) {
+            check_len("parameter vector", parameters, missing + 1)?;
         }
         let parts = split(&model);
         Ok(Self { model, parts, parameters })
@@ -52,6 +53,8 @@ impl ClosedLoop {
 
     /// Poles in 1/s; those of a digital loop are `ln(mu)/dt` of its poles over one sample of the record.
     ///
+    /// Nonlinear blocks are linearised at rest.
+    ///
     /// # Errors
     /// [`crate::Error::Singular`], [`crate::Error::NotFinite`].
     pub fn poles(&self, theta: &[f64]) -> Result<Vec<Complex<f64>>> {
@@ -59,7 +62,7 @@ impl ClosedLoop {
         modal::poles(&self.model, theta)
     }
 
-    /// The whole loop over one sample of the record, excitation held.
+    /// The whole loop over one sample of the record, excitation held; nonlinear blocks linearised at rest.
     ///
     /// # Errors
     /// [`crate::Error::Singular`], [`crate::Error::NotFinite`].
@@ -102,7 +105,7 @@ impl ClosedLoop {
                         }
                     }
                 }
-            });
+            })?;
         }
         Ok((y, jacobian))
     }
@@ -112,6 +115,10 @@ impl ClosedLoop {
         self.check(theta, free)?;
         let prepare = |part| Prepared::new(part, theta, free);
         self.parts.iter().filter(|p| !p.inputs.is_empty()).map(prepare).collect()
+    }
+
+    pub(crate) fn model(&self) -> &Model {
+        &self.model
     }
 
     fn check(&self, theta: &[f64], free: &[usize]) -> Result<()> {
@@ -126,7 +133,7 @@ impl ClosedLoop {
 
 /// One part, ready to run.
 pub(crate) struct Prepared<'a> {
-    response: Response,
+    path: Path,
     inputs: &'a [usize],
     pub outputs: &'a [usize],
     /// Positions in the caller's `free` of the parameters that act on this part.
@@ -135,23 +142,46 @@ pub(crate) struct Prepared<'a> {
 
 impl<'a> Prepared<'a> {
     fn new(part: &'a Part, theta: &[f64], free: &[usize]) -> Result<Self> {
-        let acts = |parameter: usize| part.model.lft.gains.iter().any(|g| g.parameter == parameter);
+        let acts = |parameter: usize| part.model.lft.parameters().any(|p| p == parameter);
         let own: Vec<usize> = (0..free.len()).filter(|j| acts(free[*j])).collect();
         let parameters: Vec<usize> = own.iter().map(|j| free[*j]).collect();
-        let response = Response::new(&part.model, theta, &parameters)?;
-        Ok(Self { response, inputs: &part.inputs, outputs: &part.outputs, free: own })
+        let path = if part.model.lft.blocks.is_empty() {
+            Path::Linear(Response::new(&part.model, theta, &parameters)?)
+        } else {
+            Path::Nonlinear(Box::new(Nonlinear::stable(&part.model, theta, &parameters)?))
+        };
+        Ok(Self { path, inputs: &part.inputs, outputs: &part.outputs, free: own })
     }
 
     /// Runs over all samples of `u`, which has `inputs` columns; see [`crate::kernel::Kernel::run`] for the sink.
-    pub fn run(&self, u: &[f64], inputs: usize, sink: &mut impl FnMut(usize, usize, &[f64], usize)) {
+    ///
+    /// # Errors
+    /// [`crate::Error::Diverged`] and [`crate::Error::Unresolved`] of a nonlinear part.
+    pub fn run(&self, u: &[f64], inputs: usize, sink: &mut impl FnMut(usize, usize, &[f64], usize)) -> Result<()> {
         if self.inputs.len() == inputs {
-            return self.response.run(u, sink);
+            return self.path.run(u, sink);
         }
         let own_inputs = self.inputs.len();
         let mut own = vec![0.0; u.len() / inputs * own_inputs];
         for (own, u) in own.chunks_exact_mut(own_inputs).zip(u.chunks_exact(inputs)) {
             own.iter_mut().zip(self.inputs).for_each(|(own, i)| *own = u[*i]);
         }
-        self.response.run(&own, sink);
+        self.path.run(&own, sink)
+    }
+}
+
+/// The two ways to a response.
+enum Path {
+    Linear(Response),
+    Nonlinear(Box<Nonlinear>),
+}
+
+impl Path {
+    fn run(&self, u: &[f64], sink: &mut impl FnMut(usize, usize, &[f64], usize)) -> Result<()> {
+        match self {
+            Self::Linear(response) => response.run(u, sink),
+            Self::Nonlinear(nonlinear) => return nonlinear.run(u, sink),
+        }
+        Ok(())
     }
 }

@@ -62,11 +62,13 @@ impl Dual {
 
 /// The sampled loop and its derivative by each parameter in `free`.
 ///
+/// Nonlinear blocks are linearised at rest; then `free` must be empty.
+///
 /// # Errors
 /// [`Error::Singular`] where Delta cannot be closed, the exponential overflows, or a displacement that a digital
 /// controller reads follows its command at once.
 pub fn discretise(model: &Model, theta: &[f64], free: &[usize]) -> Result<(Discrete, Vec<Discrete>)> {
-    let mut closed = model.lft.close(theta)?;
+    let mut closed = model.lft.close_at_rest(theta)?;
     closed.balance();
     let plant = Plant::new(model, &closed, theta, free);
     match &model.controller {

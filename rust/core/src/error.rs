@@ -25,6 +25,31 @@ pub enum Error {
         /// Largest modulus of the poles of the sampled loop.
         growth: f64,
     },
+    /// The nonlinear loop leaves every bound.
+    #[error("the nonlinear loop diverges: an output passes {limit:.0e} (SI) or is not finite at sample {sample}")]
+    Diverged {
+        /// First sample where that is seen.
+        sample: usize,
+        /// Largest output that is still taken for a response.
+        limit: f64,
+    },
+    /// The nonlinear response depends on the number of substeps.
+    #[error(
+        "the nonlinear response still changes by {change:.1e} of its peak between {substeps} substeps and \
+         half as many; smooth the nonlinearity or sample faster"
+    )]
+    Unresolved {
+        /// Largest number of substeps tried.
+        substeps: usize,
+        /// Change relative to the peak of the column that changes most.
+        change: f64,
+    },
+    /// A nonlinear block, or its integration, was given numbers that are not allowed.
+    #[error("{what}")]
+    Block {
+        /// What is allowed.
+        what: &'static str,
+    },
     /// An algebraic loop has no solution, or a parameter value makes the model singular.
     #[error("the model is singular at these parameters: {what}")]
     Singular {

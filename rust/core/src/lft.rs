@@ -4,9 +4,12 @@
 //! x' = A x + B [u; w]      w = Delta(theta) z
 //! [y; z] = C x + D [u; w]
 //! ```
+//!
+//! Delta holds gains first, then nonlinear blocks; w and z stand in that order.
 
 use nalgebra::DMatrix;
 
+use crate::block::Block;
 use crate::error::{Error, Result, check_finite};
 
 /// One diagonal entry of Delta: `scale * theta[parameter]^power`.
@@ -32,24 +35,27 @@ impl Gain {
     }
 }
 
-/// G of the LFT, with the last `gains.len()` inputs and outputs closed by Delta.
+/// G of the LFT, with the last inputs and outputs closed by Delta.
 #[derive(Debug, Clone)]
 pub struct Lft {
     /// n x n.
     pub a: DMatrix<f64>,
-    /// n x (inputs + gains).
+    /// n x (inputs + gains + blocks).
     pub b: DMatrix<f64>,
-    /// (outputs + gains) x n.
+    /// (outputs + gains + inputs of the blocks) x n.
     pub c: DMatrix<f64>,
-    /// (outputs + gains) x (inputs + gains).
+    /// (outputs + gains + inputs of the blocks) x (inputs + gains + blocks).
     pub d: DMatrix<f64>,
-    /// Diagonal of Delta.
+    /// Diagonal of the linear part of Delta.
     pub gains: Vec<Gain>,
+    /// Nonlinear part of Delta.
+    pub blocks: Vec<Block>,
 }
 
-/// The loop with Delta closed, its Delta ports still open for small changes of the gains.
+/// The loop with its gains closed, their ports still open for small changes of them.
 ///
-/// A change `dDelta` changes the response from u to y by `H_yw dDelta H_zu` to first order.
+/// A change `dDelta` changes the response from u to y by `H_yw dDelta H_zu` to first order. The ports of nonlinear
+/// blocks are open too: w of the blocks follows u in the columns, z of the blocks follows y in the rows.
 #[derive(Debug, Clone)]
 pub struct Closed {
     pub a: DMatrix<f64>,
@@ -63,11 +69,26 @@ pub struct Closed {
 }
 
 impl Lft {
-    /// Checks sizes and finiteness.
+    /// A linear loop. Checks sizes and finiteness.
     ///
     /// # Errors
     /// [`Error::Shape`], [`Error::NotFinite`].
     pub fn new(a: DMatrix<f64>, b: DMatrix<f64>, c: DMatrix<f64>, d: DMatrix<f64>, gains: Vec<Gain>) -> Result<Self> {
+        Self::with_blocks(a, b, c, d, gains, Vec::new())
+    }
+
+    /// The same with nonlinear blocks.
+    ///
+    /// # Errors
+    /// As [`Lft::new`].
+    pub fn with_blocks(
+        a: DMatrix<f64>,
+        b: DMatrix<f64>,
+        c: DMatrix<f64>,
+        d: DMatrix<f64>,
+        gains: Vec<Gain>,
+        blocks: Vec<Block>,
+    ) -> Result<Self> {
         let shape = |what, m: &DMatrix<f64>, rows: usize, columns: usize| {
             if m.shape() == (rows, columns) {
                 return check_finite(what, m.as_slice());
@@ -76,24 +97,36 @@ impl Lft {
             Err(Error::Shape { what, found: size(m.shape()), expected: size((rows, columns)) })
         };
         let (n, k) = (a.nrows(), gains.len());
+        let signals: usize = blocks.iter().map(Block::inputs).sum();
         shape("A", &a, n, n)?;
-        shape("B", &b, n, b.ncols().max(k))?;
-        shape("C", &c, c.nrows().max(k), n)?;
+        shape("B", &b, n, b.ncols().max(k + blocks.len()))?;
+        shape("C", &c, c.nrows().max(k + signals), n)?;
         shape("D", &d, c.nrows(), b.ncols())?;
-        Ok(Self { a, b, c, d, gains })
+        Ok(Self { a, b, c, d, gains, blocks })
     }
 
     /// Number of inputs u.
     pub fn inputs(&self) -> usize {
-        self.b.ncols() - self.gains.len()
+        self.b.ncols() - self.gains.len() - self.blocks.len()
     }
 
     /// Number of outputs y.
     pub fn outputs(&self) -> usize {
-        self.c.nrows() - self.gains.len()
+        self.c.nrows() - self.gains.len() - self.signals()
     }
 
-    /// Closes Delta at `theta`.
+    /// Number of signals z that the blocks read.
+    pub fn signals(&self) -> usize {
+        self.blocks.iter().map(Block::inputs).sum()
+    }
+
+    /// The parameter of every gain and coefficient of a block that has one.
+    pub fn parameters(&self) -> impl Iterator<Item = usize> {
+        let blocks = self.blocks.iter().flat_map(|block| block.parameters().map(|(_, parameter)| parameter));
+        self.gains.iter().map(|gain| gain.parameter).chain(blocks)
+    }
+
+    /// Closes the gains at `theta`; the ports of the blocks become further inputs and outputs.
     ///
     /// # Errors
     /// [`Error::Singular`] where `I - D_zw Delta` has no inverse or an entry of Delta, or its derivative, is not finite.
@@ -105,16 +138,14 @@ impl Lft {
         if delta.iter().copied().chain(slopes).any(|g| !g.is_finite()) {
             return Err(Error::Singular { what: "an entry of Delta or its derivative is not finite" });
         }
-        let b_u = self.b.columns(0, nu);
+        let d_yu = self.d.clone().remove_columns(nu, k).remove_rows(ny, k);
         let b_w = self.b.columns(nu, k).into_owned();
-        let c_y = self.c.rows(0, ny);
-        let d_yu = self.d.view((0, 0), (ny, nu));
-        let d_yw = self.d.view((0, nu), (ny, k)).into_owned();
+        let d_yw = self.d.columns(nu, k).into_owned().remove_rows(ny, k);
         let d_zw = self.d.view((ny, nu), (k, k));
 
         // z = f (C_z x + D_zu u) with f = (I - D_zw Delta)^-1, and w = Delta z
         let mut c_z = self.c.rows(ny, k).into_owned();
-        let mut d_zu = self.d.view((ny, 0), (k, nu)).into_owned();
+        let mut d_zu = self.d.rows(ny, k).into_owned().remove_columns(nu, k);
         let mut loop_w = DMatrix::identity(k, k); // w of a unit change at the port: I + Delta f D_zw
         if d_zw.iter().any(|v| *v != 0.0) {
             let mut m = DMatrix::identity(k, k);
@@ -132,11 +163,11 @@ impl Lft {
         let closing_u = scale_rows(&d_zu, &delta);
         let mut closed = Closed {
             a: self.a.clone(),
-            b_u: b_u.into_owned(),
+            b_u: self.b.clone().remove_columns(nu, k),
             b_w: &b_w * &loop_w,
-            c_y: c_y.into_owned(),
+            c_y: self.c.clone().remove_rows(ny, k),
             c_z,
-            d_yu: d_yu.into_owned(),
+            d_yu,
             d_yw: &d_yw * &loop_w,
             d_zu,
         };
@@ -145,6 +176,41 @@ impl Lft {
         add_product(&mut closed.c_y, &d_yw, &closing_x);
         add_product(&mut closed.d_yu, &d_yw, &closing_u);
         Ok(closed)
+    }
+
+    /// Closes all of Delta at `theta`, the blocks by their slopes at rest; where there are blocks, no port is left.
+    ///
+    /// # Errors
+    /// As [`Lft::close`].
+    pub fn close_at_rest(&self, theta: &[f64]) -> Result<Closed> {
+        let closed = self.close(theta)?;
+        if self.blocks.is_empty() {
+            return Ok(closed);
+        }
+        let (nu, ny, nv, nq) = (self.inputs(), self.outputs(), self.blocks.len(), self.signals());
+        let mut slopes = DMatrix::zeros(nv, nq);
+        let mut first = 0;
+        for (v, block) in self.blocks.iter().enumerate() {
+            let mut by_coefficient = vec![0.0; block.coefficients()];
+            let (_, by_z) = block.at(theta)?.evaluate::<false, true>([0.0; 2], &mut by_coefficient);
+            (0..block.inputs()).for_each(|i| slopes[(v, first + i)] = by_z[i]);
+            first += block.inputs();
+        }
+        let open = DMatrix::identity(nq, nq) - closed.d_yu.view((ny, nu), (nq, nv)) * &slopes;
+        let delta = slopes * open.try_inverse().ok_or(Error::Singular { what: "I - D_zw Delta of the blocks" })?;
+        let (by_x, by_u) = (&delta * closed.c_y.rows(ny, nq), &delta * closed.d_yu.view((ny, 0), (nq, nu)));
+        let (b_v, d_yv) = (closed.b_u.columns(nu, nv), closed.d_yu.view((0, nu), (ny, nv)));
+        let n = self.a.nrows();
+        Ok(Closed {
+            a: &closed.a + b_v * &by_x,
+            b_u: closed.b_u.columns(0, nu) + b_v * &by_u,
+            c_y: closed.c_y.rows(0, ny) + d_yv * &by_x,
+            d_yu: closed.d_yu.view((0, 0), (ny, nu)) + d_yv * &by_u,
+            b_w: DMatrix::zeros(n, 0),
+            c_z: DMatrix::zeros(0, n),
+            d_yw: DMatrix::zeros(ny, 0),
+            d_zu: DMatrix::zeros(0, nu),
+        })
     }
 }
 

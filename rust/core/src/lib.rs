@@ -2,7 +2,7 @@
 //!
 //! The way of the data: [`Lft`] and, where it is digital, [`Controller`] make a [`Model`]; a [`ClosedLoop`] splits it
 //! into independent parts, simulates, differentiates, and reduces residuals to [`normal_equations`]; a [`Stepper`]
-//! runs it sample by sample without allocating.
+//! runs it sample by sample without allocating. Nonlinear [`Block`]s of Delta change nothing of that.
 //!
 //! ```
 //! use ambid_core::{ClosedLoop, Gain, Lft, Model};
@@ -20,6 +20,7 @@
 //! # Ok::<(), ambid_core::Error>(())
 //! ```
 
+mod block;
 mod closed_loop;
 mod discretise;
 mod error;
@@ -29,11 +30,13 @@ mod lft;
 mod linear;
 mod modal;
 mod model;
+mod nonlinear;
 mod product;
 mod realtime;
 mod residual;
 mod split;
 
+pub use block::{Block, Coefficient, Curve, Law, Table};
 pub use closed_loop::ClosedLoop;
 pub use discretise::Discrete;
 pub use error::{Error, Result};

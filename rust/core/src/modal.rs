@@ -228,7 +228,7 @@ pub fn poles(model: &Model, theta: &[f64]) -> Result<Vec<C64>> {
         matrix.eigenvalues().map_err(|_| Error::Singular { what: "the poles did not converge" })
     };
     if model.controller.is_none() {
-        return eigenvalues(&model.lft.close(theta)?.a);
+        return eigenvalues(&model.lft.close_at_rest(theta)?.a);
     }
     let (sampled, _) = discretise(model, theta, &[])?;
     Ok(eigenvalues(&sampled.a)?.into_iter().map(|mu| mu.ln() / model.dt).collect())

@@ -36,6 +36,9 @@ pub struct Model {
     pub dt: f64,
     /// None where the controller is analog and part of `lft`.
     pub controller: Option<Controller>,
+    /// Substeps for nonlinear blocks while a command is held (a sample, where the controller is analog, or the part of
+    /// a controller sample before or after the delay); chosen by the response itself where there is none.
+    pub substeps: Option<usize>,
 }
 
 impl Controller {
@@ -74,7 +77,7 @@ impl Model {
                 return Err(Error::Singular { what: "a displacement follows a command at once (D is not zero)" });
             }
         }
-        Ok(Self { lft, dt, controller })
+        Ok(Self { lft, dt, controller, substeps: None })
     }
 
     /// Number of inputs of the closed loop: excitations, then noise where there is any.

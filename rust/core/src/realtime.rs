@@ -1,14 +1,29 @@
 //! The loop one sample at a time: no allocation after construction, the same work in every step.
 
 use crate::closed_loop::ClosedLoop;
-use crate::discretise::Discrete;
 use crate::error::{Result, check_len};
+use crate::nonlinear::{Nonlinear, Run};
+
+/// Substeps of a nonlinear loop whose model does not say otherwise.
+const SUBSTEPS: usize = 4;
 
 /// Steps a closed loop: give the excitation that is held from now on, get the outputs of now.
 #[derive(Debug, Clone)]
 pub struct Stepper {
     inputs: usize,
     outputs: usize,
+    path: Path,
+}
+
+#[derive(Debug, Clone)]
+enum Path {
+    Linear(Sums),
+    Nonlinear(Box<Run>),
+}
+
+/// A linear loop.
+#[derive(Debug, Clone)]
+struct Sums {
     /// `[a b; c d]` column by column, so that a step is a sum of columns.
     columns: Vec<f64>,
     state: Vec<f64>,
@@ -21,14 +36,16 @@ impl Stepper {
     /// # Errors
     /// As [`ClosedLoop::discrete`].
     pub fn new(system: &ClosedLoop, theta: &[f64]) -> Result<Self> {
-        Ok(Self::from_discrete(&system.discrete(theta)?))
-    }
-
-    /// From the matrices of the sampled loop.
-    pub fn from_discrete(discrete: &Discrete) -> Self {
-        let (n, m, p) = (discrete.a.nrows(), discrete.b.ncols(), discrete.c.nrows());
-        let columns = discrete.stacked().as_slice().to_vec();
-        Self { inputs: m, outputs: p, columns, state: vec![0.0; n], next: vec![0.0; n + p] }
+        let (inputs, outputs, model) = (system.inputs(), system.outputs(), system.model());
+        let discrete = system.discrete(theta)?;
+        let path = if model.lft.blocks.is_empty() {
+            let (n, columns) = (discrete.a.nrows(), discrete.stacked().as_slice().to_vec());
+            Path::Linear(Sums { columns, state: vec![0.0; n], next: vec![0.0; n + outputs] })
+        } else {
+            let substeps = model.substeps.unwrap_or(SUBSTEPS);
+            Path::Nonlinear(Box::new(Nonlinear::new(model, theta, &[])?.start(substeps)?))
+        };
+        Ok(Self { inputs, outputs, path })
     }
 
     /// Number of inputs.
@@ -48,20 +65,32 @@ impl Stepper {
     pub fn step(&mut self, u: &[f64], y: &mut [f64]) -> Result<()> {
         check_len("excitation", u.len(), self.inputs)?;
         check_len("outputs", y.len(), self.outputs)?;
-        let n = self.state.len();
+        match &mut self.path {
+            Path::Linear(sums) => sums.sample(u, y),
+            Path::Nonlinear(run) => run.sample(u, y),
+        }
+        Ok(())
+    }
+
+    /// Back to rest.
+    pub fn reset(&mut self) {
+        match &mut self.path {
+            Path::Linear(sums) => sums.state.fill(0.0),
+            Path::Nonlinear(run) => run.reset(),
+        }
+    }
+}
+
+impl Sums {
+    fn sample(&mut self, u: &[f64], y: &mut [f64]) {
+        let (n, rows) = (self.state.len(), self.next.len());
         self.next.fill(0.0);
-        for (column, x) in self.columns.chunks_exact(n + self.outputs).zip(self.state.iter().chain(u)) {
+        for (column, x) in self.columns.chunks_exact(rows).zip(self.state.iter().chain(u)) {
             for (sum, c) in self.next.iter_mut().zip(column) {
                 *sum += c * x;
             }
         }
         self.state.copy_from_slice(&self.next[..n]);
         y.copy_from_slice(&self.next[n..]);
-        Ok(())
-    }
-
-    /// Back to rest.
-    pub fn reset(&mut self) {
-        self.state.fill(0.0);
     }
 }

@@ -71,7 +71,7 @@ pub fn normal_equations(system: &ClosedLoop, theta: &[f64], free: &[usize], reco
         check_len("weights of a record", data.weights.len(), ny)?;
         check_len("excitation of a record", data.u.len(), data.z.len() / ny * inputs)?;
     }
-    let one = |data: &&Data| -> Normal {
+    let one = |data: &&Data| -> Result<Normal> {
         let mut sum = Normal { hessian: DMatrix::zeros(np, np), gradient: DVector::zeros(np), squares: vec![0.0; ny] };
         let mut seen = vec![false; ny];
         for part in &prepared {
@@ -83,7 +83,7 @@ pub fn normal_equations(system: &ClosedLoop, theta: &[f64], free: &[usize], reco
                     let measured = data.z[(from + skip) * ny..].chunks_exact(ny).map(|z| z[*o]);
                     moments.add(i * moments.width, rows, measured.take(count - skip));
                 }
-            });
+            })?;
             for (o, moments) in part.outputs.iter().zip(moments) {
                 seen[*o] = true;
                 moments.add_to(&mut sum, *o, data.weights[*o], &part.free);
@@ -94,11 +94,11 @@ pub fn normal_equations(system: &ClosedLoop, theta: &[f64], free: &[usize], reco
             let squares: f64 = data.z[data.first * ny..].iter().skip(o).step_by(ny).map(|z| z * z).sum();
             sum.squares[o] += squares * data.weights[o].powi(2);
         }
-        sum
+        Ok(sum)
     };
-    let sums: Vec<Normal> =
+    let sums: Result<Vec<Normal>> =
         if records.len() > 1 { records.par_iter().map(one).collect() } else { records.iter().map(one).collect() };
-    let mut sums = sums.into_iter();
+    let mut sums = sums?.into_iter();
     let mut total = sums.next().unwrap_or(Normal {
         hessian: DMatrix::zeros(np, np),
         gradient: DVector::zeros(np),

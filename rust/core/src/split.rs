@@ -47,11 +47,13 @@ pub fn split(model: &Model) -> Vec<Part> {
     let lft = &model.lft;
     let (n, nu, ny, k) = (lft.a.nrows(), lft.inputs(), lft.outputs(), lft.gains.len());
     let nc = model.controller.as_ref().map_or(0, |c| c.a.nrows());
-    // nodes: states, inputs, outputs, Delta ports, controller states
-    let (input, output, port, control) = (n, n + nu, n + nu + ny, n + nu + ny + k);
+    // nodes: states, inputs, outputs, entries of Delta (gains, then blocks), controller states
+    let entries = k + lft.blocks.len();
+    let (input, output, entry, control) = (n, n + nu, n + nu + ny, n + nu + ny + entries);
     let mut sets = Sets((0..control + nc).collect());
-    let column = |j: usize| if j < nu { input + j } else { port + j - nu };
-    let row = |i: usize| if i < ny { output + i } else { port + i - ny };
+    let reader = readers(lft);
+    let column = |j: usize| if j < nu { input + j } else { entry + j - nu };
+    let row = |i: usize| if i < ny { output + i } else { entry + reader[i - ny] };
     sets.join_pattern(&lft.a, |i| i, |j| j);
     sets.join_pattern(&lft.b, |i| i, column);
     sets.join_pattern(&lft.c, row, |j| j);
@@ -75,10 +77,17 @@ pub fn split(model: &Model) -> Vec<Part> {
                 (0..count).filter(|i| sets.find(from + i) == root).collect()
             };
             let (states, inputs, outputs) = (members(0, n), members(input, nu), members(output, ny));
-            let (ports, controls) = (members(port, k), members(control, nc));
-            part(model, &states, inputs, outputs, &ports, &controls)
+            let (entries, controls) = (members(entry, entries), members(control, nc));
+            part(model, &states, inputs, outputs, &entries, &controls)
         })
         .collect()
+}
+
+/// For each signal z, the entry of Delta that reads it.
+fn readers(lft: &Lft) -> Vec<usize> {
+    let k = lft.gains.len();
+    let blocks = lft.blocks.iter().enumerate().flat_map(|(i, block)| std::iter::repeat_n(k + i, block.inputs()));
+    (0..k).chain(blocks).collect()
 }
 
 fn part(
@@ -86,20 +95,22 @@ fn part(
     states: &[usize],
     inputs: Vec<usize>,
     outputs: Vec<usize>,
-    ports: &[usize],
+    entries: &[usize],
     controls: &[usize],
 ) -> Part {
     let lft = &model.lft;
-    let shifted =
-        |own: &[usize], by: usize| -> Vec<usize> { own.iter().copied().chain(ports.iter().map(|p| p + by)).collect() };
-    let columns = shifted(&inputs, lft.inputs());
-    let rows = shifted(&outputs, lft.outputs());
+    let (nu, ny, k) = (lft.inputs(), lft.outputs(), lft.gains.len());
+    let columns: Vec<usize> = inputs.iter().copied().chain(entries.iter().map(|e| nu + e)).collect();
+    let signals = readers(lft).into_iter().enumerate().filter(|(_, entry)| entries.contains(entry));
+    let rows: Vec<usize> = outputs.iter().copied().chain(signals.map(|(z, _)| ny + z)).collect();
+    let (gains, blocks) = entries.split_at(entries.partition_point(|e| *e < k));
     let sub = Lft {
         a: select(&lft.a, states, states),
         b: select(&lft.b, states, &columns),
         c: select(&lft.c, &rows, states),
         d: select(&lft.d, &rows, &columns),
-        gains: ports.iter().map(|p| lft.gains[*p]).collect(),
+        gains: gains.iter().map(|e| lft.gains[*e]).collect(),
+        blocks: blocks.iter().map(|e| lft.blocks[*e - k].clone()).collect(),
     };
     let mut own_inputs = inputs.clone();
     let controller = model.controller.as_ref().map(|c| {
@@ -114,7 +125,7 @@ fn part(
             ..*c
         }
     });
-    Part { model: Model { lft: sub, dt: model.dt, controller }, inputs: own_inputs, outputs }
+    Part { model: Model { lft: sub, controller, ..*model }, inputs: own_inputs, outputs }
 }
 
 fn select(m: &DMatrix<f64>, rows: &[usize], columns: &[usize]) -> DMatrix<f64> {

@@ -7,6 +7,7 @@ use numpy::{Complex64, IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArra
 use pyo3::prelude::*;
 
 use crate::arrays::{cube, from_matrix, matrix, signal, table};
+use crate::blocks::NonlinearBlock;
 use crate::errors::raise;
 
 type Matrix<'py> = PyReadonlyArray2<'py, f64>;
@@ -33,23 +34,27 @@ pub struct ClosedLoop {
 #[pymethods]
 impl ClosedLoop {
     #[new]
-    #[pyo3(signature = (matrices, gains, parameters, dt, controller=None))]
+    #[pyo3(signature = (matrices, gains, parameters, dt, controller=None, blocks=Vec::new(), substeps=None))]
+    #[allow(clippy::too_many_arguments)]
     fn new(
         matrices: Matrices<'_>,
         gains: Vec<(usize, f64, i32)>,
         parameters: usize,
         dt: f64,
         controller: Option<DigitalController<'_>>,
+        blocks: Vec<NonlinearBlock<'_>>,
+        substeps: Option<usize>,
     ) -> PyResult<Self> {
         let (a, b, c, d) = &matrices;
-        let gains = gains.into_iter().map(|(parameter, scale, power)| Gain { parameter, scale, power });
-        let lft = Lft::new(matrix(a), matrix(b), matrix(c), matrix(d), gains.collect()).map_err(raise)?;
+        let gains = gains.into_iter().map(|(parameter, scale, power)| Gain { parameter, scale, power }).collect();
+        let blocks = blocks.iter().map(NonlinearBlock::compile).collect::<PyResult<_>>()?;
+        let lft = Lft::with_blocks(matrix(a), matrix(b), matrix(c), matrix(d), gains, blocks).map_err(raise)?;
         let controller = controller.map(|k| {
             let (a, b, c, d) = &k.matrices;
             let (a, b, c, d) = (matrix(a), matrix(b), matrix(c), matrix(d));
             Controller { a, b, c, d, delay: k.delay, steps: k.steps, noise: k.noise }
         });
-        let model = Model::new(lft, dt, controller).map_err(raise)?;
+        let model = Model { substeps, ..Model::new(lft, dt, controller).map_err(raise)? };
         Ok(Self { core: Arc::new(Core::new(model, parameters).map_err(raise)?) })
     }
 

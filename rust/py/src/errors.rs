@@ -8,7 +8,7 @@ pyo3::import_exception!(ambid.errors, UnstableLoopError);
 
 pub fn raise(error: Error) -> PyErr {
     match error {
-        Error::Unstable { .. } => UnstableLoopError::new_err(error.to_string()),
+        Error::Unstable { .. } | Error::Diverged { .. } => UnstableLoopError::new_err(error.to_string()),
         _ => ModelError::new_err(error.to_string()),
     }
 }

@@ -1,6 +1,7 @@
 //! The Python module `ambid._core`: registration only.
 
 mod arrays;
+mod blocks;
 mod closed_loop;
 mod errors;
 mod residual;

@@ -1,0 +1,167 @@
+//! What a nonlinear block of Delta computes: one number w from one or two signals z, without memory.
+
+mod curve;
+mod element;
+mod force;
+mod table;
+
+use std::sync::Arc;
+
+use crate::error::{Error, Result, check_finite, check_len};
+
+pub use curve::Curve;
+pub(crate) use element::Element;
+pub use table::Table;
+
+/// A number of a law: one of the parameters, or a constant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Coefficient {
+    /// Index into the parameter vector.
+    Parameter(usize),
+    /// Its value.
+    Constant(f64),
+}
+
+/// What the block computes. Every law is zero where its strength is.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Law {
+    /// What the magnetic force adds to `K_i i + K_s s`; z = (i, s), current in A and displacement in m.
+    ///
+    /// Coefficients `K_i`, `K_s`, `nu`, and those of the curve: `sigma`, `n`. With `i0 = bias / nu` and
+    /// `s0 = K_i i0 / K_s`, `f = K_i i0 / (2 (B^2)'(1)) (B^2(x+) - B^2(x-))`, `x+- = (1 +- i/i0) / (1 -+ s/s0)`: near
+    /// rest f is `K_i i + K_s s`, for any curve and any `nu`. `nu` is 1 at the nominal bias and 0 for the linear law,
+    /// where w vanishes as `nu^2`. A magnet does not push: x is zero beyond the bias. The gap closes to a fiftieth.
+    /// Source: Schweitzer, Maslen (2009), "Magnetic Bearings", chapter 4.
+    Force {
+        /// Flux against magnetomotive force, both relative to rest.
+        curve: Curve,
+        /// Bias current in A.
+        bias: f64,
+    },
+    /// What a limit R takes away from a rate z; coefficient `inverse_limit` = 1/R.
+    Slew {
+        /// Half width, relative to R, of the bend between free and limited; in 0..1, not 0.
+        smoothing: f64,
+    },
+    /// Rate of a hysteresis state h by its input u: z = (u', h), `w = A u' - beta |u'| h - gamma u' |h|`.
+    ///
+    /// Coefficients `A`, `beta`, `gamma`; `|v|` is `sqrt(v^2 + e^2) - e`. The state itself belongs to G.
+    /// Source: Wen (1976), "Method for random vibration of hysteretic systems", exponent 1.
+    BoucWen {
+        /// e of the rate, in its unit.
+        rate_smoothing: f64,
+        /// e of the state, in its unit.
+        state_smoothing: f64,
+    },
+    /// `w = g F(z)` with a tabulated function of one or two signals; coefficient `g`.
+    Table(Arc<Table>),
+    /// `w = sum_k c_k z1^a_k z2^b_k`; coefficients `c0`, `c1`, ...
+    Polynomial {
+        /// Number of signals, 1 or 2.
+        inputs: usize,
+        /// `[a_k, b_k]`.
+        exponents: Vec<[u32; 2]>,
+    },
+}
+
+/// A nonlinear block of Delta: a law and its numbers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Block {
+    law: Law,
+    coefficients: Vec<Coefficient>,
+}
+
+impl Law {
+    /// Number of signals z.
+    pub fn inputs(&self) -> usize {
+        match self {
+            Self::Force { .. } | Self::BoucWen { .. } => 2,
+            Self::Slew { .. } => 1,
+            Self::Table(table) => table.inputs(),
+            Self::Polynomial { inputs, .. } => *inputs,
+        }
+    }
+
+    /// Names of the coefficients, in order.
+    pub fn coefficients(&self) -> Vec<String> {
+        let names: &[&str] = match self {
+            Self::Force { curve: Curve::Unsaturated, .. } => &["K_i", "K_s", "nu"],
+            Self::Force { curve: Curve::Tanh, .. } => &["K_i", "K_s", "nu", "sigma"],
+            Self::Force { curve: Curve::Power, .. } => &["K_i", "K_s", "nu", "sigma", "n"],
+            Self::Slew { .. } => &["inverse_limit"],
+            Self::BoucWen { .. } => &["A", "beta", "gamma"],
+            Self::Table(_) => &["g"],
+            Self::Polynomial { exponents, .. } => return (0..exponents.len()).map(|k| format!("c{k}")).collect(),
+        };
+        names.iter().map(|name| (*name).to_owned()).collect()
+    }
+
+    fn check(&self) -> Result<()> {
+        let allowed = match self {
+            Self::Force { bias, .. } => *bias > 0.0 && bias.is_finite(),
+            Self::Slew { smoothing } => *smoothing > 0.0 && *smoothing < 1.0,
+            Self::BoucWen { rate_smoothing, state_smoothing } => {
+                [rate_smoothing, state_smoothing].iter().all(|e| **e >= 0.0 && e.is_finite())
+            }
+            Self::Table(_) => true,
+            Self::Polynomial { inputs, exponents } => {
+                *inputs == 2 || (*inputs == 1 && exponents.iter().all(|[_, b]| *b == 0))
+            }
+        };
+        let what = match self {
+            Self::Force { .. } => "a force law needs a finite bias above zero",
+            Self::Slew { .. } => "a slew limit needs a smoothing between 0 and 1, both excluded",
+            Self::BoucWen { .. } => "a hysteresis needs finite smoothings of at least zero",
+            _ => "a polynomial has one or two inputs, and no exponent of an input that it lacks",
+        };
+        if allowed { Ok(()) } else { Err(Error::Block { what }) }
+    }
+}
+
+impl Block {
+    /// `coefficients` in the order of [`Law::coefficients`].
+    ///
+    /// # Errors
+    /// [`Error::Shape`] for a wrong number of coefficients, [`Error::NotFinite`], [`Error::Block`].
+    pub fn new(law: Law, coefficients: Vec<Coefficient>) -> Result<Self> {
+        law.check()?;
+        check_len("coefficients of a block", coefficients.len(), law.coefficients().len())?;
+        for coefficient in &coefficients {
+            if let Coefficient::Constant(value) = coefficient {
+                check_finite("constants of a block", &[*value])?;
+            }
+        }
+        Ok(Self { law, coefficients })
+    }
+
+    /// Number of signals z; there is always one w.
+    pub fn inputs(&self) -> usize {
+        self.law.inputs()
+    }
+
+    /// Number of coefficients.
+    pub fn coefficients(&self) -> usize {
+        self.coefficients.len()
+    }
+
+    /// The parameters that the block depends on: place among its coefficients, index into the parameter vector.
+    pub fn parameters(&self) -> impl Iterator<Item = (usize, usize)> {
+        self.coefficients.iter().enumerate().filter_map(|(place, c)| match c {
+            Coefficient::Parameter(index) => Some((place, *index)),
+            Coefficient::Constant(_) => None,
+        })
+    }
+
+    /// The block at one parameter set.
+    ///
+    /// # Errors
+    /// [`Error::Singular`] where its constants are not finite there.
+    pub(crate) fn at(&self, theta: &[f64]) -> Result<Element> {
+        let value = |c: &Coefficient| match c {
+            Coefficient::Parameter(index) => theta[*index],
+            Coefficient::Constant(value) => *value,
+        };
+        let values: Vec<f64> = self.coefficients.iter().map(value).collect();
+        Element::new(&self.law, values)
+    }
+}

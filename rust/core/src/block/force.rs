@@ -1,0 +1,124 @@
+//! The magnetic force less its linearisation.
+
+use crate::block::Curve;
+use crate::block::curve::Shape;
+use crate::error::{Error, Result};
+
+/// Below this strength the force is linear to rounding.
+const NEGLIGIBLE: f64 = 1e-6;
+/// Smallest gap relative to that at rest; it bends towards this value from twice as wide on.
+const CLOSED: f64 = 0.02;
+
+/// `w = c (F - alpha - beta)` with `alpha = i/i0`, `beta = s/s0`, `c = K_i i0`.
+///
+/// `F = (B^2(x+) - B^2(x-)) / (4 B(1) B'(1))`, `x+- = (1 +- alpha) / (1 -+ beta)`.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Force {
+    shape: Shape,
+    coefficients: usize,
+    linear: bool,
+    k_i: f64,
+    k_s: f64,
+    nu: f64,
+    /// 1/i0, 1/s0, c.
+    per_current: f64,
+    per_displacement: f64,
+    scale: f64,
+    /// `1 / (4 B(1) B'(1))`, and the relative derivative of `B(1) B'(1)` by sigma and n.
+    normal: f64,
+    normal_slopes: [f64; 2],
+}
+
+impl Force {
+    pub fn new(curve: Curve, bias: f64, values: &[f64]) -> Result<Self> {
+        let (k_i, k_s, nu) = (values[0], values[1], values[2]);
+        let of = |place: usize| values.get(place).copied().unwrap_or(1.0);
+        let shape = Shape { curve, sigma: of(3), n: of(4) };
+        let (rest, slopes) = shape.at_rest();
+        let linear = nu.abs() < NEGLIGIBLE;
+        let force = Self {
+            shape,
+            coefficients: values.len(),
+            linear,
+            k_i,
+            k_s,
+            nu,
+            per_current: nu / bias,
+            per_displacement: k_s * nu / (k_i * bias),
+            scale: if linear { 0.0 } else { k_i * bias / nu },
+            normal: 0.25 / rest,
+            normal_slopes: slopes.map(|slope| slope / rest),
+        };
+        let constants = [force.per_displacement, force.scale, force.normal];
+        let allowed = curve != Curve::Power || (shape.sigma >= 0.0 && shape.n > 0.0);
+        if !allowed || constants.iter().chain(&force.normal_slopes).any(|c| !c.is_finite()) {
+            return Err(Error::Singular {
+                what: "a force law needs K_i other than zero; a power curve sigma >= 0, n > 0",
+            });
+        }
+        Ok(force)
+    }
+
+    #[inline(always)]
+    pub fn evaluate<const FMA: bool, const SLOPES: bool>(
+        &self,
+        z: [f64; 2],
+        by_coefficient: &mut [f64],
+    ) -> (f64, [f64; 2]) {
+        if self.linear {
+            by_coefficient.fill(0.0);
+            return (0.0, [0.0; 2]);
+        }
+        let (alpha, beta) = (self.per_current * z[0], self.per_displacement * z[1]);
+        if SLOPES {
+            return self.with_slopes(alpha, beta, z[1], by_coefficient);
+        }
+        let gaps = [gap(1.0 - beta).0, gap(1.0 + beta).0];
+        let pull = self.shape.pull::<FMA>([((1.0 + alpha) / gaps[0]).max(0.0), ((1.0 - alpha) / gaps[1]).max(0.0)]);
+        (self.scale * ((pull[0] - pull[1]) * self.normal - alpha - beta), [0.0; 2])
+    }
+
+    fn with_slopes(&self, alpha: f64, beta: f64, s: f64, by_coefficient: &mut [f64]) -> (f64, [f64; 2]) {
+        // F, and its derivatives by alpha, beta, sigma, n
+        let (mut value, mut by_alpha, mut by_beta, mut by_shape) = (0.0, 0.0, 0.0, [0.0; 2]);
+        for sign in [1.0, -1.0] {
+            let (gap, gap_slope) = gap(1.0 - sign * beta);
+            let x = (1.0 + sign * alpha) / gap;
+            if x <= 0.0 {
+                continue;
+            }
+            let flux = self.shape.flux(x);
+            let twice = 2.0 * flux.value * self.normal;
+            value += sign * flux.value * flux.value * self.normal;
+            by_alpha += twice * flux.by_x / gap;
+            by_beta += twice * flux.by_x * x * gap_slope / gap;
+            for (sum, slope) in by_shape.iter_mut().zip(flux.by_shape) {
+                *sum += sign * twice * slope;
+            }
+        }
+        for (sum, normal) in by_shape.iter_mut().zip(self.normal_slopes) {
+            *sum -= value * normal;
+        }
+        let excess = value - alpha - beta;
+        let (by_alpha, by_beta) = (by_alpha - 1.0, by_beta - 1.0);
+        let all = [
+            self.scale / self.k_i * (excess - beta * by_beta),
+            by_beta * s,
+            self.scale / self.nu * (alpha * by_alpha + beta * by_beta - excess),
+            self.scale * by_shape[0],
+            self.scale * by_shape[1],
+        ];
+        by_coefficient.copy_from_slice(&all[..self.coefficients]);
+        (self.scale * excess, [self.k_i * by_alpha, self.k_s * by_beta])
+    }
+}
+
+/// The gap relative to rest, kept open, and its slope.
+#[inline(always)]
+fn gap(free: f64) -> (f64, f64) {
+    if free > 2.0 * CLOSED {
+        return (free, 1.0);
+    }
+    let bend = ((free - 2.0 * CLOSED) / CLOSED).exp();
+    (CLOSED * (1.0 + bend), bend)
+}

@@ -1,0 +1,164 @@
+//! Response of a nonlinear loop and its sensitivities: the linear part exact, the blocks of Delta to fourth order.
+//!
+//! With `x' = A x + B (u + w)` and `w = w(z, theta)`, the derivative by a parameter obeys
+//! `S' = A S + B (dw/dz dz + dw/dtheta)`, and a free gain adds `slope z` at its own port. Value and derivatives take
+//! the same steps, with the same matrices.
+
+mod control;
+mod phi;
+mod plant;
+mod run;
+mod scheme;
+
+use crate::error::{Error, Result};
+use crate::kernel::BLOCK;
+use crate::modal;
+use crate::model::{Controller, Model};
+use plant::Plant;
+
+pub use run::Run;
+
+/// Substeps are doubled until the response changes by less than this, relative to the peak of each column.
+const GOAL: f64 = 2e-7;
+/// So many times the change is allowed of a derivative.
+const SLOPES: f64 = 5.0;
+/// The change that is still accepted at [`MOST_SUBSTEPS`].
+const PROMISE: f64 = 1e-6;
+const MOST_SUBSTEPS: usize = 64;
+/// Samples that decide on the number of substeps.
+const PROBE: usize = 256;
+/// An output beyond this is no response of a machine, be it in metres, amperes or newtons.
+const LIMIT: f64 = 1e6;
+/// A state that nothing moves at rest, such as that of a hysteresis, keeps its value.
+const NEUTRAL: f64 = 1.0 + 1e-9;
+
+/// A nonlinear loop at one parameter set.
+///
+/// Output columns are those of [`crate::linear::Response`].
+pub struct Nonlinear {
+    plant: Plant,
+    controller: Option<Controller>,
+    dt: f64,
+    substeps: Option<usize>,
+    inputs: usize,
+    /// Derivatives less than this share of the peak of their output count as this large.
+    floors: Vec<f64>,
+}
+
+impl Nonlinear {
+    /// # Errors
+    /// [`Error::Singular`], [`Error::NotFinite`].
+    pub fn new(model: &Model, theta: &[f64], free: &[usize]) -> Result<Self> {
+        let floors = free.iter().map(|f| if theta[*f] == 0.0 { 0.0 } else { 1e-3 / theta[*f].abs() });
+        Ok(Self {
+            plant: Plant::new(model, theta, free)?,
+            controller: model.controller.clone(),
+            dt: model.dt,
+            substeps: model.substeps,
+            inputs: model.inputs(),
+            floors: [1.0].into_iter().chain(floors).collect(),
+        })
+    }
+
+    /// The same where the loop linearised at rest is stable.
+    ///
+    /// # Errors
+    /// [`Error::Unstable`] where it has a pole that grows, and as [`Nonlinear::new`].
+    pub fn stable(model: &Model, theta: &[f64], free: &[usize]) -> Result<Self> {
+        let growth = modal::poles(model, theta)?.iter().map(|pole| (pole.re * model.dt).exp()).fold(0.0, f64::max);
+        if growth > NEUTRAL { Err(Error::Unstable { growth }) } else { Self::new(model, theta, free) }
+    }
+
+    /// Runs from rest over `u` (samples x inputs); see [`crate::kernel::Kernel::run`] for the sink.
+    ///
+    /// # Errors
+    /// [`Error::Diverged`], [`Error::Unresolved`].
+    pub fn run(&self, u: &[f64], sink: &mut impl FnMut(usize, usize, &[f64], usize)) -> Result<()> {
+        let mut run = match self.substeps {
+            Some(substeps) => self.start(substeps)?,
+            None => self.resolved(u)?,
+        };
+        let columns = self.columns();
+        let mut block = vec![0.0; BLOCK * columns];
+        for (i, u) in u.chunks(BLOCK * self.inputs).enumerate() {
+            let count = u.len() / self.inputs;
+            for (k, (u, y)) in u.chunks_exact(self.inputs).zip(block.chunks_exact_mut(columns)).enumerate() {
+                run.sample(u, y);
+                self.check(y, i * BLOCK + k)?;
+            }
+            sink(i * BLOCK, count, &block, columns);
+        }
+        Ok(())
+    }
+
+    /// The loop at rest with a given number of substeps.
+    pub fn start(&self, substeps: usize) -> Result<Run> {
+        Run::new(self.plant.clone(), self.controller.as_ref(), self.dt, substeps)
+    }
+
+    /// The loop at rest, with as many substeps as the loudest stretch of `u` needs.
+    fn resolved(&self, u: &[f64]) -> Result<Run> {
+        let probe = loudest(u, PROBE * self.inputs);
+        let mut coarse = self.start(1)?;
+        let mut before = self.response(&mut coarse, probe);
+        let mut substeps = 1;
+        loop {
+            substeps *= 2;
+            let mut fine = self.start(substeps)?;
+            let after = self.response(&mut fine, probe);
+            let change = match (&before, &after) {
+                (Ok(before), Ok(after)) => self.change(before, after),
+                _ => f64::INFINITY,
+            };
+            if change < GOAL {
+                coarse.reset();
+                return Ok(coarse);
+            }
+            if substeps >= MOST_SUBSTEPS {
+                after?;
+                fine.reset();
+                return if change < PROMISE { Ok(fine) } else { Err(Error::Unresolved { substeps, change }) };
+            }
+            (coarse, before) = (fine, after);
+        }
+    }
+
+    fn response(&self, run: &mut Run, u: &[f64]) -> Result<Vec<f64>> {
+        let columns = self.columns();
+        let mut out = vec![0.0; u.len() / self.inputs * columns];
+        for (k, (u, y)) in u.chunks_exact(self.inputs).zip(out.chunks_exact_mut(columns)).enumerate() {
+            run.sample(u, y);
+            self.check(y, k)?;
+        }
+        Ok(out)
+    }
+
+    /// Largest change of a column relative to its peak.
+    fn change(&self, before: &[f64], after: &[f64]) -> f64 {
+        let (columns, rows) = (self.columns(), self.plant.rows);
+        let peak = |column: usize| after.iter().skip(column).step_by(columns).fold(0.0, |a: f64, y| a.max(y.abs()));
+        let relative = |column: usize| {
+            let pairs = before.iter().zip(after).skip(column).step_by(columns);
+            let change = pairs.fold(0.0, |a: f64, (b, c)| a.max((b - c).abs()));
+            let row = column % rows;
+            let size = peak(column).max(peak(column - row) * self.floors[row]) * if row > 0 { SLOPES } else { 1.0 };
+            if change > 0.0 { change / size } else { 0.0 }
+        };
+        (0..columns).map(relative).fold(0.0, f64::max)
+    }
+
+    fn columns(&self) -> usize {
+        self.plant.c_y.nrows() * self.plant.rows
+    }
+
+    fn check(&self, y: &[f64], sample: usize) -> Result<()> {
+        let bounded = y.iter().step_by(self.plant.rows).all(|y| y.abs() < LIMIT) && y.iter().all(|y| y.is_finite());
+        if bounded { Ok(()) } else { Err(Error::Diverged { sample, limit: LIMIT }) }
+    }
+}
+
+/// The stretch of `length` values with the largest sum of squares.
+fn loudest(u: &[f64], length: usize) -> &[f64] {
+    let power = |stretch: &[f64]| stretch.iter().map(|u| u * u).sum::<f64>();
+    u.chunks(length).fold((&u[..0], -1.0), |best, s| if power(s) > best.1 { (s, power(s)) } else { best }).0
+}
