@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 import ambid
-from ambid.effects import CATALOGUE, find
-from ambid.effects.actuator import half_order
-from ambid.effects.amplifier import pade
+from ambid.effects import CATALOGUE, Effect, Seen, find
+from ambid.effects.actuator import half_derivative
+from ambid.effects.amplifier import AmplifierVoltageLimit, pade
+from ambid.effects.disturbance import PeriodicDisturbance, Unbalance
 from ambid.errors import ModelError
 from ambid.rig import Rig
 from hidden.bench import simulate
@@ -35,7 +36,7 @@ AGREE = {
         {"frequency_hz": 130.0, "damping": 0.04, "inverse_mass": 1.0 / 400.0},
         1e-9,
     ),
-    "eddy_currents": ({"tau": 1e-6}, {"time_constant": 1e-6}, 2e-3),
+    "eddy_currents": ({"tau": 1e-6}, {"root_time_constant": 1e-3}, 1e-4),
     "axis_cross_coupling": ({"fraction": 0.05}, {"share_A": 0.05, "share_B": 0.05}, 1e-9),
     "amplifier_bandwidth": ({"frequency_hz": 1100.0, "damping": 0.45}, {"frequency_hz": 1100.0, "damping": 0.45}, 1e-9),
     "loop_delay": ({"seconds": 5e-5}, {"delay": 5e-5}, 5e-3),
@@ -45,6 +46,8 @@ AGREE = {
     "sensor_position_error": ({"dz": [2e-3, -1e-3]}, {"offset_A": 2e-3, "offset_B": -1e-3}, 1e-4),
     "sampling_skew": ({"seconds": 1e-5}, {"current_late": 1e-5}, 1e-3),
     "back_emf": ({"coefficient": 5.0}, {"current_per_velocity": 5.0}, 1e-9),
+    "force_nonlinearity": ({}, {"bias_ratio": 1.0}, 1e-6),
+    "amplifier_voltage_limit": ({"slew": 8000.0}, {"inverse_slew_rate": 1.0 / 8000.0}, 1e-3),
 }
 
 
@@ -99,14 +102,55 @@ def test_gyroscopic_factor(rig, i_e):
     assert find("gyroscopic_coupling").parameters(rig) == [], "no gyroscopic moments at rest"
 
 
+def periods_of(rig: Rig, record: ambid.Record) -> ambid.Record:
+    return ambid.Record("bench", rig.sample_rate, rig.axes, record.i_e, record.y, record.i_c, period=765)
+
+
+@pytest.mark.parametrize("z", [0.43, None])
+def test_unbalance_is_the_physics_that_it_says(rig, i_e, z):
+    """In one plane at its place, or in the planes of the bearings; the angle is counted from a displacement."""
+    turning = rig.replace(speed=200.0)
+    hidden = {"unbalance": {"mass_eccentricity": 1e-4, "z": 0.43, "phase": 0.7}}
+    truth = periods_of(rig, simulate(turning, i_e, hidden, seed=None, **TRUTH))
+    base = at_truth(turning)
+    found = disturbed(base, Unbalance(z), truth)
+    total = np.hypot(found[::2].sum(), found[1::2].sum())
+    assert total == pytest.approx(1e-4, rel=0.02)
+
+
+@pytest.mark.parametrize("port", ["current", "force"])
+def test_periodic_disturbance_is_the_physics_that_it_says(rig, i_e, port):
+    hidden = {"periodic_disturbance": {"frequency_hz": 57.3, "amplitude": 0.1, "port": port, "axis": 1, "phase": 0.4}}
+    truth = periods_of(rig, simulate(rig, i_e, hidden, seed=None, **TRUTH))
+    found = disturbed(at_truth(rig), PeriodicDisturbance(57.3, port, 1, 1), truth)
+    assert np.hypot(*found) == pytest.approx(0.1, rel=0.01)
+
+
+def disturbed(base: ambid.Model, effect: Effect, truth: ambid.Record) -> np.ndarray:
+    """Amplitudes of a disturbance by least squares of y after the first period; the rest of it must be nothing."""
+    own = [p.name for p in effect.parameters(base.rig)]
+    responses = []
+    for name in [None, *own]:
+        values = {p: float(p == name) for p in own}
+        model = base.add(effect, values)
+        y = model.loop.simulate(model.theta, model.excitation(truth))[truth.period :, : len(base.rig.axes)]
+        responses.append(y.ravel())
+    table = np.column_stack(responses[1:]) - responses[0][:, None]
+    left = truth.y[truth.period :].ravel() - responses[0]
+    found = np.linalg.lstsq(table, left, rcond=None)[0]
+    assert np.abs(left - table @ found).max() < 0.05 * np.abs(left).max()
+    return found
+
+
 @pytest.mark.parametrize("effect", CATALOGUE, ids=lambda effect: effect.name)
 def test_sensitivities_of_effects(rig, i_e, effect):
     """Against central differences of the response, every parameter of every effect."""
-    rig = rig.replace(speed=800.0) if effect.name == "gyroscopic_coupling" else rig
+    rig = rig.replace(speed=800.0) if effect.name in ("gyroscopic_coupling", "unbalance") else rig
+    effect = AmplifierVoltageLimit(1.5e-4) if effect.name == "amplifier_voltage_limit" else effect
     parameters = effect.parameters(rig)
     assert parameters, "every effect applies to this rig"
     model = at_truth(rig).add(effect)
-    u = i_e[:300]
+    u = np.hstack([i_e[:300], effect.waveform(rig, 300, None)])
     for k, p in enumerate(parameters, start=len(model.names) - len(parameters)):
         _, jacobian = model.loop.sensitivity(model.theta, u, [k])
         step = 1e-4 * p.probe
@@ -136,11 +180,11 @@ def test_pade_is_a_delay():
     np.testing.assert_allclose(response, np.exp(-s) - 1.0, atol=1e-12)
 
 
-def test_half_order_lag():
-    ratios, shares = half_order()
-    s = 1j * np.logspace(-4, 1, 60)
-    response = (shares / (1.0 + s[:, None] * ratios)).sum(axis=1)
-    np.testing.assert_allclose(response, 1.0 / (1.0 + np.sqrt(s)), atol=5e-3)
+def test_half_derivative():
+    poles, weights = half_derivative()
+    s = 1j * np.geomspace(5.0, 5e4, 80)
+    response = (weights * s[:, None] / (s[:, None] + poles)).sum(axis=1)
+    np.testing.assert_allclose(response, np.sqrt(s), rtol=3e-4)
 
 
 def test_mistakes_are_named(rig):
@@ -158,7 +202,7 @@ def test_mistakes_are_named(rig):
 
 
 def test_effects_survive_saving(tmp_path, rig, i_e):
-    seal = next(variant for variant in find("seal_forces").variants(rig) if variant.settings() == {"z": 0.26})
+    seal = next(variant for variant in find("seal_forces").variants(Seen(rig, {})) if variant.settings() == {"z": 0.26})
     model = at_truth(rig).add(seal).add("loop_delay")
     model.save(tmp_path / "model.json")
     again = ambid.Model.load(tmp_path / "model.json")

@@ -2,6 +2,10 @@
 
 from importlib.metadata import version
 
+from ambid.bias_point import Campaign
+from ambid.campaign import campaign
+from ambid.channel_map import ChannelMap
+from ambid.check import Soundness, check
 from ambid.compare import Comparison, compare
 from ambid.diagnose import diagnose
 from ambid.diagnosis import Diagnosis
@@ -18,17 +22,29 @@ from ambid.errors import (
 from ambid.estimate import Estimate, ParameterEstimate
 from ambid.excitation import multisine, prbs
 from ambid.identify import identify
+from ambid.interop import (
+    controller_from,
+    controller_from_mat,
+    rotor_from_ross,
+    to_control,
+    to_mat,
+    to_scipy,
+)
+from ambid.localise import Localisation, localise
 from ambid.model import Model, Parameter
 from ambid.rank import Ranking, rank
 from ambid.record import Record, StaticLoading, noise_ceiling
 from ambid.rig import Controller, Rig
 from ambid.static_load import StaticEstimate, static_load
+from ambid.whitened import Noise
 
 __version__ = version("ambid")
 
 __all__ = [
     "CATALOGUE",
     "AmbidError",
+    "Campaign",
+    "ChannelMap",
     "Comparison",
     "Controller",
     "Diagnosis",
@@ -37,8 +53,10 @@ __all__ = [
     "Estimate",
     "IdentificationError",
     "InputError",
+    "Localisation",
     "Model",
     "ModelError",
+    "Noise",
     "Parameter",
     "ParameterEstimate",
     "Ranking",
@@ -46,15 +64,25 @@ __all__ = [
     "RecordError",
     "Rig",
     "RigError",
+    "Soundness",
     "StaticEstimate",
     "StaticLoading",
     "UnstableLoopError",
+    "campaign",
+    "check",
     "compare",
+    "controller_from",
+    "controller_from_mat",
     "diagnose",
     "identify",
+    "localise",
     "multisine",
     "noise_ceiling",
     "prbs",
     "rank",
+    "rotor_from_ross",
     "static_load",
+    "to_control",
+    "to_mat",
+    "to_scipy",
 ]

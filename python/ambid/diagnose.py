@@ -4,33 +4,49 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import chi2
 
+from ambid.check import check
 from ambid.compare import compare
-from ambid.diagnosis import Cell, Diagnosis, Step
+from ambid.diagnosis import Diagnosis, Step
 from ambid.effects import CATALOGUE, Effect, find
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.fit import fit_percent, measured_outputs, recorded_channels
 from ambid.identify import identify
+from ambid.localise import localise
 from ambid.model import Model
-from ambid.rank import Candidate, Ranking, rank
+from ambid.next_experiment import next_experiment
+from ambid.rank import ALPHA, SUBSTEPS, Candidate, Ranking, log_chance, rank
 from ambid.record import Record
 from ambid.rig import Rig
+from ambid.tones import OUTSTANDING
 from ambid.whitened import Noise, WhitenedProblem
-from ambid.yardstick import channel_lines
 
 __all__ = ["diagnose"]
 
 ADEQUATE = 1.10
 """Largest misfit J/dof of a model that is called adequate."""
 EQUALLY_GOOD = 9.2
-"""Candidates whose J + q ln(dof) is within this of the best cannot be told apart (99 % of a chi-squared with 2 dof)."""
+"""Candidates whose J + PENALTY q is within this of the best cannot be told apart (99 % of a chi-squared with 2 dof)."""
+PENALTY = 4.0
+"""What a parameter costs among candidates: it must lower J by more than chance does in 95 % of all records."""
+SPREAD = 1.5
+"""Standard deviation of J in units of sqrt(2 dof): the noise spectrum is estimated too."""
 REFITTED = 5
 MOST_EFFECTS = 5
+MOST_BY_SHARE = 2
+"""So many effects may be called an explanation by the share that they explain; more must reach the noise."""
 EXPLAINED_SHARE = 0.985
 """Part of the excess misfit that a set of effects must explain where its own formulas are approximations."""
+NEGLIGIBLE_SHARE = 0.01
+"""Part of the explained misfit below which another effect may mend the formula of the first."""
+PROMISING_SHARE = 0.1
+"""Part of what is left that a score must predict to be worth a refit."""
+HOPELESS_SHARE = 0.3
+"""A step that explains less than this of what is left does not lead to an explanation."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +56,10 @@ class _Fit:
     model: Model
     cost: float
 
-    def criterion(self, lines: int) -> float:
-        """J + q ln(dof): fewest parameters win among equals."""
-        return self.cost + len(self.model.names) * np.log(lines)
+    @property
+    def criterion(self) -> float:
+        """J + PENALTY q: fewest parameters win among equals."""
+        return self.cost + PENALTY * len(self.model.names)
 
 
 def diagnose(
@@ -50,9 +67,10 @@ def diagnose(
     records: Record | Sequence[Record],
     *,
     validate: Sequence[Record] = (),
-    effects: Sequence[str] | None = None,
+    effects: Sequence[str | Effect] | None = None,
     catalogue: Sequence[Effect] = CATALOGUE,
     tolerance: float = ADEQUATE,
+    ask: Callable[[Ranking, Candidate], bool] | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Compare, name the missing effect, add it, refit, until nothing more is supported by the data.
@@ -62,15 +80,17 @@ def diagnose(
     model : Model or Rig
         Start; a rig means its nominal values.
     records : Record or sequence of Record
-        Three or more periods each.
+        Three or more periods each, at any amplitudes.
     validate : sequence of Record
         Not used for choosing; best at another amplitude.
-    effects : sequence of str, optional
+    effects : sequence of str or Effect, optional
         A person's own choice: add these, in this order, instead of choosing.
     catalogue : sequence of Effect
         Candidates; effects of your own may be among them.
     tolerance : float
         Misfit J/dof up to which a model is good enough.
+    ask : callable, optional
+        Shown the ranking and the candidate that is to be added; False ends the search.
     say : callable
         Told about every step.
 
@@ -81,58 +101,244 @@ def diagnose(
     Raises
     ------
     RecordError
-        If a record has fewer than three periods, or no excitation.
+        If a record has no excitation.
     UnstableLoopError
         If the base model has no stable start.
     """
     begun = time.perf_counter()
     records = (records,) if isinstance(records, Record) else tuple(records)
-    estimate = identify(model, records)
+    start = model if isinstance(model, Model) else Model(model)
+    findings = check(start.rig, (*records, *validate)).findings
+    stops = [f"{finding.where}: {finding.what}; {finding.todo}" for finding in findings if finding.stops_diagnosis]
+    if stops:
+        return Diagnosis.uninformative(start, records, stops, begun)
+    estimate = identify(start, records)
     if estimate.status == "not_identifiable":
         lost = ", ".join(sorted({name for direction in estimate.directions for name in direction}))
-        return Diagnosis.uninformative(estimate.model, records, f"the records do not determine {lost}", begun)
+        why = f"the records do not determine {lost}; excite every axis, with more amplitude or over more periods"
+        return Diagnosis.uninformative(estimate.model, records, [why], begun)
     noise = Noise(estimate.model, records)
     fit = _refit(estimate.model, noise)
     noise = Noise(fit.model, records)
     fit = _refit(fit.model, noise)
-    nominal = fit.model.with_values({p.name: p.value for p in estimate.model.parameters})
+    search = _Search(fit, Model(estimate.model.rig), noise, validate, catalogue, tolerance, say)
+    if effects is None:
+        search.automatic(ask)
+    else:
+        search.as_told([find(effect) if isinstance(effect, str) else effect for effect in effects])
+    return search.verdict(begun)
 
-    base, alternatives = fit, []
-    history = [_step(fit, noise, validate, rank(compare(fit.model, records), catalogue, noise=noise), None)]
-    say(history[-1].line())
-    chosen = [find(name) for name in effects] if effects is not None else None
-    while len(fit.model.effects) < MOST_EFFECTS:
-        ranking = history[-1].ranking
-        if chosen is None and fit.model.effects and history[-1].misfit < tolerance:
-            break  # what is left is smaller than what the user calls adequate
-        if chosen is not None:
-            names = {effect.name for effect in chosen}
-            tried = [c for c in ranking.candidates if c.effect.name in names][:1]
+
+class _Search:
+    """The way from the base model to the last one, and its ledger."""
+
+    def __init__(
+        self,
+        base: _Fit,
+        nominal: Model,
+        noise: Noise,
+        validate: Sequence[Record],
+        catalogue: Sequence[Effect],
+        tolerance: float,
+        say: Callable[[str], None],
+    ) -> None:
+        self.base = self.fit = base
+        self.nominal, self.noise, self.validate = nominal, noise, validate
+        self.validation_noise: Noise | None = None
+        self.catalogue, self.tolerance, self.say = catalogue, tolerance, say
+        self.sets: list[list[str]] = []
+        self.hopeless: _Fit | None = None
+        self.history: list[Step] = []
+        self._note(self._rank(), None)
+
+    @property
+    def dof(self) -> int:
+        return self.noise.lines - len(self.fit.model.names)
+
+    @property
+    def at_noise(self) -> float:
+        """J up to which a model may be right."""
+        return self.dof + 3.0 * SPREAD * np.sqrt(2.0 * self.dof)
+
+    @property
+    def explained(self) -> float:
+        """Part of the excess misfit of the base model that is explained."""
+        excess = self.base.cost - self.dof
+        return 1.0 if excess <= 0.0 else (self.base.cost - self.fit.cost) / excess
+
+    def automatic(self, ask: Callable[[Ranking, Candidate], bool] | None) -> None:
+        """Add what the data support most, again and again."""
+        while len(self.fit.model.effects) < MOST_EFFECTS:
+            ranking = self.history[-1].ranking
+            tried = self._worth_refitting(ranking)
+            if not tried:
+                return
+            order = self._refits(tried)
+            if not order:
+                return
+            candidate, better = order[0]
+            fall, added = self.fit.cost - better.cost, len(better.model.names) - len(self.fit.model.names)
+            if log_chance(max(fall, 0.0), added) > np.log(ALPHA / len(ranking.candidates)):
+                return
+            if ask is not None and not ask(ranking, candidate):
+                return
+            if self.fit.cost > self.at_noise and fall < HOPELESS_SHARE * (self.fit.cost - self.dof):
+                self.hopeless = better
+                return
+            self.fit = better
+            self.sets.append(_alternatives(order))
+            self._note(self._rank(), candidate)
+            self._prune()
+
+    def as_told(self, chosen: Sequence[Effect]) -> None:
+        """Add a person's own choice, in this order."""
+        for effect in chosen:
+            ranking = rank(compare(self.fit.model, self.noise.records), [effect], noise=self.noise)
+            if not ranking.candidates:
+                why = ranking.skipped.get(effect.name, effect.physics)
+                raise ModelError(f"{effect.name} cannot be added to this model ({why})")
+            order = self._refits(ranking.candidates)
+            if not order:
+                raise ModelError(f"{effect.name}: no stable loop with it was found; leave it out")
+            candidate, self.fit = order[0]
+            self.sets.append([effect.name])
+            self._note(self._rank(), candidate)
+
+    def _rank(self) -> Ranking:
+        return rank(compare(self.fit.model, self.noise.records), self.catalogue, noise=self.noise)
+
+    def _worth_refitting(self, ranking: Ranking) -> list[Candidate]:
+        """The significant candidates whose score is at least half of the best, since scores can err by that much.
+
+        Where far more than noise is left, they must promise to explain a tenth of it.
+        What is left beside an effect that explains a hundred times as much may be the error of its formula: then only
+        what explains most of that is worth it.
+        """
+        significant = ranking.significant
+        best = max((candidate.score for candidate in significant), default=0.0)
+        small = best < NEGLIGIBLE_SHARE * (self.base.cost - self.fit.cost)
+        minor = self.fit.cost < self.at_noise or best < 0.5 * (self.fit.cost - self.dof)
+        if self.fit.model.effects and small and minor:
+            return []
+        least = 0.5 * best
+        if self.fit.cost > self.at_noise:
+            least = max(least, PROMISING_SHARE * (self.fit.cost - self.dof))
+        return [candidate for candidate in significant if candidate.score >= least][:REFITTED]
+
+    def _refits(self, tried: Sequence[Candidate]) -> list[tuple[Candidate, _Fit]]:
+        """Each candidate added and refitted, the best first.
+
+        They start from the predicted values; where the base model is far off, from the rig file's too.
+        """
+        found: list[tuple[Candidate, _Fit]] = []
+        for candidate in tried:
+            best = min((other.cost for _, other in found), default=np.inf)
+            if best < self.at_noise and self.fit.cost - 2.0 * candidate.score > best + EQUALLY_GOOD:
+                continue  # even twice the predicted fall would not do
+            starts = [(self.fit.model, candidate.start)]
+            if self.fit.cost > 20.0 * self.dof:
+                starts.append((_with_effects_of(self.nominal, self.fit.model), candidate.start))
+            ends = []
+            for base, values in starts:
+                try:
+                    ends.append(_refit(base.add(candidate.effect, values), self.noise))
+                except (UnstableLoopError, ModelError, ValueError):
+                    continue
+                if ends[-1].cost < self.at_noise:
+                    break
+            if ends:
+                found.append((candidate, min(ends, key=lambda end: end.cost)))
+        return sorted(found, key=lambda pair: pair[1].criterion)
+
+    def _prune(self) -> None:
+        """Take out effects that a later one has made needless."""
+        for effect in self.fit.model.effects[:-1]:
+            try:
+                less = _refit(self.fit.model.without(effect.name), self.noise)
+            except UnstableLoopError:
+                continue  # no loop without it
+            degrees = len(self.fit.model.names) - len(less.model.names)
+            if less.cost - self.fit.cost < chi2.isf(ALPHA, degrees):
+                del self.sets[[e.name for e in self.fit.model.effects].index(effect.name)]
+                self.fit = less
+                self._note(self._rank(), None, removed=effect.name)
+
+    def _note(self, ranking: Ranking, added: Candidate | None, removed: str | None = None) -> None:
+        validation = None
+        if self.validate:
+            if self.validation_noise is None or removed is None:
+                self.validation_noise = Noise(self.fit.model, self.validate)
+            residual = self.validation_noise.residual(self.fit.model)
+            validation = float(residual @ residual) / self.validation_noise.lines
+        step = Step(
+            effects=tuple(effect.name for effect in self.fit.model.effects),
+            fit_percent=_fits(self.fit.model, self.noise.records),
+            validation_fit_percent=_fits(self.fit.model, self.validate) if self.validate else None,
+            misfit=self.fit.cost / self.dof,
+            validation_misfit=validation,
+            predicted_misfit=None if added is None else added.predicted_misfit,
+            ranking=ranking,
+            parameters={p.name: p.value for p in self.fit.model.parameters},
+            removed=removed,
+        )
+        self.history.append(step)
+        self.say(step.line())
+
+    def verdict(self, begun: float) -> Diagnosis:
+        """What the search came to."""
+        misfit, share = self.fit.cost / self.dof, self.explained
+        effects = tuple(effect.name for effect in self.fit.model.effects)
+        where = localise(self.base.model, self.noise)
+        notes, sets = [], [names for names in self.sets if len(names) > 1]
+        left = localise(self.fit.model, self.noise) if effects else where
+        unexplained = [
+            *(f"a tone at {tone.frequency_hz:.2f} Hz is left" for tone in left.tones if tone.power > OUTSTANDING),
+            *([f"{left.change.parameter} changes during the record"] if left.change is not None else []),
+        ]
+        by_share = share > EXPLAINED_SHARE and len(effects) <= MOST_BY_SHARE
+        if not effects and misfit < self.tolerance and not unexplained:
+            verdict = "adequate"
+        elif effects and (self.fit.cost < self.at_noise or by_share) and not unexplained:
+            verdict = "ambiguous" if sets else "explained"
+            if misfit > self.tolerance:
+                notes.append(
+                    f"the effects explain {100 * share:.1f} % of the excess misfit; J/dof {misfit:.2f} remains, since "
+                    "their formulas only approximate this machine"
+                )
         else:
-            tried = _worth_refitting(ranking)
-        if not tried:
-            break
-        refits = _refits(fit, nominal, tried, noise)
-        if not refits:
-            break
-        order = sorted(refits, key=lambda pair: pair[1].criterion(noise.lines))
-        candidate, better = order[0]
-        if chosen is None and better.criterion(noise.lines) > fit.criterion(noise.lines) - EQUALLY_GOOD:
-            break
-        level = better.criterion(noise.lines) + EQUALLY_GOOD
-        alternatives = [c.effect.name for c, other in order if other.criterion(noise.lines) <= level]
-        fit = better
-        ranking = rank(compare(fit.model, records), catalogue, noise=noise)
-        history.append(_step(fit, noise, validate, ranking, candidate))
-        say(history[-1].line())
-        if chosen is not None:
-            chosen = [effect for effect in chosen if effect.name != candidate.effect.name]
-    fit, history = _prune(fit, noise, validate, history, catalogue, records)
-    return _verdict(base, fit, noise, history, alternatives, tolerance, records, begun)
+            verdict = "none_of_the_candidates"
+            best = self.fit if self.hopeless is None else self.hopeless
+            if best.model.effects:
+                names = ", ".join(effect.name for effect in best.model.effects)
+                share = (self.base.cost - best.cost) / (self.base.cost - self.dof)
+                notes.append(f"best tried: {names}, which explains {100 * share:.0f} % of the excess misfit; not added")
+            notes += [*unexplained, where.sentence()]
+            self.fit, effects, sets = self.base, (), []
+        return Diagnosis(
+            verdict=verdict,
+            effects=effects,
+            ambiguous_sets=sets,
+            history=self.history,
+            localisation=where,
+            model=self.fit.model.with_substeps(None),
+            records=self.noise.records,
+            next_experiment=next_experiment(verdict, sets, where, self.history),
+            seconds=time.perf_counter() - begun,
+            notes=tuple(note for note in notes if note),
+        )
+
+
+def _alternatives(order: Sequence[tuple[Candidate, _Fit]]) -> list[str]:
+    """Names of the candidates that do as well as the best; none that only contains a simpler one of them."""
+    best = order[0][1]
+    equal = [candidate.effect for candidate, other in order if other.criterion <= best.criterion + EQUALLY_GOOD]
+    names = {effect.name for effect in equal}
+    return [effect.name for effect in equal if not names & set(effect.contains)]
 
 
 def _refit(model: Model, noise: Noise, most: int = 40) -> _Fit:
-    """Minimise J over all parameters of the model."""
+    """Minimise J over all parameters of the model; of nonlinear effects two steps per sample are exact enough."""
+    model = model if model.is_linear else model.with_substeps(SUBSTEPS)
     free = list(range(len(model.names)))
     problem = WhitenedProblem(model, noise, free)
     lower = np.array([p.lower for p in model.parameters]) / problem.scale
@@ -141,157 +347,13 @@ def _refit(model: Model, noise: Noise, most: int = 40) -> _Fit:
     return _Fit(model.with_theta(end.theta), end.cost)
 
 
-def _refits(fit: _Fit, nominal: Model, tried: Sequence[Candidate], noise: Noise) -> list[tuple[Candidate, _Fit]]:
-    """Each candidate added and refitted, from its predicted values, and from typical ones where that was a trap."""
-    found = []
-    for candidate in tried:
-        ends = []
-        for base, values in ((fit.model, candidate.start), (_with_effects_of(nominal, fit.model), None)):
-            try:
-                ends.append(_refit(base.add(candidate.effect, values), noise))
-            except (UnstableLoopError, ModelError, ValueError):
-                continue
-            if ends[-1].cost < ADEQUATE * noise.lines:
-                break
-        if ends:
-            found.append((candidate, min(ends, key=lambda end: end.cost)))
-    return found
-
-
-def _worth_refitting(ranking: Ranking) -> list[Candidate]:
-    """The significant candidates whose score is at least half of the best, since scores can err by that much."""
-    significant = ranking.significant
-    best = max((candidate.score for candidate in significant), default=0.0)
-    return [candidate for candidate in significant if candidate.score >= 0.5 * best][:REFITTED]
-
-
 def _with_effects_of(nominal: Model, model: Model) -> Model:
     """The nominal values of the base parameters, the present ones of the effects."""
     own = {p.name: p.value for p in nominal.parameters if p.name in model.names}
     return model.with_values(own)
 
 
-def _prune(
-    fit: _Fit,
-    noise: Noise,
-    validate: Sequence[Record],
-    history: list[Step],
-    catalogue: Sequence[Effect],
-    records: Sequence[Record],
-) -> tuple[_Fit, list[Step]]:
-    """Take out effects that a later one has made needless."""
-    for effect in fit.model.effects[:-1]:
-        less = _refit(fit.model.without(effect.name), noise)
-        if less.criterion(noise.lines) <= fit.criterion(noise.lines):
-            fit = less
-            ranking = rank(compare(fit.model, records), catalogue, noise=noise)
-            history = [*history, replace(_step(fit, noise, validate, ranking, None), removed=effect.name)]
-    return fit, history
-
-
-def _step(fit: _Fit, noise: Noise, validate: Sequence[Record], ranking: Ranking, added: Candidate | None) -> Step:
-    dof = noise.lines - len(fit.model.names)
-    misfit = None
-    if validate:
-        own = Noise(fit.model, validate)
-        residual = own.residual(fit.model)
-        misfit = float(residual @ residual) / own.lines
-    return Step(
-        effects=tuple(effect.name for effect in fit.model.effects),
-        fit_percent=_fits(fit.model, noise.records),
-        validation_fit_percent=_fits(fit.model, validate) if validate else None,
-        misfit=fit.cost / dof,
-        validation_misfit=misfit,
-        predicted_misfit=None if added is None else added.predicted_misfit,
-        ranking=ranking,
-        parameters={p.name: p.value for p in fit.model.parameters},
-    )
-
-
 def _fits(model: Model, records: Sequence[Record]) -> dict[str, float]:
     channels = [c for c in recorded_channels(records[0]) if all(c in recorded_channels(r) for r in records)]
     simulated = [model.loop.simulate(model.theta, model.excitation(record)) for record in records]
     return fit_percent(channels, [measured_outputs(r) for r in records], simulated)
-
-
-def _verdict(
-    base: _Fit,
-    fit: _Fit,
-    noise: Noise,
-    history: list[Step],
-    alternatives: list[str],
-    tolerance: float,
-    records: tuple[Record, ...],
-    begun: float,
-) -> Diagnosis:
-    dof = noise.lines - len(fit.model.names)
-    misfit = fit.cost / dof
-    effects = tuple(effect.name for effect in fit.model.effects)
-    share = 1.0 if base.cost <= dof else (base.cost - fit.cost) / (base.cost - dof)
-    notes = []
-    if not effects:
-        verdict = "adequate" if misfit < tolerance else "none_of_the_candidates"
-    elif misfit < tolerance:
-        verdict = "ambiguous" if len(alternatives) > 1 else "explained"
-    elif share > EXPLAINED_SHARE:
-        verdict = "ambiguous" if len(alternatives) > 1 else "explained"
-        notes.append(
-            f"the effects explain {100 * share:.1f} % of the excess misfit; J/dof {misfit:.2f} remains, since their "
-            "formulas only approximate this machine"
-        )
-    else:
-        verdict = "none_of_the_candidates"
-        notes.append(
-            f"best tried: {', '.join(effects)}, which explains {100 * share:.0f} % of the excess misfit; not added"
-        )
-        fit, effects = base, ()
-    where = _where(fit.model, noise, records)
-    return Diagnosis(
-        verdict=verdict,
-        effects=effects,
-        ambiguous_sets=[alternatives] if verdict == "ambiguous" else [],
-        history=history,
-        where=where,
-        model=fit.model,
-        records=records,
-        next_experiment=_next_experiment(verdict, alternatives, where),
-        seconds=time.perf_counter() - begun,
-        notes=tuple(notes),
-    )
-
-
-def _where(model: Model, noise: Noise, records: Sequence[Record], bands: int = 12) -> list[Cell]:
-    """The cells of the map frequency by channel by record in which the misfit is largest."""
-    cells = []
-    for whitener, record in zip(noise.whiteners, records, strict=True):
-        channels = recorded_channels(record)
-        simulated = model.loop.simulate(model.theta, model.excitation(record))[:, : len(channels)]
-        residual = measured_outputs(record)[:, : len(channels)] - simulated
-        alone = channel_lines(residual, whitener.window)
-        frequency = whitener.window.excited * record.sample_rate / (whitener.window.period * whitener.window.periods)
-        edges = np.geomspace(frequency[0], frequency[-1] * 1.0001, bands + 1)
-        for low, high in zip(edges[:-1], edges[1:], strict=True):
-            inside = (frequency >= low) & (frequency < high)
-            if not inside.any():
-                continue
-            for k, channel in enumerate(channels):
-                misfit = float(np.mean(alone[:, inside, k] ** 2))
-                cells.append(Cell(record.name, channel, (float(low), float(high)), misfit, "linear"))
-    return sorted(cells, key=lambda cell: -cell.misfit)
-
-
-def _next_experiment(verdict: str, alternatives: list[str], where: list[Cell]) -> str:
-    if verdict == "adequate":
-        return "none needed in this band and at this amplitude; a larger amplitude would show nonlinear effects"
-    if verdict == "ambiguous":
-        return (
-            f"to tell {' from '.join(alternatives)}: record i_c where it is missing, else another amplitude, another "
-            "bias current or another controller gain; diagnose the old and the new record together"
-        )
-    if verdict == "explained":
-        return "validate on a record at another amplitude or bias current"
-    cell = where[0]
-    return (
-        f"the misfit is largest in {cell.channel} from {cell.band_hz[0]:.0f} to {cell.band_hz[1]:.0f} Hz: repeat at "
-        "half and twice the amplitude to see whether it grows with it, and with excitation in that band only"
-    )

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ambid.localise import Cell, Localisation
 from ambid.model import Model
 from ambid.rank import Ranking
 from ambid.record import Record
@@ -21,27 +22,6 @@ VERDICTS = {
     "none_of_the_candidates": "something is missing that no effect of the catalogue explains; nothing was added",
     "not_informative": "these data cannot decide",
 }
-
-
-@dataclass(frozen=True)
-class Cell:
-    """Misfit of one channel in one band of one record, in units of its noise.
-
-    Attributes
-    ----------
-    record, channel : str
-    band_hz : tuple of float
-    misfit : float
-        Mean square of the whitened lines; 1 is noise alone.
-    kind : str
-        linear, odd, even, synchronous or drift.
-    """
-
-    record: str
-    channel: str
-    band_hz: tuple[float, float]
-    misfit: float
-    kind: str
 
 
 @dataclass(frozen=True)
@@ -111,8 +91,8 @@ class Diagnosis:
     ambiguous_sets : list of list of str
         Effects that these data cannot tell apart.
     history : list of Step
-    where : list of Cell
-        Largest misfit first.
+    localisation : Localisation or None
+        Where the base model fails.
     model : Model
         The last model.
     records : tuple of Record
@@ -126,7 +106,7 @@ class Diagnosis:
     effects: tuple[str, ...]
     ambiguous_sets: list[list[str]]
     history: list[Step]
-    where: list[Cell]
+    localisation: Localisation | None
     model: Model
     records: tuple[Record, ...]
     next_experiment: str
@@ -134,20 +114,25 @@ class Diagnosis:
     notes: tuple[str, ...] = field(default_factory=tuple)
 
     @classmethod
-    def uninformative(cls, model: Model, records: Sequence[Record], why: str, begun: float) -> Diagnosis:
+    def uninformative(cls, model: Model, records: Sequence[Record], why: Sequence[str], begun: float) -> Diagnosis:
         """A diagnosis that could not begin."""
         return cls(
             verdict="not_informative",
             effects=(),
             ambiguous_sets=[],
             history=[],
-            where=[],
+            localisation=None,
             model=model,
             records=tuple(records),
-            next_experiment=f"{why}: excite every axis, with more amplitude or over more periods",
+            next_experiment="first mend what the notes say, then record again",
             seconds=time.perf_counter() - begun,
-            notes=(why,),
+            notes=tuple(why),
         )
+
+    @property
+    def where(self) -> tuple[Cell, ...]:
+        """Cells of the misfit map of the base model, largest misfit first."""
+        return () if self.localisation is None else self.localisation.cells
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""

@@ -69,6 +69,8 @@ class Model:
         the effects.
     effects : sequence of Effect
         Physics beyond the base model.
+    substeps : int, optional
+        Steps per sample of nonlinear effects; default: as many as the response needs to be exact to 1e-6.
 
     Raises
     ------
@@ -76,8 +78,15 @@ class Model:
         If the parameters do not fill every slot of Delta just once, two have one name, or a value is not positive.
     """
 
-    def __init__(self, rig: Rig, parameters: Sequence[Parameter] | None = None, effects: Sequence[Effect] = ()) -> None:
-        self.rig, self.effects = rig, tuple(effects)
+    def __init__(
+        self,
+        rig: Rig,
+        parameters: Sequence[Parameter] | None = None,
+        effects: Sequence[Effect] = (),
+        *,
+        substeps: int | None = None,
+    ) -> None:
+        self.rig, self.effects, self.substeps = rig, tuple(effects), substeps
         nominal = [*_nominal(rig), *(p for effect in self.effects for p in _of_effect(rig, effect, {}))]
         self.parameters = tuple(nominal if parameters is None else parameters)
         filled = [slot for parameter in self.parameters for slot in parameter.slots]
@@ -96,6 +105,11 @@ class Model:
             if not (np.isfinite(parameter.value) and low <= parameter.value <= high and parameter.scale > 0.0):
                 allowed = "a positive number" if (low, high) == (0.0, np.inf) else f"{low:g} to {high:g}"
                 raise ModelError(f"{parameter.name} = {parameter.value}: expected {allowed} in {parameter.unit}")
+
+    @cached_property
+    def is_linear(self) -> bool:
+        """Whether no effect of the model is nonlinear."""
+        return not self.loop.lft.blocks
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -124,7 +138,7 @@ class Model:
         return self.with_values(dict(zip(self.names, np.asarray(theta, dtype=np.float64), strict=True)))
 
     def excitation(self, record: Record) -> NDArray[np.float64]:
-        """Inputs of the loop during a record, shape (N, inputs): i_e.
+        """Inputs of the loop during a record, shape (N, inputs): i_e, then those of disturbances in the model.
 
         Raises
         ------
@@ -136,7 +150,7 @@ class Model:
                 f"{record.path or record.name}: i_e was not logged; load the record with its rig, whose controller "
                 "rebuilds it"
             )
-        return record.i_e
+        return self._inputs(record.i_e, record)
 
     def add(self, effect: Effect | str, values: Mapping[str, float] | None = None) -> Model:
         """Return the model with one more physical effect.
@@ -159,7 +173,7 @@ class Model:
         if not effect.parameters(self.rig):
             raise ModelError(f"{effect.name} makes no sense on this rig ({effect.physics})")
         own = _of_effect(self.rig, effect, values or {})
-        return Model(self.rig, [*self.parameters, *own], [*self.effects, effect])
+        return Model(self.rig, [*self.parameters, *own], [*self.effects, effect], substeps=self.substeps)
 
     def without(self, name: str) -> Model:
         """Return the model without one of its effects."""
@@ -167,7 +181,7 @@ class Model:
         if len(effects) == len(self.effects):
             raise ModelError(f"{name} is not in the model; it has {', '.join(e.name for e in self.effects) or 'none'}")
         parameters = [p for p in self.parameters if not p.name.startswith(f"{name}.")]
-        return Model(self.rig, parameters, effects)
+        return Model(self.rig, parameters, effects, substeps=self.substeps)
 
     def share(self, name: str, members: Iterable[str]) -> Model:
         """Return the model with one parameter in place of several, starting from their mean.
@@ -229,7 +243,15 @@ class Model:
     @cached_property
     def loop(self) -> Loop:
         """The closed loop, inputs i_e, outputs y and i_c."""
-        return Loop(self.rig, self._filled_by(), self.effects)
+        return Loop(self.rig, self._filled_by(), self.effects, substeps=self.substeps)
+
+    def watching(self, signals: Sequence[str]) -> Loop:
+        """The loop with further outputs: signals of the plant of each axis, such as ``s`` and ``i_f``."""
+        return Loop(self.rig, self._filled_by(), self.effects, watch=signals, substeps=self.substeps)
+
+    def with_substeps(self, substeps: int | None) -> Model:
+        """Return the model with a number of steps per sample of its own for nonlinear effects."""
+        return Model(self.rig, self.parameters, self.effects, substeps=substeps)
 
     def simulate(self, i_e: ArrayLike) -> Record:
         """Response from rest to an excitation, without noise.
@@ -250,7 +272,7 @@ class Model:
             If the closed loop is unstable.
         """
         excitation = np.asarray(i_e, dtype=np.float64)
-        return self._record("simulated", excitation, self.loop.simulate(self.theta, excitation))
+        return self._record("simulated", excitation, self.loop.simulate(self.theta, self._inputs(excitation, None)))
 
     def virtual_experiment(
         self, i_e: ArrayLike, *, sensor_noise: float = 50e-9, current_noise: float = 1e-2, seed: int | None = None
@@ -282,8 +304,8 @@ class Model:
         excitation = np.asarray(i_e, dtype=np.float64)
         random = np.random.default_rng(seed)
         noise = sensor_noise * random.standard_normal(excitation.shape)
-        loop = Loop(self.rig, self._filled_by(), self.effects, noise=True)
-        outputs = loop.simulate(self.theta, np.hstack([excitation, noise]))
+        loop = Loop(self.rig, self._filled_by(), self.effects, noise=True, substeps=self.substeps)
+        outputs = loop.simulate(self.theta, np.hstack([self._inputs(excitation, None), noise]))
         n = len(self.rig.axes)
         outputs[:, n:] += current_noise * random.standard_normal(excitation.shape)
         return self._record("virtual experiment", excitation, outputs)
@@ -371,10 +393,15 @@ class Model:
         return "\n".join([f"Model of {self.rig.name!r}, {len(self.rig.axes)} axes, {effects}", *rows])
 
     def _with_parameters(self, parameters: Sequence[Parameter]) -> Model:
-        model = Model(self.rig, parameters, self.effects)
+        model = Model(self.rig, parameters, self.effects, substeps=self.substeps)
         if "loop" in self.__dict__ and [p.slots for p in model.parameters] == [p.slots for p in self.parameters]:
             model.__dict__["loop"] = self.loop  # the compiled loop does not hold values
         return model
+
+    def _inputs(self, i_e: NDArray[np.float64], record: Record | None) -> NDArray[np.float64]:
+        """The excitation, and beside it what effects drive the loop with."""
+        waves = [effect.waveform(self.rig, len(i_e), record) for effect in self.effects]
+        return np.hstack([i_e, *waves]) if any(wave.shape[1] for wave in waves) else i_e
 
     def _filled_by(self) -> dict[str, int]:
         return {slot: i for i, parameter in enumerate(self.parameters) for slot in parameter.slots}

@@ -1,8 +1,8 @@
-"""What was measured: closed-loop records with their gates and noise ceiling, and static loadings."""
+"""What was measured in closed loop: records with their gates and noise ceiling."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,9 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambid import record_checks as checks
+from ambid.channel_map import ChannelMap
 from ambid.errors import RecordError
 from ambid.excitation import find_period, rebuild_excitation
-from ambid.readers import SIGNALS, read, read_csv_columns, require_content, write
+from ambid.raw_record import SIGNALS, raw_record
+from ambid.readers import read
+from ambid.static_loading import StaticLoading
+from ambid.writers import write
 
 if TYPE_CHECKING:
     from ambid.rig import Rig
@@ -89,8 +93,16 @@ class Record:
             object.__setattr__(self, signal, array)
 
     @classmethod
-    def load(cls, path: str | Path, rig: Rig | None = None, *, period: int | None = None) -> Record:
-        """Read a record from a .csv, .mat (v5, v7.3), .h5, .hdf5 or .parquet file, and check it.
+    def load(
+        cls,
+        path: str | Path,
+        rig: Rig | None = None,
+        *,
+        period: int | None = None,
+        mapping: ChannelMap | Mapping[str, str] | None = None,
+        sample_rate: float | None = None,
+    ) -> Record:
+        """Read a record from a .csv, .mat (v5, v7.3), .h5, .hdf5, .parquet or .tdms file, and check it.
 
         Parameters
         ----------
@@ -101,6 +113,10 @@ class Record:
             rebuilds i_e where that was not logged.
         period : int, optional
             Samples per period; by default it is found from i_e.
+        mapping : ChannelMap or mapping of str to str, optional
+            Columns and factors of a file that has not our names and units, such as ``{"y.A_zeta": "ch3:1e-6", ...}``.
+        sample_rate : float, optional
+            Of a file that states none [Hz].
 
         Returns
         -------
@@ -112,11 +128,14 @@ class Record:
         RecordError
             If the file cannot be read, or a gate refuses its values.
         InputError
-            If the format needs a package that is not installed.
+            If the format needs a package that is not installed, or the mapping names no channel of ours.
         """
         path = Path(path)
         where = str(path)
-        raw = read(path)
+        if mapping is not None and not isinstance(mapping, ChannelMap):
+            mapping = ChannelMap(mapping)
+        content = read(path)
+        raw = (raw_record if mapping is None else mapping.raw_record)(path, content, sample_rate)
         notes = list(raw.notes)
         axes = raw.signals["y"][0]
         if axes is None:
@@ -221,7 +240,7 @@ class Record:
         return np.arange(self.samples) / self.sample_rate
 
     def save(self, path: str | Path) -> None:
-        """Write the signals to a .csv, .mat (v5), .h5, .hdf5 or .parquet file; period and notes are found on loading.
+        """Write the signals to a .csv, .mat (v5), .h5, .hdf5, .parquet or .tdms file; loading finds period and notes.
 
         Raises
         ------
@@ -305,89 +324,6 @@ def noise_ceiling(record: Record) -> dict[str, float]:
         scatter = np.linalg.norm(x - x.mean(axis=0)) * np.sqrt(kept / (kept - 1))
         ceiling[channel] = float(100 * (1 - scatter / np.linalg.norm(x - x.mean())))
     return ceiling
-
-
-@dataclass(frozen=True, repr=False)
-class StaticLoading:
-    """One static loading, M steps: known forces on the levitated rotor and the currents that carry them.
-
-    Attributes
-    ----------
-    name : str
-        What reports call it.
-    axes : tuple of str
-        Names of the columns of `i_c`.
-    z : ndarray, shape (M,)
-        Where the force acts [m].
-    force : ndarray, shape (M, 2)
-        F_x and F_y in global axes [N].
-    i_c : ndarray, shape (M, n)
-        Mean control currents [A].
-    notes : tuple of str
-        Every warning and repair.
-    path : Path or None
-        File that it came from.
-    """
-
-    name: str
-    axes: tuple[str, ...]
-    z: NDArray[np.float64]
-    force: NDArray[np.float64]
-    i_c: NDArray[np.float64]
-    notes: tuple[str, ...] = ()
-    path: Path | None = None
-
-    @classmethod
-    def load(cls, path: str | Path, rig: Rig | None = None) -> StaticLoading:
-        """Read a loading from a .csv file with the columns step, z, F_x, F_y, i_c.<axis>, and check it.
-
-        Parameters
-        ----------
-        path : str or Path
-            The .csv file.
-        rig : Rig, optional
-            Its axes are matched by name, and z must lie on its shaft.
-
-        Raises
-        ------
-        RecordError
-            If the file cannot be read, has fewer than 3 steps or no change of load, or z is off the shaft.
-        """
-        path = Path(path)
-        where = str(path)
-        if path.suffix.lower() != ".csv":
-            raise RecordError(f"{where}: suffix {path.suffix!r} is not that of a static loading; use .csv")
-        require_content(path)
-        columns = read_csv_columns(path)
-        missing = [name for name in ("step", "z", "F_x", "F_y") if name not in columns]
-        axes = tuple(name.removeprefix("i_c.") for name in columns if name.startswith("i_c."))
-        if missing or not axes:
-            missing += [] if axes else ["i_c.<axis>"]
-            raise RecordError(f"{where}: no column {', '.join(missing)}; the columns are {', '.join(columns)}")
-        checks.require_finite(where, columns.items())
-        unused = [n for n in columns if n not in ("step", "z", "F_x", "F_y") and not n.startswith("i_c.")]
-        notes = [f"columns not used: {', '.join(unused)}"] if unused else []
-        if rig is not None:
-            checks.order_of_axes(where, axes, tuple(rig.axes), "the rig")
-            if axes != tuple(rig.axes):
-                notes.append(f"axes {', '.join(axes)} were reordered to the rig's {', '.join(rig.axes)}")
-                axes = tuple(rig.axes)
-        z, force = columns["z"], np.stack([columns["F_x"], columns["F_y"]], axis=1)
-        i_c = np.stack([columns[f"i_c.{axis}"] for axis in axes], axis=1)
-        if len(z) < 3:
-            raise RecordError(f"{where}: {len(z)} load steps; a slope needs at least 3")
-        if not np.any(np.ptp(force, axis=0)):
-            raise RecordError(f"{where}: the load is {force[0]} N in every step; apply at least two different loads")
-        for j, axis in enumerate(axes):
-            checks.require_ampere(where, f"i_c.{axis}", i_c[:, j])
-            checks.require_alive(where, f"i_c.{axis}", i_c[:, j])
-        if rig is not None:
-            checks.require_on_shaft(where, z, rig)
-        return cls(path.stem, axes, z, force, i_c, tuple(notes), path)
-
-    def __repr__(self) -> str:
-        largest = np.linalg.norm(self.force, axis=1).max()
-        return f"StaticLoading({self.name!r}: {len(self.z)} steps up to {largest:.4g} N; i_c on {', '.join(self.axes)})"
 
 
 def _as_array(where: str, signal: str, values: ArrayLike) -> NDArray[np.float64]:

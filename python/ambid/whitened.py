@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambid.errors import RecordError
 from ambid.fit import measured_outputs, recorded_channels
@@ -12,23 +13,30 @@ from ambid.loop.assembly import FloatArray
 from ambid.model import Model
 from ambid.problem import LeastSquares
 from ambid.record import Record
+from ambid.tones import Tone, find_tones, without_tones
 from ambid.yardstick import Whitener, Window
 
 
 class Noise:
     """Noise of y and i_c of several records, from the residual of one model; the same for all models after.
 
+    Tones of the residual are no noise: they are taken out of it, and the lines around them are judged beside the
+    excited ones.
+
     Attributes
     ----------
+    records : tuple of Record
+    tones : list of tuple of Tone
+        Of each record.
     whiteners : list of Whitener
         One per record.
     lines : int
-        Number of real numbers that all whitened residuals have: 2 p K summed over the records.
+        Number of real numbers that all whitened residuals have: 2 p per line, summed over the records.
     """
 
     def __init__(self, model: Model, records: Sequence[Record]) -> None:
         self.records = tuple(records)
-        self.whiteners = []
+        self.tones, self.whiteners = [], []
         for record in records:
             if record.period is None or record.periods < 3:
                 raise RecordError(
@@ -36,20 +44,22 @@ class Noise:
                     "units needs 3 or more. Record more periods, or state the period."
                 )
             window = Window(record.period, record.periods - 1)
-            self.whiteners.append(Whitener.from_residual(_residual(model, record), window))
-        self.lines = sum(2 * w.factor.shape[0] * w.factor.shape[1] for w in self.whiteners)
+            residual, rate = _residual(model, record), record.sample_rate
+            tones = find_tones(residual, window, rate, len(record.axes), model.rig.speed) if record.periods > 3 else ()
+            quiet = without_tones(residual, tones, window, rate)
+            self.tones.append(tones)
+            self.whiteners.append(Whitener.from_residual(quiet, window, _around(tones, window, rate)))
+        self.lines = sum(w.numbers for w in self.whiteners)
 
     def residual(self, model: Model) -> FloatArray:
         """Whitened measured minus simulated, all records in a row; its sum of squares is J."""
         pairs = zip(self.whiteners, self.records, strict=True)
-        return np.concatenate([w.whiten(_residual(model, record)).ravel() for w, record in pairs])
+        return np.concatenate([w.whiten(_residual(model, record)) for w, record in pairs])
 
-    def change(self, model: Model, base: Model) -> FloatArray:
-        """Whitened response of `model` minus that of `base`."""
-        found = []
-        for w, record in zip(self.whiteners, self.records, strict=True):
-            found.append(w.whiten(_simulated(model, record) - _simulated(base, record)).ravel())
-        return np.concatenate(found)
+    def response(self, model: Model) -> FloatArray:
+        """Whitened simulated response."""
+        pairs = zip(self.whiteners, self.records, strict=True)
+        return np.concatenate([w.whiten(_simulated(model, record)) for w, record in pairs])
 
     def jacobian(self, model: Model, free: Sequence[int]) -> tuple[FloatArray, FloatArray]:
         """Whitened residual, and whitened derivative of the response by the parameters in `free`."""
@@ -57,9 +67,17 @@ class Noise:
         for w, record in zip(self.whiteners, self.records, strict=True):
             y, slopes = model.loop.sensitivity(model.theta, model.excitation(record), free)
             p = len(recorded_channels(record))
-            residuals.append(w.whiten(measured_outputs(record)[:, :p] - y[:, :p]).ravel())
-            columns.append(np.column_stack([w.whiten(slopes[:, :p, j]).ravel() for j in range(len(free))]))
+            residuals.append(w.whiten(measured_outputs(record)[:, :p] - y[:, :p]))
+            columns.append(w.whiten(slopes[:, :p]))
         return np.concatenate(residuals), np.vstack(columns)
+
+
+def _around(tones: Sequence[Tone], window: Window, sample_rate: float) -> NDArray[np.intp]:
+    """The unexcited lines next to tones."""
+    at = [tone.frequency_hz * window.samples / sample_rate for tone in tones]
+    near = {line for place in at for line in range(int(place) - 1, int(place) + 3)}
+    inside = (line for line in near if 0 < line < window.samples // 2 and line % window.periods)
+    return np.array(sorted(inside), dtype=np.intp)
 
 
 def _simulated(model: Model, record: Record) -> FloatArray:

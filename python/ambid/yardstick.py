@@ -41,75 +41,107 @@ class Window:
     period: int
     periods: int
 
-    def lines(self, signal: FloatArray) -> ComplexArray:
-        """R(l) for l = 0 .. M N / 2 of a signal of shape (samples, ...), which starts with the record."""
-        n = self.period * self.periods
-        return rfft(signal[self.period : self.period + n], axis=0) / np.sqrt(n)
+    @property
+    def samples(self) -> int:
+        """M N."""
+        return self.period * self.periods
 
     @property
     def excited(self) -> NDArray[np.intp]:
         """Indices of the excited lines, neither DC nor the highest."""
         return self.periods * np.arange(1, (self.period + 1) // 2)
 
+    def cut(self, signal: FloatArray) -> FloatArray:
+        """The samples that count, of a signal that starts with the record."""
+        return signal[self.period : self.period + self.samples]
+
+    def lines(self, signal: FloatArray) -> ComplexArray:
+        """R(l) for l = 0 .. M N / 2 of a signal of shape (samples, ...), which starts with the record."""
+        return rfft(self.cut(signal), axis=0) / np.sqrt(self.samples)
+
+    def some_lines(self, signal: FloatArray, more: NDArray[np.intp]) -> ComplexArray:
+        """R(l) of the excited lines, then of a few more; the mean over the periods holds all that is excited."""
+        part = self.cut(signal)
+        folded = part.reshape(self.periods, self.period, *part.shape[1:]).sum(axis=0)
+        lines = rfft(folded, axis=0)[1 : (self.period + 1) // 2]
+        if len(more):
+            angles = 2.0 * np.pi / self.samples * np.outer(more, np.arange(self.samples))
+            flat = part.reshape(self.samples, -1)
+            others = np.cos(angles) @ flat - 1j * (np.sin(angles) @ flat)
+            lines = np.concatenate([lines, others.reshape(len(more), *part.shape[1:])])
+        return lines / np.sqrt(self.samples)
+
 
 @dataclass(frozen=True)
 class Whitener:
-    """Noise of the residual on the excited lines of one record; frozen during a fit.
+    """Noise of the residual on the lines of one record that are judged; frozen during a fit.
 
     Attributes
     ----------
     window : Window
-    factor : ndarray, shape (K, p, p)
-        Lower Cholesky factors of ``S n_l / (n_l - p)`` on the excited lines.
+    more : ndarray of int
+        Lines that are judged beyond the excited ones.
+    whitening : ndarray, shape (lines, p, p)
+        Inverse of the Cholesky factors of ``S n_l / (n_l - p)``, times the root of two.
     """
 
     window: Window
-    factor: ComplexArray
+    more: NDArray[np.intp]
+    whitening: ComplexArray
 
     @classmethod
-    def from_residual(cls, residual: FloatArray, window: Window) -> Whitener:
+    def from_residual(cls, residual: FloatArray, window: Window, more: NDArray[np.intp] | None = None) -> Whitener:
         """Estimate the noise from the unexcited lines.
 
         Parameters
         ----------
         residual : ndarray, shape (samples, p)
-            Of the whole record, from its first sample on.
+            Of the whole record, from its first sample on, without tones.
         window : Window
             At least 2 periods.
+        more : ndarray of int, optional
+            Unexcited lines that are to be judged too.
         """
+        more = np.zeros(0, dtype=np.intp) if more is None else more
         lines = window.lines(residual)
-        p, excited = residual.shape[1], window.excited
+        p = residual.shape[1]
         power = np.einsum("lc,ld->lcd", lines, lines.conj())
-        power[0] = power[:: window.periods] = 0.0
         quiet = np.ones(len(lines))
-        quiet[:: window.periods] = 0.0
-        quiet[-1] = 0.0
-        power[-1] = 0.0
+        quiet[:: window.periods] = quiet[-1] = 0.0
+        power *= quiet[:, None, None]
         below = np.concatenate([np.zeros((1, p, p)), np.cumsum(power, axis=0)])
         count_below = np.concatenate([[0.0], np.cumsum(quiet)])
+        judged = np.concatenate([window.excited, more])
         reach = HALF_WIDTH * window.periods
-        low, high = np.maximum(excited - reach, 0), np.minimum(excited + reach + 1, len(lines))
+        low, high = np.maximum(judged - reach, 0), np.minimum(judged + reach + 1, len(lines))
         count = count_below[high] - count_below[low]
         spectrum = (below[high] - below[low]) / (count - p)[:, None, None]  # S n_l / (n_l - p)
-        return cls(window, np.linalg.cholesky(spectrum))
+        return cls(window, more, np.sqrt(2.0) * np.linalg.inv(np.linalg.cholesky(spectrum)))
 
     def whiten(self, signal: FloatArray) -> FloatArray:
-        """Whitened excited lines of a signal of shape (samples, p), as real numbers of shape (2, K, p).
+        """Whitened judged lines of a signal of shape (samples, p) or (samples, p, q), as real numbers.
 
-        Their sum of squares is J when `signal` is the residual.
+        Returns
+        -------
+        ndarray, shape (2 lines p,) or (2 lines p, q)
+            Its sum of squares is J when `signal` is the residual.
         """
-        lines = self.window.lines(signal)[self.window.excited]
-        white = np.sqrt(2.0) * np.linalg.solve(self.factor, lines[..., None])[..., 0]
-        return np.stack([white.real, white.imag])
+        lines = self.window.some_lines(signal, self.more)
+        white = self.whitening @ (lines if lines.ndim == 3 else lines[..., None])
+        white = white.reshape(-1, white.shape[-1])
+        both = np.concatenate([white.real, white.imag])
+        return both if signal.ndim == 3 else both[:, 0]
+
+    @property
+    def numbers(self) -> int:
+        """Real numbers that `whiten` returns: 2 p per line."""
+        return 2 * self.whitening.shape[0] * self.whitening.shape[1]
 
 
 def channel_lines(residual: FloatArray, window: Window) -> FloatArray:
     """Whitened excited lines of each channel, judged against its own noise alone, shape (2, K, p)."""
-    parts = []
-    for channel in residual.T:
-        own = Whitener.from_residual(channel[:, None], window)
-        parts.append(own.whiten(channel[:, None])[..., 0])
-    return np.stack(parts, axis=-1)
+    parts = [Whitener.from_residual(channel[:, None], window).whiten(channel[:, None]) for channel in residual.T]
+    return np.stack(parts, axis=-1).reshape(2, -1, residual.shape[1])
 
 
 def channel_misfit(residual: FloatArray, window: Window) -> FloatArray:

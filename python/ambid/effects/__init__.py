@@ -1,10 +1,13 @@
 """The catalogue of physical effects that a model may lack."""
 
 from collections.abc import Mapping
+from typing import Any
 
 from ambid.effects.actuator import AxisCrossCoupling, EddyCurrents
-from ambid.effects.amplifier import AmplifierBandwidth, BackEmf, LoopDelay
-from ambid.effects.base import Effect, EffectParameter
+from ambid.effects.amplifier import AmplifierBandwidth, AmplifierVoltageLimit, BackEmf, LoopDelay
+from ambid.effects.base import Effect, EffectParameter, Seen
+from ambid.effects.disturbance import PeriodicDisturbance, Unbalance
+from ambid.effects.magnet import FluxSaturation, ForceNonlinearity, MagneticHysteresis
 from ambid.effects.rotor import BendingModeShift, GyroscopicCoupling, RotorBendingMode, RotorInertiaError
 from ambid.effects.sensor import (
     SamplingSkew,
@@ -16,19 +19,24 @@ from ambid.effects.sensor import (
 from ambid.effects.support import CouplingStiffness, FoundationResonance, SealForces
 from ambid.errors import ModelError
 
-__all__ = ["CATALOGUE", "Effect", "EffectParameter", "find"]
+__all__ = ["CATALOGUE", "Effect", "EffectParameter", "Seen", "find"]
 
 CATALOGUE: tuple[Effect, ...] = (
     RotorBendingMode(),
     BendingModeShift(),
     RotorInertiaError(),
     GyroscopicCoupling(),
+    Unbalance(),
     SealForces(),
     CouplingStiffness(),
     FoundationResonance(),
+    ForceNonlinearity(),
+    FluxSaturation(),
     EddyCurrents(),
+    MagneticHysteresis(),
     AxisCrossCoupling(),
     AmplifierBandwidth(),
+    AmplifierVoltageLimit(),
     LoopDelay(),
     SensorLag(),
     SensorGainError(),
@@ -36,10 +44,11 @@ CATALOGUE: tuple[Effect, ...] = (
     SensorPositionError(),
     SamplingSkew(),
     BackEmf(),
+    PeriodicDisturbance(),
 )
 
 
-def find(name: str, settings: Mapping[str, float] | None = None) -> Effect:
+def find(name: str, settings: Mapping[str, Any] | None = None) -> Effect:
     """Effect of the catalogue by name; with settings, the variant of it that they make.
 
     Raises

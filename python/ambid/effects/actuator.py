@@ -23,39 +23,38 @@ class EddyCurrents(Effect):
     source = "Zhu, Knospe, Maslen, IEEE/ASME Trans. Mechatronics 10 (2005) 59"
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
-        """Time constant of the half-order lag [s]."""
-        tau = rig.actuator.time_constant
-        return [EffectParameter("time_constant", "s", 1e-3 * tau, lower=1e-6 * tau, upper=1.0)]
+        """Root of the time constant tau of the half-order lag [s^0.5]; the effect is in proportion to it."""
+        return [EffectParameter("root_time_constant", "s^0.5", 1e-4, upper=0.1)]
 
     def attach(self, plant: Plant) -> None:
-        """The flux current behind a sum of lags whose time constants all scale with tau."""
-        ratios, shares = half_order()
-        for axis in plant.axes:
-            current = plant.raw(f"i_f.{axis}")
-            states = []
-            for k, ratio in enumerate(ratios):
-                name = f"eddy.{axis}.{k}"
+        """``flux = i - sqrt(tau) sqrt(s) flux``, with sqrt(s) as a sum of ``c s/(s + p)`` whatever tau is."""
+        poles, weights = half_derivative()
+        for k, axis in enumerate(plant.axes):
+            # poles of different axes must not coincide: the loop would have no well-conditioned modes
+            apart = 1.0 + 0.03 * k
+            flux = plant[f"i_f.{axis}"]
+            parts = []
+            for j, pole in enumerate(poles):
+                name = f"eddy.{axis}.{j}"
                 state = plant.state(name)
-                lagging = plant.port(self.slot("time_constant"), current - state, power=-1, scale=1.0 / ratio)
-                plant.set_rate(name, lagging)
-                states.append(state)
-            plant.inject(f"i_f.{axis}", combine(shares, states) - current)
+                plant.set_rate(name, pole * apart * (flux - state))
+                parts.append(flux - state)
+            lost = combine(weights * np.sqrt(apart), parts)
+            plant.inject(f"i_f.{axis}", -plant.port(self.slot("root_time_constant"), lost))
 
 
 @cache
-def half_order() -> tuple[np.ndarray, np.ndarray]:
-    """Time constants, as multiples of tau, and shares of lags that add up to ``1/(1 + sqrt(tau s))``.
+def half_derivative() -> tuple[np.ndarray, np.ndarray]:
+    """Poles p [1/s] and weights c of ``sqrt(s) ~ sum c s/(s + p)``.
 
-    Non-negative least squares over ``tau w = 1e-5 .. 30`` [rad]; the shares add up to one.
+    Non-negative least squares of the relative error over 3 .. 1e5 rad/s.
     """
-    ratios = np.logspace(-2.0, 5.0, 14)
-    w = np.logspace(-5.0, 1.5, 200)
-    lags = 1.0 / (1.0 + 1j * w[:, None] * ratios)
-    target = 1.0 / (1.0 + np.sqrt(1j * w))
-    table = np.vstack([lags.real, lags.imag, 1e3 * np.ones((1, len(ratios)))])
-    shares, _ = nnls(table, np.concatenate([target.real, target.imag, [1e3]]))
-    used = shares > 0.0
-    return ratios[used], shares[used]
+    poles = np.geomspace(0.3, 2e6, 16)
+    w = np.geomspace(3.0, 1e5, 300)
+    target = np.sqrt(1j * w)
+    parts = 1j * w[:, None] / (1j * w[:, None] + poles) / target[:, None]
+    weights, _ = nnls(np.vstack([parts.real, parts.imag]), np.concatenate([np.ones(len(w)), np.zeros(len(w))]))
+    return poles, weights
 
 
 class AxisCrossCoupling(Effect):

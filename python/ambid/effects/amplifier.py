@@ -7,7 +7,7 @@ from math import comb, factorial, pi
 
 import numpy as np
 
-from ambid.effects.base import Effect, EffectParameter
+from ambid.effects.base import Effect, EffectParameter, Seen
 from ambid.loop.assembly import combine
 from ambid.loop.plant import Plant
 from ambid.rig import Rig
@@ -105,6 +105,52 @@ class AmplifierBandwidth(Effect):
             drive = plant[f"i_ref.{axis}"] - current - damped
             plant.set_rate(f"amplifier_rate.{axis}", plant.port(frequency, drive, scale=2.0 * pi))
             plant.inject(f"i_a.{axis}", current - plant.raw(f"i_a.{axis}"))
+
+
+class AmplifierVoltageLimit(Effect):
+    """The supply voltage limits how fast the current can change."""
+
+    name = "amplifier_voltage_limit"
+    physics = "current slew rate limited by the supply voltage"
+    signature = "odd; only where the excitation steps or the amplitude is large; i_c late after large steps alone"
+    source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, section 4.3"
+    smoothing = 0.05
+
+    def __init__(self, probed: float = 1e-4) -> None:
+        self.probed = probed
+
+    def settings(self) -> dict[str, float]:
+        """Inverse slew rate that is probed [s/A]."""
+        return {"probed": self.probed}
+
+    def variants(self, seen: Seen) -> Sequence[Effect]:
+        """Limits that cut more or less off the fastest change that the linear amplifier makes."""
+        if seen.rig.amplifier.time_constant == 0.0:
+            return (self,)
+        fastest = seen.peaks["drive"] / seen.rig.amplifier.time_constant
+        return [AmplifierVoltageLimit(float(1.0 / (share * fastest))) for share in (0.95, 0.8, 0.6, 0.4, 0.25)]
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """One over the largest rate of the current [s/A]."""
+        if rig.amplifier.time_constant == 0.0:
+            return []
+        return [EffectParameter("inverse_slew_rate", "s/A", self.probed, upper=1.0)]
+
+    def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
+        """More or less than the probe."""
+        return np.zeros(1), np.full(1, 10.0)
+
+    def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
+        """The limit of the probe."""
+        return {"inverse_slew_rate": self.probed}
+
+    def attach(self, plant: Plant) -> None:
+        """``i_a' = clip((i_ref - i_a)/tau_a, -R, R)``, rounded at the corners by 5 % of R."""
+        tau = plant.rig.amplifier.time_constant
+        slots, constants = {"inverse_limit": self.slot("inverse_slew_rate")}, {"smoothing": self.smoothing}
+        for axis in plant.axes:
+            cut = plant.block("slew_limit", [plant.raw(f"drive.{axis}") / tau], slots, constants)
+            plant.inject(f"drive.{axis}", tau * cut)
 
 
 class BackEmf(Effect):

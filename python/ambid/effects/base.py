@@ -5,12 +5,35 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from ambid.loop.assembly import FloatArray
 from ambid.loop.plant import Plant
 from ambid.rig import Rig
+
+if TYPE_CHECKING:
+    from ambid.record import Record
+    from ambid.tones import Tone
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the model and the records show before any candidate is tried.
+
+    Attributes
+    ----------
+    rig : Rig
+    peaks : mapping of str to float
+        Largest absolute value of signals of the plant over all axes and records: ``s``, ``i_f``, ``drive``.
+    tones : sequence of Tone
+        Lines of the residual that belong to no excitation.
+    """
+
+    rig: Rig
+    peaks: Mapping[str, float]
+    tones: Sequence[Tone] = ()
 
 
 @dataclass(frozen=True)
@@ -45,12 +68,15 @@ class Effect(ABC):
         Identifier, such as ``loop_delay``.
     physics, signature, source : str
         A sentence each: what happens, how it shows in the residual, where it is described.
+    contains : tuple of str
+        Names of simpler effects that this one includes; where one of them does as well, it is named instead.
     """
 
     name: ClassVar[str]
     physics: ClassVar[str]
     signature: ClassVar[str]
     source: ClassVar[str]
+    contains: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
@@ -60,11 +86,18 @@ class Effect(ABC):
     def attach(self, plant: Plant) -> None:
         """Add states, ports and injections to the plant; ports fill the slots ``<effect>.<parameter>``."""
 
-    def variants(self, rig: Rig) -> Sequence[Effect]:
-        """The effect at each place or frequency where it is to be tried; the best of them is ranked."""
+    def variants(self, seen: Seen) -> Sequence[Effect]:
+        """The effect at each place, frequency or size where it is to be tried; the best of them is ranked."""
         return (self,)
 
-    def settings(self) -> dict[str, float]:
+    def waveform(self, rig: Rig, samples: int, record: Record | None) -> FloatArray:
+        """Known inputs, shape (samples, k), that drive the plant's inputs of this effect, in their order.
+
+        They are held from sample to sample. `record` is the record that is being simulated, if there is one.
+        """
+        return np.zeros((samples, 0))
+
+    def settings(self) -> dict[str, Any]:
         """Arguments of the constructor that make this variant, as saved with a model."""
         return {}
 

@@ -29,7 +29,7 @@ class RotorBendingMode(Effect):
         return sum(f < 0.4 * rig.sample_rate for f in rotor.frequencies_rad_s[-2:] / (2.0 * pi))
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
-        """Frequency [Hz] and damping ratio of each further mode."""
+        """Frequency [Hz], damping ratio and participation of each further mode."""
         more = self.flexible_modes(rig)
         if more == 0:
             return []
@@ -42,32 +42,45 @@ class RotorBendingMode(Effect):
             parameters += [
                 EffectParameter(f"frequency_{k}_hz", "Hz", float(frequency), 0.7 * frequency, 1.4 * frequency),
                 EffectParameter(f"damping_{k}", "1", damping, lower=1e-5, upper=0.3),
+                EffectParameter(f"participation_{k}", "1", 1.0, upper=4.0),
             ]
         return parameters
 
     def probes(self, rig: Rig) -> Sequence[Mapping[str, float]]:
-        """All further modes at once, as computed: mode in minus mode out."""
-        return [{p.name: p.probe for p in self.parameters(rig)}]
+        """Each further mode as computed, without the others: mode in minus mode out."""
+        own = self.parameters(rig)
+        alone = {p.name: p.probe for p in own if not p.name.startswith("participation")}
+        return [
+            {**alone, **{p.name: float(p.name.endswith(f"_{k}")) for p in own if p.name.startswith("participation")}}
+            for k in range(1, len(own) // 3 + 1)
+        ]
 
     def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
-        """Present or absent."""
-        return np.zeros(1), np.full(1, np.inf)
+        """Of each mode, nothing or any share."""
+        count = len(self.probes(rig))
+        return np.zeros(count), np.full(count, np.inf)
 
     def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
-        """As computed."""
-        return {p.name: p.probe for p in self.parameters(rig)}
+        """As computed, with the participation that the residual calls for."""
+        start = {p.name: p.probe for p in self.parameters(rig)}
+        for k, amplitude in enumerate(amplitudes, start=1):
+            start[f"participation_{k}"] = float(np.clip(amplitude, 1e-3, 1.0))
+        return start
 
     def attach(self, plant: Plant) -> None:
-        """``eta'' = -w^2 eta - 2 zeta w eta' + force`` with w and zeta as parameters."""
+        """``eta'' = -w^2 eta - 2 zeta w eta' + p force``: 1 is a mode whose shape is right at magnets and sensors."""
         more = self.flexible_modes(plant.rig)
         n = len(plant.rotor.frequencies_rad_s)
         for j in range(more):
             frequency, damping = self.slot(f"frequency_{j + 1}_hz"), self.slot(f"damping_{j + 1}")
             for plane in range(plant.rotor.planes):
                 k = plane * n + n - more + j
+                force = plant.raw(f"modal_force.{k}")
+                taking_part = plant.port(self.slot(f"participation_{j + 1}"), force) - force
                 w_eta = plant.port(frequency, plant[f"eta.{k}"], scale=2.0 * pi)
                 damped = plant.port(damping, plant[f"eta_rate.{k}"], scale=2.0)
-                plant.inject(f"modal_force.{k}", -plant.port(frequency, w_eta + damped, scale=2.0 * pi))
+                held = plant.port(frequency, w_eta + damped, scale=2.0 * pi)
+                plant.inject(f"modal_force.{k}", taking_part - held)
 
 
 class BendingModeShift(Effect):

@@ -7,7 +7,7 @@ from math import pi
 
 import numpy as np
 
-from ambid.effects.base import Effect, EffectParameter
+from ambid.effects.base import Effect, EffectParameter, Seen
 from ambid.loop.plant import Plant
 from ambid.rig import FiniteElementRotor, PointMassRotor, Rig
 
@@ -16,6 +16,18 @@ UNBOUNDED = float("inf")
 
 def _stiffness(rig: Rig) -> float:
     return float(np.mean([k for b in rig.bearings for k in b.force_displacement]))
+
+
+def half_way(rig: Rig) -> float:
+    """Half-way between the outermost bearings [m]."""
+    ends = [b.position for b in rig.bearings]
+    return 0.5 * (min(ends) + max(ends))
+
+
+def likely_places(rig: Rig) -> list[float]:
+    """Half-way between the bearings, and every disk [m]."""
+    disks = [disk.position for disk in rig.rotor.disk] if isinstance(rig.rotor, FiniteElementRotor) else []
+    return sorted({round(half_way(rig), 9), *disks})
 
 
 class SealForces(Effect):
@@ -29,10 +41,9 @@ class SealForces(Effect):
     def __init__(self, z: float | None = None) -> None:
         self.z = z
 
-    def variants(self, rig: Rig) -> Sequence[Effect]:
+    def variants(self, seen: Seen) -> Sequence[Effect]:
         """Half-way between the bearings, and at every disk."""
-        disks = [] if not isinstance(rig.rotor, FiniteElementRotor) else [disk.position for disk in rig.rotor.disk]
-        return [SealForces(z) for z in sorted({round(self.place(rig), 9), *disks})] if self.z is None else (self,)
+        return [SealForces(z) for z in likely_places(seen.rig)] if self.z is None else (self,)
 
     def settings(self) -> dict[str, float]:
         """Its place."""
@@ -40,8 +51,7 @@ class SealForces(Effect):
 
     def place(self, rig: Rig) -> float:
         """Where it acts [m]; by default half-way between the outermost bearings."""
-        ends = [b.position for b in rig.bearings]
-        return 0.5 * (min(ends) + max(ends)) if self.z is None else self.z
+        return half_way(rig) if self.z is None else self.z
 
     def positions(self, rig: Rig) -> Sequence[float]:
         """Its place."""
@@ -82,7 +92,7 @@ class CouplingStiffness(Effect):
     def __init__(self, end: int | None = None) -> None:
         self.end = end
 
-    def variants(self, rig: Rig) -> Sequence[Effect]:
+    def variants(self, seen: Seen) -> Sequence[Effect]:
         """At either end, since the rig file does not say which is the drive end."""
         return [CouplingStiffness(0), CouplingStiffness(1)] if self.end is None else (self,)
 
@@ -124,11 +134,11 @@ class FoundationResonance(Effect):
     def __init__(self, frequency_hz: float | None = None) -> None:
         self.frequency_hz = frequency_hz
 
-    def variants(self, rig: Rig) -> Sequence[Effect]:
+    def variants(self, seen: Seen) -> Sequence[Effect]:
         """A scan over frequency, a tenth of an octave more than its probe is wide."""
         if self.frequency_hz is not None:
             return (self,)
-        return [FoundationResonance(float(f)) for f in np.geomspace(10.0, 0.2 * rig.sample_rate, 40)]
+        return [FoundationResonance(float(f)) for f in np.geomspace(10.0, 0.2 * seen.rig.sample_rate, 40)]
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Frequency [Hz], damping ratio, compliance as the inverse of the moving mass [1/kg]."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 
@@ -31,19 +33,46 @@ class Port:
 
 
 @dataclass(frozen=True)
+class Block:
+    """One nonlinear entry of Delta: a number w from one or two signals z by a law of the core.
+
+    Attributes
+    ----------
+    law : str
+        ``force_law``, ``slew_limit``, ``bouc_wen``, ``table`` or ``polynomial``; see `_core.ClosedLoop`.
+    signals : int
+        Number of signals z, 1 or 2.
+    slots : mapping of str to str
+        What each uncertain coefficient of the law stands for, such as ``{"K_i": "K_i.A_zeta"}``.
+    constants : mapping of str to float
+        All other coefficients.
+    shape : mapping
+        What else the law takes: ``curve``, ``exponents``, or ``values`` with ``first`` and ``spacing``.
+    """
+
+    law: str
+    signals: int
+    slots: Mapping[str, str]
+    constants: Mapping[str, float] = field(default_factory=dict)
+    shape: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Lft:
-    """G with its Delta ports: ``x' = A x + B [u; w]``, ``[y; z] = C x + D [u; w]``, ``w = Delta z`` (eq. 8, Fig. 3).
+    """G with its Delta: ``x' = A x + B [u; w]``, ``[y; z] = C x + D [u; w]``, ``w = Delta z`` (eq. 8, Fig. 3).
 
     Attributes
     ----------
     A : ndarray, shape (n, n)
-    B : ndarray, shape (n, inputs + ports)
-    C : ndarray, shape (outputs + ports, n)
-    D : ndarray, shape (outputs + ports, inputs + ports)
+    B : ndarray, shape (n, inputs + ports + blocks)
+    C : ndarray, shape (outputs + ports + signals of all blocks, n)
+    D : ndarray, shape (outputs + ports + signals of all blocks, inputs + ports + blocks)
     inputs, outputs : tuple of str
         Names of the signals u and y, such as ``i_ref.A_zeta`` and ``y.A_zeta``.
     ports : tuple of Port
-        Entries of Delta, in the order of w and z.
+        Linear entries of Delta, in the order of w and z.
+    blocks : tuple of Block
+        Nonlinear entries, after the linear ones.
     """
 
     A: FloatArray
@@ -53,6 +82,7 @@ class Lft:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     ports: tuple[Port, ...]
+    blocks: tuple[Block, ...] = ()
 
 
 class Signal:
@@ -106,10 +136,20 @@ class Assembly:
         self.states: list[str] = []
         self.inputs: list[str] = []
         self.ports: list[Port] = []
+        self.blocks: list[Block] = []
         self._rates: dict[str, Signal] = {}
         self._seen: list[Signal] = []
+        self._seen_by_blocks: list[Signal] = []
         self._raw: dict[str, Signal] = {}
         self._injected: dict[str, Signal] = {}
+
+    def copy(self) -> Self:
+        """The same so far, to be gone on with; signals are never changed, so that both may hold them."""
+        other = copy(self)
+        for name, value in vars(self).items():
+            if isinstance(value, list | dict):
+                setattr(other, name, value.copy())
+        return other
 
     def state(self, name: str) -> Signal:
         """A new state; give its rate by `set_rate`."""
@@ -138,6 +178,60 @@ class Assembly:
         self._seen.append(z)
         return Signal({symbol: 1.0})
 
+    def block(
+        self,
+        law: str,
+        z: Sequence[Signal],
+        slots: Mapping[str, str],
+        constants: Mapping[str, float] | None = None,
+        **shape: Any,
+    ) -> Signal:
+        """A new nonlinear entry of Delta that sees the one or two signals `z`; returns its output (see `Block`)."""
+        symbol = f"b:{len(self.blocks)}"
+        self.blocks.append(Block(law, len(z), dict(slots), dict(constants or {}), shape))
+        self._seen_by_blocks += z
+        return Signal({symbol: 1.0})
+
+    def table(
+        self,
+        function: Callable[..., ArrayLike],
+        z: Sequence[Signal],
+        reach: Sequence[float],
+        slot: str,
+        nodes: int = 201,
+    ) -> Signal:
+        """A new entry ``g function(z)`` of Delta for a function of your own, tabulated so that it runs in the core.
+
+        Parameters
+        ----------
+        function : callable
+            Takes one array per signal, in SI units, and broadcasts.
+        z : sequence of Signal
+            One or two signals.
+        reach : sequence of float
+            The table spans ``-reach .. reach`` of each signal; beyond it the function goes on as a straight line.
+        slot : str
+            What fills the factor g.
+        nodes : int
+            Per signal; cubic splines lie between them.
+        """
+        grids = [np.linspace(-r, r, nodes) for r in reach]
+        values = np.asarray(function(*np.meshgrid(*grids, indexing="ij")), dtype=np.float64)
+        values = np.ascontiguousarray(np.broadcast_to(values, (nodes,) * len(grids)))
+        return self.block(
+            "table", z, {"g": slot}, values=values, first=[g[0] for g in grids], spacing=[g[1] - g[0] for g in grids]
+        )
+
+    def system(
+        self, name: str, matrices: tuple[ArrayLike, ArrayLike, ArrayLike, ArrayLike], inputs: Sequence[Signal]
+    ) -> list[Signal]:
+        """Outputs of a linear system A, B, C, D of your own, driven by signals; `name` names its states."""
+        A, B, C, D = (np.atleast_2d(np.asarray(matrix, dtype=np.float64)) for matrix in matrices)
+        states = [self.state(f"{name}.{k}") for k in range(len(A))]
+        for k in range(len(A)):
+            self.set_rate(f"{name}.{k}", combine(A[k], states) + combine(B[k], inputs))
+        return [combine(of_x, states) + combine(of_u, inputs) for of_x, of_u in zip(C, D, strict=True)]
+
     def signal(self, name: str, value: Signal) -> Signal:
         """A new named signal; returns it together with all that is injected into it."""
         self._raw[name] = value
@@ -156,8 +250,8 @@ class Assembly:
 
     def lft(self, outputs: Sequence[str]) -> Lft:
         """The transformation, with these named signals as outputs."""
-        states, inputs, ports = len(self.states), len(self.inputs), len(self.ports)
-        names = [*self.states, *(f"u:{name}" for name in self.inputs), *(f"w:{k}" for k in range(ports))]
+        names = [*self.states, *(f"u:{name}" for name in self.inputs)]
+        names += [*(f"w:{k}" for k in range(len(self.ports))), *(f"b:{k}" for k in range(len(self.blocks)))]
         column = {symbol: k for k, symbol in enumerate(names)}
         injected = {f"j:{name}": k for k, name in enumerate(self._injected)}
 
@@ -173,16 +267,18 @@ class Assembly:
 
         own, of_injections = rows(list(self._injected.values()))
         eliminated = np.linalg.solve(np.eye(len(injected)) - of_injections, own)
-        used = [self._rates[state] for state in self.states] + [self[name] for name in outputs] + self._seen
+        used = [self._rates[state] for state in self.states] + [self[name] for name in outputs]
+        used += self._seen + self._seen_by_blocks
         own, of_injections = rows(used)
         table = own + of_injections @ eliminated
-        n, m = states, states + inputs + ports
+        n = len(self.states)
         return Lft(
             A=table[:n, :n],
-            B=table[:n, n:m],
+            B=table[:n, n:],
             C=table[n:, :n],
-            D=table[n:, n:m],
+            D=table[n:, n:],
             inputs=tuple(self.inputs),
             outputs=tuple(outputs),
             ports=tuple(self.ports),
+            blocks=tuple(self.blocks),
         )

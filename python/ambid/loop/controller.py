@@ -51,4 +51,4 @@ def close_analog(plant: Lft, controller: tuple[FloatArray, FloatArray, FloatArra
         names += tuple(name.replace("i_ref.", "n.") for name in commands)
     B.append(b_rest[:, others:])
     D.append(d_rest[:, others:])
-    return Lft(A, np.hstack(B), C, np.hstack(D), names, plant.outputs, plant.ports)
+    return Lft(A, np.hstack(B), C, np.hstack(D), names, plant.outputs, plant.ports, plant.blocks)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,11 +11,11 @@ from numpy.typing import ArrayLike
 
 from ambid import _core
 from ambid.errors import ModelError
-from ambid.loop.assembly import FloatArray, Lft
+from ambid.loop.assembly import Block, FloatArray, Lft
 from ambid.loop.controller import close_analog
 from ambid.loop.plant import Plant
 from ambid.rig import Rig
-from ambid.rotor import reduced_rotor, with_more_modes
+from ambid.rotor import ReducedRotor, reduced_rotor, with_more_modes
 
 if TYPE_CHECKING:
     from ambid.effects.base import Effect
@@ -32,6 +33,10 @@ class Loop:
         Physics that is attached to the plant.
     noise : bool
         Whether sensor noise is a further input of each axis (for virtual experiments).
+    watch : sequence of str
+        Signals of the plant that become further outputs of each axis, such as ``s`` and ``i_f``.
+    substeps : int, optional
+        Steps per sample of nonlinear effects; default: as many as the response needs to be exact to 1e-6.
 
     Attributes
     ----------
@@ -43,9 +48,16 @@ class Loop:
     """
 
     def __init__(
-        self, rig: Rig, filled_by: dict[str, int], effects: Sequence[Effect] = (), *, noise: bool = False
+        self,
+        rig: Rig,
+        filled_by: dict[str, int],
+        effects: Sequence[Effect] = (),
+        *,
+        noise: bool = False,
+        watch: Sequence[str] = (),
+        substeps: int | None = None,
     ) -> None:
-        open_plant = _plant(rig, effects)
+        between = open_plant(rig, effects, watch)
         n = len(rig.axes)
         matrices = _matrices(*rig.controller.state_space(n, rig.sample_rate))
         controller: _core._DigitalController | None = None
@@ -56,11 +68,11 @@ class Loop:
                 "steps": round(rig.controller.rate(rig.sample_rate) / rig.sample_rate),
                 "noise": noise,
             }
-            self.lft = open_plant
-            self.inputs = tuple(f"i_e.{axis}" for axis in rig.axes)
+            self.lft = between
+            self.inputs = tuple(name.replace("i_ref.", "i_e.") for name in between.inputs)
             self.inputs += tuple(f"n.{axis}" for axis in rig.axes) if noise else ()
         else:
-            self.lft = close_analog(open_plant, matrices, noise=noise)
+            self.lft = close_analog(between, matrices, noise=noise)
             self.inputs = self.lft.inputs
         self.outputs = self.lft.outputs
         self.sample_time = 1.0 / rig.sample_rate
@@ -72,6 +84,8 @@ class Loop:
             self.parameters,
             self.sample_time,
             controller,
+            [_block(block, filled_by) for block in self.lft.blocks],
+            substeps,
         )
 
     def simulate(self, theta: ArrayLike, u: ArrayLike) -> FloatArray:
@@ -156,16 +170,35 @@ class Simulator:
         self._stepper.reset()
 
 
-def _plant(rig: Rig, effects: Sequence[Effect]) -> Lft:
+def _block(block: Block, filled_by: dict[str, int]) -> _core._Block:
+    """A nonlinear block as the core wants it."""
+    chosen: _core._Block = {
+        "law": block.law,  # type: ignore[typeddict-item]
+        "parameters": {name: filled_by[slot] for name, slot in block.slots.items()},
+        "constants": block.constants,
+    }
+    chosen.update(block.shape)  # type: ignore[typeddict-item]
+    return chosen
+
+
+def open_plant(rig: Rig, effects: Sequence[Effect], watch: Sequence[str] = ()) -> Lft:
     """The plant with all effects attached; bending modes that effects bring are the last of the rotor."""
     places = [z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)]
-    places += [z for effect in effects for z in effect.positions(rig)]
     more = sum(effect.flexible_modes(rig) for effect in effects)
     rotor = reduced_rotor(with_more_modes(rig.rotor, more) if more else rig.rotor, places)
-    built = Plant(rig, rotor, free_modes=more)
+    for effect in effects:
+        for z in effect.positions(rig):
+            rotor.shape(z)  # refuses a place that is not known
+    built = _base_plant(rig, rotor, more).copy()
     for effect in effects:
         effect.attach(built)
-    return built.between_commands_and_outputs()
+    return built.between_commands_and_outputs(watch)
+
+
+@lru_cache(maxsize=32)
+def _base_plant(rig: Rig, rotor: ReducedRotor, free_modes: int) -> Plant:
+    """The plant before effects; many loops start from the same."""
+    return Plant(rig, rotor, free_modes=free_modes)
 
 
 def _matrices(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ambid.loop.assembly import Assembly, Lft, Signal, combine
@@ -17,8 +19,9 @@ class Plant(Assembly):
     of Delta (B_Delta, C_Delta of eqs. 4-7). An ideal amplifier has no state.
 
     Signals of each axis: ``i_ref`` [A] into the amplifier, ``i_a`` [A] behind it, ``i_c`` [A] as recorded, ``i_f`` [A]
-    that makes force, ``s`` [m] and ``v`` [m/s] at the magnet, ``f`` [N], ``y`` [m] as read; ``drive`` [A] is
-    ``tau_a i_a'``. Signals of each modal coordinate k: ``eta.k``, ``eta_rate.k``, ``modal_force.k``.
+    that makes force and its rate ``i_f_rate`` [A/s], ``s`` [m] and ``v`` [m/s] at the magnet, ``f`` [N], ``y`` [m] as
+    read; ``drive`` [A] is ``tau_a i_a'``. Signals of each modal coordinate k: ``eta.k``, ``eta_rate.k``,
+    ``modal_force.k``.
 
     Parameters
     ----------
@@ -60,7 +63,8 @@ class Plant(Assembly):
         from_current = [self.port(f"K_i.{axis}", i) for axis, i in zip(self.axes, i_f, strict=True)]
         from_motion = [self.port(f"K_s.{axis}", x) for axis, x in zip(self.axes, s, strict=True)]
         for axis, state, current in zip(self.axes, states, i_a, strict=True):
-            self.set_rate(f"i_f.{axis}", self.port(f"tau_e.{axis}", current - state, power=-1))
+            rate = self.signal(f"i_f_rate.{axis}", self.port(f"tau_e.{axis}", current - state, power=-1))
+            self.set_rate(f"i_f.{axis}", rate)
         for axis, a, b in zip(self.axes, from_current, from_motion, strict=True):
             self.signal(f"f.{axis}", a + b)
         for axis, z, direction in zip(self.axes, self.sensors, self.directions, strict=True):
@@ -103,9 +107,9 @@ class Plant(Assembly):
         self.signal(f"i_c.{axis}", i_a)
         return i_a
 
-    def between_commands_and_outputs(self) -> Lft:
-        """Inputs ``i_ref.<axis>`` and those of effects, outputs ``y.<axis>`` then ``i_c.<axis>``."""
-        return self.lft([f"{signal}.{axis}" for signal in ("y", "i_c") for axis in self.axes])
+    def between_commands_and_outputs(self, more: Sequence[str] = ()) -> Lft:
+        """Inputs ``i_ref.<axis>`` and those of effects; outputs y, i_c, then `more` of every axis."""
+        return self.lft([f"{signal}.{axis}" for signal in ("y", "i_c", *more) for axis in self.axes])
 
 
 def plant(rig: Rig, rotor: ReducedRotor) -> Lft:

@@ -17,7 +17,7 @@ from ambid.rotor.beam import FloatArray, PlaneMatrices, beam_element, both_plane
 SAME_PLACE = 1e-6
 """Axial positions closer than this [m] are one place."""
 
-_CONVERGED = 5e-4  # largest relative change of a kept frequency when the elements are halved
+_CONVERGED = 1e-4  # largest relative change of a kept frequency when the elements are halved
 _MOST_NODES = 400  # unless the rotor's own sections and disks ask for more
 
 
@@ -123,7 +123,7 @@ def assemble(rotor: FiniteElementRotor, nodes_at: Sequence[float]) -> BeamModel:
     """Finite-element model of a shaft with disks, free of any support.
 
     Nodes lie at section ends, disks and `nodes_at`. The elements between them are halved until the `flexible_modes`
-    kept frequencies change by less than 0.05 %; the finer of the last two meshes is returned.
+    kept frequencies change by less than 0.01 %; the finer of the last two meshes is returned.
 
     Parameters
     ----------

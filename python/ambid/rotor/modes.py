@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -11,7 +11,7 @@ from scipy.linalg import eigh
 
 from ambid.errors import RigError
 from ambid.rig import FiniteElementRotor, MatrixRotor, ModalRotor, PointMassRotor
-from ambid.rotor.assembly import BeamModel, assemble, place_of
+from ambid.rotor.assembly import SAME_PLACE, BeamModel, assemble, place_of
 from ambid.rotor.beam import FloatArray, plane_bases
 from ambid.rotor.matrices import matrix_model
 
@@ -19,7 +19,7 @@ _FREE = 1e-3  # a rigid frequency above this part of the first bending frequency
 _SAME_MODE = 2.0  # a measured frequency farther than this factor from the computed one is a mistake of units
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ReducedRotor:
     """Rotor in mass-normalised modal coordinates eta, the n modes of plane x before the same n modes of plane y.
 
@@ -43,6 +43,8 @@ class ReducedRotor:
         Axial positions at which the modes are known [m]; empty for a point mass, which is the same everywhere.
     shapes : ndarray, shape (m, n), or (1, 1) for a point mass
         Lateral displacement of each mode in its plane [1/sqrt(kg)].
+    slopes : ndarray, shape (m, n), or None
+        Inclination of each mode [1/(m sqrt(kg))], where the shaft between the positions is known to bend as a cubic.
     planes : int
         2, or 1 for a point mass on one axis.
     """
@@ -54,6 +56,7 @@ class ReducedRotor:
     T_L: FloatArray
     positions: FloatArray
     shapes: FloatArray
+    slopes: FloatArray | None = None
     planes: int = 2
 
     def shape(self, z: float) -> FloatArray:
@@ -72,10 +75,21 @@ class ReducedRotor:
         Raises
         ------
         RigError
-            The modes are not known within 1e-6 m of `z`; the message names the nearest positions.
+            `z` is off the shaft, or, without slopes, not within 1e-6 m of a position; the message says what is near.
         """
-        row = 0 if self.planes == 1 else place_of(z, self.positions)
-        return self.shapes[row].copy()
+        if self.planes == 1:
+            return self.shapes[0].copy()
+        if self.slopes is None:
+            return self.shapes[place_of(z, self.positions)].copy()
+        first, last = self.positions[0], self.positions[-1]
+        if not first - SAME_PLACE <= z <= last + SAME_PLACE:
+            raise RigError(f"position {z:g} m is off the shaft, which reaches from {first:g} to {last:g} m")
+        k = int(np.clip(np.searchsorted(self.positions, z) - 1, 0, len(self.positions) - 2))
+        length = self.positions[k + 1] - self.positions[k]
+        x = (z - self.positions[k]) / length
+        at_left = (1.0 + 2.0 * x) * (1.0 - x) ** 2 * self.shapes[k] + length * x * (1.0 - x) ** 2 * self.slopes[k]
+        right = x**2 * (3.0 - 2.0 * x) * self.shapes[k + 1] - length * x**2 * (1.0 - x) * self.slopes[k + 1]
+        return at_left + right
 
 
 def with_more_modes(
@@ -128,6 +142,8 @@ def _reduced(
         case FiniteElementRotor() | MatrixRotor():
             model = assemble(rotor, nodes_at) if isinstance(rotor, FiniteElementRotor) else matrix_model(rotor)
             reduced = reduce(model, rotor.flexible_modes, rotor.modal_damping, rotor.bending_frequencies_hz)
+            if isinstance(rotor, MatrixRotor):
+                reduced = replace(reduced, slopes=None)  # its own elements are not known
         case ModalRotor():
             reduced = _given_modes(rotor)
         case PointMassRotor():
@@ -187,6 +203,7 @@ def reduce(
         T_L=T_R.T @ model.M,
         positions=model.z,
         shapes=shapes[::2],
+        slopes=shapes[1::2],
     )
 
 

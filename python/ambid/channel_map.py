@@ -1,0 +1,171 @@
+"""Records that were not made for ambid: which of a file's columns are which signals, and in which units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambid.errors import InputError, RecordError
+from ambid.raw_record import SIGNALS, RawRecord, numbers, require_agreement
+from ambid.readers import Content
+
+__all__ = ["ChannelMap"]
+
+EXAMPLE = "y.A_zeta=ch3:1e-6"
+
+
+@dataclass(frozen=True)
+class _Source:
+    """A column by name or number, and the factor that makes SI units of its values."""
+
+    column: str
+    factor: float
+
+
+class ChannelMap:
+    """Which columns of a file are which channels of a record.
+
+    Parameters
+    ----------
+    channels : mapping of str to str
+        Column of each channel, such as ``{"t": "time:1e-3", "y.A_zeta": "ch3:1e-6"}``.
+        A channel is ``t`` [s], ``fs`` [Hz], or ``i_e``, ``y``, ``i_c``, ``i_ref`` with an axis [A, m].
+        A column is meant by its name, or, where none has that name, by its number, counted from 1; column k of a
+        matrix ``data`` is ``data[k]``. A number behind the last colon is the factor that makes SI units of it, 1 if
+        there is none; a name that itself ends like that needs ``:1`` behind it.
+
+    Raises
+    ------
+    InputError
+        If a channel is unknown, a factor is zero or not finite, or there is no y.
+    """
+
+    def __init__(self, channels: Mapping[str, str]) -> None:
+        self._sources = {channel: _source(channel, text) for channel, text in channels.items()}
+        if not any(channel.startswith("y.") for channel in channels):
+            raise InputError(f"map: no y.<axis> in {', '.join(channels) or 'it'}; name one per axis, such as {EXAMPLE}")
+
+    @classmethod
+    def parse(cls, options: Iterable[str]) -> ChannelMap:
+        """Read options such as ``y.A_zeta=ch3:1e-6``.
+
+        Raises
+        ------
+        InputError
+            If one is written otherwise, or a channel is named twice; and as for the class.
+        """
+        channels: dict[str, str] = {}
+        for option in options:
+            channel, _, column = option.partition("=")
+            if not channel or not column:
+                raise InputError(f"map {option}: expected CHANNEL=COLUMN or CHANNEL=COLUMN:FACTOR, such as {EXAMPLE}")
+            if channel in channels:
+                raise InputError(f"map {option}: {channel} is mapped to {channels[channel]} already; keep one")
+            channels[channel] = column
+        return cls(channels)
+
+    def raw_record(self, path: Path, content: Content, sample_rate: float | None = None) -> RawRecord:
+        """Make signals of the mapped columns.
+
+        Parameters
+        ----------
+        path : Path
+            For the messages.
+        content : Content
+        sample_rate : float, optional
+            Of a file that states none [Hz].
+
+        Raises
+        ------
+        RecordError
+            If a column is missing or holds no numbers, the lengths differ, or nothing tells the sample rate.
+        """
+        columns, turned = _columns(content)
+        names = {channel: self._name(path, channel, columns) for channel in self._sources}
+        values = {
+            channel: numbers(path, names[channel], columns[names[channel]]) * source.factor
+            for channel, source in self._sources.items()
+        }
+        raw = RawRecord({}, values.get("t"), content.sample_rate)
+        if "fs" in values:
+            if values["fs"].size != 1:
+                raise RecordError(f"{path}: fs={names['fs']} has {values['fs'].size} values; give one sample rate [Hz]")
+            raw.sample_rate = float(values["fs"].item())
+        require_agreement(path, raw.sample_rate, sample_rate)
+        raw.sample_rate = raw.sample_rate or sample_rate
+        if raw.t is None and raw.sample_rate is None:
+            raise RecordError(f"{path}: the map names neither t nor fs; map one of them, or give the sample rate [Hz]")
+        lengths = {channel: len(array) for channel, array in values.items() if channel != "fs"}
+        if len(set(lengths.values())) > 1:
+            found = ", ".join(f"{channel}={names[channel]} {n}" for channel, n in lengths.items())
+            raise RecordError(f"{path}: the mapped columns have different lengths ({found}); map columns of one length")
+        for signal in SIGNALS:
+            own = [channel for channel in values if channel.startswith(f"{signal}.")]
+            if own:
+                axes = tuple(channel.removeprefix(f"{signal}.") for channel in own)
+                raw.signals[signal] = (axes, np.stack([values[channel] for channel in own], axis=1))
+        raw.notes = self._notes(names, columns, turned)
+        return raw
+
+    def _name(self, path: Path, channel: str, columns: Mapping[str, object]) -> str:
+        """Name of the column that a channel is read from."""
+        wanted, names = self._sources[channel].column, list(columns)
+        if wanted in columns:
+            return wanted
+        if wanted.isdecimal() and 1 <= int(wanted) <= len(names):
+            return names[int(wanted) - 1]
+        present = ", ".join(f"{k} {name}" if name != str(k) else name for k, name in enumerate(names, start=1))
+        raise RecordError(f"{path}: map {channel}={wanted}: there is no such column; the columns are {present}")
+
+    def _notes(self, names: Mapping[str, str], columns: Mapping[str, object], turned: set[str]) -> list[str]:
+        by_map = ", ".join(
+            f"{channel} = {names[channel]}" + (f" times {source.factor:g}" if source.factor != 1.0 else "")
+            for channel, source in self._sources.items()
+        )
+        unused = [name for name in columns if name not in names.values()]
+        used_turned = sorted({name for name in names.values() if name.partition("[")[0] in turned})
+        notes = [f"columns by the map: {by_map}"]
+        notes += [f"{name}: its matrix is wider than long, and was transposed" for name in used_turned]
+        return [*notes, f"columns not used: {', '.join(unused)}"] if unused else notes
+
+    def __repr__(self) -> str:
+        return f"ChannelMap({', '.join(f'{c}={s.column}:{s.factor:g}' for c, s in self._sources.items())})"
+
+
+def _source(channel: str, text: str) -> _Source:
+    signal, dot, axis = channel.partition(".")
+    if channel not in ("t", "fs") and not (signal in SIGNALS and dot and axis):
+        raise InputError(
+            f"map {channel}={text}: {channel!r} is no channel; expected t, fs, or one of {', '.join(SIGNALS)} with an "
+            f"axis, such as {EXAMPLE}"
+        )
+    column, colon, tail = text.rpartition(":")
+    try:
+        factor = float(tail) if colon and column else 1.0
+    except ValueError:
+        return _Source(text, 1.0)
+    if not np.isfinite(factor) or factor == 0.0:
+        raise InputError(f"map {channel}={text}: the factor {tail} makes no SI units; expected a number such as 1e-6")
+    return _Source(column if colon and column else text, factor)
+
+
+def _columns(content: Content) -> tuple[dict[str, NDArray[np.float64]], set[str]]:
+    """All columns of numbers by name, matrices column by column; and the matrices that were turned for that."""
+    columns: dict[str, NDArray[np.float64]] = {}
+    turned = set()
+    for name, value in content.arrays.items():
+        array = np.asarray(value)
+        if array.dtype.kind not in "iufb" or array.ndim > 2 or array.size == 0:
+            continue
+        if array.ndim < 2 or 1 in array.shape:
+            columns[name] = array.ravel()
+            continue
+        if array.shape[0] < array.shape[1]:
+            array = array.T
+            turned.add(name)
+        columns |= {f"{name}[{k}]": array[:, k - 1] for k in range(1, array.shape[1] + 1)}
+    return columns, turned

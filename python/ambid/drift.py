@@ -1,0 +1,84 @@
+"""Do parameters change during a record? What does not repeat, held against the patterns of the parameters.
+
+If K_i of an axis changes as m(t), the response changes by about m(t) psi(t), psi being its derivative by K_i. On the
+excited lines l = M k of the spectrum stands psi; what m(t) holds at d cycles per record moves it to the lines M k + d.
+The residual there, whitened, is projected on psi; noise alone leaves a chi-squared of two degrees. A ramp stands
+mostly at one cycle per record.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ambid.fit import measured_outputs, recorded_channels
+from ambid.model import Model
+from ambid.tones import without_tones
+from ambid.whitened import Noise
+
+__all__ = ["Change", "largest_change"]
+
+FASTEST = 40
+"""Cycles per record up to which changes are looked for."""
+OUTSTANDING = 40.0
+"""Projected power that noise does not reach: two degrees of freedom, some hundred patterns."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """A parameter that changes while the record is taken.
+
+    Attributes
+    ----------
+    record, parameter : str
+        The parameter whose pattern the change fits best.
+    frequency_hz : float
+        Of the change.
+    cycles : int
+        In the part of the record that counts; one stands for a drift.
+    relative : float
+        Amplitude of the change over the parameter's value.
+    power : float
+        In units of noise, 2 where nothing changes.
+    """
+
+    record: str
+    parameter: str
+    frequency_hz: float
+    cycles: int
+    relative: float
+    power: float
+
+
+def largest_change(model: Model, noise: Noise) -> Change | None:
+    """The change of a parameter of the base model that stands out most, if one does."""
+    names = [name for name in model.names if name.startswith(("K_i", "K_s"))]
+    free = [model.names.index(name) for name in names]
+    best: Change | None = None
+    for record, whitener, tones in zip(noise.records, noise.whiteners, noise.tones, strict=True):
+        window, p = whitener.window, len(recorded_channels(record))
+        y, slopes = model.loop.sensitivity(model.theta, model.excitation(record), free)
+        residual = without_tones(measured_outputs(record)[:, :p] - y[:, :p], tones, window, record.sample_rate)
+        count = len(window.excited)
+        whitening = whitener.whitening[:count]
+        patterns = whitening @ window.some_lines(slopes[:, :p], whitener.more[:0])
+        energy = np.sum(np.abs(patterns) ** 2, axis=(0, 1))
+        lines = window.lines(residual)
+        per_line = record.sample_rate / window.samples
+        for d in range(1, FASTEST + 1):
+            if d % window.periods == 0:
+                continue
+            sides = []
+            for shift in (d, -d):
+                at = window.excited + shift
+                inside = (at > 0) & (at < len(lines))
+                moved = np.where(inside[:, None], lines[np.clip(at, 0, len(lines) - 1)], 0.0)
+                sides.append(np.einsum("kcj,kc->j", patterns.conj(), (whitening @ moved[..., None])[..., 0]))
+            amplitude = (sides[0] + sides[1].conj()) / (2.0 * energy)
+            power = 2.0 * energy * np.abs(amplitude) ** 2
+            j = int(np.argmax(power))
+            if power[j] > OUTSTANDING and (best is None or power[j] > best.power):
+                relative = 2.0 * float(np.abs(amplitude[j])) / abs(model.theta[free[j]])
+                best = Change(record.name, names[j], d * per_line, d, relative, float(power[j]))
+    return best

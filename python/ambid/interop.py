@@ -1,0 +1,280 @@
+"""Models, controllers and rotors from and to SciPy, python-control, MATLAB and ROSS."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.io
+import scipy.signal
+from scipy.io.matlab import MatReadError
+
+from ambid.controller_spec import Controller, StateSpaceController, TransferFunctionController
+from ambid.errors import InputError, ModelError, RigError
+from ambid.loop.assembly import FloatArray, Lft
+from ambid.loop.loop import open_plant
+from ambid.model import Model
+from ambid.rig import MatrixRotor
+
+__all__ = ["controller_from", "controller_from_mat", "rotor_from_ross", "to_control", "to_mat", "to_scipy"]
+
+LATERAL = {4: (0, 1, 2, 3), 6: (0, 1, 3, 4)}
+"""Places of [u_x, u_y, theta_x, theta_y] among four freedoms of a node, or among six with axial motion and torsion."""
+RIGID = 1e-9
+"""Part of the stiffness that a rigid motion of a free rotor may meet: rounding."""
+
+
+@dataclass(frozen=True)
+class _StateSpace:
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: FloatArray
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+
+def controller_from(system: Any, delay_samples: float = 0.0) -> StateSpaceController | TransferFunctionController:
+    """Take over a controller of python-control or SciPy; see `Controller.from_lti`."""
+    return Controller.from_lti(system, delay_samples)
+
+
+def controller_from_mat(path: str | Path, delay_samples: float = 0.0) -> StateSpaceController:
+    """Read a controller from a .mat file (v5) with A, B, C, D and, for a digital one, the sampling time ``dt`` [s].
+
+    Parameters
+    ----------
+    path : str or Path
+        K from y [m] to currents [A], as ``[A, B, C, D] = ssdata(K); dt = K.Ts; save('K.mat', ...)`` in MATLAB writes
+        it; ``dt`` that is 0 or absent means analog.
+    delay_samples : float
+        As in `Controller`, of a digital one.
+
+    Raises
+    ------
+    RigError
+        If the file cannot be read, or has not these variables; and as for `StateSpaceController`.
+    """
+    names = ("A", "B", "C", "D")
+    try:
+        content = scipy.io.loadmat(Path(path), appendmat=False)
+    except OSError as error:
+        raise RigError(f"{path}: cannot be read ({error.strerror}); check the path") from None
+    except (NotImplementedError, ValueError, TypeError, MatReadError) as error:
+        raise RigError(f"{path}: not a .mat file of version 5 ({error}); save it with the option -v7") from None
+    missing = [name for name in names if name not in content]
+    if missing:
+        found = ", ".join(name for name in content if not name.startswith("__")) or "nothing"
+        raise RigError(f"{path}: no {', '.join(missing)}; expected A, B, C, D and dt, found {found}")
+    dt = np.ravel(content.get("dt", 0.0))
+    if dt.size != 1 or not (np.isrealobj(dt) and np.isfinite(dt[0]) and dt[0] >= 0.0):
+        raise RigError(f"{path}: dt = {dt}; expected the sampling time in s, or 0 for an analog controller")
+    keys: dict[str, Any] = {"implementation": "analog", "delay_samples": delay_samples}
+    if dt[0] > 0.0:
+        keys |= {"implementation": "digital", "sample_rate": 1.0 / float(dt[0])}
+    try:
+        return StateSpaceController(**{name: content[name].tolist() for name in names}, **keys)
+    except RigError as error:
+        raise RigError(f"{path}: {error}") from None
+
+
+def rotor_from_ross(
+    rotor: Any,
+    *,
+    flexible_modes: int = 0,
+    modal_damping: float | tuple[float, ...] = 0.0,
+    bending_frequencies_hz: tuple[float, ...] | None = None,
+) -> MatrixRotor:
+    """Take over the shaft and the disks of a ROSS rotor.
+
+    Parameters
+    ----------
+    rotor : ross.Rotor
+        Made without bearings and seals; ``M()``, ``K(0)``, ``G()`` and ``nodes_pos`` are read. It needs a node at
+        every magnet and sensor. Of six freedoms a node, axial motion and torsion are left out.
+    flexible_modes, modal_damping, bending_frequencies_hz
+        As for `MatrixRotor`.
+
+    Raises
+    ------
+    RigError
+        If the object has not these members, its freedoms per node are not 4 or 6, or something holds the rotor; and
+        as for `MatrixRotor`.
+
+    References
+    ----------
+    Timbó et al., ROSS - Rotordynamic Open Source Software, JOSS 5 (2020) 2120.
+    """
+    try:
+        z = np.array(rotor.nodes_pos, dtype=float)
+        M, K, G = (np.asarray(matrix, dtype=float) for matrix in (rotor.M(), rotor.K(0.0), rotor.G()))
+    except (AttributeError, TypeError) as error:
+        raise RigError(f"rotor: {type(rotor).__name__} object ({error}): expected a ross.Rotor") from None
+    freedoms, rest = divmod(len(M), len(z))
+    if rest or freedoms not in LATERAL:
+        raise RigError(
+            f"rotor: matrices of {len(M)} rows for {len(z)} nodes; expected 4 or 6 freedoms a node, and no other nodes "
+            "than those of the shaft, such as n_link of a bearing"
+        )
+    kept = (freedoms * np.arange(len(z))[:, None] + np.array(LATERAL[freedoms])).ravel()
+    M, K, G = (matrix[np.ix_(kept, kept)] for matrix in (M, K, G))
+    held = _holding(K, z)
+    if held > RIGID:
+        raise RigError(
+            f"rotor: its stiffness matrix holds it against the ground ({held:.2g} of its largest entry in a rigid "
+            "motion); make the ross.Rotor without bearing_elements: the magnets are given in the rig"
+        )
+    return MatrixRotor(
+        node_positions=z.tolist(),
+        M=M.tolist(),
+        K=K.tolist(),
+        G=G.tolist(),
+        flexible_modes=flexible_modes,
+        modal_damping=modal_damping,
+        bending_frequencies_hz=bending_frequencies_hz,
+    )
+
+
+def to_scipy(model: Model) -> scipy.signal.StateSpace:
+    """Closed loop of a model, sampled with zero-order hold, for SciPy.
+
+    Parameters
+    ----------
+    model : Model
+        Without nonlinear effects.
+
+    Returns
+    -------
+    scipy.signal.StateSpace
+        From i_e [A], and the waves of disturbances in the model, to y [m] and i_c [A]; ``dt`` is the rig's sampling
+        time [s]. Their names, such as ``i_e.A_zeta``, are in the attributes ``input_names`` and ``output_names``.
+
+    Raises
+    ------
+    ModelError
+        If an effect of the model is not linear.
+    """
+    loop = _closed_loop(model)
+    system = scipy.signal.StateSpace(loop.A, loop.B, loop.C, loop.D, dt=model.loop.sample_time)
+    system.input_names, system.output_names = loop.inputs, loop.outputs
+    return system
+
+
+def to_control(model: Model) -> Any:
+    """Closed loop of a model, sampled with zero-order hold, for python-control.
+
+    Parameters
+    ----------
+    model : Model
+        Without nonlinear effects.
+
+    Returns
+    -------
+    control.StateSpace
+        As `to_scipy` says. Names have ``_`` in place of the dot, which python-control does not allow: ``y_A_zeta``.
+
+    Raises
+    ------
+    ModelError
+        If an effect of the model is not linear.
+    InputError
+        If python-control is not installed.
+    """
+    loop = _closed_loop(model)
+    try:
+        control = importlib.import_module("control")
+    except ImportError:
+        raise InputError("to_control needs the package control: pip install 'ambid[control]'") from None
+    inputs, outputs = ([name.replace(".", "_") for name in side] for side in (loop.inputs, loop.outputs))
+    return control.ss(loop.A, loop.B, loop.C, loop.D, model.loop.sample_time, inputs=inputs, outputs=outputs)
+
+
+def to_mat(model: Model, path: str | Path) -> None:
+    """Write a model for MATLAB, as a .mat file (v5).
+
+    It holds the closed loop sampled with zero-order hold (``A``, ``B``, ``C``, ``D``, ``dt`` [s], ``inputs``,
+    ``outputs``), the plant in continuous time from the commands i_ref [A] to y [m] and i_c [A] (``A_plant``, ...,
+    ``inputs_plant``, ``outputs_plant``), and the values of the ``parameters`` (SI units), a dot in their names being
+    an underscore. In MATLAB: ``ss(A, B, C, D, dt, 'InputName', inputs, 'OutputName', outputs)``.
+
+    Parameters
+    ----------
+    model : Model
+        Without nonlinear effects.
+    path : str or Path
+        With the suffix .mat.
+
+    Raises
+    ------
+    ModelError
+        If an effect of the model is not linear, or the suffix is not .mat.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".mat":
+        raise ModelError(f"{path}: the suffix is {path.suffix or 'missing'}; expected .mat")
+    loop, plant = _closed_loop(model), _plant_at(model)
+    content: dict[str, Any] = {"dt": model.loop.sample_time, "name": model.rig.name}
+    for system, suffix in ((loop, ""), (plant, "_plant")):
+        content |= {f"{key}{suffix}": getattr(system, key) for key in ("A", "B", "C", "D")}
+        content |= {f"{key}{suffix}": _cells(getattr(system, key)) for key in ("inputs", "outputs")}
+    content["parameters"] = {p.name.replace(".", "_"): p.value for p in model.parameters}
+    scipy.io.savemat(path, content, appendmat=False, long_field_names=True)
+
+
+def _closed_loop(model: Model) -> _StateSpace:
+    """The sampled closed loop at the model's values."""
+    blocks = model.loop.lft.blocks
+    if blocks:
+        slots = {slot for block in blocks for slot in block.slots.values()}
+        names = [effect.name for effect in model.effects if any(slot.startswith(f"{effect.name}.") for slot in slots)]
+        raise ModelError(
+            f"{', '.join(names) or blocks[0].law} is not linear, and a state space cannot hold it; "
+            f"export model.without({names[0] if names else '...'!r})"
+        )
+    return _StateSpace(*model.loop.state_space(model.theta), model.loop.inputs, model.loop.outputs)
+
+
+def _plant_at(model: Model) -> _StateSpace:
+    """The plant in continuous time at the model's values, without its controller."""
+    plant = open_plant(model.rig, model.effects)
+    values = {slot: p.value for p in model.parameters for slot in p.slots}
+    delta = np.array([port.scale * values[port.slot] ** port.power for port in plant.ports])
+    return _StateSpace(*_upper_lft(plant, delta), plant.inputs, plant.outputs)
+
+
+def _upper_lft(plant: Lft, delta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """A, B, C, D with ``w = diag(delta) z`` closed."""
+    inputs, outputs = len(plant.inputs), len(plant.outputs)
+    z_x, z_u, z_w = plant.C[outputs:], plant.D[outputs:, :inputs], plant.D[outputs:, inputs:]
+    gain = np.linalg.solve(np.eye(len(delta)) - delta[:, None] * z_w, np.diag(delta))
+    to_x, to_y = plant.B[:, inputs:] @ gain, plant.D[:outputs, inputs:] @ gain
+    return (
+        plant.A + to_x @ z_x,
+        plant.B[:, :inputs] + to_x @ z_u,
+        plant.C[:outputs] + to_y @ z_x,
+        plant.D[:outputs, :inputs] + to_y @ z_u,
+    )
+
+
+def _holding(K: FloatArray, z: FloatArray) -> float:
+    """Largest force against a rigid motion, as a part of the largest stiffness times the motion."""
+    ones, none = np.ones_like(z), np.zeros_like(z)
+    lever = z - z.mean()
+    motions = [
+        (ones, none, none, none),
+        (none, ones, none, none),
+        (lever, none, none, ones),
+        (none, lever, -ones, none),
+    ]
+    return max(
+        float(np.abs(K @ motion).max() / (np.abs(K) @ np.abs(motion)).max())
+        for motion in (np.column_stack(columns).ravel() for columns in motions)
+    )
+
+
+def _cells(names: tuple[str, ...]) -> Any:
+    """A MATLAB cell array of names."""
+    return np.array(names, dtype=object).reshape(-1, 1)

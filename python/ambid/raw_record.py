@@ -1,0 +1,138 @@
+"""Signals out of the arrays of a file that keeps to the names and units of a record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambid.errors import RecordError
+from ambid.readers import Content, require_names
+
+SIGNALS = ("i_e", "y", "i_c", "i_ref")
+
+
+@dataclass
+class RawRecord:
+    """What a file holds, before any check of its values.
+
+    `signals` maps a name of `SIGNALS` to the axis names of its columns (None: the file does not say) and an array
+    (N, axes); `t` [s] and `sample_rate` [Hz] are None where the file lacks them.
+    """
+
+    signals: dict[str, tuple[tuple[str, ...] | None, NDArray[np.float64]]]
+    t: NDArray[np.float64] | None = None
+    sample_rate: float | None = None
+    notes: list[str] = field(default_factory=list)
+
+
+def raw_record(path: Path, content: Content, sample_rate: float | None = None) -> RawRecord:
+    """Make signals of what a file holds.
+
+    Parameters
+    ----------
+    path : Path
+        For the messages.
+    content : Content
+        Columns ``t``, ``i_e.<axis>``, ``y.<axis>``, ...; or arrays ``fs``, ``t``, ``i_e``, ``y``, ... (N x axes) and
+        ``axes``.
+    sample_rate : float, optional
+        Of a file that states none [Hz].
+
+    Raises
+    ------
+    RecordError
+        If y, or both t and the sample rate, are missing, or something is not an array of numbers of the right shape.
+    """
+    has_columns = any(name.startswith(tuple(f"{signal}." for signal in SIGNALS)) for name in content.arrays)
+    gather = _from_columns if content.is_table or has_columns else _from_matrices
+    raw = gather(path, content, sample_rate)
+    if raw.sample_rate is None:
+        raw.sample_rate = sample_rate
+    require_agreement(path, raw.sample_rate, sample_rate)
+    return raw
+
+
+def require_agreement(path: Path, in_file: float | None, given: float | None) -> None:
+    """Refuse a sample rate that contradicts what the file states."""
+    if in_file is not None and given is not None and abs(in_file / given - 1.0) > 1e-3:
+        raise RecordError(f"{path}: the file states {in_file:g} Hz, {given:g} Hz was given; leave out the wrong one")
+
+
+def numbers(path: Path, name: str, value: Any) -> NDArray[np.float64]:
+    """An array of real numbers; RecordError where it is none, or empty."""
+    array = np.asarray(value)
+    if array.dtype.kind not in "iufb" or array.size == 0:
+        raise RecordError(f"{path}: {name} holds {array.dtype} of shape {array.shape}; give real numbers")
+    return array.astype(np.float64)
+
+
+def _from_columns(path: Path, content: Content, sample_rate: float | None) -> RawRecord:
+    """Gather columns t, i_e.<axis>, y.<axis>, ... into signals."""
+    require_names(path, content)
+    columns = content.arrays
+    raw = RawRecord({}, sample_rate=content.sample_rate)
+    used = {"t", "fs"}
+    for signal in SIGNALS:
+        own = [name for name in columns if name.startswith(f"{signal}.")]
+        if own:
+            axes = tuple(name.removeprefix(f"{signal}.") for name in own)
+            raw.signals[signal] = (axes, np.stack([numbers(path, name, columns[name]).ravel() for name in own], axis=1))
+            used.update(own)
+    present = ", ".join(columns)
+    if "t" in columns:
+        raw.t = numbers(path, "t", columns["t"]).ravel()
+    elif content.sample_rate is None and sample_rate is None:
+        raise RecordError(f"{path}: column 't' [s] is missing; the columns are {present}")
+    if "y" not in raw.signals:
+        raise RecordError(f"{path}: no column 'y.<axis>' (displacement [m]); the columns are {present}")
+    unused = [name for name in columns if name not in used]
+    if unused:
+        raw.notes.append(f"columns not used: {', '.join(unused)}")
+    return raw
+
+
+def _from_matrices(path: Path, content: Content, sample_rate: float | None) -> RawRecord:
+    """Gather arrays fs, t, i_e, y, ... (N x axes) into signals; an array axes x N is turned, with a note."""
+    values = content.arrays
+    axes = None if content.axes is None else _axis_names(path, content.axes)
+    present = ", ".join(values)
+    if "y" not in values:
+        raise RecordError(f"{path}: variable 'y' (displacement [m], N x axes) is missing; the variables are {present}")
+    if "fs" not in values and "t" not in values and sample_rate is None:
+        raise RecordError(f"{path}: neither 'fs' [Hz] nor 't' [s] is there; add one. The variables are {present}")
+    arrays = {name: numbers(path, name, values[name]) for name in ("fs", "t", *SIGNALS) if name in values}
+    raw = RawRecord({}, arrays["t"].ravel() if "t" in arrays else None)
+    if "fs" in arrays:
+        if arrays["fs"].size != 1:
+            raise RecordError(f"{path}: fs has {arrays['fs'].size} values; give one sample rate [Hz]")
+        raw.sample_rate = float(arrays["fs"].item())
+    for signal in SIGNALS:
+        if signal not in arrays:
+            continue
+        array = arrays[signal].reshape(-1, 1) if arrays[signal].ndim == 1 else arrays[signal]
+        if array.ndim != 2:
+            raise RecordError(f"{path}: {signal} has the shape {array.shape}; give N x axes")
+        if axes is not None and array.shape[0] == len(axes) != array.shape[1]:
+            array = array.T
+            raw.notes.append(f"{signal} is stored as axes x N and was transposed")
+        if axes is not None and array.shape[1] != len(axes):
+            raise RecordError(
+                f"{path}: {signal} has the shape {array.shape}, 'axes' names {len(axes)} ({', '.join(axes)}); "
+                "make it N x axes"
+            )
+        raw.signals[signal] = (axes, array)
+    unused = [name for name in values if name not in ("fs", "t", "axes", *SIGNALS)]
+    if unused:
+        raw.notes.append(f"variables not used: {', '.join(unused)}")
+    return raw
+
+
+def _axis_names(path: Path, cells: list[Any]) -> tuple[str, ...]:
+    names = [cell.decode() if isinstance(cell, bytes) else cell for cell in cells]
+    if not names or not all(isinstance(name, str) for name in names):
+        raise RecordError(f"{path}: 'axes' is not a list of names; save a cell array such as {{'A_zeta', 'A_eta'}}")
+    return tuple(name.strip() for name in names)

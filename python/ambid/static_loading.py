@@ -1,0 +1,102 @@
+"""What was measured under static loads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambid import record_checks as checks
+from ambid.errors import RecordError
+from ambid.readers import read_csv_columns, require_content
+
+if TYPE_CHECKING:
+    from ambid.rig import Rig
+
+__all__ = ["StaticLoading"]
+
+
+@dataclass(frozen=True, repr=False)
+class StaticLoading:
+    """One static loading, M steps: known forces on the levitated rotor and the currents that carry them.
+
+    Attributes
+    ----------
+    name : str
+        What reports call it.
+    axes : tuple of str
+        Names of the columns of `i_c`.
+    z : ndarray, shape (M,)
+        Where the force acts [m].
+    force : ndarray, shape (M, 2)
+        F_x and F_y in global axes [N].
+    i_c : ndarray, shape (M, n)
+        Mean control currents [A].
+    notes : tuple of str
+        Every warning and repair.
+    path : Path or None
+        File that it came from.
+    """
+
+    name: str
+    axes: tuple[str, ...]
+    z: NDArray[np.float64]
+    force: NDArray[np.float64]
+    i_c: NDArray[np.float64]
+    notes: tuple[str, ...] = ()
+    path: Path | None = None
+
+    @classmethod
+    def load(cls, path: str | Path, rig: Rig | None = None) -> StaticLoading:
+        """Read a loading from a .csv file with the columns step, z, F_x, F_y, i_c.<axis>, and check it.
+
+        Parameters
+        ----------
+        path : str or Path
+            The .csv file.
+        rig : Rig, optional
+            Its axes are matched by name, and z must lie on its shaft.
+
+        Raises
+        ------
+        RecordError
+            If the file cannot be read, has fewer than 3 steps or no change of load, or z is off the shaft.
+        """
+        path = Path(path)
+        where = str(path)
+        if path.suffix.lower() != ".csv":
+            raise RecordError(f"{where}: suffix {path.suffix!r} is not that of a static loading; use .csv")
+        require_content(path)
+        columns = read_csv_columns(path)
+        missing = [name for name in ("step", "z", "F_x", "F_y") if name not in columns]
+        axes = tuple(name.removeprefix("i_c.") for name in columns if name.startswith("i_c."))
+        if missing or not axes:
+            missing += [] if axes else ["i_c.<axis>"]
+            raise RecordError(f"{where}: no column {', '.join(missing)}; the columns are {', '.join(columns)}")
+        checks.require_finite(where, columns.items())
+        unused = [n for n in columns if n not in ("step", "z", "F_x", "F_y") and not n.startswith("i_c.")]
+        notes = [f"columns not used: {', '.join(unused)}"] if unused else []
+        if rig is not None:
+            checks.order_of_axes(where, axes, tuple(rig.axes), "the rig")
+            if axes != tuple(rig.axes):
+                notes.append(f"axes {', '.join(axes)} were reordered to the rig's {', '.join(rig.axes)}")
+                axes = tuple(rig.axes)
+        z, force = columns["z"], np.stack([columns["F_x"], columns["F_y"]], axis=1)
+        i_c = np.stack([columns[f"i_c.{axis}"] for axis in axes], axis=1)
+        if len(z) < 3:
+            raise RecordError(f"{where}: {len(z)} load steps; a slope needs at least 3")
+        if not np.any(np.ptp(force, axis=0)):
+            raise RecordError(f"{where}: the load is {force[0]} N in every step; apply at least two different loads")
+        for j, axis in enumerate(axes):
+            checks.require_ampere(where, f"i_c.{axis}", i_c[:, j])
+            checks.require_alive(where, f"i_c.{axis}", i_c[:, j])
+        if rig is not None:
+            checks.require_on_shaft(where, z, rig)
+        return cls(path.stem, axes, z, force, i_c, tuple(notes), path)
+
+    def __repr__(self) -> str:
+        largest = np.linalg.norm(self.force, axis=1).max()
+        return f"StaticLoading({self.name!r}: {len(self.z)} steps up to {largest:.4g} N; i_c on {', '.join(self.axes)})"

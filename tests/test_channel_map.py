@@ -1,0 +1,233 @@
+"""Records that were not made for us: columns by name and number, factors, sample rates, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+
+import ambid.readers
+from ambid.channel_map import ChannelMap
+from ambid.errors import InputError, RecordError
+from ambid.excitation import prbs
+from ambid.model import Model
+from ambid.record import Record
+from ambid.rig import Rig
+
+RIG = Rig.load(Path(__file__).parent / "data" / "bench_rig.toml")
+COLUMNS = [f"{signal}.{axis}" for signal in ("i_e", "y", "i_c") for axis in RIG.axes]
+MAP = {"t": "time:1e-3"} | {c: f"ch{k}:{1e-6 if c[0] == 'y' else 1e-3:g}" for k, c in enumerate(COLUMNS)}
+
+
+@pytest.fixture(scope="module")
+def record():
+    return Model(RIG).virtual_experiment(prbs(6, amplitude=0.1, hold=2, axes=4, periods=4), seed=1)
+
+
+@pytest.fixture(scope="module")
+def foreign(record):
+    """Time in ms, currents in mA, displacements in um, under names of somebody else."""
+    signals = np.hstack([record.i_e * 1e3, record.y * 1e6, record.i_c * 1e3])
+    return {"time": record.t * 1e3} | {f"ch{k}": column for k, column in enumerate(signals.T)}
+
+
+def write_csv(path, columns, separator=",", head=True):
+    table = np.stack(list(columns.values()), axis=1)
+    header = separator.join(columns) if head else ""
+    np.savetxt(path, table, "%.17g", separator, header=header, comments="")
+    return path
+
+
+def write(path, columns, record):
+    if path.suffix == ".csv":
+        write_csv(path, columns)
+    elif path.suffix == ".mat":
+        scipy.io.savemat(path, {name: column[:, None] for name, column in columns.items()} | {"comment": "bench 3"})
+    elif path.suffix == ".h5":
+        with pytest.importorskip("h5py").File(path, "w") as file:
+            for name, column in columns.items():
+                file[name] = column
+    elif path.suffix == ".parquet":
+        pyarrow = pytest.importorskip("pyarrow")
+        parquet = pytest.importorskip("pyarrow.parquet")
+        parquet.write_table(pyarrow.table(columns | {"comment": ["bench 3"] * record.samples}), path)
+    else:
+        nptdms = pytest.importorskip("nptdms")
+        with nptdms.TdmsWriter(path) as writer:
+            writer.write_segment([nptdms.ChannelObject("scope", name, column) for name, column in columns.items()])
+    return path
+
+
+def assert_same(found, record):
+    for signal in ("i_e", "y", "i_c"):
+        ours, theirs = getattr(found, signal), getattr(record, signal)
+        np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12 * np.abs(theirs).max())
+    assert found.sample_rate == record.sample_rate
+    assert found.axes == record.axes
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mat", ".h5", ".parquet", ".tdms"])
+def test_every_format_by_names(tmp_path, foreign, record, suffix):
+    path = write(tmp_path / f"scope{suffix}", foreign | {"speed": record.t}, record)
+    found = Record.load(path, RIG, mapping=MAP)
+    assert_same(found, record)
+    assert found.notes[0].startswith("columns by the map: t = time times 0.001, i_e.A_zeta = ch0 times 0.001")
+    assert "columns not used: speed" in found.notes
+    options = [f"{channel}={column}" for channel, column in MAP.items()]
+    assert_same(Record.load(path, RIG, mapping=ChannelMap.parse(options)), record)
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_text_without_names_by_numbers(tmp_path, foreign, record, separator):
+    path = write_csv(tmp_path / "scope.csv", foreign, separator, head=False)
+    by_number = {channel: f"{k}:{column.partition(':')[2]}" for k, (channel, column) in enumerate(MAP.items(), 1)}
+    assert_same(Record.load(path, RIG, mapping=by_number), record)
+    named = write_csv(tmp_path / "named.csv", foreign, separator)
+    assert_same(Record.load(named, RIG, mapping=by_number), record)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_columns_of_a_matrix_in_a_structure(tmp_path, foreign, record, turned):
+    table = np.stack(list(foreign.values()), axis=1)
+    scope = {"result": table.T if turned else table, "Fs": 1e4}
+    scipy.io.savemat(tmp_path / "scope.mat", {"scope": scope})
+    channels = {"fs": "scope.Fs"} | {
+        channel: f"scope.result[{k}]:{column.partition(':')[2]}"
+        for k, (channel, column) in enumerate(MAP.items(), 1)
+        if channel != "t"
+    }
+    found = Record.load(tmp_path / "scope.mat", RIG, mapping=channels)
+    assert_same(found, record)
+    assert any("was transposed" in note for note in found.notes) == turned
+
+
+def test_groups_of_hdf5(tmp_path, foreign, record):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "scope.h5", "w") as file:
+        for name, column in foreign.items():
+            file[f"run/{name}"] = column
+    channels = {channel: f"run/{column}" for channel, column in MAP.items()}
+    assert_same(Record.load(tmp_path / "scope.h5", RIG, mapping=channels), record)
+
+
+def test_structure_of_v73(tmp_path, foreign, record):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "scope.mat", "w", userblock_size=512) as file:
+        for name, column in foreign.items():
+            file[f"run/{name}"] = column[None, :]
+        file["#refs#/0"] = np.zeros(3)
+    with open(tmp_path / "scope.mat", "r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file")
+    channels = {channel: f"run.{column}" for channel, column in MAP.items()}
+    found = Record.load(tmp_path / "scope.mat", RIG, mapping=channels)
+    assert_same(found, record)
+    assert not any("not used" in note for note in found.notes)
+
+
+def test_groups_and_sample_rate_of_tdms(tmp_path, foreign, record):
+    nptdms = pytest.importorskip("nptdms")
+    channels = [
+        nptdms.ChannelObject("slow" if name == "time" else "scope", name, column, {"wf_increment": 1e-4})
+        for name, column in foreign.items()
+    ]
+    with nptdms.TdmsWriter(tmp_path / "scope.tdms") as writer:
+        writer.write_segment(channels)
+    mapping = {channel: f"scope/{column}" for channel, column in MAP.items() if channel != "t"}
+    assert_same(Record.load(tmp_path / "scope.tdms", RIG, mapping=mapping), record)
+    with pytest.raises(RecordError, match=r"the file states 10000 Hz, 5000 Hz was given"):
+        Record.load(tmp_path / "scope.tdms", mapping=mapping, sample_rate=5e3)
+
+
+def test_our_own_tdms(tmp_path, record):
+    pytest.importorskip("nptdms")
+    record.save(tmp_path / "run.tdms")
+    found = Record.load(tmp_path / "run.tdms", RIG)
+    assert_same(found, record)
+    assert found.notes == ()
+    (tmp_path / "bad.tdms").write_bytes(np.random.default_rng(0).bytes(2000))
+    with pytest.raises(RecordError, match="not a readable TDMS file"):
+        Record.load(tmp_path / "bad.tdms")
+
+
+def test_tdms_needs_a_package(tmp_path, monkeypatch):
+    def missing(name):
+        raise ImportError(name)
+
+    (tmp_path / "run.tdms").write_bytes(b"x")
+    monkeypatch.setattr(ambid.readers.importlib, "import_module", missing)
+    with pytest.raises(InputError, match=r"run\.tdms: this format needs the package npTDMS: pip install 'ambid\[io\]'"):
+        Record.load(tmp_path / "run.tdms")
+
+
+def test_sample_rate_of_a_file_that_states_none(tmp_path, foreign, record):
+    path = write_csv(tmp_path / "scope.csv", foreign)
+    without_time = {channel: column for channel, column in MAP.items() if channel != "t"}
+    assert_same(Record.load(path, RIG, mapping=without_time, sample_rate=1e4), record)
+    with pytest.raises(RecordError, match=r"scope\.csv: the map names neither t nor fs"):
+        Record.load(path, RIG, mapping=without_time)
+    with pytest.raises(RecordError, match="t says 10000 Hz, fs says 5000 Hz"):
+        Record.load(path, mapping=MAP, sample_rate=5e3)
+    ours = write_csv(tmp_path / "ours.csv", {f"y.{axis}": record.y[:, k] for k, axis in enumerate(RIG.axes)})
+    assert Record.load(ours, sample_rate=1e4).sample_rate == 1e4
+    with pytest.raises(RecordError, match="column 't'"):
+        Record.load(ours)
+
+
+def test_without_i_e_it_is_rebuilt(tmp_path, foreign, record):
+    path = write_csv(tmp_path / "scope.csv", foreign)
+    mapping = {channel: column for channel, column in MAP.items() if not channel.startswith("i_e")}
+    found = Record.load(path, RIG, mapping=mapping)
+    assert any("i_e was not logged: rebuilt from i_c" in note for note in found.notes)
+
+
+def test_names_with_colons(tmp_path, foreign, record):
+    path = write_csv(tmp_path / "scope.csv", {name.replace("ch", "Dev1: ai:"): c for name, c in foreign.items()})
+    mapping = {channel: column.replace("ch", "Dev1: ai:") for channel, column in MAP.items()}
+    assert_same(Record.load(path, RIG, mapping=mapping), record)
+    assert "t=time:0.001" in repr(ChannelMap(mapping))
+    assert "y.A_zeta=ai:volts:1" in repr(ChannelMap({"y.A_zeta": "ai:volts"}))
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["y.A_zeta"], "map y.A_zeta: expected CHANNEL=COLUMN or CHANNEL=COLUMN:FACTOR, such as y.A_zeta=ch3:1e-6"),
+        (["=ch3"], "expected CHANNEL=COLUMN"),
+        (["y.A_zeta=a", "y.A_zeta=b"], "map y.A_zeta=b: y.A_zeta is mapped to a already"),
+        (["x.A_zeta=a"], "'x.A_zeta' is no channel; expected t, fs, or one of i_e, y, i_c, i_ref with an axis"),
+        (["y=a"], "'y' is no channel"),
+        (["y.A_zeta=a:0"], "the factor 0 makes no SI units"),
+        (["y.A_zeta=a:nan"], "the factor nan"),
+        (["t=a"], "no y.<axis> in t"),
+        ([], "no y.<axis> in it"),
+    ],
+)
+def test_maps_that_are_refused(options, words):
+    with pytest.raises(InputError) as caught:
+        ChannelMap.parse(options)
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"y.A_zeta": "ch99"}, "map y.A_zeta=ch99: there is no such column; the columns are 1 time, 2 ch0, 3 ch1"),
+        ({"y.A_zeta": "0"}, "map y.A_zeta=0: there is no such column"),
+        ({"fs": "ch3"}, "fs=ch3 has 504 values"),
+        ({"y.C_zeta": "ch1"}, "missing: C_zeta"),
+        ({"y.A_zeta": "ch4:1"}, "looks like micrometres"),
+    ],
+)
+def test_files_that_do_not_fit_the_map(tmp_path, foreign, changes, words):
+    path = write_csv(tmp_path / "scope.csv", foreign)
+    with pytest.raises(RecordError) as caught:
+        Record.load(path, RIG, mapping=MAP | changes)
+    assert str(path) in str(caught.value)
+    assert words in str(caught.value)
+
+
+def test_columns_of_different_length(tmp_path, foreign):
+    short = {name: (column[:-1] if name == "ch2" else column)[:, None] for name, column in foreign.items()}
+    scipy.io.savemat(tmp_path / "scope.mat", short)
+    with pytest.raises(RecordError, match=r"different lengths \(t=time 504, .*i_e\.B_zeta=ch2 503"):
+        Record.load(tmp_path / "scope.mat", RIG, mapping=MAP)

@@ -1,0 +1,232 @@
+"""Models out to SciPy, python-control and MATLAB; controllers from there, rotors from ROSS."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import scipy.io
+import scipy.signal
+from numpy.testing import assert_allclose
+
+from ambid import interop
+from ambid.errors import InputError, ModelError, RigError
+from ambid.excitation import prbs
+from ambid.interop import controller_from, controller_from_mat, rotor_from_ross, to_control, to_mat, to_scipy
+from ambid.model import Model
+from ambid.rig import PidController, Rig, StateSpaceController
+from ambid.rotor import assemble, reduced_rotor
+
+RIG = Rig.load(Path(__file__).parent / "data" / "bench_rig.toml")
+PLACES = [z for bearing in RIG.bearings for z in (bearing.position, bearing.sensor_position)]
+I_E = prbs(7, amplitude=0.2, hold=3, axes=4)
+
+
+def rig(implementation):
+    pid = RIG.controller.model_dump(exclude_none=True) | {"implementation": implementation}
+    if implementation == "digital":
+        pid["delay_samples"] = 0.3
+    return RIG.replace(controller=PidController(**pid), actuator={"time_constant": 2.5e-4}, speed=300.0)
+
+
+@pytest.fixture(params=["analog", "digital"])
+def model(request):
+    """With a linear effect, so that effects are exported too."""
+    return Model(rig(request.param)).add("sensor_lag", {"time_constant": 1e-5})
+
+
+def assert_same(outputs, model):
+    record = model.simulate(I_E)
+    for found, expected in ((outputs[:, :4], record.y), (outputs[:, 4:], record.i_c)):
+        assert_allclose(found, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
+
+
+def test_to_scipy(model):
+    system = to_scipy(model)
+    assert isinstance(system, scipy.signal.StateSpace)
+    assert system.dt == 1e-4
+    assert (system.input_names, system.output_names) == (model.loop.inputs, model.loop.outputs)
+    assert_same(scipy.signal.dlsim(system, I_E)[1], model)
+
+
+def test_to_control(model):
+    control = pytest.importorskip("control")
+    system = to_control(model)
+    assert system.dt == 1e-4
+    assert system.input_labels == ["i_e_A_zeta", "i_e_A_eta", "i_e_B_zeta", "i_e_B_eta"]
+    assert system.output_labels[4:] == ["i_c_A_zeta", "i_c_A_eta", "i_c_B_zeta", "i_c_B_eta"]
+    assert_same(control.forced_response(system, U=I_E.T).outputs.T, model)
+
+
+def test_control_is_optional(monkeypatch):
+    def missing(name):
+        raise ImportError(name)
+
+    monkeypatch.setattr(interop.importlib, "import_module", missing)
+    with pytest.raises(InputError, match=r"needs the package control: pip install 'ambid\[control\]'"):
+        to_control(Model(RIG))
+
+
+def test_to_mat_closed_loop(model, tmp_path):
+    to_mat(model, tmp_path / "model.mat")
+    content = scipy.io.loadmat(tmp_path / "model.mat", squeeze_me=True)
+    system = scipy.signal.StateSpace(*(content[key] for key in "ABCD"), dt=content["dt"])
+    assert_same(scipy.signal.dlsim(system, I_E)[1], model)
+    assert tuple(content["inputs"]) == model.loop.inputs
+    assert tuple(content["outputs"]) == model.loop.outputs
+    assert tuple(content["inputs_plant"]) == tuple(f"i_ref.{axis}" for axis in RIG.axes)
+    assert content["parameters"]["K_s_B_eta"] == model.parameters[7].value
+    assert content["parameters"]["sensor_lag_time_constant"] == 1e-5
+
+
+def test_to_mat_plant(tmp_path):
+    """Closed around the exported plant, the controller gives the poles of the loop."""
+    model = Model(rig("analog")).add("sensor_lag", {"time_constant": 1e-5})
+    to_mat(model, tmp_path / "model.mat")
+    content = scipy.io.loadmat(tmp_path / "model.mat")
+    a, b, c, d = (content[f"{key}_plant"] for key in "ABCD")
+    assert not d.any()
+    assert tuple(name.item() for name in content["outputs_plant"].ravel()) == model.loop.outputs
+    a_k, b_k, c_k, d_k = RIG.controller.state_space(4, RIG.sample_rate)
+    y = c[:4]
+    closed = np.block([[a - b @ d_k @ y, -b @ c_k], [b_k @ y, a_k]])
+    poles = np.linalg.eigvals(closed)
+    for pole in model.poles():
+        assert np.abs(poles - pole).min() < 1e-6 * abs(pole)
+    unstable = np.linalg.eigvals(a).real.max()
+    assert unstable > 10.0, "without its controller the rotor falls"
+
+
+def test_suffix_of_mat(tmp_path):
+    with pytest.raises(ModelError, match=r"model\.m: the suffix is \.m; expected \.mat"):
+        to_mat(Model(RIG), tmp_path / "model.m")
+
+
+@pytest.mark.parametrize("export", [to_scipy, to_control, lambda model: to_mat(model, "model.mat")])
+def test_what_is_not_linear_is_refused(export):
+    model = Model(RIG).add("force_nonlinearity")
+    with pytest.raises(ModelError, match=r"force_nonlinearity is not linear.*model\.without\('force_nonlinearity'\)"):
+        export(model)
+    assert to_scipy(model.without("force_nonlinearity")).dt == 1e-4
+
+
+@pytest.mark.parametrize("implementation", ["analog", "digital"])
+def test_controller_round_trip(implementation, tmp_path):
+    here = rig(implementation)
+    a, b, c, d = here.controller.state_space(4, here.sample_rate)
+    dt = 0.0 if implementation == "analog" else 1e-4
+    delay = here.controller.delay_samples
+    scipy.io.savemat(tmp_path / "K.mat", {"A": a, "B": b, "C": c, "D": d, "dt": dt})
+    in_time = {"dt": dt} if dt else {}
+    for controller in (
+        controller_from_mat(tmp_path / "K.mat", delay),
+        controller_from(scipy.signal.StateSpace(a, b, c, d, **in_time), delay),
+    ):
+        assert isinstance(controller, StateSpaceController)
+        assert_same(_outputs(Model(here.replace(controller=controller))), Model(here))
+
+
+def _outputs(model):
+    record = model.simulate(I_E)
+    return np.hstack([record.y, record.i_c])
+
+
+def test_controller_gain_alone(tmp_path):
+    scipy.io.savemat(
+        tmp_path / "K.mat", {"A": np.zeros((0, 0)), "B": np.zeros((0, 1)), "C": np.zeros((1, 0)), "D": 3e4}
+    )
+    assert controller_from_mat(tmp_path / "K.mat").D == ((3e4,),)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ({"A": 1.0, "B": 1.0, "C": 1.0, "other": 2.0}, "no D; expected A, B, C, D and dt, found A, B, C, other"),
+        ({"A": 1.0, "B": 1.0, "C": 1.0, "D": 1.0, "dt": -1.0}, "dt = [-1.]; expected the sampling time in s, or 0"),
+        ({"A": np.eye(2), "B": 1.0, "C": 1.0, "D": 1.0}, "expected 2 rows of 1 numbers"),
+    ],
+)
+def test_controllers_that_are_refused(content, words, tmp_path):
+    path = tmp_path / "K.mat"
+    scipy.io.savemat(path, content)
+    with pytest.raises(RigError) as caught:
+        controller_from_mat(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert words in str(caught.value)
+
+
+def test_controller_files_that_cannot_be_read(tmp_path):
+    with pytest.raises(RigError, match=r"none\.mat: cannot be read"):
+        controller_from_mat(tmp_path / "none.mat")
+    (tmp_path / "K.mat").write_bytes(np.random.default_rng(0).bytes(500))
+    with pytest.raises(RigError, match=r"K\.mat: not a \.mat file of version 5"):
+        controller_from_mat(tmp_path / "K.mat")
+
+
+def like_ross(freedoms, stiffness=0.0, links=0):
+    """An object with the members of a ross.Rotor, filled from our finite elements; K may hold bearings."""
+    beam = assemble(RIG.rotor, PLACES)
+    nodes = len(beam.z)
+    kept = (freedoms * np.arange(nodes)[:, None] + {4: [0, 1, 2, 3], 6: [0, 1, 3, 4]}[freedoms]).ravel()
+    size = freedoms * (nodes + links)
+
+    def spread(matrix, others):
+        full = others * np.eye(size)
+        full[np.ix_(kept, kept)] = matrix
+        return full
+
+    held = beam.K.copy()
+    held[0, 0] += stiffness
+    return SimpleNamespace(
+        M=lambda frequency=None: spread(beam.M, 1.0),
+        K=lambda frequency: spread(held, 1e8),
+        G=lambda: spread(beam.G, 0.0),
+        nodes_pos=list(beam.z),
+    )
+
+
+@pytest.mark.parametrize("freedoms", [4, 6])
+def test_rotor_from_ross(freedoms):
+    spec = RIG.rotor
+    rotor = rotor_from_ross(
+        like_ross(freedoms),
+        flexible_modes=spec.flexible_modes,
+        modal_damping=spec.modal_damping,
+        bending_frequencies_hz=spec.bending_frequencies_hz,
+    )
+    assert_same(_outputs(Model(rig("analog").replace(rotor=rotor))), Model(rig("analog")))
+
+
+def test_rotor_of_ross_itself():
+    """A real ross.Rotor against our finite elements on the same shaft, one element a section."""
+    ross = pytest.importorskip("ross")
+    material = {"density": 7850.0, "youngs_modulus": 2.06e11, "poisson_ratio": 0.3}
+    steel = ross.Material(name="steel", rho=7850.0, E=2.06e11, Poisson=0.3)
+    shaft = [ross.ShaftElement(L=0.05, idl=0.0, odl=0.06, material=steel) for _ in range(16)]
+    disk = ross.DiskElement(n=6, m=5.0, Id=0.01, Ip=0.018)
+    ours = RIG.rotor.model_validate(
+        {
+            "flexible_modes": 2,
+            "material": material,
+            "section": [{"length": 0.8, "outer_diameter": 0.06}],
+            "disk": [{"position": 0.3, "mass": 5.0, "transverse_inertia": 0.01, "polar_inertia": 0.018}],
+        }
+    )
+    theirs = rotor_from_ross(ross.Rotor(shaft, [disk]), flexible_modes=2)
+    one, other = (reduced_rotor(rotor, [0.0, 0.3, 0.8]) for rotor in (theirs, ours))
+    assert_allclose(one.frequencies_rad_s, other.frequencies_rad_s, rtol=5e-3, atol=1e-3)
+    assert_allclose(one.gyroscopic, other.gyroscopic, atol=5e-3 * np.abs(other.gyroscopic).max())
+
+
+@pytest.mark.parametrize(
+    ("rotor", "words"),
+    [
+        (object(), "object object"),
+        (like_ross(6, stiffness=1e4), "make the ross.Rotor without bearing_elements"),
+        (like_ross(6, links=1), "expected 4 or 6 freedoms a node"),
+    ],
+)
+def test_rotors_that_are_refused(rotor, words):
+    with pytest.raises(RigError) as caught:
+        rotor_from_ross(rotor)
+    assert words in str(caught.value)
