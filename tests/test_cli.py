@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -13,11 +14,13 @@ from numpy.testing import assert_allclose
 
 import ambid
 from ambid.demo import DATA
+from ambid.effects import CATALOGUE
 from ambid.estimate import STATUS
 from virtual import AXES, NAMES
 
 ROOT = Path(__file__).parents[1]
 LOADS = sorted(DATA.glob("static_*.csv"))
+COMMANDS = ("check", "identify", "static-load", "campaign", "compare", "diagnose", "effects", "simulate", "demo")
 CHANNELS = {f"{signal}.{axis}" for signal in ("y", "i_c") for axis in AXES}
 
 
@@ -159,9 +162,65 @@ def test_a_stated_period_is_used(here, command, period, noted):
 
 
 def test_quiet_prints_nothing(here, command):
-    for arguments in (("identify", *here), ("compare", *here), ("static-load", here[0], *LOADS)):
+    jobs = (("identify", *here), ("compare", *here), ("check", *here), ("static-load", here[0], *LOADS), ("effects",))
+    for arguments in jobs:
         result = command(*arguments, "--quiet")
         assert (result.code, result.out, result.err) == (0, "", "")
+
+
+@pytest.fixture(scope="module")
+def foreign(short):
+    """The same record under other names and in other units, and the options that say so."""
+    record = ambid.Record.load(short / "run.csv")
+    signals = np.hstack([1e3 * record.i_e, 1e6 * record.y, 1e3 * record.i_c])
+    names = [f"ch{k}" for k in range(12)]
+    np.savetxt(short / "scope.csv", signals, "%.12g", ",", header=",".join(names), comments="")
+    channels = [f"{signal}.{axis}" for signal in ("i_e", "y", "i_c") for axis in AXES]
+    maps = [f"{c}={name}:{1e-6 if c[0] == 'y' else 1e-3:g}" for c, name in zip(channels, names, strict=True)]
+    return [short / "scope.csv", *(word for text in maps for word in ("--map", text)), "--sample-rate", 10000]
+
+
+@pytest.mark.parametrize("job", ["check", "identify", "compare"])
+def test_records_in_other_columns_and_units(here, foreign, command, job):
+    ours = command(job, *here, "--json", "ours.json", "--quiet")
+    theirs = command(job, here[0], *foreign, "--json", "theirs.json", "--quiet")
+    assert (ours.code, theirs.code) == (0, 0), theirs.err
+    if job == "check":
+        (ours,), (theirs,) = (read(f)["records"] for f in ("ours.json", "theirs.json"))
+        assert_allclose(theirs["y_rms"], ours["y_rms"], rtol=1e-6)
+        assert any("columns by the map" in finding["what"] for finding in read("theirs.json")["findings"])
+    elif job == "identify":
+        ours, theirs = (read(f)["parameters"]["tau_e"]["value"] for f in ("ours.json", "theirs.json"))
+        assert_allclose(theirs, ours, rtol=1e-4)
+    else:
+        (ours,), (theirs,) = (read(f)["records"] for f in ("ours.json", "theirs.json"))
+        assert_allclose(theirs["misfit"], ours["misfit"], rtol=1e-4)
+
+
+@pytest.fixture(scope="module")
+def bench(short, tmp_path_factory):
+    """A campaign at one bias current."""
+    point = tmp_path_factory.mktemp("bench") / "6A"
+    point.mkdir()
+    shutil.copy(short / "rig.toml", point)
+    for k in (1, 2):
+        shutil.copy(short / "run.csv", point / f"prbs_{k}.csv")
+    for path in LOADS:
+        shutil.copy(path, point)
+    return point.parent
+
+
+def test_campaign(here, bench, command):
+    result = command("campaign", bench, "--json", "c.json", "--plot", "K_i.png")
+    assert (result.code, result.err) == (0, "")
+    for text in ("static", "K_s [N/m]", "RSD %", "tau_e [s]", "noise ceiling %", "written: K_i.png"):
+        assert text in result.out
+    content = read("c.json")
+    assert {(row["axis"], row["method"]) for row in content["K_i"]} == {
+        (a, m) for a in AXES for m in ("prbs", "static")
+    }
+    assert imread("K_i.png").shape[0] > 300
+    assert command("campaign", bench, "--quiet").out == ""
 
 
 def test_exit_code_1_when_the_evaluations_run_out(here, command):
@@ -211,14 +270,18 @@ def test_the_demo(tmp_path, command):
 @pytest.mark.parametrize(
     ("arguments", "texts"),
     [
-        ((), ["identify", "static-load", "compare", "simulate", "demo", "f = K_i i + K_s s"]),
+        ((), [*COMMANDS, "f = K_i i + K_s s"]),
         (("identify",), ["--free", "--fix", "--share", "--per-axis", "--bound", "--weight", "--starts", "--save"]),
         (("static-load",), ["LOADS", "--json", "--quiet"]),
-        (("compare",), ["--model", "--plot", "--period", "--json"]),
-        (("simulate",), ["--out", "--seconds", "--amplitude", "--seed", "--sensor-noise"]),
+        (("check",), ["RECORD", "--map", "--sample-rate", "--json"]),
+        (("campaign",), ["DIR", "--plot", "--json", "--quiet"]),
+        (("compare",), ["--model", "--plot", "--period", "--map", "--json"]),
+        (("diagnose",), ["--validate", "--effects", "--ask", "--tolerance", "--model", "--save", "--report", "--map"]),
+        (("effects",), ["NAME", "--rig", "--json"]),
+        (("simulate",), ["--out", "--seconds", "--amplitude", "--effect", "--model", "--seed", "--sensor-noise"]),
         (("demo",), ["--out", "--json"]),
     ],
-    ids=["all", "identify", "static-load", "compare", "simulate", "demo"],
+    ids=lambda value: value[0] if isinstance(value, tuple) and value else "",
 )
 def test_help(arguments, texts, command):
     result = command(*arguments, "--help")
@@ -246,14 +309,22 @@ def test_the_python_of_the_readme_runs(capsys):
     assert "tau_e" in capsys.readouterr().out
 
 
-def test_the_commands_of_the_readme_are_there(here, command):
+def test_the_readme_names_every_effect():
+    text = (ROOT / "README.md").read_text()
+    assert f"The catalogue has {len(CATALOGUE)} effects" in text
+    assert all(f"`{effect.name}`" in text for effect in CATALOGUE)
+
+
+def test_the_commands_of_the_readme_are_there(here, bench, command):
     """Each line of the section on the shell, with its files put in their places."""
     rig, run = here
     section = (ROOT / "README.md").read_text().partition("From the shell")[2]
     lines = [
         line.partition("#")[0].split() for line in re.search(r"```sh\n(.*?)```", section, re.DOTALL)[1].splitlines()
     ]
-    files = {"rig.toml": [rig], "run.csv": [run], "static_*.csv": LOADS} | {f"run_{k}.mat": [run] for k in (1, 2, 3)}
+    files = {"rig.toml": [rig], "run.csv": [run], "static_*.csv": LOADS, "bench": [bench]}
+    files |= {f"run_{k}.mat": [run] for k in (1, 2, 3)}
+    assert {line[1] for line in lines} == {*COMMANDS} - {"demo"}
     for line in lines:
         assert line[0] == "ambid"
         result = command(*(value for word in line[1:] for value in files.get(word, [word])), "--quiet")

@@ -22,6 +22,7 @@ from scipy.optimize import least_squares, linear_sum_assignment
 from ambid.controller_spec import Controller, PidController, StateSpace
 from ambid.loop.assembly import FloatArray
 from ambid.loop.plant import plant
+from ambid.loop.response import frequency_response
 from ambid.model import Model
 from ambid.record import Record
 from ambid.rig import Rig
@@ -134,10 +135,10 @@ class NominalLoop:
         own = controller or self.rig.controller
         system = own.state_space(self.axes, self.rig.sample_rate)
         if not own.is_digital:
-            return _response(system, 2j * np.pi * frequency_hz)
+            return frequency_response(system, 2j * np.pi * frequency_hz)
         rate = own.rate(self.rig.sample_rate)
         path = _hold(frequency_hz, rate) * self._delay(frequency_hz)
-        return _response(system, np.exp(2j * np.pi * frequency_hz / rate)) * path[:, None, None]
+        return frequency_response(system, np.exp(2j * np.pi * frequency_hz / rate)) * path[:, None, None]
 
     def excitation(self, frequency_hz: FloatArray) -> ComplexArray:
         """d h, from the samples of i_e to what the amplifier is asked for, shape (lines,)."""
@@ -155,7 +156,7 @@ class NominalLoop:
 
     def _displacement(self, frequency_hz: FloatArray, gain_factor: float) -> ComplexArray:
         """From the commands i_ref to y."""
-        return _response(self._plant(gain_factor), 2j * np.pi * frequency_hz)
+        return frequency_response(self._plant(gain_factor), 2j * np.pi * frequency_hz)
 
     def _plant(self, gain_factor: float) -> StateSpace:
         """A, B, C, D from i_ref to y, with the nominal values in Delta; no port of the base plant feeds another."""
@@ -364,17 +365,6 @@ def _namings(rig: Rig) -> list[tuple[int, ...]]:
                 pairs = zip(bearings, turns, strict=True)
                 found.append(tuple(j for group, turned in pairs for j in (group[::-1] if turned else group)))
     return found
-
-
-def _response(system: StateSpace, points: ComplexArray) -> ComplexArray:
-    """C (p I - A)^-1 B + D at each point p; the Schur form makes each state one division."""
-    A, B, C, D = system
-    T, Z = schur(A, output="complex") if A.size else (A, A)
-    drive = Z.conj().T @ B
-    x = np.zeros((len(points), *B.shape), dtype=complex)
-    for j in reversed(range(len(A))):
-        x[:, j] = (drive[j] + np.einsum("k,lkm->lm", T[j, j + 1 :], x[:, j + 1 :])) / (points - T[j, j])[:, None]
-    return (C @ Z) @ x + D
 
 
 def _hold(frequency_hz: FloatArray, rate: float) -> ComplexArray:

@@ -12,6 +12,7 @@ from scipy.stats import chi2
 from ambid.check import check
 from ambid.compare import compare
 from ambid.diagnosis import Diagnosis, Step
+from ambid.drift import largest_change
 from ambid.effects import CATALOGUE, Effect, find
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.fit import fit_percent, measured_outputs, recorded_channels
@@ -146,10 +147,15 @@ class _Search:
         self.nominal, self.noise, self.validate = nominal, noise, validate
         self.validation_noise: Noise | None = None
         self.catalogue, self.tolerance, self.say = catalogue, tolerance, say
-        self.sets: list[list[str]] = []
+        self.sets: dict[str, list[str]] = {}
         self.hopeless: _Fit | None = None
         self.history: list[Step] = []
         self._note(self._rank(), None)
+
+    @property
+    def added(self) -> tuple[Effect, ...]:
+        """What the search has added to the model that it started from."""
+        return self.fit.model.effects[len(self.base.model.effects) :]
 
     @property
     def dof(self) -> int:
@@ -168,7 +174,7 @@ class _Search:
 
     def automatic(self, ask: Callable[[Ranking, Candidate], bool] | None) -> None:
         """Add what the data support most, again and again."""
-        while len(self.fit.model.effects) < MOST_EFFECTS:
+        while len(self.added) < MOST_EFFECTS:
             ranking = self.history[-1].ranking
             tried = self._worth_refitting(ranking)
             if not tried:
@@ -186,7 +192,7 @@ class _Search:
                 self.hopeless = better
                 return
             self.fit = better
-            self.sets.append(_alternatives(order))
+            self.sets[candidate.effect.name] = _alternatives(order)
             self._note(self._rank(), candidate)
             self._prune()
 
@@ -201,7 +207,6 @@ class _Search:
             if not order:
                 raise ModelError(f"{effect.name}: no stable loop with it was found; leave it out")
             candidate, self.fit = order[0]
-            self.sets.append([effect.name])
             self._note(self._rank(), candidate)
 
     def _rank(self) -> Ranking:
@@ -218,7 +223,7 @@ class _Search:
         best = max((candidate.score for candidate in significant), default=0.0)
         small = best < NEGLIGIBLE_SHARE * (self.base.cost - self.fit.cost)
         minor = self.fit.cost < self.at_noise or best < 0.5 * (self.fit.cost - self.dof)
-        if self.fit.model.effects and small and minor:
+        if self.added and small and minor:
             return []
         least = 0.5 * best
         if self.fit.cost > self.at_noise:
@@ -238,13 +243,14 @@ class _Search:
             starts = [(self.fit.model, candidate.start)]
             if self.fit.cost > 20.0 * self.dof:
                 starts.append((_with_effects_of(self.nominal, self.fit.model), candidate.start))
-            ends = []
+            starts.append((self.fit.model, {}))  # typical small values, where the predicted ones make no stable loop
+            ends: list[_Fit] = []
             for base, values in starts:
                 try:
                     ends.append(_refit(base.add(candidate.effect, values), self.noise))
                 except (UnstableLoopError, ModelError, ValueError):
                     continue
-                if ends[-1].cost < self.at_noise:
+                if ends[-1].cost < self.at_noise or len(ends) == len(starts) - 1:
                     break
             if ends:
                 found.append((candidate, min(ends, key=lambda end: end.cost)))
@@ -252,14 +258,14 @@ class _Search:
 
     def _prune(self) -> None:
         """Take out effects that a later one has made needless."""
-        for effect in self.fit.model.effects[:-1]:
+        for effect in self.added[:-1]:
             try:
                 less = _refit(self.fit.model.without(effect.name), self.noise)
             except UnstableLoopError:
                 continue  # no loop without it
             degrees = len(self.fit.model.names) - len(less.model.names)
             if less.cost - self.fit.cost < chi2.isf(ALPHA, degrees):
-                del self.sets[[e.name for e in self.fit.model.effects].index(effect.name)]
+                del self.sets[effect.name]
                 self.fit = less
                 self._note(self._rank(), None, removed=effect.name)
 
@@ -287,14 +293,14 @@ class _Search:
     def verdict(self, begun: float) -> Diagnosis:
         """What the search came to."""
         misfit, share = self.fit.cost / self.dof, self.explained
-        effects = tuple(effect.name for effect in self.fit.model.effects)
+        effects = tuple(effect.name for effect in self.added)
         where = localise(self.base.model, self.noise)
-        notes, sets = [], [names for names in self.sets if len(names) > 1]
-        left = localise(self.fit.model, self.noise) if effects else where
-        unexplained = [
-            *(f"a tone at {tone.frequency_hz:.2f} Hz is left" for tone in left.tones if tone.power > OUTSTANDING),
-            *([f"{left.change.parameter} changes during the record"] if left.change is not None else []),
-        ]
+        notes, sets = [], [names for names in self.sets.values() if len(names) > 1]
+        left = Noise(self.fit.model, self.noise.records) if effects else self.noise
+        change = largest_change(self.fit.model, left) if effects else where.change
+        strong = [tone for tones in left.tones for tone in tones if tone.power > OUTSTANDING]
+        unexplained = [f"a tone at {tone.frequency_hz:.2f} Hz is left" for tone in strong]
+        unexplained += [f"{change.parameter} changes during the record"] if change is not None else []
         by_share = share > EXPLAINED_SHARE and len(effects) <= MOST_BY_SHARE
         if not effects and misfit < self.tolerance and not unexplained:
             verdict = "adequate"
@@ -308,8 +314,9 @@ class _Search:
         else:
             verdict = "none_of_the_candidates"
             best = self.fit if self.hopeless is None else self.hopeless
-            if best.model.effects:
-                names = ", ".join(effect.name for effect in best.model.effects)
+            tried = best.model.effects[len(self.base.model.effects) :]
+            if tried:
+                names = ", ".join(effect.name for effect in tried)
                 share = (self.base.cost - best.cost) / (self.base.cost - self.dof)
                 notes.append(f"best tried: {names}, which explains {100 * share:.0f} % of the excess misfit; not added")
             notes += [*unexplained, where.sentence()]

@@ -172,7 +172,7 @@ class Diagnosis:
             lines += ["", *(f"{p.name:36s} {p.value:12.5g} {p.unit}" for p in own)]
         worst = [cell for cell in self.where[:3] if np.isfinite(cell.misfit)]
         if worst and self.verdict != "adequate":
-            lines += ["", "largest misfit now:"]
+            lines += ["", "largest misfit of the model at the start:"]
             lines += [
                 f"  {c.channel:12s} {c.band_hz[0]:7.0f} .. {c.band_hz[1]:.0f} Hz: {c.misfit:.1f} times noise"
                 for c in worst

@@ -241,22 +241,7 @@ def _plant_at(model: Model) -> _StateSpace:
     """The plant in continuous time at the model's values, without its controller."""
     plant = open_plant(model.rig, model.effects)
     values = {slot: p.value for p in model.parameters for slot in p.slots}
-    delta = np.array([port.scale * values[port.slot] ** port.power for port in plant.ports])
-    return _StateSpace(*_upper_lft(plant, delta), plant.inputs, plant.outputs)
-
-
-def _upper_lft(plant: Lft, delta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """A, B, C, D with ``w = diag(delta) z`` closed."""
-    inputs, outputs = len(plant.inputs), len(plant.outputs)
-    z_x, z_u, z_w = plant.C[outputs:], plant.D[outputs:, :inputs], plant.D[outputs:, inputs:]
-    gain = np.linalg.solve(np.eye(len(delta)) - delta[:, None] * z_w, np.diag(delta))
-    to_x, to_y = plant.B[:, inputs:] @ gain, plant.D[:outputs, inputs:] @ gain
-    return (
-        plant.A + to_x @ z_x,
-        plant.B[:, :inputs] + to_x @ z_u,
-        plant.C[:outputs] + to_y @ z_x,
-        plant.D[:outputs, :inputs] + to_y @ z_u,
-    )
+    return _StateSpace(*plant.closed(values), plant.inputs, plant.outputs)
 
 
 def _holding(K: FloatArray, z: FloatArray) -> float:

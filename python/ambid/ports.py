@@ -168,7 +168,7 @@ def needed_at_ports(model: Model, noise: Noise) -> tuple[Port, ...]:
     basis, _ = np.linalg.qr(known[own] / np.linalg.norm(known[own], axis=0))
     white = _as_lines(residual[own] - basis @ (basis.T @ residual[own]), p)[:lines]
     cost = float(np.sum(np.abs(white) ** 2))
-    responses = _responses(loop, model.theta, window.excited / window.samples, len(loop.inputs))
+    responses = loop.frequency_response(model.theta, window.excited * record.sample_rate / window.samples)
 
     found = []
     for name, (_, unit, meaning) in PORTS.items():
@@ -226,15 +226,6 @@ def _terms(
         excess = max(cost - residual.size, 1.0)
         found.append(Term(shape, kind, coefficients, score, min(score / excess, 1.0), log_chance(score, axes)))
     return tuple(sorted(found, key=lambda term: term.chance))
-
-
-def _responses(loop: Loop, theta: FloatArray, cycles: FloatArray, inputs: int) -> ComplexArray:
-    """Sampled frequency response, shape (lines, outputs, inputs), at frequencies in cycles per sample."""
-    A, B, C, D = loop.state_space(theta)
-    z = np.exp(2j * np.pi * cycles)
-    values, vectors = np.linalg.eig(A)
-    to_modes, from_modes = np.linalg.solve(vectors, B.astype(complex)), C @ vectors
-    return (from_modes[None] / (z[:, None, None] - values)) @ to_modes + D
 
 
 def _least_squares(way: ComplexArray, white: ComplexArray) -> ComplexArray:

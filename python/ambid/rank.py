@@ -254,7 +254,9 @@ def _score(model: Model, effect: Effect, residual: FloatArray, change: FloatArra
     basis, triangle = np.linalg.qr(change / seen)
     called_for = basis.T @ residual
     free, _, degrees, _ = np.linalg.lstsq(triangle, called_for, rcond=1e-6)
-    if not ((low * seen <= free) & (free <= high * seen)).all():
+    if len(free) == 1:
+        free = np.clip(free, low * seen, high * seen)
+    elif not ((low * seen <= free) & (free <= high * seen)).all():
         free = lsq_linear(triangle, called_for, bounds=(low * seen, high * seen)).x
     amplitudes = free / seen
     left = called_for - triangle @ free

@@ -23,6 +23,8 @@ __all__ = ["Tone", "find_tones", "without_tones"]
 
 OUTSTANDING = 40.0
 """Power of a tone over that around it; noise alone reaches 30 in a record of a hundred thousand lines and channels."""
+ALONE = 200.0
+"""Power of a tone on an excited line over that of its neighbours; a pole is wider than one line."""
 SUSPECTED = 0.02
 """Chance of the power at a frequency that is suspected from the start, such as the speed or that of the mains."""
 MAINS = (50.0, 60.0, 100.0, 120.0)
@@ -51,7 +53,9 @@ class Tone:
     power: float
 
 
-def find_tones(residual: FloatArray, window: Window, sample_rate: float, axes: int, speed: float) -> tuple[Tone, ...]:
+def find_tones(
+    residual: FloatArray, window: Window, sample_rate: float, axes: int, speed: float, shape: ComplexArray
+) -> tuple[Tone, ...]:
     """Tones of a residual, strongest first.
 
     Parameters
@@ -66,6 +70,8 @@ def find_tones(residual: FloatArray, window: Window, sample_rate: float, axes: i
         Number of axes.
     speed : float
         Of the rotor [rad/s]; its frequency is looked at closely.
+    shape : ndarray, shape (M N / 2 + 1, p, p)
+        What makes the noise of each line smooth over frequency.
     """
     n = window.samples
     left = _unrepeated(window.cut(residual), window)
@@ -73,7 +79,7 @@ def find_tones(residual: FloatArray, window: Window, sample_rate: float, axes: i
     suspects = [f for f in (speed / (2.0 * np.pi), *MAINS) if 2.0 * per_line < f < 0.45 * sample_rate]
     found: list[Tone] = []
     while len(found) < MOST:
-        power = _relative_power(left, window)
+        power = _relative_power(left, window, shape)
         power[:2] = power[-2:] = 0.0
         line, channel = np.unravel_index(np.argmax(power), power.shape)
         frequency = line * per_line
@@ -91,7 +97,24 @@ def find_tones(residual: FloatArray, window: Window, sample_rate: float, axes: i
             suspects = [f for f in suspects if abs(f - frequency) > 2.0 * per_line]
         found.append(Tone(float(frequency), int(channel) % axes, height))
         left = _without(left, [_wave(frequency / per_line, window)])
-    return tuple(found)
+    return (*found, *_on_excited_lines(residual, window, per_line, axes, shape))
+
+
+def _on_excited_lines(
+    residual: FloatArray, window: Window, per_line: float, axes: int, shape: ComplexArray
+) -> tuple[Tone, ...]:
+    """A tone that falls on an excited line: that line alone stands out among its neighbours."""
+    lines = (shape @ window.lines(residual)[..., None])[..., 0]
+    power = np.abs(lines[window.excited]) ** 2
+    around = median_filter(power, size=(2 * NEIGHBOURS + 1, 1), mode="nearest") / np.log(2.0)
+    beside = convolve1d(power, BESIDE / BESIDE.sum(), axis=0)
+    relative = power / np.maximum(np.maximum(around, beside), 1e-300)
+    line, channel = np.unravel_index(np.argmax(relative), relative.shape)
+    if relative[line, channel] < ALONE:
+        return ()
+    frequency = float(window.excited[line] * per_line)
+    mains = [f for f in MAINS if abs(f - frequency) < 0.5 * per_line]
+    return (Tone(mains[0] if mains else frequency, int(channel) % axes, float(relative[line, channel])),)
 
 
 def without_tones(signal: FloatArray, tones: Sequence[Tone], window: Window, sample_rate: float) -> FloatArray:
@@ -105,10 +128,10 @@ def without_tones(signal: FloatArray, tones: Sequence[Tone], window: Window, sam
     return out
 
 
-def _relative_power(signal: FloatArray, window: Window) -> FloatArray:
+def _relative_power(signal: FloatArray, window: Window, shape: ComplexArray) -> FloatArray:
     """Power of the lines over the median of the unexcited ones around, shape (lines, p)."""
     hann = np.hanning(len(signal) + 1)[:-1, None]
-    power = np.abs(rfft(signal * hann, axis=0)) ** 2
+    power = np.abs((shape @ rfft(signal * hann, axis=0)[..., None])[..., 0]) ** 2
     power[:: window.periods] = 0.0
     between = np.arange(len(power)) % window.periods != 0
     middle = np.zeros_like(power)

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from ambid.errors import RecordError
 from ambid.fit import measured_outputs, recorded_channels
 from ambid.loop.assembly import FloatArray
+from ambid.loop.loop import Loop
+from ambid.loop.response import ComplexArray
 from ambid.model import Model
 from ambid.problem import LeastSquares
 from ambid.record import Record
@@ -45,10 +47,13 @@ class Noise:
                 )
             window = Window(record.period, record.periods - 1)
             residual, rate = _residual(model, record), record.sample_rate
-            tones = find_tones(residual, window, rate, len(record.axes), model.rig.speed) if record.periods > 3 else ()
+            shape = loop_noise(model, window, rate, residual.shape[1])
+            tones: tuple[Tone, ...] = ()
+            if record.periods > 3:
+                tones = find_tones(residual, window, rate, len(record.axes), model.rig.speed, shape)
             quiet = without_tones(residual, tones, window, rate)
             self.tones.append(tones)
-            self.whiteners.append(Whitener.from_residual(quiet, window, _around(tones, window, rate)))
+            self.whiteners.append(Whitener.from_residual(quiet, window, _around(tones, window, rate), shape))
         self.lines = sum(w.numbers for w in self.whiteners)
 
     def residual(self, model: Model) -> FloatArray:
@@ -70,6 +75,22 @@ class Noise:
             residuals.append(w.whiten(measured_outputs(record)[:, :p] - y[:, :p]))
             columns.append(w.whiten(slopes[:, :p]))
         return np.concatenate(residuals), np.vstack(columns)
+
+
+def loop_noise(model: Model, window: Window, sample_rate: float, channels: int) -> ComplexArray:
+    """How the loop shapes white noise of its sensors, shape (lines, p, p): inverse of the way to y and i_c.
+
+    Smooth noise of the instruments shows in y and i_c with every pole of the loop; taken back, it is smooth again.
+    """
+    loop = Loop(model.rig, model._filled_by(), model.effects, noise=True)
+    axes = len(model.rig.axes)
+    frequency = np.arange(window.samples // 2 + 1) * sample_rate / window.samples
+    sensors = [k for k, name in enumerate(loop.inputs) if name.startswith("n.")]
+    way = loop.frequency_response(model.theta, frequency[1:])[:, :channels, sensors]
+    back = np.tile(np.eye(channels, dtype=complex), (len(frequency), 1, 1))
+    back[1:, :axes, :axes] = np.linalg.inv(way[:, :axes])
+    back[1:, axes:, :axes] = -way[:, axes:] @ back[1:, :axes, :axes]
+    return back
 
 
 def _around(tones: Sequence[Tone], window: Window, sample_rate: float) -> NDArray[np.intp]:

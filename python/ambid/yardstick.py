@@ -90,7 +90,13 @@ class Whitener:
     whitening: ComplexArray
 
     @classmethod
-    def from_residual(cls, residual: FloatArray, window: Window, more: NDArray[np.intp] | None = None) -> Whitener:
+    def from_residual(
+        cls,
+        residual: FloatArray,
+        window: Window,
+        more: NDArray[np.intp] | None = None,
+        shape: ComplexArray | None = None,
+    ) -> Whitener:
         """Estimate the noise from the unexcited lines.
 
         Parameters
@@ -101,9 +107,13 @@ class Whitener:
             At least 2 periods.
         more : ndarray of int, optional
             Unexcited lines that are to be judged too.
+        shape : ndarray, shape (M N / 2 + 1, p, p), optional
+            What makes the noise of each line smooth over frequency, such as the way back through the loop.
         """
         more = np.zeros(0, dtype=np.intp) if more is None else more
         lines = window.lines(residual)
+        if shape is not None:
+            lines = (shape @ lines[..., None])[..., 0]
         p = residual.shape[1]
         power = np.einsum("lc,ld->lcd", lines, lines.conj())
         quiet = np.ones(len(lines))
@@ -116,7 +126,8 @@ class Whitener:
         low, high = np.maximum(judged - reach, 0), np.minimum(judged + reach + 1, len(lines))
         count = count_below[high] - count_below[low]
         spectrum = (below[high] - below[low]) / (count - p)[:, None, None]  # S n_l / (n_l - p)
-        return cls(window, more, np.sqrt(2.0) * np.linalg.inv(np.linalg.cholesky(spectrum)))
+        whitening = np.sqrt(2.0) * np.linalg.inv(np.linalg.cholesky(spectrum))
+        return cls(window, more, whitening if shape is None else whitening @ shape[judged])
 
     def whiten(self, signal: FloatArray) -> FloatArray:
         """Whitened judged lines of a signal of shape (samples, p) or (samples, p, q), as real numbers.

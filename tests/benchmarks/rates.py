@@ -48,11 +48,11 @@ def jobs(seeds: range, sizes: Iterable[str], kinds: Iterable[str], names: list[s
             found.append(((), "clear", seed, kind))
             found += [((name,), size, seed, kind) for name in [*CATALOGUE, *OUTSIDE] for size in sizes]
             found += [(pair, size, seed, kind) for pair in PAIRS for size in sizes if size != "barely"]
-    return [
-        job
-        for job in found
-        if not names or set(names) & {*job[0], "pairs" if len(job[0]) > 1 else "", *(["nothing"] if not job[0] else [])}
-    ]
+    return [job for job in found if not names or set(names) & _labels(job)]
+
+
+def _labels(job: Job) -> set[str]:
+    return {*job[0], ("nothing", "one", "pairs")[len(job[0])]}
 
 
 def run(job: Job) -> dict[str, Any]:
@@ -117,9 +117,8 @@ def report(lines: list[dict[str, Any]], picture: Path | None) -> None:
             if own:
                 rate = sum(map(is_right, own)) / len(own)
                 alone = sum(is_right(x) and x["verdict"] == "explained" for x in own) / len(own)
-                print(
-                    f"{title:12s} {size or 'all':8s} {len(own):5d} runs: right {100 * rate:5.1f} %, alone {100 * alone:5.1f} %"
-                )
+                runs = f"{title:12s} {size or 'all':8s} {len(own):5d} runs"
+                print(f"{runs}: right {100 * rate:5.1f} %, alone {100 * alone:5.1f} %")
     seconds = sorted(x["seconds"] for x in lines if "seconds" in x)
     if seconds:
         print(f"seconds: median {seconds[len(seconds) // 2]:.1f}, largest {seconds[-1]:.1f}")
@@ -182,20 +181,8 @@ def main() -> None:
     if options.wrong:
         for x in lines:
             if not is_right(x):
-                print(
-                    x["kind"],
-                    x["hidden"],
-                    x["size"],
-                    x["seed"],
-                    "->",
-                    x["verdict"],
-                    x.get("effects"),
-                    x.get("sets"),
-                    x.get("misfits"),
-                    x.get("ranking"),
-                    x.get("error", ""),
-                    x.get("seconds"),
-                )
+                shown = ("kind", "hidden", "size", "seed", "verdict", "effects", "sets", "misfits", "ranking", "error")
+                print(*(x.get(key, "") for key in shown))
 
 
 if __name__ == "__main__":

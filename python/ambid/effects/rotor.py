@@ -7,7 +7,7 @@ from math import pi
 
 import numpy as np
 
-from ambid.effects.base import Effect, EffectParameter
+from ambid.effects.base import Effect, EffectParameter, Seen
 from ambid.loop.plant import Plant
 from ambid.rig import FiniteElementRotor, MatrixRotor, Rig
 from ambid.rotor import reduced_rotor, with_more_modes
@@ -20,6 +20,13 @@ class RotorBendingMode(Effect):
     physics = "the rotor bends in modes that the base model left out"
     signature = "narrow peaks near the free-free bending frequencies, in y and i_c"
     source = "Friswell, Penny, Garvey, Lees, Dynamics of Rotating Machines, 2010, chapters 5 and 6"
+
+    def __init__(self, participation: float = 1.0) -> None:
+        self.participation = participation
+
+    def variants(self, seen: Seen) -> Sequence[Effect]:
+        """Modes that take part as computed, and weaker ones, which the loop moves less."""
+        return [RotorBendingMode(share) for share in (1.0, 0.1, 0.01)]
 
     def flexible_modes(self, rig: Rig) -> int:
         """How many further modes lie well below half the sample rate; two at the most."""
@@ -36,13 +43,14 @@ class RotorBendingMode(Effect):
         rotor = reduced_rotor(with_more_modes(rig.rotor, more), [b.position for b in rig.bearings])
         found = rotor.frequencies_rad_s[-more:] / (2.0 * pi)
         given = getattr(rig.rotor, "modal_damping", 0.0)
-        damping = given if isinstance(given, float) and given > 0.0 else 0.003
+        likely = given if isinstance(given, float) else next(iter(given[::-1]), 0.0)
+        damping = likely if likely > 0.0 else 0.003
         parameters = []
         for k, frequency in enumerate(found, start=1):
             parameters += [
                 EffectParameter(f"frequency_{k}_hz", "Hz", float(frequency), 0.7 * frequency, 1.4 * frequency),
                 EffectParameter(f"damping_{k}", "1", damping, lower=1e-5, upper=0.3),
-                EffectParameter(f"participation_{k}", "1", 1.0, upper=4.0),
+                EffectParameter(f"participation_{k}", "1", self.participation, upper=4.0),
             ]
         return parameters
 
@@ -51,7 +59,7 @@ class RotorBendingMode(Effect):
         own = self.parameters(rig)
         alone = {p.name: p.probe for p in own if not p.name.startswith("participation")}
         return [
-            {**alone, **{p.name: float(p.name.endswith(f"_{k}")) for p in own if p.name.startswith("participation")}}
+            alone | {p.name: p.probe * p.name.endswith(f"_{k}") for p in own if p.name.startswith("participation")}
             for k in range(1, len(own) // 3 + 1)
         ]
 
@@ -64,7 +72,7 @@ class RotorBendingMode(Effect):
         """As computed, with the participation that the residual calls for."""
         start = {p.name: p.probe for p in self.parameters(rig)}
         for k, amplitude in enumerate(amplitudes, start=1):
-            start[f"participation_{k}"] = float(np.clip(amplitude, 1e-3, 1.0))
+            start[f"participation_{k}"] = float(np.clip(amplitude * self.participation, 1e-4, 1.0))
         return start
 
     def attach(self, plant: Plant) -> None:

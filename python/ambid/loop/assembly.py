@@ -84,6 +84,20 @@ class Lft:
     ports: tuple[Port, ...]
     blocks: tuple[Block, ...] = ()
 
+    def closed(self, values: Mapping[str, float]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """A, B, C, D between inputs and outputs, with a value for each slot; without the nonlinear blocks."""
+        inputs, outputs, ports = len(self.inputs), len(self.outputs), len(self.ports)
+        delta = np.array([port.scale * values[port.slot] ** port.power for port in self.ports])
+        w, z = slice(inputs, inputs + ports), slice(outputs, outputs + ports)
+        gain = np.linalg.solve(np.eye(ports) - delta[:, None] * self.D[z, w], np.diag(delta))
+        to_x, to_y = self.B[:, w] @ gain, self.D[:outputs, w] @ gain
+        return (
+            self.A + to_x @ self.C[z],
+            self.B[:, :inputs] + to_x @ self.D[z, :inputs],
+            self.C[:outputs] + to_y @ self.C[z],
+            self.D[:outputs, :inputs] + to_y @ self.D[z, :inputs],
+        )
+
 
 class Signal:
     """A linear combination of states, inputs, Delta outputs and injections; adds, subtracts, and scales."""

@@ -14,6 +14,7 @@ from ambid.errors import ModelError
 from ambid.loop.assembly import Block, FloatArray, Lft
 from ambid.loop.controller import close_analog
 from ambid.loop.plant import Plant
+from ambid.loop.response import ComplexArray, frequency_response
 from ambid.rig import Rig
 from ambid.rotor import ReducedRotor, reduced_rotor, with_more_modes
 
@@ -58,8 +59,8 @@ class Loop:
         substeps: int | None = None,
     ) -> None:
         between = open_plant(rig, effects, watch)
-        n = len(rig.axes)
-        matrices = _matrices(*rig.controller.state_space(n, rig.sample_rate))
+        matrices = _controller(rig)
+        self._is_analog = not rig.controller.is_digital
         controller: _core._DigitalController | None = None
         if rig.controller.is_digital:
             controller = {
@@ -77,6 +78,7 @@ class Loop:
         self.outputs = self.lft.outputs
         self.sample_time = 1.0 / rig.sample_rate
         gains = [(filled_by[port.slot], port.scale, port.power) for port in self.lft.ports]
+        self._filled_by = filled_by
         self.parameters = 1 + max(filled_by.values(), default=-1)
         self.core = _core.ClosedLoop(
             _matrices(self.lft.A, self.lft.B, self.lft.C, self.lft.D),
@@ -136,6 +138,17 @@ class Loop:
     def state_space(self, theta: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """A, B, C, D of the loop sampled with zero-order hold, inputs to outputs."""
         return self.core.discrete(_vector(theta))
+
+    def frequency_response(self, theta: ArrayLike, frequency_hz: FloatArray) -> ComplexArray:
+        """Inputs to outputs, shape (frequencies, outputs, inputs), nonlinear effects linearised at rest.
+
+        Of an analog loop in continuous time, of a digital one from held inputs to samples.
+        """
+        if self._is_analog:
+            values = _vector(theta)
+            system = self.lft.closed({slot: values[index] for slot, index in self._filled_by.items()})
+            return frequency_response(system, 2j * np.pi * frequency_hz)
+        return frequency_response(self.state_space(theta), np.exp(2j * np.pi * frequency_hz * self.sample_time))
 
     def simulator(self, theta: ArrayLike) -> Simulator:
         """Return the loop at `theta`, at rest, to be stepped sample by sample."""
@@ -199,6 +212,12 @@ def open_plant(rig: Rig, effects: Sequence[Effect], watch: Sequence[str] = ()) -
 def _base_plant(rig: Rig, rotor: ReducedRotor, free_modes: int) -> Plant:
     """The plant before effects; many loops start from the same."""
     return Plant(rig, rotor, free_modes=free_modes)
+
+
+@lru_cache(maxsize=32)
+def _controller(rig: Rig) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """A, B, C, D of the rig's controller."""
+    return _matrices(*rig.controller.state_space(len(rig.axes), rig.sample_rate))
 
 
 def _matrices(

@@ -1,0 +1,71 @@
+"""The command `effects`: what a diagnosis may add to a model."""
+
+from __future__ import annotations
+
+from inspect import signature
+from math import isfinite
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ambid.cli.files import require_writable, write_json
+from ambid.cli.options import JsonFile, Quiet
+from ambid.cli.terminal import show
+from ambid.demo import DATA
+from ambid.effects import CATALOGUE, Effect, find
+from ambid.rig import Rig
+
+SPEED = 200.0
+"""At which the demo's bench is taken to turn [rad/s], so that every effect has its parameters."""
+
+
+def effects_command(
+    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="One effect; default: all.")] = None,
+    rig: Annotated[Path | None, typer.Option(metavar="RIG", help="Ranges on this rig; default: the demo's.")] = None,
+    json_file: JsonFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """List the catalogue: physics, parameters with what is allowed, signature in the residual, source."""
+    require_writable(json_file)
+    chosen = CATALOGUE if name is None else (find(name),)
+    machine = Rig.load(DATA / "rig.toml").replace(speed=SPEED) if rig is None else Rig.load(rig)
+    entries = [_entry(effect, machine) for effect in chosen]
+    head = f"parameters and their ranges on {machine.name!r} at {machine.speed:g} rad/s"
+    show("\n\n".join([*map(_text, entries), head]), quiet)
+    write_json({"rig": machine.name, "speed": machine.speed, "effects": entries}, json_file)
+
+
+def _entry(effect: Effect, rig: Rig) -> dict[str, Any]:
+    """Plain data of an effect; null where a range has no end."""
+    own = effect.parameters(rig)
+    constants = signature(type(effect)).parameters.values()
+    return {
+        "name": effect.name,
+        "physics": effect.physics,
+        "parameters": [
+            {
+                "name": p.name,
+                "unit": p.unit,
+                "lower": p.lower if isfinite(p.lower) else None,
+                "upper": p.upper if isfinite(p.upper) else None,
+                "typical": p.probe,
+            }
+            for p in own
+        ],
+        "settings": {c.name: c.default for c in constants if c.name not in {p.name for p in own}},
+        "signature": effect.signature,
+        "source": effect.source,
+    }
+
+
+def _text(entry: dict[str, Any]) -> str:
+    lines = [f"{entry['name']}: {entry['physics']}"]
+    for p in entry["parameters"]:
+        low, high = ("any" if end is None else f"{end:g}" for end in (p["lower"], p["upper"]))
+        lines.append(f"    {p['name']:20s} {low:>8s} .. {high:8s} {p['unit']:8s} typical {p['typical']:g}")
+    if not entry["parameters"]:
+        lines.append("    makes no sense on this rig")
+    if entry["settings"]:
+        lines.append(f"    settings: {', '.join(f'{name} = {value}' for name, value in entry['settings'].items())}")
+    return "\n".join([*lines, f"    shows as: {entry['signature']}", f"    source: {entry['source']}"])

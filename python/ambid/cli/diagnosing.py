@@ -1,0 +1,150 @@
+"""Commands that hold rig, model and records against each other: `check`, `compare`, `diagnose`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ambid.check import check
+from ambid.cli.files import load_model, load_records, require_writable, write_json
+from ambid.cli.options import (
+    Columns,
+    JsonFile,
+    ModelFile,
+    Period,
+    PlotFile,
+    Quiet,
+    RecordFiles,
+    RigFile,
+    SampleRate,
+    Validation,
+    names,
+)
+from ambid.cli.terminal import announce, confirm, draw, progress, require_terminal, say, show, stoppable
+from ambid.compare import compare
+from ambid.diagnose import ADEQUATE, diagnose
+from ambid.effects import find
+from ambid.errors import InputError
+from ambid.localise import Cell, localise
+from ambid.model import Model
+from ambid.plot import check_format, save_comparison
+from ambid.record import Record
+from ambid.rig import Rig
+from ambid.whitened import Noise
+
+MOST_CELLS, MOST_PRINTED = 20, 5
+
+
+def check_command(
+    rig: RigFile,
+    records: Annotated[list[Path], typer.Argument(metavar="[RECORD...]", help="Records of this rig.")] = [],  # noqa: B006
+    period: Period = None,
+    columns: Columns = [],  # noqa: B006
+    sample_rate: SampleRate = None,
+    json_file: JsonFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """Tell slips in rig and records, such as units, signs and columns, before any fit; exit 2 if there is a fault."""
+    require_writable(json_file)
+    machine = Rig.load(rig)
+    found = check(machine, load_records(machine, records, period, columns, sample_rate))
+    show(found, quiet)
+    write_json(found.to_json(), json_file)
+    if not found.is_sound:
+        raise typer.Exit(2)
+
+
+def compare_command(
+    rig: RigFile,
+    records: RecordFiles,
+    model: ModelFile = None,
+    period: Period = None,
+    columns: Columns = [],  # noqa: B006
+    sample_rate: SampleRate = None,
+    json_file: JsonFile = None,
+    plot: PlotFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """Show where and by how much the model misses the measurement; nothing is fitted."""
+    require_writable(json_file, plot)
+    check_format(plot)
+    machine = Rig.load(rig)
+    start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate)
+    comparison = compare(start, loaded)
+    where = _where(start, loaded)
+    show(comparison, quiet)
+    if where:
+        show("\n".join(["", "largest misfit:", *map(_line, where[:MOST_PRINTED])]), quiet)
+    write_json(comparison.to_json() | {"where": [asdict(cell) for cell in where]}, json_file)
+    if plot is not None:
+        announce(save_comparison(comparison, plot), quiet)
+
+
+def diagnose_command(
+    rig: RigFile,
+    records: RecordFiles,
+    validate: Validation = [],  # noqa: B006
+    effects: Annotated[str | None, typer.Option(metavar="NAME,...", help="Add these instead of choosing.")] = None,
+    ask: Annotated[bool, typer.Option("--ask", help="Show the ranking and ask before an effect is added.")] = False,
+    tolerance: Annotated[float, typer.Option(help="Misfit J/dof that is good enough.")] = ADEQUATE,
+    model: ModelFile = None,
+    period: Period = None,
+    columns: Columns = [],  # noqa: B006
+    sample_rate: SampleRate = None,
+    json_file: JsonFile = None,
+    save: Annotated[Path | None, typer.Option(metavar="MODEL", help="Write the last model.")] = None,
+    plot: PlotFile = None,
+    report: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write a report to read and print.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Name the physics that the model lacks, add it, and watch the misfit fall."""
+    check_format(plot)
+    require_writable(json_file, save, plot, report)
+    if report is not None and report.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"--report {report}: the suffix is {report.suffix or 'missing'}; expected .html")
+    if not tolerance >= 1.0:
+        raise InputError(f"--tolerance {tolerance:g}: expected 1, the misfit of noise alone, or more")
+    chosen = None if effects is None else [find(name) for name in names(effects) or ()]
+    if ask:
+        if quiet or chosen is not None:
+            raise InputError(f"--ask and {'--quiet' if quiet else '--effects'} exclude each other; keep one")
+        require_terminal("--ask")
+    machine = Rig.load(rig)
+    start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate)
+    kept = load_records(machine, validate, period, columns, sample_rate)
+    with stoppable(), progress(quiet or ask, "diagnosing"):
+        found = diagnose(
+            start,
+            loaded,
+            validate=kept,
+            effects=chosen,
+            tolerance=tolerance,
+            ask=confirm if ask else None,
+            say=lambda line: say(line, quiet),
+        )
+    show(found, quiet)
+    write_json(found.to_json(), json_file)
+    if save is not None:
+        found.save(save)
+    draw(found.model, loaded, plot, quiet)
+    if report is not None:
+        from ambid.report import write_report  # its templates are loaded only where they are needed
+
+        write_report(found, report)
+        announce([report], quiet)
+
+
+def _where(model: Model, records: Sequence[Record]) -> list[Cell]:
+    """Cells with the largest misfit, of the records that have periods enough to know their noise."""
+    known = [record for record in records if record.period is not None and record.periods >= 3]
+    return list(localise(model, Noise(model, known)).cells[:MOST_CELLS]) if known else []
+
+
+def _line(cell: Cell) -> str:
+    low, high = cell.band_hz
+    place = f"  {cell.record}: {cell.channel:12s} {low:7.0f} .. {high:.0f} Hz"
+    return f"{place}: {cell.misfit:.1f} times noise, {cell.kind}"

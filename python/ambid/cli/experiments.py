@@ -1,0 +1,86 @@
+"""Commands that bring their own data: `simulate`, `demo`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ambid import demo
+from ambid.cli.files import load_model, require_writable, write_json
+from ambid.cli.options import JsonFile, ModelFile, Quiet, RigFile
+from ambid.cli.terminal import show
+from ambid.effect_option import with_effects
+from ambid.errors import InputError
+from ambid.excitation import prbs
+from ambid.record import Record
+from ambid.rig import Rig
+
+LONGEST_SIMULATION = 10_000_000
+"""Samples of a virtual experiment; more would not fit into the memory of a small computer."""
+
+
+def simulate_command(
+    rig: RigFile,
+    out: Annotated[Path, typer.Option("--out", metavar="RECORD", help="Record to write (.csv, .mat, .h5, .parquet).")],
+    seconds: Annotated[float, typer.Option(help="Length; rounded up to whole periods.")] = 2.0,
+    amplitude: Annotated[float, typer.Option(help="Of the pseudo-random binary excitation [A].")] = 0.1,
+    effect: Annotated[
+        list[str],
+        typer.Option(metavar="NAME:param=value,...", help="Physics beyond the base model, see `effects`; repeatable."),
+    ] = [],  # noqa: B006
+    sensor_noise: Annotated[float, typer.Option(help="Rms on every displacement [m].")] = 50e-9,
+    current_noise: Annotated[float, typer.Option(help="Rms on every recorded current [A].")] = 0.01,
+    seed: Annotated[int, typer.Option(help="Of the noise.")] = 0,
+    model: ModelFile = None,
+    json_file: JsonFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """Run a virtual experiment and write its record."""
+    require_writable(json_file, out)
+    machine = Rig.load(rig)
+    start = with_effects(load_model(machine, model), effect)
+    excitation = _excitation(machine, seconds, amplitude)
+    record = start.virtual_experiment(excitation, sensor_noise=sensor_noise, current_noise=current_noise, seed=seed)
+    record.save(out)
+    record = Record.load(out, machine)
+    show(record, quiet)
+    summary = {
+        "record": str(out),
+        "samples": record.samples,
+        "seconds": record.seconds,
+        "period_samples": record.period,
+        "periods": record.periods,
+        "effects": [own.name for own in start.effects],
+        "parameters": {p.name: {"value": p.value, "unit": p.unit} for p in start.parameters},
+    }
+    write_json(summary, json_file)
+
+
+def demo_command(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for tables and pictures.")] = Path(
+        "ambid-demo"
+    ),
+    json_file: JsonFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """Run the whole story on data that come with the package."""
+    require_writable(json_file)
+    result = demo.run(out, say=lambda text: show(text, quiet))
+    write_json(result, json_file)
+
+
+def _excitation(rig: Rig, seconds: float, amplitude: float) -> Any:
+    """PRBS for a virtual experiment: at least 5 periods in `seconds`, held so that it reaches fs/4."""
+    hold = 2
+    samples = seconds * rig.sample_rate
+    shortest, longest = 5 * 31 * hold, LONGEST_SIMULATION
+    if not shortest <= samples <= longest:
+        raise InputError(
+            f"--seconds {seconds:g}: expected {shortest / rig.sample_rate:g} (five periods) "
+            f"to {longest / rig.sample_rate:g} s at {rig.sample_rate:g} Hz"
+        )
+    order = next(n for n in range(15, 4, -1) if 5 * (2**n - 1) * hold <= samples)
+    periods = -(-int(samples) // ((2**order - 1) * hold))
+    return prbs(order, amplitude=amplitude, hold=hold, axes=len(rig.axes), periods=periods)

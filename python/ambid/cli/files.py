@@ -1,0 +1,48 @@
+"""Files that commands read and write."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ambid.channel_map import ChannelMap
+from ambid.errors import InputError
+from ambid.model import Model
+from ambid.record import Record
+from ambid.rig import Rig
+
+
+def require_writable(*files: Path | None) -> None:
+    """Refuse a file that could not be written, before any work is done."""
+    for path in files:
+        if path is not None and (path.is_dir() or not path.parent.is_dir()):
+            raise InputError(f"{path}: cannot be written; give a file in a folder that exists")
+
+
+def load_model(rig: Rig, path: Path | None) -> Model:
+    """The rig's nominal model, or a saved one on this rig."""
+    return Model(rig) if path is None else Model.load(path, rig)
+
+
+def load_records(
+    rig: Rig, paths: list[Path], period: int | None, columns: list[str], sample_rate: float | None
+) -> list[Record]:
+    """Records of a rig; `columns` are options as `ChannelMap.parse` reads them."""
+    if sample_rate is not None and not (np.isfinite(sample_rate) and sample_rate > 0.0):
+        raise InputError(f"--sample-rate {sample_rate:g}: expected a positive number of Hz")
+    mapping = ChannelMap.parse(columns) if columns else None
+    return [Record.load(path, rig, period=period, mapping=mapping, sample_rate=sample_rate) for path in paths]
+
+
+def write_json(data: dict[str, Any], path: Path | None) -> None:
+    """Write a result where ``--json`` says; strict JSON."""
+    if path is None:
+        return
+    text = json.dumps(data, indent=1, allow_nan=False)
+    if str(path) == "-":
+        print(text)
+    else:
+        path.write_text(text + "\n", encoding="utf-8")

@@ -1,0 +1,125 @@
+"""Commands that find parameters: `identify`, `static-load`, `campaign`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ambid.campaign import campaign
+from ambid.cli.files import load_model, load_records, require_writable, write_json
+from ambid.cli.options import (
+    Columns,
+    JsonFile,
+    ModelFile,
+    Period,
+    PlotFile,
+    Quiet,
+    RecordFiles,
+    RigFile,
+    SampleRate,
+    assignment,
+    bound,
+    names,
+    number,
+)
+from ambid.cli.terminal import announce, draw, progress, show, stoppable
+from ambid.identify import identify
+from ambid.plot import check_format
+from ambid.plot_campaign import save_campaign
+from ambid.record import StaticLoading
+from ambid.rig import Rig
+from ambid.static_load import static_load
+
+UNFINISHED = ("not_identifiable", "max_evaluations", "stopped")
+
+
+def identify_command(
+    rig: RigFile,
+    records: RecordFiles,
+    model: ModelFile = None,
+    free: Annotated[str | None, typer.Option(metavar="NAME,...", help="Parameters to fit, such as K_i,tau_e.")] = None,
+    fix: Annotated[list[str], typer.Option(metavar="NAME[=VALUE]", help="Keep at the start value, or at VALUE.")] = [],  # noqa: B006
+    share: Annotated[list[str], typer.Option(metavar="NAME=MEMBER,...", help="One parameter for several axes.")] = [],  # noqa: B006
+    per_axis: Annotated[list[str], typer.Option(metavar="NAME", help="One value per axis, such as tau_e.")] = [],  # noqa: B006
+    limits: Annotated[list[str], typer.Option("--bound", metavar="NAME=LOW:HIGH", help="Bounds in SI units.")] = [],  # noqa: B006
+    weight: Annotated[list[str], typer.Option(metavar="CHANNEL=W", help="Weight of y, i_c or a channel.")] = [],  # noqa: B006
+    starts: Annotated[int, typer.Option(help="Number of starts.")] = 1,
+    seed: Annotated[int, typer.Option(help="Of the further starts.")] = 0,
+    max_evaluations: Annotated[int, typer.Option(help="Per start.")] = 100,
+    period: Period = None,
+    columns: Columns = [],  # noqa: B006
+    sample_rate: SampleRate = None,
+    json_file: JsonFile = None,
+    save: Annotated[Path | None, typer.Option(metavar="MODEL", help="Write the identified model.")] = None,
+    plot: PlotFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """Find K_i, K_s and tau_e by closed-loop identification."""
+    require_writable(json_file, save, plot)
+    check_format(plot)
+    machine = Rig.load(rig)
+    start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate)
+    for text in share:
+        name, members = assignment("--share", text, "K_i.A=K_i.A_zeta,K_i.A_eta")
+        start = start.share(name, members.split(","))
+    for name in per_axis:
+        start = start.per_axis(name)
+    held = dict(assignment("--fix", text, "tau_e=0.0003") for text in fix if "=" in text)
+    start = start.with_values({name: number("--fix", value) for name, value in held.items()})
+    with progress(quiet, "identifying") as report:
+        estimate = identify(
+            start,
+            loaded,
+            free=names(free),
+            fixed=[text.split("=")[0] for text in fix],
+            bounds=dict(bound(text) for text in limits) or None,
+            weights={n: number("--weight", v) for n, v in (assignment("--weight", t, "i_c=0") for t in weight)},
+            starts=starts,
+            seed=seed,
+            max_evaluations=max_evaluations,
+            progress=lambda evaluations, cost: report(f"evaluation {evaluations}, cost {cost:.6g}"),
+        )
+    show(estimate, quiet)
+    write_json(estimate.to_json(), json_file)
+    if save is not None:
+        estimate.save(save)
+    draw(estimate.model, loaded, plot, quiet)
+    if estimate.status in UNFINISHED:
+        raise typer.Exit(1)
+
+
+def static_load_command(
+    rig: RigFile,
+    loads: Annotated[list[Path], typer.Argument(metavar="LOADS...", help="Static loadings (.csv).")],
+    deflection: Annotated[bool, typer.Option("--deflection", help="Take in K_s s of the bent rotor.")] = False,
+    json_file: JsonFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """Find K_i by static loading: equilibrium of known forces and recorded currents."""
+    require_writable(json_file)
+    machine = Rig.load(rig)
+    estimate = static_load(machine, [StaticLoading.load(path, machine) for path in loads], deflection=deflection)
+    show(estimate, quiet)
+    write_json(estimate.to_json(), json_file)
+
+
+def campaign_command(
+    folder: Annotated[
+        Path,
+        typer.Argument(metavar="DIR", help="One folder per bias current: rig.toml, <kind>_<N>.mat, static_<N>.csv."),
+    ],
+    json_file: JsonFile = None,
+    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw K_i against bias current.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Find K_i by both methods, K_s and tau_e at every bias current of a campaign."""
+    require_writable(json_file, plot)
+    check_format(plot)
+    with stoppable(), progress(quiet, "campaign") as report:
+        found = campaign(folder, progress=lambda done, total, where: report(f"{done} of {total} done, now {where}"))
+    show(found, quiet)
+    write_json(found.to_json(), json_file)
+    if plot is not None:
+        announce([save_campaign(found, plot)], quiet)

@@ -1,0 +1,84 @@
+"""Arguments and options that several commands have, and how their texts are read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+from ambid.errors import InputError
+
+RigFile = Annotated[Path, typer.Argument(metavar="RIG", help="Rig file (.toml).")]
+RecordFiles = Annotated[
+    list[Path], typer.Argument(metavar="RECORD...", help="Records: .csv, .mat, .h5, .parquet, .tdms.")
+]
+JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the result as JSON; - prints it.")]
+ModelFile = Annotated[Path | None, typer.Option("--model", metavar="MODEL", help="Start from what --save wrote.")]
+PlotFile = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw measured against simulated.")]
+Period = Annotated[int | None, typer.Option(help="Samples per period of the excitation; default: found from i_e.")]
+Columns = Annotated[
+    list[str],
+    typer.Option(
+        "--map",
+        metavar="CHANNEL=COLUMN[:FACTOR]",
+        help="Column of a foreign file, and what makes SI units of it, such as y.A_zeta=ch3:1e-6; repeatable.",
+    ),
+]
+SampleRate = Annotated[float | None, typer.Option(metavar="HZ", help="Of records whose files state none.")]
+Validation = Annotated[
+    list[Path], typer.Option("--validate", metavar="RECORD...", help="Records to validate on, not used for choosing.")
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no tables.")]
+
+
+class DiagnoseCommand(TyperCommand):
+    """Takes all records between ``--validate`` and the next option as records to validate on."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Write the option before each of them, as the parser needs it."""
+        return super().parse_args(ctx, list(_repeated("--validate", args)))
+
+
+def _repeated(option: str, words: Sequence[str]) -> Iterator[str]:
+    own = 0
+    for word in words:
+        if word.startswith("-"):
+            own = int(word == option)
+        elif own:
+            if own > 1:
+                yield option
+            own += 1
+        yield word
+
+
+def names(text: str | None) -> list[str] | None:
+    """The members of ``NAME,...``."""
+    return None if text is None else [name.strip() for name in text.split(",")]
+
+
+def assignment(option: str, text: str, example: str) -> tuple[str, str]:
+    """Name and value of ``NAME=VALUE``."""
+    name, equals, value = text.partition("=")
+    if not (name and equals and value):
+        raise InputError(f"{option} {text}: expected NAME=VALUE, such as {option} {example}")
+    return name, value
+
+
+def number(option: str, text: str) -> float:
+    """A number in SI units."""
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"{option}: {text!r} is no number; give one in SI units, such as 3e-4") from None
+
+
+def bound(text: str) -> tuple[str, tuple[float, float]]:
+    """Name and limits of ``NAME=LOW:HIGH``."""
+    name, span = assignment("--bound", text, "tau_e=1e-4:1e-3")
+    low, colon, high = span.partition(":")
+    if not colon:
+        raise InputError(f"--bound {text}: expected NAME=LOW:HIGH, such as --bound tau_e=1e-4:1e-3")
+    return name, (number("--bound", low), number("--bound", high))

@@ -1,0 +1,81 @@
+"""What a person at the terminal sees and says: tables on stdout, progress and questions on stderr."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.prompt import Confirm
+from rich.text import Text
+
+from ambid.compare import compare
+from ambid.errors import IdentificationError, InputError
+from ambid.model import Model
+from ambid.plot import save_comparison
+from ambid.rank import Candidate, Ranking
+from ambid.record import Record
+
+status = Console(stderr=True)
+
+
+def show(result: object, quiet: bool) -> None:
+    """Print a result."""
+    if not quiet:
+        print(result)
+
+
+def announce(paths: Sequence[Path], quiet: bool) -> None:
+    """Name the pictures and reports that were written."""
+    show(f"written: {', '.join(map(str, paths))}", quiet)
+
+
+def draw(model: Model, records: list[Record], path: Path | None, quiet: bool) -> None:
+    """Draw measured against simulated where ``--plot`` says."""
+    if path is not None:
+        announce(save_comparison(compare(model, records), path), quiet)
+
+
+def say(line: str, quiet: bool) -> None:
+    """Print a line of progress, where a terminal is attached."""
+    if not quiet and status.is_terminal:
+        status.print(Text(line), soft_wrap=True)
+
+
+@contextmanager
+def progress(quiet: bool, what: str) -> Iterator[Callable[[str], None]]:
+    """A line that says how far the work is, where a terminal is attached."""
+    if quiet or not status.is_terminal:
+        yield lambda _: None
+        return
+    with status.status(f"{what} ...") as line:
+        yield lambda text: line.update(Text(f"{what}: {text}"))
+
+
+@contextmanager
+def stoppable() -> Iterator[None]:
+    """Let Ctrl-C end the whole job: a single fit in it would end early instead, and the job go on with that."""
+
+    def stop(*_: object) -> None:
+        raise IdentificationError("stopped by Ctrl-C before the job was done; no result was written")
+
+    before = signal.signal(signal.SIGINT, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def require_terminal(option: str) -> None:
+    """Refuse to ask where nobody can answer."""
+    if not (sys.stdin.isatty() and status.is_terminal):
+        raise InputError(f"{option}: there is no terminal to ask on; leave it out, or choose with --effects NAME,...")
+
+
+def confirm(ranking: Ranking, candidate: Candidate) -> bool:
+    """Show a ranking, and ask whether the candidate that did best when refitted is to be added."""
+    status.print(Text(f"\n{ranking!r}\n"), soft_wrap=True)
+    return Confirm.ask(f"Best of those refitted: {candidate.effect.name}. Add it?", console=status)

@@ -1,0 +1,31 @@
+"""Frequency response of a state space."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import schur
+
+from ambid.loop.assembly import FloatArray
+
+ComplexArray = NDArray[np.complex128]
+StateSpace = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+
+
+def frequency_response(system: StateSpace, points: ComplexArray) -> ComplexArray:
+    """``C (p I - A)^-1 B + D`` at each point p = j w, or p = exp(j w dt) of a sampled system.
+
+    The Schur form of A makes each state one division, whatever its poles are.
+
+    Returns
+    -------
+    ndarray, shape (points, outputs, inputs)
+    """
+    A, B, C, D = system
+    T, Z = schur(A, output="complex") if A.size else (A, A)
+    drive = Z.conj().T @ B
+    x = np.zeros((len(A), B.shape[1], len(points)), dtype=complex)
+    for j in reversed(range(len(A))):
+        fed = np.tensordot(T[j, j + 1 :], x[j + 1 :], axes=1)
+        x[j] = (drive[j][:, None] + fed) / (points - T[j, j])
+    return np.moveaxis(np.tensordot(C @ Z, x, axes=1), -1, 0) + D

@@ -1,0 +1,24 @@
+"""Pictures: measured and simulated signals, and what a diagnosis found.
+
+Every function draws on the axes that it is given, or on those of a new figure (``ax.figure``), and returns them; no
+global state is touched. All are legible in black and white.
+"""
+
+from ambid.plot.misfit import plot_growth, plot_misfit_map
+from ambid.plot.needed import plot_needed
+from ambid.plot.ranking import plot_ranking
+from ambid.plot.signals import plot_comparison, save_comparison, worst_stretch
+from ambid.plot.staircase import plot_staircase
+from ambid.plot.style import check_format
+
+__all__ = [
+    "check_format",
+    "plot_comparison",
+    "plot_growth",
+    "plot_misfit_map",
+    "plot_needed",
+    "plot_ranking",
+    "plot_staircase",
+    "save_comparison",
+    "worst_stretch",
+]

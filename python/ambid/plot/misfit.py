@@ -1,0 +1,120 @@
+"""Where the model fails: the map of the misfit over frequency and channel, and its growth with amplitude."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ambid.errors import InputError
+from ambid.localise import Localisation
+from ambid.plot.style import AXIS_COLOURS, GUIDE, LABEL, SMALL, dress, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def plot_misfit_map(localisation: Localisation, record: int = 0, ax: Axes | None = None) -> Axes:
+    """Draw the misfit of every band and channel: the darker, the more; the palest is noise alone.
+
+    Parameters
+    ----------
+    localisation : Localisation
+    record : int
+        Which of the records.
+    ax : Axes, optional
+        Default: those of a new figure.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    InputError
+        If there is no such record.
+    """
+    from matplotlib.colors import LogNorm
+
+    count = len(localisation.maps)
+    if not 0 <= record < count:
+        raise InputError(f"record = {record}: expected 0 to {count - 1}, so many records were localised")
+    found = localisation.maps[record]
+    bands, channels = found.misfit.shape
+    ax = new_figure(9.0, 0.28 * bands + 1.0).add_subplot() if ax is None else ax
+    norm = LogNorm(1.0, max(100.0, float(np.nanmax(found.misfit))), clip=True)
+    image = ax.pcolormesh(
+        np.arange(channels + 1),
+        np.arange(bands + 1),
+        found.misfit,
+        norm=norm,
+        cmap="YlOrBr",
+        edgecolors="white",
+        lw=1.0,
+    )
+    for b, row in enumerate(found.misfit):
+        for c, misfit in enumerate(row):
+            text = _short(misfit) if np.isfinite(misfit) else "no line"
+            dark = np.isfinite(misfit) and norm(misfit) > 0.6
+            ax.text(
+                c + 0.5, b + 0.5, text, ha="center", va="center", fontsize=SMALL, color="white" if dark else "black"
+            )
+    ax.set_xticks(np.arange(channels) + 0.5, found.channels)
+    ax.set_yticks(np.arange(bands) + 0.5, [_band(*edges) for edges in pairwise(found.edges_hz)])
+    dress(ax, title=f"{found.record}: misfit by band and channel, in times noise power", y="band [Hz]", grid=None)
+    ax.tick_params(length=0)
+    ax.spines[["left", "bottom"]].set_visible(False)
+    bar = ax.figure.colorbar(image, ax=ax, pad=0.01, fraction=0.03)
+    bar.set_label("times noise power (1 = noise alone)", fontsize=LABEL)
+    bar.ax.tick_params(labelsize=SMALL)
+    return ax
+
+
+def plot_growth(localisation: Localisation, ax: Axes | None = None) -> Axes:
+    """Draw how the unexplained response grows with the amplitude of the excitation, beside slopes 1 and 3.
+
+    Parameters
+    ----------
+    localisation : Localisation
+    ax : Axes, optional
+        Default: those of a new figure.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    InputError
+        If the records have one amplitude only, or nothing is unexplained.
+    """
+    if not np.isfinite(localisation.exponent):
+        raise InputError("no growth to draw: expected records of two or more amplitudes with something unexplained")
+    ax = new_figure(5.0, 3.4).add_subplot() if ax is None else ax
+    seen = sorted((g for g in localisation.growth if g.unexplained > 0.0), key=lambda g: g.amplitude)
+    amplitude = np.array([g.amplitude for g in seen])
+    unexplained = 1e6 * np.array([g.unexplained for g in seen])
+    ax.loglog(amplitude, unexplained, "o-", color=AXIS_COLOURS[0], label=f"measured, power {localisation.exponent:.1f}")
+    for power, style in ((1, "--"), (3, ":")):
+        guide = unexplained[-1] * (amplitude / amplitude[-1]) ** power
+        ax.loglog(amplitude, guide, style, color=GUIDE, lw=1.0, label=f"power {power}")
+    for side, values in ((ax.xaxis, amplitude), (ax.yaxis, unexplained)):
+        side.set_ticks(values, [f"{value:.3g}" for value in values])
+        side.set_ticks([], minor=True)
+    dress(ax, title="Growth with amplitude", x="rms of i_e [A]", y="unexplained y, rms [µm]")
+    ax.legend(fontsize=SMALL, frameon=False)
+    return ax
+
+
+def _short(misfit: float) -> str:
+    """Two or three digits that fit into a cell."""
+    if misfit >= 9.5e5:
+        return f"{misfit / 1e6:.2g} M"
+    if misfit >= 9950.0:
+        return f"{misfit / 1e3:.0f} k"
+    return f"{misfit:.0f}" if misfit >= 99.5 else f"{misfit:.2g}" if misfit >= 9.95 else f"{misfit:.1f}"
+
+
+def _band(low: float, high: float) -> str:
+    return f"{low:.1f} – {high:.1f}" if high < 9.95 else f"{low:.0f} – {high:.0f}"

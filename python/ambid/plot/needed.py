@@ -1,0 +1,129 @@
+"""The shape of what is missing: the signal that a port would need, against position, velocity and current."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.fft import irfft, rfft
+
+from ambid.errors import InputError
+from ambid.localise import SHAPED, Localisation
+from ambid.loop.assembly import FloatArray
+from ambid.plot.style import AXIS_COLOURS, AXIS_MARKERS, LABEL, SMALL, dress, new_figure, shown_in
+from ambid.ports import TERMS, Port, Term
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+SIGNALS = {
+    "s": ("displacement s at the magnet [µm]", 1e6),
+    "v": ("velocity ds/dt [mm/s]", 1e3),
+    "i_f": ("current i [A]", 1.0),
+    "i_ref": ("command i_ref [A]", 1.0),
+    "y": ("reading y [µm]", 1e6),
+}
+PANELS = {
+    "force": ("s", "v", "i_f"),
+    "current": ("s", "v", "i_ref"),
+    "sensor": ("y", "v", "i_f"),
+    "reading": ("s", "v", "i_f"),
+}
+DOTS = 500
+"""Samples drawn of each axis."""
+BINS = 15
+SEEN = 3.0
+"""Misfit of a band, in times noise, beyond which what it needs is more than noise carried back to the port."""
+
+
+def plot_needed(
+    found: Localisation | Port, ax: Sequence[Axes] | None = None, *, axes: Sequence[str] = ()
+) -> NDArray[np.object_]:
+    """Draw the needed signal of the best port against displacement, velocity and current.
+
+    Parameters
+    ----------
+    found : Localisation or Port
+    ax : three Axes, optional
+        Default: side by side in a new figure.
+    axes : sequence of str
+        Names of the axes for the legend; default: their numbers.
+
+    Returns
+    -------
+    ndarray of Axes, shape (3,)
+        Each axis has a marker of its own; the black line is the mean over all axes. Where the best shape is one of a
+        single signal and explains much, it is drawn too, less the straight line that the model's own gains take up.
+        Of a localisation, only the bands are drawn whose misfit is more than `SEEN` times noise.
+
+    Raises
+    ------
+    InputError
+        If there is no port.
+    """
+    port = found if isinstance(found, Port) else _best_in_seen_bands(found)
+    panels = new_figure(9.0, 3.4).subplots(1, 3, sharey=True) if ax is None else ax
+    factor, unit = shown_in(port.unit)
+    names = list(axes) or [f"axis {k + 1}" for k in range(port.needed.shape[1])]
+    chosen = np.random.default_rng(0).permutation(len(port.needed))[:DOTS]
+    for panel, key in zip(panels, PANELS[port.name], strict=True):
+        label, scale = SIGNALS[key]
+        x = port.against[key]
+        for k, name in enumerate(names):
+            style: dict[str, Any] = {"color": AXIS_COLOURS[k % len(AXIS_COLOURS)], "label": name}
+            style |= {"ms": 2.8, "mfc": "none", "mew": 0.6, "alpha": 0.7, "ls": "none", "rasterized": True}
+            marker = AXIS_MARKERS[k % len(AXIS_MARKERS)]
+            panel.plot(scale * x[chosen, k], factor * port.needed[chosen, k], marker=marker, **style)
+        centres, means = _means(x, port.needed)
+        panel.plot(scale * centres, factor * means, "-", color="black", lw=2.2, label="mean")
+        curve = _curve(port, key)
+        if curve is not None:
+            term, at, values = curve
+            panel.plot(scale * at, factor * values, "--", color="#d00000", lw=1.8, label=f"{term.shape}, less its line")
+        panel.axhline(0.0, color="black", lw=0.5)
+        dress(panel, x=label)
+    panels[0].set_ylabel(f"needed {port.name} [{unit}]", fontsize=LABEL)
+    if ax is None:
+        handles = {h.get_label(): h for panel in panels for h in panel.get_legend_handles_labels()[0]}
+        panels[0].figure.legend(
+            handles=handles.values(), loc="outside upper left", ncols=len(handles), fontsize=SMALL, frameon=False
+        )
+    return np.array(list(panels))
+
+
+def _best_in_seen_bands(found: Localisation) -> Port:
+    """The best port, its needed signal without the lines of bands that hold little but noise."""
+    if not found.ports:
+        raise InputError("no needed signal to draw: the localisation has no port")
+    port, over = found.ports[0], found.maps[0]
+    worst = np.nan_to_num(over.misfit).max(axis=1)
+    spectrum = rfft(port.needed, axis=0)
+    hertz = over.edges_hz[0] * np.arange(len(spectrum))  # the map begins with the first line
+    band = np.clip(np.searchsorted(over.edges_hz, hertz, side="right") - 1, 0, len(worst) - 1)
+    spectrum[worst[band] <= SEEN] = 0.0
+    return replace(port, needed=irfft(spectrum, n=len(port.needed), axis=0))
+
+
+def _means(x: FloatArray, needed: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean of the needed signal over bins of x that hold equally many samples, all axes together."""
+    order = np.argsort(x, axis=None)
+    parts = zip(np.array_split(x.ravel()[order], BINS), np.array_split(needed.ravel()[order], BINS), strict=True)
+    return tuple(np.array([(a.mean(), b.mean()) for a, b in parts]).T)  # type: ignore[return-value]
+
+
+def _curve(port: Port, key: str) -> tuple[Term, FloatArray, FloatArray] | None:
+    """The best shape over one signal, mean of the axes; None where it takes another signal or explains little."""
+    if not port.terms or port.terms[0].share <= SHAPED:
+        return None
+    term = port.terms[0]
+    x = np.sort(port.against[key], axis=0)
+    try:
+        shape = TERMS[port.name][term.shape][1]({key: x})
+    except KeyError:
+        return None
+    at, values = x.mean(axis=1), (shape * term.coefficients).mean(axis=1)
+    line = np.polynomial.Polynomial.fit(at, values, 1)
+    return term, at, values - line(at)

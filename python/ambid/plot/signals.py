@@ -1,0 +1,179 @@
+"""Measured against simulated, with the residual under it and the band of the noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ambid.compare import Comparison, RecordComparison, compare
+from ambid.errors import InputError
+from ambid.model import Model
+from ambid.plot.style import BAND, GUIDE, LABEL, MEASURED, SIMULATED, SMALL, check_format, dress, new_figure, shown_in
+from ambid.record import Record
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
+    from numpy.typing import NDArray
+
+SECONDS = 0.06
+"""Length of the stretch that is drawn, where nothing else is asked for."""
+
+
+def plot_comparison(
+    comparison: Comparison | tuple[Model, Record | Sequence[Record]],
+    record: int = 0,
+    channel: str | None = None,
+    ax: Sequence[Axes] | None = None,
+    *,
+    stretch: tuple[float, float] | None = None,
+) -> NDArray[np.object_]:
+    """Draw a readable stretch of one channel: measured and simulated, and the residual with the noise below it.
+
+    Parameters
+    ----------
+    comparison : Comparison, or a model with its record or records
+    record : int
+        Which of the records.
+    channel : str, optional
+        Such as ``y.A_zeta``; default: the one whose residual is largest in units of its noise.
+    ax : two Axes, optional
+        For the signals and for the residual.
+    stretch : tuple of float, optional
+        From and to [s]; default: `worst_stretch`.
+
+    Returns
+    -------
+    ndarray of Axes, shape (2,)
+
+    Raises
+    ------
+    InputError
+        If there is no such record or channel.
+    """
+    if not isinstance(comparison, Comparison):
+        comparison = compare(*comparison)
+    one = _record(comparison, record)
+    k = _column(one, channel)
+    row, rate = one.channels[k], one.record.sample_rate
+    begin, end = worst_stretch(comparison, record, row.channel) if stretch is None else stretch
+    span = slice(max(0, round(begin * rate)), max(2, round(end * rate)))
+    above, below = new_figure(9.0, 4.2).subplots(2, 1, sharex=True, height_ratios=[3, 1.4]) if ax is None else ax
+    factor, unit = shown_in(row.unit)
+    t = one.record.t[span] * 1e3
+    residual = factor * one.residual[span, k]
+    simulated = factor * (one.simulated[:, k] - one.simulated[:, k].mean())[span]
+    above.plot(t, simulated + residual, color=MEASURED, lw=3.6, label="measured")
+    above.plot(t, simulated, color=SIMULATED, lw=1.1, label="simulated")
+    ceiling = row.noise_ceiling_percent
+    title = f"{row.channel}: fit {row.fit_percent:.2f} %"
+    title += f" of {ceiling:.2f} %" if np.isfinite(ceiling) else ", ceiling unknown"
+    dress(above, title=title, y=f"{row.channel.split('.')[0]} [{unit}]")
+    if np.isfinite(row.noise_rms):
+        noise = 2.0 * factor * row.noise_rms
+        below.axhspan(-noise, noise, facecolor=BAND, edgecolor=GUIDE, lw=0.6, ls=":", label="noise, ±2 sigma")
+    below.plot(t, residual, color="black", lw=0.8, label="residual")
+    dress(below, x="time [ms]", y=f"[{unit}]")
+    text = f"residual, rms {factor * row.residual_rms:.3g} {unit}"
+    text += f"; noise {factor * row.noise_rms:.3g} {unit}" if np.isfinite(row.noise_rms) else ""
+    below.set_title(text, fontsize=SMALL, loc="left")
+    above.set_xlim(t[0], t[-1])
+    below.set_xlim(t[0], t[-1])
+    if ax is None:
+        legend(above.figure, above, below)
+    return np.array([above, below])
+
+
+def worst_stretch(
+    comparison: Comparison, record: int = 0, channel: str | None = None, seconds: float = SECONDS
+) -> tuple[float, float]:
+    """Where in the second period, when the transient has gone, the residual of a channel is largest, from and to [s].
+
+    Parameters
+    ----------
+    comparison : Comparison
+    record : int
+    channel : str, optional
+        Default as in `plot_comparison`.
+    seconds : float
+        Length of the stretch.
+    """
+    one = _record(comparison, record)
+    residual = one.residual[:, _column(one, channel)]
+    period, rate = one.record.period or 0, one.record.sample_rate
+    length = min(round(seconds * rate), one.record.samples)
+    first = min(period, one.record.samples - length)
+    last = max(first, min(first + period, one.record.samples) - length)
+    power = np.concatenate([[0.0], np.cumsum(residual**2)])
+    starts = np.arange(first, last + 1)
+    begin = int(starts[np.argmax(power[starts + length] - power[starts])])
+    return begin / rate, (begin + length) / rate
+
+
+def draw_record(comparison: Comparison, record: int = 0) -> Figure:
+    """Draw all channels of a record over one stretch: displacements to the left, currents to the right."""
+    one = _record(comparison, record)
+    axes, signals = one.record.axes, sorted({c.channel.split(".")[0] for c in one.channels}, reverse=True)
+    stretch = worst_stretch(comparison, record)
+    figure = new_figure(6.2 * len(signals), 2.6 * len(axes) + 0.8)
+    grid = figure.add_gridspec(2 * len(axes), len(signals), height_ratios=[3, 1.5] * len(axes))
+    for i, axis in enumerate(axes):
+        for j, signal in enumerate(signals):
+            above = figure.add_subplot(grid[2 * i, j])
+            below = figure.add_subplot(grid[2 * i + 1, j], sharex=above)
+            plot_comparison(comparison, record, f"{signal}.{axis}", (above, below), stretch=stretch)
+            above.tick_params(labelbottom=False)
+            if i < len(axes) - 1:
+                below.set_xlabel("")
+            if i == j == 0:
+                legend(figure, above, below)
+    title = f"{one.record.name}: measured against simulated"
+    if np.isfinite(one.misfit):
+        title += f"   (misfit {one.misfit:.2f}, 1 when the model is right)"
+    figure.suptitle(title, fontsize=LABEL + 1, x=0.01, ha="left")
+    return figure
+
+
+def legend(figure: Figure | SubFigure, above: Axes, below: Axes) -> None:
+    """One legend for a picture of `plot_comparison`, outside of it."""
+    handles = [*above.get_legend_handles_labels()[0], *below.get_legend_handles_labels()[0]]
+    figure.legend(handles=handles, loc="outside upper right", ncols=4, fontsize=SMALL, frameon=False)
+
+
+def save_comparison(comparison: Comparison, path: str | Path) -> list[Path]:
+    """Write one picture per record; several records get numbered names.
+
+    Raises
+    ------
+    InputError
+        If the suffix is none of .png, .pdf, .svg.
+    """
+    path = Path(path)
+    check_format(path)
+    many = len(comparison.records) > 1
+    written = []
+    for i in range(len(comparison.records)):
+        target = path.with_stem(f"{path.stem}_{i + 1}") if many else path
+        draw_record(comparison, i).savefig(target, dpi=130)
+        written.append(target)
+    return written
+
+
+def _record(comparison: Comparison, record: int) -> RecordComparison:
+    count = len(comparison.records)
+    if not 0 <= record < count:
+        raise InputError(f"record = {record}: expected 0 to {count - 1}, the comparison has {count}")
+    return comparison.records[record]
+
+
+def _column(one: RecordComparison, channel: str | None) -> int:
+    names = [c.channel for c in one.channels]
+    if channel is None:
+        parts = [c.residual_rms / c.noise_rms if c.noise_rms > 0.0 else c.residual_rms for c in one.channels]
+        return int(np.argmax(parts))
+    if channel not in names:
+        raise InputError(f"{one.record.name}: no channel {channel}; it has {', '.join(names)}")
+    return names.index(channel)

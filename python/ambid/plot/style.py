@@ -1,0 +1,74 @@
+"""What all pictures share: colours, markers, units, sizes, and where they may be written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ambid.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
+
+MEASURED, SIMULATED, BAND, GUIDE = "#a8a8a8", "#a32a00", "#c9dcee", "#555555"
+AXIS_COLOURS = ("#1f4e8c", "#c05a00", "#2e7d4f", "#7b4a9e")
+AXIS_MARKERS = ("o", "s", "^", "D")
+TITLE, LABEL, SMALL = 10, 9, 8
+"""Font sizes [pt] of a figure 9 inches wide."""
+FORMATS = (".png", ".pdf", ".svg")
+UNITS = {"m": (1e6, "µm"), "A": (1e3, "mA"), "m/s": (1e3, "mm/s")}
+
+
+def shown_in(unit: str) -> tuple[float, str]:
+    """Factor and name of the unit in which an SI unit is drawn."""
+    return UNITS.get(unit, (1.0, unit))
+
+
+def misfit_text(value: float) -> str:
+    """A misfit J/dof with as many digits as matter."""
+    return f"{value:.2f}" if value < 9.995 else f"{value:.1f}" if value < 99.95 else f"{value:.0f}"
+
+
+def plain_log(axis: Axis) -> None:
+    """A logarithmic scale with plain numbers at 1, 2 and 5, or at the powers of ten where it is long."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high / low < 200.0 else (1.0,)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """A figure of its own, not pyplot's; `width` and `height` in inches."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def dress(ax: Axes, *, title: str = "", x: str = "", y: str = "", grid: str | None = "both") -> None:
+    """Give axes their title, labels, font sizes and a light grid behind the data."""
+    if title:
+        ax.set_title(title, fontsize=TITLE, loc="left")
+    ax.set_xlabel(x, fontsize=LABEL)
+    ax.set_ylabel(y, fontsize=LABEL)
+    ax.tick_params(labelsize=SMALL)
+    ax.set_axisbelow(True)
+    if grid is not None:
+        style: dict[str, Any] = {"lw": 0.4, "color": "#cccccc"}
+        ax.grid(True, axis=grid, **style)  # type: ignore[arg-type]
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+
+
+def check_format(path: Path | None) -> None:
+    """Refuse a picture's file name whose suffix is none of .png, .pdf, .svg, before any work is done.
+
+    Raises
+    ------
+    InputError
+    """
+    if path is not None and path.suffix.lower() not in FORMATS:
+        raise InputError(f"{path}: the suffix is {path.suffix or 'missing'}; expected one of {', '.join(FORMATS)}")

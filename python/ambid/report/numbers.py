@@ -1,0 +1,105 @@
+"""Numbers that a diagnosis does not hold: the model before, standard errors, what moved, figures of the rig."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ambid.diagnosis import Diagnosis, Step
+from ambid.model import Model
+from ambid.rank import SUBSTEPS
+from ambid.record import Record
+from ambid.report.words import quantity
+from ambid.rig import FiniteElementRotor, PointMassRotor, Rig
+from ambid.rotor import assemble, reduced_rotor
+from ambid.whitened import Noise
+
+
+def base_model(diagnosis: Diagnosis) -> Model:
+    """The model before the first step."""
+    first, model = diagnosis.history[0], diagnosis.model
+    for effect in diagnosis.model.effects:
+        if effect.name not in first.effects:
+            model = model.without(effect.name)
+    return model.with_values(first.parameters)
+
+
+def last_step(diagnosis: Diagnosis) -> Step:
+    """The step whose model is the last one; not that of a step that led nowhere and was taken back."""
+    return next(step for step in reversed(diagnosis.history) if step.effects == diagnosis.effects)
+
+
+def standard_errors(model: Model, records: Sequence[Record]) -> dict[str, float]:
+    """Of every parameter, from the whitened Jacobian: ``sqrt(diag((Psi' Psi)^-1))``, times sqrt(J/dof) where that is
+    above 1; NaN where the records do not determine them.
+    """
+    model = model if model.is_linear else model.with_substeps(SUBSTEPS)
+    residual, columns = Noise(model, records).jacobian(model, list(range(len(model.names))))
+    scale = np.array([p.scale for p in model.parameters])
+    scaled = columns * scale
+    try:
+        variance = np.diag(np.linalg.inv(scaled.T @ scaled))
+    except np.linalg.LinAlgError:
+        return dict.fromkeys(model.names, float("nan"))
+    excess = max(1.0, float(residual @ residual) / (len(residual) - len(scale)))
+    errors = scale * np.sqrt(excess * np.where(variance > 0.0, variance, np.nan))
+    return dict(zip(model.names, errors.tolist(), strict=True))
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A parameter that adding effects has moved.
+
+    Attributes
+    ----------
+    name, unit : str
+    before, after : float
+    percent : float
+        Of the value before.
+    errors : float
+        In standard errors of the value after; NaN where that is unknown.
+    """
+
+    name: str
+    unit: str
+    before: float
+    after: float
+    percent: float
+    errors: float
+
+
+def moved(diagnosis: Diagnosis, errors: dict[str, float]) -> list[Moved]:
+    """Parameters of the base model that the effects have moved, most percent first."""
+    before = diagnosis.history[0].parameters
+    found = []
+    for p in diagnosis.model.parameters:
+        if p.name in before:
+            by = p.value - before[p.name]
+            share = 100.0 * by / abs(before[p.name]) if before[p.name] else np.nan
+            found.append(Moved(p.name, p.unit, before[p.name], p.value, share, by / errors[p.name]))
+    return sorted(found, key=lambda m: -abs(m.percent))
+
+
+def rig_figures(rig: Rig) -> list[tuple[str, str]]:
+    """What the rig file says, and the figures of its rotor."""
+    places = sorted({z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)})
+    frequencies = reduced_rotor(rig.rotor, places).frequencies_rad_s
+    bending = ", ".join(f"{f / (2.0 * np.pi):.1f}" for f in frequencies if f > 0.0)
+    rotor = [("bending modes kept", f"{bending} Hz, free at rest" if bending else "none, a rigid rotor")]
+    if isinstance(rig.rotor, FiniteElementRotor):
+        beam = assemble(rig.rotor, places)
+        rotor.insert(0, ("rotor", f"{beam.mass:.2f} kg, transverse inertia {beam.transverse_inertia:.3f} kg m²"))
+    elif isinstance(rig.rotor, PointMassRotor):
+        rotor.insert(0, ("rotor", f"{rig.rotor.mass:.3g} kg, a plain mass on one axis"))
+    controller = rig.controller
+    delay = f", {controller.delay_samples:g} samples of delay" if controller.is_digital else ""
+    return [
+        ("machine", rig.name),
+        *rotor,
+        ("speed", f"{rig.speed:g} rad/s ({rig.speed * 30.0 / np.pi:.0f} rpm)"),
+        ("amplifier", f"lag of {quantity(rig.amplifier.time_constant, 's')}"),
+        ("controller", f"{controller.kind.replace('_', ' ')}, {controller.implementation}{delay}"),  # type: ignore[attr-defined]
+        ("sample rate", f"{rig.sample_rate:g} Hz"),
+    ]
