@@ -16,7 +16,6 @@ from itertools import permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import schur
 from scipy.optimize import least_squares, linear_sum_assignment
 
 from ambid.controller_spec import Controller, PidController, StateSpace
@@ -64,7 +63,7 @@ class Lines:
     def of(cls, record: Record) -> Lines:
         """Lines of a record with i_e; the strongest of the excitation where there are many."""
         periodic = record.period is not None and record.periods >= 2
-        window = Window(record.period if periodic else record.samples, max(record.periods - 1, 1))
+        window = Window((record.period if periodic else None) or record.samples, max(record.periods - 1, 1))
 
         def spectrum(signal: FloatArray) -> ComplexArray:
             if periodic:
@@ -117,7 +116,7 @@ class NominalLoop:
     @cached_property
     def open_poles(self) -> ComplexArray:
         """Poles with the controller off [1/s]."""
-        return np.linalg.eigvals(self._plant(1.0)[0])
+        return np.linalg.eigvals(self._plant(1.0)[0]).astype(np.complex128)
 
     def machine(self, frequency_hz: FloatArray) -> ComplexArray:
         """G, from the recorded i_c to y [m/A], shape (lines, axes, axes)."""
@@ -125,7 +124,7 @@ class NominalLoop:
 
     def amplifier(self, frequency_hz: FloatArray) -> ComplexArray:
         """A, the known first-order lag, shape (lines,)."""
-        return 1.0 / (1.0 + 2j * np.pi * frequency_hz * self.rig.amplifier.time_constant)
+        return np.asarray(1.0 / (1.0 + 2j * np.pi * frequency_hz * self.rig.amplifier.time_constant), np.complex128)
 
     def controller(self, frequency_hz: FloatArray, controller: Controller | None = None) -> ComplexArray:
         """d K, from y to the current that the amplifier is asked for [A/m], shape (lines, axes, axes).
@@ -147,7 +146,7 @@ class NominalLoop:
     def sensitivity(self, frequency_hz: FloatArray) -> ComplexArray:
         """(I + K G)^-1 with the stabilising `gain_factor`, shape (lines, axes, axes)."""
         loop_gain = self.controller(frequency_hz) @ self._displacement(frequency_hz, self.gain_factor or 1.0)
-        return np.linalg.inv(np.eye(self.axes) + loop_gain)
+        return np.asarray(np.linalg.inv(np.eye(self.axes) + loop_gain), np.complex128)
 
     def closed(self, frequency_hz: FloatArray) -> ComplexArray:
         """From the samples of i_e to y [m/A], with the stabilising `gain_factor`, shape (lines, axes, axes)."""
@@ -242,7 +241,8 @@ def fit_controller(loop: NominalLoop, lines: Lines) -> ControllerFit:
 def controller_missed(loop: NominalLoop, lines: Lines) -> float:
     """Part of i_c, by rms over all axes, that the controller's equation misses as it stands."""
     excited, fed_back = controller_terms(loop, lines)
-    return float(np.linalg.norm(excited - sum(fed_back.values()) - lines.i_c) / np.linalg.norm(lines.i_c))
+    i_c = np.asarray(lines.i_c)
+    return float(np.linalg.norm(excited - sum(fed_back.values()) - i_c) / np.linalg.norm(i_c))
 
 
 def reordered(loop: NominalLoop, lines: Lines) -> tuple[str, list[int], float]:
@@ -259,7 +259,7 @@ def reordered(loop: NominalLoop, lines: Lines) -> tuple[str, list[int], float]:
     """
     excited, fed_back = controller_terms(loop, lines)
     own_gain = np.einsum("ljj->lj", loop.controller(lines.frequency_hz)) * loop.amplifier(lines.frequency_hz)[:, None]
-    i_c, total = np.asarray(lines.i_c), np.linalg.norm(lines.i_c)
+    i_c = np.asarray(lines.i_c)
     left = excited - sum(fed_back.values()) - i_c
     ways = {
         "i_e": (excited, np.ones_like(own_gain), 1.0),
@@ -271,7 +271,7 @@ def reordered(loop: NominalLoop, lines: Lines) -> tuple[str, list[int], float]:
         change = sign * gain[:, :, None] * (columns[:, None, :] - columns[:, :, None])
         cost = np.sum(np.abs(left[:, :, None] + change) ** 2, axis=0)
         rows, order = linear_sum_assignment(cost)
-        found.append((signal, order.tolist(), float(np.sqrt(cost[rows, order].sum()) / total)))
+        found.append((signal, order.tolist(), float(np.sqrt(cost[rows, order].sum()) / np.linalg.norm(i_c))))
     return min(found, key=lambda entry: entry[2])
 
 

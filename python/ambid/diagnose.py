@@ -290,6 +290,14 @@ class _Search:
         self.history.append(step)
         self.say(step.line())
 
+    def _validated(self) -> bool:
+        """Whether a record to validate on has another amplitude than all others."""
+        own, other = (
+            [float(r.i_e.std()) for r in records if r.i_e is not None]
+            for records in (self.noise.records, self.validate)
+        )
+        return any(all(abs(a / b - 1.0) > 0.2 for b in own) for a in other)
+
     def verdict(self, begun: float) -> Diagnosis:
         """What the search came to."""
         misfit, share = self.fit.cost / self.dof, self.explained
@@ -329,7 +337,8 @@ class _Search:
             localisation=where,
             model=self.fit.model.with_substeps(None),
             records=self.noise.records,
-            next_experiment=next_experiment(verdict, sets, where, self.history),
+            validation=tuple(self.validate),
+            next_experiment=next_experiment(verdict, sets, where, self.history, other_amplitude=self._validated()),
             seconds=time.perf_counter() - begun,
             notes=tuple(note for note in notes if note),
         )

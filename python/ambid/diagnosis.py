@@ -95,7 +95,8 @@ class Diagnosis:
         Where the base model fails.
     model : Model
         The last model.
-    records : tuple of Record
+    records, validation : tuple of Record
+        That were diagnosed, and that were kept to judge by.
     next_experiment : str
         What would tell the rest apart.
     seconds : float
@@ -109,6 +110,7 @@ class Diagnosis:
     localisation: Localisation | None
     model: Model
     records: tuple[Record, ...]
+    validation: tuple[Record, ...]
     next_experiment: str
     seconds: float
     notes: tuple[str, ...] = field(default_factory=tuple)
@@ -124,6 +126,7 @@ class Diagnosis:
             localisation=None,
             model=model,
             records=tuple(records),
+            validation=(),
             next_experiment="first mend what the notes say, then record again",
             seconds=time.perf_counter() - begun,
             notes=tuple(why),

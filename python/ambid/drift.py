@@ -11,17 +11,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambid.fit import measured_outputs, recorded_channels
 from ambid.model import Model
 from ambid.tones import without_tones
 from ambid.whitened import Noise
+from ambid.yardstick import ComplexArray
 
 __all__ = ["Change", "largest_change"]
 
-FASTEST = 40
+FASTEST = 24
 """Cycles per record up to which changes are looked for."""
-OUTSTANDING = 40.0
+OUTSTANDING = 25.0
 """Projected power that noise does not reach: two degrees of freedom, some hundred patterns."""
 
 
@@ -66,19 +68,27 @@ def largest_change(model: Model, noise: Noise) -> Change | None:
         energy = np.sum(np.abs(patterns) ** 2, axis=(0, 1))
         lines = window.lines(residual)
         per_line = record.sample_rate / window.samples
-        for d in range(1, FASTEST + 1):
-            if d % window.periods == 0:
-                continue
-            sides = []
-            for shift in (d, -d):
-                at = window.excited + shift
-                inside = (at > 0) & (at < len(lines))
-                moved = np.where(inside[:, None], lines[np.clip(at, 0, len(lines) - 1)], 0.0)
-                sides.append(np.einsum("kcj,kc->j", patterns.conj(), (whitening @ moved[..., None])[..., 0]))
-            amplitude = (sides[0] + sides[1].conj()) / (2.0 * energy)
-            power = 2.0 * energy * np.abs(amplitude) ** 2
-            j = int(np.argmax(power))
-            if power[j] > OUTSTANDING and (best is None or power[j] > best.power):
-                relative = 2.0 * float(np.abs(amplitude[j])) / abs(model.theta[free[j]])
-                best = Change(record.name, names[j], d * per_line, d, relative, float(power[j]))
+        shifts = [d for d in range(1, FASTEST + 1) if d % window.periods]
+        amplitudes = np.array([_projected(lines, whitening, patterns, window.excited, d) for d in shifts]) / energy
+        powers = 2.0 * energy * np.abs(amplitudes) ** 2
+        # a pole that is narrower than a shift spreads its noise over all of them
+        powers /= np.maximum(np.median(powers, axis=0) / (2.0 * np.log(2.0)), 1.0)
+        k, j = np.unravel_index(np.argmax(powers), powers.shape)
+        if powers[k, j] > OUTSTANDING and (best is None or powers[k, j] > best.power):
+            relative = 2.0 * float(np.abs(amplitudes[k, j])) / abs(model.theta[free[j]])
+            d = shifts[k]
+            best = Change(record.name, names[j], d * per_line, d, relative, float(powers[k, j]))
     return best
+
+
+def _projected(
+    lines: ComplexArray, whitening: ComplexArray, patterns: ComplexArray, excited: NDArray[np.intp], d: int
+) -> ComplexArray:
+    """What stands d lines beside the excited ones, on both sides, in the directions of the patterns."""
+    sides = []
+    for shift in (d, -d):
+        at = excited + shift
+        inside = (at > 0) & (at < len(lines))
+        moved = np.where(inside[:, None], lines[np.clip(at, 0, len(lines) - 1)], 0.0)
+        sides.append(np.einsum("kcj,kc->j", patterns.conj(), (whitening @ moved[..., None])[..., 0]))
+    return np.asarray(0.5 * (sides[0] + sides[1].conj()), dtype=np.complex128)

@@ -14,7 +14,7 @@ from scipy.io.matlab import MatReadError
 
 from ambid.controller_spec import Controller, StateSpaceController, TransferFunctionController
 from ambid.errors import InputError, ModelError, RigError
-from ambid.loop.assembly import FloatArray, Lft
+from ambid.loop.assembly import FloatArray
 from ambid.loop.loop import open_plant
 from ambid.model import Model
 from ambid.rig import MatrixRotor

@@ -12,7 +12,7 @@ from ambid.loop.assembly import FloatArray
 from ambid.model import Model
 from ambid.ports import Port, needed_at_ports
 from ambid.record import Record
-from ambid.tones import Tone
+from ambid.tones import OUTSTANDING, Tone
 from ambid.whitened import Noise
 from ambid.yardstick import Window, channel_lines
 
@@ -130,13 +130,13 @@ class Localisation:
                 f"which explains {100 * term.share:.0f} % of the excess misfit"
             )
         if np.isfinite(self.exponent):
-            text += f"; it grows with the amplitude to the power {self.exponent:.1f}"
+            text += f"; what is missing grows with the amplitude to the power {self.exponent:.1f}"
         if self.change is not None:
             text += (
                 f"; {self.change.parameter} changes during {self.change.record} by "
                 f"{100 * self.change.relative:.2g} % at {self.change.frequency_hz:.3g} Hz"
             )
-        for tone in self.tones:
+        for tone in (tone for tone in self.tones if tone.power > OUTSTANDING):
             text += f"; a tone at {tone.frequency_hz:.2f} Hz belongs neither to the excitation nor to the model"
         return text.removeprefix("; ")
 

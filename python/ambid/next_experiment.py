@@ -15,7 +15,9 @@ TWINS = 0.999
 """Effects whose freed responses have a larger cosine are the same in this kind of record."""
 
 
-def next_experiment(verdict: str, sets: Sequence[Sequence[str]], where: Localisation, history: Sequence[Step]) -> str:
+def next_experiment(
+    verdict: str, sets: Sequence[Sequence[str]], where: Localisation, history: Sequence[Step], *, other_amplitude: bool
+) -> str:
     """In words.
 
     Parameters
@@ -27,12 +29,16 @@ def next_experiment(verdict: str, sets: Sequence[Sequence[str]], where: Localisa
         Of the base model.
     history : sequence of Step
         With the ranking before each step.
+    other_amplitude : bool
+        Whether it was validated at another amplitude.
     """
     if verdict == "adequate":
-        return "none needed in this band and at this amplitude; a larger amplitude would show nonlinear effects"
+        return "nothing is needed in this band and at this amplitude; a larger one would show nonlinear effects"
     if verdict == "ambiguous":
         return "; ".join(_apart(names, history) for names in sets)
     if verdict == "explained":
+        if other_amplitude:
+            return "nothing is needed here; another bias current or speed would show whether K_i and K_s follow it"
         return "validate on a record at another amplitude or bias current"
     cell = where.cells[0]
     if cell.kind == "drift":

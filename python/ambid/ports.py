@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
 from scipy.ndimage import uniform_filter1d
 
@@ -34,7 +36,7 @@ PORTS = {
     "reading": ("i_c", "A", "reading of the current alone"),
 }
 WATCHED = ("s", "v", "i_f", "i_ref", "y")
-Shape = Callable[[dict[str, FloatArray]], FloatArray]
+Shape = Callable[[dict[str, Any]], FloatArray]
 
 
 def _sign(x: FloatArray) -> FloatArray:
@@ -44,6 +46,8 @@ def _sign(x: FloatArray) -> FloatArray:
 TERMS: dict[str, dict[str, tuple[str, Shape]]] = {
     "force": {
         "ds/dt": ("linear", lambda x: x["v"]),
+        "s of the other axis": ("linear", lambda x: x["s"][:, x["other"]]),
+        "ds/dt of the other axis": ("linear", lambda x: x["v"][:, x["other"]]),
         "s^3": ("odd", lambda x: x["s"] ** 3),
         "s |s|": ("odd", lambda x: x["s"] * np.abs(x["s"])),
         "i^3": ("odd", lambda x: x["i_f"] ** 3),
@@ -162,6 +166,7 @@ def needed_at_ports(model: Model, noise: Noise) -> tuple[Port, ...]:
     outputs = loop.simulate(model.theta, quiet)
     periods = window.cut(outputs).reshape(window.periods, window.period, -1).mean(axis=0)
     against = {name: periods[:, (2 + k) * axes : (3 + k) * axes] for k, name in enumerate(WATCHED)}
+    signals = {**against, "other": _other_axis(model.rig)}
 
     residual, known = noise.jacobian(model, list(range(len(model.names))))
     own = slice(0, whitener.numbers)
@@ -181,9 +186,18 @@ def needed_at_ports(model: Model, noise: Noise) -> tuple[Port, ...]:
         factor = np.sqrt(window.samples) / window.periods
         full = np.concatenate([np.zeros((1, axes)), spectrum * _seen_share(white - left, 2 * axes)[:, None] * factor])
         needed = irfft(full, n=window.period, axis=0)
-        terms = _terms(name, against, way, white, cost, basis, window)
+        terms = _terms(name, signals, way, white, cost, basis, window)
         found.append(Port(name, unit, meaning, misfit, needed, against, terms))
     return tuple(sorted(found, key=_by_misfit_then_shape))
+
+
+def _other_axis(rig: Rig) -> NDArray[np.intp]:
+    """Index of the other axis of the same bearing; its own where there is none."""
+    found: list[int] = []
+    for bearing in rig.bearings:
+        first, count = len(found), len(bearing.axes)
+        found += [first + (k + 1) % count for k in range(count)]
+    return np.array(found)
 
 
 def _by_misfit_then_shape(port: Port) -> tuple[float, float]:
@@ -200,7 +214,7 @@ def _seen_share(explained: ComplexArray, degrees: int, neighbours: int = 15) -> 
 
 def _terms(
     port: str,
-    against: dict[str, FloatArray],
+    signals: dict[str, Any],
     way: ComplexArray,
     white: ComplexArray,
     cost: float,
@@ -209,16 +223,16 @@ def _terms(
 ) -> tuple[Term, ...]:
     found = []
     lines, p, axes = way.shape
-    known = np.stack([_as_lines(column, p)[:lines] for column in basis.T], axis=-1).reshape(-1, basis.shape[1])
+    by_line = np.stack([_as_lines(column, p)[:lines] for column in basis.T], axis=-1)
+    known = _stacked(by_line.reshape(-1, basis.shape[1]))
     residual = _stacked(white.reshape(-1, 1))[:, 0]
-    known = _stacked(known)
     for shape, (kind, function) in TERMS[port].items():
-        signal = function(against)
+        signal = function(signals)
         size = signal.std(axis=0) + 1e-300
         spectrum = rfft((signal - signal.mean(axis=0)) / size, axis=0)[1 : lines + 1]
         spectrum *= window.periods / np.sqrt(window.samples)
         columns = _stacked((way * spectrum[:, None, :]).reshape(-1, axes))
-        columns -= known @ (known.T @ columns)
+        columns = columns - known @ (known.T @ columns)
         q, r = np.linalg.qr(columns)
         called_for = q.T @ residual
         score = float(called_for @ called_for)

@@ -211,7 +211,9 @@ def see(model: Model, noise: Noise) -> Seen:
         for k, name in enumerate(watched, start=2):
             peaks[name] = max(peaks[name], float(found[k * n : (k + 1) * n].max()))
     tones = {round(tone.frequency_hz, 3): tone for own in noise.tones for tone in own}
-    return Seen(model.rig, peaks, tuple(tones.values()))
+    measured = [record.i_c.mean(axis=0) for record in noise.records if record.i_c is not None]
+    held = tuple(np.mean(measured, axis=0).tolist()) if measured else ()
+    return Seen(model.rig, peaks, tuple(tones.values()), held)
 
 
 class _Bases:

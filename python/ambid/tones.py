@@ -81,7 +81,7 @@ def find_tones(
     while len(found) < MOST:
         power = _relative_power(left, window, shape)
         power[:2] = power[-2:] = 0.0
-        line, channel = np.unravel_index(np.argmax(power), power.shape)
+        line, channel = divmod(int(np.argmax(power)), power.shape[1])
         frequency = line * per_line
         if power[line, channel] < OUTSTANDING:
             likely = {f: _chance(power, f / per_line, window) for f in suspects}
@@ -95,7 +95,7 @@ def find_tones(
             height = float(power[line, channel])
             frequency = _refined(left, frequency, per_line, window)
             suspects = [f for f in suspects if abs(f - frequency) > 2.0 * per_line]
-        found.append(Tone(float(frequency), int(channel) % axes, height))
+        found.append(Tone(frequency, channel % axes, height))
         left = _without(left, [_wave(frequency / per_line, window)])
     return (*found, *_on_excited_lines(residual, window, per_line, axes, shape))
 
@@ -109,12 +109,12 @@ def _on_excited_lines(
     around = median_filter(power, size=(2 * NEIGHBOURS + 1, 1), mode="nearest") / np.log(2.0)
     beside = convolve1d(power, BESIDE / BESIDE.sum(), axis=0)
     relative = power / np.maximum(np.maximum(around, beside), 1e-300)
-    line, channel = np.unravel_index(np.argmax(relative), relative.shape)
+    line, channel = divmod(int(np.argmax(relative)), relative.shape[1])
     if relative[line, channel] < ALONE:
         return ()
     frequency = float(window.excited[line] * per_line)
     mains = [f for f in MAINS if abs(f - frequency) < 0.5 * per_line]
-    return (Tone(mains[0] if mains else frequency, int(channel) % axes, float(relative[line, channel])),)
+    return (Tone(mains[0] if mains else frequency, channel % axes, float(relative[line, channel])),)
 
 
 def without_tones(signal: FloatArray, tones: Sequence[Tone], window: Window, sample_rate: float) -> FloatArray:

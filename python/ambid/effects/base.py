@@ -29,11 +29,14 @@ class Seen:
         Largest absolute value of signals of the plant over all axes and records: ``s``, ``i_f``, ``drive``.
     tones : sequence of Tone
         Lines of the residual that belong to no excitation.
+    held : sequence of float
+        Mean current of each axis, which holds the weight of the rotor [A]; empty where it was not recorded.
     """
 
     rig: Rig
     peaks: Mapping[str, float]
     tones: Sequence[Tone] = ()
+    held: Sequence[float] = ()
 
 
 @dataclass(frozen=True)
@@ -124,7 +127,8 @@ class Effect(ABC):
         start = {}
         for amplitude, p in zip(amplitudes, self.parameters(rig), strict=True):
             least, most = max(p.lower, -10.0 * p.probe), min(p.upper, 100.0 * p.probe)
-            start[p.name] = float(min(max(amplitude * p.probe, least), most)) or 0.1 * p.probe
+            wanted = amplitude if abs(amplitude) > 1e-6 else 0.1
+            start[p.name] = float(min(max(wanted * p.probe, least), most))
         return start
 
     def slot(self, parameter: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,17 @@ class ForceNonlinearity(Effect):
     signature = "odd; grows with the cube of the amplitude, where current and displacement are large together"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, section 4.1"
 
+    def __init__(self, held: Sequence[float] = ()) -> None:
+        self.held = tuple(held)
+
+    def settings(self) -> dict[str, Any]:
+        """Current of each axis that holds the weight [A]; nothing where it is not known."""
+        return {"held": list(self.held)} if self.held else {}
+
+    def variants(self, seen: Seen) -> Sequence[Effect]:
+        """About the currents that hold the weight."""
+        return [ForceNonlinearity(seen.held)]
+
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Bias current of the rig file over the effective one: 1 for the law as it stands, 0 for the linear one."""
         return [EffectParameter("bias_ratio", "1", 1.0, upper=10.0)]
@@ -29,7 +41,7 @@ class ForceNonlinearity(Effect):
 
     def attach(self, plant: Plant) -> None:
         """What the law adds to ``K_i i + K_s s``, which stay the slopes at rest; s0 = i0 K_i / K_s."""
-        _force_law(plant, "unsaturated", {"nu": self.slot("bias_ratio")})
+        _force_law(plant, "unsaturated", {"nu": self.slot("bias_ratio")}, self.held)
 
 
 class FluxSaturation(Effect):
@@ -40,6 +52,17 @@ class FluxSaturation(Effect):
     signature = "odd; K_i seems to fall with amplitude and with load"
     source = "Froehlich (1881) and its generalisation B = u/(1 + (sigma u)^n)^(1/n)"
     contains = ("force_nonlinearity",)
+
+    def __init__(self, held: Sequence[float] = ()) -> None:
+        self.held = tuple(held)
+
+    def settings(self) -> dict[str, Any]:
+        """Current of each axis that holds the weight [A]; nothing where it is not known."""
+        return {"held": list(self.held)} if self.held else {}
+
+    def variants(self, seen: Seen) -> Sequence[Effect]:
+        """About the currents that hold the weight."""
+        return [FluxSaturation(seen.held)]
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Linear flux density at bias over that of saturation, sharpness of the knee, bias ratio of the square law."""
@@ -65,7 +88,7 @@ class FluxSaturation(Effect):
     def attach(self, plant: Plant) -> None:
         """The square law with the flux of saturating iron; K_i and K_s stay the slopes at rest."""
         slots = {"sigma": "level", "n": "sharpness", "nu": "bias_ratio"}
-        _force_law(plant, "power", {key: self.slot(name) for key, name in slots.items()})
+        _force_law(plant, "power", {key: self.slot(name) for key, name in slots.items()}, self.held)
 
 
 class MagneticHysteresis(Effect):
@@ -119,10 +142,10 @@ class MagneticHysteresis(Effect):
             plant.inject(f"i_f.{axis}", -plant.port(self.slot("share"), h))
 
 
-def _force_law(plant: Plant, curve: str, slots: Mapping[str, str]) -> None:
+def _force_law(plant: Plant, curve: str, slots: Mapping[str, str], held: Sequence[float]) -> None:
     """Add to the force of every axis what a force law has beyond ``K_i i + K_s s``."""
     biases = [bearing.bias_current for bearing in plant.rig.bearings for _ in bearing.axes]
-    for axis, bias in zip(plant.axes, biases, strict=True):
+    for axis, bias, load in zip(plant.axes, biases, held or [0.0] * len(biases), strict=True):
         own = {"K_i": f"K_i.{axis}", "K_s": f"K_s.{axis}", **slots}
         signals = [plant[f"i_f.{axis}"], plant[f"s.{axis}"]]
-        plant.inject(f"f.{axis}", plant.block("force_law", signals, own, {"bias": bias}, curve=curve))
+        plant.inject(f"f.{axis}", plant.block("force_law", signals, own, {"bias": bias, "held": load}, curve=curve))

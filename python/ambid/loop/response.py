@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import schur
@@ -12,7 +14,7 @@ ComplexArray = NDArray[np.complex128]
 StateSpace = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
-def frequency_response(system: StateSpace, points: ComplexArray) -> ComplexArray:
+def frequency_response(system: StateSpace, points: NDArray[Any]) -> ComplexArray:
     """``C (p I - A)^-1 B + D`` at each point p = j w, or p = exp(j w dt) of a sampled system.
 
     The Schur form of A makes each state one division, whatever its poles are.
@@ -28,4 +30,4 @@ def frequency_response(system: StateSpace, points: ComplexArray) -> ComplexArray
     for j in reversed(range(len(A))):
         fed = np.tensordot(T[j, j + 1 :], x[j + 1 :], axes=1)
         x[j] = (drive[j][:, None] + fed) / (points - T[j, j])
-    return np.moveaxis(np.tensordot(C @ Z, x, axes=1), -1, 0) + D
+    return np.asarray(np.moveaxis(np.tensordot(C @ Z, x, axes=1), -1, 0) + D, dtype=np.complex128)

@@ -40,7 +40,7 @@ def plot_staircase(diagnosis: Diagnosis, ax: Sequence[Axes] | None = None) -> ND
     steps = diagnosis.history
     if not steps:
         raise InputError(f"no staircase to draw: the diagnosis ended in {diagnosis.verdict} before its first step")
-    left, right = new_figure(9.0, 3.6).subplots(1, 2) if ax is None else ax
+    left, right = new_figure(9.0, 3.8).subplots(1, 2) if ax is None else ax
     _stairs(left, [s.misfit for s in steps], [s.validation_misfit for s in steps], misfit_text)
     predicted = [(k, s.predicted_misfit) for k, s in enumerate(steps) if s.predicted_misfit is not None]
     if predicted:
@@ -59,11 +59,11 @@ def plot_staircase(diagnosis: Diagnosis, ax: Sequence[Axes] | None = None) -> ND
     for panel in (left, right):
         panel.set_yscale("log")
         low, high = panel.get_ylim()
-        panel.set_ylim(low / 2.0, high * 3.0)
+        panel.set_ylim(low / 2.0, high * 2.0)
         plain_log(panel.yaxis)
         panel.set_xticks(range(len(steps)), [_name(s) for s in steps])
         panel.set_xlim(-0.6, len(steps) - 0.4)
-        panel.legend(fontsize=SMALL, framealpha=1.0, loc="upper right")
+        panel.legend(fontsize=SMALL, frameon=False, loc="upper left", bbox_to_anchor=(0.0, -0.08), ncols=2)
     return np.array([left, right])
 
 

@@ -82,7 +82,9 @@ def _figures(diagnosis: Diagnosis, first: Step, last: Step) -> list[dict[str, An
     if first.validation_fit_percent is not None and last.validation_fit_percent is not None:
         fits = (first.validation_fit_percent["average"], last.validation_fit_percent["average"])
         misfits = (first.validation_misfit, last.validation_misfit)
-        rows.append({"name": "validation", "fit": fits, "ceiling": None, "misfit": misfits})
+        rows.append(
+            {"name": "validation", "fit": fits, "ceiling": ceiling_of_y(diagnosis.validation), "misfit": misfits}
+        )
     return rows
 
 

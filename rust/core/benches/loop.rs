@@ -9,7 +9,7 @@ use ambid_core::{Data, Stepper, normal_equations};
 mod common;
 
 use common::loops::Problem;
-use common::machine::machine;
+use common::machine::{machine, saturating};
 use common::random::Random;
 
 const SAMPLES: usize = 20_000;
@@ -64,4 +64,7 @@ fn main() {
     measure_loop("gyroscopically coupled", &machine(100.0, 0.02));
     // alike planes that barely couple: double poles, so the plain recursion
     measure_loop("double poles (dense)", &machine(1e-9, 0.0));
+    // a force law on every axis, its strength a tenth parameter
+    measure_loop("four force laws", &saturating(0.0, 4, Some(1)));
+    measure_loop("four force laws, coupled", &saturating(100.0, 4, Some(1)));
 }

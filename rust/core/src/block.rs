@@ -37,6 +37,8 @@ pub enum Law {
         curve: Curve,
         /// Bias current in A.
         bias: f64,
+        /// Current in A that holds a constant load, such as the weight; i counts from it.
+        held: f64,
     },
     /// What a limit R takes away from a rate z; coefficient `inverse_limit` = 1/R.
     Slew {
@@ -98,7 +100,7 @@ impl Law {
 
     fn check(&self) -> Result<()> {
         let allowed = match self {
-            Self::Force { bias, .. } => *bias > 0.0 && bias.is_finite(),
+            Self::Force { bias, held, .. } => *bias > 0.0 && bias.is_finite() && held.abs() < *bias,
             Self::Slew { smoothing } => *smoothing > 0.0 && *smoothing < 1.0,
             Self::BoucWen { rate_smoothing, state_smoothing } => {
                 [rate_smoothing, state_smoothing].iter().all(|e| **e >= 0.0 && e.is_finite())
@@ -109,7 +111,7 @@ impl Law {
             }
         };
         let what = match self {
-            Self::Force { .. } => "a force law needs a finite bias above zero",
+            Self::Force { .. } => "a force law needs a finite bias above zero, and a holding current below it",
             Self::Slew { .. } => "a slew limit needs a smoothing between 0 and 1, both excluded",
             Self::BoucWen { .. } => "a hysteresis needs finite smoothings of at least zero",
             _ => "a polynomial has one or two inputs, and no exponent of an input that it lacks",

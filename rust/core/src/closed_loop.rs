@@ -73,8 +73,11 @@ impl ClosedLoop {
 
     /// The response from rest, samples x outputs, to `u`, samples x inputs, both row by row.
     ///
+    /// Inputs are excitations, further inputs of the plant, and sensor noise, each held until the next sample.
+    ///
     /// # Errors
-    /// [`crate::Error::Unstable`], [`crate::Error::Shape`], and as [`ClosedLoop::poles`].
+    /// [`crate::Error::Unstable`], [`crate::Error::Shape`], [`crate::Error::NotFinite`], and as
+    /// [`ClosedLoop::poles`].
     pub fn simulate(&self, theta: &[f64], u: &[f64]) -> Result<Vec<f64>> {
         let (y, _) = self.sensitivity(theta, &[], u)?;
         Ok(y)
@@ -88,6 +91,7 @@ impl ClosedLoop {
         let (ny, np) = (self.outputs(), free.len());
         let samples = u.len().checked_div(self.inputs()).unwrap_or(0);
         check_len("excitation", u.len(), samples * self.inputs())?;
+        check_finite("excitation", u)?;
         let mut y = vec![0.0; samples * ny];
         let mut jacobian = vec![0.0; samples * ny * np];
         for prepared in self.prepare(theta, free)? {

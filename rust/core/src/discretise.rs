@@ -133,44 +133,46 @@ impl Plant {
 ///
 /// States: plant, controller, and the commands under way (newest first). Within a controller sample the amplifier
 /// sees the command of `whole + 1` samples ago for the fraction of the delay, then that of `whole` samples ago.
+/// Inputs: excitations, further inputs of the plant, noise.
 fn sampled(plant: &Plant, k: &Controller, dt: f64) -> Result<(Discrete, Vec<Discrete>)> {
-    let np = plant.a.slopes.len();
-    let at_once = |d: &DMatrix<f64>| d.rows(0, k.channels()).iter().any(|x| *x != 0.0);
+    let (np, m) = (plant.a.slopes.len(), k.channels());
+    let at_once = |d: &DMatrix<f64>| d.view((0, 0), (m, m)).iter().any(|x| *x != 0.0);
     if at_once(&plant.d.value) || plant.d.slopes.iter().any(at_once) {
         return Err(Error::Singular { what: "a displacement follows a command at once, through Delta" });
     }
     let step = dt / k.steps as f64;
     let (whole, fraction) = (k.delay.floor() as usize, k.delay.fract());
-    let (nx, m) = plant.b.value.shape();
+    let (nx, nu) = plant.b.value.shape();
     let (nk, ny) = (k.a.nrows(), plant.c.value.nrows());
     let queue = m * (whole + usize::from(fraction > 0.0));
     let n = nx + nk + queue;
-    let inputs = if k.noise { 2 * m } else { m };
+    let inputs = if k.noise { nu + m } else { nu };
     let constant = |value| Dual::constant(value, np);
-
-    // the fresh command v = -C_k x_k - D_k (y + noise) + i_e, as rows over [states | inputs]
     let place = |rows: usize, columns: usize, at: (usize, usize), block: &DMatrix<f64>| {
         let mut out = DMatrix::zeros(rows, columns);
         out.view_mut(at, block.shape()).copy_from(block);
         out
     };
-    let y = plant.c.map(|c| place(m, n, (0, 0), &c.rows(0, m).into_owned()));
-    let fresh_x = y.map(|y| -&k.d * y).plus(&constant(place(m, n, (0, nx), &-&k.c)));
-    let mut fresh_u = place(m, inputs, (0, 0), &DMatrix::identity(m, m));
-    let mut measured_u = DMatrix::zeros(m, inputs);
-    if k.noise {
-        fresh_u.view_mut((0, m), (m, m)).copy_from(&-&k.d);
-        measured_u.view_mut((0, m), (m, m)).fill_with_identity();
-    }
-    // the command of `age` samples ago
-    let command = |age: usize| -> (Dual, Dual) {
-        if age == 0 {
-            return (fresh_x.map(Clone::clone), constant(fresh_u.clone()));
-        }
-        let row = place(m, n, (0, nx + nk + m * (age - 1)), &DMatrix::identity(m, m));
-        (constant(row), constant(DMatrix::zeros(m, inputs)))
+
+    // what is read, y + noise, and the fresh command -C_k x_k - D_k (y + noise) + i_e, as rows over states and inputs
+    let noise = |rows: usize| place(rows, inputs, (0, nu), &DMatrix::identity(m, inputs - nu));
+    let read_x = plant.c.map(|c| place(m, n, (0, 0), &c.rows(0, m).into_owned()));
+    let read_u = plant.d.map(|d| place(m, inputs, (0, 0), &d.rows(0, m).into_owned())).plus(&constant(noise(m)));
+    let fresh_x = read_x.map(|y| -&k.d * y).plus(&constant(place(m, n, (0, nx), &-&k.c)));
+    let fresh_u = read_u.map(|y| -&k.d * y).plus(&constant(DMatrix::identity(m, inputs)));
+    // what acts on the plant: the command of `age` samples ago, and the further inputs
+    let further = place(nu, inputs, (m, m), &DMatrix::identity(nu - m, nu - m));
+    let acting = |age: usize| -> (Dual, Dual) {
+        let (x, u) = if age == 0 {
+            (fresh_x.map(Clone::clone), fresh_u.map(Clone::clone))
+        } else {
+            let row = place(m, n, (0, nx + nk + m * (age - 1)), &DMatrix::identity(m, m));
+            (constant(row), constant(DMatrix::zeros(m, inputs)))
+        };
+        let among_all = |commands: Dual| commands.map(|c| c.clone().resize_vertically(nu, 0.0));
+        (among_all(x), among_all(u).plus(&constant(further.clone())))
     };
-    let late = command(whole);
+    let late = acting(whole);
 
     // plant over one controller sample
     let (a2, g2) = plant.hold(step * (1.0 - fraction))?;
@@ -179,15 +181,15 @@ fn sampled(plant: &Plant, k: &Controller, dt: f64) -> Result<(Discrete, Vec<Disc
     let mut first = late;
     if fraction > 0.0 {
         let (a1, g1) = plant.hold(step * fraction)?;
-        first = command(whole + 1);
-        plant_x = a2.times(&a1).map(|a| place(nx, n, (0, 0), a)).plus(&g2.times(&command(whole).0));
+        first = acting(whole + 1);
+        plant_x = a2.times(&a1).map(|a| place(nx, n, (0, 0), a)).plus(&g2.times(&acting(whole).0));
         let a2g1 = a2.times(&g1);
         plant_x = plant_x.plus(&a2g1.times(&first.0));
         plant_u = plant_u.plus(&a2g1.times(&first.1));
     }
     // controller and queue
-    let control_x = y.map(|y| &k.b * y).plus(&constant(place(nk, n, (0, nx), &k.a)));
-    let control_u = constant(&k.b * &measured_u);
+    let control_x = read_x.map(|y| &k.b * y).plus(&constant(place(nk, n, (0, nx), &k.a)));
+    let control_u = read_u.map(|y| &k.b * y);
     let stack = |parts: [&Dual; 3], columns: usize| -> Dual {
         let build = |pick: &dyn Fn(&Dual) -> DMatrix<f64>| {
             let mut out = DMatrix::zeros(n, columns);
@@ -205,7 +207,7 @@ fn sampled(plant: &Plant, k: &Controller, dt: f64) -> Result<(Discrete, Vec<Disc
     let aged = place(queue, n, (m.min(queue), nx + nk), &DMatrix::identity(queue.saturating_sub(m), queue));
     let newest = |d: &Dual, columns| d.map(|v| place(queue, columns, (0, 0), &v.rows(0, m.min(queue)).into_owned()));
     let queue_x = newest(&fresh_x, n).plus(&constant(aged));
-    let queue_u = newest(&constant(fresh_u.clone()), inputs);
+    let queue_u = newest(&fresh_u, inputs);
     let step_a = stack([&plant_x, &control_x, &queue_x], n);
     let step_b = stack([&plant_u, &control_u, &queue_u], inputs);
 
@@ -216,8 +218,7 @@ fn sampled(plant: &Plant, k: &Controller, dt: f64) -> Result<(Discrete, Vec<Disc
         a = step_a.times(&a);
     }
     let c = plant.c.map(|c| place(ny, n, (0, 0), c)).plus(&plant.d.times(&first.0));
-    let read = place(ny, inputs, (0, 0), &measured_u);
-    let d = plant.d.times(&first.1).plus(&constant(read));
+    let d = plant.d.times(&first.1).plus(&constant(noise(ny)));
     Ok(collect(&a, &b, &c, &d))
 }
 

@@ -8,7 +8,7 @@ use crate::lft::Lft;
 /// A digital controller K: `i_ref = -K y + i_e`, computed once a controller sample, held, and delayed.
 ///
 /// It reads the first `b.ncols()` outputs of the plant and drives the first `c.nrows()` inputs; both counts are
-/// equal. The excitation is added before the delay.
+/// equal. The excitation is added before the delay. Further inputs of the plant are held over a sample of the record.
 #[derive(Debug, Clone)]
 pub struct Controller {
     /// States x states, over one controller sample.
@@ -23,7 +23,7 @@ pub struct Controller {
     pub delay: f64,
     /// Controller samples per sample of the record.
     pub steps: usize,
-    /// True where as many further inputs are added to the displacements that the controller reads (sensor noise).
+    /// True where as many inputs, the last of the loop, are added to the displacements that are read (sensor noise).
     pub noise: bool,
 }
 
@@ -49,7 +49,7 @@ impl Controller {
 }
 
 impl Model {
-    /// Checks that the controller fits the plant.
+    /// Checks that the controller fits the plant, which may have further inputs and outputs.
     ///
     /// # Errors
     /// [`Error::Shape`], [`Error::NotFinite`].
@@ -66,9 +66,11 @@ impl Model {
             for part in [&k.a, &k.b, &k.c, &k.d] {
                 check_finite("controller", part.as_slice())?;
             }
-            check_len("plant inputs", lft.inputs(), m)?;
-            if lft.outputs() < m {
-                check_len("plant outputs", lft.outputs(), m)?;
+            for (what, found) in [("plant inputs", lft.inputs()), ("plant outputs", lft.outputs())] {
+                if found < m {
+                    let (found, expected) = (found.to_string(), format!("at least the {m} channels of the controller"));
+                    return Err(Error::Shape { what, found, expected });
+                }
             }
             if !(k.delay >= 0.0 && k.delay.is_finite()) || k.steps == 0 {
                 return Err(Error::NotFinite { what: "controller delay or steps" });
@@ -80,10 +82,15 @@ impl Model {
         Ok(Self { lft, dt, controller, substeps: None })
     }
 
-    /// Number of inputs of the closed loop: excitations, then noise where there is any.
+    /// Number of inputs of the closed loop: excitations, further inputs of the plant, then noise where there is any.
     pub fn inputs(&self) -> usize {
         let noise = self.controller.as_ref().filter(|k| k.noise).map_or(0, Controller::channels);
         self.lft.inputs() + noise
+    }
+
+    /// Number of inputs of the plant that a digital controller drives.
+    pub(crate) fn commands(&self) -> usize {
+        self.controller.as_ref().map_or(0, Controller::channels)
     }
 
     /// Number of outputs.

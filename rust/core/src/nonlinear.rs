@@ -7,6 +7,7 @@
 mod control;
 mod phi;
 mod plant;
+mod rows;
 mod run;
 mod scheme;
 

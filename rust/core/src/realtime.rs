@@ -1,7 +1,7 @@
 //! The loop one sample at a time: no allocation after construction, the same work in every step.
 
 use crate::closed_loop::ClosedLoop;
-use crate::error::{Result, check_len};
+use crate::error::{Result, check_finite, check_len};
 use crate::nonlinear::{Nonlinear, Run};
 
 /// Substeps of a nonlinear loop whose model does not say otherwise.
@@ -61,9 +61,11 @@ impl Stepper {
     /// One sample: `y` becomes the outputs at this instant, `u` is held until the next.
     ///
     /// # Errors
-    /// [`crate::Error::Shape`] where a slice has the wrong length; the state is then unchanged.
+    /// [`crate::Error::Shape`] where a slice has the wrong length, [`crate::Error::NotFinite`]; the state is then
+    /// unchanged.
     pub fn step(&mut self, u: &[f64], y: &mut [f64]) -> Result<()> {
         check_len("excitation", u.len(), self.inputs)?;
+        check_finite("excitation", u)?;
         check_len("outputs", y.len(), self.outputs)?;
         match &mut self.path {
             Path::Linear(sums) => sums.sample(u, y),

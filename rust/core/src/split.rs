@@ -5,7 +5,9 @@ use nalgebra::DMatrix;
 use crate::lft::Lft;
 use crate::model::{Controller, Model};
 
-/// An independent part of a loop, and which inputs and outputs of the whole are its own.
+/// An independent part of a loop, the inputs of the whole that act on it, and the outputs that are its own.
+///
+/// Several parts may share an input, unless a digital controller drives it.
 #[derive(Debug, Clone)]
 pub struct Part {
     pub model: Model,
@@ -45,26 +47,27 @@ impl Sets {
 /// The independent parts of a loop; a part without an output is left out.
 pub fn split(model: &Model) -> Vec<Part> {
     let lft = &model.lft;
-    let (n, nu, ny, k) = (lft.a.nrows(), lft.inputs(), lft.outputs(), lft.gains.len());
+    let (n, m, nu, ny) = (lft.a.nrows(), model.commands(), lft.inputs(), lft.outputs());
     let nc = model.controller.as_ref().map_or(0, |c| c.a.nrows());
-    // nodes: states, inputs, outputs, entries of Delta (gains, then blocks), controller states
-    let entries = k + lft.blocks.len();
-    let (input, output, entry, control) = (n, n + nu, n + nu + ny, n + nu + ny + entries);
+    // nodes: states, commands, outputs, entries of Delta (gains, then blocks), controller states
+    let entries = lft.gains.len() + lft.blocks.len();
+    let (command, output, entry, control) = (n, n + m, n + m + ny, n + m + ny + entries);
     let mut sets = Sets((0..control + nc).collect());
     let reader = readers(lft);
-    let column = |j: usize| if j < nu { input + j } else { entry + j - nu };
     let row = |i: usize| if i < ny { output + i } else { entry + reader[i - ny] };
     sets.join_pattern(&lft.a, |i| i, |j| j);
-    sets.join_pattern(&lft.b, |i| i, column);
     sets.join_pattern(&lft.c, row, |j| j);
-    sets.join_pattern(&lft.d, row, column);
+    for (first, count, node) in [(0, m, command), (nu, entries, entry)] {
+        sets.join_pattern(&lft.b.columns(first, count).into_owned(), |i| i, |j| node + j);
+        sets.join_pattern(&lft.d.columns(first, count).into_owned(), row, |j| node + j);
+    }
     if let Some(c) = &model.controller {
         sets.join_pattern(&c.a, |i| control + i, |j| control + j);
         sets.join_pattern(&c.b, |i| control + i, |j| output + j);
-        sets.join_pattern(&c.c, |i| input + i, |j| control + j);
-        sets.join_pattern(&c.d, |i| input + i, |j| output + j);
-        for i in 0..c.channels() {
-            sets.join(input + i, output + i);
+        sets.join_pattern(&c.c, |i| command + i, |j| control + j);
+        sets.join_pattern(&c.d, |i| command + i, |j| output + j);
+        for i in 0..m {
+            sets.join(command + i, output + i);
         }
     }
     let mut roots: Vec<usize> = (0..ny).map(|i| sets.find(output + i)).collect();
@@ -76,9 +79,9 @@ pub fn split(model: &Model) -> Vec<Part> {
             let mut members = |from: usize, count: usize| -> Vec<usize> {
                 (0..count).filter(|i| sets.find(from + i) == root).collect()
             };
-            let (states, inputs, outputs) = (members(0, n), members(input, nu), members(output, ny));
+            let (states, commands, outputs) = (members(0, n), members(command, m), members(output, ny));
             let (entries, controls) = (members(entry, entries), members(control, nc));
-            part(model, &states, inputs, outputs, &entries, &controls)
+            part(model, &states, &commands, outputs, &entries, &controls)
         })
         .collect()
 }
@@ -93,16 +96,19 @@ fn readers(lft: &Lft) -> Vec<usize> {
 fn part(
     model: &Model,
     states: &[usize],
-    inputs: Vec<usize>,
+    commands: &[usize],
     outputs: Vec<usize>,
     entries: &[usize],
     controls: &[usize],
 ) -> Part {
     let lft = &model.lft;
     let (nu, ny, k) = (lft.inputs(), lft.outputs(), lft.gains.len());
-    let columns: Vec<usize> = inputs.iter().copied().chain(entries.iter().map(|e| nu + e)).collect();
     let signals = readers(lft).into_iter().enumerate().filter(|(_, entry)| entries.contains(entry));
     let rows: Vec<usize> = outputs.iter().copied().chain(signals.map(|(z, _)| ny + z)).collect();
+    let acts = |j: &usize| states.iter().any(|i| lft.b[(*i, *j)] != 0.0) || rows.iter().any(|i| lft.d[(*i, *j)] != 0.0);
+    let further = (model.commands()..nu).filter(acts);
+    let mut inputs: Vec<usize> = commands.iter().copied().chain(further).collect();
+    let columns: Vec<usize> = inputs.iter().copied().chain(entries.iter().map(|e| nu + e)).collect();
     let (gains, blocks) = entries.split_at(entries.partition_point(|e| *e < k));
     let sub = Lft {
         a: select(&lft.a, states, states),
@@ -112,20 +118,19 @@ fn part(
         gains: gains.iter().map(|e| lft.gains[*e]).collect(),
         blocks: blocks.iter().map(|e| lft.blocks[*e - k].clone()).collect(),
     };
-    let mut own_inputs = inputs.clone();
-    let controller = model.controller.as_ref().map(|c| {
+    let controller = model.controller.as_ref().filter(|_| !commands.is_empty()).map(|c| {
         if c.noise {
-            own_inputs.extend(inputs.iter().map(|i| i + c.channels()));
+            inputs.extend(commands.iter().map(|i| nu + i));
         }
         Controller {
             a: select(&c.a, controls, controls),
-            b: select(&c.b, controls, &inputs),
-            c: select(&c.c, &inputs, controls),
-            d: select(&c.d, &inputs, &inputs),
+            b: select(&c.b, controls, commands),
+            c: select(&c.c, commands, controls),
+            d: select(&c.d, commands, commands),
             ..*c
         }
     });
-    Part { model: Model { lft: sub, controller, ..*model }, inputs: own_inputs, outputs }
+    Part { model: Model { lft: sub, controller, ..*model }, inputs, outputs }
 }
 
 fn select(m: &DMatrix<f64>, rows: &[usize], columns: &[usize]) -> DMatrix<f64> {

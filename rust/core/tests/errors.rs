@@ -131,6 +131,22 @@ fn records_that_are_not_finite() {
 }
 
 #[test]
+fn excitations_that_are_not_finite() {
+    let digital = lag().under_digital(0.1, 0.1, 0.5);
+    for p in [lag(), lags(&[0.7, 0.7], &[&[], &[0]], &[1]), digital] {
+        let system = p.system();
+        let mut stepper = Stepper::new(&system, &p.theta).unwrap();
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            assert!(not_finite(system.simulate(&p.theta, &[1.0, bad, 1.0])));
+            assert!(not_finite(system.sensitivity(&p.theta, &[0], &[1.0, bad, 1.0])));
+            let mut y = [0.0];
+            assert!(not_finite(stepper.step(&[bad], &mut y)));
+            assert_eq!(y, [0.0], "nothing moved");
+        }
+    }
+}
+
+#[test]
 fn models_that_do_not_fit() {
     let zeros = DMatrix::<f64>::zeros;
     let lft = |a, b, c, d| Lft::new(a, b, c, d, vec![Gain { parameter: 0, scale: 1.0, power: 1 }]);
@@ -169,6 +185,12 @@ fn controllers_that_do_not_fit() {
     assert!(not_finite(model(Controller { delay: -1.0, ..good() })));
     assert!(not_finite(model(Controller { delay: f64::NAN, ..good() })));
     assert!(not_finite(model(Controller { steps: 0, ..good() })));
+    // inputs and outputs beyond those of the controller are the plant's own
+    let mut wide = lag().model.lft;
+    wide.b = wide.b.insert_column(1, 1.0);
+    wide.c = wide.c.insert_row(1, 1.0);
+    wide.d = wide.d.insert_column(1, 1.0).insert_row(1, 1.0);
+    assert_eq!(Model::new(wide, 0.1, Some(good())).unwrap().inputs(), 2);
     // a displacement that follows the command at once, in G or through Delta
     let mut direct = lag().model.lft;
     direct.d[(0, 0)] = 1.0;

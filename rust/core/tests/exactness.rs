@@ -2,9 +2,11 @@
 
 mod common;
 
+use ambid_core::{Controller, Lft, Model};
 use common::loops::{Problem, lags, oscillators};
 use common::random::Random;
 use common::{deviation, reference, slope_deviation};
+use nalgebra::DMatrix;
 
 const SAMPLES: usize = 200;
 
@@ -41,6 +43,52 @@ fn random_digital_loops() {
                 let p = random.digital_loop(delay, steps);
                 assert_exact(&p, &mut random, &format!("loop {i}, delay {delay}, {steps} steps"));
             }
+        }
+    }
+}
+
+/// Under a controller that does nothing at once, every input is held from sample to sample, as in an analog loop.
+#[test]
+fn a_digital_loop_without_feedback_is_the_analog_one() {
+    let mut random = Random(15);
+    for i in 0..20 {
+        let p = random.digital_loop(0.0, 1);
+        let controller = p.model.controller.as_ref().expect("digital");
+        let idle = Controller { c: &controller.c * 0.0, d: &controller.d * 0.0, noise: false, ..controller.clone() };
+        let model = |controller| Model::new(p.model.lft.clone(), p.model.dt, controller).expect("consistent");
+        let system = |model| Problem { model, theta: p.theta.clone() }.system();
+        let (digital, analog) = (system(model(Some(idle))), system(model(None)));
+        assert_eq!(digital.inputs(), analog.inputs());
+        let u = random.signal(SAMPLES * analog.inputs());
+        let (Ok(y), Ok(expected)) = (digital.simulate(&p.theta, &u), analog.simulate(&p.theta, &u)) else {
+            continue; // the plant needs the feedback
+        };
+        let error = deviation(&y, &expected, analog.outputs());
+        assert!(error < 1e-10, "loop {i}: off by {error:.1e}");
+    }
+}
+
+/// `x' = command + d - x`, read as `y = x + d/2 + noise`; inputs are excitation, d, noise, in this order.
+#[test]
+fn a_digital_lag_follows_its_recursion() {
+    let (a, b) = (DMatrix::from_element(1, 1, -1.0), DMatrix::from_element(1, 2, 1.0));
+    let (c, d) = (DMatrix::from_element(1, 1, 1.0), DMatrix::from_row_slice(1, 2, &[0.0, 0.5]));
+    let empty = DMatrix::<f64>::zeros;
+    let (gain, d_gain) = (0.3, DMatrix::from_element(1, 1, 0.3));
+    let (delay, steps) = (1.0, 2);
+    let controller =
+        Controller { a: empty(0, 0), b: empty(0, 1), c: empty(1, 0), d: d_gain, delay, steps, noise: true };
+    let lft = Lft::new(a, b, c, d, vec![]).expect("consistent");
+    let p = Problem { model: Model::new(lft, 0.2, Some(controller)).expect("consistent"), theta: vec![] };
+    let u = Random(16).signal(3 * 40);
+    let y = p.system().simulate(&[], &u).expect("stable");
+    let (decay, mut x, mut last) = ((-0.1_f64).exp(), 0.0, 0.0);
+    for (u, y) in u.chunks_exact(3).zip(y) {
+        assert!((y - (x + 0.5 * u[1] + u[2])).abs() < 1e-14);
+        for _ in 0..2 {
+            let command = u[0] - gain * (x + 0.5 * u[1] + u[2]);
+            x = decay * x + (1.0 - decay) * (last + u[1]);
+            last = command;
         }
     }
 }

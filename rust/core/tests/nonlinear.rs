@@ -3,14 +3,14 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use ambid_core::{Block, ClosedLoop, Coefficient, Curve, Error, Law, Lft, Model, Stepper};
+use ambid_core::{Block, ClosedLoop, Coefficient, Error, Law, Lft, Model, Stepper};
 use nalgebra::DMatrix;
 
 mod common;
 
 use common::deviation;
 use common::loops::Problem;
-use common::machine::machine;
+use common::machine::{machine, saturating};
 use common::random::Random;
 
 struct Counting;
@@ -36,40 +36,14 @@ static ALLOCATOR: Counting = Counting;
 
 const SAMPLES: usize = 600;
 
-/// The machine with a force law on its first `axes` axes; the strength is one more parameter.
-fn saturating(axes: usize, substeps: Option<usize>) -> Problem {
-    let Problem { model, mut theta } = machine(0.0, 0.02);
-    let lft = &model.lft;
-    let (nu, ny, strength) = (lft.inputs(), lft.outputs(), theta.len());
-    let mut b = lft.b.clone().resize_horizontally(lft.b.ncols() + axes, 0.0);
-    let mut c = lft.c.clone().resize_vertically(lft.c.nrows() + 2 * axes, 0.0);
-    for axis in 0..axes {
-        // ports of the machine: K_i of the four axes, then K_s
-        b.set_column(lft.b.ncols() + axis, &lft.b.column(nu + axis));
-        c.set_row(lft.c.nrows() + 2 * axis, &lft.c.row(ny + axis));
-        c.set_row(lft.c.nrows() + 2 * axis + 1, &lft.c.row(ny + 4 + axis));
-    }
-    let mut d = DMatrix::zeros(c.nrows(), b.ncols());
-    d.view_mut((0, 0), lft.d.shape()).copy_from(&lft.d);
-    let block = |axis: usize| {
-        let parameter = Coefficient::Parameter;
-        let coefficients = vec![parameter(axis), parameter(4 + axis), parameter(strength), Coefficient::Constant(0.4)];
-        Block::new(Law::Force { curve: Curve::Tanh, bias: 6.0 }, coefficients).expect("allowed")
-    };
-    let lft = Lft::with_blocks(lft.a.clone(), b, c, d, lft.gains.clone(), (0..axes).map(block).collect());
-    theta.push(1.0);
-    let model = Model { substeps, ..Model::new(lft.expect("consistent"), model.dt, None).expect("consistent") };
-    Problem { model, theta }
-}
-
 fn excitation(system: &ClosedLoop, amplitude: f64) -> Vec<f64> {
     Random(7).signal(SAMPLES * system.inputs()).iter().map(|u| amplitude * u).collect()
 }
 
 #[test]
 fn substeps_chosen_are_enough() {
-    let chosen = saturating(4, None).system();
-    let p = saturating(4, Some(32));
+    let chosen = saturating(0.0, 4, None).system();
+    let p = saturating(0.0, 4, Some(32));
     let (free, u) = (p.free(), excitation(&chosen, 2.0));
     let (y, slopes) = chosen.sensitivity(&p.theta, &free, &u).expect("stable");
     let (fine, fine_slopes) = p.system().sensitivity(&p.theta, &free, &u).expect("stable");
@@ -81,7 +55,7 @@ fn substeps_chosen_are_enough() {
 
 #[test]
 fn derivatives_by_strength_and_gain_are_differences_of_the_response() {
-    let p = saturating(4, Some(8));
+    let p = saturating(0.0, 4, Some(8));
     let system = p.system();
     let u = excitation(&system, 2.0);
     let free = p.free();
@@ -106,7 +80,7 @@ fn derivatives_by_strength_and_gain_are_differences_of_the_response() {
 #[test]
 fn a_plane_without_blocks_stays_on_the_linear_path() {
     // axis 0 lies in the first plane
-    let (bare, one) = (machine(0.0, 0.02), saturating(1, None));
+    let (bare, one) = (machine(0.0, 0.02), saturating(0.0, 1, None));
     let (linear, system) = (bare.system(), one.system());
     assert_eq!(system.parts(), 2);
     let u = excitation(&system, 2.0);
@@ -119,9 +93,54 @@ fn a_plane_without_blocks_stays_on_the_linear_path() {
     }
 }
 
+/// Digital loops of every kind, with blocks that read and drive at random but have no strength.
+#[test]
+fn blocks_without_strength_leave_digital_loops_alone() {
+    let mut random = Random(9);
+    for (delay, steps) in [(0.0, 1), (0.3, 2), (1.0, 1), (2.5, 2)] {
+        for i in 0..4 {
+            let p = random.digital_loop(delay, steps);
+            let (lft, controller) = (&p.model.lft, p.model.controller.clone());
+            let (n, columns, rows) = (lft.a.nrows(), lft.b.ncols(), lft.c.nrows());
+            let mut d = random.matrix(rows + 3, columns + 2);
+            d.view_mut((0, 0), (rows, columns)).copy_from(&lft.d);
+            d.view_mut((0, columns), (rows + 3, 2)).fill(0.0);
+            let mut whole = |m: &DMatrix<f64>, rows, columns| {
+                let mut out = random.matrix(rows, columns);
+                out.view_mut((0, 0), m.shape()).copy_from(m);
+                out
+            };
+            let (b, c) = (whole(&lft.b, n, columns + 2), whole(&lft.c, rows + 3, n));
+            let block = |exponents: Vec<[u32; 2]>, inputs| {
+                Block::new(Law::Polynomial { inputs, exponents }, vec![Coefficient::Constant(0.0)]).expect("allowed")
+            };
+            let blocks = vec![block(vec![[2, 1]], 2), block(vec![[3, 0]], 1)];
+            let lft = Lft::with_blocks(lft.a.clone(), b, c, d, lft.gains.clone(), blocks).expect("consistent");
+            let model = Model::new(lft, p.model.dt, controller).expect("consistent");
+            let dull = Problem { model: Model { substeps: Some(32), ..model }, theta: p.theta.clone() };
+            let (system, free) = (p.system(), p.free());
+            let u = random.signal(100 * system.inputs());
+            let (y, slopes) = dull.system().sensitivity(&p.theta, &free, &u).expect("stable");
+            let (expected, expected_slopes) = system.sensitivity(&p.theta, &free, &u).expect("stable");
+            let what = format!("loop {i}, delay {delay}, {steps} steps");
+            let off = deviation(&y, &expected, system.outputs());
+            assert!(off < 1e-10, "{what}: response off by {off:.1e}");
+            let off = common::slope_deviation(&slopes, &expected_slopes, &expected, system.outputs());
+            assert!(off < 1e-6, "{what}: derivatives off by {off:.1e}");
+            let mut stepper = Stepper::new(&dull.system(), &p.theta).expect("regular");
+            let mut stepped = vec![0.0; y.len()];
+            for (u, y) in u.chunks_exact(system.inputs()).zip(stepped.chunks_exact_mut(system.outputs())) {
+                stepper.step(u, y).expect("sizes fit");
+            }
+            let off = deviation(&stepped, &y, system.outputs());
+            assert!(off < 1e-10, "{what}: steps off by {off:.1e}");
+        }
+    }
+}
+
 #[test]
 fn steps_are_the_simulation_and_allocate_nothing() {
-    let p = saturating(4, Some(4));
+    let p = saturating(0.0, 4, Some(4));
     let system = p.system();
     let u = excitation(&system, 2.0);
     let expected = system.simulate(&p.theta, &u).expect("stable");
@@ -138,7 +157,7 @@ fn steps_are_the_simulation_and_allocate_nothing() {
 
 #[test]
 fn divergence_is_an_error() {
-    let p = saturating(4, Some(1));
+    let p = saturating(0.0, 4, Some(1));
     let system = p.system();
     let found = system.simulate(&p.theta, &excitation(&system, 1e9));
     assert!(matches!(found, Err(Error::Diverged { .. })), "{found:?}");

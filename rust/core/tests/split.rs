@@ -2,7 +2,7 @@
 
 mod common;
 
-use ambid_core::{ClosedLoop, Controller, Lft, Model};
+use ambid_core::{ClosedLoop, Controller, Gain, Lft, Model};
 use common::loops::Problem;
 use common::machine::machine;
 use common::random::Random;
@@ -68,11 +68,29 @@ fn signals_keep_their_places() {
     assert_exact(&p);
 }
 
+/// An input may be shared by parts: it tells nothing of one to another.
 #[test]
-fn feedthrough_couples_too() {
-    let (b, c) = (entries(2, 2, &[(0, 0), (1, 1)]), entries(2, 2, &[(0, 0), (1, 1)]));
-    assert_eq!(system(first_orders(b.clone(), c.clone(), DMatrix::zeros(2, 2))).parts(), 2);
-    assert_eq!(system(first_orders(b, c, entries(2, 2, &[(0, 1)]))).parts(), 1);
+fn shared_inputs_couple_nothing() {
+    let (b, c) = (entries(2, 2, &[(0, 0), (1, 1), (1, 0)]), entries(2, 2, &[(0, 0), (1, 1)]));
+    for d in [DMatrix::zeros(2, 2), entries(2, 2, &[(0, 1)])] {
+        let lft = first_orders(b.clone(), c.clone(), d);
+        let p = Problem { model: Model::new(lft, 0.1, None).expect("consistent"), theta: vec![] };
+        assert_eq!(p.system().parts(), 2);
+        assert_exact(&p);
+    }
+}
+
+/// Entries of Delta couple what they read with what they drive.
+#[test]
+fn gains_couple() {
+    let bare = first_orders(entries(2, 1, &[(0, 0)]), entries(2, 2, &[(0, 0), (1, 1)]), DMatrix::zeros(2, 1));
+    let b = bare.b.insert_column(1, 0.0) + entries(2, 2, &[(1, 1)]);
+    let c = bare.c.insert_row(2, 0.0) + entries(3, 2, &[(2, 0)]);
+    let gain = Gain { parameter: 0, scale: 1.0, power: 1 };
+    let lft = Lft::new(bare.a, b, c, DMatrix::zeros(3, 2), vec![gain]).expect("consistent");
+    let p = Problem { model: Model::new(lft, 0.1, None).expect("consistent"), theta: vec![0.5] };
+    assert_eq!(p.system().parts(), 1);
+    assert_exact(&p);
 }
 
 /// A digital controller couples by any of its matrices; its noise inputs go with their channels.
@@ -100,6 +118,21 @@ fn digital_controllers_split_with_the_plant() {
         assert_eq!(p.system().parts(), 1, "matrix {couple}");
         assert_exact(&p);
     }
+}
+
+/// Inputs that a digital controller does not drive act on both parts, on one, and on what the controller never sees.
+#[test]
+fn further_inputs_of_a_digital_loop_keep_their_places() {
+    let b = entries(3, 5, &[(0, 0), (1, 1), (0, 2), (1, 2), (1, 3), (2, 4)]);
+    let c = entries(4, 3, &[(0, 0), (1, 1), (2, 0), (3, 2)]);
+    let lft = first_orders(b, c, entries(4, 5, &[(0, 3), (2, 2), (3, 3)]));
+    let eye = |factor| DMatrix::from_diagonal_element(2, 2, factor);
+    let (delay, steps) = (1.5, 2);
+    let controller = Controller { a: eye(0.3), b: eye(0.1), c: eye(0.2), d: eye(0.3), delay, steps, noise: true };
+    let p = Problem { model: Model::new(lft, 0.1, Some(controller)).expect("consistent"), theta: vec![] };
+    assert_eq!(p.system().parts(), 3);
+    assert_eq!(p.system().inputs(), 7);
+    assert_exact(&p);
 }
 
 /// The last state has an output but no input, the last output no state: both stay at zero.

@@ -53,7 +53,10 @@ impl NonlinearBlock<'_> {
     /// The law, and the names of its own constants.
     fn law(&self) -> PyResult<(Law, &'static [&'static str])> {
         Ok(match self.law.as_str() {
-            "force_law" => (Law::Force { curve: self.curve()?, bias: self.constant("bias")? }, &["bias"]),
+            "force_law" => {
+                let held = self.constants.get("held").copied().unwrap_or(0.0);
+                (Law::Force { curve: self.curve()?, bias: self.constant("bias")?, held }, &["bias", "held"])
+            }
             "slew_limit" => (Law::Slew { smoothing: self.constant("smoothing")? }, &["smoothing"]),
             "bouc_wen" => {
                 let [rate_smoothing, state_smoothing] =

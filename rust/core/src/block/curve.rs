@@ -54,25 +54,17 @@ impl Shape {
         x * (1.0 + (self.sigma * x).powf(self.n)).powf(-1.0 / self.n)
     }
 
-    /// B with its derivatives.
-    pub fn flux(&self, x: f64) -> Flux {
+    /// B of both magnets with its derivatives.
+    #[inline(always)]
+    pub fn flux<const FMA: bool>(&self, x: Pair) -> [Flux; 2] {
         let Self { curve, sigma, n } = *self;
         match curve {
             Curve::Tanh if sigma != 0.0 => {
-                let t = (sigma * x).tanh();
-                let by_sigma = x * x * tanh_bend(sigma * x, t);
-                Flux { value: t / sigma, by_x: 1.0 - t * t, by_shape: [by_sigma, 0.0] }
+                let t = tanh::<FMA>([sigma * x[0], sigma * x[1]]);
+                [tanh_flux(x[0], sigma, t[0]), tanh_flux(x[1], sigma, t[1])]
             }
-            Curve::Power => {
-                let q = (sigma * x).powf(n);
-                let (root, log) = ((1.0 + q).powf(-1.0 / n), (1.0 + q).ln());
-                let share = q / (1.0 + q);
-                let value = x * root;
-                let by_sigma = if q > 0.0 { -value * share / sigma } else { 0.0 };
-                let by_n = if q > 0.0 { value * (log / (n * n) - share * (sigma * x).ln() / n) } else { 0.0 };
-                Flux { value, by_x: root / (1.0 + q), by_shape: [by_sigma, by_n] }
-            }
-            _ => Flux { value: x, by_x: 1.0, by_shape: [0.0; 2] },
+            Curve::Power => x.map(|x| power_flux(x, sigma, n)),
+            _ => x.map(|x| Flux { value: x, by_x: 1.0, by_shape: [0.0; 2] }),
         }
     }
 
@@ -97,7 +89,25 @@ impl Shape {
     }
 }
 
+/// With `t = tanh(sigma x)`.
+#[inline(always)]
+fn tanh_flux(x: f64, sigma: f64, t: f64) -> Flux {
+    let by_sigma = x * x * tanh_bend(sigma * x, t);
+    Flux { value: t / sigma, by_x: 1.0 - t * t, by_shape: [by_sigma, 0.0] }
+}
+
+fn power_flux(x: f64, sigma: f64, n: f64) -> Flux {
+    let q = (sigma * x).powf(n);
+    let (root, log) = ((1.0 + q).powf(-1.0 / n), (1.0 + q).ln());
+    let share = q / (1.0 + q);
+    let value = x * root;
+    let by_sigma = if q > 0.0 { -value * share / sigma } else { 0.0 };
+    let by_n = if q > 0.0 { value * (log / (n * n) - share * (sigma * x).ln() / n) } else { 0.0 };
+    Flux { value, by_x: root / (1.0 + q), by_shape: [by_sigma, by_n] }
+}
+
 /// `(t tanh'(t) - tanh(t)) / t^2`, with `value = tanh(t)`.
+#[inline(always)]
 fn tanh_bend(t: f64, value: f64) -> f64 {
     if t.abs() > 0.05 {
         return (t * (1.0 - value * value) - value) / (t * t);
@@ -174,9 +184,9 @@ mod tests {
                 let shape = Shape { curve, sigma, n: 3.5 };
                 let with = |sigma: f64, n: f64| Shape { sigma, n, ..shape };
                 for x in [0.0, 0.3, 1.0, 4.0] {
-                    let flux = shape.flux(x);
+                    let [flux, _] = shape.flux::<false>([x; 2]);
                     assert!((flux.value.powi(2) - shape.pull::<false>([x; 2])[0]).abs() < 1e-14);
-                    let at = |s: Shape, x: f64| s.flux(x).value;
+                    let at = |s: Shape, x: f64| s.flux::<false>([x; 2])[0].value;
                     let hs = h * sigma;
                     let by_sigma = (at(with(sigma + hs, 3.5), x) - at(with(sigma - hs, 3.5), x)) / (2.0 * hs);
                     let by_n = (at(with(sigma, 3.5 + h), x) - at(with(sigma, 3.5 - h), x)) / (2.0 * h);
@@ -188,7 +198,7 @@ mod tests {
                     }
                 }
                 let (rest, slopes) = shape.at_rest();
-                let flux = shape.flux(1.0);
+                let [flux, _] = shape.flux::<false>([1.0; 2]);
                 assert!((rest - flux.value * flux.by_x).abs() < 1e-15);
                 let hs = h * sigma;
                 let by_sigma = (with(sigma + hs, 3.5).at_rest().0 - with(sigma - hs, 3.5).at_rest().0) / (2.0 * hs);

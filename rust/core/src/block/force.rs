@@ -11,7 +11,8 @@ const CLOSED: f64 = 0.02;
 
 /// `w = c (F - alpha - beta)` with `alpha = i/i0`, `beta = s/s0`, `c = K_i i0`.
 ///
-/// `F = (B^2(x+) - B^2(x-)) / (4 B(1) B'(1))`, `x+- = (1 +- alpha) / (1 -+ beta)`.
+/// `F = (B^2(x+) - B^2(x-)) / (4 B(1) B'(1))`, `x+- = (1 +- alpha) / (1 -+ beta)`. Where a constant current holds a
+/// constant load, i counts from it, and the part of w that belongs to it is left out.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Force {
     shape: Shape,
@@ -27,16 +28,20 @@ pub(crate) struct Force {
     /// `1 / (4 B(1) B'(1))`, and the relative derivative of `B(1) B'(1)` by sigma and n.
     normal: f64,
     normal_slopes: [f64; 2],
+    /// Current that holds a constant load; w there, and its derivatives by the coefficients.
+    held: f64,
+    at_held: f64,
+    at_held_slopes: [f64; 5],
 }
 
 impl Force {
-    pub fn new(curve: Curve, bias: f64, values: &[f64]) -> Result<Self> {
+    pub fn new(curve: Curve, bias: f64, held: f64, values: &[f64]) -> Result<Self> {
         let (k_i, k_s, nu) = (values[0], values[1], values[2]);
         let of = |place: usize| values.get(place).copied().unwrap_or(1.0);
         let shape = Shape { curve, sigma: of(3), n: of(4) };
         let (rest, slopes) = shape.at_rest();
         let linear = nu.abs() < NEGLIGIBLE;
-        let force = Self {
+        let mut force = Self {
             shape,
             coefficients: values.len(),
             linear,
@@ -48,6 +53,9 @@ impl Force {
             scale: if linear { 0.0 } else { k_i * bias / nu },
             normal: 0.25 / rest,
             normal_slopes: slopes.map(|slope| slope / rest),
+            held,
+            at_held: 0.0,
+            at_held_slopes: [0.0; 5],
         };
         let constants = [force.per_displacement, force.scale, force.normal];
         let allowed = curve != Curve::Power || (shape.sigma >= 0.0 && shape.n > 0.0);
@@ -55,6 +63,11 @@ impl Force {
             return Err(Error::Singular {
                 what: "a force law needs K_i other than zero; a power curve sigma >= 0, n > 0",
             });
+        }
+        if held != 0.0 {
+            let mut slopes = [0.0; 5];
+            let (at_held, _) = force.evaluate::<false, true>([0.0; 2], &mut slopes[..force.coefficients]);
+            (force.at_held, force.at_held_slopes) = (at_held, slopes);
         }
         Ok(force)
     }
@@ -69,29 +82,36 @@ impl Force {
             by_coefficient.fill(0.0);
             return (0.0, [0.0; 2]);
         }
-        let (alpha, beta) = (self.per_current * z[0], self.per_displacement * z[1]);
+        let (alpha, beta) = (self.per_current * (z[0] + self.held), self.per_displacement * z[1]);
         if SLOPES {
-            return self.with_slopes(alpha, beta, z[1], by_coefficient);
+            return self.with_slopes::<FMA>(alpha, beta, z[1], by_coefficient);
         }
         let gaps = [gap(1.0 - beta).0, gap(1.0 + beta).0];
         let pull = self.shape.pull::<FMA>([((1.0 + alpha) / gaps[0]).max(0.0), ((1.0 - alpha) / gaps[1]).max(0.0)]);
-        (self.scale * ((pull[0] - pull[1]) * self.normal - alpha - beta), [0.0; 2])
+        (self.scale * ((pull[0] - pull[1]) * self.normal - alpha - beta) - self.at_held, [0.0; 2])
     }
 
-    fn with_slopes(&self, alpha: f64, beta: f64, s: f64, by_coefficient: &mut [f64]) -> (f64, [f64; 2]) {
+    #[inline(always)]
+    fn with_slopes<const FMA: bool>(
+        &self,
+        alpha: f64,
+        beta: f64,
+        s: f64,
+        by_coefficient: &mut [f64],
+    ) -> (f64, [f64; 2]) {
+        let gaps = [gap(1.0 - beta), gap(1.0 + beta)];
+        let per_gap = [1.0 / gaps[0].0, 1.0 / gaps[1].0];
+        let x = [((1.0 + alpha) * per_gap[0]).max(0.0), ((1.0 - alpha) * per_gap[1]).max(0.0)];
+        let flux = self.shape.flux::<FMA>(x);
         // F, and its derivatives by alpha, beta, sigma, n
         let (mut value, mut by_alpha, mut by_beta, mut by_shape) = (0.0, 0.0, 0.0, [0.0; 2]);
-        for sign in [1.0, -1.0] {
-            let (gap, gap_slope) = gap(1.0 - sign * beta);
-            let x = (1.0 + sign * alpha) / gap;
-            if x <= 0.0 {
-                continue;
-            }
-            let flux = self.shape.flux(x);
+        for (k, sign) in [1.0, -1.0].into_iter().enumerate() {
+            let flux = flux[k];
             let twice = 2.0 * flux.value * self.normal;
+            let by_current = twice * flux.by_x * per_gap[k];
             value += sign * flux.value * flux.value * self.normal;
-            by_alpha += twice * flux.by_x / gap;
-            by_beta += twice * flux.by_x * x * gap_slope / gap;
+            by_alpha += by_current;
+            by_beta += by_current * x[k] * gaps[k].1;
             for (sum, slope) in by_shape.iter_mut().zip(flux.by_shape) {
                 *sum += sign * twice * slope;
             }
@@ -108,8 +128,10 @@ impl Force {
             self.scale * by_shape[0],
             self.scale * by_shape[1],
         ];
-        by_coefficient.copy_from_slice(&all[..self.coefficients]);
-        (self.scale * excess, [self.k_i * by_alpha, self.k_s * by_beta])
+        for ((slope, all), held) in by_coefficient.iter_mut().zip(all).zip(self.at_held_slopes) {
+            *slope = all - held;
+        }
+        (self.scale * excess - self.at_held, [self.k_i * by_alpha, self.k_s * by_beta])
     }
 }
 

@@ -1,37 +1,44 @@
 //! The digital controller of a loop under way, with its derivatives, and the commands that are delayed.
 
+use nalgebra::DMatrix;
+
 use crate::model::Controller;
+use crate::nonlinear::rows::{Weights, accumulate};
 
 /// States and commands come in rows: the value, then its derivative by each free parameter.
 #[derive(Debug, Clone)]
 pub struct Control {
-    controller: Controller,
+    /// Controller samples per sample of the record.
+    pub steps: usize,
+    channels: usize,
     rows: usize,
+    /// `[state | read]` to `[command | next state]`.
+    weights: Weights,
     state: Vec<f64>,
     next: Vec<f64>,
-    /// What is read: displacements, with noise.
-    read: Vec<f64>,
     /// Commands, newest first.
     commands: Vec<f64>,
 }
 
 impl Control {
     pub fn new(controller: &Controller, rows: usize) -> Self {
-        let (n, m) = (controller.a.nrows(), controller.channels());
+        let Controller { a, b, c, d, .. } = controller;
+        let (n, m) = (a.nrows(), controller.channels());
+        let mut whole = DMatrix::zeros(m + n, n + m);
+        for (at, part) in [((0, 0), &-c), ((0, n), &-d), ((m, 0), a), ((m, n), b)] {
+            whole.view_mut(at, part.shape()).copy_from(part);
+        }
+        let weights = Weights::new(n + m, &[whole]);
         let kept = controller.delay.ceil() as usize + 1;
         Self {
-            controller: controller.clone(),
+            steps: controller.steps,
+            channels: m,
             rows,
-            state: vec![0.0; rows * n],
-            next: vec![0.0; n],
-            read: vec![0.0; m],
+            state: vec![0.0; rows * (n + m)],
+            next: vec![0.0; rows * weights.columns],
             commands: vec![0.0; kept * rows * m],
+            weights,
         }
-    }
-
-    /// Controller samples per sample of the record.
-    pub fn steps(&self) -> usize {
-        self.controller.steps
     }
 
     pub fn reset(&mut self) {
@@ -39,43 +46,30 @@ impl Control {
         self.commands.fill(0.0);
     }
 
-    /// The noise of the displacements among the inputs; empty where there is none.
-    pub fn noise<'a>(&self, u: &'a [f64]) -> &'a [f64] {
-        if self.controller.noise { &u[self.controller.channels()..] } else { &[] }
-    }
-
-    /// The command of `age` controller samples ago.
-    pub fn command(&self, age: usize, row: usize) -> &[f64] {
-        let m = self.controller.channels();
-        &self.commands[(age * self.rows + row) * m..][..m]
+    /// The command of `age` controller samples ago, in rows.
+    pub fn command(&self, age: usize) -> &[f64] {
+        let size = self.rows * self.channels;
+        &self.commands[age * size..][..size]
     }
 
     /// Computes the next command, `-C x - D (y + noise) + i_e`, and the next state. Rows of y stand `stride` apart.
-    pub fn update(&mut self, u: &[f64], y: &[f64], stride: usize) {
-        let (n, m) = (self.controller.a.nrows(), self.controller.channels());
-        let kept = self.commands.len() - self.rows * m;
-        self.commands.copy_within(..kept, self.rows * m);
-        for row in 0..self.rows {
-            self.read.copy_from_slice(&y[row * stride..][..m]);
-            let command = &mut self.commands[row * m..(row + 1) * m];
-            command.fill(0.0);
-            if row == 0 {
-                let noise = if self.controller.noise { &u[m..] } else { &[] };
-                self.read.iter_mut().zip(noise).for_each(|(read, noise)| *read += noise);
-                command.copy_from_slice(&u[..m]);
-            }
-            let Controller { a, b, c, d, .. } = &self.controller;
-            let state = &mut self.state[row * n..(row + 1) * n];
-            for (i, command) in command.iter_mut().enumerate() {
-                (0..n).for_each(|j| *command -= c[(i, j)] * state[j]);
-                (0..m).for_each(|j| *command -= d[(i, j)] * self.read[j]);
-            }
-            for (i, next) in self.next.iter_mut().enumerate() {
-                *next = 0.0;
-                (0..n).for_each(|j| *next += a[(i, j)] * state[j]);
-                (0..m).for_each(|j| *next += b[(i, j)] * self.read[j]);
-            }
-            state.copy_from_slice(&self.next);
+    #[inline(always)]
+    pub fn update<const FMA: bool>(&mut self, excitation: &[f64], noise: &[f64], y: &[f64], stride: usize) {
+        let Self { channels: m, rows, weights, state, next, commands, .. } = self;
+        let (m, columns, width) = (*m, weights.columns, state.len() / *rows);
+        let n = width - m;
+        for (state, y) in state.chunks_exact_mut(width).zip(y.chunks(stride)) {
+            state[n..].copy_from_slice(&y[..m]);
+        }
+        state[n..].iter_mut().zip(noise).for_each(|(read, noise)| *read += noise);
+        next.fill(0.0);
+        next[..m].copy_from_slice(excitation);
+        accumulate::<FMA>(*rows, (state, width), weights, (next, columns), columns);
+        let older = commands.len() - *rows * m;
+        commands.copy_within(..older, *rows * m);
+        for (row, next) in next.chunks_exact(columns).enumerate() {
+            commands[row * m..][..m].copy_from_slice(&next[..m]);
+            state[row * width..][..n].copy_from_slice(&next[m..m + n]);
         }
     }
 }

@@ -19,6 +19,8 @@ pub struct Plant {
     pub d_z: DMatrix<f64>,
     pub d_g: DMatrix<f64>,
     pub inputs: usize,
+    /// How many of them a digital controller drives, the first.
+    pub driven: usize,
     /// In an order in which every block reads only w of those before.
     pub blocks: Vec<Placed>,
     pub gains: Vec<FreeGain>,
@@ -83,21 +85,26 @@ impl Plant {
             d_g: closed.d_zu.select_rows(&ports),
             a: closed.a,
             inputs: nu,
+            driven: model.commands(),
             blocks,
             gains,
             rows: 1 + free.len(),
         };
-        match &model.controller {
-            Some(controller) if plant.follows_at_once(controller.channels()) => {
-                Err(Error::Singular { what: "a displacement follows a command at once through a nonlinear block" })
-            }
-            _ => Ok(plant),
+        if plant.displacement_follows_command() {
+            let what = "a displacement follows a command at once, through a nonlinear block or a free gain";
+            return Err(Error::Singular { what });
         }
+        Ok(plant)
     }
 
-    /// First column and number of the inputs u.
-    pub fn excitations(&self) -> (usize, usize) {
-        (0, self.inputs)
+    /// First column and number of the inputs that a digital controller drives.
+    pub fn commands(&self) -> (usize, usize) {
+        (0, self.driven)
+    }
+
+    /// First column and number of the other inputs.
+    pub fn further(&self) -> (usize, usize) {
+        (self.driven, self.inputs - self.driven)
     }
 
     /// First column and number of w of the blocks.
@@ -110,18 +117,20 @@ impl Plant {
         (self.inputs + self.blocks.len(), self.gains.len())
     }
 
-    /// Whether one of the first `outputs` outputs follows an input at once through a block.
-    fn follows_at_once(&self, outputs: usize) -> bool {
-        let mut moved: Vec<bool> = self.d_z.columns(0, self.inputs).row_iter().map(|r| r.amax() != 0.0).collect();
-        for block in &self.blocks {
-            if (block.first..block.first + block.inputs).any(|z| moved[z]) {
-                block.feeds.iter().for_each(|(z, _)| moved[*z] = true);
-                if (0..outputs).any(|y| self.d_y[(y, self.inputs + block.place)] != 0.0) {
-                    return true;
-                }
-            }
-        }
-        false
+    /// Whether an output that a digital controller reads follows a command at once, through a block or a free gain.
+    fn displacement_follows_command(&self) -> bool {
+        let commanded = |d: &DMatrix<f64>| -> Vec<bool> {
+            d.columns(0, self.driven).row_iter().map(|r| r.iter().any(|d| *d != 0.0)).collect()
+        };
+        let read = |column: usize| (0..self.driven).any(|y| self.d_y[(y, column)] != 0.0);
+        let through_gain = |(k, moved): (usize, bool)| moved && read(self.gain_ports().0 + k);
+        let mut moved = commanded(&self.d_z);
+        let mut through_block = |block: &Placed| {
+            let moves = (block.first..block.first + block.inputs).any(|z| moved[z]);
+            block.feeds.iter().for_each(|(z, _)| moved[*z] |= moves);
+            moves && read(self.inputs + block.place)
+        };
+        commanded(&self.d_g).into_iter().enumerate().any(through_gain) || self.blocks.iter().any(&mut through_block)
     }
 }
 

@@ -4,8 +4,9 @@ use crate::error::{Error, Result};
 use crate::model::Controller;
 use crate::nonlinear::control::Control;
 use crate::nonlinear::plant::Plant;
+use crate::nonlinear::rows::{accumulate, add};
 use crate::nonlinear::scheme::{Layout, Scheme};
-use crate::product::{LANES, Vector, dispatch, fma, load, store};
+use crate::product::{dispatch, fused};
 
 /// A loop at one parameter set and one number of substeps, with its present state.
 ///
@@ -21,7 +22,7 @@ pub struct Run {
     buffers: Buffers,
 }
 
-/// A stretch of time over which the command is held.
+/// A stretch of time over which all inputs are held.
 #[derive(Debug, Clone)]
 struct Segment {
     scheme: Scheme,
@@ -34,14 +35,14 @@ struct Buffers {
     /// Rows of the step, and those of the step before, whose x is the present state.
     step: Vec<f64>,
     last: Vec<f64>,
-    /// What the command brings to the rows of the step.
+    /// What the inputs bring to the rows of the step.
     held: Vec<f64>,
-    /// w of the blocks, in rows.
+    /// w of the blocks at the four stages, in rows.
     w: Vec<f64>,
     /// dw/dz of each block.
     slopes: Vec<[f64; 2]>,
     by_coefficient: Vec<f64>,
-    /// z at the ports of free gains, at the four stages; and what the command brings to it.
+    /// z at the ports of free gains, at the four stages; and what the inputs bring to it.
     read: Vec<f64>,
     held_read: Vec<f64>,
 }
@@ -73,7 +74,7 @@ impl Run {
             step: vec![0.0; rows * layout.width],
             last: vec![0.0; rows * layout.width],
             held: vec![0.0; rows * layout.width],
-            w: vec![0.0; rows * blocks],
+            w: vec![0.0; rows * 4 * blocks],
             slopes: vec![[0.0; 2]; blocks],
             by_coefficient: vec![0.0; coefficients],
             read: vec![0.0; 4 * layout.read],
@@ -111,29 +112,30 @@ fn sample_any<const FMA: bool>(run: &mut Run, u: &[f64], y: &mut [f64]) {
 #[inline(always)]
 fn advance<const FMA: bool, const SLOPES: bool>(run: &mut Run, u: &[f64], y: &mut [f64]) {
     let Run { plant, layout, segments, substeps, control, buffers } = run;
-    let rows = plant.rows;
+    let (rows, whole) = (plant.rows, layout.width);
+    let (u, noise) = u.split_at(plant.inputs);
+    let (excitation, further) = u.split_at(plant.driven);
     let mut fresh = true;
-    for _ in 0..control.as_ref().map_or(1, Control::steps) {
+    for _ in 0..control.as_ref().map_or(1, |control| control.steps) {
         if let Some(control) = control {
-            // the displacements that the controller reads do not follow the command that acts
-            start::<FMA, SLOPES>(plant, layout, buffers, &segments[0].scheme);
-            stage::<FMA, SLOPES>(plant, layout, buffers, &segments[0].scheme, 0);
-            control.update(u, &buffers.step[layout.y..], layout.width);
+            // the displacements that the controller reads follow the further inputs at once, but no command
+            let scheme = &segments[0].scheme;
+            hold::<FMA, SLOPES>(plant, layout, buffers, scheme, &[], further);
+            start::<FMA, SLOPES>(plant, layout, buffers, scheme, layout.y_end);
+            stage::<FMA, SLOPES>(plant, layout, buffers, scheme, 0, layout.y_end);
+            control.update::<FMA>(excitation, noise, &buffers.step[layout.y..], whole);
         }
         for Segment { scheme, age } in segments.iter() {
-            match control {
-                Some(control) => {
-                    (0..rows).for_each(|row| hold::<FMA>(layout, buffers, scheme, row, control.command(*age, row)))
-                }
-                None => hold::<FMA>(layout, buffers, scheme, 0, u),
-            }
+            let commands = control.as_ref().map_or(&[][..], |control| control.command(*age));
+            hold::<FMA, SLOPES>(plant, layout, buffers, scheme, commands, further);
             for _ in 0..*substeps {
-                start::<FMA, SLOPES>(plant, layout, buffers, scheme);
+                start::<FMA, SLOPES>(plant, layout, buffers, scheme, whole);
                 for s in 0..4 {
-                    stage::<FMA, SLOPES>(plant, layout, buffers, scheme, s);
+                    stage::<FMA, SLOPES>(plant, layout, buffers, scheme, s, whole);
                 }
+                finish::<FMA, SLOPES>(plant, layout, buffers, scheme);
                 if fresh {
-                    for (row, step) in buffers.step.chunks_exact(layout.width).enumerate() {
+                    for (row, step) in buffers.step.chunks_exact(whole).enumerate() {
                         for (y, value) in y.chunks_exact_mut(rows).zip(&step[layout.y..]) {
                             y[row] = *value;
                         }
@@ -144,39 +146,61 @@ fn advance<const FMA: bool, const SLOPES: bool>(run: &mut Run, u: &[f64], y: &mu
             }
         }
     }
-    if let Some(control) = control {
-        y.iter_mut().step_by(rows).zip(control.noise(u)).for_each(|(y, noise)| *y += noise);
-    }
+    y.iter_mut().step_by(rows).zip(noise).for_each(|(y, noise)| *y += noise);
 }
 
-/// What the command of one row brings to the steps while it is held.
+/// Without derivatives the compiler knows that there is one row.
 #[inline(always)]
-fn hold<const FMA: bool>(layout: &Layout, buffers: &mut Buffers, scheme: &Scheme, row: usize, command: &[f64]) {
-    let held = &mut buffers.held[row * layout.width..(row + 1) * layout.width];
-    held.fill(0.0);
-    accumulate::<FMA>(command, &scheme.held, held);
-    if row == 0 {
-        buffers.held_read.fill(0.0);
-        accumulate::<FMA>(command, &scheme.held_read, &mut buffers.held_read);
-    }
+fn rows<const SLOPES: bool>(plant: &Plant) -> usize {
+    if SLOPES { plant.rows } else { 1 }
 }
 
-/// What follows from the state and the command alone.
+/// What the inputs bring to the steps while they are held; the further ones do not depend on parameters.
 #[inline(always)]
-fn start<const FMA: bool, const SLOPES: bool>(plant: &Plant, layout: &Layout, buffers: &mut Buffers, scheme: &Scheme) {
-    let Buffers { step, last, held, read, held_read, .. } = buffers;
-    let (states, width) = (plant.a.nrows(), layout.width);
-    for row in 0..plant.rows {
-        let own = row * width..(row + 1) * width;
-        let x = &last[own.start + layout.x..][..states];
-        accumulate_from::<FMA>(&held[own.clone()], x, &scheme.start, &mut step[own]);
-    }
+fn hold<const FMA: bool, const SLOPES: bool>(
+    plant: &Plant,
+    layout: &Layout,
+    buffers: &mut Buffers,
+    scheme: &Scheme,
+    commands: &[f64],
+    further: &[f64],
+) {
+    let Buffers { held, held_read, .. } = buffers;
+    let (driven, width) = (plant.driven, layout.width);
+    let all = if commands.is_empty() { 0 } else { rows::<SLOPES>(plant) };
+    held[..all.max(1) * width].fill(0.0);
+    accumulate::<FMA>(all, (commands, driven), &scheme.commands, (held, width), width);
+    accumulate::<FMA>(1, (further, 0), &scheme.further, (held, width), width);
     if SLOPES {
-        accumulate_from::<FMA>(held_read, &last[layout.x..][..states], &scheme.read_start, read);
+        let reads = 4 * layout.read;
+        held_read.fill(0.0);
+        accumulate::<FMA>(all.min(1), (commands, 0), &scheme.read_commands, (held_read, reads), reads);
+        accumulate::<FMA>(1, (further, 0), &scheme.read_further, (held_read, reads), reads);
     }
 }
 
-/// The blocks at one stage, and what they bring to the stages that follow.
+/// What follows from the state and the inputs alone, in the first `columns` of the step.
+#[inline(always)]
+fn start<const FMA: bool, const SLOPES: bool>(
+    plant: &Plant,
+    layout: &Layout,
+    buffers: &mut Buffers,
+    scheme: &Scheme,
+    columns: usize,
+) {
+    let Buffers { step, last, w, held, read, held_read, .. } = buffers;
+    let width = layout.width;
+    step.copy_from_slice(held);
+    accumulate::<FMA>(rows::<SLOPES>(plant), (&last[layout.x..], width), &scheme.start, (step, width), columns);
+    if SLOPES {
+        w.fill(0.0);
+        let all = 4 * layout.read;
+        read.copy_from_slice(held_read);
+        accumulate::<FMA>(1, (&last[layout.x..], width), &scheme.read_start, (read, all), all);
+    }
+}
+
+/// The blocks at one stage, and what they bring to the stages that follow, in the first `columns` of the step.
 #[inline(always)]
 fn stage<const FMA: bool, const SLOPES: bool>(
     plant: &Plant,
@@ -184,13 +208,13 @@ fn stage<const FMA: bool, const SLOPES: bool>(
     buffers: &mut Buffers,
     scheme: &Scheme,
     s: usize,
+    columns: usize,
 ) {
     let Buffers { step, w, slopes, by_coefficient, read, .. } = buffers;
-    let (width, blocks) = (layout.width, plant.blocks.len());
-    let (signals, after) = (layout.signals[s], layout.after[s]);
-    if SLOPES {
-        w[blocks..].fill(0.0);
-    }
+    let (width, signals, (from, to)) = (layout.width, layout.signals[s], layout.reached[s]);
+    let (to, blocks) = (to.min(columns), plant.blocks.len());
+    let w_width = 4 * blocks;
+    let w = &mut w[s * blocks..];
     for block in &plant.blocks {
         let first = signals + block.first;
         let z = [step[first], if block.inputs > 1 { step[first + 1] } else { 0.0 }];
@@ -199,98 +223,47 @@ fn stage<const FMA: bool, const SLOPES: bool>(
         if SLOPES {
             slopes[block.place] = slope;
             for (row, place) in &block.free {
-                w[row * blocks + block.place] += by_coefficient[*place];
+                w[row * w_width + block.place] += by_coefficient[*place];
             }
         }
         for (z, factor) in &block.feeds {
             step[signals + z] += factor * value;
         }
     }
-    accumulate::<FMA>(&w[..blocks], &scheme.blocks[s], &mut step[after..width]);
-    if !SLOPES {
-        return;
-    }
-    accumulate::<FMA>(&w[..blocks], &scheme.read[s], &mut read[s * layout.read..]);
-    for (k, gain) in plant.gains.iter().enumerate() {
-        let forced = gain.slope * read[s * layout.read + k];
-        let target = &mut step[gain.row * width + signals..(gain.row + 1) * width];
-        accumulate::<FMA>(&[forced], &scheme.gains[s][k * target.len()..], target);
-    }
-    for row in 1..plant.rows {
-        let step = &mut step[row * width..(row + 1) * width];
-        let w = &mut w[row * blocks..(row + 1) * blocks];
-        for block in &plant.blocks {
-            let slope = &slopes[block.place];
-            for (i, slope) in slope.iter().enumerate().take(block.inputs) {
-                w[block.place] += slope * step[signals + block.first + i];
-            }
-            for (z, factor) in &block.feeds {
-                step[signals + z] += factor * w[block.place];
+    if SLOPES {
+        let read = &mut read[s * layout.read..];
+        let later = scheme.read[s].columns;
+        accumulate::<FMA>(1, (w, w_width), &scheme.read[s], (read, later), later);
+        for (k, gain) in plant.gains.iter().enumerate() {
+            let forced = gain.slope * read[k];
+            let step = &mut step[gain.row * width..][..columns];
+            add::<FMA>(forced, scheme.gains[s].row(k), &mut step[signals..]);
+            add::<FMA>(forced, scheme.gains_end[s].row(k), &mut step[layout.x.min(columns)..]);
+        }
+        for row in 1..plant.rows {
+            let step = &mut step[row * width..][..width];
+            let w = &mut w[row * w_width..][..blocks];
+            for block in &plant.blocks {
+                let ([by_first, by_second], z) = (slopes[block.place], &step[signals + block.first..]);
+                let mut sum = fused::<FMA>(by_first, z[0], w[block.place]);
+                if block.inputs > 1 {
+                    sum = fused::<FMA>(by_second, z[1], sum);
+                }
+                w[block.place] = sum;
+                for (z, factor) in &block.feeds {
+                    step[signals + z] += factor * sum;
+                }
             }
         }
-        accumulate::<FMA>(w, &scheme.blocks[s], &mut step[after..]);
     }
+    accumulate::<FMA>(rows::<SLOPES>(plant), (w, w_width), &scheme.blocks[s], (&mut step[from..], width), to - from);
 }
 
-/// `out += left weights`; the length of `out` is a multiple of the lanes.
+/// What the blocks bring to the state after the step.
 #[inline(always)]
-fn accumulate<const FMA: bool>(left: &[f64], weights: &[f64], out: &mut [f64]) {
-    let columns = out.len();
-    let mut at = 0;
-    while columns - at >= 4 * LANES {
-        store_all(out, at, tile::<FMA, 4>(load_all(out, at), left, weights, columns, at));
-        at += 4 * LANES;
-    }
-    if columns - at >= 2 * LANES {
-        store_all(out, at, tile::<FMA, 2>(load_all(out, at), left, weights, columns, at));
-        at += 2 * LANES;
-    }
-    if columns > at {
-        store_all(out, at, tile::<FMA, 1>(load_all(out, at), left, weights, columns, at));
-    }
-}
-
-/// `out = from + left weights`, the same otherwise.
-#[inline(always)]
-fn accumulate_from<const FMA: bool>(from: &[f64], left: &[f64], weights: &[f64], out: &mut [f64]) {
-    let columns = out.len();
-    let mut at = 0;
-    while columns - at >= 4 * LANES {
-        store_all(out, at, tile::<FMA, 4>(load_all(from, at), left, weights, columns, at));
-        at += 4 * LANES;
-    }
-    while columns > at {
-        store_all(out, at, tile::<FMA, 1>(load_all(from, at), left, weights, columns, at));
-        at += LANES;
-    }
-}
-
-#[inline(always)]
-fn tile<const FMA: bool, const V: usize>(
-    mut sum: [Vector; V],
-    left: &[f64],
-    weights: &[f64],
-    columns: usize,
-    mut at: usize,
-) -> [Vector; V] {
-    for left in left {
-        let row = &weights[at..at + V * LANES];
-        for (v, sum) in sum.iter_mut().enumerate() {
-            *sum = fma::<FMA>([*left; LANES], load(row, v * LANES), *sum);
-        }
-        at += columns;
-    }
-    sum
-}
-
-#[inline(always)]
-fn load_all<const V: usize>(row: &[f64], at: usize) -> [Vector; V] {
-    std::array::from_fn(|v| load(row, at + v * LANES))
-}
-
-#[inline(always)]
-fn store_all<const V: usize>(row: &mut [f64], at: usize, all: [Vector; V]) {
-    for (v, one) in all.into_iter().enumerate() {
-        store(row, at + v * LANES, one);
-    }
+fn finish<const FMA: bool, const SLOPES: bool>(plant: &Plant, layout: &Layout, buffers: &mut Buffers, scheme: &Scheme) {
+    let Buffers { step, w, .. } = buffers;
+    let Layout { x, width, .. } = *layout;
+    let all = 4 * plant.blocks.len();
+    accumulate::<FMA>(rows::<SLOPES>(plant), (w, all), &scheme.blocks_end, (&mut step[x..], width), width - x);
 }

@@ -11,34 +11,38 @@
 //! ```
 //!
 //! Of the stages only the signals `z = C x + D (u + w)` are needed. A row of the step is `[z0 | y | za | zb | zc | x+]`,
-//! each part filled up to whole vectors. It starts from x and u; each stage adds what its w brings to what follows.
+//! each part filled up to whole vectors. It starts from x and u; each stage adds what its w brings to the signals that
+//! follow, and at the end w of all stages goes to x+.
 
 use nalgebra::DMatrix;
 
 use crate::error::Result;
 use crate::nonlinear::phi::Phi;
 use crate::nonlinear::plant::Plant;
+use crate::nonlinear::rows::Weights;
 use crate::product::LANES;
-
-/// A matrix to the right of a row, row by row; its columns are those of the row that it is added to.
-pub type Weights = Vec<f64>;
 
 /// The step of one length.
 #[derive(Debug, Clone)]
 pub struct Scheme {
     /// x to the row of the step.
     pub start: Weights,
-    /// u to the row of the step.
-    pub held: Weights,
-    /// w of the blocks at each stage to what follows the stage's z.
+    /// Commands, and the further inputs, to the row of the step.
+    pub commands: Weights,
+    pub further: Weights,
+    /// w of the blocks at each stage to z of the stages that it reaches, that of the first stage also to y.
     pub blocks: [Weights; 4],
-    /// w at the ports of gains at each stage to the stage's z and what follows.
+    /// w of the blocks at all stages to x+.
+    pub blocks_end: Weights,
+    /// w at the ports of gains at each stage to z of that stage, and like that of the blocks.
     pub gains: [Weights; 4],
+    pub gains_end: [Weights; 4],
     /// x to z at the ports of free gains, at the four stages.
     pub read_start: Weights,
-    /// u to the same.
-    pub held_read: Weights,
-    /// w of the blocks at each stage to z at the ports of gains, at this stage and those that follow.
+    /// Commands, and the further inputs, to the same.
+    pub read_commands: Weights,
+    pub read_further: Weights,
+    /// w of the blocks at each stage to z at the ports of gains, at this stage and those that it reaches.
     pub read: [Weights; 4],
 }
 
@@ -47,9 +51,11 @@ pub struct Scheme {
 pub struct Layout {
     /// z at each stage.
     pub signals: [usize; 4],
-    /// What follows z of each stage.
-    pub after: [usize; 4],
+    /// Begin and end of what w of each stage reaches, x+ aside.
+    pub reached: [(usize, usize); 4],
+    /// y follows z of the first stage.
     pub y: usize,
+    pub y_end: usize,
     pub x: usize,
     pub width: usize,
     /// Width of z at the ports of gains at one stage.
@@ -59,13 +65,15 @@ pub struct Layout {
 impl Layout {
     pub fn new(states: usize, outputs: usize, signals: usize, gains: usize) -> Self {
         let [x, y, z] = [states, outputs, signals].map(|count| count.next_multiple_of(LANES));
-        let places = [0, z + y, 2 * z + y, 3 * z + y];
+        let (y_end, end) = (z + y, 4 * z + y);
+        let signals = [0, y_end, y_end + z, y_end + 2 * z];
         Self {
-            signals: places,
-            after: [z, 2 * z + y, 3 * z + y, 4 * z + y],
+            signals,
+            reached: [(z, end), (signals[2], signals[3]), (signals[3], end), (end, end)],
             y: z,
-            x: 4 * z + y,
-            width: 4 * z + y + x,
+            y_end,
+            x: end,
+            width: end + x,
             read: gains.next_multiple_of(LANES),
         }
     }
@@ -80,62 +88,58 @@ impl Scheme {
         let half = Phi::new(a, b, 0.5 * h)?;
         let ([p1, p2, p3], [q1, q2, _]) = (&whole.b, &half.b);
         let middle = p2 * 2.0 - p3 * 4.0;
-        let none = DMatrix::zeros(b.nrows(), b.ncols());
-        // what w of each stage brings to xa, xb, xc, x+
-        let reach = [
-            [q1.clone(), q1 - q2 * 2.0, p1 - p2 * 2.0, p1 - p2 * 3.0 + p3 * 4.0],
-            [none.clone(), q2 * 2.0, none.clone(), middle.clone()],
-            [none.clone(), none.clone(), p2 * 2.0, middle],
-            [none.clone(), none.clone(), none, p3 * 4.0 - p2],
-        ];
+        // what w of each stage brings to the stages that it reaches, which follow it, and to x+
+        let reach = [vec![q1.clone(), q1 - q2 * 2.0, p1 - p2 * 2.0], vec![q2 * 2.0], vec![p2 * 2.0], vec![]];
+        let end = [p1 - p2 * 3.0 + p3 * 4.0, middle.clone(), middle, p3 * 4.0 - p2];
         let pick = |m: &DMatrix<f64>, (first, count)| m.columns(first, count).into_owned();
-        let stage = |s: usize, ports, own: bool| {
-            let mut parts = if own { vec![pick(d_z, ports)] } else { Vec::new() };
-            if s == 0 {
-                parts.push(pick(d_y, ports));
-            }
-            parts.extend(reach[s][s..3].iter().map(|x| c_z * pick(x, ports)));
-            parts.push(pick(&reach[s][3], ports));
-            stack(&parts)
+        let later = |s: usize, c: &DMatrix<f64>, ports| -> Vec<DMatrix<f64>> {
+            reach[s].iter().map(|x| c * pick(x, ports)).collect()
         };
-        let read = |s: usize, ports| {
-            let later = reach[s][s..3].iter().map(|x| c_g * pick(x, ports));
-            stack(&[pick(d_g, ports)].into_iter().chain(later).collect::<Vec<_>>())
+        let with_y = |s: usize, ports| {
+            let y = (s == 0).then(|| pick(d_y, ports));
+            y.into_iter().chain(later(s, c_z, ports))
         };
+        let (blocks, gains) = (plant.block_ports(), plant.gain_ports());
+        let of_blocks = |s: usize| Weights::new(blocks.1, &with_y(s, blocks).collect::<Vec<_>>());
+        let of_gains = |s: usize| {
+            let parts: Vec<_> = [pick(d_z, gains)].into_iter().chain(with_y(s, gains)).collect();
+            Weights::new(gains.1, &parts)
+        };
+        let read = |s: usize| {
+            let parts: Vec<_> = [pick(d_g, blocks)].into_iter().chain(later(s, c_g, blocks)).collect();
+            Weights::new(blocks.1, &parts)
+        };
+        let mut all_blocks = DMatrix::zeros(a.nrows(), 4 * blocks.1);
+        for (s, end) in end.iter().enumerate() {
+            all_blocks.columns_mut(s * blocks.1, blocks.1).copy_from(&pick(end, blocks));
+        }
         let (e, half_e) = (&whole.exp, &half.exp);
-        let u = plant.excitations();
         // what x and u bring to the signals of the four stages
         let by_x = |c: &DMatrix<f64>| {
             let early = c * half_e;
             [c.clone(), early.clone(), early, c * e]
         };
-        let by_u = |c: &DMatrix<f64>, d: &DMatrix<f64>| {
+        let by_u = |c: &DMatrix<f64>, d: &DMatrix<f64>, u| {
             let d = pick(d, u);
             let early = c * pick(q1, u) + &d;
             [d.clone(), early.clone(), early, c * pick(p1, u) + d]
         };
-        let row = |[z0, za, zb, zc]: [DMatrix<f64>; 4], y, x| stack(&[z0, y, za, zb, zc, x]);
+        let row = |depth, [z0, za, zb, zc]: [DMatrix<f64>; 4], y, x| Weights::new(depth, &[z0, y, za, zb, zc, x]);
+        let held = |u: (usize, usize)| row(u.1, by_u(c_z, d_z, u), pick(d_y, u), pick(p1, u));
+        let held_read = |u: (usize, usize)| Weights::new(u.1, &by_u(c_g, d_g, u));
         let stages = [0, 1, 2, 3];
         Ok(Self {
-            start: row(by_x(c_z), c_y.clone(), e.clone()),
-            held: row(by_u(c_z, d_z), pick(d_y, u), pick(p1, u)),
-            blocks: stages.map(|s| stage(s, plant.block_ports(), false)),
-            gains: stages.map(|s| stage(s, plant.gain_ports(), true)),
-            read_start: stack(&by_x(c_g)),
-            held_read: stack(&by_u(c_g, d_g)),
-            read: stages.map(|s| read(s, plant.block_ports())),
+            start: row(a.nrows(), by_x(c_z), c_y.clone(), e.clone()),
+            commands: held(plant.commands()),
+            further: held(plant.further()),
+            blocks: stages.map(of_blocks),
+            blocks_end: Weights::new(4 * blocks.1, &[all_blocks]),
+            gains: stages.map(of_gains),
+            gains_end: stages.map(|s| Weights::new(gains.1, &[pick(&end[s], gains)])),
+            read_start: Weights::new(a.nrows(), &by_x(c_g)),
+            read_commands: held_read(plant.commands()),
+            read_further: held_read(plant.further()),
+            read: stages.map(read),
         })
     }
-}
-
-/// The parts above each other, each filled up to whole vectors; column by column that is what a row is multiplied by.
-fn stack(parts: &[DMatrix<f64>]) -> Weights {
-    let heights = parts.iter().map(|p| p.nrows().next_multiple_of(LANES));
-    let mut out = DMatrix::zeros(heights.clone().sum(), parts[0].ncols());
-    let mut at = 0;
-    for (part, height) in parts.iter().zip(heights) {
-        out.rows_mut(at, part.nrows()).copy_from(part);
-        at += height;
-    }
-    out.as_slice().to_vec()
 }

@@ -2,7 +2,7 @@
 //!
 //! Axes are `A_zeta, A_eta, B_zeta, B_eta`; the parameters `K_i` of each axis, `K_s` of each axis, and `tau_e`.
 
-use ambid_core::{Gain, Lft, Model};
+use ambid_core::{Block, Coefficient, Curve, Gain, Law, Lft, Model};
 use nalgebra::DMatrix;
 
 use super::loops::Problem;
@@ -79,4 +79,30 @@ pub fn machine(gyroscopic: f64, spread: f64) -> Problem {
     theta.push(4e-4);
     let lft = Lft::new(a, b, c, d, (0..gains).map(entry).collect()).expect("consistent");
     Problem { model: Model::new(lft, 1e-4, None).expect("consistent"), theta }
+}
+
+/// The machine with a force law on its first `axes` axes; the strength is one more parameter.
+pub fn saturating(gyroscopic: f64, axes: usize, substeps: Option<usize>) -> Problem {
+    let Problem { model, mut theta } = machine(gyroscopic, 0.02);
+    let lft = &model.lft;
+    let (nu, ny, strength) = (lft.inputs(), lft.outputs(), theta.len());
+    let mut b = lft.b.clone().resize_horizontally(lft.b.ncols() + axes, 0.0);
+    let mut c = lft.c.clone().resize_vertically(lft.c.nrows() + 2 * axes, 0.0);
+    for axis in 0..axes {
+        // ports of the machine: K_i of the four axes, then K_s
+        b.set_column(lft.b.ncols() + axis, &lft.b.column(nu + axis));
+        c.set_row(lft.c.nrows() + 2 * axis, &lft.c.row(ny + axis));
+        c.set_row(lft.c.nrows() + 2 * axis + 1, &lft.c.row(ny + 4 + axis));
+    }
+    let mut d = DMatrix::zeros(c.nrows(), b.ncols());
+    d.view_mut((0, 0), lft.d.shape()).copy_from(&lft.d);
+    let block = |axis: usize| {
+        let parameter = Coefficient::Parameter;
+        let coefficients = vec![parameter(axis), parameter(4 + axis), parameter(strength), Coefficient::Constant(0.4)];
+        Block::new(Law::Force { curve: Curve::Tanh, bias: 6.0, held: 0.0 }, coefficients).expect("allowed")
+    };
+    let lft = Lft::with_blocks(lft.a.clone(), b, c, d, lft.gains.clone(), (0..axes).map(block).collect());
+    theta.push(1.0);
+    let model = Model { substeps, ..Model::new(lft.expect("consistent"), model.dt, None).expect("consistent") };
+    Problem { model, theta }
 }

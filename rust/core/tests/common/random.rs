@@ -40,11 +40,12 @@ impl Random {
     /// An analog loop of up to eight states whose closed form is stable, with feedthrough everywhere.
     pub fn analog_loop(&mut self) -> Problem {
         let (inputs, outputs) = (self.pick(&[1, 2, 3]), self.pick(&[1, 2, 3]));
-        let (lft, theta) = self.plant(inputs, outputs, 0);
+        let (lft, theta) = self.plant(inputs, 0, outputs);
         Problem { model: Model::new(lft, 0.1, None).expect("consistent"), theta }
     }
 
-    /// A stable plant under a digital controller whose gain is low enough for the loop to stay stable.
+    /// A stable plant with up to two inputs of its own, under a digital controller whose gain is low enough for the
+    /// loop to stay stable.
     pub fn digital_loop(&mut self, delay: f64, steps: usize) -> Problem {
         loop {
             let problem = self.any_digital_loop(delay, steps);
@@ -57,8 +58,8 @@ impl Random {
 
     fn any_digital_loop(&mut self, delay: f64, steps: usize) -> Problem {
         let channels = self.pick(&[1, 2]);
-        let outputs = channels + self.pick(&[0, 1, 2]);
-        let (lft, theta) = self.plant(channels, outputs, channels);
+        let (inputs, outputs) = (channels + self.pick(&[0, 1, 2]), channels + self.pick(&[0, 1, 2]));
+        let (lft, theta) = self.plant(inputs, channels, outputs);
         let states = self.pick(&[0, 1, 3]);
         let controller = Controller {
             a: self.matrix(states, states) * 0.3,
@@ -72,8 +73,8 @@ impl Random {
         Problem { model: Model::new(lft, 0.1, Some(controller)).expect("consistent"), theta }
     }
 
-    /// An LFT whose first `displacements` outputs do not follow an input at once, and the parameters it is stable at.
-    fn plant(&mut self, inputs: usize, outputs: usize, displacements: usize) -> (Lft, Vec<f64>) {
+    /// An LFT and parameters that it is stable at; the first `channels` outputs do not follow as many inputs at once.
+    fn plant(&mut self, inputs: usize, channels: usize, outputs: usize) -> (Lft, Vec<f64>) {
         let (n, gains, parameters) = (2 * self.pick(&[1, 2, 3, 4]), self.pick(&[1, 2, 3, 4]), self.pick(&[1, 2, 3]));
         let theta: Vec<f64> = (0..parameters).map(|_| self.between(0.5, 2.0)).collect();
         let gains: Vec<Gain> = (0..gains)
@@ -87,7 +88,12 @@ impl Random {
         let b = self.matrix(n, inputs + k);
         let c = self.matrix(outputs + k, n);
         let mut d = self.matrix(outputs + k, inputs + k) * self.pick(&[0.0, 0.5]);
-        d.view_mut((0, 0), (displacements, inputs + k)).fill(0.0);
+        // a displacement may follow a further input at once, and that through Delta too where no command gets there
+        d.view_mut((0, 0), (channels, channels)).fill(0.0);
+        match self.pick(&[false, true]) {
+            true => d.view_mut((outputs, 0), (k, channels)).fill(0.0),
+            false => d.view_mut((0, inputs), (channels, k)).fill(0.0),
+        }
         // algebraic loops between the ports of Delta, far from singular
         let mut ports = d.view_mut((outputs, inputs), (k, k));
         ports *= 0.3 / k as f64;

@@ -102,31 +102,36 @@ fn analog(plant: &Plant, dt: f64, rows: impl Iterator<Item = DVector<C64>>) -> V
 }
 
 /// The controller computes a command each of its samples; the plant gets it after the delay.
+///
+/// Further inputs act on the plant from the sample on, as do those of a record that is held.
 fn digital(plant: &Plant, k: &Controller, dt: f64, rows: impl Iterator<Item = DVector<C64>>) -> Vec<C64> {
     let [ka, kb, kc, kd] = [&k.a, &k.b, &k.c, &k.d].map(|m| m.map(C64::from));
-    let (m, step) = (k.d.nrows(), dt / k.steps as f64);
+    let (m, all, step) = (k.d.nrows(), plant.b.ncols(), dt / k.steps as f64);
     let (whole, fraction) = (k.delay as usize, k.delay.fract());
     let (early, late) = (plant.hold(step * fraction), plant.hold(step * (1.0 - fraction)));
     let mut commands = VecDeque::from(vec![DVector::zeros(m); whole + 2]);
     let (mut x, mut controller) = (DVector::zeros(plant.a.nrows()), DVector::zeros(ka.nrows()));
     let mut y = Vec::new();
     for u in rows {
+        let mut acting = u.rows(0, all).into_owned();
         for sample in 0..k.steps {
-            let mut read = plant.c.rows(0, m) * &x;
+            acting.rows_mut(0, m).fill(C64::from(0.0));
+            let mut read = (&plant.c * &x + &plant.d * &acting).rows(0, m).into_owned();
             if k.noise {
-                read += u.rows(m, m);
+                read += u.rows(all, m);
             }
             commands.push_front(u.rows(0, m) - &kc * &controller - &kd * &read);
             commands.pop_back();
-            let (before, after) = (&commands[whole + usize::from(fraction > 0.0)], &commands[whole]);
+            acting.rows_mut(0, m).copy_from(&commands[whole + usize::from(fraction > 0.0)]);
             if sample == 0 {
-                let mut outputs = &plant.c * &x + &plant.d * before;
+                let mut outputs = &plant.c * &x + &plant.d * &acting;
                 outputs.rows_mut(0, m).copy_from(&read);
                 y.extend(outputs.iter());
             }
             controller = &ka * &controller + &kb * &read;
-            x = &early.0 * &x + &early.1 * before;
-            x = &late.0 * &x + &late.1 * after;
+            x = &early.0 * &x + &early.1 * &acting;
+            acting.rows_mut(0, m).copy_from(&commands[whole]);
+            x = &late.0 * &x + &late.1 * &acting;
         }
     }
     y
