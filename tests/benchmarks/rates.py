@@ -3,7 +3,8 @@
     python tests/benchmarks/rates.py --seeds 20 --out rates.jsonl
     python tests/benchmarks/rates.py --out rates.jsonl --report confusion.png
 
-Runs go on where the file ends. No part of it is a test: it takes hours.
+Runs go on where the file ends. No part of it is a test: it takes hours. What has no name is not tried barely visible:
+it is then too weak for its shape to show, and nothing can be said of it but that all is well.
 """
 
 from __future__ import annotations
@@ -46,7 +47,8 @@ def jobs(seeds: range, sizes: Iterable[str], kinds: Iterable[str], names: list[s
     for seed in seeds:
         for kind in kinds:
             found.append(((), "clear", seed, kind))
-            found += [((name,), size, seed, kind) for name in [*CATALOGUE, *OUTSIDE] for size in sizes]
+            found += [((name,), size, seed, kind) for name in CATALOGUE for size in sizes]
+            found += [((name,), size, seed, kind) for name in OUTSIDE for size in sizes if size != "barely"]
             found += [(pair, size, seed, kind) for pair in PAIRS for size in sizes if size != "barely"]
     return [job for job in found if not names or set(names) & _labels(job)]
 
