@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from ambid.fit import fit_percent, measured_outputs, recorded_channels, with_ave
 from ambid.loop.assembly import FloatArray
 from ambid.model import Model
 from ambid.record import Record, noise_ceiling
+from ambid.tables import Tabular
 from ambid.yardstick import Whitener, Window, channel_misfit
 
 __all__ = ["ChannelComparison", "Comparison", "RecordComparison", "compare"]
@@ -73,7 +74,7 @@ class RecordComparison:
 
 
 @dataclass(frozen=True, repr=False)
-class Comparison:
+class Comparison(Tabular):
     """All records against the model; result of `compare`."""
 
     model: Model
@@ -88,6 +89,22 @@ class Comparison:
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""
         return {"records": [_plain(record) for record in self.records]}
+
+    def table(self) -> dict[str, list[Any]]:
+        """Channels of all records, a row each."""
+        rows = [(r.record.name, c) for r in self.records for c in r.channels]
+        columns = [f.name for f in fields(ChannelComparison)]
+        return {"record": [name for name, _ in rows]} | {
+            column: [getattr(c, column) for _, c in rows] for column in columns
+        }
+
+    def summary(self) -> list[str]:
+        """Misfit and notes of every record."""
+        return [
+            line
+            for r in self.records
+            for line in (f"{r.record.name}: misfit {r.misfit:.2f} (J/dof, 1 when the model is right)", *r.record.notes)
+        ]
 
     def __repr__(self) -> str:
         lines = []

@@ -14,6 +14,7 @@ from ambid.localise import Cell, Localisation
 from ambid.model import Model
 from ambid.rank import Ranking
 from ambid.record import Record
+from ambid.tables import Tabular
 
 VERDICTS = {
     "adequate": "nothing is missing that these data can show, in this band and at this amplitude",
@@ -79,7 +80,7 @@ class Step:
 
 
 @dataclass(frozen=True, repr=False)
-class Diagnosis:
+class Diagnosis(Tabular):
     """Result of `diagnose`.
 
     Attributes
@@ -160,6 +161,25 @@ class Diagnosis:
             "seconds": self.seconds,
             "notes": [*(note for record in self.records for note in record.notes), *self.notes],
         }
+
+    def table(self) -> dict[str, list[Any]]:
+        """Steps of the ledger, a row each."""
+        steps = self.history
+        return {
+            "model": [", ".join(step.effects) or "base model" for step in steps],
+            "misfit": [step.misfit for step in steps],
+            "predicted_misfit": [step.predicted_misfit for step in steps],
+            "fit_percent": [step.fit_percent["average"] for step in steps],
+            "validation_misfit": [step.validation_misfit for step in steps],
+            "validation_fit_percent": [(step.validation_fit_percent or {}).get("average") for step in steps],
+        }
+
+    def summary(self) -> list[str]:
+        """Verdict, what it means, what to do next, and the notes."""
+        named = f": {', '.join(self.effects)}" if self.effects else ""
+        sets = [f"cannot be told apart: {', '.join(names)}" for names in self.ambiguous_sets]
+        verdict = f"verdict: {self.verdict}{named}; {VERDICTS[self.verdict]}"
+        return [verdict, *sets, f"next: {self.next_experiment}", *self.notes]
 
     def save(self, path: str | Path) -> None:
         """Write the last model, for ``--model`` and `Model.load`."""

@@ -12,6 +12,7 @@ import numpy as np
 from ambid.loop.assembly import FloatArray
 from ambid.model import Model
 from ambid.record import Record
+from ambid.tables import Tabular
 
 STATUS = {
     "converged": "the optimum was found: steps and gradient are below their tolerances",
@@ -53,7 +54,7 @@ class ParameterEstimate:
 
 
 @dataclass(frozen=True, repr=False)
-class Estimate:
+class Estimate(Tabular):
     """Result of `identify`.
 
     Attributes
@@ -126,6 +127,27 @@ class Estimate:
         full = np.full((len(self.model.names),) * 2, np.nan)
         full[np.ix_(at, at)] = self.covariance
         self.model.save(path, full)
+
+    def table(self) -> dict[str, list[Any]]:
+        """Parameters, a row each."""
+        found = self.parameters.values()
+        return {
+            "parameter": list(self.parameters),
+            "value": [p.value for p in found],
+            "std_error": [p.std_error for p in found],
+            "ci95_low": [None if p.ci95 is None else p.ci95[0] for p in found],
+            "ci95_high": [None if p.ci95 is None else p.ci95[1] for p in found],
+            "unit": [p.unit for p in found],
+        }
+
+    def summary(self) -> list[str]:
+        """Fit, how it ended, and the notes."""
+        fit, ceiling = (values.get("average", np.nan) for values in (self.fit_percent, self.noise_ceiling_percent))
+        return [
+            f"fit {fit:.2f} %, noise ceiling {ceiling:.2f} %",
+            f"{self.status}: {STATUS[self.status]}",
+            *self.notes,
+        ]
 
     def __repr__(self) -> str:
         lines = [f"{'parameter':14s} {'value':>13s} {'std error':>11s}   95 % interval", "-" * 70]

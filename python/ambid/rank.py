@@ -25,11 +25,12 @@ from ambid.effects import CATALOGUE, Effect, Seen
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.loop.assembly import FloatArray
 from ambid.model import Model
+from ambid.tables import Tabular
 from ambid.whitened import Noise
 
 __all__ = ["Candidate", "Ranking", "rank"]
 
-ALPHA = 0.01
+ALPHA = 0.003
 """Chance of a false alarm over the whole catalogue."""
 VISIBLE = 1e-4
 """Chance of a score that counts as visible, for one degree of freedom."""
@@ -99,7 +100,7 @@ class Candidate:
 
 
 @dataclass(frozen=True, repr=False)
-class Ranking:
+class Ranking(Tabular):
     """All candidates, least likely to be chance first; result of `rank`.
 
     Attributes
@@ -121,9 +122,25 @@ class Ranking:
 
     @property
     def significant(self) -> tuple[Candidate, ...]:
-        """Candidates whose score is no chance, at 1 % over the whole catalogue."""
+        """Candidates whose score is no chance, at 0.3 % over the whole catalogue."""
         level = ALPHA / max(1, len(self.candidates))
         return tuple(c for c in self.candidates if c.p_value < level)
+
+    def table(self) -> dict[str, list[Any]]:
+        """Candidates, a row each, in rank order."""
+        return {
+            "effect": [c.effect.name for c in self.candidates],
+            "score": [c.score for c in self.candidates],
+            "p_value": [c.p_value for c in self.candidates],
+            "predicted_misfit": [c.predicted_misfit for c in self.candidates],
+            "predicted_value": [", ".join(f"{n} {v:.3g}" for n, v in c.start.items()) for c in self.candidates],
+            "confusable_with": [", ".join(c.confusable_with) for c in self.candidates],
+        }
+
+    def summary(self) -> list[str]:
+        """Misfit, and what could not be judged."""
+        skipped = [f"{name} not judged: {why}" for name, why in self.skipped.items()]
+        return [f"misfit {self.misfit:.3f} (J/dof, 1 when the model is right)", *skipped]
 
     def __repr__(self) -> str:
         lines = [

@@ -21,8 +21,8 @@ from ambid.yardstick import ComplexArray, Window
 
 __all__ = ["Tone", "find_tones", "without_tones"]
 
-OUTSTANDING = 40.0
-"""Power of a tone over that around it; noise alone reaches 30 in a record of a hundred thousand lines and channels."""
+OUTSTANDING = 70.0
+"""Power of a tone over that around it; noise alone reaches 40 in a few of a hundred records of 60 000 lines."""
 ALONE = 200.0
 """Power of a tone on an excited line over that of its neighbours; a pole is wider than one line."""
 SUSPECTED = 0.02

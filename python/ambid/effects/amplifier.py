@@ -69,8 +69,8 @@ class AmplifierBandwidth(Effect):
             return []
         corner = 1.0 / (2.0 * pi * rig.amplifier.time_constant)
         return [
-            EffectParameter("frequency_hz", "Hz", 2.0 * corner, lower=0.05 * corner, upper=20.0 * corner),
-            EffectParameter("damping", "1", 1.0, lower=0.05, upper=10.0),
+            EffectParameter("frequency_hz", "Hz", 2.0 * corner, lower=0.05 * corner, upper=1e3 * corner),
+            EffectParameter("damping", "1", 1.0, lower=0.05, upper=1e3),
         ]
 
     def probes(self, rig: Rig) -> Sequence[Mapping[str, float]]:
@@ -91,8 +91,11 @@ class AmplifierBandwidth(Effect):
         return np.full(2, -np.inf), np.full(2, np.inf)
 
     def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
-        """Twice the corner frequency, critically damped: the same delay at low frequency."""
-        return {p.name: p.probe for p in self.parameters(rig)}
+        """From ``1 + p s + q s^2``, to which the probes add 0.2 tau and 0.11 tau^2, and nothing and tau^2/4."""
+        tau = rig.amplifier.time_constant
+        p = tau * (1.0 + float(np.clip(0.2 * amplitudes[0], -0.8, 4.0)))
+        q = tau**2 * float(np.clip(0.11 * amplitudes[0] + 0.25 * amplitudes[1], 1e-5, 4.0))
+        return {"frequency_hz": 1.0 / (2.0 * pi * np.sqrt(q)), "damping": max(0.06, 0.5 * p / np.sqrt(q))}
 
     def attach(self, plant: Plant) -> None:
         """The true amplifier beside the nominal one: ``i'' = w^2 (i_ref - i) - 2 zeta w i'``, ``w = 2 pi f``."""

@@ -23,8 +23,10 @@ pub use run::Run;
 const GOAL: f64 = 2e-7;
 /// So many times the change is allowed of a derivative.
 const SLOPES: f64 = 5.0;
-/// The change that is still accepted at [`MOST_SUBSTEPS`].
+/// The change that is still accepted at [`MOST_SUBSTEPS`], and how many times that of a derivative: it jumps where a
+/// law bends.
 const PROMISE: f64 = 1e-6;
+const BENT_SLOPES: f64 = 100.0;
 const MOST_SUBSTEPS: usize = 64;
 /// Samples that decide on the number of substeps.
 const PROBE: usize = 256;
@@ -53,7 +55,7 @@ impl Nonlinear {
         let floors = free.iter().map(|f| if theta[*f] == 0.0 { 0.0 } else { 1e-3 / theta[*f].abs() });
         Ok(Self {
             plant: Plant::new(model, theta, free)?,
-            controller: model.controller.clone(),
+            controller: model.controller.clone().filter(|k| k.channels() > 0),
             dt: model.dt,
             substeps: model.substeps,
             inputs: model.inputs(),
@@ -108,7 +110,7 @@ impl Nonlinear {
             let mut fine = self.start(substeps)?;
             let after = self.response(&mut fine, probe);
             let change = match (&before, &after) {
-                (Ok(before), Ok(after)) => self.change(before, after),
+                (Ok(before), Ok(after)) => self.change(before, after, SLOPES),
                 _ => f64::INFINITY,
             };
             if change < GOAL {
@@ -116,7 +118,7 @@ impl Nonlinear {
                 return Ok(coarse);
             }
             if substeps >= MOST_SUBSTEPS {
-                after?;
+                let change = self.change(&before?, &after?, BENT_SLOPES);
                 fine.reset();
                 return if change < PROMISE { Ok(fine) } else { Err(Error::Unresolved { substeps, change }) };
             }
@@ -134,15 +136,15 @@ impl Nonlinear {
         Ok(out)
     }
 
-    /// Largest change of a column relative to its peak.
-    fn change(&self, before: &[f64], after: &[f64]) -> f64 {
+    /// Largest change of a column relative to its peak, of derivatives by the factor `slopes` less.
+    fn change(&self, before: &[f64], after: &[f64], slopes: f64) -> f64 {
         let (columns, rows) = (self.columns(), self.plant.rows);
         let peak = |column: usize| after.iter().skip(column).step_by(columns).fold(0.0, |a: f64, y| a.max(y.abs()));
         let relative = |column: usize| {
             let pairs = before.iter().zip(after).skip(column).step_by(columns);
             let change = pairs.fold(0.0, |a: f64, (b, c)| a.max((b - c).abs()));
             let row = column % rows;
-            let size = peak(column).max(peak(column - row) * self.floors[row]) * if row > 0 { SLOPES } else { 1.0 };
+            let size = peak(column).max(peak(column - row) * self.floors[row]) * if row > 0 { slopes } else { 1.0 };
             if change > 0.0 { change / size } else { 0.0 }
         };
         (0..columns).map(relative).fold(0.0, f64::max)

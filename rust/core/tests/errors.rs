@@ -2,7 +2,9 @@
 
 mod common;
 
-use ambid_core::{ClosedLoop, Controller, Data, Error, Gain, Lft, Model, Result, Stepper, normal_equations};
+use ambid_core::{
+    Block, ClosedLoop, Coefficient, Controller, Data, Error, Gain, Law, Lft, Model, Result, Stepper, normal_equations,
+};
 use common::loops::{Problem, lags};
 use common::machine::machine;
 use nalgebra::DMatrix;
@@ -199,6 +201,51 @@ fn controllers_that_do_not_fit() {
     through.d[(0, 1)] = 1.0;
     let system = ClosedLoop::new(Model::new(through, 0.1, Some(good())).unwrap(), 1).unwrap();
     assert!(singular(system.simulate(&[0.7], &[1.0])));
+}
+
+/// `x' = command - x + w_2`, read as `x + w_1`, `w_1 = theta command`; w_2 is a nonlinear block without strength.
+fn nonlinear() -> Lft {
+    let (a, b) = (DMatrix::from_element(1, 1, -1.0), DMatrix::from_row_slice(1, 3, &[1.0, 0.0, 1.0]));
+    let c = DMatrix::from_row_slice(3, 1, &[1.0, 0.0, 1.0]);
+    let d = DMatrix::from_row_slice(3, 3, &[0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let law = Law::Polynomial { inputs: 1, exponents: vec![[2, 0]] };
+    let block = Block::new(law, vec![Coefficient::Constant(0.0)]).unwrap();
+    let gain = Gain { parameter: 0, scale: 1.0, power: 1 };
+    Lft::with_blocks(a, b, c, d, vec![gain], vec![block]).unwrap()
+}
+
+/// A command that no displacement follows yet, but would with another value of a free parameter.
+#[test]
+fn a_free_gain_from_command_to_displacement() {
+    let zeros = DMatrix::<f64>::zeros;
+    let (a, b, c, d) = (zeros(0, 0), zeros(0, 1), zeros(1, 0), zeros(1, 1));
+    let controller = Controller { a, b, c, d, delay: 0.5, steps: 1, noise: false };
+    let system = ClosedLoop::new(Model::new(nonlinear(), 0.1, Some(controller)).unwrap(), 1).unwrap();
+    assert!(system.simulate(&[0.0], &[1.0, 1.0]).is_ok());
+    assert!(singular(system.sensitivity(&[0.0], &[0], &[1.0, 1.0])));
+    assert!(singular(system.simulate(&[0.1], &[1.0, 1.0])));
+}
+
+/// A controller without channels leaves all inputs to the plant.
+#[test]
+fn a_controller_of_nothing() {
+    let zeros = DMatrix::<f64>::zeros;
+    let controller = Controller {
+        a: zeros(0, 0),
+        b: zeros(0, 0),
+        c: zeros(0, 0),
+        d: zeros(0, 0),
+        delay: 0.5,
+        steps: 2,
+        noise: true,
+    };
+    let system = |controller| ClosedLoop::new(Model::new(nonlinear(), 0.1, controller).unwrap(), 1).unwrap();
+    let (idle, analog) = (system(Some(controller)), system(None));
+    assert_eq!(idle.sensitivity(&[0.3], &[0], &[1.0, 2.0]), analog.sensitivity(&[0.3], &[0], &[1.0, 2.0]));
+    let (mut y, mut expected) = ([0.0], [0.0]);
+    Stepper::new(&idle, &[0.3]).unwrap().step(&[1.0], &mut y).unwrap();
+    Stepper::new(&analog, &[0.3]).unwrap().step(&[1.0], &mut expected).unwrap();
+    assert_eq!(y, expected);
 }
 
 /// Loops without states, inputs, outputs or samples answer with what is left.

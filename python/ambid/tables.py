@@ -1,0 +1,52 @@
+"""Results as tables: in a notebook by themselves, and for pandas."""
+
+from __future__ import annotations
+
+import importlib
+from abc import ABC, abstractmethod
+from html import escape
+from typing import Any
+
+from ambid.errors import InputError
+
+
+class Tabular(ABC):
+    """A result that has rows and columns."""
+
+    @abstractmethod
+    def table(self) -> dict[str, list[Any]]:
+        """Columns of equal length by name, SI units."""
+
+    @abstractmethod
+    def summary(self) -> list[str]:
+        """What a reader of the table must know beside it, a sentence each."""
+
+    def to_pandas(self) -> Any:
+        """Convert `table` to a pandas.DataFrame.
+
+        Raises
+        ------
+        InputError
+            If pandas is not installed.
+        """
+        try:
+            pandas = importlib.import_module("pandas")
+        except ImportError:
+            raise InputError("to_pandas needs the package pandas: pip install pandas") from None
+        return pandas.DataFrame(self.table())
+
+    def _repr_html_(self) -> str:
+        columns = self.table()
+        head = "".join(f"<th>{escape(name)}</th>" for name in columns)
+        rows = (
+            "".join(f"<td>{escape(_cell(value))}</td>" for value in row) for row in zip(*columns.values(), strict=True)
+        )
+        body = "".join(f"<tr>{row}</tr>" for row in rows)
+        said = "".join(f"<p>{escape(line)}</p>" for line in self.summary())
+        return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{said}"
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
