@@ -259,6 +259,13 @@ def test_given_modes_are_taken_as_they_are():
     assert_allclose(rotor.T_L @ rotor.T_R, np.eye(6))
 
 
+def test_shape_between_nodes_is_that_of_a_mesh_with_a_node_there():
+    at = [0.3, 0.4071]
+    coarse, fine = reduced_rotor(bench(2), NODES), reduced_rotor(bench(2), [*NODES, *at])
+    for z in at:
+        assert_allclose(coarse.shape(z), fine.shape(z), rtol=1e-4, atol=1e-5)
+
+
 def test_point_mass_has_one_plane_and_one_shape_everywhere():
     rotor = reduced_rotor(PointMassRotor(mass=4.0), [0.0, 0.3])
     assert (rotor.planes, rotor.T_R.shape, rotor.T_L.shape) == (1, (1, 1), (1, 1))
@@ -281,7 +288,7 @@ def test_point_mass_has_one_plane_and_one_shape_everywhere():
         (lambda: assemble(bench(100), []), r"flexible_modes = 100.*is not converged"),
         (lambda: reduced_rotor(bench(1, bending_frequencies_hz=[3479.6]), []), r"\[0\] = 3479\.6 Hz.*not rad/s"),
         (lambda: reduce(assemble(bench(), []), 3, [0.1]), r"modal_damping has 1 values.*flexible_modes = 3"),
-        (lambda: reduced_rotor(bench(), NODES).shape(0.3), r"position 0\.3 m .* nearest ones are 0\.\d+, 0\.\d+ m"),
+        (lambda: reduced_rotor(bench(), NODES).shape(0.9), r"position 0\.9 m is off the shaft.* from 0 to 0\.86 m"),
         (lambda: reduced_rotor(modes(), [0.3]), r"position 0\.3 m .* 0\.1, 0\.5 m"),
         (lambda: reduced_rotor(modes(frequencies_hz=[500.0, 0.0, 0.0]), []), r"frequencies_hz .* has to increase"),
     ],
@@ -316,6 +323,6 @@ def _cross_coupled(K):
     ],
 )
 def test_wrong_matrices_are_refused(change, message):
-    model = assemble(bench(flexible_modes=2), NODES)
+    model = assemble(bench(flexible_modes=0), NODES)
     with pytest.raises(RigError, match=message):
         reduced_rotor(matrices(model, **change(model)), [])

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
 
 from ambid.errors import RigError
@@ -43,8 +44,8 @@ class ReducedRotor:
         Axial positions at which the modes are known [m]; empty for a point mass, which is the same everywhere.
     shapes : ndarray, shape (m, n), or (1, 1) for a point mass
         Lateral displacement of each mode in its plane [1/sqrt(kg)].
-    slopes : ndarray, shape (m, n), or None
-        Inclination of each mode [1/(m sqrt(kg))], where the shaft between the positions is known to bend as a cubic.
+    between : bool
+        Whether the positions lie so close that a cubic spline through the shapes holds between them.
     planes : int
         2, or 1 for a point mass on one axis.
     """
@@ -56,7 +57,7 @@ class ReducedRotor:
     T_L: FloatArray
     positions: FloatArray
     shapes: FloatArray
-    slopes: FloatArray | None = None
+    between: bool = False
     planes: int = 2
 
     def shape(self, z: float) -> FloatArray:
@@ -75,21 +76,21 @@ class ReducedRotor:
         Raises
         ------
         RigError
-            `z` is off the shaft, or, without slopes, not within 1e-6 m of a position; the message says what is near.
+            `z` is off the shaft, or, unless the modes are known between the positions, not within 1e-6 m of one; the
+            message says what is near.
         """
         if self.planes == 1:
             return self.shapes[0].copy()
-        if self.slopes is None:
+        if not self.between:
             return self.shapes[place_of(z, self.positions)].copy()
         first, last = self.positions[0], self.positions[-1]
         if not first - SAME_PLACE <= z <= last + SAME_PLACE:
             raise RigError(f"position {z:g} m is off the shaft, which reaches from {first:g} to {last:g} m")
-        k = int(np.clip(np.searchsorted(self.positions, z) - 1, 0, len(self.positions) - 2))
-        length = self.positions[k + 1] - self.positions[k]
-        x = (z - self.positions[k]) / length
-        at_left = (1.0 + 2.0 * x) * (1.0 - x) ** 2 * self.shapes[k] + length * x * (1.0 - x) ** 2 * self.slopes[k]
-        right = x**2 * (3.0 - 2.0 * x) * self.shapes[k + 1] - length * x**2 * (1.0 - x) * self.slopes[k + 1]
-        return at_left + right
+        return self._spline(z)
+
+    @cached_property
+    def _spline(self) -> CubicSpline:
+        return CubicSpline(self.positions, self.shapes)
 
 
 def with_more_modes(
@@ -143,7 +144,7 @@ def _reduced(
             model = assemble(rotor, nodes_at) if isinstance(rotor, FiniteElementRotor) else matrix_model(rotor)
             reduced = reduce(model, rotor.flexible_modes, rotor.modal_damping, rotor.bending_frequencies_hz)
             if isinstance(rotor, MatrixRotor):
-                reduced = replace(reduced, slopes=None)  # its own elements are not known
+                reduced = replace(reduced, between=False)  # how close its nodes lie is not ours to say
         case ModalRotor():
             reduced = _given_modes(rotor)
         case PointMassRotor():
@@ -203,7 +204,7 @@ def reduce(
         T_L=T_R.T @ model.M,
         positions=model.z,
         shapes=shapes[::2],
-        slopes=shapes[1::2],
+        between=True,
     )
 
 

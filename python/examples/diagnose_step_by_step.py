@@ -1,0 +1,35 @@
+"""Find the physics that a model lacks, and add it: first by hand, in small steps, then in one call."""
+
+import ambid
+from ambid.demo import DATA
+
+rig = ambid.Rig.load(DATA / "rig.toml")
+train = ambid.Record.load(DATA / "hidden_train.mat", rig)
+validate = ambid.Record.load(DATA / "hidden_validate.mat", rig)  # at half the amplitude; no fit sees it
+
+# The fit looks well, and the misfit says that it is not.
+estimate = ambid.identify(rig, train)
+comparison = ambid.compare(estimate.model, train)
+fit, misfit = estimate.fit_percent["average"], comparison.records[0].misfit
+print(f"fit {fit:.1f} %, but the residual has {misfit:.0f} times the power of noise")
+
+# Where does it fail? In frequency and channel, and in which manner.
+where = ambid.localise(estimate.model, ambid.Noise(estimate.model, [train]))
+print(where.sentence())
+
+# Which effect does the residual ask for? Nothing is refitted for this.
+ranking = ambid.rank(comparison)
+best = ranking.candidates[0]
+print(f"ranked first: {best.effect.name}, which would take the misfit to {best.predicted_misfit:.2f}")
+print(f"hard to tell from it: {', '.join(best.confusable_with) or 'nothing'}")
+
+# Add it at the predicted value, fit everything again, and look at a record that was not used.
+better = ambid.identify(estimate.model.add(best.effect, best.start), train)
+for name in ("tau_e", "loop_delay.delay"):
+    p = better.parameters[name]
+    print(f"{name}: {p.value:.4g} {p.unit}, was {estimate.parameters[name].value if name == 'tau_e' else 0.0:.4g}")
+print(f"misfit of the other record: {ambid.compare(better.model, validate).records[0].misfit:.2f}")
+
+# The same in one call, with rivals refitted and a verdict; `write_report` makes a page of it.
+found = ambid.diagnose(rig, train, validate=[validate])
+print(found.verdict, *found.effects)

@@ -1,0 +1,90 @@
+"""Results as tables: in notebooks and for pandas."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import ambid
+from ambid import tables
+from ambid.diagnosis import Diagnosis, Step
+from ambid.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def comparison(demo_estimate, demo_record):
+    return ambid.compare(demo_estimate.model, demo_record)
+
+
+@pytest.fixture(scope="module")
+def ranking(comparison):
+    return ambid.rank(comparison, [ambid.effects.find(name) for name in ("loop_delay", "sensor_lag")])
+
+
+@pytest.fixture(scope="module")
+def diagnosis(demo_estimate, demo_record, ranking):
+    step = Step((), {"average": 95.0}, None, 0.99, None, None, ranking, {})
+    return Diagnosis(
+        verdict="adequate",
+        effects=(),
+        ambiguous_sets=[],
+        history=[step],
+        localisation=None,
+        model=demo_estimate.model,
+        records=(demo_record,),
+        validation=(),
+        next_experiment="nothing",
+        seconds=0.0,
+        notes=("a <note>",),
+    )
+
+
+@pytest.fixture(params=["demo_estimate", "comparison", "ranking", "diagnosis"])
+def result(request):
+    return request.getfixturevalue(request.param)
+
+
+def test_it_converts_to_pandas(result):
+    pandas = pytest.importorskip("pandas")
+    frame = result.to_pandas()
+    assert isinstance(frame, pandas.DataFrame)
+    assert list(frame.columns) == list(result.table())
+    assert len(frame) > 0
+
+
+def test_it_shows_itself_in_a_notebook(result):
+    html = result._repr_html_()
+    assert html.count("<th>") == len(result.table())
+    assert html.count("<tr>") == 1 + len(next(iter(result.table().values())))
+
+
+def test_columns_hold_the_numbers(demo_estimate, comparison, ranking, diagnosis):
+    tau_e = demo_estimate.table()
+    assert tau_e["parameter"][-1] == "tau_e"
+    assert (tau_e["ci95_low"][-1], tau_e["ci95_high"][-1]) == demo_estimate.parameters["tau_e"].ci95
+    assert comparison.table()["channel"] == [c.channel for c in comparison.records[0].channels]
+    assert np.isfinite(comparison.table()["misfit"]).all()
+    assert ranking.table()["effect"] == [c.effect.name for c in ranking.candidates]
+    assert diagnosis.table()["misfit"] == [0.99]
+    assert diagnosis.table()["validation_misfit"] == [None]
+
+
+def test_what_is_shown_is_escaped_and_notes_are_told(diagnosis):
+    html = diagnosis._repr_html_()
+    assert "a &lt;note&gt;" in html
+    assert "verdict: adequate" in html
+
+
+def test_a_parameter_that_is_not_determined_has_an_empty_cell(demo_estimate):
+    lost = ambid.ParameterEstimate(None, None, None, "N/A")
+    estimate = SimpleNamespace(parameters={"K_i.A_eta": lost})
+    assert ambid.Estimate.table(estimate)["ci95_low"] == [None]
+
+
+def test_pandas_is_optional(monkeypatch, ranking):
+    def missing(name):
+        raise ImportError(name)
+
+    monkeypatch.setattr(tables, "importlib", SimpleNamespace(import_module=missing))
+    with pytest.raises(InputError, match="to_pandas needs the package pandas: pip install pandas"):
+        ranking.to_pandas()
