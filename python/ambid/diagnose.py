@@ -191,7 +191,7 @@ class _Search:
             if self.fit.cost > self.at_noise and fall < HOPELESS_SHARE * (self.fit.cost - self.dof):
                 self.hopeless = better
                 return
-            self.fit = better
+            self._take(better, fall)
             self.sets[candidate.effect.name] = _alternatives(order)
             self._note(self._rank(), candidate)
             self._prune()
@@ -206,8 +206,18 @@ class _Search:
             order = self._refits(ranking.candidates)
             if not order:
                 raise ModelError(f"{effect.name}: no stable loop with it was found; leave it out")
-            candidate, self.fit = order[0]
+            candidate, better = order[0]
+            self._take(better, self.fit.cost - better.cost)
             self._note(self._rank(), candidate)
+
+    def _take(self, better: _Fit, fall: float) -> None:
+        """Go on from a better model; what a model that is far off leaves between the excited lines is no noise."""
+        self.fit = better
+        if fall > self.dof:
+            self.noise = Noise(better.model, self.noise.records)
+            self.fit = _refit(better.model, self.noise)
+            residual = self.noise.residual(self.base.model)
+            self.base = _Fit(self.base.model, float(residual @ residual))
 
     def _rank(self) -> Ranking:
         return rank(compare(self.fit.model, self.noise.records), self.catalogue, noise=self.noise)
