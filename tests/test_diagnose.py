@@ -1,5 +1,7 @@
 """The diagnosis on data of an independent simulation: what is hidden is named and added, and the misfit falls."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -115,6 +117,7 @@ def test_an_effect_of_ones_own_is_ranked_first_and_takes_the_error_to_the_ceilin
 
 def test_json_is_as_the_contract_says(rig, i_e):
     found = diagnose(rig, record(rig, i_e, {"loop_delay": {"seconds": 5e-5}}, 6)).to_json()
+    json.dumps(found, allow_nan=False)
     assert {"verdict", "effects", "ambiguous_sets", "history", "where", "parameters", "next_experiment"} <= set(found)
     step = found["history"][0]
     keys = {"effects", "fit_percent", "validation_fit_percent", "misfit", "validation_misfit", "candidates"}

@@ -11,7 +11,7 @@ modification index of structural-equation software). Values that physics forbids
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -282,10 +282,6 @@ def _score(model: Model, effect: Effect, residual: FloatArray, change: FloatArra
     fall, degrees = max(0.0, float(called_for @ called_for - left @ left)), max(1, int(degrees))
     direction = change @ amplitudes
     norm = float(np.linalg.norm(direction))
-    visible = np.sqrt(chi2.isf(VISIBLE, 1)) / np.where(size > 0.0, size, np.nan)
-    names = [max(probe, key=lambda name: abs(probe[name])) for probe in effect.probes(model.rig)]
-    alone = all(sum(value != 0.0 for value in probe.values()) == 1 for probe in effect.probes(model.rig))
-    probes = [probe[name] for probe, name in zip(effect.probes(model.rig), names, strict=True)]
     return Candidate(
         effect=effect,
         score=fall,
@@ -293,6 +289,19 @@ def _score(model: Model, effect: Effect, residual: FloatArray, change: FloatArra
         chance=log_chance(fall, degrees),
         start=effect.start(model.rig, amplitudes),
         predicted_misfit=(cost - fall) / (dof - degrees),
-        smallest_visible=dict(zip(names, (visible * np.abs(probes)).tolist(), strict=True)) if alone else {},
+        smallest_visible=_smallest_visible(effect.probes(model.rig), size),
         direction=direction / norm if norm > 0.0 else direction,
     )
+
+
+def _smallest_visible(probes: Sequence[Mapping[str, float]], sizes: FloatArray) -> dict[str, float]:
+    """Value of each parameter at which its score would just count, where each probe moves one parameter alone."""
+    least = np.sqrt(chi2.isf(VISIBLE, 1))
+    found = {}
+    for probe, size in zip(probes, sizes.tolist(), strict=True):
+        moved = [name for name, value in probe.items() if value != 0.0]
+        if len(moved) > 1:
+            return {}
+        if size > 0.0:
+            found[moved[0]] = float(least / size * abs(probe[moved[0]]))
+    return found
