@@ -126,6 +126,16 @@ def test_periodic_disturbance_is_the_physics_that_it_says(rig, i_e, port):
     assert np.hypot(*found) == pytest.approx(0.1, rel=0.01)
 
 
+def test_a_disturbance_where_there_is_nothing_is_refused(rig):
+    base = at_truth(rig)
+    named, counted = (base.add(PeriodicDisturbance(50.0, "current", axis)).loop.lft for axis in ("B_zeta", 2))
+    np.testing.assert_array_equal(named.B, counted.B)
+    with pytest.raises(ModelError, match=r"axis = 'B_zeat'; expected all, each, or A_zeta"):
+        _ = base.add(PeriodicDisturbance(50.0, "current", "B_zeat")).loop
+    with pytest.raises(ModelError, match=r"port = 'volts'; expected current or force"):
+        _ = base.add(PeriodicDisturbance(50.0, "volts")).loop
+
+
 def disturbed(base: ambid.Model, effect: Effect, truth: ambid.Record) -> np.ndarray:
     """Amplitudes of a disturbance by least squares of y after the first period; the rest of it must be nothing."""
     own = [p.name for p in effect.parameters(base.rig)]

@@ -10,6 +10,7 @@ import numpy as np
 
 from ambid.effects.base import Effect, EffectParameter, Seen
 from ambid.effects.support import likely_places
+from ambid.errors import ModelError
 from ambid.loop.assembly import FloatArray
 from ambid.loop.plant import Plant
 from ambid.rig import PointMassRotor, Rig
@@ -17,6 +18,8 @@ from ambid.rig import PointMassRotor, Rig
 if TYPE_CHECKING:
     from ambid.record import Record
 
+SIGNALS = {"current": "i_ref", "force": "f"}
+"""Ports that a periodic disturbance may act on, and their signals."""
 NEAR_SPEED = 0.02
 """Part by which a tone may lie off the speed of the rig file and still be called synchronous."""
 
@@ -126,13 +129,25 @@ class PeriodicDisturbance(Effect):
     def attach(self, plant: Plant) -> None:
         """Added to the command of the amplifiers, or to the force of the magnets."""
         inputs = [plant.input("disturbance.cos"), plant.input("disturbance.sin")]
-        signal = "i_ref" if self.port == "current" else "f"
+        if self.port not in SIGNALS:
+            raise ModelError(f"periodic_disturbance: port = {self.port!r}; expected {' or '.join(SIGNALS)}")
+        signal = SIGNALS[self.port]
         names = [p.name for p in self.parameters(plant.rig)]
-        hit = [plant.axes[self.axis]] if isinstance(self.axis, int) else list(plant.axes)
+        hit = self._hit(plant.axes)
         for k, axis in enumerate(hit):
             own = names[2 * k : 2 * k + 2] if self.axis == "each" else names
             for name, wave in zip(own, inputs, strict=True):
                 plant.inject(f"{signal}.{axis}", plant.port(self.slot(name), wave))
+
+    def _hit(self, axes: Sequence[str]) -> Sequence[str]:
+        """Axes that it acts on."""
+        if self.axis in ("all", "each"):
+            return axes
+        if self.axis in axes:
+            return [str(self.axis)]
+        if isinstance(self.axis, int) and 0 <= self.axis < len(axes):
+            return [axes[self.axis]]
+        raise ModelError(f"periodic_disturbance: axis = {self.axis!r}; expected all, each, or {', '.join(axes)}")
 
 
 def _turning(frequency: float, sample_rate: float, samples: int, record: Record | None, reference: int) -> FloatArray:
