@@ -63,7 +63,7 @@ def coloured(periods, seed, channels=3):
 
 @pytest.mark.parametrize("periods", [2, 3, 8])
 def test_coloured_noise_of_mixed_channels_has_a_misfit_of_one(periods):
-    window = Window(1000, periods)
+    window = Window.after_first(1000, periods)
     misfits = []
     for seed in range(30):
         noise = coloured(periods, seed)
@@ -74,7 +74,7 @@ def test_coloured_noise_of_mixed_channels_has_a_misfit_of_one(periods):
 
 
 def test_whitening_does_not_depend_on_units_or_mixing():
-    window, noise = Window(1000, 4), coloured(4, 1)
+    window, noise = Window.after_first(1000, 4), coloured(4, 1)
     mixed = noise @ np.array([[1.0, 0.3, 0.0], [0.0, 1e-6, 0.0], [0.5, 0.0, 1e3]])
     own, other = (np.sum(Whitener.from_residual(r, window).whiten(r) ** 2) for r in (noise, mixed))
     assert_allclose(own, other, rtol=1e-4)
@@ -82,14 +82,14 @@ def test_whitening_does_not_depend_on_units_or_mixing():
 
 def test_a_repeated_residual_adds_its_own_power():
     """A line of amplitude a has a^2 n / 2 / S more than noise on both of its numbers together."""
-    window, noise = Window(1000, 4), np.random.default_rng(2).standard_normal((5000, 1))
+    window, noise = Window.after_first(1000, 4), np.random.default_rng(2).standard_normal((5000, 1))
     line = 0.5 * np.cos(2.0 * np.pi * 50 * np.arange(5000) / 1000)[:, None]
     before, after = (channel_misfit(r, window)[0] * 2 * 499 for r in (noise, noise + line))
     assert_allclose(after - before, 0.5**2 * 4000 / 2.0, rtol=0.25)
 
 
 def test_the_window_leaves_out_the_transient_and_an_unfinished_period():
-    window = Window(100, 3)
+    window = Window.after_first(100, 3)
     signal = np.random.default_rng(3).standard_normal(450)
     lines = window.lines(signal)
     assert_allclose(lines, np.fft.rfft(signal[100:400]) / np.sqrt(300))

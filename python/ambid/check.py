@@ -216,8 +216,11 @@ def _periods(record: Record) -> list[Finding]:
         return [
             Finding("warning", record.name, "3 periods: the noise is known from 2 of them only, and no tones", todo)
         ]
-    count = f"{record.periods} periods" if record.period else "no period found"
-    what = f"{count} of the excitation: no misfit in units of the noise, and no diagnosis"
+    if record.period is None:
+        what = "no period of the excitation found: the noise is what no smooth response to i_e explains, and neither "
+        what += "tones nor drift are looked for"
+        return [Finding("warning", record.name, what, todo)]
+    what = f"{record.periods} periods of the excitation: no misfit in units of the noise, and no diagnosis"
     return [Finding("warning", record.name, what, todo, stops_diagnosis=True)]
 
 
@@ -250,7 +253,10 @@ def _controller(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding
     for slip in dict.fromkeys(slip for slip in slips if slip is not None):
         axes = ", ".join(axis for axis, own in zip(record.axes, slips, strict=True) if own == slip)
         found.append(_slipped(f"{record.name}: {slip[0]} on {axes}", *slip, "the controller's equation"))
-    return found + _gains(record, fit, moving & [slip is None for slip in slips])
+    judged = moving & [slip is None for slip in slips]
+    # a factor on all of i_c is R of a voltage-driven coil, which is fitted
+    known = np.ones_like(fit.scale) if loop.rig.amplifier.resistance is None else fit.scale[:, :1]
+    return found + _gains(record, fit, fit.scale / known, judged)
 
 
 def _slip(scale: FloatArray, error: FloatArray) -> tuple[str, float] | None:
@@ -281,9 +287,9 @@ def _slipped(where: str, signal: str, factor: float, by: str) -> Finding:
     return _fault(where, f"{size} for {by}" + (f": it looks like {unit}" if unit else ""), "give SI units, A and m")
 
 
-def _gains(record: Record, fit: ControllerFit, judged: NDArray[np.bool_]) -> list[Finding]:
-    """The gains by which i_c follows are those of the rig."""
-    off = np.abs(fit.scale - 1.0)
+def _gains(record: Record, fit: ControllerFit, scale: FloatArray, judged: NDArray[np.bool_]) -> list[Finding]:
+    """The gains by which i_c follows, `scale` times those of the rig, are those of the rig."""
+    off = np.abs(scale - 1.0)
     matters = judged[:, None] & (off * fit.share > LEAST_SHARE)
     excess = np.where(matters, off - 5.0 * fit.std_error, 0.0)
     doubtful = np.flatnonzero(excess.max(axis=0) > DOUBTFUL_GAIN)
@@ -291,7 +297,7 @@ def _gains(record: Record, fit: ControllerFit, judged: NDArray[np.bool_]) -> lis
         return []
     factors = []
     for k in doubtful:
-        own = fit.scale[judged, k]
+        own = scale[judged, k]
         over = f" ({own.min():.3g} to {own.max():.3g} over the axes)" if np.ptp(own) > 0.02 else ""
         factors.append(f"{fit.parts[k]} x {np.median(own):.3g}{over}")
     what = f"the recorded i_c follows from i_e and y with {', '.join(factors)} of what rig and record say"

@@ -62,24 +62,25 @@ class Lines:
     @classmethod
     def of(cls, record: Record) -> Lines:
         """Lines of a record with i_e; the strongest of the excitation where there are many."""
-        periodic = record.period is not None and record.periods >= 2
-        window = Window((record.period if periodic else None) or record.samples, max(record.periods - 1, 1))
+        window, length = None, record.samples
+        if record.period is not None and record.periods >= 2:
+            window, length = Window.after_first(record.period, record.periods - 1), record.period
 
         def spectrum(signal: FloatArray) -> ComplexArray:
-            if periodic:
+            if window is not None:
                 return window.lines(signal)[window.excited]
             return np.fft.rfft((signal - signal.mean(axis=0)) * np.hanning(len(signal))[:, None], axis=0)[1:]
 
         i_e = spectrum(np.asarray(record.i_e))
         index = np.arange(1, len(i_e) + 1)
-        frequency = index * record.sample_rate / window.period
+        frequency = index * record.sample_rate / length
         power = np.linalg.norm(i_e, axis=1)
         # without periods the lowest lines hold what drifts
-        usable = (index >= (1 if periodic else 5)) & (frequency < HIGHEST_FREQUENCY * record.sample_rate)
+        usable = (index >= (5 if window is None else 1)) & (frequency < HIGHEST_FREQUENCY * record.sample_rate)
         kept = np.flatnonzero(usable & (power > 1e-3 * power.max()))
         kept = np.sort(kept[np.argsort(power[kept])[-MOST_LINES:]])
         i_c = None if record.i_c is None else spectrum(record.i_c)[kept]
-        return cls(frequency[kept], i_e[kept], spectrum(record.y)[kept], i_c, index[kept], window.period)
+        return cls(frequency[kept], i_e[kept], spectrum(record.y)[kept], i_c, index[kept], length)
 
 
 class NominalLoop:
@@ -123,8 +124,10 @@ class NominalLoop:
         return self._displacement(frequency_hz, 1.0) / self.amplifier(frequency_hz)[:, None, None]
 
     def amplifier(self, frequency_hz: FloatArray) -> ComplexArray:
-        """A, the known first-order lag, shape (lines,)."""
-        return np.asarray(1.0 / (1.0 + 2j * np.pi * frequency_hz * self.rig.amplifier.time_constant), np.complex128)
+        """A, the known first-order lag, of a voltage-driven coil over its nominal resistance, shape (lines,)."""
+        amplifier = self.rig.amplifier
+        lag = 1.0 + 2j * np.pi * frequency_hz * amplifier.time_constant
+        return np.asarray(1.0 / (lag * (amplifier.resistance or 1.0)), np.complex128)
 
     def controller(self, frequency_hz: FloatArray, controller: Controller | None = None) -> ComplexArray:
         """d K, from y to the current that the amplifier is asked for [A/m], shape (lines, axes, axes).
@@ -158,13 +161,11 @@ class NominalLoop:
         return frequency_response(self._plant(gain_factor), 2j * np.pi * frequency_hz)
 
     def _plant(self, gain_factor: float) -> StateSpace:
-        """A, B, C, D from i_ref to y, with the nominal values in Delta; no port of the base plant feeds another."""
-        lft, n = plant(self.rig, self.rotor), self.axes
-        value = {slot: p.value for p in Model(self.rig).parameters for slot in p.slots}
-        delta = np.array([port.scale * value[port.slot] ** port.power for port in lft.ports])
-        delta *= [gain_factor if port.slot.startswith("K_i.") else 1.0 for port in lft.ports]
-        fed, seen = lft.B[:, n:] * delta, slice(len(lft.outputs), None)
-        return lft.A + fed @ lft.C[seen], lft.B[:, :n] + fed @ lft.D[seen, :n], lft.C[:n], lft.D[:n, :n]
+        """A, B, C, D from i_ref to y, with the nominal values in Delta."""
+        values = {slot: p.value for p in Model(self.rig).parameters for slot in p.slots}
+        values |= {slot: gain_factor * value for slot, value in values.items() if slot.startswith("K_i.")}
+        a, b, c, d = plant(self.rig, self.rotor).closed(values)
+        return a, b, c[: self.axes], d[: self.axes]
 
     def _delay(self, frequency_hz: FloatArray) -> ComplexArray:
         own = self.rig.controller

@@ -163,10 +163,10 @@ def _one(model: Model, record: Record) -> RecordComparison:
     residual -= residual.mean(axis=0)
     deviation = measured.std(axis=0)
     single, joint, share = np.full(len(channels), np.nan), np.nan, np.nan
-    if record.period is not None and record.periods >= 3:
-        window = Window(record.period, record.periods - 1)
-        single = channel_misfit(residual, window)
-        white = Whitener.from_residual(residual, window).whiten(residual)
+    if record.period is None or record.periods >= 3:
+        window, excitation = Window.of(record, model.settling), model.excitation(record)[:, : len(record.axes)]
+        single = channel_misfit(residual, window, excitation)
+        white = Whitener.from_residual(residual, window, excitation).whiten(residual)
         joint = float(np.sum(white**2) / white.size)
         share = max(0.0, 1.0 - 1.0 / joint)
     rows = tuple(

@@ -109,7 +109,7 @@ def diagnose(
     begun = time.perf_counter()
     records = (records,) if isinstance(records, Record) else tuple(records)
     start = model if isinstance(model, Model) else Model(model)
-    findings = check(start.rig, (*records, *validate)).findings
+    findings = check(start.to_rig(), (*records, *validate)).findings
     stops = [f"{finding.where}: {finding.what}; {finding.todo}" for finding in findings if finding.stops_diagnosis]
     if stops:
         return Diagnosis.uninformative(start, records, stops, begun)
@@ -122,7 +122,7 @@ def diagnose(
     fit = _refit(estimate.model, noise)
     noise = Noise(fit.model, records)
     fit = _refit(fit.model, noise)
-    search = _Search(fit, Model(estimate.model.rig), noise, validate, catalogue, tolerance, say)
+    search = _Search(fit, start, noise, validate, catalogue, tolerance, say)
     if effects is None:
         search.automatic(ask)
     else:
@@ -199,7 +199,8 @@ class _Search:
     def as_told(self, chosen: Sequence[Effect]) -> None:
         """Add a person's own choice, in this order."""
         for effect in chosen:
-            ranking = rank(compare(self.fit.model, self.noise.records), [effect], noise=self.noise)
+            start = _with_effects_of(self.nominal, self.fit.model)
+            ranking = rank(compare(self.fit.model, self.noise.records), [effect], noise=self.noise, start=start)
             if not ranking.candidates:
                 why = ranking.skipped.get(effect.name, effect.physics)
                 raise ModelError(f"{effect.name} cannot be added to this model ({why})")
@@ -220,7 +221,8 @@ class _Search:
             self.base = _Fit(self.base.model, float(residual @ residual))
 
     def _rank(self) -> Ranking:
-        return rank(compare(self.fit.model, self.noise.records), self.catalogue, noise=self.noise)
+        start = _with_effects_of(self.nominal, self.fit.model)
+        return rank(compare(self.fit.model, self.noise.records), self.catalogue, noise=self.noise, start=start)
 
     def _worth_refitting(self, ranking: Ranking) -> list[Candidate]:
         """The significant candidates whose score is at least half of the best, since scores can err by that much.
@@ -251,7 +253,7 @@ class _Search:
             if best < self.at_noise and self.fit.cost - 2.0 * candidate.score > best + EQUALLY_GOOD:
                 continue  # even twice the predicted fall would not do
             starts = [(self.fit.model, candidate.start)]
-            if self.fit.cost > 20.0 * self.dof:
+            if candidate.from_start or self.fit.cost > 20.0 * self.dof or self._is_driven_off():
                 starts.append((_with_effects_of(self.nominal, self.fit.model), candidate.start))
             starts.append((self.fit.model, {}))  # typical small values, where the predicted ones make no stable loop
             ends: list[_Fit] = []
@@ -265,6 +267,12 @@ class _Search:
             if ends:
                 found.append((candidate, min(ends, key=lambda end: end.cost)))
         return sorted(found, key=lambda pair: pair[1].criterion)
+
+    def _is_driven_off(self) -> bool:
+        """Whether a parameter of the base model has left its start by more than a factor of two."""
+        now = {p.name: p.value for p in self.fit.model.parameters}
+        start = {p.name: p.value for p in self.nominal.parameters if p.name in now and p.value > 0.0}
+        return any(not 0.5 < now[name] / value < 2.0 for name, value in start.items())
 
     def _prune(self) -> None:
         """Take out effects that a later one has made needless."""

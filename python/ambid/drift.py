@@ -60,6 +60,8 @@ def largest_change(model: Model, noise: Noise) -> Change | None:
     best: Change | None = None
     for record, whitener, tones in zip(noise.records, noise.whiteners, noise.tones, strict=True):
         window, p = whitener.window, len(recorded_channels(record))
+        if not window.is_periodic:
+            continue  # every line is excited
         y, slopes = model.loop.sensitivity(model.theta, model.excitation(record), free)
         residual = without_tones(measured_outputs(record)[:, :p] - y[:, :p], tones, window, record.sample_rate)
         count = len(window.excited)

@@ -160,9 +160,11 @@ def localise(model: Model, noise: Noise) -> Localisation:
         channels = tuple(recorded_channels(record))
         simulated = model.loop.simulate(model.theta, model.excitation(record))[:, : len(channels)]
         residual = measured_outputs(record)[:, : len(channels)] - simulated
-        own = _map(record, channels, channel_lines(residual, whitener.window), whitener.window)
+        window, excitation = whitener.window, model.excitation(record)[:, : len(record.axes)]
+        own = _map(record, channels, channel_lines(residual, window, excitation), window)
         maps.append(own)
-        growth.append(_growth(record, residual, whitener.window.period))
+        if window.is_periodic:
+            growth.append(_growth(record, residual, window.period))
         for b, band in enumerate(zip(own.edges_hz[:-1], own.edges_hz[1:], strict=True)):
             for channel, misfit in zip(channels, own.misfit[b], strict=True):
                 if np.isfinite(misfit):

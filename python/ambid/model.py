@@ -22,7 +22,7 @@ from ambid.rig import Rig
 __all__ = ["Model", "Parameter"]
 
 FORMAT = "ambid model 1"
-UNITS = {"K_i": "N/A", "K_s": "N/m", "tau_e": "s"}
+UNITS = {"K_i": "N/A", "K_s": "N/m", "R": "ohm", "tau_e": "s"}
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,8 @@ class Model:
     ----------
     rig : Rig
     parameters : sequence of Parameter, optional
-        Default: K_i and K_s of every axis at the rig's nominal values and one tau_e shared by all axes, and those of
-        the effects.
+        Default: K_i and K_s of every axis at the rig's nominal values, R of voltage-driven coils, one tau_e shared by
+        all axes unless the actuator has no lag, and those of the effects.
     effects : sequence of Effect
         Physics beyond the base model.
     substeps : int, optional
@@ -318,6 +318,35 @@ class Model:
         """Poles of the closed loop [1/s], slowest first; a digital loop's are ln(mu) fs of its poles mu."""
         return self.loop.poles(self.theta)
 
+    def to_rig(self) -> Rig:
+        """Return the rig with the model's K_i, K_s, R and tau_e as its nominal values; of R and tau_e their means."""
+        at = {slot: p.value for p in self.parameters for slot in p.slots}
+
+        def mean(kind: str) -> float | None:
+            own = [at[f"{kind}.{axis}"] for axis in self.rig.axes if f"{kind}.{axis}" in at]
+            return float(np.mean(own)) if own else None
+
+        bearings = [
+            bearing.model_copy(
+                update={
+                    "force_current": tuple(at[f"K_i.{axis}"] for axis in bearing.axis_names),
+                    "force_displacement": tuple(at[f"K_s.{axis}"] for axis in bearing.axis_names),
+                }
+            )
+            for bearing in self.rig.bearings
+        ]
+        return self.rig.replace(
+            bearings=tuple(bearings),
+            amplifier=self.rig.amplifier.model_copy(update={"resistance": mean("R")}),
+            actuator=self.rig.actuator.model_copy(update={"time_constant": mean("tau_e")}),
+        )
+
+    @property
+    def settling(self) -> int:
+        """Samples after which a hundredth of a transient is left."""
+        slowest = float(self.poles().real.max())
+        return int(np.ceil(np.log(100.0) / max(-slowest, 1e-9) * self.rig.sample_rate))
+
     @property
     def is_stable(self) -> bool:
         """Whether every pole decays."""
@@ -435,15 +464,19 @@ def _of_effect(rig: Rig, effect: Effect, values: Mapping[str, float]) -> list[Pa
 
 
 def _nominal(rig: Rig) -> list[Parameter]:
-    """K_i and K_s of every axis as the rig gives them, and one tau_e."""
+    """K_i and K_s of every axis as the rig gives them, R of voltage-driven coils, and one tau_e."""
     of_axes = {
         "K_i": [value for bearing in rig.bearings for value in bearing.force_current],
         "K_s": [value for bearing in rig.bearings for value in bearing.force_displacement],
     }
+    if rig.amplifier.resistance is not None:
+        of_axes["R"] = [rig.amplifier.resistance] * len(rig.axes)
     parameters = [
         Parameter(f"{kind}.{axis}", value, UNITS[kind], (f"{kind}.{axis}",))
         for kind, values in of_axes.items()
         for axis, value in zip(rig.axes, values, strict=True)
     ]
-    slots = tuple(f"tau_e.{axis}" for axis in rig.axes)
-    return [*parameters, Parameter("tau_e", rig.actuator.time_constant, UNITS["tau_e"], slots)]
+    if rig.actuator.time_constant is not None:
+        slots = tuple(f"tau_e.{axis}" for axis in rig.axes)
+        parameters.append(Parameter("tau_e", rig.actuator.time_constant, UNITS["tau_e"], slots))
+    return parameters

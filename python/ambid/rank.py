@@ -63,6 +63,8 @@ class Candidate:
         Value of each probed parameter that these data would just show; what is smaller stays invisible.
     direction : ndarray, shape (lines,), or None
         Whitened response change, freed from what the known parameters absorb, of unit norm.
+    from_start : bool
+        Whether it was judged at the values that the diagnosis started from, no stable loop with it being near the fit.
     """
 
     effect: Effect
@@ -74,6 +76,7 @@ class Candidate:
     confusable_with: tuple[str, ...] = ()
     smallest_visible: dict[str, float] = field(default_factory=dict)
     direction: FloatArray | None = field(default=None, repr=False, compare=False)
+    from_start: bool = False
 
     def evidence_against(self, other: Candidate) -> float:
         """Fall of J by this effect that the other one could not bring: ``S (1 - rho^2)``."""
@@ -154,7 +157,13 @@ class Ranking(Tabular):
         return "\n".join(lines)
 
 
-def rank(comparison: Comparison, catalogue: Sequence[Effect] = CATALOGUE, *, noise: Noise | None = None) -> Ranking:
+def rank(
+    comparison: Comparison,
+    catalogue: Sequence[Effect] = CATALOGUE,
+    *,
+    noise: Noise | None = None,
+    start: Model | None = None,
+) -> Ranking:
     """Score every effect of a catalogue that the model does not have yet.
 
     Parameters
@@ -165,48 +174,43 @@ def rank(comparison: Comparison, catalogue: Sequence[Effect] = CATALOGUE, *, noi
         Effects of your own may be among them.
     noise : Noise, optional
         Default: from the model's own residual.
+    start : Model, optional
+        The same model at other values, where effects are judged that make no stable loop near the fit.
 
     Returns
     -------
     Ranking
     """
     model = comparison.model
-    records = [r.record for r in comparison.records]
-    noise = Noise(model, records) if noise is None else noise
-    free = list(range(len(model.names)))
-    residual, known = noise.jacobian(model, free)
-    basis, _ = np.linalg.qr(known / np.linalg.norm(known, axis=0))
-    residual = residual - basis @ (basis.T @ residual)
-    cost, dof = float(residual @ residual), noise.lines - len(free)
+    noise = Noise(model, [r.record for r in comparison.records]) if noise is None else noise
+    here = _Point(model, noise)
+    elsewhere: _Point | None = None
     seen = see(model, noise)
-    bases = _Bases(model, noise)
 
-    candidates, directions, skipped = [], [], {}
+    candidates, skipped = [], {}
     present = {effect.name for effect in model.effects}
     for effect in catalogue:
         if effect.name in present or not effect.parameters(model.rig):
             continue
-        scored = []
-        for variant in effect.variants(seen):
-            try:
-                change = bases.responses(variant)
-            except (UnstableLoopError, ModelError) as error:
-                skipped[effect.name] = str(error)
-                continue
-            change = change - basis @ (basis.T @ change)
-            scored.append(_score(model, variant, residual, change, cost, dof))
+        variants = effect.variants(seen)
+        scored, why = _scored(here, variants, here.cost)
+        if variants and not scored and start is not None and start.is_stable:
+            elsewhere = elsewhere or _Point(start, noise)
+            found, _ = _scored(elsewhere, variants, here.cost)
+            scored = [replace(candidate, from_start=True) for candidate in found]
         if scored:
-            skipped.pop(effect.name, None)
-            candidate = min(scored, key=lambda candidate: candidate.chance)
-            candidates.append(replace(candidate, chance=min(0.0, candidate.chance + np.log(len(scored)))))
-            directions.append(candidate.direction)
-    order = sorted(range(len(candidates)), key=lambda k: candidates[k].chance)
-    cosines = np.abs(np.array(directions) @ np.array(directions).T) if directions else np.zeros((0, 0))
+            best = min(scored, key=lambda candidate: candidate.chance)
+            candidates.append(replace(best, chance=min(0.0, best.chance + np.log(len(scored)))))
+        elif why:
+            skipped[effect.name] = why
+    candidates.sort(key=lambda candidate: candidate.chance)
+    directions = np.array([candidate.direction for candidate in candidates])
+    cosines = np.abs(directions @ directions.T) if candidates else np.zeros((0, 0))
     ranked = []
-    for k in order:
-        near = [candidates[j].effect.name for j in order if j != k and cosines[k, j] > CONFUSABLE]
-        ranked.append(replace(candidates[k], confusable_with=tuple(near)))
-    return Ranking(tuple(ranked), cost / dof, skipped)
+    for k, candidate in enumerate(candidates):
+        near = [c.effect.name for j, c in enumerate(candidates) if j != k and cosines[k, j] > CONFUSABLE]
+        ranked.append(replace(candidate, confusable_with=tuple(near)))
+    return Ranking(tuple(ranked), here.cost / here.dof, skipped)
 
 
 def log_chance(fall: float, degrees: int) -> float:
@@ -233,8 +237,8 @@ def see(model: Model, noise: Noise) -> Seen:
     return Seen(model.rig, peaks, tuple(tones.values()), held)
 
 
-class _Bases:
-    """Responses before an effect is added.
+class _Point:
+    """A model at which effects are judged, with its residual freed from what its parameters absorb.
 
     The change that a linear effect makes to a nonlinear loop is taken from the loop without its nonlinear effects: it
     ranks as well, a hundred times as fast, and the refit is exact.
@@ -242,6 +246,11 @@ class _Bases:
 
     def __init__(self, model: Model, noise: Noise) -> None:
         self.noise = noise
+        residual, known = noise.jacobian(model, list(range(len(model.names))))
+        self.basis, _ = np.linalg.qr(known / np.linalg.norm(known, axis=0))
+        self.residual = self.freed(residual)
+        self.cost = float(self.residual @ self.residual)
+        self.dof = noise.lines - len(model.names)
         self.exact, self.linear = model if model.is_linear else model.with_substeps(SUBSTEPS), model
         for effect in model.effects:
             if not model.is_linear and not Model(model.rig, effects=[effect]).is_linear:
@@ -249,6 +258,10 @@ class _Bases:
         if not self.linear.is_stable:
             self.linear = self.exact
         self._before: dict[int, FloatArray] = {}
+
+    def freed(self, signal: FloatArray) -> FloatArray:
+        """What the known parameters cannot absorb of a whitened signal."""
+        return signal - self.basis @ (self.basis.T @ signal)
 
     def responses(self, effect: Effect) -> FloatArray:
         """Whitened change of the response by each probe of an effect, shape (lines, probes)."""
@@ -266,10 +279,24 @@ class _Bases:
         return self._before[id(base)]
 
 
-def _score(model: Model, effect: Effect, residual: FloatArray, change: FloatArray, cost: float, dof: int) -> Candidate:
+def _scored(point: _Point, variants: Sequence[Effect], cost: float) -> tuple[list[Candidate], str]:
+    """The variants of an effect that can be judged at a point, and why others cannot; scores are falls from `cost`."""
+    scored, why = [], ""
+    for variant in variants:
+        try:
+            change = point.freed(point.responses(variant))
+        except (UnstableLoopError, ModelError) as error:
+            why = str(error)
+            continue
+        scored.append(_score(point, variant, change, cost))
+    return scored, why
+
+
+def _score(point: _Point, effect: Effect, change: FloatArray, cost: float) -> Candidate:
+    rig, residual = point.exact.rig, point.residual
     size = np.linalg.norm(change, axis=0)
     seen = np.where(size > 0.0, size, 1.0)
-    low, high = effect.amplitudes(model.rig)
+    low, high = effect.amplitudes(rig)
     basis, triangle = np.linalg.qr(change / seen)
     called_for = basis.T @ residual
     free, _, degrees, _ = np.linalg.lstsq(triangle, called_for, rcond=1e-6)
@@ -279,7 +306,8 @@ def _score(model: Model, effect: Effect, residual: FloatArray, change: FloatArra
         free = lsq_linear(triangle, called_for, bounds=(low * seen, high * seen)).x
     amplitudes = free / seen
     left = called_for - triangle @ free
-    fall, degrees = max(0.0, float(called_for @ called_for - left @ left)), max(1, int(degrees))
+    fall = max(0.0, float(called_for @ called_for - left @ left) - max(point.cost - cost, 0.0))
+    degrees = max(1, int(degrees))
     direction = change @ amplitudes
     norm = float(np.linalg.norm(direction))
     return Candidate(
@@ -287,9 +315,9 @@ def _score(model: Model, effect: Effect, residual: FloatArray, change: FloatArra
         score=fall,
         degrees=degrees,
         chance=log_chance(fall, degrees),
-        start=effect.start(model.rig, amplitudes),
-        predicted_misfit=(cost - fall) / (dof - degrees),
-        smallest_visible=_smallest_visible(effect.probes(model.rig), size),
+        start=effect.start(rig, amplitudes),
+        predicted_misfit=(cost - fall) / (point.dof - degrees),
+        smallest_visible=_smallest_visible(effect.probes(rig), size),
         direction=direction / norm if norm > 0.0 else direction,
     )
 

@@ -35,6 +35,7 @@ from ambid.spec import (
     MICROSECONDS,
     MILLIMETRES,
     MILLISECONDS,
+    NOTHING,
     Range,
     Spec,
     per_axis,
@@ -72,6 +73,7 @@ FORCE_DISPLACEMENT = Range(1e-2, 1e10, "N/m", (), f"{_CONVENTION}, K_s > 0 desta
 STIFFNESS_SLIPS = (("N/mm", 1e3), ("N/um", 1e6))
 AMPLIFIER_LAG = Range(0.0, 0.05, "s", (MILLISECONDS, MICROSECONDS), "0 is an ideal amplifier")
 ACTUATOR_LAG = Range(1e-7, 0.05, "s", (MILLISECONDS, MICROSECONDS))
+RESISTANCE = Range(1e-3, 1e5, "ohm", (("kilohm", 1e3),), "of a coil whose voltage is commanded")
 
 
 class Bearing(Spec):
@@ -149,15 +151,49 @@ class Bearing(Spec):
 
 
 class Amplifier(Spec):
-    """Power amplifier, a known first-order lag of `time_constant` [s]; 0 is an ideal amplifier."""
+    """Power amplifier or voltage-driven coil.
+
+    Parameters
+    ----------
+    time_constant : float
+        Of its known first-order lag [s]; 0 is an ideal amplifier. Of a voltage-driven coil L/R.
+    resistance : float, optional
+        Nominal R [ohm] of a coil whose voltage the controller commands: then K is in V/m, i_ref and i_e are in V, and
+        R of every axis is a parameter. Leave it out where current is commanded.
+    """
 
     time_constant: Annotated[float, AMPLIFIER_LAG]
+    resistance: Annotated[float, RESISTANCE] | None = None
+
+    @property
+    def command_unit(self) -> str:
+        """Unit of i_ref and i_e."""
+        return "A" if self.resistance is None else "V"
 
 
 class Actuator(Spec):
-    """First-order lag from coil current to force, `time_constant` [s]: the initial guess of tau_e."""
+    """First-order lag from coil current to force.
 
-    time_constant: Annotated[float, ACTUATOR_LAG]
+    Parameters
+    ----------
+    time_constant : float
+        Initial guess of tau_e [s].
+    has_lag : bool
+        False where force follows current at once: then there is no tau_e, and no `time_constant` is given.
+    """
+
+    has_lag: bool = True
+    time_constant: Annotated[float, ACTUATOR_LAG] | None = Field(None, description="a number in s, the guess of tau_e")
+
+    @model_validator(mode="after")
+    def _lag_or_none(self) -> "Actuator":
+        if self.has_lag and self.time_constant is None:
+            refuse(problem(f"expected {ACTUATOR_LAG.allowed}; or write has_lag = false.", NOTHING, "time_constant"))
+        if not self.has_lag and self.time_constant is not None:
+            refuse(
+                problem("not allowed with has_lag = false; remove one of them.", self.time_constant, "time_constant")
+            )
+        return self
 
 
 class Rig(Spec):
@@ -336,7 +372,9 @@ def _toml_lines(table: dict[str, Any], prefix: str) -> Iterator[str]:
 
 
 def _toml_value(value: Any) -> str:
-    """Write a text, a number, or a nested tuple of numbers; `repr` of a float reads back to the same float."""
+    """Write a text, a truth, a number, or a nested tuple of numbers; `repr` of a float reads back to the same float."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, tuple):

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ambid.errors import RecordError
 from ambid.fit import measured_outputs, recorded_channels
 from ambid.loop.assembly import FloatArray
 from ambid.loop.loop import Loop
@@ -40,12 +39,7 @@ class Noise:
         self.records = tuple(records)
         self.tones, self.whiteners = [], []
         for record in records:
-            if record.period is None or record.periods < 3:
-                raise RecordError(
-                    f"{record.path or record.name}: {record.periods} periods of the excitation; the misfit in noise "
-                    "units needs 3 or more. Record more periods, or state the period."
-                )
-            window = Window(record.period, record.periods - 1)
+            window = Window.of(record, model.settling)
             residual, rate = _residual(model, record), record.sample_rate
             shape = loop_noise(model, window, rate, residual.shape[1])
             tones: tuple[Tone, ...] = ()
@@ -53,7 +47,8 @@ class Noise:
                 tones = find_tones(residual, window, rate, len(record.axes), model.rig.speed, shape)
             quiet = without_tones(residual, tones, window, rate)
             self.tones.append(tones)
-            self.whiteners.append(Whitener.from_residual(quiet, window, _around(tones, window, rate), shape))
+            i_e, more = model.excitation(record)[:, : len(record.axes)], _around(tones, window, rate)
+            self.whiteners.append(Whitener.from_residual(quiet, window, i_e, more, shape))
         self.lines = sum(w.numbers for w in self.whiteners)
 
     def residual(self, model: Model) -> FloatArray:

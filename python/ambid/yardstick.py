@@ -8,6 +8,10 @@ of R R^H over the n_l unexcited lines within 15 excited lines to each side. Then
 
 with Hotelling's factor and K excited lines (Pintelon and Schoukens, System Identification: A Frequency Domain
 Approach, 2nd ed., chapters 9 and 10).
+
+Without periods every line is excited. What of R follows the excitation with a gain that is smooth over frequency, and
+what is left of a transient, is then no noise: S is what a local regression on both leaves (local polynomial method,
+ibid., chapter 7).
 """
 
 from __future__ import annotations
@@ -18,17 +22,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft
 
+from ambid.errors import RecordError
 from ambid.loop.assembly import FloatArray
+from ambid.record import Record
 
 ComplexArray = NDArray[np.complex128]
 
 HALF_WIDTH = 15
 """Excited lines to each side whose unexcited neighbours give the noise spectrum."""
+DEGREE = 2
+"""Of the polynomials over frequency in the local regression."""
+REGRESSED = 6
+"""Lines in a local regression, per number that it fits."""
 
 
 @dataclass(frozen=True)
 class Window:
-    """The whole periods of a record after the first, which holds the transient.
+    """The part of a record that counts: whole periods after the transient, or, with one "period", all after it.
 
     Attributes
     ----------
@@ -36,10 +46,42 @@ class Window:
         Samples N per period.
     periods : int
         Number M of periods that count.
+    first : int
+        First sample that counts.
     """
 
     period: int
     periods: int
+    first: int
+
+    @classmethod
+    def after_first(cls, period: int, periods: int) -> Window:
+        """So many periods after the first one, which holds the transient."""
+        return cls(period, periods, period)
+
+    @classmethod
+    def of(cls, record: Record, settled: int = 0) -> Window:
+        """The periods of a record after the first; of a record without periods, all after `settled` samples.
+
+        Raises
+        ------
+        RecordError
+            If the record repeats fewer than three times.
+        """
+        if record.period is None:
+            first = min(settled, record.samples // 4)
+            return cls(record.samples - first, 1, first)
+        if record.periods < 3:
+            raise RecordError(
+                f"{record.path or record.name}: {record.periods} periods of the excitation; the misfit in noise units "
+                "needs 3 or more. Record more periods, or state the period."
+            )
+        return cls.after_first(record.period, record.periods - 1)
+
+    @property
+    def is_periodic(self) -> bool:
+        """Whether there are lines that are not excited."""
+        return self.periods > 1
 
     @property
     def samples(self) -> int:
@@ -53,7 +95,7 @@ class Window:
 
     def cut(self, signal: FloatArray) -> FloatArray:
         """The samples that count, of a signal that starts with the record."""
-        return signal[self.period : self.period + self.samples]
+        return signal[self.first : self.first + self.samples]
 
     def lines(self, signal: FloatArray) -> ComplexArray:
         """R(l) for l = 0 .. M N / 2 of a signal of shape (samples, ...), which starts with the record."""
@@ -94,17 +136,19 @@ class Whitener:
         cls,
         residual: FloatArray,
         window: Window,
+        excitation: FloatArray | None = None,
         more: NDArray[np.intp] | None = None,
         shape: ComplexArray | None = None,
     ) -> Whitener:
-        """Estimate the noise from the unexcited lines.
+        """Estimate the noise from the unexcited lines, or from what does not follow the excitation.
 
         Parameters
         ----------
         residual : ndarray, shape (samples, p)
             Of the whole record, from its first sample on, without tones.
         window : Window
-            At least 2 periods.
+        excitation : ndarray, shape (samples, axes), optional
+            Of the same record; needed where it has no periods.
         more : ndarray of int, optional
             Unexcited lines that are to be judged too.
         shape : ndarray, shape (M N / 2 + 1, p, p), optional
@@ -114,18 +158,11 @@ class Whitener:
         lines = window.lines(residual)
         if shape is not None:
             lines = (shape @ lines[..., None])[..., 0]
-        p = residual.shape[1]
-        power = np.einsum("lc,ld->lcd", lines, lines.conj())
-        quiet = np.ones(len(lines))
-        quiet[:: window.periods] = quiet[-1] = 0.0
-        power *= quiet[:, None, None]
-        below = np.concatenate([np.zeros((1, p, p)), np.cumsum(power, axis=0)])
-        count_below = np.concatenate([[0.0], np.cumsum(quiet)])
         judged = np.concatenate([window.excited, more])
-        reach = HALF_WIDTH * window.periods
-        low, high = np.maximum(judged - reach, 0), np.minimum(judged + reach + 1, len(lines))
-        count = count_below[high] - count_below[low]
-        spectrum = (below[high] - below[low]) / (count - p)[:, None, None]  # S n_l / (n_l - p)
+        if excitation is None or window.is_periodic:
+            spectrum = _between_lines(lines, window, judged)
+        else:
+            spectrum = _beside_excitation(lines, window.lines(excitation))[judged]
         whitening = np.sqrt(2.0) * np.linalg.inv(np.linalg.cholesky(spectrum))
         return cls(window, more, whitening if shape is None else whitening @ shape[judged])
 
@@ -149,12 +186,59 @@ class Whitener:
         return 2 * self.whitening.shape[0] * self.whitening.shape[1]
 
 
-def channel_lines(residual: FloatArray, window: Window) -> FloatArray:
+def _between_lines(lines: ComplexArray, window: Window, judged: NDArray[np.intp]) -> ComplexArray:
+    """``S n_l / (n_l - p)`` at the judged lines from the unexcited ones around, shape (judged, p, p)."""
+    p = lines.shape[1]
+    power = np.einsum("lc,ld->lcd", lines, lines.conj())
+    quiet = np.ones(len(lines))
+    quiet[:: window.periods] = quiet[-1] = 0.0
+    power *= quiet[:, None, None]
+    below = np.concatenate([np.zeros((1, p, p)), np.cumsum(power, axis=0)])
+    count_below = np.concatenate([[0.0], np.cumsum(quiet)])
+    reach = HALF_WIDTH * window.periods
+    low, high = np.maximum(judged - reach, 0), np.minimum(judged + reach + 1, len(lines))
+    count = count_below[high] - count_below[low]
+    return np.asarray((below[high] - below[low]) / (count - p)[:, None, None])
+
+
+def _beside_excitation(lines: ComplexArray, excitation: ComplexArray) -> ComplexArray:
+    """S at every line from what a local regression on the excitation and on a transient leaves, shape (lines, p, p).
+
+    With q numbers fitted to m lines, the noise has nu = m - q degrees of freedom. A line is one of those that S was
+    estimated from, but for the part q / m of it that was fitted; that part alone needs Hotelling's factor.
+    """
+    count, p = lines.shape
+    fitted = (excitation.shape[1] + 1) * (DEGREE + 1)
+    width = min(max(2 * HALF_WIDTH + 1, REGRESSED * fitted), count - 2)
+    free = width - fitted
+    if free <= p:
+        raise RecordError(
+            f"{count} lines are too few to tell the noise of {p} channels from what follows {excitation.shape[1]} "
+            "excitations; record for longer, or excite periodically"
+        )
+    step = max(1, width // 8)
+    starts = np.arange(1, count - width, step)
+    powers = np.linspace(-1.0, 1.0, width)[:, None] ** np.arange(DEGREE + 1)
+    rows = starts[:, None] + np.arange(width)
+    inputs = np.concatenate([excitation[rows], np.ones((len(starts), width, 1))], axis=2)
+    table = (inputs[..., None] * powers[:, None, :]).reshape(len(starts), width, fitted)
+    size = np.linalg.norm(table, axis=1, keepdims=True)
+    basis, _ = np.linalg.qr(table / np.where(size > 0.0, size, 1.0))
+    own = lines[rows]
+    left = own - basis @ (basis.conj().transpose(0, 2, 1) @ own)
+    spectrum = np.einsum("slc,sld->scd", left, left.conj()) / free
+    spectrum *= (free + fitted * free / (free - p)) / width
+    nearest = np.clip(np.round((np.arange(count) - width / 2 - 1) / step), 0, len(starts) - 1).astype(np.intp)
+    return np.asarray(spectrum[nearest])
+
+
+def channel_lines(residual: FloatArray, window: Window, excitation: FloatArray | None = None) -> FloatArray:
     """Whitened excited lines of each channel, judged against its own noise alone, shape (2, K, p)."""
-    parts = [Whitener.from_residual(channel[:, None], window).whiten(channel[:, None]) for channel in residual.T]
+    single = (channel[:, None] for channel in residual.T)
+    parts = [Whitener.from_residual(channel, window, excitation).whiten(channel) for channel in single]
     return np.stack(parts, axis=-1).reshape(2, -1, residual.shape[1])
 
 
-def channel_misfit(residual: FloatArray, window: Window) -> FloatArray:
+def channel_misfit(residual: FloatArray, window: Window, excitation: FloatArray | None = None) -> FloatArray:
     """J/dof of each channel alone, shape (p,)."""
-    return np.mean(channel_lines(residual, window) ** 2, axis=(0, 1))
+    return np.mean(channel_lines(residual, window, excitation) ** 2, axis=(0, 1))

@@ -359,7 +359,7 @@ def test_the_measured_cases_are_reproduced_down_to_their_noise(case):
     true = {name: truth[name] for name in ("K_i", "K_s", "tau_e")}
     clean = simulate(rig, record.i_e, HIDDEN[case], **true, seed=None, warm_up=0.0)
     residual = np.hstack([record.y - clean.y, record.i_c - clean.i_c])
-    window = Window(record.period, record.periods - 1)
+    window = Window.after_first(record.period, record.periods - 1)
     white = Whitener.from_residual(residual, window).whiten(residual)
     assert abs(np.mean(white**2) - 1.0) < 0.03
     fit = 100.0 * (1.0 - np.linalg.norm(residual[:, :4], axis=0) / np.linalg.norm(record.y - record.y.mean(0), axis=0))

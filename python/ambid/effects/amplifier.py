@@ -8,7 +8,7 @@ from math import comb, factorial, pi
 import numpy as np
 
 from ambid.effects.base import Effect, EffectParameter, Seen
-from ambid.loop.assembly import combine
+from ambid.loop.assembly import Signal, combine
 from ambid.loop.plant import Plant
 from ambid.rig import Rig
 
@@ -56,58 +56,96 @@ def pade(order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 class AmplifierBandwidth(Effect):
-    """A second-order amplifier in place of the rig's lag."""
+    """A second-order amplifier, or the inductance of a voltage-driven coil, in place of the rig's lag."""
 
     name = "amplifier_bandwidth"
     physics = "the amplifier is of second order, or faster or slower than the lag of the rig file"
     signature = "i_c leads or lags at every step of the excitation, with overshoot where it is underdamped"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 3"
 
+    def __init__(self, slower: float = 1.1) -> None:
+        self.slower = slower
+
+    def settings(self) -> dict[str, float]:
+        """By how much the lag that is probed is longer than that of the rig file."""
+        return {"slower": self.slower}
+
+    def variants(self, seen: Seen) -> Sequence[Effect]:
+        """A little slower; where the rig calls the amplifier fast against a sample, also slow against it."""
+        tau, sample = seen.rig.amplifier.time_constant, 1.0 / seen.rig.sample_rate
+        slow = [share * sample / tau for share in (0.1, 0.5)] if 0.0 < tau < 0.05 * sample else []
+        return [AmplifierBandwidth(slower) for slower in (1.1, *slow)]
+
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
-        """Undamped natural frequency [Hz] and damping ratio."""
-        if rig.amplifier.time_constant == 0.0:
+        """Undamped natural frequency [Hz] and damping ratio; of a voltage-driven coil its inductance [H]."""
+        tau, resistance = rig.amplifier.time_constant, rig.amplifier.resistance
+        if tau == 0.0:
             return []
-        corner = 1.0 / (2.0 * pi * rig.amplifier.time_constant)
+        if resistance is not None:
+            nominal = resistance * tau
+            return [EffectParameter("inductance", "H", self.slower * nominal, lower=0.01 * nominal)]
+        corner = 1.0 / (2.0 * pi * tau)
         return [
             EffectParameter("frequency_hz", "Hz", 2.0 * corner, lower=0.05 * corner, upper=1e3 * corner),
             EffectParameter("damping", "1", 1.0, lower=0.05, upper=1e3),
         ]
 
     def probes(self, rig: Rig) -> Sequence[Mapping[str, float]]:
-        """A lag 10 % longer, and as much of second order."""
-        tau = rig.amplifier.time_constant
-        corner = 1.0 / (2.0 * pi * tau)
-        fast = 10.0 * corner  # a second pole so far out that the first alone remains
+        """A longer lag, and as much of second order."""
+        if rig.amplifier.resistance is not None:
+            return super().probes(rig)
+        corner = 1.0 / (2.0 * pi * rig.amplifier.time_constant)
+        slow, fast = corner / self.slower, 10.0 * corner  # a second pole so far out that the first alone remains
         return [
-            {
-                "frequency_hz": np.sqrt(fast * corner / 1.1),
-                "damping": 0.5 * (fast + corner / 1.1) / np.sqrt(fast * corner / 1.1),
-            },
+            {"frequency_hz": np.sqrt(fast * slow), "damping": 0.5 * (fast + slow) / np.sqrt(fast * slow)},
             {"frequency_hz": 2.0 * corner, "damping": 1.0},
         ]
 
     def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
         """Slower or faster, with more or less of second order."""
-        return np.full(2, -np.inf), np.full(2, np.inf)
+        count = len(self.parameters(rig))
+        return np.full(count, -np.inf), np.full(count, np.inf)
 
     def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
-        """From ``1 + p s + q s^2``, to which the probes add 0.2 tau and 0.11 tau^2, and nothing and tau^2/4."""
-        tau = rig.amplifier.time_constant
-        p = tau * (1.0 + float(np.clip(0.2 * amplitudes[0], -0.8, 4.0)))
-        q = tau**2 * float(np.clip(0.11 * amplitudes[0] + 0.25 * amplitudes[1], 1e-5, 4.0))
+        """From ``1 + p s + q s^2``, to which the probes add more lag and a little curvature, and tau^2/4 alone."""
+        tau, longer = rig.amplifier.time_constant, self.slower
+        if rig.amplifier.resistance is not None:
+            added = float(np.clip((longer - 1.0) * amplitudes[0], -0.8, 5.0 * longer))
+            return {"inductance": rig.amplifier.resistance * tau * (1.0 + added)}
+        p = tau * (1.0 + float(np.clip((longer - 0.9) * amplitudes[0], -0.8, 4.0 * max(1.0, longer))))
+        bend = tau**2 * float(0.1 * longer * amplitudes[0] + 0.25 * amplitudes[1])
+        q = float(np.clip(bend, 1e-3 * p**2, 4.0 * p**2))
         return {"frequency_hz": 1.0 / (2.0 * pi * np.sqrt(q)), "damping": max(0.06, 0.5 * p / np.sqrt(q))}
 
     def attach(self, plant: Plant) -> None:
-        """The true amplifier beside the nominal one: ``i'' = w^2 (i_ref - i) - 2 zeta w i'``, ``w = 2 pi f``."""
-        frequency, damping = self.slot("frequency_hz"), self.slot("damping")
+        """The true amplifier beside the nominal one.
+
+        ``i'' = w^2 (i_set - i) - 2 zeta w i'``, ``w = 2 pi f``; of a voltage-driven coil ``L i' = u - R i``.
+        """
         for axis in plant.axes:
-            current, rate = plant.state(f"amplifier.{axis}"), plant.state(f"amplifier_rate.{axis}")
-            # states scaled by w: rate' is in amperes
-            plant.set_rate(f"amplifier.{axis}", plant.port(frequency, rate, scale=2.0 * pi))
-            damped = plant.port(damping, rate, scale=2.0)
-            drive = plant[f"i_ref.{axis}"] - current - damped
-            plant.set_rate(f"amplifier_rate.{axis}", plant.port(frequency, drive, scale=2.0 * pi))
-            plant.inject(f"i_a.{axis}", current - plant.raw(f"i_a.{axis}"))
+            current = plant.state(f"amplifier.{axis}")
+            if plant.rig.amplifier.resistance is not None:
+                rate, bend = self._coil(plant, axis, current)
+            else:
+                rate, bend = self._second_order(plant, axis, current)
+            plant.set_rate(f"amplifier.{axis}", rate)
+            for name, true in (("i_a", current), ("i_a_rate", rate), ("i_a_bend", bend)):
+                plant.inject(f"{name}.{axis}", true - plant.raw(f"{name}.{axis}"))
+
+    def _second_order(self, plant: Plant, axis: str, current: Signal) -> tuple[Signal, Signal]:
+        """Rate of the current, and the rate of that; the second state is the rate over w."""
+        frequency, damping = self.slot("frequency_hz"), self.slot("damping")
+        scaled = plant.state(f"amplifier_rate.{axis}")
+        drive = plant[f"i_set.{axis}"] - current - plant.port(damping, scaled, scale=2.0)
+        plant.set_rate(f"amplifier_rate.{axis}", plant.port(frequency, drive, scale=2.0 * pi))
+        rate = plant.port(frequency, scaled, scale=2.0 * pi)
+        return rate, plant.port(frequency, plant.port(frequency, drive, scale=2.0 * pi), scale=2.0 * pi)
+
+    def _coil(self, plant: Plant, axis: str, current: Signal) -> tuple[Signal, Signal]:
+        """Rate of the current, and the rate of that while the voltage is held."""
+        slot, resistance = self.slot("inductance"), f"R.{axis}"
+        rate = plant.port(slot, plant[f"i_ref.{axis}"] - plant.port(resistance, current), power=-1)
+        return rate, -plant.port(slot, plant.port(resistance, rate), power=-1)
 
 
 class AmplifierVoltageLimit(Effect):
@@ -165,14 +203,18 @@ class BackEmf(Effect):
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, section 4.3"
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
-        """Current per velocity [A s/m]."""
+        """Current per velocity [A s/m]; of a voltage-driven coil [V s/m], where it is K_i if nothing is lost."""
+        if rig.amplifier.resistance is not None:
+            return [EffectParameter("voltage_per_velocity", "V s/m", 0.1 * rig.bearings[0].force_current[0])]
         if rig.amplifier.time_constant == 0.0:
             return []
         scale = rig.bearings[0].bias_current / rig.bearings[0].air_gap * rig.amplifier.time_constant
         return [EffectParameter("current_per_velocity", "A s/m", 0.02 * scale)]
 
     def attach(self, plant: Plant) -> None:
-        """``tau_a i_a' = i_ref - i_a - b v``."""
+        """``tau_a i_a' = i_set - i_a - b v``; of a voltage-driven coil ``i_set = (u - b v)/R``."""
+        slot, port = self.slot("current_per_velocity"), "i_set"
+        if plant.rig.amplifier.resistance is not None:
+            slot, port = self.slot("voltage_per_velocity"), "i_ref"
         for axis in plant.axes:
-            induced = plant.port(self.slot("current_per_velocity"), plant[f"v.{axis}"])
-            plant.inject(f"drive.{axis}", -induced)
+            plant.inject(f"{port}.{axis}", -plant.port(slot, plant[f"v.{axis}"]))

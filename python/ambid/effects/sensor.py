@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ambid.effects.base import Effect, EffectParameter
+from ambid.effects.base import Effect, EffectParameter, Seen
 from ambid.loop.assembly import combine
 from ambid.loop.plant import Plant
 from ambid.rig import FiniteElementRotor, Rig
@@ -119,22 +119,43 @@ class SamplingSkew(Effect):
     """Currents and displacements read at different instants."""
 
     name = "sampling_skew"
-    physics = "i_c is read a little later than y; the loop itself is as modelled"
-    signature = "i_c alone is late, y fits: the residual of i_c is its own derivative"
+    physics = "y and i_c are not read at the same instant, nor when the output of a digital controller changes"
+    signature = "i_c alone is late, y fits; where the controller uses an early y, the loop loses damping as well"
     source = "Pintelon, Schoukens, System Identification, 2nd ed., section 2.7"
 
+    def __init__(self, moves_y: bool = False) -> None:
+        self.moves_y = moves_y
+
+    def settings(self) -> dict[str, bool]:
+        """Whether a digital controller, and the record, read y before the controller's output changes."""
+        return {"moves_y": self.moves_y}
+
+    def variants(self, seen: Seen) -> Sequence[Effect]:
+        """i_c late alone; of a digital controller also y early."""
+        return [SamplingSkew(moves_y) for moves_y in (False, True)[: 1 + seen.rig.controller.is_digital]]
+
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
-        """By how much i_c is read after y [s]."""
-        if rig.amplifier.time_constant == 0.0:
-            return []
-        limit = 0.5 / rig.sample_rate
-        return [EffectParameter("current_late", "s", 0.02 / rig.sample_rate, lower=-limit, upper=limit)]
+        """By how much i_c is read late, and y early [s]."""
+        tau, sample = rig.amplifier.time_constant, 1.0 / rig.sample_rate
+        found = []
+        if tau > 0.0:
+            found.append(
+                EffectParameter("current_late", "s", min(0.02 * sample, 0.25 * tau), -0.5 * sample, 0.5 * sample)
+            )
+        if self.moves_y:
+            found.append(EffectParameter("displacement_early", "s", 0.02 * sample, upper=sample))
+        return found
 
     def attach(self, plant: Plant) -> None:
-        """``i_c = i_a + d i_a' + d^2/2 i_a''`` with ``tau_a i_a' = i_ref - i_a`` and i_ref held."""
-        tau = plant.rig.amplifier.time_constant
-        slot = self.slot("current_late")
+        """``i_c = i_a + d i_a' + d^2/2 i_a''``, the command being held; ``y = y_true - e y' + e^2/2 y''``."""
+        late, early = self.slot("current_late"), self.slot("displacement_early")
         for axis in plant.axes:
-            first = plant.port(slot, plant[f"drive.{axis}"], scale=1.0 / tau)
-            second = plant.port(slot, first, scale=-0.5 / tau)
-            plant.inject(f"i_c.{axis}", first + second)
+            if plant.rig.amplifier.time_constant > 0.0:
+                first = plant.port(late, plant[f"i_a_rate.{axis}"])
+                second = plant.port(late, plant.port(late, plant[f"i_a_bend.{axis}"]), scale=0.5)
+                plant.inject(f"i_c.{axis}", first + second)
+        if self.moves_y:
+            for axis, z, direction in zip(plant.axes, plant.sensors, plant.directions, strict=True):
+                velocity, acceleration = (plant.at(z, direction, of) for of in ("eta_rate", "eta_bend"))
+                second = plant.port(early, plant.port(early, acceleration), scale=0.5)
+                plant.inject(f"y.{axis}", second - plant.port(early, velocity))

@@ -285,6 +285,7 @@ class Assembly:
         used += self._seen + self._seen_by_blocks
         own, of_injections = rows(used)
         table = own + of_injections @ eliminated
+        table[np.abs(table) < 1e-13 * (np.abs(own) + np.abs(of_injections) @ np.abs(eliminated))] = 0.0  # what cancels
         n = len(self.states)
         return Lft(
             A=table[:n, :n],

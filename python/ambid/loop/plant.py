@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ambid.loop.assembly import Assembly, Lft, Signal, combine
+from ambid.loop.assembly import ZERO, Assembly, Lft, Signal, combine
 from ambid.loop.geometry import axis_directions
 from ambid.rig import Rig
 from ambid.rotor import ReducedRotor
@@ -15,13 +15,16 @@ from ambid.rotor import ReducedRotor
 class Plant(Assembly):
     """The base plant as named signals, ready for effects to be attached.
 
-    ``tau_a i_a' = i_ref - i_a``, ``tau_e i_f' = i_a - i_f``, ``f = K_i i_f + K_s s``. K_i, K_s and 1/tau_e are entries
-    of Delta (B_Delta, C_Delta of eqs. 4-7). An ideal amplifier has no state.
+    ``tau_a i_a' = i_set - i_a``, ``tau_e i_f' = i_a - i_f``, ``f = K_i i_f + K_s s``. K_i, K_s and 1/tau_e are entries
+    of Delta (B_Delta, C_Delta of eqs. 4-7). ``i_set`` is the command i_ref; of a voltage-driven coil it is i_ref / R,
+    where i_ref is in V and 1/R is an entry of Delta. An ideal amplifier, or an actuator without lag, has no state.
 
-    Signals of each axis: ``i_ref`` [A] into the amplifier, ``i_a`` [A] behind it, ``i_c`` [A] as recorded, ``i_f`` [A]
-    that makes force and its rate ``i_f_rate`` [A/s], ``s`` [m] and ``v`` [m/s] at the magnet, ``f`` [N], ``y`` [m] as
-    read; ``drive`` [A] is ``tau_a i_a'``. Signals of each modal coordinate k: ``eta.k``, ``eta_rate.k``,
-    ``modal_force.k``.
+    Signals of each axis: ``i_ref`` [A or V] that leaves the controller, ``i_set`` [A] that it asks for, ``i_a`` [A]
+    behind the amplifier, its rate ``i_a_rate`` [A/s] and the rate of that ``i_a_bend`` while the command is held,
+    ``i_c`` [A] as recorded, ``i_f`` [A] that makes force and its rate ``i_f_rate`` [A/s], ``s`` [m] and ``v`` [m/s] at
+    the magnet, ``f`` [N], ``y`` [m] as read; ``drive`` [A] is ``tau_a i_a'``. Signals of each modal coordinate k:
+    ``eta.k``, ``eta_rate.k``,
+    ``eta_bend.k``, ``modal_force.k``.
 
     Parameters
     ----------
@@ -52,8 +55,7 @@ class Plant(Assembly):
             self.signal(f"eta_rate.{k}", rates[k])
         commands = [self.input(f"i_ref.{axis}") for axis in self.axes]
         i_a = [self._amplifier(axis, command) for axis, command in zip(self.axes, commands, strict=True)]
-        states = [self.state(f"i_f.{axis}") for axis in self.axes]
-        i_f = [self.signal(f"i_f.{axis}", state) for axis, state in zip(self.axes, states, strict=True)]
+        i_f = [self._actuator(axis, current) for axis, current in zip(self.axes, i_a, strict=True)]
         s = [
             self.signal(f"s.{axis}", self.at(z, direction))
             for axis, z, direction in zip(self.axes, self.magnets, self.directions, strict=True)
@@ -62,9 +64,6 @@ class Plant(Assembly):
             self.signal(f"v.{axis}", self.at(z, direction, "eta_rate"))
         from_current = [self.port(f"K_i.{axis}", i) for axis, i in zip(self.axes, i_f, strict=True)]
         from_motion = [self.port(f"K_s.{axis}", x) for axis, x in zip(self.axes, s, strict=True)]
-        for axis, state, current in zip(self.axes, states, i_a, strict=True):
-            rate = self.signal(f"i_f_rate.{axis}", self.port(f"tau_e.{axis}", current - state, power=-1))
-            self.set_rate(f"i_f.{axis}", rate)
         for axis, a, b in zip(self.axes, from_current, from_motion, strict=True):
             self.signal(f"f.{axis}", a + b)
         for axis, z, direction in zip(self.axes, self.sensors, self.directions, strict=True):
@@ -76,16 +75,15 @@ class Plant(Assembly):
             force = self.signal(f"modal_force.{k}", combine(onto[:, k], forces))
             turning = combine(-rig.speed * rotor.gyroscopic[k], rates)
             self.set_rate(f"eta.{k}", rates[k])
-            self.set_rate(
-                f"eta_rate.{k}", force + turning - omega[k] ** 2 * eta[k] - 2.0 * zeta[k] * omega[k] * rates[k]
-            )
+            held_back = -(omega[k] ** 2) * eta[k] - 2.0 * zeta[k] * omega[k] * rates[k]
+            self.set_rate(f"eta_rate.{k}", self.signal(f"eta_bend.{k}", force + turning + held_back))
 
     def shape(self, z: float, direction: np.ndarray) -> np.ndarray:
         """Displacement of every modal coordinate at `z` in a direction of the planes, shape (coordinates,)."""
         return np.kron(direction, self.rotor.shape(z))
 
     def at(self, z: float, direction: np.ndarray, of: str = "eta") -> Signal:
-        """Displacement of the rotor at `z`, or with ``of="eta_rate"`` its velocity."""
+        """Displacement of the rotor at `z`, its velocity (``eta_rate``) or acceleration (``eta_bend``)."""
         return combine(self.shape(z, direction), [self[f"{of}.{k}"] for k in range(self.coordinates)])
 
     def push(self, z: float, direction: np.ndarray, force: Signal) -> None:
@@ -96,16 +94,32 @@ class Plant(Assembly):
 
     def _amplifier(self, axis: str, command: Signal) -> Signal:
         i_ref = self.signal(f"i_ref.{axis}", command)
-        tau = self.rig.amplifier.time_constant
-        if tau == 0.0:
-            i_a = self.signal(f"i_a.{axis}", i_ref)
+        amplifier = self.rig.amplifier
+        is_voltage = amplifier.resistance is not None
+        i_set = self.signal(f"i_set.{axis}", self.port(f"R.{axis}", i_ref, power=-1) if is_voltage else i_ref)
+        if amplifier.time_constant == 0.0:
+            i_a = self.signal(f"i_a.{axis}", i_set)
+            self.signal(f"i_a_rate.{axis}", ZERO)
+            self.signal(f"i_a_bend.{axis}", ZERO)
         else:
             state = self.state(f"i_a.{axis}")
             i_a = self.signal(f"i_a.{axis}", state)
-            drive = self.signal(f"drive.{axis}", i_ref - state)
-            self.set_rate(f"i_a.{axis}", drive / tau)
+            drive = self.signal(f"drive.{axis}", i_set - state)
+            rate = drive / amplifier.time_constant
+            self.signal(f"i_a_rate.{axis}", rate)
+            self.signal(f"i_a_bend.{axis}", -rate / amplifier.time_constant)
+            self.set_rate(f"i_a.{axis}", rate)
         self.signal(f"i_c.{axis}", i_a)
         return i_a
+
+    def _actuator(self, axis: str, i_a: Signal) -> Signal:
+        if not self.rig.actuator.has_lag:
+            self.signal(f"i_f_rate.{axis}", self[f"i_a_rate.{axis}"])
+            return self.signal(f"i_f.{axis}", i_a)
+        state = self.state(f"i_f.{axis}")
+        rate = self.signal(f"i_f_rate.{axis}", self.port(f"tau_e.{axis}", i_a - state, power=-1))
+        self.set_rate(f"i_f.{axis}", rate)
+        return self.signal(f"i_f.{axis}", state)
 
     def between_commands_and_outputs(self, more: Sequence[str] = ()) -> Lft:
         """Inputs ``i_ref.<axis>`` and those of effects; outputs y, i_c, then `more` of every axis."""
