@@ -24,7 +24,7 @@ AGREE = {
         {"squared_frequency_1": 1.01**2 - 1.0, "damping_1": 0.01 * 0.004},
         1e-9,
     ),
-    "rotor_inertia_error": ({"inertia_factor": 1.05}, {"inertia": 0.05}, 1e-9),
+    "rotor_inertia_error": ({"mass_factor": 1.03, "inertia_factor": 1.05}, {"mass": 0.03, "inertia": 0.05}, 1e-9),
     "seal_forces": (
         {"z": 0.43, "direct": 8e5, "cross": 6e5, "damping": 300.0},
         {"direct_stiffness": 8e5, "cross_stiffness": 6e5, "damping": 300.0},

@@ -147,10 +147,11 @@ class _Search:
         self.nominal, self.noise, self.validate = nominal, noise, validate
         self.validation_noise: Noise | None = None
         self.catalogue, self.tolerance, self.say = catalogue, tolerance, say
+        self.rivals: dict[str, list[Candidate]] = {}
         self.sets: dict[str, list[str]] = {}
         self.hopeless: _Fit | None = None
         self.history: list[Step] = []
-        self._note(self._rank(), None)
+        self._note(self._rank())
 
     @property
     def added(self) -> tuple[Effect, ...]:
@@ -173,7 +174,12 @@ class _Search:
         return 1.0 if excess <= 0.0 else (self.base.cost - self.fit.cost) / excess
 
     def automatic(self, ask: Callable[[Ranking, Candidate], bool] | None) -> None:
-        """Add what the data support most, again and again."""
+        """Add what the data support most, again and again; then see whether each is still the best of its rivals."""
+        self._add_best(ask)
+        for effect in self.added[:-1]:  # the rivals of the last were refitted with all others in the model
+            self._reconsider(effect)
+
+    def _add_best(self, ask: Callable[[Ranking, Candidate], bool] | None) -> None:
         while len(self.added) < MOST_EFFECTS:
             ranking = self.history[-1].ranking
             tried = self._worth_refitting(ranking)
@@ -192,9 +198,30 @@ class _Search:
                 self.hopeless = better
                 return
             self._take(better, fall)
+            self.rivals[candidate.effect.name] = [other for other, _ in order]
             self.sets[candidate.effect.name] = _alternatives(order)
             self._note(self._rank(), candidate)
             self._prune()
+
+    def _reconsider(self, effect: Effect) -> None:
+        """Refit the rivals of an effect beside all that was added after it, and take the best."""
+        rest = self.fit.model.without(effect.name)
+        here = {other.name for other in rest.effects}
+        found = []
+        for rival in self.rivals[effect.name]:
+            if rival.effect.name == effect.name:
+                found.append((rival, self.fit))
+            elif rival.effect.name not in here:
+                try:
+                    found.append((rival, _refit(rest.add(rival.effect, rival.start), self.noise)))
+                except (UnstableLoopError, ModelError):
+                    continue
+        order = sorted(found, key=lambda pair: pair[1].criterion)
+        del self.sets[effect.name]
+        best, self.fit = order[0]
+        self.sets[best.effect.name] = _alternatives(order)
+        if best.effect.name != effect.name:
+            self._note(self._rank(), added=best.effect.name, removed=effect.name)
 
     def as_told(self, chosen: Sequence[Effect]) -> None:
         """Add a person's own choice, in this order."""
@@ -285,9 +312,16 @@ class _Search:
             if less.cost - self.fit.cost < chi2.isf(ALPHA, degrees):
                 del self.sets[effect.name]
                 self.fit = less
-                self._note(self._rank(), None, removed=effect.name)
+                self._note(self._rank(), removed=effect.name)
 
-    def _note(self, ranking: Ranking, added: Candidate | None, removed: str | None = None) -> None:
+    def _note(
+        self,
+        ranking: Ranking,
+        predicted: Candidate | None = None,
+        *,
+        added: str | None = None,
+        removed: str | None = None,
+    ) -> None:
         validation = None
         if self.validate:
             if self.validation_noise is None or removed is None:
@@ -300,13 +334,23 @@ class _Search:
             validation_fit_percent=_fits(self.fit.model, self.validate) if self.validate else None,
             misfit=self.fit.cost / self.dof,
             validation_misfit=validation,
-            predicted_misfit=None if added is None else added.predicted_misfit,
+            predicted_misfit=None if predicted is None else predicted.predicted_misfit,
             ranking=ranking,
             parameters={p.name: p.value for p in self.fit.model.parameters},
             removed=removed,
+            added=added if predicted is None else predicted.effect.name,
         )
         self.history.append(step)
         self.say(step.line())
+
+    def _is_at_noise(self) -> bool:
+        """Whether nothing but noise is left; a record of the same amplitude that was kept back adds to the evidence."""
+        above = (self.fit.cost - self.dof) / (SPREAD * np.sqrt(2.0 * self.dof))
+        kept_back = self.history[-1].validation_misfit
+        if kept_back is None or self.validation_noise is None or self._validated():
+            return bool(above < 3.0)
+        other = (kept_back - 1.0) * np.sqrt(self.validation_noise.lines / 2.0) / SPREAD
+        return bool(above < 3.0 and above + other < 3.0 * np.sqrt(2.0))
 
     def _validated(self) -> bool:
         """Whether a record to validate on has another amplitude than all others."""
@@ -330,7 +374,7 @@ class _Search:
         by_share = share > EXPLAINED_SHARE and len(effects) <= MOST_BY_SHARE
         if not effects and misfit < self.tolerance and not unexplained:
             verdict = "adequate"
-        elif effects and (self.fit.cost < self.at_noise or by_share) and not unexplained:
+        elif effects and (self._is_at_noise() or by_share) and not unexplained:
             verdict = "ambiguous" if sets else "explained"
             if misfit > self.tolerance:
                 notes.append(

@@ -45,6 +45,8 @@ class Step:
         Values of all parameters.
     removed : str or None
         Effect that this step took out again.
+    added : str or None
+        Effect that this step added.
     """
 
     effects: tuple[str, ...]
@@ -56,11 +58,17 @@ class Step:
     ranking: Ranking
     parameters: dict[str, float]
     removed: str | None = None
+    added: str | None = None
+
+    @property
+    def change(self) -> str:
+        """What the step did, such as ``+ loop_delay - amplifier_bandwidth``."""
+        changes = [f"{sign} {name}" for sign, name in (("+", self.added), ("-", self.removed)) if name]
+        return " ".join(changes) or "base model"
 
     def line(self) -> str:
         """One line of text."""
-        name = f"- {self.removed}" if self.removed else f"+ {self.effects[-1]}" if self.effects else "base model"
-        text = f"{name:26s} misfit {self.misfit:10.3f}   fit of y {self.fit_percent['average']:6.2f} %"
+        text = f"{self.change:36s} misfit {self.misfit:10.3f}   fit of y {self.fit_percent['average']:6.2f} %"
         if self.predicted_misfit is not None:
             text += f"   (predicted {self.predicted_misfit:.3f})"
         if self.validation_misfit is not None and self.validation_fit_percent is not None:

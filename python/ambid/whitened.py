@@ -21,8 +21,8 @@ from ambid.yardstick import Whitener, Window
 class Noise:
     """Noise of y and i_c of several records, from the residual of one model; the same for all models after.
 
-    Tones of the residual are no noise: they are taken out of it, and the lines around them are judged beside the
-    excited ones.
+    Tones of the residual are no noise: they are taken out of it, and the lines around them, and around the frequencies
+    of effects in the model, are judged beside the excited ones.
 
     Attributes
     ----------
@@ -47,7 +47,9 @@ class Noise:
                 tones = find_tones(residual, window, rate, len(record.axes), model.rig.speed, shape)
             quiet = without_tones(residual, tones, window, rate)
             self.tones.append(tones)
-            i_e, more = model.excitation(record)[:, : len(record.axes)], _around(tones, window, rate)
+            own = [f for effect in model.effects for f in effect.frequencies_hz(model.rig)]
+            more = _around([*own, *(tone.frequency_hz for tone in tones)], window, rate)
+            i_e = model.excitation(record)[:, : len(record.axes)]
             self.whiteners.append(Whitener.from_residual(quiet, window, i_e, more, shape))
         self.lines = sum(w.numbers for w in self.whiteners)
 
@@ -88,9 +90,9 @@ def loop_noise(model: Model, window: Window, sample_rate: float, channels: int) 
     return back
 
 
-def _around(tones: Sequence[Tone], window: Window, sample_rate: float) -> NDArray[np.intp]:
+def _around(frequencies_hz: Sequence[float], window: Window, sample_rate: float) -> NDArray[np.intp]:
     """The unexcited lines next to tones."""
-    at = [tone.frequency_hz * window.samples / sample_rate for tone in tones]
+    at = [frequency * window.samples / sample_rate for frequency in frequencies_hz]
     near = {line for place in at for line in range(int(place) - 1, int(place) + 3)}
     inside = (line for line in near if 0 < line < window.samples // 2 and line % window.periods)
     return np.array(sorted(inside), dtype=np.intp)

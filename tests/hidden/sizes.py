@@ -23,8 +23,8 @@ from .families import BENCHES, FAMILIES, Bench
 
 FILE = Path(__file__).with_name("sizes.json")
 TARGETS = {"barely": 30.0, "clear": 1e4, "large": 1e6}
-NEIGHBOURS = 20  # lines to each side that share a noise spectrum
-NOISE_RECORDS = 6
+NEIGHBOURS = 2  # lines to each side that share a noise spectrum; a bending mode is hardly wider
+NOISE_RECORDS = 60
 
 
 @dataclass(frozen=True)

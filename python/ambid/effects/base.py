@@ -100,6 +100,10 @@ class Effect(ABC):
         """
         return np.zeros((samples, 0))
 
+    def frequencies_hz(self, rig: Rig) -> Sequence[float]:
+        """Frequencies of its own, whose lines of the spectrum are judged beside the excited ones."""
+        return ()
+
     def settings(self) -> dict[str, Any]:
         """Arguments of the constructor that make this variant, as saved with a model."""
         return {}

@@ -62,10 +62,13 @@ class Unbalance(Effect):
         names = [f"{part}{plane}" for plane in planes for part in ("in_phase", "ahead")]
         return [EffectParameter(name, "kg m", 1e-6, lower=-float("inf")) for name in names]
 
+    def frequencies_hz(self, rig: Rig) -> Sequence[float]:
+        """That of rotation."""
+        return [self.frequency_hz or rig.speed / (2.0 * pi)]
+
     def waveform(self, rig: Rig, samples: int, record: Record | None) -> FloatArray:
         """Cosine and sine of the angle of rotation."""
-        frequency = self.frequency_hz or rig.speed / (2.0 * pi)
-        return _turning(frequency, rig.sample_rate, samples, record, self.reference)
+        return _turning(self.frequencies_hz(rig)[0], rig.sample_rate, samples, record, self.reference)
 
     def attach(self, plant: Plant) -> None:
         """``F_x = m e Omega^2 cos(Omega t + angle)``, ``F_y`` the sine of it."""
@@ -121,6 +124,10 @@ class PeriodicDisturbance(Effect):
         places = [f"_{axis}" for axis in rig.axes] if self.axis == "each" else [""]
         names = [f"{part}{place}" for place in places for part in ("cosine", "sine")]
         return [EffectParameter(name, unit, size, lower=-float("inf")) for name in names]
+
+    def frequencies_hz(self, rig: Rig) -> Sequence[float]:
+        """Its own."""
+        return [self.frequency_hz]
 
     def waveform(self, rig: Rig, samples: int, record: Record | None) -> FloatArray:
         """Cosine and sine at the frequency."""

@@ -139,18 +139,24 @@ class RotorInertiaError(Effect):
     source = "Friswell, Penny, Garvey, Lees, Dynamics of Rotating Machines, 2010, chapter 3"
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
-        """Relative errors; of a gain common to all modes K_i takes its part, so that only the inertia's is new."""
+        """Relative errors of transverse inertia and mass; that of the mass shows against the bending modes alone.
+
+        Without bending modes a gain common to all modes is one of K_i and K_s.
+        """
         if not isinstance(rig.rotor, FiniteElementRotor | MatrixRotor):
             return []
-        return [EffectParameter("inertia", "1", 0.01, lower=-0.5, upper=1.0)]
+        names = ["inertia", "mass"] if rig.rotor.flexible_modes else ["inertia"]
+        return [EffectParameter(name, "1", 0.01, lower=-0.5, upper=1.0) for name in names]
 
     def attach(self, plant: Plant) -> None:
-        """``(1 + d) eta'' = force`` of the rotation, so that the force there is divided by 1 + d."""
+        """``(1 + d) eta'' = force`` of rotation and translation, so that the force there is divided by 1 + d."""
         n = len(plant.rotor.frequencies_rad_s)
+        modes = {"mass": 0, "inertia": 1}
         for plane in range(plant.rotor.planes):
-            k = plane * n + 1
-            heavier = plant.port(self.slot("inertia"), plant[f"modal_force.{k}"])
-            plant.inject(f"modal_force.{k}", -heavier)
+            for parameter in self.parameters(plant.rig):
+                k = plane * n + modes[parameter.name]
+                heavier = plant.port(self.slot(parameter.name), plant[f"modal_force.{k}"])
+                plant.inject(f"modal_force.{k}", -heavier)
 
 
 class GyroscopicCoupling(Effect):

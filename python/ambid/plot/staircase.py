@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambid.diagnosis import Diagnosis, Step
+from ambid.diagnosis import Diagnosis
 from ambid.errors import InputError
 from ambid.plot.style import AXIS_COLOURS, GUIDE, SMALL, dress, misfit_text, new_figure, plain_log
 from ambid.record import Record, noise_ceiling
@@ -61,7 +61,7 @@ def plot_staircase(diagnosis: Diagnosis, ax: Sequence[Axes] | None = None) -> ND
         low, high = panel.get_ylim()
         panel.set_ylim(low / 2.0, high * 2.0)
         plain_log(panel.yaxis)
-        panel.set_xticks(range(len(steps)), [_name(s) for s in steps])
+        panel.set_xticks(range(len(steps)), [step.change for step in steps])
         panel.set_xlim(-0.6, len(steps) - 0.4)
         panel.legend(fontsize=SMALL, frameon=False, loc="upper left", bbox_to_anchor=(0.0, -0.08), ncols=2)
     return np.array([left, right])
@@ -95,9 +95,3 @@ def _stairs(ax: Axes, train: Sequence[float], validation: Sequence[float | None]
             below = others[step] > values[step]
             place: dict[str, Any] = {"xytext": (0, -16 if below else 8), "textcoords": "offset points", "bbox": box}
             ax.annotate(text(values[step]), (step, values[step]), ha="center", fontsize=SMALL, **place)
-
-
-def _name(step: Step) -> str:
-    if step.removed is not None:
-        return f"− {step.removed}"
-    return f"+ {step.effects[-1]}" if step.effects else "base model"

@@ -124,9 +124,9 @@ def _where(where: Localisation, sentence: str, missing: bool) -> dict[str, Any]:
 def _rankings(diagnosis: Diagnosis, last: Step) -> list[dict[str, Any]]:
     """The ranking before each step that the last model holds; the first one where nothing was added."""
     steps = diagnosis.history
-    used = [(step, then) for step, then in zip(steps, steps[1:], strict=False) if then.removed is None]
+    used = [(step, then) for step, then in zip(steps, steps[1:], strict=False) if then.predicted_misfit is not None]
     used = used[: steps.index(last)] if last is not steps[0] else []
-    pairs: list[tuple[Ranking, str | None]] = [(step.ranking, then.effects[-1]) for step, then in used]
+    pairs: list[tuple[Ranking, str | None]] = [(step.ranking, then.added) for step, then in used]
     pairs = pairs or [(steps[0].ranking, None)]
     return [
         {
