@@ -147,8 +147,8 @@ def test_an_empty_ranking_is_drawn_empty():
 
 def test_staircase_holds_the_ledger(demo_record):
     steps = [
-        SimpleNamespace(effects=(), removed=None, misfit=50.0, validation_misfit=40.0, predicted_misfit=None),
-        SimpleNamespace(effects=("seal",), removed=None, misfit=1.0, validation_misfit=1.1, predicted_misfit=1.5),
+        SimpleNamespace(effects=(), change="base model", misfit=50.0, validation_misfit=40.0, predicted_misfit=None),
+        SimpleNamespace(effects=("seal",), change="+ seal", misfit=1.0, validation_misfit=1.1, predicted_misfit=1.5),
     ]
     for step, fit in zip(steps, (90.0, 95.0), strict=True):
         step.fit_percent = step.validation_fit_percent = {"average": fit}

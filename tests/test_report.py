@@ -114,7 +114,7 @@ def test_steps_that_led_nowhere_are_said_to_be_taken_back(explained, tmp_path):
 
 def test_adequate_claims_no_failure(explained, tmp_path):
     step = explained.history[-1]
-    calm = replace(step, effects=(), parameters={p.name: p.value for p in numbers.base_model(explained).parameters})
+    calm = replace(step, effects=(), added=None, model=numbers.base_model(explained))
     adequate = replace(
         explained, verdict="adequate", effects=(), history=[calm], model=numbers.base_model(explained), notes=()
     )
@@ -137,7 +137,7 @@ def test_not_informative_says_why_and_what_to_do(explained, tmp_path):
 def test_base_model_and_last_step(explained):
     base = numbers.base_model(explained)
     assert base.effects == ()
-    assert {p.name: p.value for p in base.parameters} == explained.history[0].parameters
+    assert base.parameters == explained.history[0].model.parameters
     assert numbers.last_step(explained) is explained.history[-1]
 
 

@@ -34,7 +34,7 @@ from ambid.localise import Localisation, localise
 from ambid.model import Model, Parameter
 from ambid.rank import Ranking, rank
 from ambid.record import Record, StaticLoading, noise_ceiling
-from ambid.rig import Controller, Rig
+from ambid.rig import Controller, Rig, StateSpaceController, TransferFunctionController
 from ambid.static_load import StaticEstimate, static_load
 from ambid.whitened import Noise
 
@@ -66,7 +66,9 @@ __all__ = [
     "RigError",
     "Soundness",
     "StaticEstimate",
+    "StateSpaceController",
     "StaticLoading",
+    "TransferFunctionController",
     "UnstableLoopError",
     "campaign",
     "check",

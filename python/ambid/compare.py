@@ -164,7 +164,7 @@ def _one(model: Model, record: Record) -> RecordComparison:
     deviation = measured.std(axis=0)
     single, joint, share = np.full(len(channels), np.nan), np.nan, np.nan
     if record.period is None or record.periods >= 3:
-        window, excitation = Window.of(record, model.settling), model.excitation(record)[:, : len(record.axes)]
+        window, excitation = Window.of(record), model.excitation(record)[:, : len(record.axes)]
         single = channel_misfit(residual, window, excitation)
         white = Whitener.from_residual(residual, window, excitation).whiten(residual)
         joint = float(np.sum(white**2) / white.size)

@@ -38,6 +38,11 @@ SPREAD = 1.5
 """Standard deviation of J in units of sqrt(2 dof): the noise spectrum is estimated too."""
 REFITTED = 5
 MOST_EFFECTS = 5
+LOST = 2.0
+"""Misfit J/dof above which parameters that have left their start say nothing."""
+MOST_RENEWALS = 3
+RENEWED = 0.02
+"""Relative change of J by renewing the noise that is small enough."""
 MOST_BY_SHARE = 2
 """So many effects may be called an explanation by the share that they explain; more must reach the noise."""
 EXPLAINED_SHARE = 0.985
@@ -241,15 +246,23 @@ class _Search:
     def _take(self, better: _Fit, fall: float) -> None:
         """Go on from a better model; what a model that is far off leaves between the excited lines is no noise."""
         self.fit = better
-        if fall > self.dof:
-            self.noise = Noise(better.model, self.noise.records)
-            self.fit = _refit(better.model, self.noise)
-            residual = self.noise.residual(self.base.model)
-            self.base = _Fit(self.base.model, float(residual @ residual))
+        if fall <= self.dof:
+            return
+        for _ in range(MOST_RENEWALS):
+            before = self.fit.cost
+            self.noise = Noise(self.fit.model, self.noise.records)
+            self.fit = _refit(self.fit.model, self.noise)
+            if abs(self.fit.cost / before - 1.0) < RENEWED:
+                break
+        residual = self.noise.residual(self.base.model)
+        self.base = _Fit(self.base.model, float(residual @ residual))
 
     def _rank(self) -> Ranking:
+        """From the fit, or, where misfit has driven its parameters off, from where the diagnosis began."""
         start = _with_effects_of(self.nominal, self.fit.model)
-        return rank(compare(self.fit.model, self.noise.records), self.catalogue, noise=self.noise, start=start)
+        is_lost = self.fit.cost > LOST * self.dof and self._is_driven_off() and start.is_stable
+        comparison = compare(start if is_lost else self.fit.model, self.noise.records)
+        return rank(comparison, self.catalogue, noise=self.noise, start=start)
 
     def _worth_refitting(self, ranking: Ranking) -> list[Candidate]:
         """The significant candidates whose score is at least half of the best, since scores can err by that much.
@@ -336,7 +349,7 @@ class _Search:
             validation_misfit=validation,
             predicted_misfit=None if predicted is None else predicted.predicted_misfit,
             ranking=ranking,
-            parameters={p.name: p.value for p in self.fit.model.parameters},
+            model=self.fit.model,
             removed=removed,
             added=added if predicted is None else predicted.effect.name,
         )

@@ -41,8 +41,8 @@ class Step:
         What the ranking before predicted for the effect that was added.
     ranking : Ranking
         Of what is still outside the model.
-    parameters : dict
-        Values of all parameters.
+    model : Model
+        With the values of all parameters.
     removed : str or None
         Effect that this step took out again.
     added : str or None
@@ -56,7 +56,7 @@ class Step:
     validation_misfit: float | None
     predicted_misfit: float | None
     ranking: Ranking
-    parameters: dict[str, float]
+    model: Model
     removed: str | None = None
     added: str | None = None
 

@@ -342,12 +342,6 @@ class Model:
         )
 
     @property
-    def settling(self) -> int:
-        """Samples after which a hundredth of a transient is left."""
-        slowest = float(self.poles().real.max())
-        return int(np.ceil(np.log(100.0) / max(-slowest, 1e-9) * self.rig.sample_rate))
-
-    @property
     def is_stable(self) -> bool:
         """Whether every pole decays."""
         return bool(self.poles().real.max() < 0.0)

@@ -184,7 +184,8 @@ def needed_at_ports(model: Model, noise: Noise) -> tuple[Port, ...]:
         free = 2 * (p - np.linalg.matrix_rank(way[lines // 2], tol=1e-9 * np.abs(way).max())) * lines
         misfit = float(np.sum(np.abs(left) ** 2)) / free if free > 0 else np.nan
         factor = np.sqrt(window.samples) / window.periods
-        full = np.concatenate([np.zeros((1, axes)), spectrum * _seen_share(white - left, 2 * axes)[:, None] * factor])
+        full = np.zeros((window.period // 2 + 1, axes), dtype=complex)
+        full[window.in_period] = spectrum * _seen_share(white - left, 2 * axes)[:, None] * factor
         needed = irfft(full, n=window.period, axis=0)
         terms = _terms(name, signals, way, white, cost, basis, window)
         found.append(Port(name, unit, meaning, misfit, needed, against, terms))
@@ -229,7 +230,7 @@ def _terms(
     for shape, (kind, function) in TERMS[port].items():
         signal = function(signals)
         size = signal.std(axis=0) + 1e-300
-        spectrum = rfft((signal - signal.mean(axis=0)) / size, axis=0)[1 : lines + 1]
+        spectrum = rfft((signal - signal.mean(axis=0)) / size, axis=0)[window.in_period]
         spectrum *= window.periods / np.sqrt(window.samples)
         columns = _stacked((way * spectrum[:, None, :]).reshape(-1, axes))
         columns = columns - known @ (known.T @ columns)

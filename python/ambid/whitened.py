@@ -39,7 +39,7 @@ class Noise:
         self.records = tuple(records)
         self.tones, self.whiteners = [], []
         for record in records:
-            window = Window.of(record, model.settling)
+            window = Window.of(record)
             residual, rate = _residual(model, record), record.sample_rate
             shape = loop_noise(model, window, rate, residual.shape[1])
             tones: tuple[Tone, ...] = ()

@@ -32,6 +32,8 @@ HALF_WIDTH = 15
 """Excited lines to each side whose unexcited neighbours give the noise spectrum."""
 DEGREE = 2
 """Of the polynomials over frequency in the local regression."""
+SLOWEST = 8
+"""Cycles per record below which a record without periods is not judged: there stands what drifts."""
 REGRESSED = 6
 """Lines in a local regression, per number that it fits."""
 
@@ -60,8 +62,8 @@ class Window:
         return cls(period, periods, period)
 
     @classmethod
-    def of(cls, record: Record, settled: int = 0) -> Window:
-        """The periods of a record after the first; of a record without periods, all after `settled` samples.
+    def of(cls, record: Record) -> Window:
+        """The periods of a record after the first; of a record without periods, all but its first eighth.
 
         Raises
         ------
@@ -69,7 +71,7 @@ class Window:
             If the record repeats fewer than three times.
         """
         if record.period is None:
-            first = min(settled, record.samples // 4)
+            first = record.samples // 8
             return cls(record.samples - first, 1, first)
         if record.periods < 3:
             raise RecordError(
@@ -90,8 +92,13 @@ class Window:
 
     @property
     def excited(self) -> NDArray[np.intp]:
-        """Indices of the excited lines, neither DC nor the highest."""
-        return self.periods * np.arange(1, (self.period + 1) // 2)
+        """Indices of the excited lines that are judged, neither DC nor the highest."""
+        return self.periods * self.in_period
+
+    @property
+    def in_period(self) -> NDArray[np.intp]:
+        """The same, counted in cycles per period."""
+        return np.arange(1 if self.is_periodic else SLOWEST, (self.period + 1) // 2)
 
     def cut(self, signal: FloatArray) -> FloatArray:
         """The samples that count, of a signal that starts with the record."""
@@ -105,7 +112,7 @@ class Window:
         """R(l) of the excited lines, then of a few more; the mean over the periods holds all that is excited."""
         part = self.cut(signal)
         folded = part.reshape(self.periods, self.period, *part.shape[1:]).sum(axis=0)
-        lines = rfft(folded, axis=0)[1 : (self.period + 1) // 2]
+        lines = rfft(folded, axis=0)[self.in_period]
         if len(more):
             angles = 2.0 * np.pi / self.samples * np.outer(more, np.arange(self.samples))
             flat = part.reshape(self.samples, -1)
@@ -152,19 +159,22 @@ class Whitener:
         more : ndarray of int, optional
             Unexcited lines that are to be judged too.
         shape : ndarray, shape (M N / 2 + 1, p, p), optional
-            What makes the noise of each line smooth over frequency, such as the way back through the loop.
+            What makes the noise of each line smooth over frequency, such as the way back through the loop; without
+            periods it is used where it makes the residual likelier.
         """
         more = np.zeros(0, dtype=np.intp) if more is None else more
         lines = window.lines(residual)
-        if shape is not None:
-            lines = (shape @ lines[..., None])[..., 0]
         judged = np.concatenate([window.excited, more])
         if excitation is None or window.is_periodic:
-            spectrum = _between_lines(lines, window, judged)
+            back = _unshaped(lines) if shape is None else shape
+            spectrum = _between_lines(_through(back, lines), window, judged)
         else:
-            spectrum = _beside_excitation(lines, window.lines(excitation))[judged]
+            shapes = [_unshaped(lines), *([] if shape is None else [shape])]
+            inputs = window.lines(excitation)
+            tried = [(_beside_excitation(_through(back, lines), inputs)[judged], back) for back in shapes]
+            spectrum, back = max(tried, key=lambda one: _likelihood(one[0], one[1][judged]))
         whitening = np.sqrt(2.0) * np.linalg.inv(np.linalg.cholesky(spectrum))
-        return cls(window, more, whitening if shape is None else whitening @ shape[judged])
+        return cls(window, more, whitening @ back[judged])
 
     def whiten(self, signal: FloatArray) -> FloatArray:
         """Whitened judged lines of a signal of shape (samples, p) or (samples, p, q), as real numbers.
@@ -184,6 +194,19 @@ class Whitener:
     def numbers(self) -> int:
         """Real numbers that `whiten` returns: 2 p per line."""
         return 2 * self.whitening.shape[0] * self.whitening.shape[1]
+
+
+def _unshaped(lines: ComplexArray) -> ComplexArray:
+    return np.broadcast_to(np.eye(lines.shape[1], dtype=complex), (len(lines), lines.shape[1], lines.shape[1]))
+
+
+def _through(shape: ComplexArray, lines: ComplexArray) -> ComplexArray:
+    return np.asarray((shape @ lines[..., None])[..., 0])
+
+
+def _likelihood(spectrum: ComplexArray, shape: ComplexArray) -> float:
+    """Logarithm of the likelihood that a residual has this spectrum after its shape, but for a constant (Whittle)."""
+    return float(np.sum(2.0 * np.linalg.slogdet(shape)[1] - np.linalg.slogdet(spectrum)[1]))
 
 
 def _between_lines(lines: ComplexArray, window: Window, judged: NDArray[np.intp]) -> ComplexArray:

@@ -19,16 +19,13 @@ from ambid.whitened import Noise
 
 def base_model(diagnosis: Diagnosis) -> Model:
     """The model before the first step."""
-    first, model = diagnosis.history[0], diagnosis.model
-    for effect in diagnosis.model.effects:
-        if effect.name not in first.effects:
-            model = model.without(effect.name)
-    return model.with_values(first.parameters)
+    return diagnosis.history[0].model.with_substeps(None)
 
 
 def last_step(diagnosis: Diagnosis) -> Step:
     """The step whose model is the last one; not that of a step that led nowhere and was taken back."""
-    return next(step for step in reversed(diagnosis.history) if step.effects == diagnosis.effects)
+    names = tuple(effect.name for effect in diagnosis.model.effects)
+    return next(step for step in reversed(diagnosis.history) if step.effects == names)
 
 
 def standard_errors(model: Model, records: Sequence[Record]) -> dict[str, float]:
@@ -72,7 +69,7 @@ class Moved:
 
 def moved(diagnosis: Diagnosis, errors: dict[str, float]) -> list[Moved]:
     """Parameters of the base model that the effects have moved, most percent first."""
-    before = diagnosis.history[0].parameters
+    before = {p.name: p.value for p in diagnosis.history[0].model.parameters}
     found = []
     for p in diagnosis.model.parameters:
         if p.name in before:

@@ -53,6 +53,7 @@ def _chapters(diagnosis: Diagnosis) -> dict[str, Any]:
     errors = numbers.standard_errors(diagnosis.model, diagnosis.records)
     where, missing = diagnosis.localisation, diagnosis.verdict != "adequate"
     said = where.sentence() if where is not None and missing else ""
+    known = {p.name: p.value for p in first.model.parameters}
     return {
         "sentence": words.verdict_sentence(diagnosis, first.misfit, last.misfit, validation),
         "notes": [note for note in diagnosis.notes if note != said],
@@ -65,7 +66,7 @@ def _chapters(diagnosis: Diagnosis) -> dict[str, Any]:
         "ledger": _ledger(diagnosis, errors) if len(diagnosis.history) > 1 else None,
         "shape": pictures.needed(where, diagnosis.model.rig.axes) if where is not None and missing else None,
         "signals": list(pictures.before_and_after(before, after)),
-        "parameters": [(p, errors[p.name], first.parameters.get(p.name)) for p in diagnosis.model.parameters],
+        "parameters": [(p, errors[p.name], known.get(p.name)) for p in diagnosis.model.parameters],
     }
 
 

@@ -1,0 +1,106 @@
+"""Real hardware: what the model of a single-axis levitator lacks, found from a record whose excitation was not logged.
+
+    python tests/real/magnetoshield.py PATH/MagnetoShield_ID_Data.mat
+
+The record is of the AutomationShield project (CC BY-NC-ND 4.0; Sensors 24 (2024) 538). It is read, never copied.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import scipy.io
+from scipy.signal import cont2discrete
+
+from ambid import Diagnosis, Model, Record, Rig, TransferFunctionController, diagnose, identify
+from ambid.loop.loop import open_plant
+
+RIG = Path(__file__).with_name("magnetoshield.toml")
+TRAIN, VALIDATE = (slice(6100, 7400), 14.5), (slice(4700, 5900), 15.0)  # steady rows, and their gap in mm
+HORIZON = 20
+
+
+def main(path: str) -> None:
+    """Tell the whole story."""
+    rows = scipy.io.loadmat(path)["result"]
+    published = Rig.load(RIG)
+    rig = published.replace(controller=controller_of(rows, *TRAIN))
+    for name, own in (("published", published), ("the record's own", rig)):
+        i_e = excitation(rows, *TRAIN, own)
+        y = rows[TRAIN[0], 0] - TRAIN[1]
+        alike = np.corrcoef(i_e, y)[0, 1]
+        print(f"excitation by {name} controller: {i_e.std():.3f} V rms, correlation with y {alike:.2f}")
+    found, train, validate = story(rows, rig)
+    print(found, "\n")
+    print(f"{HORIZON}-sample prediction     {'14.5 mm':>20s} {'15.0 mm, not used':>20s}")
+    for step in found.history:
+        errors = [prediction_error(step.model, record) for record in (train, validate)]
+        cells = [f"{1e6 * y:6.2f} um {1e6 * i:7.1f} uA" for y, i in errors]
+        print(f"{step.change:28s} {cells[0]:>20s} {cells[1]:>20s}")
+    estimate = identify(found.model, train)
+    print("\n", estimate, sep="")
+    emf = diagnose(found.model, train, validate=[validate], effects=["back_emf"])
+    print("\nback-EMF by hand:", *(step.line() for step in emf.history), sep="\n")
+
+
+def story(rows: np.ndarray, rig: Rig) -> tuple[Diagnosis, Record, Record]:
+    """Identify K_i, K_s and R with an ideal coil, then let the record say what is missing."""
+    train, validate = (record_of(rows, *part, rig) for part in (TRAIN, VALIDATE))
+    ideal = identify(rig, train)
+    return diagnose(ideal.model, train, validate=[validate]), train, validate
+
+
+def record_of(rows: np.ndarray, part: slice, gap: float, rig: Rig) -> Record:
+    """Steady rows as a record: y towards the coil [m], i_c [A], the command in V as i_ref; i_e is rebuilt from it."""
+    y, u, i = rows[part].T[:3] - rows[part].T[:3].mean(axis=1, keepdims=True)
+    return Record.from_arrays(
+        y=-1e-3 * y[:, None], i_ref=u[:, None], i_c=1e-3 * i[:, None],
+        sample_rate=rig.sample_rate, axes=rig.axes, rig=rig, name=f"{gap} mm",
+    )  # fmt: skip
+
+
+def controller_of(rows: np.ndarray, part: slice, gap: float) -> TransferFunctionController:
+    """The PID that made u of the gap: least squares of u on y now, one and two samples ago, and its sum.
+
+    The white noise that was added to u belongs to no y up to now, so that it does not bias them.
+    """
+    y, u = rows[part.start - 2 : part.stop, 0] - gap, rows[part, 1]
+    table = np.column_stack([y[2:], y[1:-1], y[:-2], np.cumsum(y)[2:], np.ones(len(u))])
+    now, before, earlier, total = 1e3 * np.linalg.lstsq(table, u, rcond=None)[0][:4]
+    numerator = (now + total, before - now, earlier - before, -earlier)
+    return TransferFunctionController(
+        implementation="digital", numerator=tuple(map(float, numerator)), denominator=(1.0, -1.0, 0.0, 0.0)
+    )
+
+
+def excitation(rows: np.ndarray, part: slice, gap: float, rig: Rig) -> np.ndarray:
+    """What a controller leaves of the command [V]."""
+    return np.asarray(record_of(rows, part, gap, rig).i_e)[:, 0]
+
+
+def prediction_error(model: Model, record: Record, horizon: int = HORIZON) -> tuple[float, float]:
+    """Rms error of y [m] and i_c [A] over so many samples from the command, the state at their start being fitted."""
+    values = {slot: p.value for p in model.parameters for slot in p.slots}
+    plant = open_plant(model.rig, model.effects).closed(values)
+    a, b, c, d, _ = cont2discrete(plant, 1.0 / record.sample_rate)
+    measured = np.hstack([record.y, record.i_c])
+    size = measured.std(axis=0)
+    powers = [np.linalg.matrix_power(a, k) for k in range(horizon)]
+    free = np.stack([c @ power for power in powers])  # horizon x 2 x states
+    pulse = np.stack([d, *(c @ power @ b for power in powers[:-1])])[..., 0]
+    basis, singular, _ = np.linalg.svd((free / size[:, None]).reshape(2 * horizon, -1), full_matrices=False)
+    basis = basis[:, singular > 1e-9 * singular[0]]
+    left = []
+    for start in range(0, record.samples - horizon + 1, horizon):
+        u = record.i_ref[start : start + horizon, 0]
+        forced = np.stack([np.convolve(u, pulse[:, k])[:horizon] for k in range(2)], axis=1)
+        miss = ((measured[start : start + horizon] - forced) / size).ravel()
+        left.append(((miss - basis @ (basis.T @ miss)).reshape(horizon, 2)) * size)
+    y, i = np.sqrt(np.mean(np.square(left), axis=(0, 1)))
+    return float(y), float(i)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -1,0 +1,53 @@
+"""Real hardware, where it is at hand: a single axis with a voltage-driven coil whose excitation was not logged."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+
+from ambid import Rig
+
+sys.path.insert(0, str(Path(__file__).parent / "real"))
+import magnetoshield
+
+RECORD = Path(__file__).parents[2] / "shared/real/magnetoshield/MagnetoShield_ID_Data.mat"
+
+
+@pytest.fixture(scope="module")
+def told():
+    if not RECORD.exists():
+        pytest.skip(f"{RECORD} is not here: its licence does not let it be copied into the project")
+    rows = scipy.io.loadmat(RECORD)["result"]
+    rig = Rig.load(magnetoshield.RIG).replace(controller=magnetoshield.controller_of(rows, *magnetoshield.TRAIN))
+    return rows, rig, *magnetoshield.story(rows, rig)
+
+
+def test_the_published_controller_did_not_make_this_record(told):
+    rows, rig, *_ = told
+    y = rows[magnetoshield.TRAIN[0], 0]
+
+    def alike(own):
+        return abs(np.corrcoef(magnetoshield.excitation(rows, *magnetoshield.TRAIN, own), y)[0, 1])
+
+    assert alike(Rig.load(magnetoshield.RIG)) > 0.2
+    assert alike(rig) < 0.02
+
+
+def test_lag_first_then_the_instants_of_reading(told):
+    found = told[2]
+    assert found.verdict == "explained"
+    assert found.effects == ("amplifier_bandwidth", "sampling_skew")
+    values = {p.name: p.value for p in found.model.parameters}
+    assert 198.0 < values["R.A_zeta"] < 225.0
+    assert 0.2 < values["amplifier_bandwidth.inductance"] < 0.4
+    assert found.history[-1].misfit < 1.3 < 10.0 < found.history[0].misfit
+
+
+def test_every_effect_lowers_the_error_on_rows_that_were_not_used(told):
+    found, train, validate = told[2:]
+    for record in (train, validate):
+        errors = np.array([magnetoshield.prediction_error(step.model, record) for step in found.history])
+        assert np.all(np.diff(errors, axis=0) < 0.0)
+        assert np.all(errors[-1] < 0.4 * errors[0])
