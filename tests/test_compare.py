@@ -84,14 +84,20 @@ def test_y_alone(exact, run):
     assert abs(record.misfit - 1.0) < 0.15
 
 
-def test_without_periods_the_misfit_is_unknown(exact, run):
-    comparison = compare(exact, replace(run, period=None))
+def test_with_two_periods_the_misfit_is_unknown(exact, run):
+    two = {signal: getattr(run, signal)[: 2 * run.period] for signal in ("i_e", "y", "i_c")}
+    comparison = compare(exact, replace(run, **two))
     (record,) = comparison.records
     assert np.isnan(record.misfit)
     assert np.isnan(record.repeatable_share)
     (plain,) = comparison.to_json()["records"]
     assert plain["misfit"] is plain["repeatable_share"] is plain["channels"][0]["noise_rms"] is None
     assert plain["fit_percent"]["average"] > 90.0
+
+
+def test_without_periods_the_misfit_of_the_right_model_is_one(exact, run):
+    (record,) = compare(exact, replace(run, period=None)).records
+    assert record.misfit == pytest.approx(1.0, abs=0.05)
 
 
 def test_several_records(exact, run):

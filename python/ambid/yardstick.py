@@ -50,11 +50,14 @@ class Window:
         Number M of periods that count.
     first : int
         First sample that counts.
+    lowest : int
+        Cycles per period of the lowest line that is judged.
     """
 
     period: int
     periods: int
     first: int
+    lowest: int = 1
 
     @classmethod
     def after_first(cls, period: int, periods: int) -> Window:
@@ -72,7 +75,7 @@ class Window:
         """
         if record.period is None:
             first = record.samples // 8
-            return cls(record.samples - first, 1, first)
+            return cls(record.samples - first, 1, first, SLOWEST)
         if record.periods < 3:
             raise RecordError(
                 f"{record.path or record.name}: {record.periods} periods of the excitation; the misfit in noise units "
@@ -98,7 +101,7 @@ class Window:
     @property
     def in_period(self) -> NDArray[np.intp]:
         """The same, counted in cycles per period."""
-        return np.arange(1 if self.is_periodic else SLOWEST, (self.period + 1) // 2)
+        return np.arange(self.lowest, (self.period + 1) // 2)
 
     def cut(self, signal: FloatArray) -> FloatArray:
         """The samples that count, of a signal that starts with the record."""
