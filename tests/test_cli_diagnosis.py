@@ -12,7 +12,9 @@ import pytest
 
 import ambid
 from ambid.cli import diagnosing
+from ambid.cli.terminal import with_time_left
 from ambid.demo import DATA
+from ambid.diagnose import _Search
 from ambid.effects import CATALOGUE
 from ambid.errors import IdentificationError
 from ambid.whitened import Noise
@@ -157,20 +159,43 @@ def test_asking_at_a_terminal(here, answer, effects):
     assert json.loads(Path("d.json").read_text())["history"][-1]["effects"] == effects
 
 
-def test_ctrl_c_ends_a_diagnosis_with_a_message(here, command, monkeypatch):
-    jacobian = Noise.jacobian
+def interrupt_at(monkeypatch, where, name, call):
+    """Let Ctrl-C come at the `call`-th call of a function."""
+    function, calls = getattr(where, name), iter(range(1_000_000))
 
-    def interrupted(*arguments):
-        signal.raise_signal(signal.SIGINT)
-        return jacobian(*arguments)
+    def interrupted(*arguments, **options):
+        if next(calls) == call:
+            signal.raise_signal(signal.SIGINT)
+        return function(*arguments, **options)
 
-    monkeypatch.setattr(Noise, "jacobian", interrupted)
-    before = signal.getsignal(signal.SIGINT)
+    monkeypatch.setattr(where, name, interrupted)
+
+
+def test_ctrl_c_before_the_first_step_ends_with_a_message(here, command, monkeypatch):
+    interrupt_at(monkeypatch, Noise, "jacobian", 0)
     result = command("diagnose", *here, "--json", "d.json")
     assert (result.code, result.out) == (1, "")
-    assert result.err == "error: stopped by Ctrl-C before the job was done; no result was written\n"
-    assert signal.getsignal(signal.SIGINT) is before
+    assert result.err == "error: stopped by Ctrl-C before the first step was done; nothing was written\n"
     assert not Path("d.json").exists()
+
+
+def test_ctrl_c_later_ends_with_the_steps_that_were_done(here, command, monkeypatch):
+    interrupt_at(monkeypatch, _Search, "_refits", 0)
+    result = command("diagnose", *here, "--json", "d.json")
+    assert result.code == 0
+    found = json.loads(Path("d.json").read_text())
+    assert (found["verdict"], found["effects"]) == ("not_informative", [])
+    assert [step["effects"] for step in found["history"]] == [[]]
+    assert found["history"][0]["candidates"][0]["effect"] == "loop_delay"
+    assert "stopped by Ctrl-C" in found["notes"][-1]
+
+
+def test_time_left_is_told():
+    said = []
+    tell = with_time_left(said.append)
+    tell("ranking", 0, 4)
+    tell("ranking", 1, 4)
+    assert said == ["ranking, 1 of 4", "ranking, 2 of 4"]
 
 
 def test_the_catalogue(here, command):

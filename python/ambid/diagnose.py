@@ -20,7 +20,7 @@ from ambid.identify import identify
 from ambid.localise import localise
 from ambid.model import Model
 from ambid.next_experiment import next_experiment
-from ambid.rank import ALPHA, SUBSTEPS, Candidate, Ranking, log_chance, rank
+from ambid.rank import ALPHA, SUBSTEPS, Candidate, Progress, Ranking, log_chance, rank, silent
 from ambid.record import Record
 from ambid.rig import Rig
 from ambid.tones import OUTSTANDING
@@ -78,6 +78,7 @@ def diagnose(
     tolerance: float = ADEQUATE,
     ask: Callable[[Ranking, Candidate], bool] | None = None,
     say: Callable[[str], None] = lambda _: None,
+    progress: Progress = silent,
 ) -> Diagnosis:
     """Compare, name the missing effect, add it, refit, until nothing more is supported by the data.
 
@@ -99,10 +100,16 @@ def diagnose(
         Shown the ranking and the candidate that is to be added; False ends the search.
     say : callable
         Told about every step.
+    progress : callable
+        Told what is being done within a step, how much of it is done, and how much there is.
 
     Returns
     -------
     Diagnosis
+
+    Notes
+    -----
+    Ctrl-C (KeyboardInterrupt) ends the search with the steps that were finished; before the first, it is passed on.
 
     Raises
     ------
@@ -119,6 +126,8 @@ def diagnose(
     if stops:
         return Diagnosis.uninformative(start, records, stops, begun)
     estimate = identify(start, records)
+    if estimate.status == "stopped":
+        raise KeyboardInterrupt
     if estimate.status == "not_identifiable":
         lost = ", ".join(sorted({name for direction in estimate.directions for name in direction}))
         why = f"the records do not determine {lost}; excite every axis, with more amplitude or over more periods"
@@ -127,11 +136,14 @@ def diagnose(
     fit = _refit(estimate.model, noise)
     noise = Noise(fit.model, records)
     fit = _refit(fit.model, noise)
-    search = _Search(fit, start, noise, validate, catalogue, tolerance, say)
-    if effects is None:
-        search.automatic(ask)
-    else:
-        search.as_told([find(effect) if isinstance(effect, str) else effect for effect in effects])
+    search = _Search(fit, start, noise, validate, catalogue, tolerance, say, progress)
+    try:
+        if effects is None:
+            search.automatic(ask)
+        else:
+            search.as_told([find(effect) if isinstance(effect, str) else effect for effect in effects])
+    except KeyboardInterrupt:
+        search.stop()
     return search.verdict(begun)
 
 
@@ -147,11 +159,13 @@ class _Search:
         catalogue: Sequence[Effect],
         tolerance: float,
         say: Callable[[str], None],
+        progress: Progress,
     ) -> None:
         self.base = self.fit = base
+        self.is_stopped = False
         self.nominal, self.noise, self.validate = nominal, noise, validate
         self.validation_noise: Noise | None = None
-        self.catalogue, self.tolerance, self.say = catalogue, tolerance, say
+        self.catalogue, self.tolerance, self.say, self.progress = catalogue, tolerance, say, progress
         self.rivals: dict[str, list[Candidate]] = {}
         self.sets: dict[str, list[str]] = {}
         self.hopeless: _Fit | None = None
@@ -262,7 +276,7 @@ class _Search:
         start = _with_effects_of(self.nominal, self.fit.model)
         is_lost = self.fit.cost > LOST * self.dof and self._is_driven_off() and start.is_stable
         comparison = compare(start if is_lost else self.fit.model, self.noise.records)
-        return rank(comparison, self.catalogue, noise=self.noise, start=start)
+        return rank(comparison, self.catalogue, noise=self.noise, start=start, progress=self.progress)
 
     def _worth_refitting(self, ranking: Ranking) -> list[Candidate]:
         """The significant candidates whose score is at least half of the best, since scores can err by that much.
@@ -288,7 +302,8 @@ class _Search:
         They start from the predicted values; where the base model is far off, from the rig file's too.
         """
         found: list[tuple[Candidate, _Fit]] = []
-        for candidate in tried:
+        for done, candidate in enumerate(tried):
+            self.progress(f"refitting {candidate.effect.name}", done, len(tried))
             best = min((other.cost for _, other in found), default=np.inf)
             if best < self.at_noise and self.fit.cost - 2.0 * candidate.score > best + EQUALLY_GOOD:
                 continue  # even twice the predicted fall would not do
@@ -354,6 +369,7 @@ class _Search:
             added=added if predicted is None else predicted.effect.name,
         )
         self.history.append(step)
+        self.noted = (self.fit, self.base, self.noise)
         self.say(step.line())
 
     def _is_at_noise(self) -> bool:
@@ -364,6 +380,11 @@ class _Search:
             return bool(above < 3.0)
         other = (kept_back - 1.0) * np.sqrt(self.validation_noise.lines / 2.0) / SPREAD
         return bool(above < 3.0 and above + other < 3.0 * np.sqrt(2.0))
+
+    def stop(self) -> None:
+        """Go back to the last step that was finished."""
+        self.is_stopped = True
+        self.fit, self.base, self.noise = self.noted
 
     def _validated(self) -> bool:
         """Whether a record to validate on has another amplitude than all others."""
@@ -378,7 +399,7 @@ class _Search:
         misfit, share = self.fit.cost / self.dof, self.explained
         effects = tuple(effect.name for effect in self.added)
         where = localise(self.base.model, self.noise)
-        notes, sets = [], [names for names in self.sets.values() if len(names) > 1]
+        notes, sets = [], [self.sets[name] for name in effects if len(self.sets.get(name, ())) > 1]
         left = Noise(self.fit.model, self.noise.records) if effects else self.noise
         change = largest_change(self.fit.model, left) if effects else where.change
         strong = [tone for tones in left.tones for tone in tones if tone.power > OUTSTANDING]
@@ -394,6 +415,8 @@ class _Search:
                     f"the effects explain {100 * share:.1f} % of the excess misfit; J/dof {misfit:.2f} remains, since "
                     "their formulas only approximate this machine"
                 )
+        elif self.is_stopped:
+            verdict = "not_informative"
         else:
             verdict = "none_of_the_candidates"
             best = self.fit if self.hopeless is None else self.hopeless
@@ -404,6 +427,8 @@ class _Search:
                 notes.append(f"best tried: {names}, which explains {100 * share:.0f} % of the excess misfit; not added")
             notes += [*unexplained, where.sentence()]
             self.fit, effects, sets = self.base, (), []
+        if self.is_stopped:
+            notes.append("stopped by Ctrl-C after the steps above: more may be missing, and rivals were not compared")
         return Diagnosis(
             verdict=verdict,
             effects=effects,
@@ -435,6 +460,8 @@ def _refit(model: Model, noise: Noise, most: int = 40) -> _Fit:
     lower = np.array([p.lower for p in model.parameters]) / problem.scale
     upper = np.array([p.upper for p in model.parameters]) / problem.scale
     end = problem.descend(model.theta / problem.scale, (lower, upper), most)
+    if end.status == "stopped":
+        raise KeyboardInterrupt
     return _Fit(model.with_theta(end.theta), end.cost)
 
 

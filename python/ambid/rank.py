@@ -11,7 +11,7 @@ modification index of structural-equation software). Values that physics forbids
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -30,6 +30,8 @@ from ambid.whitened import Noise
 
 __all__ = ["Candidate", "Ranking", "rank"]
 
+Progress = Callable[[str, int, int], None]
+
 ALPHA = 0.003
 """Chance of a false alarm over the whole catalogue."""
 VISIBLE = 1e-4
@@ -38,6 +40,10 @@ SUBSTEPS = 2
 """Steps per sample of nonlinear candidates: a score needs no six digits."""
 CONFUSABLE = 0.9
 """Two candidates whose freed responses have a larger cosine are called confusable."""
+
+
+def silent(what: str, done: int, total: int) -> None:
+    """Tell nobody."""
 
 
 @dataclass(frozen=True)
@@ -163,6 +169,7 @@ def rank(
     *,
     noise: Noise | None = None,
     start: Model | None = None,
+    progress: Progress = silent,
 ) -> Ranking:
     """Score every effect of a catalogue that the model does not have yet.
 
@@ -176,6 +183,8 @@ def rank(
         Default: from the model's own residual.
     start : Model, optional
         The same model at other values, where effects are judged that make no stable loop near the fit.
+    progress : callable
+        Told what is being done, how much of it is done, and how much there is.
 
     Returns
     -------
@@ -189,7 +198,8 @@ def rank(
 
     candidates, skipped = [], {}
     present = {effect.name for effect in model.effects}
-    for effect in catalogue:
+    for done, effect in enumerate(catalogue):
+        progress("ranking", done, len(catalogue))
         if effect.name in present or not effect.parameters(model.rig):
             continue
         variants = effect.variants(seen)

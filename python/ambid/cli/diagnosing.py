@@ -24,11 +24,11 @@ from ambid.cli.options import (
     Validation,
     names,
 )
-from ambid.cli.terminal import announce, confirm, draw, progress, require_terminal, say, show, stoppable
+from ambid.cli.terminal import announce, confirm, draw, progress, require_terminal, say, show, with_time_left
 from ambid.compare import compare
 from ambid.diagnose import ADEQUATE, diagnose
 from ambid.effects import find
-from ambid.errors import InputError
+from ambid.errors import IdentificationError, InputError
 from ambid.localise import Cell, localise
 from ambid.model import Model
 from ambid.plot import check_format, save_comparison
@@ -116,16 +116,20 @@ def diagnose_command(
     machine = Rig.load(rig)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate)
     kept = load_records(machine, validate, period, columns, sample_rate)
-    with stoppable(), progress(quiet or ask, "diagnosing"):
-        found = diagnose(
-            start,
-            loaded,
-            validate=kept,
-            effects=chosen,
-            tolerance=tolerance,
-            ask=confirm if ask else None,
-            say=lambda line: say(line, quiet),
-        )
+    with progress(quiet or ask, "diagnosing") as told:
+        try:
+            found = diagnose(
+                start,
+                loaded,
+                validate=kept,
+                effects=chosen,
+                tolerance=tolerance,
+                ask=confirm if ask else None,
+                say=lambda line: say(line, quiet),
+                progress=with_time_left(told),
+            )
+        except KeyboardInterrupt:
+            raise IdentificationError("stopped by Ctrl-C before the first step was done; nothing was written") from None
     show(found, quiet)
     write_json(found.to_json(), json_file)
     if save is not None:
@@ -139,8 +143,8 @@ def diagnose_command(
 
 
 def _where(model: Model, records: Sequence[Record]) -> list[Cell]:
-    """Cells with the largest misfit, of the records that have periods enough to know their noise."""
-    known = [record for record in records if record.period is not None and record.periods >= 3]
+    """Cells with the largest misfit, of the records whose noise is known: not those of two periods."""
+    known = [record for record in records if record.period is None or record.periods >= 3]
     return list(localise(model, Noise(model, known)).cells[:MOST_CELLS]) if known else []
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -53,6 +54,20 @@ def progress(quiet: bool, what: str) -> Iterator[Callable[[str], None]]:
         return
     with status.status(f"{what} ...") as line:
         yield lambda text: line.update(Text(f"{what}: {text}"))
+
+
+def with_time_left(report: Callable[[str], None]) -> Callable[[str, int, int], None]:
+    """Report what is being done, how much of it, and how long the rest takes if it goes on like this."""
+    begun: dict[str, float] = {}
+
+    def tell(what: str, done: int, total: int) -> None:
+        work = what.split()[0]
+        if done == 0:
+            begun[work] = time.monotonic()
+        left = (time.monotonic() - begun[work]) / done * (total - done) if done else 0.0
+        report(f"{what}, {done + 1} of {total}" + (f", {left:.0f} s left" if left >= 1.0 else ""))
+
+    return tell
 
 
 @contextmanager
