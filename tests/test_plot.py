@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -51,10 +52,11 @@ def localisation(**changes):
     rng = np.random.default_rng(1)
     s = 1e-5 * rng.standard_normal((1000, 2))
     against = {"s": s, "v": 1e3 * s[::-1], "i_f": rng.standard_normal((1000, 2)), "i_ref": s, "y": s}
+    against |= {"s_other": s[:, ::-1], "v_other": 1e3 * s[::-1, ::-1]}
     term = Term("s^3", "odd", np.array([1e15, 1e15]), 500.0, 0.95, -250.0)
     port = Port("force", "N", "force at the magnets", 1.0, 1e15 * s**3, against, (term,))
     table = np.array([[200.0, 3000.0], [np.nan, 50.0], [1.0, 1.2]])
-    own = MisfitMap("train", ("y.A_zeta", "y.A_eta"), np.array([10.0, 100.0, 1000.0, 5000.0]), table)
+    own = MisfitMap("train", ("y.A_zeta", "y.A_eta"), np.array([10.0, 100.0, 1000.0, 5000.0]), 10.0, table)
     growth = (Growth("small", 0.5, 1e-8), Growth("large", 1.0, 8e-8))
     given = {
         "maps": (own,),
@@ -180,6 +182,18 @@ def test_needed_signal_of_a_port():
     labels = [{line.get_label() for line in ax.lines} for ax in given]
     assert "s^3, less its line" in labels[0]
     assert not any("s^3, less its line" in own for own in labels[1:])
+
+
+def test_a_shape_over_the_other_axis_gets_a_panel_of_its_own():
+    port = localisation().ports[0]
+    other = 3e6 * port.against["s_other"] * np.array([1.0, -1.0])
+    term = Term("s of the other axis", "linear", np.array([3e6, -3e6]), 9e3, 0.9, -100.0)
+    given = axes(1, 3)
+    plot_needed(replace(port, needed=other, terms=(term,)), given)
+    assert "other axis" in given[2].get_xlabel()
+    for line in given[2].lines[:2]:
+        x, y = (np.asarray(values) for values in line.get_data())
+        np.testing.assert_allclose(y, 3e6 * 1e-6 * x)
 
 
 def test_only_bands_with_something_to_see_are_drawn():

@@ -15,11 +15,11 @@ from ambid.report import numbers, words, write_report
 VOID = {"meta", "img"}
 CHAPTERS = [
     "What to do next",
+    "Measured against simulated, before and after",
     "Where the base model fails",
     "Which effect",
     "What adding it did",
     "The shape of what is missing",
-    "Measured against simulated, before and after",
     "Parameters of the last model",
     "The machine and the records",
     "Words",

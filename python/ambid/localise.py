@@ -53,6 +53,8 @@ class MisfitMap:
     record : str
     channels : tuple of str
     edges_hz : ndarray, shape (bands + 1,)
+    line_hz : float
+        From one excited line to the next.
     misfit : ndarray, shape (bands, channels)
         Mean square of the whitened lines; 1 is noise alone.
     """
@@ -60,6 +62,7 @@ class MisfitMap:
     record: str
     channels: tuple[str, ...]
     edges_hz: FloatArray
+    line_hz: float
     misfit: FloatArray
 
 
@@ -124,9 +127,11 @@ class Localisation:
         text = f"what is missing acts most likely as a {port.name} ({port.meaning})" if known else ""
         if known and port.terms and port.terms[0].share > SHAPED:
             term = port.terms[0]
-            mean = float(np.mean(term.coefficients))
+            size = f"{np.mean(term.coefficients):.3g}"
+            if term.shape.endswith("other axis"):  # the two axes of a bearing may answer each other with either sign
+                size = f"±{np.mean(np.abs(term.coefficients)):.3g}"
             text += (
-                f"; it is {term.kind} and looks like {mean:.3g} {port.unit} x {term.shape} (SI), "
+                f"; it is {term.kind} and looks like {size} {port.unit} x {term.shape} (SI), "
                 f"which explains {100 * term.share:.0f} % of the excess misfit"
             )
         if np.isfinite(self.exponent):
@@ -191,7 +196,7 @@ def _map(record: Record, channels: tuple[str, ...], alone: FloatArray, window: W
         inside = (frequency >= edges[b]) & (frequency < edges[b + 1])
         if inside.any():
             table[b] = np.mean(alone[:, inside] ** 2, axis=(0, 1))
-    return MisfitMap(record.name, channels, edges, table)
+    return MisfitMap(record.name, channels, edges, record.sample_rate / window.period, table)
 
 
 def _growth(record: Record, residual: FloatArray, period: int) -> Growth:

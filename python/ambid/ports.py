@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +35,7 @@ PORTS = {
     "reading": ("i_c", "A", "reading of the current alone"),
 }
 WATCHED = ("s", "v", "i_f", "i_ref", "y")
-Shape = Callable[[dict[str, Any]], FloatArray]
+Shape = Callable[[dict[str, FloatArray]], FloatArray]
 
 
 def _sign(x: FloatArray) -> FloatArray:
@@ -46,8 +45,8 @@ def _sign(x: FloatArray) -> FloatArray:
 TERMS: dict[str, dict[str, tuple[str, Shape]]] = {
     "force": {
         "ds/dt": ("linear", lambda x: x["v"]),
-        "s of the other axis": ("linear", lambda x: x["s"][:, x["other"]]),
-        "ds/dt of the other axis": ("linear", lambda x: x["v"][:, x["other"]]),
+        "s of the other axis": ("linear", lambda x: x["s_other"]),
+        "ds/dt of the other axis": ("linear", lambda x: x["v_other"]),
         "s^3": ("odd", lambda x: x["s"] ** 3),
         "s |s|": ("odd", lambda x: x["s"] * np.abs(x["s"])),
         "i^3": ("odd", lambda x: x["i_f"] ** 3),
@@ -166,7 +165,8 @@ def needed_at_ports(model: Model, noise: Noise) -> tuple[Port, ...]:
     outputs = loop.simulate(model.theta, quiet)
     periods = window.cut(outputs).reshape(window.periods, window.period, -1).mean(axis=0)
     against = {name: periods[:, (2 + k) * axes : (3 + k) * axes] for k, name in enumerate(WATCHED)}
-    signals = {**against, "other": _other_axis(model.rig)}
+    other = _other_axis(model.rig)
+    against |= {f"{name}_other": against[name][:, other] for name in ("s", "v")}
 
     residual, known = noise.jacobian(model, list(range(len(model.names))))
     own = slice(0, whitener.numbers)
@@ -187,7 +187,7 @@ def needed_at_ports(model: Model, noise: Noise) -> tuple[Port, ...]:
         full = np.zeros((window.period // 2 + 1, axes), dtype=complex)
         full[window.in_period] = spectrum * _seen_share(white - left, 2 * axes)[:, None] * factor
         needed = irfft(full, n=window.period, axis=0)
-        terms = _terms(name, signals, way, white, cost, basis, window)
+        terms = _terms(name, against, way, white, cost, basis, window)
         found.append(Port(name, unit, meaning, misfit, needed, against, terms))
     return tuple(sorted(found, key=_by_misfit_then_shape))
 
@@ -215,7 +215,7 @@ def _seen_share(explained: ComplexArray, degrees: int, neighbours: int = 15) -> 
 
 def _terms(
     port: str,
-    signals: dict[str, Any],
+    signals: dict[str, FloatArray],
     way: ComplexArray,
     white: ComplexArray,
     cost: float,

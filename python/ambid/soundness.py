@@ -128,7 +128,9 @@ class RecordFigures:
     period_samples : int or None
     periods : int
     i_e_amplitude : float
-        Largest deviation from the mean on any axis [A].
+        Largest deviation from the mean on any axis, in `i_e_unit`.
+    i_e_unit : str
+        A, or V of voltage-driven coils.
     y_rms : tuple of float
         [m].
     share_of_gap : float
@@ -144,6 +146,7 @@ class RecordFigures:
     period_samples: int | None
     periods: int
     i_e_amplitude: float
+    i_e_unit: str
     y_rms: tuple[float, ...]
     share_of_gap: float
     i_c_rms: tuple[float, ...] | None
@@ -161,6 +164,7 @@ class RecordFigures:
             period_samples=record.period,
             periods=record.periods,
             i_e_amplitude=float(np.abs(i_e - i_e.mean(axis=0)).max()),
+            i_e_unit=rig.amplifier.command_unit,
             y_rms=tuple(record.y.std(axis=0).tolist()),
             share_of_gap=float((np.abs(record.y) / gaps).max()),
             i_c_rms=None if record.i_c is None else tuple(record.i_c.std(axis=0).tolist()),
@@ -172,7 +176,8 @@ class RecordFigures:
         period = f"{self.periods} x {self.period_samples}" if self.period_samples else "no period"
         i_c = "no i_c" if self.i_c_rms is None else f"i_c {max(self.i_c_rms):.3g} A"
         text = (
-            f"  {self.name}: {self.samples} samples, {self.seconds:.3g} s, {period}; i_e {self.i_e_amplitude:.3g} A, "
+            f"  {self.name}: {self.samples} samples, {self.seconds:.3g} s, {period}; "
+            f"i_e {self.i_e_amplitude:.3g} {self.i_e_unit}, "
         )
         text += f"y {1e6 * max(self.y_rms):.3g} um rms (peak {100 * self.share_of_gap:.2g} % of the gap), {i_c}"
         ceiling = [value for name, value in self.noise_ceiling_percent.items() if name.startswith("y.")]

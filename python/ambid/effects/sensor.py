@@ -119,7 +119,7 @@ class SamplingSkew(Effect):
     """Currents and displacements read at different instants."""
 
     name = "sampling_skew"
-    physics = "y and i_c are not read at the same instant, nor when the output of a digital controller changes"
+    physics = "currents and displacements are not read at one instant, nor when a digital controller's output changes"
     signature = "i_c alone is late, y fits; where the controller uses an early y, the loop loses damping as well"
     source = "Pintelon, Schoukens, System Identification, 2nd ed., section 2.7"
 

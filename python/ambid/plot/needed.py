@@ -25,7 +25,11 @@ SIGNALS = {
     "i_f": ("current i [A]", 1.0),
     "i_ref": ("command i_ref [A]", 1.0),
     "y": ("reading y [µm]", 1e6),
+    "s_other": ("± displacement of the other axis [µm]", 1e6),
+    "v_other": ("± velocity of the other axis [mm/s]", 1e3),
 }
+TAKEN_UP = ("s", "i_f", "i_ref", "y")
+"""Signals whose gains the model has already: of a shape over them, only what is no straight line is missing."""
 PANELS = {
     "force": ("s", "v", "i_f"),
     "current": ("s", "v", "i_ref"),
@@ -56,7 +60,8 @@ def plot_needed(
     -------
     ndarray of Axes, shape (3,)
         Each axis has a marker of its own; the black line is the mean over all axes. Where the best shape is one of a
-        single signal and explains much, it is drawn too, less the straight line that the model's own gains take up.
+        single signal and explains much, it is drawn too, less the straight line that the model's own gains take up;
+        if it is one of the other axis of a bearing, that takes the place of the current, its sign as it acts.
         Of a localisation, only the bands are drawn whose misfit is more than `SEEN` times noise.
 
     Raises
@@ -69,9 +74,9 @@ def plot_needed(
     factor, unit = shown_in(port.unit)
     names = list(axes) or [f"axis {k + 1}" for k in range(port.needed.shape[1])]
     chosen = np.random.default_rng(0).permutation(len(port.needed))[:DOTS]
-    for panel, key in zip(panels, PANELS[port.name], strict=True):
+    for panel, key in zip(panels, _keys(port), strict=True):
         label, scale = SIGNALS[key]
-        x = port.against[key]
+        x = _signed(port, key)
         for k, name in enumerate(names):
             style: dict[str, Any] = {"color": AXIS_COLOURS[k % len(AXIS_COLOURS)], "label": name}
             style |= {"ms": 2.8, "mfc": "none", "mew": 0.6, "alpha": 0.7, "ls": "none", "rasterized": True}
@@ -82,7 +87,8 @@ def plot_needed(
         curve = _curve(port, key)
         if curve is not None:
             term, at, values = curve
-            panel.plot(scale * at, factor * values, "--", color="#d00000", lw=1.8, label=f"{term.shape}, less its line")
+            label_of = f"{term.shape}, less its line" if key in TAKEN_UP else term.shape
+            panel.plot(scale * at, factor * values, "--", color="#d00000", lw=1.8, label=label_of)
         panel.axhline(0.0, color="black", lw=0.5)
         dress(panel, x=label)
     panels[0].set_ylabel(f"needed {port.name} [{unit}]", fontsize=LABEL)
@@ -101,7 +107,7 @@ def _best_in_seen_bands(found: Localisation) -> Port:
     port, over = found.ports[0], found.maps[0]
     worst = np.nan_to_num(over.misfit).max(axis=1)
     spectrum = rfft(port.needed, axis=0)
-    hertz = over.edges_hz[0] * np.arange(len(spectrum))  # the map begins with the first line
+    hertz = over.line_hz * np.arange(len(spectrum))
     band = np.clip(np.searchsorted(over.edges_hz, hertz, side="right") - 1, 0, len(worst) - 1)
     spectrum[worst[band] <= SEEN] = 0.0
     return replace(port, needed=irfft(spectrum, n=len(port.needed), axis=0))
@@ -114,6 +120,20 @@ def _means(x: FloatArray, needed: FloatArray) -> tuple[FloatArray, FloatArray]:
     return tuple(np.array([(a.mean(), b.mean()) for a, b in parts]).T)  # type: ignore[return-value]
 
 
+def _keys(port: Port) -> tuple[str, ...]:
+    """Signals of the three panels."""
+    keys = PANELS[port.name]
+    for other in ("s_other", "v_other"):
+        if _curve(port, other) is not None:
+            return (*keys[:2], other)
+    return keys
+
+
+def _signed(port: Port, key: str) -> FloatArray:
+    """A signal to draw against; of the other axis, with the sign by which it acts on this one."""
+    return port.against[key] * np.sign(port.terms[0].coefficients) if key.endswith("_other") else port.against[key]
+
+
 def _curve(port: Port, key: str) -> tuple[Term, FloatArray, FloatArray] | None:
     """The best shape over one signal, mean of the axes; None where it takes another signal or explains little."""
     if not port.terms or port.terms[0].share <= SHAPED:
@@ -124,6 +144,6 @@ def _curve(port: Port, key: str) -> tuple[Term, FloatArray, FloatArray] | None:
         shape = TERMS[port.name][term.shape][1]({key: x})
     except KeyError:
         return None
-    at, values = x.mean(axis=1), (shape * term.coefficients).mean(axis=1)
-    line = np.polynomial.Polynomial.fit(at, values, 1)
-    return term, at, values - line(at)
+    signed = np.abs(term.coefficients) if key.endswith("_other") else term.coefficients
+    at, values = x.mean(axis=1), (shape * signed).mean(axis=1)
+    return term, at, values - np.polynomial.Polynomial.fit(at, values, 1)(at) if key in TAKEN_UP else values

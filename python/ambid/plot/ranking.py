@@ -75,7 +75,7 @@ def plot_ranking(ranking: Ranking, ax: Axes | None = None, *, most: int = MOST) 
         f"Candidates when the misfit was {misfit_text(ranking.misfit)}", fontsize=LABEL + 1, loc="left", pad=16
     )
     handles: list[Patch | Line2D] = [
-        Line2D([], [], color="black", lw=1.6, label="significant beyond (1 % over the catalogue)"),
+        Line2D([], [], color="black", lw=1.6, label=f"significant beyond ({100 * ALPHA:g} % over the catalogue)"),
         Patch(facecolor=CHANCE, edgecolor="black", lw=0.6, label="may be chance"),
     ]
     if like_first:
@@ -94,7 +94,7 @@ def plot_ranking(ranking: Ranking, ax: Axes | None = None, *, most: int = MOST) 
 
 
 def needed_score(candidate: Candidate, ranking: Ranking) -> float:
-    """Score beyond which a candidate is significant: 1 % over the catalogue and over its own variants."""
+    """Score beyond which a candidate is significant, over the catalogue and over its own variants."""
     own = candidate.chance - log_chance(candidate.score, candidate.degrees)  # logarithm of the number of variants
     level = np.log(ALPHA / max(1, len(ranking.candidates))) - max(0.0, own)
     return float(chi2.isf(np.exp(level), candidate.degrees))

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 SECONDS = 0.06
 """Length of the stretch that is drawn, where nothing else is asked for."""
+FEWEST = 100
+"""Samples of a stretch at least."""
 
 
 def plot_comparison(
@@ -90,7 +92,9 @@ def plot_comparison(
 def worst_stretch(
     comparison: Comparison, record: int = 0, channel: str | None = None, seconds: float = SECONDS
 ) -> tuple[float, float]:
-    """Where in the second period, when the transient has gone, the residual of a channel is largest, from and to [s].
+    """Where the residual of a channel is largest when the transient has gone, from and to [s].
+
+    In the second period; without periods, after the first eighth.
 
     Parameters
     ----------
@@ -99,14 +103,14 @@ def worst_stretch(
     channel : str, optional
         Default as in `plot_comparison`.
     seconds : float
-        Length of the stretch.
+        Length of the stretch, but `FEWEST` samples at least.
     """
     one = _record(comparison, record)
     residual = one.residual[:, _column(one, channel)]
-    period, rate = one.record.period or 0, one.record.sample_rate
-    length = min(round(seconds * rate), one.record.samples)
-    first = min(period, one.record.samples - length)
-    last = max(first, min(first + period, one.record.samples) - length)
+    period, rate, samples = one.record.period, one.record.sample_rate, one.record.samples
+    length = min(max(round(seconds * rate), FEWEST), samples)
+    first = min(period or samples // 8, samples - length)
+    last = max(first, min(first + (period or samples), samples) - length)
     power = np.concatenate([[0.0], np.cumsum(residual**2)])
     starts = np.arange(first, last + 1)
     begin = int(starts[np.argmax(power[starts + length] - power[starts])])
