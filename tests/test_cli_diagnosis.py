@@ -190,6 +190,20 @@ def test_ctrl_c_later_ends_with_the_steps_that_were_done(here, command, monkeypa
     assert "stopped by Ctrl-C" in found["notes"][-1]
 
 
+@pytest.mark.parametrize("words", ["effects loop_", "diagnose rig.toml a.csv --effects seal_forces,loop_"])
+def test_names_of_effects_are_completed(words, monkeypatch):
+    environment = {
+        "_AMBID_COMPLETE": "complete_bash",
+        "COMP_WORDS": f"ambid {words}",
+        "COMP_CWORD": str(len(words.split())),
+    }
+    main = "import sys; sys.argv[0] = 'ambid'; from ambid.cli import main; main()"
+    ended = subprocess.run(
+        [sys.executable, "-c", main], env=os.environ | environment, capture_output=True, text=True, check=False
+    )
+    assert ended.stdout.split() == [words.split()[-1].replace("loop_", "loop_delay")], ended.stderr
+
+
 def test_time_left_is_told():
     said = []
     tell = with_time_left(said.append)

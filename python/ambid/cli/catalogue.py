@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from ambid.cli.files import require_writable, write_json
-from ambid.cli.options import JsonFile, Quiet
+from ambid.cli.options import JsonFile, Quiet, known_effects
 from ambid.cli.terminal import show
 from ambid.demo import DATA
 from ambid.effects import CATALOGUE, Effect, find
@@ -21,7 +21,9 @@ SPEED = 200.0
 
 
 def effects_command(
-    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="One effect; default: all.")] = None,
+    name: Annotated[
+        str | None, typer.Argument(metavar="[NAME]", help="One effect; default: all.", autocompletion=known_effects)
+    ] = None,
     rig: Annotated[Path | None, typer.Option(metavar="RIG", help="Ranges on this rig; default: the demo's.")] = None,
     json_file: JsonFile = None,
     quiet: Quiet = False,

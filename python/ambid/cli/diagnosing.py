@@ -22,6 +22,7 @@ from ambid.cli.options import (
     RigFile,
     SampleRate,
     Validation,
+    known_effects,
     names,
 )
 from ambid.cli.terminal import announce, confirm, draw, progress, require_terminal, say, show, with_time_left
@@ -88,7 +89,10 @@ def diagnose_command(
     rig: RigFile,
     records: RecordFiles,
     validate: Validation = [],  # noqa: B006
-    effects: Annotated[str | None, typer.Option(metavar="NAME,...", help="Add these instead of choosing.")] = None,
+    effects: Annotated[
+        str | None,
+        typer.Option(metavar="NAME,...", help="Add these instead of choosing.", autocompletion=known_effects),
+    ] = None,
     ask: Annotated[bool, typer.Option("--ask", help="Show the ranking and ask before an effect is added.")] = False,
     tolerance: Annotated[float, typer.Option(help="Misfit J/dof that is good enough.")] = ADEQUATE,
     model: ModelFile = None,

@@ -9,7 +9,7 @@ import typer
 
 from ambid import demo
 from ambid.cli.files import load_model, require_writable, write_json
-from ambid.cli.options import JsonFile, ModelFile, Quiet, RigFile
+from ambid.cli.options import JsonFile, ModelFile, Quiet, RigFile, known_effects
 from ambid.cli.terminal import show
 from ambid.effect_option import with_effects
 from ambid.errors import InputError
@@ -28,7 +28,11 @@ def simulate_command(
     amplitude: Annotated[float, typer.Option(help="Of the pseudo-random binary excitation [A].")] = 0.1,
     effect: Annotated[
         list[str],
-        typer.Option(metavar="NAME:param=value,...", help="Physics beyond the base model, see `effects`; repeatable."),
+        typer.Option(
+            metavar="NAME:param=value,...",
+            help="Physics beyond the base model, see `effects`; repeatable.",
+            autocompletion=known_effects,
+        ),
     ] = [],  # noqa: B006
     sensor_noise: Annotated[float, typer.Option(help="Rms on every displacement [m].")] = 50e-9,
     current_noise: Annotated[float, typer.Option(help="Rms on every recorded current [A].")] = 0.01,

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
+from ambid.effects import CATALOGUE
 from ambid.errors import InputError
 
 RigFile = Annotated[Path, typer.Argument(metavar="RIG", help="Rig file (.toml).")]
@@ -32,6 +33,12 @@ Validation = Annotated[
     list[Path], typer.Option("--validate", metavar="RECORD...", help="Records to validate on, not used for choosing.")
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no tables.")]
+
+
+def known_effects(incomplete: str) -> list[str]:
+    """Effects that shell completion offers for the last name of a list."""
+    before, comma, last = incomplete.rpartition(",")
+    return [f"{before}{comma}{effect.name}" for effect in CATALOGUE if effect.name.startswith(last)]
 
 
 class DiagnoseCommand(TyperCommand):
