@@ -13,6 +13,7 @@ from ambid.errors import ModelError, RecordError, UnstableLoopError
 from ambid.estimate import Estimate, ParameterEstimate
 from ambid.fit import fit_percent, measured_outputs, recorded_channels, with_average
 from ambid.loop.assembly import FloatArray
+from ambid.loop_noise import loop_noise
 from ambid.model import UNITS, Model
 from ambid.problem import End, Limits, Problem, noise_levels
 from ambid.record import Record, noise_ceiling
@@ -247,6 +248,7 @@ def _estimate(problem: Problem, end: End, limits: Limits, notes: list[str], begu
 def _spread(problem: Problem, theta: FloatArray) -> tuple[tuple[FloatArray, ...], FloatArray]:
     """Simulated outputs of each record, and the covariance of the free parameters."""
     size = len(problem.free)
+    at_end = problem.model.with_theta(theta)
     hessian, score, simulated = np.zeros((size, size)), np.zeros((size, size)), []
     for record, weight in zip(problem.records, problem.weights, strict=True):
         y, jacobian = problem.model.loop.sensitivity(theta, problem.model.excitation(record), problem.free)
@@ -258,7 +260,8 @@ def _spread(problem: Problem, theta: FloatArray) -> tuple[tuple[FloatArray, ...]
         jacobian -= jacobian.mean(axis=0)
         lines = jacobian.reshape(-1, size)
         hessian += lines.T @ lines
-        score += score_covariance(residual, jacobian)
+        way = loop_noise(at_end, record.samples, len(weight))[:, used][:, :, used] * weight[used, None]
+        score += score_covariance(residual, jacobian, way)
     # where no output moves, the score does not scatter either, and the sandwich alone would claim perfect knowledge
     inverse, unseen = _inverse(hessian)
     relative = inverse @ score @ inverse + UNSEEN_VARIANCE * unseen @ unseen.T

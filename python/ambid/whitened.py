@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from ambid.fit import measured_outputs, recorded_channels
 from ambid.loop.assembly import FloatArray
-from ambid.loop.loop import Loop
-from ambid.loop.response import ComplexArray
+from ambid.loop_noise import loop_noise
 from ambid.model import Model
 from ambid.problem import LeastSquares
 from ambid.record import Record
@@ -41,7 +40,8 @@ class Noise:
         for record in records:
             window = Window.of(record)
             residual, rate = _residual(model, record), record.sample_rate
-            shape = loop_noise(model, window, rate, residual.shape[1])
+            way = loop_noise(model, window.samples, residual.shape[1])
+            shape = np.asarray(np.linalg.inv(way), dtype=np.complex128)
             tones: tuple[Tone, ...] = ()
             if record.periods > 3:
                 tones = find_tones(residual, window, rate, len(record.axes), model.rig.speed, shape)
@@ -72,22 +72,6 @@ class Noise:
             residuals.append(w.whiten(measured_outputs(record)[:, :p] - y[:, :p]))
             columns.append(w.whiten(slopes[:, :p]))
         return np.concatenate(residuals), np.vstack(columns)
-
-
-def loop_noise(model: Model, window: Window, sample_rate: float, channels: int) -> ComplexArray:
-    """How the loop shapes white noise of its sensors, shape (lines, p, p): inverse of the way to y and i_c.
-
-    Smooth noise of the instruments shows in y and i_c with every pole of the loop; taken back, it is smooth again.
-    """
-    loop = Loop(model.rig, model._filled_by(), model.effects, noise=True)
-    axes = len(model.rig.axes)
-    frequency = np.arange(window.samples // 2 + 1) * sample_rate / window.samples
-    sensors = [k for k, name in enumerate(loop.inputs) if name.startswith("n.")]
-    way = loop.frequency_response(model.theta, frequency[1:])[:, :channels, sensors]
-    back = np.tile(np.eye(channels, dtype=complex), (len(frequency), 1, 1))
-    back[1:, :axes, :axes] = np.linalg.inv(way[:, :axes])
-    back[1:, axes:, :axes] = -way[:, axes:] @ back[1:, :axes, :axes]
-    return back
 
 
 def _around(frequencies_hz: Sequence[float], window: Window, sample_rate: float) -> NDArray[np.intp]:
