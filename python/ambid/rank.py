@@ -38,6 +38,8 @@ VISIBLE = 1e-4
 """Chance of a score that counts as visible, for one degree of freedom."""
 SUBSTEPS = 2
 """Steps per sample of nonlinear candidates: a score needs no six digits."""
+UNSETTLED = 0.05
+"""Part of a transient that may be left in the period that a score is computed from."""
 CONFUSABLE = 0.9
 """Two candidates whose freed responses have a larger cosine are called confusable."""
 
@@ -267,6 +269,7 @@ class _Point:
                 self.linear = self.linear.without(effect.name)
         if not self.linear.is_stable:
             self.linear = self.exact
+        self.settling = np.log(1.0 / UNSETTLED) / max(-float(model.poles().real.max()), 1e-9)
         self._before: dict[int, FloatArray] = {}
 
     def freed(self, signal: FloatArray) -> FloatArray:
@@ -280,12 +283,12 @@ class _Point:
             base, model = self.linear, self.linear.add(effect, probe)
             if not model.is_linear:
                 base, model = self.exact, self.exact.add(effect, probe).with_substeps(SUBSTEPS)
-            changes.append(self.noise.response(model) - self._response(base))
+            changes.append(self.noise.settled_response(model, self.settling) - self._response(base))
         return np.column_stack(changes)
 
     def _response(self, base: Model) -> FloatArray:
         if id(base) not in self._before:
-            self._before[id(base)] = self.noise.response(base)
+            self._before[id(base)] = self.noise.settled_response(base, self.settling)
         return self._before[id(base)]
 
 

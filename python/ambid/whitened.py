@@ -63,6 +63,28 @@ class Noise:
         pairs = zip(self.whiteners, self.records, strict=True)
         return np.concatenate([w.whiten(_simulated(model, record)) for w, record in pairs])
 
+    def settled_response(self, model: Model, settling: float) -> FloatArray:
+        """The same but for the transient, from as few periods as it takes to settle; for scores.
+
+        Parameters
+        ----------
+        model : Model
+        settling : float
+            Time after which the transient no longer matters [s].
+        """
+        found = []
+        for w, record in zip(self.whiteners, self.records, strict=True):
+            window = w.window
+            periods = 1 + int(np.ceil(settling * record.sample_rate / window.period))
+            has_tones = any(effect.frequencies_hz(model.rig) for effect in model.effects)
+            if has_tones or not window.is_periodic or periods > window.periods:
+                found.append(w.whiten(_simulated(model, record)))
+            else:
+                samples = periods * window.period
+                signal = model.loop.simulate(model.theta, model.excitation(record)[:samples])
+                found.append(w.whiten_period(signal[-window.period :, : len(recorded_channels(record))]))
+        return np.concatenate(found)
+
     def jacobian(self, model: Model, free: Sequence[int]) -> tuple[FloatArray, FloatArray]:
         """Whitened residual, and whitened derivative of the response by the parameters in `free`."""
         residuals, columns = [], []

@@ -187,11 +187,19 @@ class Whitener:
         ndarray, shape (2 lines p,) or (2 lines p, q)
             Its sum of squares is J when `signal` is the residual.
         """
-        lines = self.window.some_lines(signal, self.more)
+        return self._white(self.window.some_lines(signal, self.more))
+
+    def whiten_period(self, period: FloatArray) -> FloatArray:
+        """The same of a signal that does nothing but repeat this period, shape (N, p)."""
+        window = self.window
+        lines = rfft(period, axis=0)[window.in_period] * np.sqrt(window.periods / window.period)
+        return self._white(np.concatenate([lines, np.zeros((len(self.more), lines.shape[1]))]))
+
+    def _white(self, lines: ComplexArray) -> FloatArray:
         white = self.whitening @ (lines if lines.ndim == 3 else lines[..., None])
         white = white.reshape(-1, white.shape[-1])
         both = np.concatenate([white.real, white.imag])
-        return both if signal.ndim == 3 else both[:, 0]
+        return both if lines.ndim == 3 else both[:, 0]
 
     @property
     def numbers(self) -> int:
