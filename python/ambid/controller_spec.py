@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 from pydantic_core import InitErrorDetails
 from scipy.linalg import block_diag, matrix_balance
-from scipy.signal import tf2ss
 
 from ambid.errors import RigError
 from ambid.spec import FINITE, MILLISECONDS, NOTHING, Range, Spec, per_axis, problem, refuse
@@ -322,6 +321,8 @@ def _companion(numerator: NDArray[np.float64], denominator: NDArray[np.float64])
     if len(denominator) == 1 or len(numerator) == 0:
         gain = numerator[0] / denominator[0] if len(numerator) else 0.0
         return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[gain]])
+    from scipy.signal import tf2ss  # slow to import, and seldom needed
+
     a, b, c, d = tf2ss(numerator, denominator)
     balanced, (scale, _) = matrix_balance(a, permute=False, separate=True)
     return balanced, b / scale[:, None], c * scale, d

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from ambid.check import check
 from ambid.compare import compare
@@ -337,7 +337,7 @@ class _Search:
             except UnstableLoopError:
                 continue  # no loop without it
             degrees = len(self.fit.model.names) - len(less.model.names)
-            if less.cost - self.fit.cost < chi2.isf(ALPHA, degrees):
+            if less.cost - self.fit.cost < chdtri(degrees, ALPHA):
                 del self.sets[effect.name]
                 self.fit = less
                 self._note(self._rank(), removed=effect.name)

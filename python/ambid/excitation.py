@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import schur
-from scipy.signal import cont2discrete, lfilter, max_len_seq
 
 from ambid.errors import InputError, RecordError
 
@@ -81,6 +80,8 @@ def prbs(
         )
     start = int(np.random.default_rng(seed).integers(1, chips + 1))
     state = [start >> bit & 1 for bit in range(order)]
+    from scipy.signal import max_len_seq  # slow to import, and seldom needed
+
     sequence = max_len_seq(order, state=state)[0]
     columns = np.stack([np.roll(sequence, delay) for delay in delays], axis=1)
     levels = np.where(columns, float(amplitude), -float(amplitude))
@@ -270,6 +271,8 @@ def _recover(record: Record, rig: Rig, where: str) -> tuple[NDArray[np.float64],
     K = controller.state_space(len(record.axes), rate)
     tau_a = rig.amplifier.time_constant if record.i_ref is None else 0.0
     if not controller.is_digital:
+        from scipy.signal import cont2discrete  # slow to import, and seldom needed
+
         # What K adds between the samples goes through the amplifier with it; only the held i_e is left to invert for.
         K = cont2discrete(_then_lag(K, tau_a) if tau_a else K, 1 / rate, method="foh")[:4]
         feedback, integrating = _response(K, record.y)
@@ -290,6 +293,8 @@ def _response(K: tuple[NDArray[np.float64], ...], y: NDArray[np.float64]) -> tup
 
     The Schur form makes A triangular, so that each state is one scalar recursion driven by the later ones.
     """
+    from scipy.signal import lfilter  # slow to import, and seldom needed
+
     A, B, C, D = K
     if A.size == 0:
         return y @ D.T, False

@@ -5,11 +5,10 @@ from __future__ import annotations
 import importlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.io
-import scipy.signal
 from scipy.io.matlab import MatReadError
 
 from ambid.controller_spec import Controller, StateSpaceController, TransferFunctionController
@@ -18,6 +17,9 @@ from ambid.loop.assembly import FloatArray
 from ambid.loop.loop import open_plant
 from ambid.model import Model
 from ambid.rig import MatrixRotor
+
+if TYPE_CHECKING:
+    import scipy.signal
 
 __all__ = ["controller_from", "controller_from_mat", "rotor_from_ross", "to_control", "to_mat", "to_scipy"]
 
@@ -158,6 +160,8 @@ def to_scipy(model: Model) -> scipy.signal.StateSpace:
         If an effect of the model is not linear.
     """
     loop = _closed_loop(model)
+    import scipy.signal  # slow to import, and seldom needed
+
     system = scipy.signal.StateSpace(loop.A, loop.B, loop.C, loop.D, dt=model.loop.sample_time)
     system.input_names, system.output_names = loop.inputs, loop.outputs
     return system

@@ -17,8 +17,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import lsq_linear
-from scipy.special import gammaln
-from scipy.stats import chi2
+from scipy.special import chdtrc, chdtri, gammaln
 
 from ambid.compare import Comparison
 from ambid.effects import CATALOGUE, Effect, Seen
@@ -227,9 +226,9 @@ def rank(
 
 def log_chance(fall: float, degrees: int) -> float:
     """Logarithm of the chance that chi-squared reaches a value."""
-    known = float(chi2.logsf(fall, degrees))
-    if np.isfinite(known):
-        return known
+    known = float(chdtrc(degrees, fall))
+    if known > 0.0:
+        return float(np.log(known))
     half, shape = fall / 2.0, degrees / 2.0
     return float((shape - 1.0) * np.log(half) - half - gammaln(shape))
 
@@ -337,7 +336,7 @@ def _score(point: _Point, effect: Effect, change: FloatArray, cost: float) -> Ca
 
 def _smallest_visible(probes: Sequence[Mapping[str, float]], sizes: FloatArray) -> dict[str, float]:
     """Value of each parameter at which its score would just count, where each probe moves one parameter alone."""
-    least = np.sqrt(chi2.isf(VISIBLE, 1))
+    least = np.sqrt(chdtri(1, VISIBLE))
     found = {}
     for probe, size in zip(probes, sizes.tolist(), strict=True):
         moved = [name for name, value in probe.items() if value != 0.0]

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import fdtrc, stdtrit
 
 from ambid.errors import IdentificationError, RigError
 from ambid.estimate import ParameterEstimate
@@ -249,7 +249,7 @@ class _Line(NamedTuple):
     @property
     def half_width(self) -> float:
         """Of the 95 % interval of the slope."""
-        return float(stats.t.ppf(0.975, self.freedom)) * self.std_error
+        return float(stdtrit(self.freedom, 0.975)) * self.std_error
 
     def k_i(self) -> ParameterEstimate:
         ci95 = (1.0 / (self.slope + self.half_width), 1.0 / (self.slope - self.half_width))
@@ -337,7 +337,7 @@ def _nonlinearity_notes(
         return
     rounding = 1e-18 * (current @ current)
     before, after = (max(r @ r, rounding) for r in rest)
-    p_value = float(stats.f.sf((before - after) / 2.0 / (after / freedom), 2, freedom))
+    p_value = float(fdtrc(2, freedom, (before - after) / 2.0 / (after / freedom)))
     if p_value >= significant:
         return
     coefficients = np.linalg.lstsq(curved, current, rcond=None)[0]

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.fft import rfft
 from scipy.ndimage import convolve1d, median_filter
 from scipy.optimize import minimize_scalar
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from ambid.loop.assembly import FloatArray
 from ambid.yardstick import ComplexArray, Window
@@ -147,7 +147,7 @@ def _chance(power: FloatArray, line: float, window: Window) -> float:
     if not near:
         return 1.0
     nearest = min(near, key=lambda k: abs(k - line))
-    return float(chi2.sf(2.0 * power[nearest].sum(), 2 * power.shape[1]))
+    return float(chdtrc(2 * power.shape[1], 2.0 * power[nearest].sum()))
 
 
 def _refined(signal: FloatArray, frequency: float, per_line: float, window: Window) -> float:

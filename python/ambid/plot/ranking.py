@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from ambid.plot.style import LABEL, SMALL, dress, misfit_text, new_figure
 from ambid.rank import ALPHA, Candidate, Ranking, log_chance
@@ -97,4 +97,4 @@ def needed_score(candidate: Candidate, ranking: Ranking) -> float:
     """Score beyond which a candidate is significant, over the catalogue and over its own variants."""
     own = candidate.chance - log_chance(candidate.score, candidate.degrees)  # logarithm of the number of variants
     level = np.log(ALPHA / max(1, len(ranking.candidates))) - max(0.0, own)
-    return float(chi2.isf(np.exp(level), candidate.degrees))
+    return float(chdtri(candidate.degrees, np.exp(level)))
