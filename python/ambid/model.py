@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,46 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 from ambid.effects import Effect, find
 from ambid.errors import ModelError, RecordError
 from ambid.loop.loop import Loop, Simulator
+from ambid.model_file import read_model, write_model
+from ambid.parameter import Parameter
 from ambid.record import Record
 from ambid.rig import Rig
 
 __all__ = ["Model", "Parameter"]
 
-FORMAT = "ambid model 1"
 UNITS = {"K_i": "N/A", "K_s": "N/m", "R": "ohm", "tau_e": "s"}
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """An uncertain number of the model.
-
-    Attributes
-    ----------
-    name : str
-        Such as ``K_i.A_zeta``, ``K_s.A_zeta``, ``tau_e``.
-    value : float
-        Present value, in `unit`.
-    unit : str
-    slots : tuple of str
-        Places in Delta that it fills; several where axes share it.
-    lower, upper : float
-        What physics allows, in `unit`.
-    typical : float or None
-        Size by which the optimiser scales; None where that is its value.
-    """
-
-    name: str
-    value: float
-    unit: str
-    slots: tuple[str, ...]
-    lower: float = 0.0
-    upper: float = np.inf
-    typical: float | None = None
-
-    @property
-    def scale(self) -> float:
-        """A positive number of the parameter's own size."""
-        return self.value if self.typical is None else max(abs(self.value), self.typical)
 
 
 class Model:
@@ -355,18 +321,7 @@ class Model:
         covariance : array_like, shape (parameters, parameters), optional
             NaN for parameters that were not free.
         """
-        matrix = None
-        if covariance is not None:
-            matrix = [[None if np.isnan(c) else float(c) for c in row] for row in np.asarray(covariance)]
-        parameters = {p.name: {"value": p.value, "unit": p.unit, "slots": list(p.slots)} for p in self.parameters}
-        text: dict[str, Any] = {
-            "format": FORMAT,
-            "rig": self.rig.to_toml(),
-            "effects": [{"name": effect.name, **effect.settings()} for effect in self.effects],
-            "parameters": parameters,
-            "covariance": matrix,
-        }
-        Path(path).write_text(json.dumps(text, indent=1), encoding="utf-8")
+        write_model(Path(path), self.rig, self.effects, self.parameters, covariance)
 
     @classmethod
     def load(cls, path: str | Path, rig: Rig | None = None) -> Model:
@@ -383,28 +338,14 @@ class Model:
         ModelError
             If the file is none of ours or has been broken.
         """
+        stored = read_model(Path(path))
+        machine = rig or stored.rig
         try:
-            text: dict[str, Any] = json.loads(Path(path).read_text(encoding="utf-8"))
-            if text.get("format") != FORMAT:
-                raise ModelError(f"{path}: format = {text.get('format')!r}, expected {FORMAT!r}, as --save writes it")
-            stored = [
-                Parameter(name, float(p["value"]), p["unit"], tuple(p["slots"]))
-                for name, p in text["parameters"].items()
-            ]
-            machine = rig or Rig.from_toml(text["rig"], path)
-            chosen = [
-                ({**entry}.pop("name"), {k: v for k, v in entry.items() if k != "name"}) for entry in text["effects"]
-            ]
-        except OSError as error:
-            raise ModelError(f"{path}: cannot be read ({error.strerror}); give a file that --save wrote") from None
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            raise ModelError(f"{path}: not a model that --save wrote ({type(error).__name__}: {error})") from None
-        try:
-            effects = [find(name, settings) for name, settings in chosen]
+            effects = [find(name, settings) for name, settings in stored.effects]
             known = {p.name: p for p in cls(machine, effects=effects).parameters}
             parameters = [
                 replace(known[p.name], value=p.value) if p.name in known and known[p.name].slots == p.slots else p
-                for p in stored
+                for p in stored.parameters
             ]
             return cls(machine, parameters, effects)
         except ModelError as error:
