@@ -23,8 +23,8 @@ __all__ = ["Change", "largest_change"]
 
 FASTEST = 24
 """Cycles per record up to which changes are looked for."""
-OUTSTANDING = 25.0
-"""Projected power that noise does not reach: two degrees of freedom, some hundred patterns."""
+OUTSTANDING = 21.0
+"""Projected power that noise reaches in one of two hundred records: two degrees of freedom, two hundred patterns."""
 
 
 @dataclass(frozen=True)

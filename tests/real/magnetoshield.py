@@ -20,6 +20,7 @@ from ambid.loop.loop import open_plant
 RIG = Path(__file__).with_name("magnetoshield.toml")
 TRAIN, VALIDATE = (slice(6100, 7400), 14.5), (slice(4700, 5900), 15.0)  # steady rows, and their gap in mm
 HORIZON = 20
+WEAK = 0.2  # of its value: an interval this wide says little
 
 
 def main(path: str) -> None:
@@ -39,8 +40,11 @@ def main(path: str) -> None:
         errors = [prediction_error(step.model, record) for record in (train, validate)]
         cells = [f"{1e6 * y:6.2f} um {1e6 * i:7.1f} uA" for y, i in errors]
         print(f"{step.change:28s} {cells[0]:>20s} {cells[1]:>20s}")
-    estimate = identify(found.model, train)
-    print("\n", estimate, sep="")
+    print(f"\n{'parameter':36s} {'value':>10s} {'95 % interval':>24s}")
+    for name, p in identify(found.model, train).parameters.items():
+        low, high = p.ci95
+        weak = "  weakly determined" if high - low > WEAK * abs(p.value) else ""
+        print(f"{name:36s} {p.value:10.4g} {f'{low:.4g} .. {high:.4g}':>24s} {p.unit}{weak}")
     emf = diagnose(found.model, train, validate=[validate], effects=["back_emf"])
     print("\nback-EMF by hand:", *(step.line() for step in emf.history), sep="\n")
 
