@@ -95,7 +95,7 @@ def test_what_is_hidden_is_named_without_periods(request, hidden, named):
     assert found.verdict == ("explained" if hidden else "adequate")
     assert set(found.effects) == named
     assert found.history[-1].misfit == pytest.approx(1.0, abs=0.04)
-    assert any("no period" in note for note in found.to_json()["notes"])
+    assert any("does not repeat" in note for note in found.notes)
 
 
 def levitator(effects=()):

@@ -44,6 +44,10 @@ NEGLIGIBLE_SHARE = 0.01
 """Part of the explained misfit below which another effect may mend the formula of the first."""
 PROMISING_SHARE = 0.1
 """Part of what is left that a score must predict to be worth a refit."""
+WITHOUT_PERIODS = (
+    "i_e does not repeat, or not often enough to see it: the noise is what no smooth response to i_e explains, and "
+    "neither tones nor drift were looked for"
+)
 HOPELESS_SHARE = 0.3
 """A step that explains less than this of what is left does not lead to an explanation."""
 
@@ -329,6 +333,8 @@ class Search:
                 notes.append(f"best tried: {names}, which explains {100 * share:.0f} % of the excess misfit; not added")
             notes += [*unexplained, where.sentence()]
             self.fit, effects, sets = self.base, (), []
+        pairs = zip(self.noise.records, self.noise.whiteners, strict=True)
+        notes += [f"{record.name}: {WITHOUT_PERIODS}" for record, w in pairs if not w.window.is_periodic]
         if self.is_stopped:
             notes.append("stopped by Ctrl-C after the steps above: more may be missing, and rivals were not compared")
         return Diagnosis(
