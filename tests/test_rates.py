@@ -45,3 +45,10 @@ def test_nothing_hidden_is_adequate(kind):
 def test_two_at_once(pair):
     rig, train, _, _ = experiment(pair, "clear", 101)
     assert set(pair) <= named(diagnose(rig, train))
+
+
+def test_a_large_unbalance_does_not_hide_what_has_no_name():
+    rig, train, _, _ = experiment("cubic_bearing_force", "clear", 101, kind="turning")
+    found = diagnose(rig, train)
+    assert found.verdict == "none_of_the_candidates", found
+    assert any("unbalance" in step.effects for step in found.history)

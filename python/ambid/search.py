@@ -68,6 +68,7 @@ class Search:
     ) -> None:
         self.base = self.fit = base
         self.is_stopped = False
+        self.by_disturbances = 0.0
         self.nominal, self.noise, self.validate = nominal, noise, validate
         self.validation_noise: Noise | None = None
         self.catalogue, self.tolerance, self.say, self.progress = catalogue, tolerance, say, progress
@@ -93,10 +94,15 @@ class Search:
         return self.dof + 3.0 * SPREAD * np.sqrt(2.0 * self.dof)
 
     @property
+    def fall(self) -> float:
+        """By how much the effects have lowered J; disturbances left out, which have lines of their own."""
+        return self.base.cost - self.by_disturbances - self.fit.cost
+
+    @property
     def explained(self) -> float:
-        """Part of the excess misfit of the base model that is explained."""
-        excess = self.base.cost - self.dof
-        return 1.0 if excess <= 0.0 else (self.base.cost - self.fit.cost) / excess
+        """Part of the excess misfit of the base model that is explained, that of disturbances left out."""
+        excess = self.fall + self.fit.cost - self.dof
+        return 1.0 if excess <= 0.0 else self.fall / excess
 
     def automatic(self, ask: Callable[[Ranking, Candidate], bool] | None) -> None:
         """Add what the data support most, again and again; then see whether each is still the best of its rivals."""
@@ -122,7 +128,7 @@ class Search:
             if self.fit.cost > self.at_noise and fall < HOPELESS_SHARE * (self.fit.cost - self.dof):
                 self.hopeless = better
                 return
-            self._take(better, fall)
+            self._take(better, fall, candidate.effect)
             self.rivals[candidate.effect.name] = [other for other, _ in order]
             self.sets[candidate.effect.name] = _alternatives(order)
             self._note(self._rank(), candidate)
@@ -160,12 +166,14 @@ class Search:
             if not order:
                 raise ModelError(f"{effect.name}: no stable loop with it was found; leave it out")
             candidate, better = order[0]
-            self._take(better, self.fit.cost - better.cost)
+            self._take(better, self.fit.cost - better.cost, candidate.effect)
             self._note(self._rank(), candidate)
 
-    def _take(self, better: Fit, fall: float) -> None:
+    def _take(self, better: Fit, fall: float, added: Effect) -> None:
         """Go on from a better model; what a model that is far off leaves between the excited lines is no noise."""
         self.fit = better
+        if added.frequencies_hz(better.model.rig):
+            self.by_disturbances += fall
         if fall <= self.dof:
             return
         for _ in range(MOST_RENEWALS):
@@ -193,7 +201,7 @@ class Search:
         """
         significant = ranking.significant
         best = max((candidate.score for candidate in significant), default=0.0)
-        small = best < NEGLIGIBLE_SHARE * (self.base.cost - self.fit.cost)
+        small = best < NEGLIGIBLE_SHARE * self.fall
         minor = self.fit.cost < self.at_noise or best < 0.5 * (self.fit.cost - self.dof)
         if self.added and small and minor:
             return []
