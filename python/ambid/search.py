@@ -67,8 +67,8 @@ class Search:
         progress: Progress,
     ) -> None:
         self.base = self.fit = base
+        self.reference = base  # with the disturbances that were added, and nothing else
         self.is_stopped = False
-        self.by_disturbances = 0.0
         self.nominal, self.noise, self.validate = nominal, noise, validate
         self.validation_noise: Noise | None = None
         self.catalogue, self.tolerance, self.say, self.progress = catalogue, tolerance, say, progress
@@ -96,12 +96,12 @@ class Search:
     @property
     def fall(self) -> float:
         """By how much the effects have lowered J; disturbances left out, which have lines of their own."""
-        return self.base.cost - self.by_disturbances - self.fit.cost
+        return self.reference.cost - self.fit.cost
 
     @property
     def explained(self) -> float:
         """Part of the excess misfit of the base model that is explained, that of disturbances left out."""
-        excess = self.fall + self.fit.cost - self.dof
+        excess = self.reference.cost - self.dof
         return 1.0 if excess <= 0.0 else self.fall / excess
 
     def automatic(self, ask: Callable[[Ranking, Candidate], bool] | None) -> None:
@@ -173,7 +173,10 @@ class Search:
         """Go on from a better model; what a model that is far off leaves between the excited lines is no noise."""
         self.fit = better
         if added.frequencies_hz(better.model.rig):
-            self.by_disturbances += fall
+            own = {
+                p.name.split(".", 1)[1]: p.value for p in better.model.parameters if p.name.startswith(f"{added.name}.")
+            }
+            self.reference = refit(self.reference.model.add(added, own), self.noise)
         if fall <= self.dof:
             return
         for _ in range(MOST_RENEWALS):
@@ -182,8 +185,12 @@ class Search:
             self.fit = refit(self.fit.model, self.noise)
             if abs(self.fit.cost / before - 1.0) < RENEWED:
                 break
-        residual = self.noise.residual(self.base.model)
-        self.base = Fit(self.base.model, float(residual @ residual))
+        self.base, self.reference = self._judged_again(self.base), self._judged_again(self.reference)
+
+    def _judged_again(self, fit: Fit) -> Fit:
+        """The same model in the present noise."""
+        residual = self.noise.residual(fit.model)
+        return Fit(fit.model, float(residual @ residual))
 
     def _rank(self) -> Ranking:
         """From the fit, or, where misfit has driven its parameters off, from where the diagnosis began."""
@@ -283,7 +290,7 @@ class Search:
             added=added if predicted is None else predicted.effect.name,
         )
         self.history.append(step)
-        self.noted = (self.fit, self.base, self.noise)
+        self.noted = (self.fit, self.base, self.reference, self.noise)
         self.say(step.line())
 
     def _is_at_noise(self) -> bool:
@@ -298,7 +305,7 @@ class Search:
     def stop(self) -> None:
         """Go back to the last step that was finished."""
         self.is_stopped = True
-        self.fit, self.base, self.noise = self.noted
+        self.fit, self.base, self.reference, self.noise = self.noted
 
     def _validated(self) -> bool:
         """Whether a record to validate on has another amplitude than all others."""

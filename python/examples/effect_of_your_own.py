@@ -44,6 +44,5 @@ best = ranking.candidates[0]
 better = ambid.identify(estimate.model.add(best.effect, best.start), record)
 cubic = better.parameters["hardening.cubic"]
 print(f"{best.effect.name}: cubic {cubic.value:.3g} +- {cubic.std_error:.1g} {cubic.unit}; 5e14 was put in")
-ceiling = better.noise_ceiling_percent["average"]
-fits = [f"{fitted.fit_percent['average']:.2f}" for fitted in (estimate, better)]
-print(f"fit of y {fits[0]} % without it, {fits[1]} % with it, and no model reaches more than {ceiling:.2f} %")
+left = ambid.compare(better.model, record).records[0].misfit
+print(f"with it the misfit falls to {left:.2f}; 1 is noise alone")
