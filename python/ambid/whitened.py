@@ -76,12 +76,13 @@ class Noise:
         for w, record in zip(self.whiteners, self.records, strict=True):
             window = w.window
             periods = 1 + int(np.ceil(settling * record.sample_rate / window.period))
-            has_tones = any(effect.frequencies_hz(model.rig) for effect in model.effects)
-            if has_tones or not window.is_periodic or periods > window.periods:
+            inputs = model.excitation(record)
+            is_disturbed = inputs.shape[1] > len(record.axes)  # by what need not repeat with the excitation
+            if is_disturbed or not window.is_periodic or periods > window.periods:
                 found.append(w.whiten(_simulated(model, record)))
             else:
                 samples = periods * window.period
-                signal = model.loop.simulate(model.theta, model.excitation(record)[:samples])
+                signal = model.loop.simulate(model.theta, inputs[:samples])
                 found.append(w.whiten_period(signal[-window.period :, : len(recorded_channels(record))]))
         return np.concatenate(found)
 
