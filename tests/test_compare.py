@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from ambid import prbs
 from ambid.compare import compare
 from ambid.errors import RecordError, UnstableLoopError
 from ambid.identify import identify
@@ -98,6 +99,14 @@ def test_with_two_periods_the_misfit_is_unknown(exact, run):
 def test_without_periods_the_misfit_of_the_right_model_is_one(exact, run):
     (record,) = compare(exact, replace(run, period=None)).records
     assert record.misfit == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize(("samples", "period"), [(None, None), (30, None), (None, 508)])
+def test_without_noise_or_length_there_is_no_misfit(exact, samples, period):
+    i_e = prbs(7, amplitude=0.1, hold=4, axes=4, periods=4)[:samples]
+    (record,) = compare(exact, replace(exact.simulate(i_e), period=period)).records
+    assert np.isnan(record.misfit)
+    assert all(channel.fit_percent > 99.0 for channel in record.channels)
 
 
 def test_several_records(exact, run):

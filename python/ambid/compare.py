@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -33,7 +34,7 @@ class ChannelComparison:
     residual_rms, noise_rms : float
         In `unit`, means removed; the noise is the scatter over the periods.
     misfit : float
-        J/dof of this channel alone: 1 when nothing is left but noise; NaN without enough periods.
+        J/dof of this channel alone: 1 when nothing is left but noise; NaN where the noise is not known.
     """
 
     channel: str
@@ -55,7 +56,7 @@ class RecordComparison:
     simulated : ndarray, shape (N, channels)
     channels : tuple of ChannelComparison
     misfit : float
-        J/dof of y and i_c judged jointly; NaN without enough periods.
+        J/dof of y and i_c judged jointly; NaN where the noise is not known: two periods, too short, or without noise.
     repeatable_share : float
         Part of the excited lines' power that is no noise: ``max(0, (J - dof)/J)``.
     """
@@ -163,7 +164,7 @@ def _one(model: Model, record: Record) -> RecordComparison:
     residual -= residual.mean(axis=0)
     deviation = measured.std(axis=0)
     single, joint, share = np.full(len(channels), np.nan), np.nan, np.nan
-    if record.period is None or record.periods >= 3:
+    with suppress(RecordError):  # two periods, too short, or no noise: then what is left has no unit
         window, excitation = Window.of(record), model.excitation(record)[:, : len(record.axes)]
         single = channel_misfit(residual, window, excitation)
         white = Whitener.from_residual(residual, window, excitation).whiten(residual)

@@ -164,6 +164,11 @@ class Whitener:
         shape : ndarray, shape (M N / 2 + 1, p, p), optional
             What makes the noise of each line smooth over frequency, such as the way back through the loop; without
             periods it is used where it makes the residual likelier.
+
+        Raises
+        ------
+        RecordError
+            If there is no noise, or the record is too short to tell it from what follows the excitation.
         """
         more = np.zeros(0, dtype=np.intp) if more is None else more
         lines = window.lines(residual)
@@ -176,7 +181,13 @@ class Whitener:
             inputs = window.lines(excitation)
             tried = [(_beside_excitation(_through(back, lines), inputs)[judged], back) for back in shapes]
             spectrum, back = max(tried, key=lambda one: _likelihood(one[0], one[1][judged]))
-        whitening = np.sqrt(2.0) * np.linalg.inv(np.linalg.cholesky(spectrum))
+        try:
+            whitening = np.sqrt(2.0) * np.linalg.inv(np.linalg.cholesky(spectrum))
+        except np.linalg.LinAlgError:
+            raise RecordError(
+                "a record holds no noise on some channel, so that there is no misfit in units of it; "
+                "if it was simulated, add noise as `virtual_experiment` does"
+            ) from None
         return cls(window, more, whitening @ back[judged])
 
     def whiten(self, signal: FloatArray) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -29,7 +30,7 @@ from ambid.cli.terminal import announce, confirm, draw, progress, require_termin
 from ambid.compare import compare
 from ambid.diagnose import ADEQUATE, diagnose
 from ambid.effects import find
-from ambid.errors import IdentificationError, InputError
+from ambid.errors import IdentificationError, InputError, RecordError
 from ambid.localise import Cell, localise
 from ambid.model import Model
 from ambid.plot import check_format, save_comparison
@@ -147,9 +148,12 @@ def diagnose_command(
 
 
 def _where(model: Model, records: Sequence[Record]) -> list[Cell]:
-    """Cells with the largest misfit, of the records whose noise is known: not those of two periods."""
-    known = [record for record in records if record.period is None or record.periods >= 3]
-    return list(localise(model, Noise(model, known)).cells[:MOST_CELLS]) if known else []
+    """Cells with the largest misfit, of the records whose noise is known."""
+    found: list[Cell] = []
+    for record in records:
+        with suppress(RecordError):  # two periods, too short, or no noise
+            found += localise(model, Noise(model, [record])).cells
+    return sorted(found, key=lambda cell: -cell.misfit)[:MOST_CELLS]
 
 
 def _line(cell: Cell) -> str:
