@@ -5,8 +5,9 @@ A candidate's response change psi, whitened, is freed from what refitting the kn
 
     S = |e|^2 - |e - psi~ a|^2
 
-is chi-squared with as many degrees of freedom as psi has columns where the candidate is absent (Rao's score test;
-modification index of structural-equation software). Values that physics forbids are not taken.
+over the spread that the noise spectrum's own uncertainty gives it is chi-squared with as many degrees of freedom as
+psi has columns where the candidate is absent (Rao's score test; modification index of structural-equation software).
+Values that physics forbids are not taken.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ __all__ = ["Candidate", "Ranking", "rank"]
 
 Progress = Callable[[str, int, int], None]
 
-ALPHA = 0.003
+ALPHA = 0.01
 """Chance of a false alarm over the whole catalogue."""
 VISIBLE = 1e-4
 """Chance of a score that counts as visible, for one degree of freedom."""
@@ -72,6 +73,8 @@ class Candidate:
         Whitened response change, freed from what the known parameters absorb, of unit norm.
     from_start : bool
         Whether it was judged at the values that the diagnosis started from, no stable loop with it being near the fit.
+    spread : float
+        What chance brings of a fall of J per degree of freedom: a little more than 1, see `Whitener`.
     """
 
     effect: Effect
@@ -84,6 +87,7 @@ class Candidate:
     smallest_visible: dict[str, float] = field(default_factory=dict)
     direction: FloatArray | None = field(default=None, repr=False, compare=False)
     from_start: bool = False
+    spread: float = 1.0
 
     def evidence_against(self, other: Candidate) -> float:
         """Fall of J by this effect that the other one could not bring: ``S (1 - rho^2)``."""
@@ -256,7 +260,7 @@ class _Point:
     """
 
     def __init__(self, model: Model, noise: Noise) -> None:
-        self.noise = noise
+        self.noise, self.spreads = noise, noise.spreads
         residual, known = noise.jacobian(model, list(range(len(model.names))))
         self.basis, _ = np.linalg.qr(known / np.linalg.norm(known, axis=0))
         self.residual = self.freed(residual)
@@ -320,17 +324,19 @@ def _score(point: _Point, effect: Effect, change: FloatArray, cost: float) -> Ca
     left = called_for - triangle @ free
     fall = max(0.0, float(called_for @ called_for - left @ left) - max(point.cost - cost, 0.0))
     degrees = max(1, int(degrees))
+    spread = float(np.mean(point.spreads @ basis**2))
     direction = change @ amplitudes
     norm = float(np.linalg.norm(direction))
     return Candidate(
         effect=effect,
         score=fall,
         degrees=degrees,
-        chance=log_chance(fall, degrees),
+        chance=log_chance(fall / spread, degrees),
         start=effect.start(rig, amplitudes),
         predicted_misfit=(cost - fall) / (point.dof - degrees),
         smallest_visible=_smallest_visible(effect.probes(rig), size),
         direction=direction / norm if norm > 0.0 else direction,
+        spread=spread,
     )
 
 

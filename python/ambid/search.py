@@ -121,7 +121,7 @@ class Search:
                 return
             candidate, better = order[0]
             fall, added = self.fit.cost - better.cost, len(better.model.names) - len(self.fit.model.names)
-            if log_chance(max(fall, 0.0), added) > np.log(ALPHA / len(ranking.candidates)):
+            if log_chance(max(fall, 0.0) / candidate.spread, added) > np.log(ALPHA / len(ranking.candidates)):
                 return
             if ask is not None and not ask(ranking, candidate):
                 return

@@ -53,6 +53,11 @@ class Noise:
             self.whiteners.append(Whitener.from_residual(quiet, window, i_e, more, shape))
         self.lines = sum(w.numbers for w in self.whiteners)
 
+    @property
+    def spreads(self) -> FloatArray:
+        """Variance of each whitened number where it is weighed by a fixed direction, see `Whitener`."""
+        return np.concatenate([w.spreads for w in self.whiteners])
+
     def residual(self, model: Model) -> FloatArray:
         """Whitened measured minus simulated, all records in a row; its sum of squares is J."""
         pairs = zip(self.whiteners, self.records, strict=True)

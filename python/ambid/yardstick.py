@@ -2,7 +2,8 @@
 
 The residual r of y and i_c over M whole periods of N samples is Fourier transformed, R(l) = FFT(r)_l / sqrt(M N). The
 excited lines l = M k hold what repeats, all others only noise; S(l), the p x p cross-spectrum of the noise, is the mean
-of R R^H over the n_l unexcited lines within 15 excited lines to each side. Then
+of R R^H over the n_l unexcited lines within 15 excited lines to each side, or, where the residual is taken back through
+the loop so that its noise is smooth over frequency, within a third of the frequency, though 60 lines at most. Then
 
     J = 2 sum over l = M k of ((n_l - p) / n_l) R^H S^-1 R,     dof = 2 p K - parameters,
 
@@ -30,6 +31,10 @@ ComplexArray = NDArray[np.complex128]
 
 HALF_WIDTH = 15
 """Excited lines to each side whose unexcited neighbours give the noise spectrum."""
+SMOOTH = 1.0 / 3.0
+"""Part of a line's frequency over which noise is flat, once the loop's own shape is taken out of it."""
+WIDEST = 60
+"""Excited lines to each side that are enough in any case."""
 DEGREE = 2
 """Of the polynomials over frequency in the local regression."""
 SLOWEST = 8
@@ -135,11 +140,15 @@ class Whitener:
         Lines that are judged beyond the excited ones.
     whitening : ndarray, shape (lines, p, p)
         Inverse of the Cholesky factors of ``S n_l / (n_l - p)``, times the root of two.
+    spread : ndarray, shape (lines,)
+        Variance of whitened noise projected on a fixed direction, n_l / (n_l - p): J allows for the noise of S, a score
+        does not, since it is linear in the noise where J is quadratic.
     """
 
     window: Window
     more: NDArray[np.intp]
     whitening: ComplexArray
+    spread: FloatArray
 
     @classmethod
     def from_residual(
@@ -174,13 +183,14 @@ class Whitener:
         lines = window.lines(residual)
         judged = np.concatenate([window.excited, more])
         if excitation is None or window.is_periodic:
-            back = _unshaped(lines) if shape is None else shape
-            spectrum = _between_lines(_through(back, lines), window, judged)
+            back, smooth = (_unshaped(lines), 0.0) if shape is None else (shape, SMOOTH)
+            spectrum, spread = _between_lines(_through(back, lines), window, judged, smooth)
         else:
             shapes = [_unshaped(lines), *([] if shape is None else [shape])]
             inputs = window.lines(excitation)
             tried = [(_beside_excitation(_through(back, lines), inputs)[judged], back) for back in shapes]
             spectrum, back = max(tried, key=lambda one: _likelihood(one[0], one[1][judged]))
+            spread = np.ones(len(judged))
         try:
             whitening = np.sqrt(2.0) * np.linalg.inv(np.linalg.cholesky(spectrum))
         except np.linalg.LinAlgError:
@@ -188,7 +198,7 @@ class Whitener:
                 "a record holds no noise on some channel, so that there is no misfit in units of it; "
                 "if it was simulated, add noise as `virtual_experiment` does"
             ) from None
-        return cls(window, more, whitening @ back[judged])
+        return cls(window, more, whitening @ back[judged], spread)
 
     def whiten(self, signal: FloatArray) -> FloatArray:
         """Whitened judged lines of a signal of shape (samples, p) or (samples, p, q), as real numbers.
@@ -213,6 +223,11 @@ class Whitener:
         return both if lines.ndim == 3 else both[:, 0]
 
     @property
+    def spreads(self) -> FloatArray:
+        """`spread` of every number that `whiten` returns."""
+        return np.tile(np.repeat(self.spread, self.whitening.shape[1]), 2)
+
+    @property
     def numbers(self) -> int:
         """Real numbers that `whiten` returns: 2 p per line."""
         return 2 * self.whitening.shape[0] * self.whitening.shape[1]
@@ -231,8 +246,10 @@ def _likelihood(spectrum: ComplexArray, shape: ComplexArray) -> float:
     return float(np.sum(2.0 * np.linalg.slogdet(shape)[1] - np.linalg.slogdet(spectrum)[1]))
 
 
-def _between_lines(lines: ComplexArray, window: Window, judged: NDArray[np.intp]) -> ComplexArray:
-    """``S n_l / (n_l - p)`` at the judged lines from the unexcited ones around, shape (judged, p, p)."""
+def _between_lines(
+    lines: ComplexArray, window: Window, judged: NDArray[np.intp], smooth: float
+) -> tuple[ComplexArray, FloatArray]:
+    """``S n_l / (n_l - p)`` at the judged lines from the unexcited ones around, (judged, p, p), and n_l / (n_l - p)."""
     p = lines.shape[1]
     power = np.einsum("lc,ld->lcd", lines, lines.conj())
     quiet = np.ones(len(lines))
@@ -240,10 +257,10 @@ def _between_lines(lines: ComplexArray, window: Window, judged: NDArray[np.intp]
     power *= quiet[:, None, None]
     below = np.concatenate([np.zeros((1, p, p)), np.cumsum(power, axis=0)])
     count_below = np.concatenate([[0.0], np.cumsum(quiet)])
-    reach = HALF_WIDTH * window.periods
+    reach = np.clip((smooth * judged).astype(np.intp), HALF_WIDTH * window.periods, WIDEST * window.periods)
     low, high = np.maximum(judged - reach, 0), np.minimum(judged + reach + 1, len(lines))
     count = count_below[high] - count_below[low]
-    return np.asarray((below[high] - below[low]) / (count - p)[:, None, None])
+    return np.asarray((below[high] - below[low]) / (count - p)[:, None, None]), count / (count - p)
 
 
 def _beside_excitation(lines: ComplexArray, excitation: ComplexArray) -> ComplexArray:
