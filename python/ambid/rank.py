@@ -7,7 +7,8 @@ A candidate's response change psi, whitened, is freed from what refitting the kn
 
 over the spread that the noise spectrum's own uncertainty gives it is chi-squared with as many degrees of freedom as
 psi has columns where the candidate is absent (Rao's score test; modification index of structural-equation software).
-Values that physics forbids are not taken.
+Values that physics forbids are not taken: a column of one sign counts as half a degree of freedom, by the weights of
+Self and Liang, J. Am. Stat. Assoc. 82 (1987) 605, case 9.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import lsq_linear
-from scipy.special import chdtrc, chdtri, gammaln
+from scipy.special import chdtrc, chdtri, comb, gammaln, logsumexp
 
 from ambid.compare import Comparison
 from ambid.effects import CATALOGUE, Effect, Seen
@@ -136,7 +137,7 @@ class Ranking(Tabular):
 
     @property
     def significant(self) -> tuple[Candidate, ...]:
-        """Candidates whose score is no chance, at 0.3 % over the whole catalogue."""
+        """Candidates whose score is no chance, at 1 % over the whole catalogue."""
         level = ALPHA / max(1, len(self.candidates))
         return tuple(c for c in self.candidates if c.p_value < level)
 
@@ -252,6 +253,17 @@ def see(model: Model, noise: Noise) -> Seen:
     return Seen(model.rig, peaks, tuple(tones.values()), held)
 
 
+def _log_chance_bounded(fall: float, degrees: int, one_sided: int) -> float:
+    """The same where so many of the amplitudes may only be positive: each is at its bound in half of all records."""
+    if fall <= 0.0:
+        return 0.0
+    one_sided = min(one_sided, degrees)
+    free = degrees - one_sided
+    ways = comb(one_sided, np.arange(one_sided + 1)) / 2.0**one_sided
+    chances = [log_chance(fall, free + k) if free + k else -np.inf for k in range(one_sided + 1)]
+    return float(logsumexp(chances, b=ways))
+
+
 class _Point:
     """A model at which effects are judged, with its residual freed from what its parameters absorb.
 
@@ -331,7 +343,7 @@ def _score(point: _Point, effect: Effect, change: FloatArray, cost: float) -> Ca
         effect=effect,
         score=fall,
         degrees=degrees,
-        chance=log_chance(fall / spread, degrees),
+        chance=_log_chance_bounded(fall / spread, degrees, int(np.sum(low == 0.0))),
         start=effect.start(rig, amplitudes),
         predicted_misfit=(cost - fall) / (point.dof - degrees),
         smallest_visible=_smallest_visible(effect.probes(rig), size),
