@@ -7,6 +7,7 @@ Physics that the rig file does not know is no fault; to find it is the work of a
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,22 +57,26 @@ def check(rig: Rig, records: Sequence[Record] = ()) -> Soundness:
     ----------
     rig : Rig
     records : sequence of Record
-        Loaded with this rig.
+        Loaded with this rig, or with that of the operating point that they state.
 
     Returns
     -------
     Soundness
         Findings, worst first, and the machine and the records in figures.
     """
-    loop = NominalLoop(rig)
-    figures = LoopFigures.of(loop)
-    findings = [*_stability(loop), *_magnets(rig), *_nodes(loop), *_rate(rig, figures)]
-    described = []
+    points = dict.fromkeys(record.point for record in records if record.point not in (None, rig))
+    loops = {own: NominalLoop(own) for own in (rig, *(point for point in points if point is not None))}
+    figures = LoopFigures.of(loops[rig])
+    findings, described = [], []
+    for own, loop in loops.items():
+        of_rig = [*_stability(loop), *_magnets(own), *_nodes(loop), *_rate(own, LoopFigures.of(loop))]
+        findings += of_rig if own == rig else [replace(f, where=f"{own.path or own.name}: {f.where}") for f in of_rig]
     for record in records:
-        foreign = _foreign(record, rig)
-        findings += foreign or _record(record, loop)
+        own = rig if record.point is None else record.point
+        foreign = _foreign(record, own)
+        findings += foreign or _record(record, loops[own])
         if not foreign:
-            described.append(RecordFigures.of(record, rig))
+            described.append(RecordFigures.of(record, own))
     implementation = f"{rig.controller.implementation} {rig.controller.kind}"
     machine = f"axes {', '.join(rig.axes)} at {rig.sample_rate:g} Hz, {rig.speed:g} rad/s, {implementation} controller"
     ordered = sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))

@@ -157,7 +157,7 @@ def _one(model: Model, record: Record) -> RecordComparison:
         )
     channels = recorded_channels(record)
     measured = measured_outputs(record)[:, : len(channels)]
-    simulated = model.loop.simulate(model.theta, model.excitation(record))[:, : len(channels)]
+    simulated = model.response(record)[:, : len(channels)]
     fit = fit_percent(channels, [measured], [simulated])
     ceiling = noise_ceiling(record)
     residual = measured - simulated

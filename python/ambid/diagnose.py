@@ -42,7 +42,7 @@ def diagnose(
     model : Model or Rig
         Start; a rig means its nominal values.
     records : Record or sequence of Record
-        Three or more periods each, at any amplitudes.
+        Three or more periods each, at any amplitudes, and at any operating points (`Record.at`).
     validate : sequence of Record
         Not used for choosing; best at another amplitude.
     effects : sequence of str or Effect, optional
@@ -76,6 +76,9 @@ def diagnose(
     begun = time.perf_counter()
     records = (records,) if isinstance(records, Record) else tuple(records)
     start = model if isinstance(model, Model) else Model(model)
+    start = start.covering(records)
+    for record in validate:
+        start.at(record)  # refuses one at a bias current that no other record has
     findings = check(start.to_rig(), (*records, *validate)).findings
     stops = [f"{finding.where}: {finding.what}; {finding.todo}" for finding in findings if finding.stops_diagnosis]
     if stops:

@@ -55,14 +55,15 @@ class Change:
 
 def largest_change(model: Model, noise: Noise) -> Change | None:
     """The change of a parameter of the base model that stands out most, if one does."""
-    names = [name for name in model.names if name.startswith(("K_i", "K_s"))]
-    free = [model.names.index(name) for name in names]
+    bases = [(k, name) for k, name in enumerate(model.names) if name.startswith(("K_i", "K_s"))]
     best: Change | None = None
     for record, whitener, tones in zip(noise.records, noise.whiteners, noise.tones, strict=True):
         window, p = whitener.window, len(recorded_channels(record))
         if not window.is_periodic:
             continue  # every line is excited
-        y, slopes = model.loop.sensitivity(model.theta, model.excitation(record), free)
+        y, slopes = model.sensitivity(record, [k for k, _ in bases])
+        acting = [j for j in range(len(bases)) if slopes[..., j].any()]  # not those of other bias currents
+        slopes = slopes[..., acting]
         residual = without_tones(measured_outputs(record)[:, :p] - y[:, :p], tones, window, record.sample_rate)
         count = len(window.excited)
         whitening = whitener.whitening[:count]
@@ -77,9 +78,10 @@ def largest_change(model: Model, noise: Noise) -> Change | None:
         powers /= np.maximum(np.median(powers, axis=0) / (2.0 * np.log(2.0)), 1.0)
         k, j = np.unravel_index(np.argmax(powers), powers.shape)
         if powers[k, j] > OUTSTANDING and (best is None or powers[k, j] > best.power):
-            relative = 2.0 * float(np.abs(amplitudes[k, j])) / abs(model.theta[free[j]])
+            index, name = bases[acting[j]]
+            relative = 2.0 * float(np.abs(amplitudes[k, j])) / abs(model.theta[index])
             d = shifts[k]
-            best = Change(record.name, names[j], d * per_line, d, relative, float(powers[k, j]))
+            best = Change(record.name, name, d * per_line, d, relative, float(powers[k, j]))
     return best
 
 

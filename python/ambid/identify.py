@@ -14,7 +14,8 @@ from ambid.estimate import Estimate, ParameterEstimate
 from ambid.fit import fit_percent, measured_outputs, recorded_channels, with_average
 from ambid.loop.assembly import FloatArray
 from ambid.loop_noise import loop_noise
-from ambid.model import UNITS, Model
+from ambid.model import Model
+from ambid.parameter import UNITS
 from ambid.problem import End, Limits, Problem, noise_levels
 from ambid.record import Record, noise_ceiling
 from ambid.rig import Rig
@@ -90,6 +91,9 @@ def identify(
     model = Model(model) if isinstance(model, Rig) else model
     records = (records,) if isinstance(records, Record) else tuple(records)
     _check_records(model, records)
+    model = model.covering(records)
+    for record in records:
+        model.excitation(record)  # refuses a record without one
     chosen = set(range(len(model.names)) if free is None else model.index(free)) - set(model.index(fixed))
     if not chosen:
         raise ModelError("no parameter is free; leave some out of `fixed`, or name some in `free`")
@@ -116,7 +120,6 @@ def _check_records(model: Model, records: tuple[Record, ...]) -> None:
             )
         if abs(record.sample_rate / model.rig.sample_rate - 1.0) > 1e-6:
             raise RecordError(f"{where}: {record.sample_rate:g} Hz, the rig samples at {model.rig.sample_rate:g} Hz")
-        model.excitation(record)
 
 
 def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:
@@ -198,7 +201,7 @@ def _stable_start(problem: Problem, limits: Limits) -> tuple[FloatArray, str] | 
         for members, factor in zip(kinds.values(), trial, strict=True):
             x[members] *= factor
         x = np.clip(x, *limits)
-        if problem.model.loop.poles(problem.theta(x)).real.max() < 0.0:
+        if problem.model.with_theta(problem.theta(x)).is_stable:
             used = [f"{f:g} times {kind}" for (kind, members), f in zip(kinds.items(), trial, strict=True) if members]
             return x, ", ".join(used)
     return None
@@ -251,7 +254,7 @@ def _spread(problem: Problem, theta: FloatArray) -> tuple[tuple[FloatArray, ...]
     at_end = problem.model.with_theta(theta)
     hessian, score, simulated = np.zeros((size, size)), np.zeros((size, size)), []
     for record, weight in zip(problem.records, problem.weights, strict=True):
-        y, jacobian = problem.model.loop.sensitivity(theta, problem.model.excitation(record), problem.free)
+        y, jacobian = at_end.sensitivity(record, problem.free)
         simulated.append(y)
         used = weight > 0.0
         residual = (measured_outputs(record) - y)[:, used] * weight[used]
@@ -260,7 +263,7 @@ def _spread(problem: Problem, theta: FloatArray) -> tuple[tuple[FloatArray, ...]
         jacobian -= jacobian.mean(axis=0)
         lines = jacobian.reshape(-1, size)
         hessian += lines.T @ lines
-        way = loop_noise(at_end, record.samples, len(weight))[:, used][:, :, used] * weight[used, None]
+        way = loop_noise(at_end.at(record), record.samples, len(weight))[:, used][:, :, used] * weight[used, None]
         score += score_covariance(residual, jacobian, way)
     # where no output moves, the score does not scatter either, and the sandwich alone would claim perfect knowledge
     inverse, unseen = _inverse(hessian)

@@ -163,7 +163,7 @@ def localise(model: Model, noise: Noise) -> Localisation:
     maps, growth, cells = [], [], []
     for record, whitener in zip(noise.records, noise.whiteners, strict=True):
         channels = tuple(recorded_channels(record))
-        simulated = model.loop.simulate(model.theta, model.excitation(record))[:, : len(channels)]
+        simulated = model.response(record)[:, : len(channels)]
         residual = measured_outputs(record)[:, : len(channels)] - simulated
         window, excitation = whitener.window, model.excitation(record)[:, : len(record.axes)]
         own = _map(record, channels, channel_lines(residual, window, excitation), window)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ambid.loop.loop import Loop
 from ambid.loop.response import ComplexArray
 from ambid.model import Model
 
@@ -20,13 +19,13 @@ def loop_noise(model: Model, samples: int, channels: int) -> ComplexArray:
     Parameters
     ----------
     model : Model
-        Nonlinear effects of it are linearised at rest.
+        At the operating point of the record; nonlinear effects of it are linearised at rest.
     samples : int
         Of the record, at the rig's sample rate; its spectrum has samples / 2 + 1 lines.
     channels : int
         Of y and i_c, or of y alone.
     """
-    loop = Loop(model.rig, model._filled_by(), model.effects, noise=True)
+    loop = model.with_noise_inputs()
     axes = len(model.rig.axes)
     frequency = np.arange(samples // 2 + 1) * model.rig.sample_rate / samples
     sensors = [k for k, name in enumerate(loop.inputs) if name.startswith("n.")]

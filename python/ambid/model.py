@@ -15,13 +15,12 @@ from ambid.effects import Effect, find
 from ambid.errors import ModelError, RecordError
 from ambid.loop.loop import Loop, Simulator
 from ambid.model_file import read_model, write_model
-from ambid.parameter import Parameter
+from ambid.operating_point import further_points, nominal_of_points, parameters_at
+from ambid.parameter import Parameter, nominal, of_effect, to_rig
 from ambid.record import Record
 from ambid.rig import Rig
 
 __all__ = ["Model", "Parameter"]
-
-UNITS = {"K_i": "N/A", "K_s": "N/m", "R": "ohm", "tau_e": "s"}
 
 
 class Model:
@@ -37,11 +36,16 @@ class Model:
         Physics beyond the base model.
     substeps : int, optional
         Steps per sample of nonlinear effects; default: as many as the response needs to be exact to 1e-6.
+    points : sequence of Rig
+        The same machine at other operating points, see `covering`.
+    reference : Rig, optional
+        Rig that the parameters of effects are stated for; default: `rig`.
 
     Raises
     ------
     ModelError
-        If the parameters do not fill every slot of Delta just once, two have one name, or a value is not positive.
+        If the parameters do not fill every slot of Delta just once, two have one name, a value is not positive, or a
+        point is of another machine.
     """
 
     def __init__(
@@ -51,12 +55,17 @@ class Model:
         effects: Sequence[Effect] = (),
         *,
         substeps: int | None = None,
+        points: Sequence[Rig] = (),
+        reference: Rig | None = None,
     ) -> None:
         self.rig, self.effects, self.substeps = rig, tuple(effects), substeps
-        nominal = [*_nominal(rig), *(p for effect in self.effects for p in _of_effect(rig, effect, {}))]
-        self.parameters = tuple(nominal if parameters is None else parameters)
+        self.points, self.reference = tuple(points), rig if reference is None else reference
+        self._loops: dict[Rig, Loop] = {}
+        usual = [*nominal(rig), *nominal_of_points(rig, self.points)]
+        usual += [p for effect in self.effects for p in of_effect(self.home_of(effect) or rig, effect, {})]
+        self.parameters = tuple(usual if parameters is None else parameters)
         filled = [slot for parameter in self.parameters for slot in parameter.slots]
-        needed = [slot for parameter in nominal for slot in parameter.slots]
+        needed = [slot for parameter in usual for slot in parameter.slots]
         wrong = {
             "without a value": [slot for slot in needed if slot not in filled],
             "not of this rig": [slot for slot in filled if slot not in needed],
@@ -116,7 +125,57 @@ class Model:
                 f"{record.path or record.name}: i_e was not logged; load the record with its rig, whose controller "
                 "rebuilds it"
             )
-        return self._inputs(record.i_e, record)
+        return self.at(record)._inputs(record.i_e, record)
+
+    def response(self, record: Record) -> NDArray[np.float64]:
+        """Simulated y and i_c of a record's experiment, shape (N, outputs), at its operating point."""
+        here = self.at(record)
+        return here.loop.simulate(here.theta, here.excitation(record))
+
+    def sensitivity(self, record: Record, free: Sequence[int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The same, and its derivative by the parameters in `free`, shape (N, outputs, free)."""
+        here = self.at(record)
+        return here.loop.sensitivity(here.theta, here.excitation(record), free)
+
+    def covering(self, records: Iterable[Record]) -> Model:
+        """Return the model with the operating points of these records.
+
+        A further bias current brings a K_i and K_s of its own for every axis, such as ``K_i.A_zeta@8A``.
+
+        Raises
+        ------
+        ModelError
+            If a record is of another machine.
+        """
+        points = further_points(self.rig, self.points, records)
+        if len(points) == len(self.points):
+            return self
+        more = [p for p in nominal_of_points(self.rig, points) if p.name not in self.names]
+        return Model(self.rig, [*self.parameters, *more], self.effects, substeps=self.substeps, points=points)
+
+    def at(self, where: Record | Rig) -> Model:
+        """The model at an operating point of the machine: its rig, with the K_i and K_s of that bias current.
+
+        Names, order and values of the parameters stay; those of other bias currents fill nothing.
+
+        Raises
+        ------
+        ModelError
+            If the point has a bias current that the model does not cover, or is of another machine.
+        """
+        rig = where if isinstance(where, Rig) else where.point
+        if rig is None or rig is self.rig or rig == self.rig:
+            return self
+        own = parameters_at(rig, self.rig, self.points, self.parameters, self.effects)
+        view = Model(rig, own, self.effects, substeps=self.substeps, reference=self.reference)
+        if rig not in self._loops:
+            self._loops[rig] = view.loop
+        view.__dict__["loop"] = self._loops[rig]
+        return view
+
+    def home_of(self, effect: Effect) -> Rig | None:
+        """The first operating point where an effect makes sense; None if it does nowhere."""
+        return next((rig for rig in (self.rig, *self.points) if effect.parameters(rig)), None)
 
     def add(self, effect: Effect | str, values: Mapping[str, float] | None = None) -> Model:
         """Return the model with one more physical effect.
@@ -136,10 +195,10 @@ class Model:
         effect = find(effect) if isinstance(effect, str) else effect
         if effect.name in (own.name for own in self.effects):
             raise ModelError(f"{effect.name} is in the model already")
-        if not effect.parameters(self.rig):
+        home = self.home_of(effect)
+        if home is None:
             raise ModelError(f"{effect.name} makes no sense on this rig ({effect.physics})")
-        own = _of_effect(self.rig, effect, values or {})
-        return Model(self.rig, [*self.parameters, *own], [*self.effects, effect], substeps=self.substeps)
+        return self._changed([*self.parameters, *of_effect(home, effect, values or {})], [*self.effects, effect])
 
     def without(self, name: str) -> Model:
         """Return the model without one of its effects."""
@@ -147,7 +206,7 @@ class Model:
         if len(effects) == len(self.effects):
             raise ModelError(f"{name} is not in the model; it has {', '.join(e.name for e in self.effects) or 'none'}")
         parameters = [p for p in self.parameters if not p.name.startswith(f"{name}.")]
-        return Model(self.rig, parameters, effects, substeps=self.substeps)
+        return self._changed(parameters, effects)
 
     def share(self, name: str, members: Iterable[str]) -> Model:
         """Return the model with one parameter in place of several, starting from their mean.
@@ -209,15 +268,24 @@ class Model:
     @cached_property
     def loop(self) -> Loop:
         """The closed loop, inputs i_e, outputs y and i_c."""
-        return Loop(self.rig, self._filled_by(), self.effects, substeps=self.substeps)
+        return self._compiled()
 
-    def watching(self, signals: Sequence[str]) -> Loop:
-        """The loop with further outputs: signals of the plant of each axis, such as ``s`` and ``i_f``."""
-        return Loop(self.rig, self._filled_by(), self.effects, watch=signals, substeps=self.substeps)
+    def watching(self, signals: Sequence[str], inlets: Sequence[Effect] = ()) -> Loop:
+        """The loop with further outputs: signals of the plant of each axis, such as ``s`` and ``i_f``.
+
+        `inlets` are effects without parameters that bring further inputs.
+        """
+        return self._compiled(watch=signals, more=inlets)
+
+    def with_noise_inputs(self) -> Loop:
+        """The loop with sensor noise as a further input of each axis."""
+        return self._compiled(noise=True)
 
     def with_substeps(self, substeps: int | None) -> Model:
         """Return the model with a number of steps per sample of its own for nonlinear effects."""
-        return Model(self.rig, self.parameters, self.effects, substeps=substeps)
+        model = self._changed(self.parameters, self.effects)
+        model.substeps = substeps
+        return model
 
     def simulate(self, i_e: ArrayLike) -> Record:
         """Response from rest to an excitation, without noise.
@@ -270,8 +338,7 @@ class Model:
         excitation = np.asarray(i_e, dtype=np.float64)
         random = np.random.default_rng(seed)
         noise = sensor_noise * random.standard_normal(excitation.shape)
-        loop = Loop(self.rig, self._filled_by(), self.effects, noise=True, substeps=self.substeps)
-        outputs = loop.simulate(self.theta, np.hstack([self._inputs(excitation, None), noise]))
+        outputs = self.with_noise_inputs().simulate(self.theta, np.hstack([self._inputs(excitation, None), noise]))
         n = len(self.rig.axes)
         outputs[:, n:] += current_noise * random.standard_normal(excitation.shape)
         return self._record("virtual experiment", excitation, outputs)
@@ -286,31 +353,17 @@ class Model:
 
     def to_rig(self) -> Rig:
         """Return the rig with the model's K_i, K_s, R and tau_e as its nominal values; of R and tau_e their means."""
-        at = {slot: p.value for p in self.parameters for slot in p.slots}
+        return to_rig(self.rig, self.parameters)
 
-        def mean(kind: str) -> float | None:
-            own = [at[f"{kind}.{axis}"] for axis in self.rig.axes if f"{kind}.{axis}" in at]
-            return float(np.mean(own)) if own else None
-
-        bearings = [
-            bearing.model_copy(
-                update={
-                    "force_current": tuple(at[f"K_i.{axis}"] for axis in bearing.axis_names),
-                    "force_displacement": tuple(at[f"K_s.{axis}"] for axis in bearing.axis_names),
-                }
-            )
-            for bearing in self.rig.bearings
-        ]
-        return self.rig.replace(
-            bearings=tuple(bearings),
-            amplifier=self.rig.amplifier.model_copy(update={"resistance": mean("R")}),
-            actuator=self.rig.actuator.model_copy(update={"time_constant": mean("tau_e")}),
-        )
+    @property
+    def decay_rate(self) -> float:
+        """Of the slowest pole, at whichever operating point [1/s]; negative where the loop is unstable."""
+        return min(-float(self.at(rig).poles().real.max()) for rig in (self.rig, *self.points))
 
     @property
     def is_stable(self) -> bool:
         """Whether every pole decays."""
-        return bool(self.poles().real.max() < 0.0)
+        return self.decay_rate > 0.0
 
     def save(self, path: str | Path, covariance: ArrayLike | None = None) -> None:
         """Write the model as JSON: rig, effects, parameters, and their covariance where there is one.
@@ -321,7 +374,7 @@ class Model:
         covariance : array_like, shape (parameters, parameters), optional
             NaN for parameters that were not free.
         """
-        write_model(Path(path), self.rig, self.effects, self.parameters, covariance)
+        write_model(Path(path), self.rig, self.effects, self.parameters, covariance, self.points)
 
     @classmethod
     def load(cls, path: str | Path, rig: Rig | None = None) -> Model:
@@ -342,12 +395,12 @@ class Model:
         machine = rig or stored.rig
         try:
             effects = [find(name, settings) for name, settings in stored.effects]
-            known = {p.name: p for p in cls(machine, effects=effects).parameters}
+            known = {p.name: p for p in cls(machine, effects=effects, points=stored.points).parameters}
             parameters = [
                 replace(known[p.name], value=p.value) if p.name in known and known[p.name].slots == p.slots else p
                 for p in stored.parameters
             ]
-            return cls(machine, parameters, effects)
+            return cls(machine, parameters, effects, points=stored.points)
         except ModelError as error:
             raise ModelError(f"{path}: {error}") from None
 
@@ -357,61 +410,41 @@ class Model:
         return "\n".join([f"Model of {self.rig.name!r}, {len(self.rig.axes)} axes, {effects}", *rows])
 
     def _with_parameters(self, parameters: Sequence[Parameter]) -> Model:
-        model = Model(self.rig, parameters, self.effects, substeps=self.substeps)
-        if "loop" in self.__dict__ and [p.slots for p in model.parameters] == [p.slots for p in self.parameters]:
-            model.__dict__["loop"] = self.loop  # the compiled loop does not hold values
+        model = self._changed(parameters, self.effects)
+        if [p.slots for p in model.parameters] == [p.slots for p in self.parameters]:
+            model._loops = self._loops  # compiled loops do not hold values
+            if "loop" in self.__dict__:
+                model.__dict__["loop"] = self.loop
         return model
+
+    def _changed(self, parameters: Sequence[Parameter], effects: Sequence[Effect]) -> Model:
+        own, points, reference = self.substeps, self.points, self.reference
+        return Model(self.rig, parameters, effects, substeps=own, points=points, reference=reference)
+
+    @property
+    def _acting(self) -> list[Effect]:
+        """Effects that make sense at this operating point."""
+        return [effect for effect in self.effects if effect.parameters(self.rig)]
+
+    def _compiled(self, *, noise: bool = False, watch: Sequence[str] = (), more: Sequence[Effect] = ()) -> Loop:
+        filled_by = {slot: i for i, parameter in enumerate(self.parameters) for slot in parameter.slots}
+        return Loop(
+            self.rig,
+            filled_by,
+            [*self._acting, *more],
+            noise=noise,
+            watch=watch,
+            substeps=self.substeps,
+            reference=self.reference,
+            parameters=len(self.parameters),
+        )
 
     def _inputs(self, i_e: NDArray[np.float64], record: Record | None) -> NDArray[np.float64]:
         """The excitation, and beside it what effects drive the loop with."""
-        waves = [effect.waveform(self.rig, len(i_e), record) for effect in self.effects]
+        waves = [effect.waveform(self.rig, len(i_e), record) for effect in self._acting]
         return np.hstack([i_e, *waves]) if any(wave.shape[1] for wave in waves) else i_e
 
-    def _filled_by(self) -> dict[str, int]:
-        return {slot: i for i, parameter in enumerate(self.parameters) for slot in parameter.slots}
-
     def _record(self, name: str, excitation: NDArray[np.float64], outputs: NDArray[np.float64]) -> Record:
-        axes = self.rig.axes
-        n = len(axes)
-        return Record(name, self.rig.sample_rate, axes, excitation, outputs[:, :n], outputs[:, n:])
-
-
-def _of_effect(rig: Rig, effect: Effect, values: Mapping[str, float]) -> list[Parameter]:
-    """The parameters of an effect, at given or typical values."""
-    own = effect.parameters(rig)
-    unknown = set(values) - {p.name for p in own}
-    if unknown:
-        raise ModelError(
-            f"{effect.name}: no parameter {', '.join(sorted(unknown))}; it has {', '.join(p.name for p in own)}"
-        )
-    return [
-        Parameter(
-            effect.slot(p.name),
-            float(values.get(p.name, p.probe)),
-            p.unit,
-            (effect.slot(p.name),),
-            p.lower,
-            p.upper,
-            p.probe,
-        )
-        for p in own
-    ]
-
-
-def _nominal(rig: Rig) -> list[Parameter]:
-    """K_i and K_s of every axis as the rig gives them, R of voltage-driven coils, and one tau_e."""
-    of_axes = {
-        "K_i": [value for bearing in rig.bearings for value in bearing.force_current],
-        "K_s": [value for bearing in rig.bearings for value in bearing.force_displacement],
-    }
-    if rig.amplifier.resistance is not None:
-        of_axes["R"] = [rig.amplifier.resistance] * len(rig.axes)
-    parameters = [
-        Parameter(f"{kind}.{axis}", value, UNITS[kind], (f"{kind}.{axis}",))
-        for kind, values in of_axes.items()
-        for axis, value in zip(rig.axes, values, strict=True)
-    ]
-    if rig.actuator.time_constant is not None:
-        slots = tuple(f"tau_e.{axis}" for axis in rig.axes)
-        parameters.append(Parameter("tau_e", rig.actuator.time_constant, UNITS["tau_e"], slots))
-    return parameters
+        n = len(self.rig.axes)
+        record = Record(name, self.rig.sample_rate, self.rig.axes, excitation, outputs[:, :n], outputs[:, n:])
+        return record if self.reference is self.rig else record.at(self.rig)

@@ -26,6 +26,7 @@ class StoredModel(NamedTuple):
     rig: Rig
     effects: list[tuple[str, dict[str, Any]]]
     parameters: list[Parameter]
+    points: list[Rig]
 
 
 def write_model(
@@ -34,14 +35,16 @@ def write_model(
     effects: Sequence[Effect],
     parameters: Sequence[Parameter],
     covariance: ArrayLike | None,
+    points: Sequence[Rig] = (),
 ) -> None:
-    """Write a model; the covariance has NaN for parameters that were not free."""
+    """Write a model with its further operating points; the covariance has NaN for parameters that were not free."""
     matrix = None
     if covariance is not None:
         matrix = [[None if np.isnan(c) else float(c) for c in row] for row in np.asarray(covariance)]
     text = {
         "format": FORMAT,
         "rig": rig.to_toml(),
+        "points": [point.to_toml() for point in points],
         "effects": [{"name": effect.name, **effect.settings()} for effect in effects],
         "parameters": {p.name: {"value": p.value, "unit": p.unit, "slots": list(p.slots)} for p in parameters},
         "covariance": matrix,
@@ -65,7 +68,8 @@ def read_model(path: Path) -> StoredModel:
             Parameter(name, float(p["value"]), p["unit"], tuple(p["slots"])) for name, p in text["parameters"].items()
         ]
         effects = [(entry["name"], {k: v for k, v in entry.items() if k != "name"}) for entry in text["effects"]]
-        return StoredModel(Rig.from_toml(text["rig"], path), effects, parameters)
+        points = [Rig.from_toml(point, path) for point in text.get("points", ())]
+        return StoredModel(Rig.from_toml(text["rig"], path), effects, parameters, points)
     except OSError as error:
         raise ModelError(f"{path}: cannot be read ({error.strerror}); give a file that --save wrote") from None
     except (ValueError, KeyError, TypeError, AttributeError) as error:

@@ -18,7 +18,6 @@ from scipy.ndimage import uniform_filter1d
 from ambid.effects.base import Effect, EffectParameter
 from ambid.fit import recorded_channels
 from ambid.loop.assembly import FloatArray
-from ambid.loop.loop import Loop
 from ambid.loop.plant import Plant
 from ambid.model import Model
 from ambid.rank import log_chance
@@ -159,8 +158,9 @@ def needed_at_ports(model: Model, noise: Noise) -> tuple[Port, ...]:
     window, axes, p = whitener.window, len(record.axes), len(recorded_channels(record))
     lines = len(window.excited)
     whitening = whitener.whitening[:lines]
-    loop = Loop(model.rig, model._filled_by(), [*model.effects, _Inlets()], watch=WATCHED, substeps=model.substeps)
-    inputs = model.excitation(record)
+    here = model.at(record)
+    loop = here.watching(WATCHED, [_Inlets()])
+    inputs = here.excitation(record)
     quiet = np.hstack([inputs, np.zeros((len(inputs), len(loop.inputs) - inputs.shape[1]))])
     outputs = loop.simulate(model.theta, quiet)
     periods = window.cut(outputs).reshape(window.periods, window.period, -1).mean(axis=0)
@@ -170,7 +170,8 @@ def needed_at_ports(model: Model, noise: Noise) -> tuple[Port, ...]:
 
     residual, known = noise.jacobian(model, list(range(len(model.names))))
     own = slice(0, whitener.numbers)
-    basis, _ = np.linalg.qr(known[own] / np.linalg.norm(known[own], axis=0))
+    size = np.linalg.norm(known[own], axis=0)
+    basis, _ = np.linalg.qr(known[own][:, size > 0.0] / size[size > 0.0])
     white = _as_lines(residual[own] - basis @ (basis.T @ residual[own]), p)[:lines]
     cost = float(np.sum(np.abs(white) ** 2))
     responses = loop.frequency_response(model.theta, window.excited * record.sample_rate / window.samples)

@@ -120,15 +120,19 @@ class Problem(LeastSquares):
             np.where(np.isin(model.loop.outputs, recorded_channels(record)), factors / rms, 0.0)
             for record, rms in zip(records, noise, strict=True)
         ]
-        core = model.loop.core
-        self._data = [
-            _core.Data(core, model.excitation(record), measured_outputs(record), w)
-            for record, w in zip(records, self.weights, strict=True)
-        ]
+        self._data: dict[_core.ClosedLoop, list[_core.Data]] = {}  # by operating point
+        for record, w in zip(records, self.weights, strict=True):
+            core = model.at(record).loop.core
+            data = _core.Data(core, model.excitation(record), measured_outputs(record), w)
+            self._data.setdefault(core, []).append(data)
 
     def _evaluate(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-        hessian, gradient, squares = _core.normal_equations(self.model.loop.core, theta, self.free, self._data)
-        return hessian, gradient, float(squares.sum())
+        size = len(self.free)
+        hessian, gradient, cost = np.zeros((size, size)), np.zeros(size), 0.0
+        for core, data in self._data.items():
+            own, own_gradient, squares = _core.normal_equations(core, theta, self.free, data)
+            hessian, gradient, cost = hessian + own, gradient + own_gradient, cost + float(squares.sum())
+        return hessian, gradient, cost
 
     def with_noise(self, noise: list[FloatArray]) -> Problem:
         """The same problem with other noise levels."""
@@ -138,10 +142,10 @@ class Problem(LeastSquares):
 
     def residual_rms(self, theta: FloatArray) -> list[FloatArray]:
         """Rms of each channel's residual, per record."""
-        found = []
+        at, found = self.model.with_theta(theta), []
         for record in self.records:
             z = measured_outputs(record)
-            rms = (z - self.model.loop.simulate(theta, self.model.excitation(record))).std(axis=0)
+            rms = (z - at.response(record)).std(axis=0)
             found.append(np.where(rms > 0.0, rms, 1.0))
         return found
 

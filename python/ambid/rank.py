@@ -26,6 +26,7 @@ from ambid.effects import CATALOGUE, Effect, Seen
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.loop.assembly import FloatArray
 from ambid.model import Model
+from ambid.operating_point import suffix
 from ambid.tables import Tabular
 from ambid.whitened import Noise
 
@@ -206,9 +207,10 @@ def rank(
     present = {effect.name for effect in model.effects}
     for done, effect in enumerate(catalogue):
         progress("ranking", done, len(catalogue))
-        if effect.name in present or not effect.parameters(model.rig):
+        home = model.home_of(effect)
+        if effect.name in present or home is None:
             continue
-        variants = effect.variants(seen)
+        variants = effect.variants(replace(seen, rig=home))
         scored, why = _scored(here, variants, here.cost)
         if variants and not scored and start is not None and start.is_stable:
             elsewhere = elsewhere or _Point(start, noise)
@@ -244,11 +246,13 @@ def see(model: Model, noise: Noise) -> Seen:
     peaks = dict.fromkeys(watched, 0.0)
     n = len(model.rig.axes)
     for record in noise.records:
-        found = np.abs(model.watching(watched).simulate(model.theta, model.excitation(record))).max(axis=0)
+        here = model.at(record)
+        found = np.abs(here.watching(watched).simulate(here.theta, here.excitation(record))).max(axis=0)
         for k, name in enumerate(watched, start=2):
             peaks[name] = max(peaks[name], float(found[k * n : (k + 1) * n].max()))
     tones = {round(tone.frequency_hz, 3): tone for own in noise.tones for tone in own}
-    measured = [record.i_c.mean(axis=0) for record in noise.records if record.i_c is not None]
+    at_home = [record for record in noise.records if not suffix(record.point or model.rig, model.rig)]
+    measured = [record.i_c.mean(axis=0) for record in at_home if record.i_c is not None]
     held = tuple(np.mean(measured, axis=0).tolist()) if measured else ()
     return Seen(model.rig, peaks, tuple(tones.values()), held)
 
@@ -280,11 +284,11 @@ class _Point:
         self.dof = noise.lines - len(model.names)
         self.exact, self.linear = model if model.is_linear else model.with_substeps(SUBSTEPS), model
         for effect in model.effects:
-            if not model.is_linear and not Model(model.rig, effects=[effect]).is_linear:
+            if not model.is_linear and not Model(model.home_of(effect) or model.rig, effects=[effect]).is_linear:
                 self.linear = self.linear.without(effect.name)
         if not self.linear.is_stable:
             self.linear = self.exact
-        self.settling = np.log(1.0 / UNSETTLED) / max(-float(model.poles().real.max()), 1e-9)
+        self.settling = np.log(1.0 / UNSETTLED) / max(model.decay_rate, 1e-9)
         self._before: dict[int, FloatArray] = {}
 
     def freed(self, signal: FloatArray) -> FloatArray:
@@ -294,7 +298,7 @@ class _Point:
     def responses(self, effect: Effect) -> FloatArray:
         """Whitened change of the response by each probe of an effect, shape (lines, probes)."""
         changes = []
-        for probe in effect.probes(self.exact.rig):
+        for probe in effect.probes(self.exact.home_of(effect) or self.exact.rig):
             base, model = self.linear, self.linear.add(effect, probe)
             if not model.is_linear:
                 base, model = self.exact, self.exact.add(effect, probe).with_substeps(SUBSTEPS)
@@ -321,7 +325,7 @@ def _scored(point: _Point, variants: Sequence[Effect], cost: float) -> tuple[lis
 
 
 def _score(point: _Point, effect: Effect, change: FloatArray, cost: float) -> Candidate:
-    rig, residual = point.exact.rig, point.residual
+    rig, residual = point.exact.home_of(effect) or point.exact.rig, point.residual
     size = np.linalg.norm(change, axis=0)
     seen = np.where(size > 0.0, size, 1.0)
     low, high = effect.amplitudes(rig)

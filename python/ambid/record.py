@@ -59,6 +59,8 @@ class Record:
         Every warning and repair.
     path : Path or None
         File that it came from.
+    point : Rig or None
+        Rig of the operating point that it was recorded at, where that is another one than the model's; see `at`.
 
     Raises
     ------
@@ -76,6 +78,7 @@ class Record:
     period: int | None = None
     notes: tuple[str, ...] = ()
     path: Path | None = None
+    point: Rig | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axes", tuple(self.axes))
@@ -218,6 +221,26 @@ class Record:
         if record.i_c is None:
             more.append(WITHOUT_I_C)
         return replace(record, notes=(*record.notes, *more))._with_excitation(rig)
+
+    def at(self, rig: Rig) -> Record:
+        """The record as one of another operating point than the model's: other speed, bias current or controller.
+
+        Parameters
+        ----------
+        rig : Rig
+            The same machine as it was when this was recorded.
+
+        Raises
+        ------
+        RecordError
+            If the rig has other axes.
+        """
+        if rig.axes != self.axes:
+            raise RecordError(
+                f"{self.path or self.name}: axes {', '.join(self.axes)}, {rig.path or rig.name} has "
+                f"{', '.join(rig.axes)}; load the record with its rig"
+            )
+        return replace(self, point=rig)
 
     @property
     def samples(self) -> int:

@@ -383,5 +383,5 @@ def _with_effects_of(nominal: Model, model: Model) -> Model:
 
 def _fits(model: Model, records: Sequence[Record]) -> dict[str, float]:
     channels = [c for c in recorded_channels(records[0]) if all(c in recorded_channels(r) for r in records)]
-    simulated = [model.loop.simulate(model.theta, model.excitation(record)) for record in records]
+    simulated = [model.response(record) for record in records]
     return fit_percent(channels, [measured_outputs(r) for r in records], simulated)

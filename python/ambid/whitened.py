@@ -39,15 +39,15 @@ class Noise:
         self.tones, self.whiteners = [], []
         for record in records:
             window = Window.of(record)
-            residual, rate = _residual(model, record), record.sample_rate
-            way = loop_noise(model, window.samples, residual.shape[1])
+            residual, rate, here = _residual(model, record), record.sample_rate, model.at(record)
+            way = loop_noise(here, window.samples, residual.shape[1])
             shape = np.asarray(np.linalg.inv(way), dtype=np.complex128)
             tones: tuple[Tone, ...] = ()
             if record.periods > 3:
-                tones = find_tones(residual, window, rate, len(record.axes), model.rig.speed, shape)
+                tones = find_tones(residual, window, rate, len(record.axes), here.rig.speed, shape)
             quiet = without_tones(residual, tones, window, rate)
             self.tones.append(tones)
-            own = [f for effect in model.effects for f in effect.frequencies_hz(model.rig)]
+            own = [f for effect in here.effects for f in effect.frequencies_hz(here.rig)]
             more = _around([*own, *(tone.frequency_hz for tone in tones)], window, rate)
             i_e = model.excitation(record)[:, : len(record.axes)]
             self.whiteners.append(Whitener.from_residual(quiet, window, i_e, more, shape))
@@ -79,15 +79,15 @@ class Noise:
         """
         found = []
         for w, record in zip(self.whiteners, self.records, strict=True):
-            window = w.window
+            window, here = w.window, model.at(record)
             periods = 1 + int(np.ceil(settling * record.sample_rate / window.period))
-            inputs = model.excitation(record)
+            inputs = here.excitation(record)
             is_disturbed = inputs.shape[1] > len(record.axes)  # by what need not repeat with the excitation
             if is_disturbed or not window.is_periodic or periods > window.periods:
                 found.append(w.whiten(_simulated(model, record)))
             else:
                 samples = periods * window.period
-                signal = model.loop.simulate(model.theta, inputs[:samples])
+                signal = here.loop.simulate(here.theta, inputs[:samples])
                 found.append(w.whiten_period(signal[-window.period :, : len(recorded_channels(record))]))
         return np.concatenate(found)
 
@@ -95,7 +95,7 @@ class Noise:
         """Whitened residual, and whitened derivative of the response by the parameters in `free`."""
         residuals, columns = [], []
         for w, record in zip(self.whiteners, self.records, strict=True):
-            y, slopes = model.loop.sensitivity(model.theta, model.excitation(record), free)
+            y, slopes = model.sensitivity(record, free)
             p = len(recorded_channels(record))
             residuals.append(w.whiten(measured_outputs(record)[:, :p] - y[:, :p]))
             columns.append(w.whiten(slopes[:, :p]))
@@ -112,7 +112,7 @@ def _around(frequencies_hz: Sequence[float], window: Window, sample_rate: float)
 
 def _simulated(model: Model, record: Record) -> FloatArray:
     channels = len(recorded_channels(record))
-    return model.loop.simulate(model.theta, model.excitation(record))[:, :channels]
+    return model.response(record)[:, :channels]
 
 
 def _residual(model: Model, record: Record) -> FloatArray:

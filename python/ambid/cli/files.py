@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -30,11 +31,25 @@ def load_model(rig: Rig, path: Path | None) -> Model:
 def load_records(
     rig: Rig, paths: list[Path], period: int | None, columns: list[str], sample_rate: float | None
 ) -> list[Record]:
-    """Records of a rig; `columns` are options as `ChannelMap.parse` reads them."""
+    """Records of a rig; `columns` are options as `ChannelMap.parse` reads them.
+
+    A rig file among them opens another operating point of the machine: the records after it were recorded there.
+    """
     if sample_rate is not None and not (np.isfinite(sample_rate) and sample_rate > 0.0):
         raise InputError(f"--sample-rate {sample_rate:g}: expected a positive number of Hz")
     mapping = ChannelMap.parse(columns) if columns else None
-    return [Record.load(path, rig, period=period, mapping=mapping, sample_rate=sample_rate) for path in paths]
+    found, point = [], rig
+    for path, after in pairwise([*paths, Path()]):
+        if path.suffix.lower() == ".toml":
+            point = Rig.load(path)
+            if after.suffix.lower() in (".toml", ""):
+                raise InputError(
+                    f"{path}: no record follows; name the records of this operating point after its rig file"
+                )
+            continue
+        record = Record.load(path, point, period=period, mapping=mapping, sample_rate=sample_rate)
+        found.append(record if point is rig else record.at(point))
+    return found
 
 
 def write_json(data: dict[str, Any], path: Path | None) -> None:

@@ -14,7 +14,12 @@ from ambid.errors import InputError
 
 RigFile = Annotated[Path, typer.Argument(metavar="RIG", help="Rig file (.toml).")]
 RecordFiles = Annotated[
-    list[Path], typer.Argument(metavar="RECORD...", help="Records: .csv, .mat, .h5, .parquet, .tdms.")
+    list[Path],
+    typer.Argument(
+        metavar="RECORD...",
+        help="Records: .csv, .mat, .h5, .parquet, .tdms. A rig file among them opens another operating point: "
+        "the records after it were recorded at its speed and bias current.",
+    ),
 ]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the result as JSON; - prints it.")]
 ModelFile = Annotated[Path | None, typer.Option("--model", metavar="MODEL", help="Start from what --save wrote.")]
@@ -30,7 +35,10 @@ Columns = Annotated[
 ]
 SampleRate = Annotated[float | None, typer.Option(metavar="HZ", help="Of records whose files state none.")]
 Validation = Annotated[
-    list[Path], typer.Option("--validate", metavar="RECORD...", help="Records to validate on, not used for choosing.")
+    list[Path],
+    typer.Option(
+        "--validate", metavar="RECORD...", help="Records to validate on, not used for choosing; rig files as above."
+    ),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no tables.")]
 

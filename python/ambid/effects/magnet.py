@@ -143,9 +143,20 @@ class MagneticHysteresis(Effect):
 
 
 def _force_law(plant: Plant, curve: str, slots: Mapping[str, str], held: Sequence[float]) -> None:
-    """Add to the force of every axis what a force law has beyond ``K_i i + K_s s``."""
-    biases = [bearing.bias_current for bearing in plant.rig.bearings for _ in bearing.axes]
-    for axis, bias, load in zip(plant.axes, biases, held or [0.0] * len(biases), strict=True):
+    """Add to the force of every axis what a force law has beyond ``K_i i + K_s s``.
+
+    At another bias than that of the reference the flux at rest is in proportion to it, and the current that holds the
+    weight goes with one over K_i.
+    """
+    here, there = _of_axes(plant.rig), _of_axes(plant.reference)
+    loads = held or [0.0] * len(here)
+    for axis, (bias, gain), (stated, gain_there), load in zip(plant.axes, here, there, loads, strict=True):
         own = {"K_i": f"K_i.{axis}", "K_s": f"K_s.{axis}", **slots}
         signals = [plant[f"i_f.{axis}"], plant[f"s.{axis}"]]
-        plant.inject(f"f.{axis}", plant.block("force_law", signals, own, {"bias": bias, "held": load}, curve=curve))
+        constants = {"bias": bias, "held": load * gain_there / gain, "level": bias / stated}
+        plant.inject(f"f.{axis}", plant.block("force_law", signals, own, constants, curve=curve))
+
+
+def _of_axes(rig: Rig) -> list[tuple[float, float]]:
+    """Bias current [A] and nominal K_i [N/A] of every axis."""
+    return [(bearing.bias_current, k_i) for bearing in rig.bearings for k_i in bearing.force_current]

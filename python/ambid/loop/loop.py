@@ -38,6 +38,10 @@ class Loop:
         Signals of the plant that become further outputs of each axis, such as ``s`` and ``i_f``.
     substeps : int, optional
         Steps per sample of nonlinear effects; default: as many as the response needs to be exact to 1e-6.
+    reference : Rig, optional
+        The same machine at the operating point that the parameters of effects are stated for; default: `rig`.
+    parameters : int, optional
+        Length of the parameter vector; default: up to the last index in `filled_by`.
 
     Attributes
     ----------
@@ -57,8 +61,10 @@ class Loop:
         noise: bool = False,
         watch: Sequence[str] = (),
         substeps: int | None = None,
+        reference: Rig | None = None,
+        parameters: int | None = None,
     ) -> None:
-        between = open_plant(rig, effects, watch)
+        between = open_plant(rig, effects, watch, reference)
         matrices = _controller(rig)
         self._is_analog = not rig.controller.is_digital
         controller: _core._DigitalController | None = None
@@ -79,7 +85,7 @@ class Loop:
         self.sample_time = 1.0 / rig.sample_rate
         gains = [(filled_by[port.slot], port.scale, port.power) for port in self.lft.ports]
         self._filled_by = filled_by
-        self.parameters = 1 + max(filled_by.values(), default=-1)
+        self.parameters = 1 + max(filled_by.values(), default=-1) if parameters is None else parameters
         self.core = _core.ClosedLoop(
             _matrices(self.lft.A, self.lft.B, self.lft.C, self.lft.D),
             gains,
@@ -194,7 +200,7 @@ def _block(block: Block, filled_by: dict[str, int]) -> _core._Block:
     return chosen
 
 
-def open_plant(rig: Rig, effects: Sequence[Effect], watch: Sequence[str] = ()) -> Lft:
+def open_plant(rig: Rig, effects: Sequence[Effect], watch: Sequence[str] = (), reference: Rig | None = None) -> Lft:
     """The plant with all effects attached; bending modes that effects bring are the last of the rotor."""
     places = [z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)]
     more = sum(effect.flexible_modes(rig) for effect in effects)
@@ -203,6 +209,7 @@ def open_plant(rig: Rig, effects: Sequence[Effect], watch: Sequence[str] = ()) -
         for z in effect.positions(rig):
             rotor.shape(z)  # refuses a place that is not known
     built = _base_plant(rig, rotor, more).copy()
+    built.reference = rig if reference is None else reference
     for effect in effects:
         effect.attach(built)
     return built.between_commands_and_outputs(watch)

@@ -24,7 +24,8 @@ class Plant(Assembly):
     ``i_c`` [A] as recorded, ``i_f`` [A] that makes force and its rate ``i_f_rate`` [A/s], ``s`` [m] and ``v`` [m/s] at
     the magnet, ``f`` [N], ``y`` [m] as read; ``drive`` [A] is ``tau_a i_a'``. Signals of each modal coordinate k:
     ``eta.k``, ``eta_rate.k``,
-    ``eta_bend.k``, ``modal_force.k``.
+    ``eta_bend.k``, ``modal_force.k``. The parameters of effects are stated for the rig `reference`, which is another
+    operating point of this machine where records of several are fitted together.
 
     Parameters
     ----------
@@ -38,6 +39,7 @@ class Plant(Assembly):
     def __init__(self, rig: Rig, rotor: ReducedRotor, *, free_modes: int = 0) -> None:
         super().__init__()
         self.rig, self.rotor = rig, rotor
+        self.reference = rig
         self.axes = rig.axes
         self.directions = axis_directions(rig)[:, : rotor.planes]
         self.coordinates = len(rotor.frequencies_rad_s) * rotor.planes

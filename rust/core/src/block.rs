@@ -39,6 +39,8 @@ pub enum Law {
         bias: f64,
         /// Current in A that holds a constant load, such as the weight; i counts from it.
         held: f64,
+        /// `sigma` of this magnet over the one of the parameter, which may be stated for another bias; above zero.
+        level: f64,
     },
     /// What a limit R takes away from a rate z; coefficient `inverse_limit` = 1/R.
     Slew {
@@ -100,7 +102,9 @@ impl Law {
 
     fn check(&self) -> Result<()> {
         let allowed = match self {
-            Self::Force { bias, held, .. } => *bias > 0.0 && bias.is_finite() && held.abs() < *bias,
+            Self::Force { bias, held, level, .. } => {
+                *bias > 0.0 && bias.is_finite() && held.abs() < *bias && *level > 0.0 && level.is_finite()
+            }
             Self::Slew { smoothing } => *smoothing > 0.0 && *smoothing < 1.0,
             Self::BoucWen { rate_smoothing, state_smoothing } => {
                 [rate_smoothing, state_smoothing].iter().all(|e| **e >= 0.0 && e.is_finite())
@@ -111,7 +115,7 @@ impl Law {
             }
         };
         let what = match self {
-            Self::Force { .. } => "a force law needs a finite bias above zero, and a holding current below it",
+            Self::Force { .. } => "a force law needs a finite bias and level above zero, and a holding current below the bias",
             Self::Slew { .. } => "a slew limit needs a smoothing between 0 and 1, both excluded",
             Self::BoucWen { .. } => "a hysteresis needs finite smoothings of at least zero",
             _ => "a polynomial has one or two inputs, and no exponent of an input that it lacks",

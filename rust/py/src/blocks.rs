@@ -54,8 +54,9 @@ impl NonlinearBlock<'_> {
     fn law(&self) -> PyResult<(Law, &'static [&'static str])> {
         Ok(match self.law.as_str() {
             "force_law" => {
-                let held = self.constants.get("held").copied().unwrap_or(0.0);
-                (Law::Force { curve: self.curve()?, bias: self.constant("bias")?, held }, &["bias", "held"])
+                let or = |name: &str, usual: f64| self.constants.get(name).copied().unwrap_or(usual);
+                let (bias, held, level) = (self.constant("bias")?, or("held", 0.0), or("level", 1.0));
+                (Law::Force { curve: self.curve()?, bias, held, level }, &["bias", "held", "level"])
             }
             "slew_limit" => (Law::Slew { smoothing: self.constant("smoothing")? }, &["smoothing"]),
             "bouc_wen" => {

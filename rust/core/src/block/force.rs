@@ -17,6 +17,7 @@ const CLOSED: f64 = 0.02;
 pub(crate) struct Force {
     shape: Shape,
     coefficients: usize,
+    level: f64,
     linear: bool,
     k_i: f64,
     k_s: f64,
@@ -35,15 +36,16 @@ pub(crate) struct Force {
 }
 
 impl Force {
-    pub fn new(curve: Curve, bias: f64, held: f64, values: &[f64]) -> Result<Self> {
+    pub fn new(curve: Curve, [bias, held, level]: [f64; 3], values: &[f64]) -> Result<Self> {
         let (k_i, k_s, nu) = (values[0], values[1], values[2]);
         let of = |place: usize| values.get(place).copied().unwrap_or(1.0);
-        let shape = Shape { curve, sigma: of(3), n: of(4) };
+        let shape = Shape { curve, sigma: level * of(3), n: of(4) };
         let (rest, slopes) = shape.at_rest();
         let linear = nu.abs() < NEGLIGIBLE;
         let mut force = Self {
             shape,
             coefficients: values.len(),
+            level,
             linear,
             k_i,
             k_s,
@@ -125,7 +127,7 @@ impl Force {
             self.scale / self.k_i * (excess - beta * by_beta),
             by_beta * s,
             self.scale / self.nu * (alpha * by_alpha + beta * by_beta - excess),
-            self.scale * by_shape[0],
+            self.scale * self.level * by_shape[0],
             self.scale * by_shape[1],
         ];
         for ((slope, all), held) in by_coefficient.iter_mut().zip(all).zip(self.at_held_slopes) {
