@@ -11,7 +11,7 @@ from ambid.compare import compare
 from ambid.errors import RecordError, UnstableLoopError
 from ambid.identify import identify
 from ambid.model import Model
-from ambid.record import noise_ceiling
+from ambid.record import Record, noise_ceiling
 from virtual import AXES
 
 CHANNELS = [f"{signal}.{axis}" for signal in ("y", "i_c") for axis in AXES]
@@ -130,3 +130,16 @@ def test_wrong_records_and_models(exact, run):
         compare(exact, replace(run, i_e=None))
     with pytest.raises(UnstableLoopError):
         compare(exact.with_values({"tau_e": 2e-3}), run)
+
+
+def test_a_transient_that_outlasts_the_first_period_is_no_noise():
+    random, n, periods, noise = np.random.default_rng(3), 500, 6, 0.05
+    signal = np.tile(random.standard_normal((n, 1)), (periods, 1))
+    measured = signal + noise * random.standard_normal((n * periods, 1))
+    decay = 8.0 * np.exp(-np.arange(n * periods)[:, None] / (0.6 * n))
+    i_e = np.tile(prbs(9, amplitude=0.1, axes=1)[:n], (periods, 1))
+    ceilings = [
+        noise_ceiling(Record("run", 1e4, ("a",), i_e, y, period=n))["y.a"] for y in (measured, measured + decay)
+    ]
+    assert ceilings[0] == pytest.approx(100.0 * (1.0 - noise), abs=0.3)
+    assert ceilings[1] == pytest.approx(ceilings[0], abs=0.6)

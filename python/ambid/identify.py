@@ -11,13 +11,13 @@ import numpy as np
 from ambid.covariance import score_covariance
 from ambid.errors import ModelError, RecordError, UnstableLoopError
 from ambid.estimate import Estimate, ParameterEstimate
-from ambid.fit import fit_percent, measured_outputs, recorded_channels, with_average
+from ambid.fit import fit_percent, measured_outputs, pooled_ceiling, recorded_channels
 from ambid.loop.assembly import FloatArray
 from ambid.loop_noise import loop_noise
 from ambid.model import Model
 from ambid.parameter import UNITS
 from ambid.problem import End, Limits, Problem, noise_levels
-from ambid.record import Record, noise_ceiling
+from ambid.record import Record
 from ambid.rig import Rig
 
 __all__ = ["identify"]
@@ -237,7 +237,7 @@ def _estimate(problem: Problem, end: End, limits: Limits, notes: list[str], begu
         parameters=parameters,
         covariance=covariance,
         fit_percent=fit_percent(channels, [measured_outputs(r) for r in records], simulated),
-        noise_ceiling_percent=_pooled_ceiling(records, channels),
+        noise_ceiling_percent=pooled_ceiling(records, channels),
         status="not_identifiable" if directions else end.status,
         evaluations=problem.evaluations,
         seconds=time.perf_counter() - begun,
@@ -287,14 +287,3 @@ def _unknown(relative: FloatArray, names: list[str]) -> list[dict[str, float]]:
         vector = vector / vector[np.argmax(np.abs(vector))]
         found.append({name: float(v) for name, v in zip(names, vector, strict=True) if abs(v) > 0.05})
     return found
-
-
-def _pooled_ceiling(records: tuple[Record, ...], channels: list[str]) -> dict[str, float]:
-    """Noise ceiling over all records, weighted by the power of each."""
-    missed, total = np.zeros(len(channels)), np.zeros(len(channels))
-    for record in records:
-        ceilings = noise_ceiling(record)
-        power = measured_outputs(record)[:, : len(channels)].var(axis=0) * record.samples
-        missed += (1.0 - np.array([ceilings[c] for c in channels]) / 100.0) ** 2 * power
-        total += power
-    return with_average(dict(zip(channels, (100.0 * (1.0 - np.sqrt(missed / total))).tolist(), strict=True)))

@@ -28,6 +28,8 @@ WITHOUT_I_C = (
     "i_c was not recorded: K_i, K_s and tau_e are found from y alone; "
     "a lag of the amplifier, a delay of the loop and a lag of the sensor cannot be told apart"
 )
+UNSETTLED = 1.1
+"""Scatter of a period too many over that of the later ones; it holds a transient then."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -319,7 +321,8 @@ class Record:
 def noise_ceiling(record: Record) -> dict[str, float]:
     """Fit [%] that the exact model would reach, from the scatter of y and i_c over the periods.
 
-    The first period holds the transient and is left out. Over the M that remain, with xbar their mean period,
+    The first period holds the transient and is left out, and further ones while that makes the scatter less by more
+    than a tenth, as long as two remain. Over the M that remain, with xbar their mean period,
 
         ceiling = 100 (1 - sqrt(M / (M - 1)) ||x - xbar|| / ||x - mean x||),
 
@@ -344,9 +347,15 @@ def noise_ceiling(record: Record) -> dict[str, float]:
             ceiling[channel] = float("nan")
             continue
         x = values[record.period : (kept + 1) * record.period].reshape(kept, record.period)
-        scatter = np.linalg.norm(x - x.mean(axis=0)) * np.sqrt(kept / (kept - 1))
-        ceiling[channel] = float(100 * (1 - scatter / np.linalg.norm(x - x.mean())))
+        missed = [_scatter(x[first:]) for first in range(kept - 1)]
+        settled = next((m for first, m in enumerate(missed) if m <= UNSETTLED * min(missed[first:])), np.nan)
+        ceiling[channel] = float(100 * (1 - settled))
     return ceiling
+
+
+def _scatter(x: NDArray[np.float64]) -> float:
+    """Of periods (M, N) about their mean, relative to what they hold; free from bias by the mean."""
+    return float(np.linalg.norm(x - x.mean(axis=0)) * np.sqrt(len(x) / (len(x) - 1)) / np.linalg.norm(x - x.mean()))
 
 
 def _as_array(where: str, signal: str, values: ArrayLike) -> NDArray[np.float64]:

@@ -9,8 +9,9 @@ import numpy as np
 
 from ambid.diagnosis import Diagnosis
 from ambid.errors import InputError
+from ambid.fit import pooled_ceiling
 from ambid.plot.style import AXIS_COLOURS, GUIDE, SMALL, dress, misfit_text, new_figure, plain_log
-from ambid.record import Record, noise_ceiling
+from ambid.record import Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,13 +73,7 @@ def ceiling_of_y(records: Sequence[Record]) -> float:
 
     NaN where a record has not enough periods.
     """
-    missed, total = 0.0, 0.0
-    for record in records:
-        ceiling = noise_ceiling(record)
-        power = record.samples * record.y.var(axis=0)
-        missed = missed + power * np.array([1.0 - ceiling[f"y.{axis}"] / 100.0 for axis in record.axes]) ** 2
-        total = total + power
-    return float(np.mean(100.0 * (1.0 - np.sqrt(missed / total))))
+    return pooled_ceiling(records, [f"y.{axis}" for axis in records[0].axes])["average"]
 
 
 def _stairs(ax: Axes, train: Sequence[float], validation: Sequence[float | None], text: Callable[[float], str]) -> None:
