@@ -37,14 +37,14 @@ def axes(rows=1, columns=1):
     return Figure().subplots(rows, columns, squeeze=False).ravel()
 
 
-def candidate(name, score, degrees, chance, confusable=()):
+def candidate(name, score, degrees, confusable=(), **more):
     effect = SimpleNamespace(name=name)
-    return Candidate(effect, score, degrees, chance, {}, 1.0 + 1.0 / score, tuple(confusable))
+    return Candidate(effect, score, degrees, {}, 1.0 + 1.0 / score, tuple(confusable), **more)
 
 
 def ranking():
-    first = candidate("first", 1000.0, 1, -490.0, ["twin"])
-    found = (first, candidate("twin", 900.0, 1, -440.0, ["first"]), candidate("noise", 2.0, 1, -1.8))
+    first = candidate("first", 1000.0, 1, ["twin"])
+    found = (first, candidate("twin", 900.0, 1, ["first"]), candidate("noise", 2.0, 1))
     return Ranking(found, 5.0, {})
 
 
@@ -138,9 +138,16 @@ def test_the_significance_tick_agrees_with_the_ranking():
     found = ranking()
     for one in found.candidates:
         assert (one.score > needed_score(one, found)) == (one in found.significant)
-    many = Ranking((candidate("variants", 14.0, 1, -8.6 + np.log(100.0)),), 2.0, {})
-    assert not many.significant
-    assert needed_score(many.candidates[0], many) > 14.0
+    for score, more, is_significant in (
+        (14.0, {}, True),
+        (14.0, {"variants": 100}, False),
+        (14.0, {"variants": 100, "one_sided": 1}, True),
+        (6.7, {"one_sided": 1}, True),
+        (6.7, {"one_sided": 1, "spread": 1.3}, False),
+    ):
+        alone = Ranking((candidate("alone", score, 1, **more),), 2.0, {})
+        assert bool(alone.significant) is is_significant
+        assert (needed_score(alone.candidates[0], alone) < score) is is_significant
 
 
 def test_an_empty_ranking_is_drawn_empty():

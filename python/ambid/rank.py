@@ -61,8 +61,6 @@ class Candidate:
         Fall of J that adding it would bring, to first order.
     degrees : int
         Degrees of freedom of the score.
-    chance : float
-        Logarithm of the p-value: of such a score when the effect is absent, whichever of its variants is best.
     start : dict of str to float
         Predicted values of its parameters.
     predicted_misfit : float
@@ -77,12 +75,15 @@ class Candidate:
         Whether it was judged at the values that the diagnosis started from, no stable loop with it being near the fit.
     spread : float
         What chance brings of a fall of J per degree of freedom: a little more than 1, see `Whitener`.
+    one_sided : int
+        So many of the degrees of freedom can only have one sign.
+    variants : int
+        So many places, frequencies or sizes were tried.
     """
 
     effect: Effect
     score: float
     degrees: int
-    chance: float
     start: dict[str, float]
     predicted_misfit: float
     confusable_with: tuple[str, ...] = ()
@@ -90,6 +91,18 @@ class Candidate:
     direction: FloatArray | None = field(default=None, repr=False, compare=False)
     from_start: bool = False
     spread: float = 1.0
+    one_sided: int = 0
+    variants: int = 1
+
+    @property
+    def chance(self) -> float:
+        """Logarithm of the p-value: of such a score when the effect is absent, whichever of its variants is best."""
+        return self.chance_of(self.score)
+
+    def chance_of(self, score: float) -> float:
+        """The same of any score."""
+        own = _log_chance_bounded(score / self.spread, self.degrees, self.one_sided)
+        return min(0.0, own + float(np.log(self.variants)))
 
     def evidence_against(self, other: Candidate) -> float:
         """Fall of J by this effect that the other one could not bring: ``S (1 - rho^2)``."""
@@ -218,7 +231,7 @@ def rank(
             scored = [replace(candidate, from_start=True) for candidate in found]
         if scored:
             best = min(scored, key=lambda candidate: candidate.chance)
-            candidates.append(replace(best, chance=min(0.0, best.chance + np.log(len(scored)))))
+            candidates.append(replace(best, variants=len(scored)))
         elif why:
             skipped[effect.name] = why
     candidates.sort(key=lambda candidate: candidate.chance)
@@ -347,12 +360,12 @@ def _score(point: _Point, effect: Effect, change: FloatArray, cost: float) -> Ca
         effect=effect,
         score=fall,
         degrees=degrees,
-        chance=_log_chance_bounded(fall / spread, degrees, int(np.sum(low == 0.0))),
         start=effect.start(rig, amplitudes),
         predicted_misfit=(cost - fall) / (point.dof - degrees),
         smallest_visible=_smallest_visible(effect.probes(rig), size),
         direction=direction / norm if norm > 0.0 else direction,
         spread=spread,
+        one_sided=int(np.sum(low == 0.0)),
     )
 
 

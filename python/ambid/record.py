@@ -227,6 +227,8 @@ class Record:
     def at(self, rig: Rig) -> Record:
         """The record as one of another operating point than the model's: other speed, bias current or controller.
 
+        Its name gets that of the rig behind it.
+
         Parameters
         ----------
         rig : Rig
@@ -242,7 +244,8 @@ class Record:
                 f"{self.path or self.name}: axes {', '.join(self.axes)}, {rig.path or rig.name} has "
                 f"{', '.join(rig.axes)}; load the record with its rig"
             )
-        return replace(self, point=rig)
+        name = self.name if self.point is not None else f"{self.name} ({rig.name})"
+        return replace(self, name=name, point=rig)
 
     @property
     def samples(self) -> int:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import chdtri
+from scipy.optimize import brentq
 
 from ambid.plot.style import LABEL, SMALL, dress, misfit_text, new_figure
-from ambid.rank import ALPHA, Candidate, Ranking, log_chance
+from ambid.rank import ALPHA, Candidate, Ranking
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -95,6 +95,5 @@ def plot_ranking(ranking: Ranking, ax: Axes | None = None, *, most: int = MOST) 
 
 def needed_score(candidate: Candidate, ranking: Ranking) -> float:
     """Score beyond which a candidate is significant, over the catalogue and over its own variants."""
-    own = candidate.chance - log_chance(candidate.score, candidate.degrees)  # logarithm of the number of variants
-    level = np.log(ALPHA / max(1, len(ranking.candidates))) - max(0.0, own)
-    return float(chdtri(candidate.degrees, np.exp(level)))
+    level = np.log(ALPHA / max(1, len(ranking.candidates)))
+    return float(brentq(lambda score: candidate.chance_of(score) - level, 0.0, 1e4))

@@ -79,8 +79,8 @@ def moved(diagnosis: Diagnosis, errors: dict[str, float]) -> list[Moved]:
     return sorted(found, key=lambda m: -abs(m.percent))
 
 
-def rig_figures(rig: Rig) -> list[tuple[str, str]]:
-    """What the rig file says, and the figures of its rotor."""
+def rig_figures(rig: Rig, points: Sequence[Rig] = ()) -> list[tuple[str, str]]:
+    """What the rig file says, the figures of its rotor, and further operating points."""
     places = sorted({z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)})
     frequencies = reduced_rotor(rig.rotor, places).frequencies_rad_s
     bending = ", ".join(f"{f / (2.0 * np.pi):.1f}" for f in frequencies if f > 0.0)
@@ -99,4 +99,9 @@ def rig_figures(rig: Rig) -> list[tuple[str, str]]:
         ("amplifier", f"lag of {quantity(rig.amplifier.time_constant, 's')}"),
         ("controller", f"{controller.kind.replace('_', ' ')}, {controller.implementation}{delay}"),  # type: ignore[attr-defined]
         ("sample rate", f"{rig.sample_rate:g} Hz"),
+        *(("also at", f"{point.name}: {_bias(point)}, {point.speed:g} rad/s") for point in points),
     ]
+
+
+def _bias(rig: Rig) -> str:
+    return ", ".join(f"{bearing.name} {bearing.bias_current:g} A" for bearing in rig.bearings)

@@ -27,7 +27,7 @@ def story(diagnosis: Diagnosis) -> dict[str, Any]:
         "adequate": diagnosis.verdict == "adequate",
         "sentence": words.verdict_sentence(diagnosis, np.nan, np.nan, None),
         "notes": list(diagnosis.notes),
-        "machine": numbers.rig_figures(diagnosis.model.rig),
+        "machine": numbers.rig_figures(diagnosis.model.rig, diagnosis.model.points),
         "figures": [],
         "choices": [],
         "invisible": [],
