@@ -77,8 +77,8 @@ class Candidate:
         What chance brings of a fall of J per degree of freedom: a little more than 1, see `Whitener`.
     one_sided : int
         So many of the degrees of freedom can only have one sign.
-    variants : int
-        So many places, frequencies or sizes were tried.
+    variants : float
+        So many independent places, frequencies or sizes were tried.
     """
 
     effect: Effect
@@ -92,7 +92,7 @@ class Candidate:
     from_start: bool = False
     spread: float = 1.0
     one_sided: int = 0
-    variants: int = 1
+    variants: float = 1.0
 
     @property
     def chance(self) -> float:
@@ -230,8 +230,7 @@ def rank(
             found, _ = _scored(elsewhere, variants, here.cost)
             scored = [replace(candidate, from_start=True) for candidate in found]
         if scored:
-            best = min(scored, key=lambda candidate: candidate.chance)
-            candidates.append(replace(best, variants=len(scored)))
+            candidates.append(min(scored, key=lambda candidate: candidate.chance))
         elif why:
             skipped[effect.name] = why
     candidates.sort(key=lambda candidate: candidate.chance)
@@ -326,25 +325,46 @@ class _Point:
 
 def _scored(point: _Point, variants: Sequence[Effect], cost: float) -> tuple[list[Candidate], str]:
     """The variants of an effect that can be judged at a point, and why others cannot; scores are falls from `cost`."""
-    scored, why = [], ""
+    scored, bases, why = [], [], ""
     for variant in variants:
         try:
             change = point.freed(point.responses(variant))
         except (UnstableLoopError, ModelError) as error:
             why = str(error)
             continue
-        scored.append(_score(point, variant, change, cost))
-    return scored, why
+        basis, triangle = np.linalg.qr(change / _nonzero(np.linalg.norm(change, axis=0)))
+        scored.append(_score(point, variant, change, basis, triangle, cost))
+        bases.append(basis)
+    independent = _independent(bases) if len(bases) > 1 else 1.0
+    return [replace(candidate, variants=independent) for candidate in scored], why
 
 
-def _score(point: _Point, effect: Effect, change: FloatArray, cost: float) -> Candidate:
+def _nonzero(size: FloatArray) -> FloatArray:
+    return np.where(size > 0.0, size, 1.0)
+
+
+def _independent(bases: Sequence[FloatArray]) -> float:
+    """How many independent tests the best of these subspaces is, from the eigenvalues of their correlation.
+
+    Galwey, Genetic Epidemiology 33 (2009) 559: ``(sum sqrt(lambda))^2 / sum lambda``, here over the mean dimension.
+    """
+    all_of_them = np.hstack(bases)
+    roots = np.sqrt(np.maximum(np.linalg.eigvalsh(all_of_them.T @ all_of_them), 0.0))
+    count = roots.sum() ** 2 / np.sum(roots**2) * len(bases) / all_of_them.shape[1]
+    return float(np.clip(count, 1.0, len(bases)))
+
+
+def _score(
+    point: _Point, effect: Effect, change: FloatArray, basis: FloatArray, triangle: FloatArray, cost: float
+) -> Candidate:
+    """The score of an effect whose freed change has columns of `basis` times `triangle` times their norms."""
     rig, residual = point.exact.home_of(effect) or point.exact.rig, point.residual
     size = np.linalg.norm(change, axis=0)
-    seen = np.where(size > 0.0, size, 1.0)
+    seen = _nonzero(size)
     low, high = effect.amplitudes(rig)
-    basis, triangle = np.linalg.qr(change / seen)
     called_for = basis.T @ residual
-    free, _, degrees, _ = np.linalg.lstsq(triangle, called_for, rcond=1e-6)
+    solved = np.linalg.lstsq(triangle, called_for, rcond=1e-6)
+    free, degrees = np.asarray(solved[0]), max(1, int(solved[2]))
     if len(free) == 1:
         free = np.clip(free, low * seen, high * seen)
     elif not ((low * seen <= free) & (free <= high * seen)).all():
@@ -352,7 +372,6 @@ def _score(point: _Point, effect: Effect, change: FloatArray, cost: float) -> Ca
     amplitudes = free / seen
     left = called_for - triangle @ free
     fall = max(0.0, float(called_for @ called_for - left @ left) - max(point.cost - cost, 0.0))
-    degrees = max(1, int(degrees))
     spread = float(np.mean(point.spreads @ basis**2))
     direction = change @ amplitudes
     norm = float(np.linalg.norm(direction))
@@ -360,7 +379,7 @@ def _score(point: _Point, effect: Effect, change: FloatArray, cost: float) -> Ca
         effect=effect,
         score=fall,
         degrees=degrees,
-        start=effect.start(rig, amplitudes),
+        start=effect.start(rig, amplitudes.tolist()),
         predicted_misfit=(cost - fall) / (point.dof - degrees),
         smallest_visible=_smallest_visible(effect.probes(rig), size),
         direction=direction / norm if norm > 0.0 else direction,

@@ -17,7 +17,7 @@ from ambid.fit import fit_percent, measured_outputs, recorded_channels
 from ambid.localise import localise
 from ambid.model import Model
 from ambid.next_experiment import next_experiment
-from ambid.rank import ALPHA, Candidate, Progress, Ranking, log_chance, rank
+from ambid.rank import ALPHA, Candidate, Progress, Ranking, rank
 from ambid.record import Record
 from ambid.refit import Fit, refit
 from ambid.tones import OUTSTANDING
@@ -120,9 +120,9 @@ class Search:
             if not order:
                 return
             candidate, better = order[0]
-            fall, added = self.fit.cost - better.cost, len(better.model.names) - len(self.fit.model.names)
-            if log_chance(max(fall, 0.0) / candidate.spread, added) > np.log(ALPHA / len(ranking.candidates)):
-                return
+            fall = self.fit.cost - better.cost
+            if candidate.chance_of(min(fall, candidate.score)) > np.log(ALPHA / len(ranking.candidates)):
+                return  # the refit brings less than the score promised
             if ask is not None and not ask(ranking, candidate):
                 return
             if self.fit.cost > self.at_noise and fall < HOPELESS_SHARE * (self.fit.cost - self.dof):

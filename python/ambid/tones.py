@@ -69,7 +69,7 @@ def find_tones(
     axes : int
         Number of axes.
     speed : float
-        Of the rotor [rad/s]; its frequency is looked at closely.
+        Of the rotor [rad/s]; a turning rotor has a tone at its frequency, however small.
     shape : ndarray, shape (M N / 2 + 1, p, p)
         What makes the noise of each line smooth over frequency.
     """
@@ -97,6 +97,10 @@ def find_tones(
             suspects = [f for f in suspects if abs(f - frequency) > 2.0 * per_line]
         found.append(Tone(frequency, channel % axes, height))
         left = _without(left, [_wave(frequency / per_line, window)])
+    turning = speed / (2.0 * np.pi)
+    if turning in suspects:
+        power = _relative_power(left, window, shape)[round(turning / per_line)]
+        found.append(Tone(turning, int(np.argmax(power)) % axes, float(power.max())))
     return (*found, *_on_excited_lines(residual, window, per_line, axes, shape))
 
 
