@@ -55,7 +55,7 @@ class Noise:
 
     @property
     def spreads(self) -> FloatArray:
-        """Variance of each whitened number where it is weighed by a fixed direction, see `Whitener`."""
+        """Variance of each whitened number on the direction of a whitened response, see `Whitener`."""
         return np.concatenate([w.spreads for w in self.whiteners])
 
     def residual(self, model: Model) -> FloatArray:

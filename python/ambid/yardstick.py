@@ -141,8 +141,8 @@ class Whitener:
     whitening : ndarray, shape (lines, p, p)
         Inverse of the Cholesky factors of ``S n_l / (n_l - p)``, times the root of two.
     spread : ndarray, shape (lines,)
-        Variance of whitened noise projected on a fixed direction, n_l / (n_l - p): J allows for the noise of S, a score
-        does not, since it is linear in the noise where J is quadratic.
+        Variance of whitened noise on the direction of a whitened response, n_l / (n_l - p): where S is by chance too
+        small both are large, which J, whose mean is 1 all the same, does not show.
     """
 
     window: Window
