@@ -16,6 +16,7 @@ SAID = {
     "embedded_simulator": r"us a step from Python.*differ by \d\.\de-\d\d m",
     "identify_a_rig": r"tau_e +0\.00024\d+.*converged.*misfit (0\.9|1\.0)\d",
     "monte_carlo": r"(8[5-9]|9\d|100) % of the intervals held the truth",
+    "two_operating_points": r"rest alone: adequate.*speed: explained by gyroscopic_c.* factor 0\.(29|3\d)\n.*@7\.2A",
     "rotor_from_elsewhere": r"modal test: fit 95\.\d+ %, K_i\.A_zeta 217\.\d\ndimensions: fit 95\.\d+ %, .* 217\.\d",
 }
 NEEDS = {"controller_from_control": "control"}
