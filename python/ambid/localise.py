@@ -93,17 +93,19 @@ class Localisation:
     maps : tuple of MisfitMap
         One per record.
     ports : tuple of Port
-        The port type that explains most first, of the first record.
+        The port type that explains most first, of the record whose misfit is largest.
     tones : tuple of Tone
         Lines that belong neither to the excitation nor to the model.
     change : Change or None
         Parameter that changes during a record.
     growth : tuple of Growth
-        One per record.
+        One per record of that operating point.
     exponent : float
         The unexplained response grows with this power of the amplitude: 1 is linear, 3 cubic; NaN for one amplitude.
     cells : tuple of Cell
         The map as a list, largest misfit first, with tones and changes.
+    worst : int
+        Index of the record whose misfit is largest.
     """
 
     maps: tuple[MisfitMap, ...]
@@ -113,6 +115,7 @@ class Localisation:
     growth: tuple[Growth, ...]
     exponent: float
     cells: tuple[Cell, ...]
+    worst: int = 0
 
     @property
     def kind(self) -> str:
@@ -158,7 +161,9 @@ def localise(model: Model, noise: Noise) -> Localisation:
     left = Noise(model, noise.records)
     tones = tuple(tone for found in left.tones for tone in found)
     change = largest_change(model, left)
-    ports = needed_at_ports(model, noise)
+    misfits = [np.mean(white**2) for white in noise.by_record(noise.residual(model))]
+    worst = int(np.argmax(misfits))
+    ports = needed_at_ports(model, noise, worst)
     found = Localisation((), ports, tones, change, (), np.nan, ())
     maps, growth, cells = [], [], []
     for record, whitener in zip(noise.records, noise.whiteners, strict=True):
@@ -168,7 +173,7 @@ def localise(model: Model, noise: Noise) -> Localisation:
         window, excitation = whitener.window, model.excitation(record)[:, : len(record.axes)]
         own = _map(record, channels, channel_lines(residual, window, excitation), window)
         maps.append(own)
-        if window.is_periodic:
+        if window.is_periodic and record.point == noise.records[worst].point:
             growth.append(_growth(record, residual, window.period))
         for b, band in enumerate(zip(own.edges_hz[:-1], own.edges_hz[1:], strict=True)):
             for channel, misfit in zip(channels, own.misfit[b], strict=True):
@@ -185,7 +190,7 @@ def localise(model: Model, noise: Noise) -> Localisation:
             )
         )
     cells.sort(key=lambda cell: -cell.misfit)
-    return Localisation(tuple(maps), ports, tones, change, tuple(growth), _exponent(growth), tuple(cells))
+    return Localisation(tuple(maps), ports, tones, change, tuple(growth), _exponent(growth), tuple(cells), worst)
 
 
 def _map(record: Record, channels: tuple[str, ...], alone: FloatArray, window: Window) -> MisfitMap:

@@ -16,7 +16,7 @@ TWINS = 0.999
 
 
 def next_experiment(
-    verdict: str, sets: Sequence[Sequence[str]], where: Localisation, history: Sequence[Step], *, other_amplitude: bool
+    verdict: str, sets: Sequence[Sequence[str]], where: Localisation, history: Sequence[Step], *, others: str
 ) -> str:
     """In words.
 
@@ -29,16 +29,18 @@ def next_experiment(
         Of the base model.
     history : sequence of Step
         With the ranking before each step.
-    other_amplitude : bool
-        Whether it was validated at another amplitude.
+    others : str
+        What the explanation holds for: ``amplitudes``, ``operating points``, or nothing beyond one of them.
     """
     if verdict == "adequate":
         return "nothing is needed in this band and at this amplitude; a larger one would show nonlinear effects"
     if verdict == "ambiguous":
         return "; ".join(_apart(names, history) for names in sets)
     if verdict == "explained":
-        if other_amplitude:
-            return "nothing is needed here; another bias current or speed would show whether K_i and K_s follow it"
+        if others == "operating points":
+            return "nothing is needed: one model meets the records of all these operating points"
+        if others:
+            return "nothing is needed here; another bias current or speed would show whether the effect follows it"
         return "validate on a record at another amplitude or bias current"
     cell = where.cells[0]
     if cell.kind == "drift":

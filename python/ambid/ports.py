@@ -112,7 +112,7 @@ class Port:
         J/dof that is left when this port is given whatever it needs: 1 where the missing physics acts; NaN where the
         port could explain anything, since there are no more channels than axes.
     needed : ndarray, shape (N, axes)
-        The needed signal over one period, in `unit`, mean over the periods of the first record.
+        The needed signal over one period, in `unit`, mean over the periods of the record.
     against : dict of str to ndarray, shape (N, axes)
         ``s`` [m], ``v`` [m/s], ``i_f`` [A], ``i_ref`` [A] and ``y`` [m] of the model over the same period.
     terms : tuple of Term
@@ -144,7 +144,7 @@ class _Inlets(Effect):
                 plant.inject(f"{signal}.{axis}", plant.input(f"{name}.{axis}"))
 
 
-def needed_at_ports(model: Model, noise: Noise) -> tuple[Port, ...]:
+def needed_at_ports(model: Model, noise: Noise, index: int = 0) -> tuple[Port, ...]:
     """Every port type with the signal that it would need, best first.
 
     Parameters
@@ -152,9 +152,10 @@ def needed_at_ports(model: Model, noise: Noise) -> tuple[Port, ...]:
     model : Model
         Fitted; nonlinear effects of it are linearised at rest in the way back to the port.
     noise : Noise
-        Of the first record.
+    index : int
+        Of the record that is looked at.
     """
-    record, whitener = noise.records[0], noise.whiteners[0]
+    record, whitener = noise.records[index], noise.whiteners[index]
     window, axes, p = whitener.window, len(record.axes), len(recorded_channels(record))
     lines = len(window.excited)
     whitening = whitener.whitening[:lines]
@@ -169,10 +170,10 @@ def needed_at_ports(model: Model, noise: Noise) -> tuple[Port, ...]:
     against |= {f"{name}_other": against[name][:, other] for name in ("s", "v")}
 
     residual, known = noise.jacobian(model, list(range(len(model.names))))
-    own = slice(0, whitener.numbers)
-    size = np.linalg.norm(known[own], axis=0)
-    basis, _ = np.linalg.qr(known[own][:, size > 0.0] / size[size > 0.0])
-    white = _as_lines(residual[own] - basis @ (basis.T @ residual[own]), p)[:lines]
+    residual, known = noise.by_record(residual)[index], noise.by_record(known)[index]
+    size = np.linalg.norm(known, axis=0)
+    basis, _ = np.linalg.qr(known[:, size > 0.0] / size[size > 0.0])
+    white = _as_lines(residual - basis @ (basis.T @ residual), p)[:lines]
     cost = float(np.sum(np.abs(white) ** 2))
     responses = loop.frequency_response(model.theta, window.excited * record.sample_rate / window.samples)
 

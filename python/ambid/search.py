@@ -307,6 +307,13 @@ class Search:
         self.is_stopped = True
         self.fit, self.base, self.reference, self.noise = self.noted
 
+    def _others(self) -> str:
+        """What the model was held against beside one amplitude at one operating point."""
+        if self.base.model.points:
+            return "operating points"
+        amplitudes = [float(r.i_e.std()) for r in self.noise.records if r.i_e is not None]
+        return "amplitudes" if self._validated() or max(amplitudes) > 1.2 * min(amplitudes) else ""
+
     def _validated(self) -> bool:
         """Whether a record to validate on has another amplitude than all others."""
         own, other = (
@@ -361,7 +368,7 @@ class Search:
             model=self.fit.model.with_substeps(None),
             records=self.noise.records,
             validation=tuple(self.validate),
-            next_experiment=next_experiment(verdict, sets, where, self.history, other_amplitude=self._validated()),
+            next_experiment=next_experiment(verdict, sets, where, self.history, others=self._others()),
             seconds=time.perf_counter() - begun,
             notes=tuple(note for note in notes if note),
         )

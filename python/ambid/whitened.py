@@ -63,6 +63,10 @@ class Noise:
         pairs = zip(self.whiteners, self.records, strict=True)
         return np.concatenate([w.whiten(_residual(model, record)) for w, record in pairs])
 
+    def by_record(self, white: FloatArray) -> list[FloatArray]:
+        """Whitened numbers of all records, record by record."""
+        return np.split(white, np.cumsum([w.numbers for w in self.whiteners])[:-1])
+
     def response(self, model: Model) -> FloatArray:
         """Whitened simulated response."""
         pairs = zip(self.whiteners, self.records, strict=True)

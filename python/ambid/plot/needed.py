@@ -104,7 +104,7 @@ def _best_in_seen_bands(found: Localisation) -> Port:
     """The best port, its needed signal without the lines of bands that hold little but noise."""
     if not found.ports:
         raise InputError("no needed signal to draw: the localisation has no port")
-    port, over = found.ports[0], found.maps[0]
+    port, over = found.ports[0], found.maps[found.worst]
     worst = np.nan_to_num(over.misfit).max(axis=1)
     spectrum = rfft(port.needed, axis=0)
     hertz = over.line_hz * np.arange(len(spectrum))

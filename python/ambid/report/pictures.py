@@ -65,9 +65,10 @@ def as_picture(figure: Figure | SubFigure, caption: str) -> Picture:
 
 
 def maps(where: Localisation) -> Iterator[Picture]:
-    """The misfit map of the first records, and the growth where there are several amplitudes."""
-    for k, found in enumerate(where.maps[:MOST_MAPS]):
-        ax = plot_misfit_map(where, k)
+    """The misfit map of the worst records, and the growth where there are several amplitudes."""
+    worst = sorted(range(len(where.maps)), key=lambda k: -float(np.nanmax(where.maps[k].misfit)))[:MOST_MAPS]
+    for k in sorted(worst):
+        found, ax = where.maps[k], plot_misfit_map(where, k)
         yield as_picture(
             ax.figure,
             f"Misfit map of the base model on {found.record}: each channel in each band, judged against its own noise; "
@@ -103,7 +104,7 @@ def staircase(diagnosis: Diagnosis) -> Picture:
 
 def needed(where: Localisation, axes: tuple[str, ...]) -> Picture | None:
     """The shape of what is missing; None where no band holds more than noise to draw it from."""
-    if not where.ports or np.nanmax(where.maps[0].misfit) <= SEEN:
+    if not where.ports or np.nanmax(where.maps[where.worst].misfit) <= SEEN:
         return None
     port = where.ports[0]
     best = port.terms[0] if port.terms else None
@@ -124,8 +125,9 @@ def needed(where: Localisation, axes: tuple[str, ...]) -> Picture | None:
 
 
 def before_and_after(before: Comparison, after: Comparison | None) -> Iterator[Picture]:
-    """Measured against simulated, of the displacement and of the current that the base model missed most."""
-    rows = before.records[0].channels
+    """Measured against simulated, of the record, displacement and current that the base model missed most."""
+    index = int(np.argmax([record.misfit for record in before.records]))
+    rows = before.records[index].channels
     stages = [("base model", before)] + ([("last model", after)] if after is not None else [])
     for signal in ("y.", "i_c."):
         own = [c for c in rows if c.channel.startswith(signal)]
@@ -134,14 +136,14 @@ def before_and_after(before: Comparison, after: Comparison | None) -> Iterator[P
         channel = max(own, key=lambda c: c.residual_rms / c.noise_rms if c.noise_rms > 0.0 else c.residual_rms).channel
         figure = new_figure(9.0, 4.0)
         panels = figure.subplots(2, len(stages), sharex=True, height_ratios=[3, 1.6], squeeze=False)
-        stretch = worst_stretch(before, 0, channel)
+        stretch = worst_stretch(before, index, channel)
         for k, (stage, comparison) in enumerate(stages):
-            above, below = plot_comparison(comparison, 0, channel, list(panels[:, k]), stretch=stretch)
+            above, below = plot_comparison(comparison, index, channel, list(panels[:, k]), stretch=stretch)
             above.set_title(f"{stage}, {above.get_title(loc='left')}", fontsize=LABEL, loc="left")
         legend(figure, *panels[:, 0])
         yield as_picture(
             figure,
-            f"{channel} of {before.records[0].record.name}, in the stretch of one period where the base model misses "
-            "most; the residual below, with the band of the noise."
+            f"{channel} of {before.records[index].record.name}, in the stretch of one period where the base model "
+            "misses most; the residual below, with the band of the noise."
             + (" The residuals before and after have scales of their own." if after is not None else ""),
         )
