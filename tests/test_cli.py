@@ -324,6 +324,9 @@ def test_the_commands_of_the_readme_are_there(here, bench, command):
     ]
     files = {"rig.toml": [rig], "run.csv": [run], "static_*.csv": LOADS, "bench": [bench]}
     files |= {f"run_{k}.mat": [run] for k in (1, 2, 3)}
+    files |= {
+        f"{point}/{name}": [path] for point in ("6A", "10A") for name, path in (("rig.toml", rig), ("run.mat", run))
+    }
     assert {line[1] for line in lines} == {*COMMANDS} - {"demo"}
     for line in lines:
         assert line[0] == "ambid"

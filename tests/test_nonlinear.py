@@ -181,7 +181,7 @@ def test_a_plane_without_blocks_keeps_its_path():
     [
         ({"law": "force"}, "'force'|\"force\".*not known; there are force_law"),
         ({"curve": "cubic"}, "cubic.*unsaturated, power, tanh"),
-        ({"constants": {"bias": -1.0}}, "bias above zero"),
+        ({"constants": {"bias": -1.0}}, "bias and level above zero"),
         ({"constants": {"bias": BIAS, "bais": 1.0}}, 'no constant "bais"; it has bias'),
         ({"parameters": {"K_i": 0, "K_s": 1}}, 'needs "nu"'),
         ({"parameters": {"K": 0}}, 'no parameter "K"; it has K_i'),

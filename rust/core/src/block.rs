@@ -115,7 +115,9 @@ impl Law {
             }
         };
         let what = match self {
-            Self::Force { .. } => "a force law needs a finite bias and level above zero, and a holding current below the bias",
+            Self::Force { .. } => {
+                "a force law needs a finite bias and level above zero, and a holding current below the bias"
+            }
             Self::Slew { .. } => "a slew limit needs a smoothing between 0 and 1, both excluded",
             Self::BoucWen { .. } => "a hysteresis needs finite smoothings of at least zero",
             _ => "a polynomial has one or two inputs, and no exponent of an input that it lacks",
