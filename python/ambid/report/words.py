@@ -20,8 +20,8 @@ GLOSSARY = {
     "fit": "Share of a channel that the simulation meets: 100 (1 − ‖y − ŷ‖ / ‖y − mean y‖), each mean removed; "
     "“fit of y” is the average over the displacements.",
     "ceiling": "The fit that a perfect model would reach on this record; noise, which does not repeat from period to "
-    "period, takes the rest. A transient that lasts longer than the first periods counts as noise here: then the fit can "
-    "lie above it.",
+    "period, takes the rest. A transient that lasts longer than the first periods counts as noise here: then the fit "
+    "can lie above it.",
     "misfit": "J/dof: power of what repeats in the residual of y and i_c, in units of their noise. 1 is a model that "
     "is right, up to 1.1 counts as adequate; a fit close to its ceiling can hide a misfit of 10.",
     "score": "Fall of J that adding an effect would bring, predicted without refitting, beyond what the known "
