@@ -93,3 +93,29 @@ def test_a_turning_rotor_has_a_tone_at_its_speed_however_small():
     (tone,) = find_tones(residual, window, rate, 2, 2.0 * np.pi * hz, shape)
     assert tone.frequency_hz == pytest.approx(hz)
     assert not find_tones(residual, window, rate, 2, 0.0, shape)
+
+
+def test_noise_with_a_narrow_peak_of_its_own_is_judged_by_near_lines():
+    """A response that lies in the peak is weighed by the noise there, not by the mean over a wide band."""
+    window = Window.after_first(1500, 3)
+    rng = np.random.default_rng(8)
+    shape = np.broadcast_to(np.eye(2, dtype=complex), (window.samples // 2 + 1, 2, 2))
+    hz = np.fft.rfftfreq(6000)
+    peak = 1.0 + 30.0 / (1.0 + ((hz - 0.2) / 0.006) ** 2)  # nine excited lines wide
+    line = np.fft.rfftfreq(1500)
+    form = np.fft.irfft(np.exp(-(((line - 0.2) / 0.003) ** 2)) * np.exp(2j * np.pi * rng.random(len(line))))
+    response = np.tile(form, 4)[:, None] * np.array([1.0, 0.5])
+    ratios = {}
+    for name, colour in (("white", np.ones_like(hz)), ("peak", np.sqrt(peak))):
+        squares, told = [], []
+        for _ in range(150):
+            residual = np.fft.irfft(np.fft.rfft(rng.standard_normal((6000, 2)), axis=0) * colour[:, None], axis=0)
+            whitener = Whitener.from_residual(residual, window, shape=shape)
+            seen = whitener.whiten(response)
+            seen /= np.linalg.norm(seen)
+            squares.append((seen @ whitener.whiten(residual)) ** 2)
+            told.append(whitener.spreads @ seen**2)
+        ratios[name] = np.mean(squares) / np.mean(told), np.mean(told)
+    assert ratios["white"][1] < 1.01 < ratios["peak"][1]  # wide, narrow
+    assert ratios["white"][0] == pytest.approx(1.0, abs=0.35)
+    assert ratios["peak"][0] == pytest.approx(1.2, abs=0.5)

@@ -3,7 +3,8 @@
 The residual r of y and i_c over M whole periods of N samples is Fourier transformed, R(l) = FFT(r)_l / sqrt(M N). The
 excited lines l = M k hold what repeats, all others only noise; S(l), the p x p cross-spectrum of the noise, is the mean
 of R R^H over the n_l unexcited lines within 15 excited lines to each side, or, where the residual is taken back through
-the loop so that its noise is smooth over frequency, within a third of the frequency, though 60 lines at most. Then
+the loop so that its noise is smooth over frequency, within a third of the frequency, though 60 lines at most, if the
+lines themselves are as likely by that. Then
 
     J = 2 sum over l = M k of ((n_l - p) / n_l) R^H S^-1 R,     dof = 2 p K - parameters,
 
@@ -35,6 +36,8 @@ SMOOTH = 1.0 / 3.0
 """Part of a line's frequency over which noise is flat, once the loop's own shape is taken out of it."""
 WIDEST = 60
 """Excited lines to each side that are enough in any case."""
+TRIED = 5
+"""One of so many unexcited lines tells whether noise is that smooth."""
 DEGREE = 2
 """Of the polynomials over frequency in the local regression."""
 SLOWEST = 8
@@ -257,10 +260,29 @@ def _between_lines(
     power *= quiet[:, None, None]
     below = np.concatenate([np.zeros((1, p, p)), np.cumsum(power, axis=0)])
     count_below = np.concatenate([[0.0], np.cumsum(quiet)])
-    reach = np.clip((smooth * judged).astype(np.intp), HALF_WIDTH * window.periods, WIDEST * window.periods)
-    low, high = np.maximum(judged - reach, 0), np.minimum(judged + reach + 1, len(lines))
-    count = count_below[high] - count_below[low]
-    return np.asarray((below[high] - below[low]) / (count - p)[:, None, None]), count / (count - p)
+
+    def around(at: NDArray[np.intp], smooth: float) -> tuple[ComplexArray, FloatArray]:
+        reach = np.clip((smooth * at).astype(np.intp), HALF_WIDTH * window.periods, WIDEST * window.periods)
+        low, high = np.maximum(at - reach, 0), np.minimum(at + reach + 1, len(lines))
+        return below[high] - below[low], count_below[high] - count_below[low]
+
+    if smooth:
+        tried = np.flatnonzero(quiet)[WIDEST::TRIED]
+        narrow, wide = (_left_out(lines[tried], *around(tried, own)) for own in (0.0, smooth))
+        smooth = smooth if wide >= narrow else 0.0  # noise with narrow peaks of its own
+    total, count = around(judged, smooth)
+    return np.asarray(total / (count - p)[:, None, None]), count / (count - p)
+
+
+def _left_out(lines: ComplexArray, total: ComplexArray, count: FloatArray) -> float:
+    """Logarithm of the likelihood of lines, each by the spectrum of those around it, but for a constant (Whittle)."""
+    p = lines.shape[1]
+    spectrum = (total - np.einsum("lc,ld->lcd", lines, lines.conj())) / (count - 1.0 - p)[:, None, None]
+    try:
+        white = np.linalg.solve(np.linalg.cholesky(spectrum), lines[..., None])
+    except np.linalg.LinAlgError:
+        return -np.inf  # no noise on some channel
+    return float(-np.sum(np.abs(white) ** 2) - np.sum(np.linalg.slogdet(spectrum)[1]))
 
 
 def _beside_excitation(lines: ComplexArray, excitation: ComplexArray) -> ComplexArray:
