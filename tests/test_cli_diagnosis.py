@@ -165,6 +165,7 @@ def interrupt_at(monkeypatch, where, name, call):
 
     def interrupted(*arguments, **options):
         if next(calls) == call:
+            signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
             signal.raise_signal(signal.SIGINT)
         return function(*arguments, **options)
 
