@@ -42,6 +42,12 @@ def command(monkeypatch, capsys):
 
 
 @pytest.fixture(scope="session")
+def rig(request):
+    """The two-bearing bench of the independent simulator."""
+    return ambid.Rig.load(request.config.rootpath / "tests" / "data" / "bench_rig.toml")
+
+
+@pytest.fixture(scope="session")
 def demo_rig():
     return ambid.Rig.load(DEMO_RIG)
 

@@ -9,8 +9,7 @@ import ambid
 from ambid.diagnose import diagnose
 from ambid.effects import CATALOGUE, Effect, EffectParameter
 from ambid.rank import rank
-from ambid.rig import Rig
-from hidden.bench import simulate
+from hidden.bench import measured
 
 TRUTH = {
     "K_i": np.array([205.0, 212.0, 262.0, 268.0]),
@@ -27,20 +26,12 @@ HIDDEN = {
 
 
 @pytest.fixture(scope="module")
-def rig(request):
-    return Rig.load(request.config.rootpath / "tests" / "data" / "bench_rig.toml")
-
-
-@pytest.fixture(scope="module")
 def i_e():
     return ambid.prbs(9, amplitude=1.0, hold=4, axes=4, periods=4)
 
 
 def record(rig, i_e, hidden, seed):
-    found = simulate(rig, i_e, hidden, seed=seed, **TRUTH)
-    return ambid.Record.from_arrays(
-        y=found.y, i_e=found.i_e, i_c=found.i_c, sample_rate=rig.sample_rate, axes=rig.axes, rig=rig
-    )
+    return measured(rig, i_e, hidden, seed=seed, **TRUTH)
 
 
 @pytest.mark.parametrize("name", HIDDEN)

@@ -52,11 +52,6 @@ AGREE = {
 
 
 @pytest.fixture(scope="module")
-def rig(request):
-    return Rig.load(request.config.rootpath / "tests" / "data" / "bench_rig.toml")
-
-
-@pytest.fixture(scope="module")
 def i_e():
     return ambid.prbs(8, amplitude=1.0, hold=3, axes=4, periods=2)
 

@@ -9,7 +9,7 @@ from ambid.diagnose import diagnose
 from ambid.errors import ModelError, RecordError
 from ambid.model import Model
 from ambid.rig import Rig
-from hidden.bench import simulate
+from hidden.bench import measured
 
 HIGHER = 1.5
 """Bias current of the other point over that of the rig file."""
@@ -38,20 +38,12 @@ def higher(rig: Rig) -> Rig:
 
 
 @pytest.fixture(scope="module")
-def rig(request):
-    return Rig.load(request.config.rootpath / "tests" / "data" / "bench_rig.toml")
-
-
-@pytest.fixture(scope="module")
 def i_e():
     return ambid.prbs(9, amplitude=1.0, hold=4, axes=4, periods=4)
 
 
 def record(rig, i_e, gains, hidden, seed):
-    found = simulate(rig, i_e, hidden, seed=seed, tau_e=TAU_E, **gains)
-    return ambid.Record.from_arrays(
-        y=found.y, i_e=found.i_e, i_c=found.i_c, sample_rate=rig.sample_rate, axes=rig.axes, rig=rig
-    )
+    return measured(rig, i_e, hidden, seed=seed, tau_e=TAU_E, **gains)
 
 
 def at_both(rig, i_e, hidden, seed=1):

@@ -422,7 +422,7 @@ class Model:
         return Model(self.rig, parameters, effects, substeps=own, points=points, reference=reference)
 
     @property
-    def _acting(self) -> list[Effect]:
+    def acting(self) -> list[Effect]:
         """Effects that make sense at this operating point."""
         return [effect for effect in self.effects if effect.parameters(self.rig)]
 
@@ -431,7 +431,7 @@ class Model:
         return Loop(
             self.rig,
             filled_by,
-            [*self._acting, *more],
+            [*self.acting, *more],
             noise=noise,
             watch=watch,
             substeps=self.substeps,
@@ -441,7 +441,7 @@ class Model:
 
     def _inputs(self, i_e: NDArray[np.float64], record: Record | None) -> NDArray[np.float64]:
         """The excitation, and beside it what effects drive the loop with."""
-        waves = [effect.waveform(self.rig, len(i_e), record) for effect in self._acting]
+        waves = [effect.waveform(self.rig, len(i_e), record) for effect in self.acting]
         return np.hstack([i_e, *waves]) if any(wave.shape[1] for wave in waves) else i_e
 
     def _record(self, name: str, excitation: NDArray[np.float64], outputs: NDArray[np.float64]) -> Record:

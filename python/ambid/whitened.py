@@ -47,7 +47,7 @@ class Noise:
                 tones = find_tones(residual, window, rate, len(record.axes), here.rig.speed, shape)
             quiet = without_tones(residual, tones, window, rate)
             self.tones.append(tones)
-            own = [f for effect in here.effects for f in effect.frequencies_hz(here.rig)]
+            own = [f for effect in here.acting for f in effect.frequencies_hz(here.rig)]
             more = _around([*own, *(tone.frequency_hz for tone in tones)], window, rate)
             i_e = model.excitation(record)[:, : len(record.axes)]
             self.whiteners.append(Whitener.from_residual(quiet, window, i_e, more, shape))

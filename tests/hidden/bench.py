@@ -117,6 +117,14 @@ def simulate(
     return Record(name, rate, rig.axes, i_e, y, i_c if with_i_c else None, period=period)
 
 
+def measured(rig: Rig, i_e: ArrayLike, hidden: Mapping[str, Mapping[str, object]] | None, **more: object) -> Record:
+    """A record as a file of it would be loaded: its period is found, its channels are checked."""
+    found = simulate(rig, i_e, hidden, **more)
+    return Record.from_arrays(
+        y=found.y, i_e=found.i_e, i_c=found.i_c, sample_rate=rig.sample_rate, axes=rig.axes, rig=rig
+    )
+
+
 def simulate_all(jobs: Sequence[Mapping[str, object]]) -> list[Record]:
     """Run `simulate` with each of the keyword sets, on all cores; results in order, the same on any number of cores."""
     with ThreadPoolExecutor(os.cpu_count()) as pool:
