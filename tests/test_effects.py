@@ -6,9 +6,12 @@ import pytest
 import ambid
 from ambid.effects import CATALOGUE, Effect, Seen, find
 from ambid.effects.actuator import half_derivative
-from ambid.effects.amplifier import AmplifierVoltageLimit, pade
+from ambid.effects.amplifier import AmplifierVoltageLimit
 from ambid.effects.disturbance import PeriodicDisturbance, Unbalance
 from ambid.errors import ModelError
+from ambid.loop.delay import pade, with_late_commands
+from ambid.loop.loop import open_plant
+from ambid.loop.response import frequency_response
 from ambid.rig import Rig
 from hidden.bench import simulate
 
@@ -39,7 +42,7 @@ AGREE = {
     "eddy_currents": ({"tau": 1e-6}, {"root_time_constant": 1e-3}, 1e-4),
     "axis_cross_coupling": ({"fraction": 0.05}, {"share_A": 0.05, "share_B": 0.05}, 1e-9),
     "amplifier_bandwidth": ({"frequency_hz": 1100.0, "damping": 0.45}, {"frequency_hz": 1100.0, "damping": 0.45}, 1e-9),
-    "loop_delay": ({"seconds": 5e-5}, {"delay": 5e-5}, 5e-3),
+    "loop_delay": ({"seconds": 5e-5}, {"delay": 5e-5}, 1e-4),
     "sensor_lag": ({"tau": 3e-5}, {"time_constant": 3e-5}, 1e-9),
     "sensor_gain_error": ({"gain": [1.03, 1.02, 0.97, 0.98]}, {"zeta": 0.03, "eta": 0.02}, 1e-9),
     "sensor_misalignment": ({"degrees": [0.2, -0.1]}, {"angle_A": 0.2, "angle_B": -0.1}, 2e-4),
@@ -178,10 +181,48 @@ def test_descriptions_are_complete():
         assert all(len(text) > 15 for text in (effect.physics, effect.signature, effect.source)), effect.name
 
 
+@pytest.mark.parametrize(
+    ("implementation", "seconds", "step", "tolerance"),
+    [
+        # the reference of an analog loop has steps of its own, of second order
+        *(("analog", seconds, 5e-7, 1e-7) for seconds in (3e-6, 47e-6, 100e-6, 150e-6)),
+        *(("digital", seconds, None, 1e-12) for seconds in (3e-6, 47e-6, 100e-6)),
+    ],
+)
+def test_a_delay_is_exact(rig, implementation, seconds, step, tolerance):
+    """Within a sample of 100 us, a whole one, and longer; the digital controller has a delay of its own."""
+    own = {"derivative": 40.0}
+    if implementation == "digital":
+        own |= {"implementation": "digital", "sample_rate": 2e4, "delay_samples": 0.3}
+    rig = rig.replace(controller=type(rig.controller)(**{**rig.controller.model_dump(), **own}))
+    i_e = ambid.prbs(6, amplitude=1.0, hold=3, axes=4, periods=2)
+    truth = simulate(rig, i_e, {"loop_delay": {"seconds": seconds}}, seed=None, longest_step=step, **TRUTH)
+    model = at_truth(rig).add("loop_delay", {"delay": seconds})
+    assert largest_error(model.simulate(i_e), truth) < tolerance
+    stepped = model.simulator().run(i_e)
+    assert np.abs(stepped[:, :4] - truth.y).max() < tolerance * np.abs(truth.y).max()
+    assert model.decay_rate > 1.0
+
+
+def test_a_late_excitation_in_the_frequency_response(rig):
+    """At frequencies below 1/delay, where a Pade approximant of everything on the way is as good."""
+    model = at_truth(rig).add("loop_delay", {"delay": 3e-5})
+    f = np.array([20.0, 150.0, 400.0])
+    after = model.loop.frequency_response(model.theta, f)
+    plant = with_late_commands(open_plant(rig, model.effects)).closed(
+        {slot: p.value for p in model.parameters for slot in p.slots}
+    )
+    s = 2j * np.pi * f
+    P = frequency_response(plant, s)[:, :, :4]
+    K = frequency_response(rig.controller.state_space(4, rig.sample_rate), s)
+    expected = P @ np.linalg.inv(np.eye(4) + K @ P[:, :4])
+    np.testing.assert_allclose(after, expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max())
+
+
 def test_pade_is_a_delay():
     a, b, c = pade(6)
     s = 1j * np.linspace(0.01, 1.0, 50)
-    response = np.array([c @ np.linalg.solve(x * np.eye(6) - a, b) for x in s])
+    response = np.array([(c @ np.linalg.solve(x * np.eye(6) - a, b)).item() for x in s])
     np.testing.assert_allclose(response, np.exp(-s) - 1.0, atol=1e-12)
 
 

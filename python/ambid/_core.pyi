@@ -15,6 +15,7 @@ _Matrices = tuple[_Matrix, _Matrix, _Matrix, _Matrix]
 class _DigitalController(TypedDict):
     matrices: _Matrices
     delay: float
+    late: NotRequired[int | None]
     steps: int
     noise: bool
 

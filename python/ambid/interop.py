@@ -14,6 +14,7 @@ from scipy.io.matlab import MatReadError
 from ambid.controller_spec import Controller, StateSpaceController, TransferFunctionController
 from ambid.errors import InputError, ModelError, RigError
 from ambid.loop.assembly import FloatArray
+from ambid.loop.delay import with_late_commands
 from ambid.loop.loop import open_plant
 from ambid.model import Model
 from ambid.rig import MatrixRotor
@@ -242,10 +243,12 @@ def _closed_loop(model: Model) -> _StateSpace:
 
 
 def _plant_at(model: Model) -> _StateSpace:
-    """The plant in continuous time at the model's values, without its controller."""
-    plant = open_plant(model.rig, model.effects)
+    """The plant in continuous time at the model's values, without its controller; a delay as a Pade approximant."""
+    plant = with_late_commands(open_plant(model.rig, model.effects))
     values = {slot: p.value for p in model.parameters for slot in p.slots}
-    return _StateSpace(*plant.closed(values), plant.inputs, plant.outputs)
+    A, B, C, D = plant.closed(values)
+    kept = [k for k, name in enumerate(plant.inputs) if not name.startswith("i_late.")]
+    return _StateSpace(A, B[:, kept], C, D[:, kept], tuple(plant.inputs[k] for k in kept), plant.outputs)
 
 
 def _holding(K: FloatArray, z: FloatArray) -> float:

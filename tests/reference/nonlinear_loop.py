@@ -78,8 +78,9 @@ class Plant:
                 x = advance(x, command, DT)
             return y
         ka, kb, kc, kd = self.digital["matrices"]
-        whole, fraction = divmod(self.digital["delay"], 1.0)
-        steps = self.digital["steps"]
+        steps, late_by = self.digital["steps"], self.digital["late"]
+        delay = self.digital["delay"] + (0.0 if late_by is None else theta[late_by] * self.digital["steps"] / DT)
+        whole, fraction = divmod(delay, 1.0)
         commands, control = [0.0] * (int(whole) + 2), np.zeros(len(ka))
         for k, excitation in enumerate(u[:, 0]):
             for step in range(steps):
@@ -116,8 +117,11 @@ def law(inputs):
     return mark
 
 
-def machine(ports, laws, blocks, extra=(), delay=None, steps=1) -> Plant:
-    """The mass with the blocks in `ports`: per block, rows of z over states and signals, and where w acts."""
+def machine(ports, laws, blocks, extra=(), delay=None, steps=1, late=None) -> Plant:
+    """The mass with the blocks in `ports`: per block, rows of z over states and signals, and where w acts.
+
+    `late` is a further delay in controller samples, the last parameter.
+    """
     analog = delay is None
     names = [*NAMES, "xi", "xd"] if analog else [*NAMES]
     at = {name: i for i, name in enumerate(names)}
@@ -153,6 +157,7 @@ def machine(ports, laws, blocks, extra=(), delay=None, steps=1) -> Plant:
             np.array([[P + D * (1 - pole) / t]]),
         )
         digital = {"matrices": matrices, "delay": delay, "steps": steps, "noise": False}
+        digital["late"] = None if late is None else 3 + len(extra)
     first = 5
     for k, port in enumerate(ports):
         for row in port["z"]:
@@ -177,7 +182,7 @@ def machine(ports, laws, blocks, extra=(), delay=None, steps=1) -> Plant:
                     B[at["xd"], 4 + k] += factor / TAU_D
             else:
                 B[at[name], 4 + k] += factor
-    theta = np.array([180.0, 1.6e6, 4e-4, *extra])
+    theta = np.array([180.0, 1.6e6, 4e-4, *extra, *([] if late is None else [late * DT / steps])])
     return Plant((A, B, C, D_), blocks, laws, theta, digital)
 
 
@@ -192,8 +197,8 @@ def curve(kind, sigma, n):
 def force_law(kind, nu, sigma=0.5, n=3.0, **digital) -> Plant:
     @law(2)
     def extra_force(theta, z):
-        nu, *shape = theta[3:]
-        b = curve(kind, *(shape + [1.0] * (2 - len(shape))))
+        nu, *own = theta[3 : 4 + len(shape)]
+        b = curve(kind, *(own + [1.0] * (2 - len(own))))
         i0 = BIAS / nu
         s0 = theta[K_I] * i0 / theta[K_S]
 
@@ -285,7 +290,12 @@ KINDS = {
     "hysteresis": bouc_wen,
     "polynomials": polynomials,
 }
-LOOPS = {"analog": {}, "digital": {"delay": 0.0}, "delayed": {"delay": 1.3, "steps": 2}}
+LOOPS = {
+    "analog": {},
+    "digital": {"delay": 0.0},
+    "delayed": {"delay": 1.3, "steps": 2},
+    "late": {"delay": 0.3, "late": 0.5, "steps": 2},
+}
 
 
 def excitation(samples, amplitude=AMPLITUDE):

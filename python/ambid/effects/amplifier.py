@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import comb, factorial, pi
+from math import pi
 
 import numpy as np
 
 from ambid.effects.base import Effect, EffectParameter, Seen
-from ambid.loop.assembly import Signal, combine
+from ambid.loop.assembly import Signal
 from ambid.loop.plant import Plant
 from ambid.rig import Rig
 
 
 class LoopDelay(Effect):
-    """A delay, as a Pade approximant of order 6: exact to 1e-9 below one radian per delay."""
+    """A delay, exact: commands reach the plant between samples; see `loop.delay` for the feedback of analog ones."""
 
     name = "loop_delay"
     physics = "everything that leaves the controller, feedback and excitation, reaches the amplifier late"
     signature = "phase that falls with frequency in y and i_c, most in i_c at every step of the excitation"
     source = "Franklin, Powell, Workman, Digital Control of Dynamic Systems, 3rd ed., section 5.7"
-    order = 6
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """The delay [s]."""
@@ -28,31 +27,8 @@ class LoopDelay(Effect):
         return [EffectParameter("delay", "s", 0.05 * sample, lower=5e-5 * sample, upper=20.0 * sample)]
 
     def attach(self, plant: Plant) -> None:
-        """``x' = (A x + B i_ref)/tau``, ``i_ref_late = C x + i_ref`` (D = 1 since the order is even)."""
-        a, b, c = pade(self.order)
-        for axis in plant.axes:
-            command = plant.raw(f"i_ref.{axis}")
-            names = [f"delay.{axis}.{k}" for k in range(self.order)]
-            states = [plant.state(name) for name in names]
-            for k, name in enumerate(names):
-                drive = combine(a[k], states) + b[k] * command
-                plant.set_rate(name, plant.port(self.slot("delay"), drive, power=-1))
-            plant.inject(f"i_ref.{axis}", combine(c, states))
-
-
-def pade(order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A, b, c of the Pade approximant of ``exp(-s) - 1`` of an even order, in balanced companion form."""
-    q = [factorial(2 * order - k) * comb(order, k) / factorial(2 * order) for k in range(order + 1)]
-    # rows of the companion form, each state scaled so that neighbours couple with like strength
-    ratio = [q[k] / q[k + 1] for k in range(order)]
-    a = np.zeros((order, order))
-    for k in range(order - 1):
-        a[k, k + 1] = ratio[k]
-    a[order - 1, :] = -ratio[order - 1]
-    b = np.zeros(order)
-    b[order - 1] = ratio[order - 1]
-    c = np.array([-2.0 if k % 2 else 0.0 for k in range(order)])
-    return a, b, c
+        """``i_ref(t) = (-K y + i_e)(t - delay)``."""
+        plant.delay_commands(self.slot("delay"))
 
 
 class AmplifierBandwidth(Effect):

@@ -73,6 +73,8 @@ class Lft:
         Linear entries of Delta, in the order of w and z.
     blocks : tuple of Block
         Nonlinear entries, after the linear ones.
+    late : str or None
+        Slot of a delay [s] after which what enters as a command acts; its inputs are what has arrived.
     """
 
     A: FloatArray
@@ -83,6 +85,7 @@ class Lft:
     outputs: tuple[str, ...]
     ports: tuple[Port, ...]
     blocks: tuple[Block, ...] = ()
+    late: str | None = None
 
     def closed(self, values: Mapping[str, float]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """A, B, C, D between inputs and outputs, with a value for each slot; without the nonlinear blocks."""

@@ -67,11 +67,13 @@ class Loop:
         between = open_plant(rig, effects, watch, reference)
         matrices = _controller(rig)
         self._is_analog = not rig.controller.is_digital
+        late = None if between.late is None else filled_by[between.late]
         controller: _core._DigitalController | None = None
         if rig.controller.is_digital:
             controller = {
                 "matrices": matrices,
                 "delay": rig.controller.delay_samples,
+                "late": late,
                 "steps": round(rig.controller.rate(rig.sample_rate) / rig.sample_rate),
                 "noise": noise,
             }
@@ -81,6 +83,8 @@ class Loop:
         else:
             self.lft = close_analog(between, matrices, noise=noise)
             self.inputs = self.lft.inputs
+            if late is not None:
+                controller = {"matrices": _idle(rig), "delay": 0.0, "late": late, "steps": 1, "noise": False}
         self.outputs = self.lft.outputs
         self.sample_time = 1.0 / rig.sample_rate
         gains = [(filled_by[port.slot], port.scale, port.power) for port in self.lft.ports]
@@ -152,8 +156,12 @@ class Loop:
         """
         if self._is_analog:
             values = _vector(theta)
-            system = self.lft.closed({slot: values[index] for slot, index in self._filled_by.items()})
-            return frequency_response(system, 2j * np.pi * frequency_hz)
+            at = {slot: values[index] for slot, index in self._filled_by.items()}
+            response = frequency_response(self.lft.closed(at), 2j * np.pi * frequency_hz)
+            if self.lft.late is not None:
+                excited = [k for k, name in enumerate(self.inputs) if name.startswith("i_e.")]
+                response[:, :, excited] *= np.exp(-2j * np.pi * frequency_hz * at[self.lft.late])[:, None, None]
+            return response
         return frequency_response(self.state_space(theta), np.exp(2j * np.pi * frequency_hz * self.sample_time))
 
     def simulator(self, theta: ArrayLike) -> Simulator:
@@ -225,6 +233,12 @@ def _base_plant(rig: Rig, rotor: ReducedRotor, free_modes: int) -> Plant:
 def _controller(rig: Rig) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """A, B, C, D of the rig's controller."""
     return _matrices(*rig.controller.state_space(len(rig.axes), rig.sample_rate))
+
+
+def _idle(rig: Rig) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """A controller that does nothing, so that it only delays the excitation."""
+    m = len(rig.axes)
+    return np.zeros((0, 0)), np.zeros((0, m)), np.zeros((m, 0)), np.zeros((m, m))
 
 
 def _matrices(

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from ambid.errors import ModelError
 from ambid.loop.assembly import ZERO, Assembly, Lft, Signal, combine
 from ambid.loop.geometry import axis_directions
 from ambid.rig import Rig
@@ -40,6 +42,7 @@ class Plant(Assembly):
         super().__init__()
         self.rig, self.rotor = rig, rotor
         self.reference = rig
+        self.late: str | None = None
         self.axes = rig.axes
         self.directions = axis_directions(rig)[:, : rotor.planes]
         self.coordinates = len(rotor.frequencies_rad_s) * rotor.planes
@@ -94,6 +97,18 @@ class Plant(Assembly):
             if onto:
                 self.inject(f"modal_force.{k}", onto * force)
 
+    def delay_commands(self, slot: str) -> None:
+        """Let everything that leaves the controller arrive late, by what fills a slot [s].
+
+        Raises
+        ------
+        ModelError
+            If something else delays it already.
+        """
+        if self.late is not None:
+            raise ModelError(f"{slot} and {self.late} both delay the commands; keep one of the two")
+        self.late = slot
+
     def _amplifier(self, axis: str, command: Signal) -> Signal:
         i_ref = self.signal(f"i_ref.{axis}", command)
         amplifier = self.rig.amplifier
@@ -125,7 +140,8 @@ class Plant(Assembly):
 
     def between_commands_and_outputs(self, more: Sequence[str] = ()) -> Lft:
         """Inputs ``i_ref.<axis>`` and those of effects; outputs y, i_c, then `more` of every axis."""
-        return self.lft([f"{signal}.{axis}" for signal in ("y", "i_c", *more) for axis in self.axes])
+        outputs = [f"{signal}.{axis}" for signal in ("y", "i_c", *more) for axis in self.axes]
+        return replace(self.lft(outputs), late=self.late)
 
 
 def plant(rig: Rig, rotor: ReducedRotor) -> Lft:

@@ -19,12 +19,12 @@ pub struct ClosedLoop {
 }
 
 impl ClosedLoop {
-    /// `parameters` is the length of the parameter vector that the gains and blocks of the model refer to.
+    /// `parameters` is the length of the parameter vector that the gains, blocks and delay of the model refer to.
     ///
     /// # Errors
-    /// [`crate::Error::Shape`] where a gain or block refers to a parameter that does not exist.
+    /// [`crate::Error::Shape`] where a gain, a block or a delay refers to a parameter that does not exist.
     pub fn new(model: Model, parameters: usize) -> Result<Self> {
-        if let Some(missing) = model.lft.parameters().find(|p| *p >= parameters) {
+        if let Some(missing) = model.parameters().find(|p| *p >= parameters) {
             check_len("parameter vector", parameters, missing + 1)?;
         }
         let parts = split(&model);
@@ -146,7 +146,7 @@ pub(crate) struct Prepared<'a> {
 
 impl<'a> Prepared<'a> {
     fn new(part: &'a Part, theta: &[f64], free: &[usize]) -> Result<Self> {
-        let acts = |parameter: usize| part.model.lft.parameters().any(|p| p == parameter);
+        let acts = |parameter: usize| part.model.parameters().any(|p| p == parameter);
         let own: Vec<usize> = (0..free.len()).filter(|j| acts(free[*j])).collect();
         let parameters: Vec<usize> = own.iter().map(|j| free[*j]).collect();
         let path = if part.model.lft.blocks.is_empty() {

@@ -73,10 +73,13 @@ pub fn discretise(model: &Model, theta: &[f64], free: &[usize]) -> Result<(Discr
     let plant = Plant::new(model, &closed, theta, free);
     match &model.controller {
         None => {
-            let (a, b) = plant.hold(model.dt)?;
+            let (a, b) = plant.hold(model.dt, &vec![0.0; free.len()])?;
             Ok(collect(&a, &b, &plant.c, &plant.d))
         }
-        Some(controller) => sampled(&plant, controller, model.dt),
+        Some(controller) => {
+            let later: Vec<f64> = free.iter().map(|p| f64::from(u8::from(controller.late == Some(*p)))).collect();
+            sampled(&plant, &controller.at(theta, model.dt)?, model.dt, &later)
+        }
     }
 }
 
@@ -111,17 +114,19 @@ impl Plant {
         }
     }
 
-    /// `exp(A t)` and the integral of `exp(A s) B` over 0..t.
-    fn hold(&self, t: f64) -> Result<(Dual, Dual)> {
+    /// `exp(A t)` and the integral of `exp(A s) B` over 0..t; `longer` holds the derivative of t by each parameter.
+    fn hold(&self, t: f64, longer: &[f64]) -> Result<(Dual, Dual)> {
         let (n, m) = self.b.value.shape();
-        let stacked = |a: &DMatrix<f64>, b: &DMatrix<f64>| {
+        let stacked = |a: &DMatrix<f64>, b: &DMatrix<f64>, t: f64| {
             let mut block = DMatrix::zeros(n + m, n + m);
             block.view_mut((0, 0), (n, n)).copy_from(&(a * t));
             block.view_mut((0, n), (n, m)).copy_from(&(b * t));
             block
         };
-        let directions: Vec<_> = (self.a.slopes.iter().zip(&self.b.slopes)).map(|(a, b)| stacked(a, b)).collect();
-        let (value, slopes) = expm(&stacked(&self.a.value, &self.b.value), &directions)?;
+        let moved = (self.a.slopes.iter().zip(&self.b.slopes)).map(|(a, b)| stacked(a, b, t));
+        let value = |t| stacked(&self.a.value, &self.b.value, t);
+        let directions: Vec<_> = moved.zip(longer).map(|(moved, longer)| moved + value(*longer)).collect();
+        let (value, slopes) = expm(&value(t), &directions)?;
         let whole = Dual { value, slopes };
         let a = whole.map(|e| e.view((0, 0), (n, n)).into_owned());
         let b = whole.map(|e| e.view((0, n), (n, m)).into_owned());
@@ -133,18 +138,19 @@ impl Plant {
 ///
 /// States: plant, controller, and the commands under way (newest first). Within a controller sample the amplifier
 /// sees the command of `whole + 1` samples ago for the fraction of the delay, then that of `whole` samples ago.
-/// Inputs: excitations, further inputs of the plant, noise.
-fn sampled(plant: &Plant, k: &Controller, dt: f64) -> Result<(Discrete, Vec<Discrete>)> {
+/// Inputs: excitations, further inputs of the plant, noise. `later` is the derivative of the delay, in seconds, by each
+/// parameter.
+fn sampled(plant: &Plant, k: &Controller, dt: f64, later: &[f64]) -> Result<(Discrete, Vec<Discrete>)> {
     let (np, m) = (plant.a.slopes.len(), k.channels());
     let at_once = |d: &DMatrix<f64>| d.view((0, 0), (m, m)).iter().any(|x| *x != 0.0);
     if at_once(&plant.d.value) || plant.d.slopes.iter().any(at_once) {
         return Err(Error::Singular { what: "a displacement follows a command at once, through Delta" });
     }
     let step = dt / k.steps as f64;
-    let (whole, fraction) = (k.delay.floor() as usize, k.delay.fract());
+    let (whole, fraction, in_two) = k.split_delay();
     let (nx, nu) = plant.b.value.shape();
     let (nk, ny) = (k.a.nrows(), plant.c.value.nrows());
-    let queue = m * (whole + usize::from(fraction > 0.0));
+    let queue = m * (whole + usize::from(in_two));
     let n = nx + nk + queue;
     let inputs = if k.noise { nu + m } else { nu };
     let constant = |value| Dual::constant(value, np);
@@ -175,12 +181,13 @@ fn sampled(plant: &Plant, k: &Controller, dt: f64) -> Result<(Discrete, Vec<Disc
     let late = acting(whole);
 
     // plant over one controller sample
-    let (a2, g2) = plant.hold(step * (1.0 - fraction))?;
+    let earlier: Vec<f64> = later.iter().map(|s| -s).collect();
+    let (a2, g2) = plant.hold(step * (1.0 - fraction), &earlier)?;
     let mut plant_x = a2.map(|a| place(nx, n, (0, 0), a)).plus(&g2.times(&late.0));
     let mut plant_u = g2.times(&late.1);
     let mut first = late;
-    if fraction > 0.0 {
-        let (a1, g1) = plant.hold(step * fraction)?;
+    if in_two {
+        let (a1, g1) = plant.hold(step * fraction, later)?;
         first = acting(whole + 1);
         plant_x = a2.times(&a1).map(|a| place(nx, n, (0, 0), a)).plus(&g2.times(&acting(whole).0));
         let a2g1 = a2.times(&g1);

@@ -9,7 +9,7 @@ use nalgebra::{Complex, DMatrix};
 use crate::discretise::{Discrete, discretise};
 use crate::error::{Error, Result};
 use crate::lft::{Closed, balancing};
-use crate::model::Model;
+use crate::model::{Controller, Model};
 
 type C64 = Complex<f64>;
 
@@ -227,7 +227,7 @@ pub fn poles(model: &Model, theta: &[f64]) -> Result<Vec<C64>> {
         let matrix = faer::Mat::from_fn(n, n, |i, j| a[(i, j)] * t[j] / t[i]);
         matrix.eigenvalues().map_err(|_| Error::Singular { what: "the poles did not converge" })
     };
-    if model.controller.is_none() {
+    if !model.controller.as_ref().is_some_and(Controller::feeds_back) {
         return eigenvalues(&model.lft.close_at_rest(theta)?.a);
     }
     let (sampled, _) = discretise(model, theta, &[])?;

@@ -9,6 +9,8 @@ use crate::lft::Lft;
 ///
 /// It reads the first `b.ncols()` outputs of the plant and drives the first `c.nrows()` inputs; both counts are
 /// equal. The excitation is added before the delay. Further inputs of the plant are held over a sample of the record.
+///
+/// Without states and with D = 0 it delays the excitation alone, of a loop that is closed already.
 #[derive(Debug, Clone)]
 pub struct Controller {
     /// States x states, over one controller sample.
@@ -21,6 +23,8 @@ pub struct Controller {
     pub d: DMatrix<f64>,
     /// Delay of everything that leaves the controller, in controller samples; need not be whole.
     pub delay: f64,
+    /// Index of the parameter that is a further delay, in seconds. What arrives just at a sample is seen by the next.
+    pub late: Option<usize>,
     /// Controller samples per sample of the record.
     pub steps: usize,
     /// True where as many inputs, the last of the loop, are added to the displacements that are read (sensor noise).
@@ -45,6 +49,29 @@ impl Controller {
     /// Number of displacements read and of commands given.
     pub fn channels(&self) -> usize {
         self.d.nrows()
+    }
+
+    /// Whether it closes a loop, or delays the excitation alone.
+    pub(crate) fn feeds_back(&self) -> bool {
+        self.c.iter().chain(&self.d).any(|x| *x != 0.0)
+    }
+
+    /// The same with the whole of its delay at `theta`; `dt` is the sample time of the record in seconds.
+    ///
+    /// # Errors
+    /// [`Error::Singular`] where commands would arrive before they are given.
+    pub(crate) fn at(&self, theta: &[f64], dt: f64) -> Result<Self> {
+        let delay = self.delay + self.late.map_or(0.0, |late| theta[late] * self.steps as f64 / dt);
+        if delay >= 0.0 {
+            return Ok(Self { delay, ..self.clone() });
+        }
+        Err(Error::Singular { what: "the delay of the commands is negative" })
+    }
+
+    /// Whole controller samples of the delay, the rest of it in samples, and whether that rest counts though it be 0.
+    pub(crate) fn split_delay(&self) -> (usize, f64, bool) {
+        let (whole, fraction) = (self.delay.floor(), self.delay.fract());
+        (whole as usize, fraction, fraction > 0.0 || self.late.is_some())
     }
 }
 
@@ -86,6 +113,11 @@ impl Model {
     pub fn inputs(&self) -> usize {
         let noise = self.controller.as_ref().filter(|k| k.noise).map_or(0, Controller::channels);
         self.lft.inputs() + noise
+    }
+
+    /// The parameter of every gain, coefficient and delay that has one.
+    pub fn parameters(&self) -> impl Iterator<Item = usize> {
+        self.lft.parameters().chain(self.controller.iter().filter_map(|k| k.late))
     }
 
     /// Number of inputs of the plant that a digital controller drives.

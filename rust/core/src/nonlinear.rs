@@ -53,9 +53,11 @@ impl Nonlinear {
     /// [`Error::Singular`], [`Error::NotFinite`].
     pub fn new(model: &Model, theta: &[f64], free: &[usize]) -> Result<Self> {
         let floors = free.iter().map(|f| if theta[*f] == 0.0 { 0.0 } else { 1e-3 / theta[*f].abs() });
+        let controller = model.controller.as_ref().filter(|k| k.channels() > 0);
+        let controller = controller.map(|k| k.at(theta, model.dt)).transpose()?;
         Ok(Self {
             plant: Plant::new(model, theta, free)?,
-            controller: model.controller.clone().filter(|k| k.channels() > 0),
+            controller,
             dt: model.dt,
             substeps: model.substeps,
             inputs: model.inputs(),

@@ -173,6 +173,7 @@ fn controllers_that_do_not_fit() {
         c: zeros(1, 2),
         d: zeros(1, 1),
         delay: 0.5,
+        late: None,
         steps: 1,
         noise: false,
     };
@@ -218,8 +219,8 @@ fn nonlinear() -> Lft {
 #[test]
 fn a_free_gain_from_command_to_displacement() {
     let zeros = DMatrix::<f64>::zeros;
-    let (a, b, c, d) = (zeros(0, 0), zeros(0, 1), zeros(1, 0), zeros(1, 1));
-    let controller = Controller { a, b, c, d, delay: 0.5, steps: 1, noise: false };
+    let (a, b, c, d) = (zeros(0, 0), zeros(0, 1), zeros(1, 0), DMatrix::from_element(1, 1, 0.1));
+    let controller = Controller { a, b, c, d, delay: 0.5, late: None, steps: 1, noise: false };
     let system = ClosedLoop::new(Model::new(nonlinear(), 0.1, Some(controller)).unwrap(), 1).unwrap();
     assert!(system.simulate(&[0.0], &[1.0, 1.0]).is_ok());
     assert!(singular(system.sensitivity(&[0.0], &[0], &[1.0, 1.0])));
@@ -236,6 +237,7 @@ fn a_controller_of_nothing() {
         c: zeros(0, 0),
         d: zeros(0, 0),
         delay: 0.5,
+        late: None,
         steps: 2,
         noise: true,
     };

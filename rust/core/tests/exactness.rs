@@ -47,6 +47,27 @@ fn random_digital_loops() {
     }
 }
 
+/// A loop that is closed already, its excitation late by a parameter: its poles are those of the loop alone.
+#[test]
+fn random_analog_loops_with_a_late_excitation() {
+    let mut random = Random(16);
+    for delay in [0.0, 0.4, 1.0, 3.7] {
+        for i in 0..12 {
+            let p = random.digital_loop(0.0, 1);
+            let (m, lft, dt) = (p.model.controller.as_ref().expect("digital").channels(), &p.model.lft, p.model.dt);
+            let empty = DMatrix::zeros;
+            let (a, b, c, d) = (empty(0, 0), empty(0, m), empty(m, 0), empty(m, m));
+            let theta: Vec<f64> = p.theta.iter().copied().chain([delay * dt]).collect();
+            let late = Some(theta.len() - 1);
+            let idle = Controller { a, b, c, d, delay: 0.0, late, steps: 1, noise: false };
+            let with = |k| Problem { model: Model::new(lft.clone(), dt, k).expect("consistent"), theta: theta.clone() };
+            let (analog, p) = (with(None), with(Some(idle)));
+            assert_exact(&p, &mut random, &format!("loop {i}, delay {delay}"));
+            assert_eq!(p.system().poles(&theta).expect("finite"), analog.system().poles(&theta).expect("finite"));
+        }
+    }
+}
+
 /// Under a controller that does nothing at once, every input is held from sample to sample, as in an analog loop.
 #[test]
 fn a_digital_loop_without_feedback_is_the_analog_one() {
@@ -54,7 +75,13 @@ fn a_digital_loop_without_feedback_is_the_analog_one() {
     for i in 0..20 {
         let p = random.digital_loop(0.0, 1);
         let controller = p.model.controller.as_ref().expect("digital");
-        let idle = Controller { c: &controller.c * 0.0, d: &controller.d * 0.0, noise: false, ..controller.clone() };
+        let idle = Controller {
+            c: &controller.c * 0.0,
+            d: &controller.d * 0.0,
+            late: None,
+            noise: false,
+            ..controller.clone()
+        };
         let model = |controller| Model::new(p.model.lft.clone(), p.model.dt, controller).expect("consistent");
         let system = |model| Problem { model, theta: p.theta.clone() }.system();
         let (digital, analog) = (system(model(Some(idle))), system(model(None)));
@@ -77,7 +104,7 @@ fn a_digital_lag_follows_its_recursion() {
     let (gain, d_gain) = (0.3, DMatrix::from_element(1, 1, 0.3));
     let (delay, steps) = (1.0, 2);
     let controller =
-        Controller { a: empty(0, 0), b: empty(0, 1), c: empty(1, 0), d: d_gain, delay, steps, noise: true };
+        Controller { a: empty(0, 0), b: empty(0, 1), c: empty(1, 0), d: d_gain, delay, late: None, steps, noise: true };
     let lft = Lft::new(a, b, c, d, vec![]).expect("consistent");
     let p = Problem { model: Model::new(lft, 0.2, Some(controller)).expect("consistent"), theta: vec![] };
     let u = Random(16).signal(3 * 40);

@@ -20,6 +20,8 @@ pub struct DigitalController<'py> {
     matrices: Matrices<'py>,
     #[pyo3(item)]
     delay: f64,
+    #[pyo3(item, default)]
+    late: Option<usize>,
     #[pyo3(item)]
     steps: usize,
     #[pyo3(item)]
@@ -52,7 +54,7 @@ impl ClosedLoop {
         let controller = controller.map(|k| {
             let (a, b, c, d) = &k.matrices;
             let (a, b, c, d) = (matrix(a), matrix(b), matrix(c), matrix(d));
-            Controller { a, b, c, d, delay: k.delay, steps: k.steps, noise: k.noise }
+            Controller { a, b, c, d, delay: k.delay, late: k.late, steps: k.steps, noise: k.noise }
         });
         let model = Model { substeps, ..Model::new(lft, dt, controller).map_err(raise)? };
         Ok(Self { core: Arc::new(Core::new(model, parameters).map_err(raise)?) })

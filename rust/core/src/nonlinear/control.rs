@@ -29,7 +29,7 @@ impl Control {
             whole.view_mut(at, part.shape()).copy_from(part);
         }
         let weights = Weights::new(n + m, &[whole]);
-        let kept = controller.delay.ceil() as usize + 1;
+        let kept = controller.split_delay().0 + 2;
         Self {
             steps: controller.steps,
             channels: m,

@@ -24,6 +24,8 @@ pub struct Plant {
     /// In an order in which every block reads only w of those before.
     pub blocks: Vec<Placed>,
     pub gains: Vec<FreeGain>,
+    /// Row of the derivative by the delay of the commands, where that is free.
+    pub late: Option<usize>,
     /// The value, and one derivative per free parameter.
     pub rows: usize,
 }
@@ -88,6 +90,7 @@ impl Plant {
             driven: model.commands(),
             blocks,
             gains,
+            late: model.controller.as_ref().and_then(|k| k.late).and_then(row),
             rows: 1 + free.len(),
         };
         if plant.displacement_follows_command() {

@@ -45,6 +45,8 @@ struct Buffers {
     /// z at the ports of free gains, at the four stages; and what the inputs bring to it.
     read: Vec<f64>,
     held_read: Vec<f64>,
+    /// Commands, and w of the blocks, before a command arrives less those after.
+    change: Vec<f64>,
 }
 
 impl Run {
@@ -62,9 +64,9 @@ impl Run {
         let segments = match controller {
             None => vec![segment(dt, 0)?],
             Some(k) => {
-                let (step, whole, fraction) = (dt / k.steps as f64, k.delay.floor() as usize, k.delay.fract());
+                let (step, (whole, fraction, in_two)) = (dt / k.steps as f64, k.split_delay());
                 let late = segment(step * (1.0 - fraction), whole)?;
-                if fraction > 0.0 { vec![segment(step * fraction, whole + 1)?, late] } else { vec![late] }
+                if in_two { vec![segment(step * fraction, whole + 1)?, late] } else { vec![late] }
             }
         };
         let layout = Layout::new(plant.a.nrows(), plant.c_y.nrows(), plant.c_z.nrows(), plant.gains.len());
@@ -79,6 +81,7 @@ impl Run {
             by_coefficient: vec![0.0; coefficients],
             read: vec![0.0; 4 * layout.read],
             held_read: vec![0.0; 4 * layout.read],
+            change: vec![0.0; plant.driven + blocks],
         };
         let control = controller.map(|k| Control::new(k, rows));
         Ok(Self { plant, layout, segments, substeps, control, buffers })
@@ -125,8 +128,12 @@ fn advance<const FMA: bool, const SLOPES: bool>(run: &mut Run, u: &[f64], y: &mu
             stage::<FMA, SLOPES>(plant, layout, buffers, scheme, 0, layout.y_end);
             control.update::<FMA>(excitation, noise, &buffers.step[layout.y..], whole);
         }
-        for Segment { scheme, age } in segments.iter() {
+        for (i, Segment { scheme, age }) in segments.iter().enumerate() {
             let commands = control.as_ref().map_or(&[][..], |control| control.command(*age));
+            if let (Some(row), Some(control), 1) = (plant.late, control.as_ref(), i) {
+                let earlier = control.command(age + 1);
+                arrive::<FMA, SLOPES>(plant, layout, buffers, scheme, row, [earlier, commands], further);
+            }
             hold::<FMA, SLOPES>(plant, layout, buffers, scheme, commands, further);
             for _ in 0..*substeps {
                 start::<FMA, SLOPES>(plant, layout, buffers, scheme, whole);
@@ -176,6 +183,35 @@ fn hold<const FMA: bool, const SLOPES: bool>(
         held_read.fill(0.0);
         accumulate::<FMA>(all.min(1), (commands, 0), &scheme.read_commands, (held_read, reads), reads);
         accumulate::<FMA>(1, (further, 0), &scheme.read_further, (held_read, reads), reads);
+    }
+}
+
+/// A command arrives. By its delay the state changes as `x'` with the command before less `x'` with the new one.
+#[inline(always)]
+fn arrive<const FMA: bool, const SLOPES: bool>(
+    plant: &Plant,
+    layout: &Layout,
+    buffers: &mut Buffers,
+    scheme: &Scheme,
+    row: usize,
+    commands: [&[f64]; 2],
+    further: &[f64],
+) {
+    let (driven, blocks) = (plant.driven, plant.blocks.len());
+    for (sign, commands) in [1.0, -1.0].into_iter().zip(commands) {
+        hold::<FMA, SLOPES>(plant, layout, buffers, scheme, commands, further);
+        start::<FMA, SLOPES>(plant, layout, buffers, scheme, layout.y_end);
+        stage::<FMA, SLOPES>(plant, layout, buffers, scheme, 0, layout.y_end);
+        let acting = commands[..driven].iter().chain(&buffers.w[..blocks]);
+        buffers.change.iter_mut().zip(acting).for_each(|(change, acting)| *change += sign * acting);
+    }
+    let x = &mut buffers.last[row * layout.width + layout.x..];
+    let columns = (0..driven).chain(plant.inputs..plant.inputs + blocks);
+    for (change, column) in buffers.change.iter_mut().zip(columns) {
+        for (x, b) in x.iter_mut().zip(plant.b.column(column).iter()) {
+            *x += b * *change;
+        }
+        *change = 0.0;
     }
 }
 

@@ -24,6 +24,7 @@ impl Problem {
             c: DMatrix::zeros(m, 0),
             d: DMatrix::identity(m, m) * gain,
             delay,
+            late: None,
             steps: 1,
             noise: false,
         };

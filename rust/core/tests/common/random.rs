@@ -45,7 +45,7 @@ impl Random {
     }
 
     /// A stable plant with up to two inputs of its own, under a digital controller whose gain is low enough for the
-    /// loop to stay stable.
+    /// loop to stay stable. Some have a part of the delay as their last parameter.
     pub fn digital_loop(&mut self, delay: f64, steps: usize) -> Problem {
         loop {
             let problem = self.any_digital_loop(delay, steps);
@@ -59,18 +59,21 @@ impl Random {
     fn any_digital_loop(&mut self, delay: f64, steps: usize) -> Problem {
         let channels = self.pick(&[1, 2]);
         let (inputs, outputs) = (channels + self.pick(&[0, 1, 2]), channels + self.pick(&[0, 1, 2]));
-        let (lft, theta) = self.plant(inputs, channels, outputs);
-        let states = self.pick(&[0, 1, 3]);
+        let (lft, mut theta) = self.plant(inputs, channels, outputs);
+        let (states, share, dt) = (self.pick(&[0, 1, 3]), self.between(0.2, 1.0), 0.1);
+        let late = self.pick(&[None, Some(theta.len())]);
+        theta.extend(late.map(|_| share * delay * dt / steps as f64));
         let controller = Controller {
             a: self.matrix(states, states) * 0.3,
             b: self.matrix(states, channels) * 0.3,
             c: self.matrix(channels, states) * 0.3,
             d: self.matrix(channels, channels) * 0.3,
-            delay,
+            delay: if late.is_some() { (1.0 - share) * delay } else { delay },
+            late,
             steps,
             noise: self.pick(&[false, true]),
         };
-        Problem { model: Model::new(lft, 0.1, Some(controller)).expect("consistent"), theta }
+        Problem { model: Model::new(lft, dt, Some(controller)).expect("consistent"), theta }
     }
 
     /// An LFT and parameters that it is stable at; the first `channels` outputs do not follow as many inputs at once.

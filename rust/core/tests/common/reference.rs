@@ -71,12 +71,12 @@ impl Plant {
     }
 
     /// Transition over `t` and response to an input held that long.
-    fn hold(&self, t: f64) -> (Matrix, Matrix) {
+    fn hold(&self, t: C64) -> (Matrix, Matrix) {
         let (n, m) = self.b.shape();
         let mut block = Matrix::zeros(n + m, n + m);
         block.view_mut((0, 0), (n, n)).copy_from(&self.a);
         block.view_mut((0, n), (n, m)).copy_from(&self.b);
-        let whole = taylor_expm(&(block * C64::from(t)));
+        let whole = taylor_expm(&(block * t));
         (whole.view((0, 0), (n, n)).into_owned(), whole.view((0, n), (n, m)).into_owned())
     }
 }
@@ -85,13 +85,13 @@ fn response(model: &Model, theta: &[C64], u: &[f64]) -> Vec<C64> {
     let plant = Plant::new(&model.lft, theta);
     let rows = u.chunks_exact(model.inputs()).map(|row| DVector::from_iterator(row.len(), row.iter().map(C64::from)));
     match &model.controller {
-        Some(controller) => digital(&plant, controller, model.dt, rows),
+        Some(controller) => digital(&plant, controller, theta, model.dt, rows),
         None => analog(&plant, model.dt, rows),
     }
 }
 
 fn analog(plant: &Plant, dt: f64, rows: impl Iterator<Item = DVector<C64>>) -> Vec<C64> {
-    let (a, b) = plant.hold(dt);
+    let (a, b) = plant.hold(C64::from(dt));
     let mut x = DVector::zeros(a.nrows());
     let mut y = Vec::new();
     for u in rows {
@@ -104,11 +104,20 @@ fn analog(plant: &Plant, dt: f64, rows: impl Iterator<Item = DVector<C64>>) -> V
 /// The controller computes a command each of its samples; the plant gets it after the delay.
 ///
 /// Further inputs act on the plant from the sample on, as do those of a record that is held.
-fn digital(plant: &Plant, k: &Controller, dt: f64, rows: impl Iterator<Item = DVector<C64>>) -> Vec<C64> {
+fn digital(
+    plant: &Plant,
+    k: &Controller,
+    theta: &[C64],
+    dt: f64,
+    rows: impl Iterator<Item = DVector<C64>>,
+) -> Vec<C64> {
     let [ka, kb, kc, kd] = [&k.a, &k.b, &k.c, &k.d].map(|m| m.map(C64::from));
     let (m, all, step) = (k.d.nrows(), plant.b.ncols(), dt / k.steps as f64);
-    let (whole, fraction) = (k.delay as usize, k.delay.fract());
-    let (early, late) = (plant.hold(step * fraction), plant.hold(step * (1.0 - fraction)));
+    let delay = k.late.map_or(C64::from(0.0), |late| theta[late] * (k.steps as f64 / dt)) + k.delay;
+    let whole = delay.re as usize;
+    let fraction = delay - whole as f64;
+    let (early, late) = (plant.hold(fraction * step), plant.hold((-fraction + 1.0) * step));
+    let at_first = whole + usize::from(k.late.is_some() || fraction.re > 0.0);
     let mut commands = VecDeque::from(vec![DVector::zeros(m); whole + 2]);
     let (mut x, mut controller) = (DVector::zeros(plant.a.nrows()), DVector::zeros(ka.nrows()));
     let mut y = Vec::new();
@@ -122,7 +131,7 @@ fn digital(plant: &Plant, k: &Controller, dt: f64, rows: impl Iterator<Item = DV
             }
             commands.push_front(u.rows(0, m) - &kc * &controller - &kd * &read);
             commands.pop_back();
-            acting.rows_mut(0, m).copy_from(&commands[whole + usize::from(fraction > 0.0)]);
+            acting.rows_mut(0, m).copy_from(&commands[at_first]);
             if sample == 0 {
                 let mut outputs = &plant.c * &x + &plant.d * &acting;
                 outputs.rows_mut(0, m).copy_from(&read);
