@@ -25,8 +25,10 @@ OUTSTANDING = 70.0
 """Power of a tone over that around it; noise alone reaches 40 in a few of a hundred records of 60 000 lines."""
 ALONE = 200.0
 """Power of a tone on an excited line over that of its neighbours; a pole is wider than one line."""
-SUSPECTED = 0.02
-"""Chance of the power at a frequency that is suspected from the start, such as the speed or that of the mains."""
+SUSPECTED = 0.2
+"""Chance of the power at a frequency that is suspected from the start, such as the speed or that of the mains.
+
+What passes is a candidate and has yet to be significant by its score."""
 MAINS = (50.0, 60.0, 100.0, 120.0)
 NEIGHBOURS = 10
 """Lines to each side for the median."""
