@@ -6,7 +6,7 @@ import pytest
 import ambid
 from ambid.effects import CATALOGUE, Effect, Seen, find
 from ambid.effects.actuator import half_derivative
-from ambid.effects.amplifier import AmplifierVoltageLimit
+from ambid.effects.amplifier import AmplifierVoltageLimit, LoopDelay
 from ambid.effects.disturbance import PeriodicDisturbance, Unbalance
 from ambid.errors import ModelError
 from ambid.loop.delay import pade, with_late_commands
@@ -202,6 +202,31 @@ def test_a_delay_is_exact(rig, implementation, seconds, step, tolerance):
     stepped = model.simulator().run(i_e)
     assert np.abs(stepped[:, :4] - truth.y).max() < tolerance * np.abs(truth.y).max()
     assert model.decay_rate > 1.0
+
+
+@pytest.mark.parametrize("implementation", ["analog", "digital"])
+def test_a_delay_beside_a_nonlinear_effect(rig, i_e, implementation):
+    own = {"derivative": 45.0}
+    if implementation == "digital":
+        own |= {"implementation": "digital", "sample_rate": 2e4, "delay_samples": 0.3}
+    rig = rig.replace(controller=type(rig.controller)(**{**rig.controller.model_dump(), **own}))
+    truth = simulate(rig, i_e, {"force_nonlinearity": {}, "loop_delay": {"seconds": 3.3e-5}}, seed=None, **TRUTH)
+    model = at_truth(rig).add("force_nonlinearity", {"bias_ratio": 1.0}).add("loop_delay", {"delay": 3.3e-5})
+    assert largest_error(model.simulate(i_e), truth) < 1e-4
+    (late,) = model.index(["loop_delay.delay"])
+    jacobian = model.loop.sensitivity(model.theta, i_e, [late])[1][:, :, 0]
+    step = np.zeros(len(model.theta))
+    step[late] = 1e-8
+    ahead, behind = (model.loop.simulate(model.theta + sign * step, i_e) for sign in (1.0, -1.0))
+    np.testing.assert_allclose(jacobian, (ahead - behind) / 2e-8, atol=2e-5 * np.abs(jacobian).max())
+
+
+def test_two_delays_of_one_thing_are_refused(rig):
+    class Cable(LoopDelay):
+        name = "cable"
+
+    with pytest.raises(ModelError, match=r"cable\.delay and loop_delay\.delay both delay the commands"):
+        ambid.Model(rig).add("loop_delay").add(Cable()).loop  # noqa: B018
 
 
 def test_a_late_excitation_in_the_frequency_response(rig):
