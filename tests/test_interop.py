@@ -31,8 +31,8 @@ def rig(implementation):
 
 @pytest.fixture(params=["analog", "digital"])
 def model(request):
-    """With a linear effect, so that effects are exported too."""
-    return Model(rig(request.param)).add("sensor_lag", {"time_constant": 1e-5})
+    """With linear effects, so that effects are exported too."""
+    return Model(rig(request.param)).add("sensor_lag", {"time_constant": 1e-5}).add("loop_delay", {"delay": 5e-6})
 
 
 def assert_same(outputs, model):
@@ -79,14 +79,17 @@ def test_to_mat_closed_loop(model, tmp_path):
     assert content["parameters"]["sensor_lag_time_constant"] == 1e-5
 
 
-def test_to_mat_plant(tmp_path):
+@pytest.mark.parametrize("effect", [("sensor_lag", "time_constant"), ("loop_delay", "delay")])
+def test_to_mat_plant(tmp_path, effect):
     """Closed around the exported plant, the controller gives the poles of the loop."""
-    model = Model(rig("analog")).add("sensor_lag", {"time_constant": 1e-5})
+    name, parameter = effect
+    model = Model(rig("analog")).add(name, {parameter: 1e-5})
     to_mat(model, tmp_path / "model.mat")
     content = scipy.io.loadmat(tmp_path / "model.mat")
     a, b, c, d = (content[f"{key}_plant"] for key in "ABCD")
     assert not d.any()
     assert tuple(name.item() for name in content["outputs_plant"].ravel()) == model.loop.outputs
+    assert tuple(name.item() for name in content["inputs_plant"].ravel()) == tuple(f"i_ref.{axis}" for axis in RIG.axes)
     a_k, b_k, c_k, d_k = RIG.controller.state_space(4, RIG.sample_rate)
     y = c[:4]
     closed = np.block([[a - b @ d_k @ y, -b @ c_k], [b_k @ y, a_k]])

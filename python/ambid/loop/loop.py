@@ -46,7 +46,8 @@ class Loop:
     Attributes
     ----------
     lft : Lft
-        G with its ports; for a digital controller without it, commands to outputs, else the closed loop.
+        G with its ports; for a digital controller without it, commands to outputs, else the closed loop. Where an
+        effect delays the commands, its inputs are what has arrived.
     inputs, outputs : tuple of str
         Names, such as ``i_e.A_zeta``; ``y.A_zeta``, ..., ``i_c.A_zeta``.
     core : _core.ClosedLoop
