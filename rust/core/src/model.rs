@@ -5,6 +5,9 @@ use nalgebra::DMatrix;
 use crate::error::{Error, Result, check_finite, check_len};
 use crate::lft::Lft;
 
+/// Commands that may be under way.
+const MOST_UNDER_WAY: f64 = 1000.0;
+
 /// A digital controller K: `i_ref = -K y + i_e`, computed once a controller sample, held, and delayed.
 ///
 /// It reads the first `b.ncols()` outputs of the plant and drives the first `c.nrows()` inputs; both counts are
@@ -59,13 +62,13 @@ impl Controller {
     /// The same with the whole of its delay at `theta`; `dt` is the sample time of the record in seconds.
     ///
     /// # Errors
-    /// [`Error::Singular`] where commands would arrive before they are given.
+    /// [`Error::Singular`] where commands would arrive before they are given, or more than [`MOST_UNDER_WAY`] are.
     pub(crate) fn at(&self, theta: &[f64], dt: f64) -> Result<Self> {
         let delay = self.delay + self.late.map_or(0.0, |late| theta[late] * self.steps as f64 / dt);
-        if delay >= 0.0 {
+        if (0.0..MOST_UNDER_WAY).contains(&delay) {
             return Ok(Self { delay, ..self.clone() });
         }
-        Err(Error::Singular { what: "the delay of the commands is negative" })
+        Err(Error::Singular { what: "the delay of the commands is negative, or 1000 controller samples and more" })
     }
 
     /// Whole controller samples of the delay, the rest of it in samples, and whether that rest counts though it be 0.

@@ -227,6 +227,23 @@ fn a_free_gain_from_command_to_displacement() {
     assert!(singular(system.simulate(&[0.1], &[1.0, 1.0])));
 }
 
+/// A delay that is a parameter has bounds of its own.
+#[test]
+fn a_delay_out_of_reach() {
+    let (a, b) = (DMatrix::from_element(1, 1, -1.0), DMatrix::from_element(1, 1, 1.0));
+    let (c, d) = (b.clone(), DMatrix::zeros(1, 1));
+    let lft = Lft::new(a, b, c, d, vec![]).unwrap();
+    let empty = DMatrix::<f64>::zeros;
+    let (a, b, c, d) = (empty(0, 0), empty(0, 1), empty(1, 0), empty(1, 1));
+    let controller = Controller { a, b, c, d, delay: 0.5, late: Some(0), steps: 1, noise: false };
+    let system = ClosedLoop::new(Model::new(lft, 0.1, Some(controller)).unwrap(), 1).unwrap();
+    assert!(system.simulate(&[0.0], &[1.0]).is_ok());
+    assert!(system.simulate(&[-0.05], &[1.0]).is_ok());
+    assert!(singular(system.simulate(&[-0.06], &[1.0])));
+    assert!(singular(system.simulate(&[1e9], &[1.0])));
+    assert!(singular(Stepper::new(&system, &[1e300]).map(|_| ())));
+}
+
 /// A controller without channels leaves all inputs to the plant.
 #[test]
 fn a_controller_of_nothing() {
