@@ -84,12 +84,19 @@ def test_effect_is_the_physics_that_it_says(rig, i_e, name):
     assert without > 5.0 * with_it, "the effect must show"
 
 
-def test_omitted_bending_modes_come_back(rig, i_e):
-    rigid = rig.replace(rotor=rig.rotor.model_copy(update={"flexible_modes": 0}))
-    truth = simulate(rigid, i_e, {"rotor_bending_mode": {"count": 2}}, seed=None, **TRUTH)
-    model = at_truth(rigid).add("rotor_bending_mode")
+@pytest.mark.parametrize("speed", [0.0, 600.0])
+@pytest.mark.parametrize("share", [1.0, 0.4])
+def test_omitted_bending_modes_come_back(rig, i_e, speed, share):
+    """As computed, and with shapes that are smaller, which count twice, in the force and in what is seen of it."""
+    rigid = rig.replace(rotor=rig.rotor.model_copy(update={"flexible_modes": 0}), speed=speed)
+    hidden = {"rotor_bending_mode": {"count": 2, "participation": share}}
+    truth = simulate(rigid, i_e, hidden, seed=None, **TRUTH)
+    own = {f"participation_{k}": share**2 for k in (1, 2)}
+    model = at_truth(rigid).add("rotor_bending_mode", own)
     assert largest_error(model.simulate(i_e), truth) < 1e-6
-    assert largest_error(at_truth(rigid).simulate(i_e), truth) > 1e-2
+    assert largest_error(at_truth(rigid).simulate(i_e), truth) > 1e-2 * share**2
+    absent = at_truth(rigid).add("rotor_bending_mode", dict.fromkeys(own, 1e-9))
+    assert largest_error(absent.simulate(i_e), at_truth(rigid).simulate(i_e)) < 1e-6
 
 
 def test_gyroscopic_factor(rig, i_e):

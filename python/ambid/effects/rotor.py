@@ -8,6 +8,7 @@ from math import pi
 import numpy as np
 
 from ambid.effects.base import Effect, EffectParameter, Seen
+from ambid.loop.assembly import combine
 from ambid.loop.plant import Plant
 from ambid.rig import FiniteElementRotor, MatrixRotor, Rig
 from ambid.rotor import reduced_rotor, with_more_modes
@@ -76,14 +77,19 @@ class RotorBendingMode(Effect):
         return start
 
     def attach(self, plant: Plant) -> None:
-        """``eta'' = -w^2 eta - 2 zeta w eta' + p force``: 1 is a mode whose shape is right at magnets and sensors."""
+        """``eta'' = -w^2 eta - 2 zeta w eta' + p force``: 1 is a mode whose shape is right at magnets and sensors.
+
+        Gyroscopic moments are among the forces, so that a mode that takes no part is none.
+        """
         more = self.flexible_modes(plant.rig)
         n = len(plant.rotor.frequencies_rad_s)
+        rates = [plant[f"eta_rate.{k}"] for k in range(plant.coordinates)]
         for j in range(more):
             frequency, damping = self.slot(f"frequency_{j + 1}_hz"), self.slot(f"damping_{j + 1}")
             for plane in range(plant.rotor.planes):
                 k = plane * n + n - more + j
-                force = plant.raw(f"modal_force.{k}")
+                turning = combine(-plant.rig.speed * plant.rotor.gyroscopic[k], rates)
+                force = plant.raw(f"modal_force.{k}") + turning
                 taking_part = plant.port(self.slot(f"participation_{j + 1}"), force) - force
                 w_eta = plant.port(frequency, plant[f"eta.{k}"], scale=2.0 * pi)
                 damped = plant.port(damping, plant[f"eta_rate.{k}"], scale=2.0)
