@@ -9,6 +9,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.loop.assembly import Lft
+from ambid.loop.response import frequency_response
 from ambid.rig import Rig
 from ambid.rotor import assemble, reduced_rotor
 from reference.loop_rigs import (
@@ -395,3 +396,17 @@ def test_arguments_are_not_changed():
     loop_of(BENCH).simulator(theta).run(u)
     assert np.array_equal(theta, THETA)
     assert np.array_equal(u, U)
+
+
+def test_frequency_response_does_not_depend_on_the_units_of_states():
+    rng = np.random.default_rng(3)
+    A, B, C, D = (
+        rng.standard_normal((5, 5)) - 4.0 * np.eye(5),
+        *(rng.standard_normal(s) for s in ((5, 2), (3, 5), (3, 2))),
+    )
+    points = 2j * np.pi * np.geomspace(0.01, 10.0, 7)
+    expected = np.array([C @ np.linalg.solve(p * np.eye(5) - A, B) + D for p in points])
+    unit = 10.0 ** np.array([-25.0, 25.0, 0.0, 9.0, -3.0])
+    scaled = (A * unit[:, None] / unit, B * unit[:, None], C / unit, D)
+    for system in ((A, B, C, D), scaled):
+        assert_allclose(frequency_response(system, points), expected, rtol=1e-11)

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import matrix_balance, schur
+from scipy.linalg import schur
+from scipy.linalg.lapack import dgebal
 
 from ambid.loop.assembly import FloatArray
 
@@ -27,7 +28,7 @@ def frequency_response(system: StateSpace, points: NDArray[Any]) -> ComplexArray
     scale = np.ones(len(A))
     T = Z = A
     if A.size:
-        balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
+        balanced, _, _, scale, _ = dgebal(A, scale=True, permute=False)
         T, Z = schur(balanced, output="complex")
     drive = Z.conj().T @ (B / scale[:, None])
     x = np.zeros((len(A), B.shape[1], len(points)), dtype=complex)
