@@ -406,7 +406,7 @@ def test_frequency_response_does_not_depend_on_the_units_of_states():
     )
     points = 2j * np.pi * np.geomspace(0.01, 10.0, 7)
     expected = np.array([C @ np.linalg.solve(p * np.eye(5) - A, B) + D for p in points])
-    unit = 10.0 ** np.array([-25.0, 25.0, 0.0, 9.0, -3.0])
+    unit = 10.0 ** np.array([-45.0, 45.0, 0.0, 9.0, -3.0])
     scaled = (A * unit[:, None] / unit, B * unit[:, None], C / unit, D)
     for system in ((A, B, C, D), scaled):
         assert_allclose(frequency_response(system, points), expected, rtol=1e-11)
