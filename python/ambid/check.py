@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ambid.arrays import FloatArray
 from ambid.check_loop import (
     HIGHEST_FREQUENCY,
     ControllerFit,
@@ -30,7 +31,6 @@ from ambid.check_loop import (
     moves,
     reordered,
 )
-from ambid.loop.assembly import FloatArray
 from ambid.record import Record
 from ambid.rig import Rig
 from ambid.soundness import SEVERITIES, Finding, LoopFigures, RecordFigures, Soundness

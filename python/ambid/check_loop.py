@@ -18,15 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, linear_sum_assignment
 
+from ambid.arrays import ComplexArray, FloatArray
 from ambid.controller_spec import Controller, PidController, StateSpace
-from ambid.loop.assembly import FloatArray
 from ambid.loop.plant import plant
 from ambid.loop.response import frequency_response
 from ambid.model import Model
 from ambid.record import Record
 from ambid.rig import Rig
 from ambid.rotor import reduced_rotor
-from ambid.yardstick import ComplexArray, Window
+from ambid.yardstick import Window
 
 HIGHEST_FREQUENCY = 0.25
 """Lines up to this part of the sample rate count."""

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from ambid.arrays import FloatArray
 from ambid.errors import RecordError
 from ambid.fit import fit_percent, measured_outputs, recorded_channels, with_average
-from ambid.loop.assembly import FloatArray
 from ambid.model import Model
 from ambid.record import Record, noise_ceiling
-from ambid.tables import Tabular
+from ambid.results import Tabular
 from ambid.yardstick import Whitener, Window, channel_misfit
 
 __all__ = ["ChannelComparison", "Comparison", "RecordComparison", "compare"]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft
 
-from ambid.loop.assembly import FloatArray
+from ambid.arrays import FloatArray
 
 BAND = 21
 """Neighbouring lines over which the spectrum of the residual is averaged."""

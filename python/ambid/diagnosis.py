@@ -14,7 +14,7 @@ from ambid.localise import Cell, Localisation
 from ambid.model import Model
 from ambid.rank import Ranking
 from ambid.record import Record
-from ambid.tables import Tabular
+from ambid.results import Tabular
 
 VERDICTS = {
     "adequate": "nothing is missing that these data can show, in this band and at this amplitude",

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ambid.arrays import ComplexArray
 from ambid.fit import measured_outputs, recorded_channels
 from ambid.model import Model
 from ambid.tones import without_tones
 from ambid.whitened import Noise
-from ambid.yardstick import ComplexArray
 
 __all__ = ["Change", "largest_change"]
 

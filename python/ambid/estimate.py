@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ambid.loop.assembly import FloatArray
+from ambid.arrays import FloatArray
 from ambid.model import Model
 from ambid.record import Record
-from ambid.tables import Tabular
+from ambid.results import Tabular
 
 STATUS = {
     "converged": "the optimum was found: steps and gradient are below their tolerances",

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ambid.loop.assembly import FloatArray
+from ambid.arrays import FloatArray
 from ambid.record import Record, noise_ceiling
 
 

@@ -8,11 +8,11 @@ from itertools import product
 
 import numpy as np
 
+from ambid.arrays import FloatArray
 from ambid.covariance import score_covariance
 from ambid.errors import ModelError, RecordError, UnstableLoopError
 from ambid.estimate import Estimate, ParameterEstimate
 from ambid.fit import fit_percent, measured_outputs, pooled_ceiling, recorded_channels
-from ambid.loop.assembly import FloatArray
 from ambid.loop_noise import loop_noise
 from ambid.model import Model
 from ambid.parameter import UNITS

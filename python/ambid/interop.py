@@ -11,9 +11,9 @@ import numpy as np
 import scipy.io
 from scipy.io.matlab import MatReadError
 
+from ambid.arrays import FloatArray
 from ambid.controller_spec import Controller, StateSpaceController, TransferFunctionController
 from ambid.errors import InputError, ModelError, RigError
-from ambid.loop.assembly import FloatArray
 from ambid.loop.delay import with_late_commands
 from ambid.loop.loop import open_plant
 from ambid.model import Model

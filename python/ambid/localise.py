@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ambid.arrays import FloatArray
 from ambid.drift import Change, largest_change
 from ambid.fit import measured_outputs, recorded_channels
-from ambid.loop.assembly import FloatArray
 from ambid.model import Model
 from ambid.ports import Port, needed_at_ports
 from ambid.record import Record

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ambid.loop.response import ComplexArray
+from ambid.arrays import ComplexArray
 from ambid.model import Model
 
 __all__ = ["loop_noise"]

@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
 from scipy.ndimage import uniform_filter1d
 
+from ambid.arrays import ComplexArray, FloatArray
 from ambid.effects.base import Effect, EffectParameter
 from ambid.fit import recorded_channels
-from ambid.loop.assembly import FloatArray
 from ambid.loop.plant import Plant
 from ambid.model import Model
 from ambid.rank import log_chance
 from ambid.rig import Rig
 from ambid.whitened import Noise
-from ambid.yardstick import ComplexArray, Window
+from ambid.yardstick import Window
 
 __all__ = ["Port", "Term", "needed_at_ports"]
 

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ambid import _core
+from ambid.arrays import FloatArray
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.fit import measured_outputs, recorded_channels
-from ambid.loop.assembly import FloatArray
 from ambid.model import Model
 from ambid.record import Record, noise_ceiling
 

@@ -21,13 +21,13 @@ import numpy as np
 from scipy.optimize import lsq_linear
 from scipy.special import chdtrc, chdtri, comb, gammaln, logsumexp
 
+from ambid.arrays import FloatArray
 from ambid.compare import Comparison
 from ambid.effects import CATALOGUE, Effect, Seen
 from ambid.errors import ModelError, UnstableLoopError
-from ambid.loop.assembly import FloatArray
 from ambid.model import Model
 from ambid.operating_point import suffix
-from ambid.tables import Tabular
+from ambid.results import Tabular
 from ambid.whitened import Noise
 
 __all__ = ["Candidate", "Ranking", "rank"]

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc, stdtrit
 
+from ambid.arrays import FloatArray
 from ambid.errors import IdentificationError, RigError
 from ambid.estimate import ParameterEstimate
-from ambid.loop.assembly import FloatArray
 from ambid.loop.geometry import axis_angles, axis_directions, geometry
 from ambid.record import StaticLoading
 from ambid.record_checks import order_of_axes

@@ -16,8 +16,8 @@ from scipy.ndimage import convolve1d, median_filter
 from scipy.optimize import minimize_scalar
 from scipy.special import chdtrc
 
-from ambid.loop.assembly import FloatArray
-from ambid.yardstick import ComplexArray, Window
+from ambid.arrays import ComplexArray, FloatArray
+from ambid.yardstick import Window
 
 __all__ = ["Tone", "find_tones", "without_tones"]
 

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ambid.arrays import FloatArray
 from ambid.fit import measured_outputs, recorded_channels
-from ambid.loop.assembly import FloatArray
 from ambid.loop_noise import loop_noise
 from ambid.model import Model
 from ambid.problem import LeastSquares

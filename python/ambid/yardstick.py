@@ -24,11 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft
 
+from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
-from ambid.loop.assembly import FloatArray
 from ambid.record import Record
-
-ComplexArray = NDArray[np.complex128]
 
 HALF_WIDTH = 15
 """Excited lines to each side whose unexcited neighbours give the noise spectrum."""

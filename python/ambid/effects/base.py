@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from ambid.loop.assembly import FloatArray
+from ambid.arrays import FloatArray
 from ambid.loop.plant import Plant
 from ambid.rig import Rig
 

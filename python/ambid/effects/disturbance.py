@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ambid.arrays import FloatArray
 from ambid.effects.base import Effect, EffectParameter, Seen
 from ambid.effects.support import likely_places
 from ambid.errors import ModelError
-from ambid.loop.assembly import FloatArray
 from ambid.loop.plant import Plant
 from ambid.rig import PointMassRotor, Rig
 

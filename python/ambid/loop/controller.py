@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ambid.loop.assembly import FloatArray, Lft
+from ambid.arrays import FloatArray
+from ambid.loop.assembly import Lft
 from ambid.loop.delay import with_late_commands
 
 

@@ -7,7 +7,8 @@ from math import comb, factorial
 
 import numpy as np
 
-from ambid.loop.assembly import FloatArray, Lft, Port
+from ambid.arrays import FloatArray
+from ambid.loop.assembly import Lft, Port
 
 ORDER = 6
 """Of the Pade approximant, which is exact to 1e-9 below one radian per delay."""

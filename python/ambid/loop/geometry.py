@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ambid.loop.assembly import FloatArray
+from ambid.arrays import FloatArray
 from ambid.rig import Rig
 from ambid.rotor import ReducedRotor
 

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ambid import _core
+from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import ModelError
-from ambid.loop.assembly import Block, FloatArray, Lft
+from ambid.loop.assembly import Block, Lft
 from ambid.loop.controller import close_analog
 from ambid.loop.plant import Plant
-from ambid.loop.response import ComplexArray, frequency_response
+from ambid.loop.response import frequency_response
 from ambid.rig import Rig
 from ambid.rotor import ReducedRotor, reduced_rotor, with_more_modes
 

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from scipy.linalg import schur
 from scipy.linalg.lapack import dgebal
 
-from ambid.loop.assembly import FloatArray
+from ambid.arrays import ComplexArray, FloatArray
 
-ComplexArray = NDArray[np.complex128]
 StateSpace = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 

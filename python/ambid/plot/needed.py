@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.fft import irfft, rfft
 
+from ambid.arrays import FloatArray
 from ambid.errors import InputError
 from ambid.localise import SHAPED, Localisation
-from ambid.loop.assembly import FloatArray
 from ambid.plot.style import AXIS_COLOURS, AXIS_MARKERS, LABEL, SMALL, dress, new_figure, shown_in
 from ambid.ports import TERMS, Port, Term
 

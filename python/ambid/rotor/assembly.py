@@ -10,9 +10,10 @@ from typing import Literal
 import numpy as np
 from scipy.linalg import eigh
 
+from ambid.arrays import FloatArray
 from ambid.errors import RigError
 from ambid.rig import FiniteElementRotor
-from ambid.rotor.beam import FloatArray, PlaneMatrices, beam_element, both_planes
+from ambid.rotor.beam import PlaneMatrices, beam_element, both_planes
 
 SAME_PLACE = 1e-6
 """Axial positions closer than this [m] are one place."""

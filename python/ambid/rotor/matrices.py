@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ambid.arrays import FloatArray
 from ambid.errors import RigError
 from ambid.rig import MatrixRotor
 from ambid.rotor.assembly import BeamModel
-from ambid.rotor.beam import FloatArray, plane_bases
+from ambid.rotor.beam import plane_bases
 
 _EQUAL = 1e-9  # of the largest entry of the matrix
 

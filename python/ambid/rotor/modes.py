@@ -10,10 +10,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
 
+from ambid.arrays import FloatArray
 from ambid.errors import RigError
 from ambid.rig import FiniteElementRotor, MatrixRotor, ModalRotor, PointMassRotor
 from ambid.rotor.assembly import SAME_PLACE, BeamModel, assemble, place_of
-from ambid.rotor.beam import FloatArray, plane_bases
+from ambid.rotor.beam import plane_bases
 from ambid.rotor.matrices import matrix_model
 
 _FREE = 1e-3  # a rigid frequency above this part of the first bending frequency means a rotor that is held

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ambid
-from ambid import tables
+from ambid import results as tables
 from ambid.diagnosis import Diagnosis, Step
 from ambid.errors import InputError
 
