@@ -9,6 +9,7 @@ import ambid
 import ambid.cli
 from ambid.demo import DATA
 from ambid.excitation import prbs
+from places import BENCH
 from virtual import VirtualBench
 
 DEMO_RIG, DEMO_RECORD = DATA / "rig.toml", DATA / "prbs.mat"
@@ -44,7 +45,7 @@ def command(monkeypatch, capsys):
 @pytest.fixture(scope="session")
 def rig(request):
     """The two-bearing bench of the independent simulator."""
-    return ambid.Rig.load(request.config.rootpath / "tests" / "data" / "bench_rig.toml")
+    return ambid.Rig.load(BENCH)
 
 
 @pytest.fixture(scope="session")

@@ -14,6 +14,7 @@ from ambid.errors import InputError, RecordError, RigError, UnstableLoopError
 from ambid.excitation import prbs
 from ambid.plot_campaign import plot_campaign, save_campaign
 from ambid.rig import Rig
+from places import BENCH
 from test_static_load import CROSS, reactions
 
 K_I = {"6A": [217.0, 225.0, 278.0, 285.0], "10A": [316.0, 327.0, 358.0, 367.0]}
@@ -34,7 +35,7 @@ def write_static(path, rig, k_i, seed):
 def template(request, tmp_path_factory):
     """Two bias currents; two runs of each amplitude, two static loadings, with other files beside them."""
     folder = tmp_path_factory.mktemp("campaign")
-    rig = Rig.load(request.config.rootpath / "tests" / "data" / "bench_rig.toml")
+    rig = Rig.load(BENCH)
     i_e = prbs(8, amplitude=1.0, hold=3, axes=4, periods=4)
     for name, k_i in K_I.items():
         point = folder / name

@@ -1,7 +1,5 @@
 """Records that were not made for us: columns by name and number, factors, sample rates, and what is refused."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import scipy.io
@@ -13,8 +11,9 @@ from ambid.excitation import prbs
 from ambid.model import Model
 from ambid.record import Record
 from ambid.rig import Rig
+from places import BENCH as BENCH_FILE
 
-RIG = Rig.load(Path(__file__).parent / "data" / "bench_rig.toml")
+RIG = Rig.load(BENCH_FILE)
 COLUMNS = [f"{signal}.{axis}" for signal in ("i_e", "y", "i_c") for axis in RIG.axes]
 MAP = {"t": "time:1e-3"} | {c: f"ch{k}:{1e-6 if c[0] == 'y' else 1e-3:g}" for k, c in enumerate(COLUMNS)}
 

@@ -16,9 +16,9 @@ import ambid
 from ambid.demo import DATA
 from ambid.effects import CATALOGUE
 from ambid.estimate import STATUS
+from places import ROOT
 from virtual import AXES, NAMES
 
-ROOT = Path(__file__).parents[1]
 LOADS = sorted(DATA.glob("static_*.csv"))
 COMMANDS = ("check", "identify", "static-load", "campaign", "compare", "diagnose", "effects", "simulate", "demo")
 CHANNELS = {f"{signal}.{axis}" for signal in ("y", "i_c") for axis in AXES}

@@ -4,11 +4,12 @@ import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-FOLDER = Path(__file__).parent.parent / "python" / "examples"
+from places import ROOT
+
+FOLDER = ROOT / "python" / "examples"
 SAID = {
     "controller_from_control": r"digital: stable.*zone [AB] of ISO 14839-3.*inputs i_e_A_zeta",
     "diagnose_step_by_step": r"fit 99\.\d %.*ranked first: loop_delay.*\.delay: 2\.\d*e-05 s.*explained loop_delay",

@@ -1,7 +1,5 @@
 """Excitations against their closed forms; periods found and i_e rebuilt over random seeds."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete, lfilter
@@ -10,8 +8,9 @@ from ambid.errors import InputError, RecordError
 from ambid.excitation import find_period, multisine, prbs, rebuild_excitation
 from ambid.record import Record
 from ambid.rig import PidController, Rig, StateSpaceController
+from places import BENCH as BENCH_FILE
 
-RIG = Rig.load(Path(__file__).parent / "data" / "bench_rig.toml")
+RIG = Rig.load(BENCH_FILE)
 AXES = RIG.axes
 PID = {"proportional": 28000.0, "integral": 2e5, "derivative": 60.0, "derivative_time_constant": 1e-4}
 

@@ -1,6 +1,5 @@
 """Models out to SciPy, python-control and MATLAB; controllers from there, rotors from ROSS."""
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,8 +15,9 @@ from ambid.interop import controller_from, controller_from_mat, rotor_from_ross,
 from ambid.model import Model
 from ambid.rig import PidController, Rig, StateSpaceController
 from ambid.rotor import assemble, reduced_rotor
+from places import BENCH as BENCH_FILE
 
-RIG = Rig.load(Path(__file__).parent / "data" / "bench_rig.toml")
+RIG = Rig.load(BENCH_FILE)
 PLACES = [z for bearing in RIG.bearings for z in (bearing.position, bearing.sensor_position)]
 I_E = prbs(7, amplitude=0.2, hold=3, axes=4)
 

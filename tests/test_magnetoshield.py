@@ -1,18 +1,18 @@
 """Real hardware, where it is at hand: a single axis with a voltage-driven coil whose excitation was not logged."""
 
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.io
 
 from ambid import Rig
+from places import SHARED, TESTS
 
-sys.path.insert(0, str(Path(__file__).parent / "real"))
+sys.path.insert(0, str(TESTS / "real"))
 import magnetoshield
 
-RECORD = Path(__file__).parents[2] / "shared/real/magnetoshield/MagnetoShield_ID_Data.mat"
+RECORD = SHARED / "real/magnetoshield/MagnetoShield_ID_Data.mat"
 
 
 @pytest.fixture(scope="module")

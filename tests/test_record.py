@@ -1,7 +1,6 @@
 """Records: every format holds the same data, every gate refuses its one broken thing, ceilings against known noise."""
 
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,14 +12,16 @@ from ambid.errors import InputError, RecordError
 from ambid.excitation import prbs
 from ambid.record import Record, StaticLoading, noise_ceiling
 from ambid.rig import Rig
+from places import BENCH as BENCH_FILE
+from places import SHARED
 
 h5py = pytest.importorskip("h5py")
 pytest.importorskip("pyarrow")
 
-RIG = Rig.load(Path(__file__).parent / "data" / "bench_rig.toml")
+RIG = Rig.load(BENCH_FILE)
 AXES = RIG.axes
 PERIOD = 127 * 2
-CASES = Path(__file__).parents[2] / "shared" / "cases"
+CASES = SHARED / "cases"
 
 
 def measured(periods=5, noise=2e-8, seed=0, cut=0):

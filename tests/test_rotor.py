@@ -2,7 +2,6 @@
 
 import json
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,9 +12,9 @@ from ambid.errors import RigError
 from ambid.rig import FiniteElementRotor, MatrixRotor, ModalRotor, PointMassRotor
 from ambid.rotor import BeamModel, assemble, matrix_model, reduce, reduced_rotor
 from ambid.rotor.beam import beam_element, both_planes, plane_bases, shear_coefficient
+from places import BENCH, TESTS
 
-HERE = Path(__file__).parent
-ROSS = json.loads((HERE / "reference" / "ross_rotors.json").read_text())
+ROSS = json.loads((TESTS / "reference" / "ross_rotors.json").read_text())
 STEEL = {"density": 7850.0, "youngs_modulus": 2.06e11, "poisson_ratio": 0.3}
 NODES = [0.14, 0.2, 0.66, 0.72]
 
@@ -35,7 +34,7 @@ def shaft(sections, disks=(), material=STEEL, flexible_modes=3, **options) -> Fi
 
 def bench(flexible_modes=3, **options) -> FiniteElementRotor:
     """Rotor of the bench, its measured frequencies and damping left out."""
-    given = tomllib.loads((HERE / "data" / "bench_rig.toml").read_text())["rotor"]
+    given = tomllib.loads(BENCH.read_text())["rotor"]
     shape = {key: given[key] for key in ("material", "section", "disk")}
     return FiniteElementRotor(**shape, flexible_modes=flexible_modes, **options)
 

@@ -1,8 +1,6 @@
 """Static loading against a hand calculation of the bearing reactions, its intervals, the campaign; what it refuses."""
 
 import json
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,22 +8,15 @@ from numpy.testing import assert_allclose
 
 from ambid.errors import IdentificationError, RecordError, RigError
 from ambid.record import StaticLoading
-from ambid.rig import (
-    Bearing,
-    FiniteElementRotor,
-    Material,
-    ModalRotor,
-    PidController,
-    PointMassRotor,
-    Rig,
-    Section,
-)
+from ambid.rig import Bearing, FiniteElementRotor, Material, ModalRotor, PidController, PointMassRotor, Rig, Section
 from ambid.static_load import static_load
+from places import BENCH as BENCH_FILE
+from places import SHARED
 
-BENCH = Rig.load(Path(__file__).parent / "data" / "bench_rig.toml")
+BENCH = Rig.load(BENCH_FILE)
 RIGID = BENCH.replace(rotor=BENCH.rotor.model_copy(update={"flexible_modes": 0, "bending_frequencies_hz": None}))
 TRUE = np.array([217.0, 225.0, 278.0, 285.0])
-CAMPAIGN = Path(os.environ.get("AMBID_CAMPAIGN", Path(__file__).parents[2] / "shared" / "campaign"))
+CAMPAIGN = SHARED / "campaign"
 
 UP_AND_DOWN = np.concatenate([np.linspace(0, 1500, 7), np.linspace(1250, 0, 6)])
 CROSS = np.concatenate([np.outer(UP_AND_DOWN, direction) for direction in ((1, 0), (0, 1), (-1, 0), (0, -1))])

@@ -12,6 +12,7 @@ from ambid.loop.loop import open_plant
 from ambid.loop.response import frequency_response
 from ambid.yardstick import Whitener, Window
 from hidden.bench import simulate
+from places import BENCH
 
 TRUTH = {
     "K_i": np.array([205.0, 212.0, 262.0, 268.0]),
@@ -84,7 +85,7 @@ def test_too_short_a_record_is_refused():
     ],
 )
 def test_what_is_hidden_is_named_without_periods(request, hidden, named):
-    rig = Rig.load(request.config.rootpath / "tests" / "data" / "bench_rig.toml")
+    rig = Rig.load(BENCH)
     chips = np.random.default_rng(3).choice([-1.0, 1.0], (3000, 4))
     made = simulate(rig, np.repeat(chips, 4, axis=0), hidden, seed=4, **TRUTH)
     record = Record.from_arrays(

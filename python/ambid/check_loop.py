@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares, linear_sum_assignment
 
 from ambid.arrays import ComplexArray, FloatArray
-from ambid.controller_spec import Controller, PidController, StateSpace
 from ambid.loop.plant import plant
 from ambid.loop.response import frequency_response
 from ambid.model import Model
 from ambid.record import Record
-from ambid.rig import Rig
+from ambid.rig import Controller, PidController, Rig
+from ambid.rig.controller import StateSpace
 from ambid.rotor import reduced_rotor
 from ambid.yardstick import Window
 

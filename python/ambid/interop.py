@@ -12,12 +12,11 @@ import scipy.io
 from scipy.io.matlab import MatReadError
 
 from ambid.arrays import FloatArray
-from ambid.controller_spec import Controller, StateSpaceController, TransferFunctionController
 from ambid.errors import InputError, ModelError, RigError
 from ambid.loop.delay import with_late_commands
 from ambid.loop.loop import open_plant
 from ambid.model import Model
-from ambid.rig import MatrixRotor
+from ambid.rig import Controller, MatrixRotor, StateSpaceController, TransferFunctionController
 
 if TYPE_CHECKING:
     import scipy.signal

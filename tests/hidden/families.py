@@ -10,6 +10,7 @@ import numpy as np
 
 from ambid.excitation import prbs
 from ambid.rig import Rig
+from places import BENCH
 
 HERE = Path(__file__).parent
 SPEED = 200.0  # rad/s, of experiments on what only acts at speed
@@ -65,7 +66,7 @@ class Bench:
 
 BENCHES = {
     "bench": Bench(
-        rig=Rig.load(HERE.parent / "data" / "bench_rig.toml"),
+        rig=Rig.load(BENCH),
         K_i=(205.0, 212.0, 262.0, 268.0),
         K_s=(2.39e6, 2.49e6, 3.13e6, 3.19e6),
         tau_e=2.5e-4,

@@ -1,9 +1,7 @@
 """The generator of hidden physics against closed forms, an integrator of SciPy, limits, and the measured cases."""
 
 import json
-import os
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +12,7 @@ from ambid.excitation import prbs
 from ambid.record import Record
 from ambid.rig import Bearing, PidController, PointMassRotor, Rig
 from ambid.yardstick import Whitener, Window
+from places import SHARED
 
 from .bench import MachineFailure, simulate, simulate_all
 from .experiment import KINDS, experiment
@@ -24,7 +23,7 @@ from .physics import CATALOGUE, OUTSIDE, settle
 from .sizes import TARGETS, score, sized
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="hidden records need a C compiler (cc, gcc or clang)")
-CASES = Path(os.environ.get("AMBID_CASES", Path(__file__).parents[3] / "shared" / "cases"))
+CASES = SHARED / "cases"
 
 BENCH = BENCHES["bench"]
 TRUE = {"K_i": BENCH.K_i, "K_s": BENCH.K_s, "tau_e": BENCH.tau_e}
@@ -350,7 +349,9 @@ HIDDEN = {
 }
 
 
-@pytest.mark.skipif(not CASES.is_dir(), reason="the measured cases are not here; set AMBID_CASES to their folder")
+@pytest.mark.skipif(
+    not CASES.is_dir(), reason="the measured cases are not here; set AMBID_SHARED to the folder above theirs"
+)
 @pytest.mark.parametrize("case", HIDDEN)
 def test_the_measured_cases_are_reproduced_down_to_their_noise(case):
     truth = json.loads((CASES / "answers.json").read_text())[case]

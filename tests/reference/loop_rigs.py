@@ -1,14 +1,14 @@
 """Rigs of many kinds for the tests of the loop, with parameters and excitations that belong to them."""
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
+import places
 from ambid.loop.loop import Loop
 from ambid.rig import Amplifier, Bearing, PidController, PointMassRotor, Rig
 
-BENCH = Rig.load(Path(__file__).parents[1] / "data" / "bench_rig.toml")
+BENCH = Rig.load(places.BENCH)
 LEVITATOR = BENCH.replace(
     rotor=PointMassRotor(mass=2.0),
     bearings=[

@@ -7,11 +7,12 @@ import pytest
 import ambid
 from ambid.rig import MatrixRotor, ModalRotor, PidController, Rig, StateSpaceController, TransferFunctionController
 from ambid.rotor import assemble, reduced_rotor
+from places import BENCH
 
 
 @pytest.fixture(scope="module")
 def rig(request):
-    rig = Rig.load(request.config.rootpath / "tests" / "data" / "bench_rig.toml")
+    rig = Rig.load(BENCH)
     return rig.replace(actuator={"time_constant": 2.5e-4})
 
 

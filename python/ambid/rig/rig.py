@@ -1,36 +1,19 @@
 """The rig file: everything that is known about the machine before any record is read."""
 
-import json
 import os
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, ValidationError, ValidationInfo, field_validator, model_validator
 
-from ambid.controller_spec import (
+from ambid.errors import RigError
+from ambid.rig.controller import (
     SAMPLE_RATE,
     AnyController,
     Controller,
-    PidController,
-    StateSpaceController,
-    TransferFunctionController,
 )
-from ambid.errors import RigError
-from ambid.rotor_spec import (
-    Disk,
-    FiniteElementRotor,
-    Material,
-    MatrixRotor,
-    ModalRotor,
-    PointMassRotor,
-    Position,
-    Rotor,
-    Section,
-    along,
-)
-from ambid.spec import (
+from ambid.rig.fields import (
     MICROMETRES,
     MICROSECONDS,
     MILLIMETRES,
@@ -44,24 +27,13 @@ from ambid.spec import (
     refuse,
     rig_error,
 )
-
-__all__ = [
-    "Actuator",
-    "Amplifier",
-    "Bearing",
-    "Controller",
-    "Disk",
-    "FiniteElementRotor",
-    "Material",
-    "MatrixRotor",
-    "ModalRotor",
-    "PidController",
-    "PointMassRotor",
-    "Rig",
-    "Section",
-    "StateSpaceController",
-    "TransferFunctionController",
-]
+from ambid.rig.rotor import (
+    PointMassRotor,
+    Position,
+    Rotor,
+    along,
+)
+from ambid.rig.toml import toml_text
 
 SPEED = Range(0.0, 5e4, "rad/s")
 TILT = Range(-360.0, 360.0, "degrees")
@@ -329,7 +301,7 @@ class Rig(Spec):
 
     def to_toml(self) -> str:
         """Write the rig as the text of a rig file; `Rig.from_toml` reads the same rig back, to the last bit."""
-        return "\n".join(_toml_lines(self.model_dump(by_alias=True, exclude_none=True), "")).lstrip() + "\n"
+        return toml_text(self.model_dump(by_alias=True, exclude_none=True))
 
     def replace(self, **changes: Any) -> "Rig":
         """Return a rig with other values of some keys, checked as a new one.
@@ -351,32 +323,3 @@ class Rig(Spec):
 
     def _values(self) -> tuple[Any, ...]:
         return tuple(getattr(self, key) for key in type(self).model_fields)
-
-
-def _toml_lines(table: dict[str, Any], prefix: str) -> Iterator[str]:
-    """Write a table: its plain values first, then the tables in it, then the arrays of tables."""
-    inner = {key: value for key, value in table.items() if isinstance(value, dict)}
-    arrays = {
-        key: value for key, value in table.items() if isinstance(value, tuple) and value and isinstance(value[0], dict)
-    }
-    for key, value in table.items():
-        if key not in inner and key not in arrays:
-            yield f"{key} = {_toml_value(value)}"
-    for key, value in inner.items():
-        yield from ("", f"[{prefix}{key}]")
-        yield from _toml_lines(value, f"{prefix}{key}.")
-    for key, entries in arrays.items():
-        for entry in entries:
-            yield from ("", f"[[{prefix}{key}]]")
-            yield from _toml_lines(entry, f"{prefix}{key}.")
-
-
-def _toml_value(value: Any) -> str:
-    """Write a text, a truth, a number, or a nested tuple of numbers; `repr` of a float reads back to the same float."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, tuple):
-        return f"[{', '.join(_toml_value(entry) for entry in value)}]"
-    return repr(value)

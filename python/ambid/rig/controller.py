@@ -13,7 +13,7 @@ from pydantic_core import InitErrorDetails
 from scipy.linalg import block_diag, matrix_balance
 
 from ambid.errors import RigError
-from ambid.spec import FINITE, MILLISECONDS, NOTHING, Range, Spec, per_axis, problem, refuse
+from ambid.rig.fields import FINITE, MILLISECONDS, NOTHING, Range, Spec, per_axis, problem, refuse
 
 StateSpace = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 Matrix = tuple[tuple[Annotated[float, FINITE], ...], ...]

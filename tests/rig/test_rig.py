@@ -1,7 +1,6 @@
 """The rig file: read as it is written, refused with a helpful word, and its controllers as state space."""
 
 import pickle
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,9 +22,8 @@ from ambid.rig import (
     StateSpaceController,
     TransferFunctionController,
 )
+from places import BENCH, SHARED
 
-BENCH = Path(__file__).parent / "data" / "bench_rig.toml"
-SHARED = Path(__file__).parents[2] / "shared"
 SHARED_RIGS = sorted(SHARED.glob("cases/*/rig.toml")) + sorted(SHARED.glob("campaign/*/rig.toml"))
 
 STATE_SPACE = 'kind = "state_space"\nimplementation = "digital"\n'

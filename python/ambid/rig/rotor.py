@@ -12,7 +12,7 @@ from pydantic import Discriminator, Field, Tag, ValidationInfo, model_validator
 from pydantic_core import InitErrorDetails
 from scipy.io.matlab import MatReadError
 
-from ambid.spec import FINITE, MILLIMETRES, NOTHING, Range, Spec, per_axis, problem, refuse
+from ambid.rig.fields import FINITE, MILLIMETRES, NOTHING, Range, Spec, per_axis, problem, refuse
 
 Finite = Annotated[float, FINITE]
 Position = Annotated[float, Range(unit="m")]

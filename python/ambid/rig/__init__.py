@@ -1,0 +1,38 @@
+"""What is known of a machine before any record is read: the rig file and its tables."""
+
+from ambid.rig.controller import (
+    Controller,
+    PidController,
+    StateSpaceController,
+    TransferFunctionController,
+)
+from ambid.rig.rig import Actuator, Amplifier, Bearing, Rig
+from ambid.rig.rotor import (
+    Disk,
+    FiniteElementRotor,
+    Material,
+    MatrixRotor,
+    ModalRotor,
+    PointMassRotor,
+    Rotor,
+    Section,
+)
+
+__all__ = [
+    "Actuator",
+    "Amplifier",
+    "Bearing",
+    "Controller",
+    "Disk",
+    "FiniteElementRotor",
+    "Material",
+    "MatrixRotor",
+    "ModalRotor",
+    "PidController",
+    "PointMassRotor",
+    "Rig",
+    "Rotor",
+    "Section",
+    "StateSpaceController",
+    "TransferFunctionController",
+]
