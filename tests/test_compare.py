@@ -11,7 +11,8 @@ from ambid.compare import compare
 from ambid.errors import RecordError, UnstableLoopError
 from ambid.identify import identify
 from ambid.model import Model
-from ambid.record import Record, noise_ceiling
+from ambid.noise.ceiling import noise_ceiling
+from ambid.record import Record
 from virtual import AXES
 
 CHANNELS = [f"{signal}.{axis}" for signal in ("y", "i_c") for axis in AXES]

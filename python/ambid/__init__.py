@@ -4,7 +4,6 @@ from importlib.metadata import version
 
 from ambid.bias_point import Campaign
 from ambid.campaign import campaign
-from ambid.channel_map import ChannelMap
 from ambid.check import Soundness, check
 from ambid.compare import Comparison, compare
 from ambid.diagnose import diagnose
@@ -32,8 +31,9 @@ from ambid.interop import (
 )
 from ambid.localise import Localisation, localise
 from ambid.model import Model, Parameter
+from ambid.noise.ceiling import noise_ceiling
 from ambid.rank import Ranking, rank
-from ambid.record import Record, StaticLoading, noise_ceiling
+from ambid.record import ChannelMap, Record, StaticLoading
 from ambid.rig import Controller, Rig, StateSpaceController, TransferFunctionController
 from ambid.static_load import StaticEstimate, static_load
 from ambid.whitened import Noise

@@ -12,8 +12,8 @@ from ambid.errors import AmbidError, InputError, RecordError, RigError
 from ambid.estimate import Estimate
 from ambid.identify import identify
 from ambid.model import Model
-from ambid.readers import SUFFIXES
 from ambid.record import Record, StaticLoading
+from ambid.record.readers import SUFFIXES
 from ambid.rig import Rig
 from ambid.static_load import static_load
 

@@ -11,9 +11,10 @@ import numpy as np
 
 from ambid.arrays import FloatArray
 from ambid.errors import RecordError
-from ambid.fit import fit_percent, measured_outputs, recorded_channels, with_average
+from ambid.fit import fit_percent, with_average
 from ambid.model import Model
-from ambid.record import Record, noise_ceiling
+from ambid.noise.ceiling import noise_ceiling
+from ambid.record import Record
 from ambid.results import Tabular
 from ambid.yardstick import Whitener, Window, channel_misfit
 
@@ -70,7 +71,7 @@ class RecordComparison:
     @property
     def residual(self) -> FloatArray:
         """Measured minus simulated, means removed, shape (N, channels)."""
-        left = measured_outputs(self.record)[:, : self.simulated.shape[1]] - self.simulated
+        left = self.record.outputs - self.simulated
         return left - left.mean(axis=0)
 
 
@@ -155,8 +156,7 @@ def _one(model: Model, record: Record) -> RecordComparison:
         raise RecordError(
             f"{where}: axes {', '.join(record.axes)}, the rig has {rig_axes}; load the record with its rig"
         )
-    channels = recorded_channels(record)
-    measured = measured_outputs(record)[:, : len(channels)]
+    channels, measured = record.channels, record.outputs
     simulated = model.response(record)[:, : len(channels)]
     fit = fit_percent(channels, [measured], [simulated])
     ceiling = noise_ceiling(record)

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.arrays import ComplexArray
-from ambid.fit import measured_outputs, recorded_channels
 from ambid.model import Model
 from ambid.tones import without_tones
 from ambid.whitened import Noise
@@ -58,13 +57,13 @@ def largest_change(model: Model, noise: Noise) -> Change | None:
     bases = [(k, name) for k, name in enumerate(model.names) if name.startswith(("K_i", "K_s"))]
     best: Change | None = None
     for record, whitener, tones in zip(noise.records, noise.whiteners, noise.tones, strict=True):
-        window, p = whitener.window, len(recorded_channels(record))
+        window, p = whitener.window, len(record.channels)
         if not window.is_periodic:
             continue  # every line is excited
         y, slopes = model.sensitivity(record, [k for k, _ in bases])
         acting = [j for j in range(len(bases)) if slopes[..., j].any()]  # not those of other bias currents
         slopes = slopes[..., acting]
-        residual = without_tones(measured_outputs(record)[:, :p] - y[:, :p], tones, window, record.sample_rate)
+        residual = without_tones(record.outputs - y[:, :p], tones, window, record.sample_rate)
         count = len(window.excited)
         whitening = whitener.whitening[:count]
         patterns = whitening @ window.some_lines(slopes[:, :p], whitener.more[:0])

@@ -7,19 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.record import Record, noise_ceiling
-
-
-def measured_outputs(record: Record) -> FloatArray:
-    """Stack the recorded y and i_c as the loop's outputs, shape (N, 2 axes); zeros where i_c was not recorded."""
-    i_c = np.zeros_like(record.y) if record.i_c is None else record.i_c
-    return np.hstack([record.y, i_c])
-
-
-def recorded_channels(record: Record) -> list[str]:
-    """Names of the loop's outputs that the record holds, in order."""
-    signals = ["y"] if record.i_c is None else ["y", "i_c"]
-    return [f"{signal}.{axis}" for signal in signals for axis in record.axes]
 
 
 def fit_percent(
@@ -47,17 +34,6 @@ def fit_percent(
         total += np.einsum("kc,kc->c", own, own)
     fit = dict(zip(channels, (100.0 * (1.0 - np.sqrt(missed / total))).tolist(), strict=True))
     return with_average(fit)
-
-
-def pooled_ceiling(records: Sequence[Record], channels: Sequence[str]) -> dict[str, float]:
-    """Noise ceiling [%] of channels over all records as one long one, and ``average``, see `noise_ceiling`."""
-    missed, total = np.zeros(len(channels)), np.zeros(len(channels))
-    for record in records:
-        ceilings = noise_ceiling(record)
-        power = measured_outputs(record)[:, : len(channels)].var(axis=0) * record.samples
-        missed += (1.0 - np.array([ceilings[c] for c in channels]) / 100.0) ** 2 * power
-        total += power
-    return with_average(dict(zip(channels, (100.0 * (1.0 - np.sqrt(missed / total))).tolist(), strict=True)))
 
 
 def with_average(per_channel: dict[str, float]) -> dict[str, float]:

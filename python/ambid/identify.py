@@ -12,11 +12,12 @@ from ambid.arrays import FloatArray
 from ambid.covariance import score_covariance
 from ambid.errors import ModelError, RecordError, UnstableLoopError
 from ambid.estimate import Estimate, ParameterEstimate
-from ambid.fit import fit_percent, measured_outputs, pooled_ceiling, recorded_channels
+from ambid.fit import fit_percent
 from ambid.loop_noise import loop_noise
 from ambid.model import Model
+from ambid.noise.ceiling import pooled_ceiling
 from ambid.parameter import UNITS
-from ambid.problem import End, Limits, Problem, noise_levels
+from ambid.problem import End, Limits, Problem, noise_levels, padded_outputs
 from ambid.record import Record
 from ambid.rig import Rig
 
@@ -231,12 +232,12 @@ def _estimate(problem: Problem, end: End, limits: Limits, notes: list[str], begu
         at = [model.names[i] for i, touched in zip(free, touches, strict=True) if touched]
         notes = [*notes, f"at a bound: {', '.join(at)}"]
     records = problem.records
-    channels = [c for c in recorded_channels(records[0]) if all(c in recorded_channels(r) for r in records)]
+    channels = [c for c in records[0].channels if all(c in r.channels for r in records)]
     return Estimate(
         model=model.with_values(dict(zip(model.names, end.theta, strict=True))),
         parameters=parameters,
         covariance=covariance,
-        fit_percent=fit_percent(channels, [measured_outputs(r) for r in records], simulated),
+        fit_percent=fit_percent(channels, [r.outputs for r in records], simulated),
         noise_ceiling_percent=pooled_ceiling(records, channels),
         status="not_identifiable" if directions else end.status,
         evaluations=problem.evaluations,
@@ -257,7 +258,7 @@ def _spread(problem: Problem, theta: FloatArray) -> tuple[tuple[FloatArray, ...]
         y, jacobian = at_end.sensitivity(record, problem.free)
         simulated.append(y)
         used = weight > 0.0
-        residual = (measured_outputs(record) - y)[:, used] * weight[used]
+        residual = (padded_outputs(record) - y)[:, used] * weight[used]
         jacobian = jacobian[:, used] * (weight[used, None] * problem.scale)
         residual -= residual.mean(axis=0)
         jacobian -= jacobian.mean(axis=0)

@@ -8,7 +8,6 @@ import numpy as np
 
 from ambid.arrays import FloatArray
 from ambid.drift import Change, largest_change
-from ambid.fit import measured_outputs, recorded_channels
 from ambid.model import Model
 from ambid.ports import Port, needed_at_ports
 from ambid.record import Record
@@ -167,9 +166,9 @@ def localise(model: Model, noise: Noise) -> Localisation:
     found = Localisation((), ports, tones, change, (), np.nan, ())
     maps, growth, cells = [], [], []
     for record, whitener in zip(noise.records, noise.whiteners, strict=True):
-        channels = tuple(recorded_channels(record))
+        channels = tuple(record.channels)
         simulated = model.response(record)[:, : len(channels)]
-        residual = measured_outputs(record)[:, : len(channels)] - simulated
+        residual = record.outputs - simulated
         window, excitation = whitener.window, model.excitation(record)[:, : len(record.axes)]
         own = _map(record, channels, channel_lines(residual, window, excitation), window)
         maps.append(own)

@@ -17,7 +17,6 @@ from scipy.ndimage import uniform_filter1d
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.effects.base import Effect, EffectParameter
-from ambid.fit import recorded_channels
 from ambid.loop.plant import Plant
 from ambid.model import Model
 from ambid.rank import log_chance
@@ -156,7 +155,7 @@ def needed_at_ports(model: Model, noise: Noise, index: int = 0) -> tuple[Port, .
         Of the record that is looked at.
     """
     record, whitener = noise.records[index], noise.whiteners[index]
-    window, axes, p = whitener.window, len(record.axes), len(recorded_channels(record))
+    window, axes, p = whitener.window, len(record.axes), len(record.channels)
     lines = len(window.excited)
     whitening = whitener.whitening[:lines]
     here = model.at(record)

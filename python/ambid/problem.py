@@ -12,9 +12,9 @@ from scipy.optimize import least_squares
 from ambid import _core
 from ambid.arrays import FloatArray
 from ambid.errors import ModelError, UnstableLoopError
-from ambid.fit import measured_outputs, recorded_channels
 from ambid.model import Model
-from ambid.record import Record, noise_ceiling
+from ambid.noise.ceiling import noise_ceiling
+from ambid.record import Record
 
 
 class End(NamedTuple):
@@ -117,13 +117,13 @@ class Problem(LeastSquares):
         super().__init__(model, free, progress)
         self.records, self.factors = records, factors
         self.weights = [
-            np.where(np.isin(model.loop.outputs, recorded_channels(record)), factors / rms, 0.0)
+            np.where(np.isin(model.loop.outputs, record.channels), factors / rms, 0.0)
             for record, rms in zip(records, noise, strict=True)
         ]
         self._data: dict[_core.ClosedLoop, list[_core.Data]] = {}  # by operating point
         for record, w in zip(records, self.weights, strict=True):
             core = model.at(record).loop.core
-            data = _core.Data(core, model.excitation(record), measured_outputs(record), w)
+            data = _core.Data(core, model.excitation(record), padded_outputs(record), w)
             self._data.setdefault(core, []).append(data)
 
     def _evaluate(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, float]:
@@ -144,10 +144,16 @@ class Problem(LeastSquares):
         """Rms of each channel's residual, per record."""
         at, found = self.model.with_theta(theta), []
         for record in self.records:
-            z = measured_outputs(record)
+            z = padded_outputs(record)
             rms = (z - at.response(record)).std(axis=0)
             found.append(np.where(rms > 0.0, rms, 1.0))
         return found
+
+
+def padded_outputs(record: Record) -> FloatArray:
+    """The recorded y and i_c as the loop's outputs, shape (N, 2 axes); zeros where i_c was not recorded."""
+    i_c = np.zeros_like(record.y) if record.i_c is None else record.i_c
+    return np.hstack([record.y, i_c])
 
 
 def noise_levels(records: Sequence[Record]) -> list[FloatArray]:
@@ -155,8 +161,8 @@ def noise_levels(records: Sequence[Record]) -> list[FloatArray]:
     levels = []
     for record in records:
         ceilings = noise_ceiling(record)
-        deviation = measured_outputs(record).std(axis=0)
-        share = np.array([1.0 - ceilings.get(name, np.nan) / 100.0 for name in recorded_channels(record)])
+        deviation = padded_outputs(record).std(axis=0)
+        share = np.array([1.0 - ceilings.get(name, np.nan) / 100.0 for name in record.channels])
         share = np.append(share, np.ones(len(deviation) - len(share)))
         rms = np.where(np.isnan(share), 1.0, share) * deviation
         levels.append(np.where(rms > 0.0, rms, 1.0))

@@ -13,7 +13,7 @@ from ambid.diagnosis import Diagnosis, Step
 from ambid.drift import largest_change
 from ambid.effects import Effect
 from ambid.errors import ModelError, UnstableLoopError
-from ambid.fit import fit_percent, measured_outputs, recorded_channels
+from ambid.fit import fit_percent
 from ambid.localise import localise
 from ambid.model import Model
 from ambid.next_experiment import next_experiment
@@ -389,6 +389,6 @@ def _with_effects_of(nominal: Model, model: Model) -> Model:
 
 
 def _fits(model: Model, records: Sequence[Record]) -> dict[str, float]:
-    channels = [c for c in recorded_channels(records[0]) if all(c in recorded_channels(r) for r in records)]
+    channels = [c for c in records[0].channels if all(c in r.channels for r in records)]
     simulated = [model.response(record) for record in records]
-    return fit_percent(channels, [measured_outputs(r) for r in records], simulated)
+    return fit_percent(channels, [r.outputs for r in records], simulated)

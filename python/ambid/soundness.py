@@ -8,7 +8,8 @@ from typing import Any, Literal
 import numpy as np
 
 from ambid.check_loop import NominalLoop
-from ambid.record import Record, noise_ceiling
+from ambid.noise.ceiling import noise_ceiling
+from ambid.record import Record
 from ambid.rig import Rig
 
 Severity = Literal["fault", "warning", "note"]

@@ -15,7 +15,7 @@ from ambid.errors import IdentificationError, RigError
 from ambid.estimate import ParameterEstimate
 from ambid.loop.geometry import axis_angles, axis_directions, geometry
 from ambid.record import StaticLoading
-from ambid.record_checks import order_of_axes
+from ambid.record.checks import order_of_axes
 from ambid.rig import PointMassRotor, Rig
 from ambid.rotor import reduced_rotor
 

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.arrays import FloatArray
-from ambid.fit import measured_outputs, recorded_channels
 from ambid.loop_noise import loop_noise
 from ambid.model import Model
 from ambid.problem import LeastSquares
@@ -92,7 +91,7 @@ class Noise:
             else:
                 samples = periods * window.period
                 signal = here.loop.simulate(here.theta, inputs[:samples])
-                found.append(w.whiten_period(signal[-window.period :, : len(recorded_channels(record))]))
+                found.append(w.whiten_period(signal[-window.period :, : len(record.channels)]))
         return np.concatenate(found)
 
     def jacobian(self, model: Model, free: Sequence[int]) -> tuple[FloatArray, FloatArray]:
@@ -100,8 +99,8 @@ class Noise:
         residuals, columns = [], []
         for w, record in zip(self.whiteners, self.records, strict=True):
             y, slopes = model.sensitivity(record, free)
-            p = len(recorded_channels(record))
-            residuals.append(w.whiten(measured_outputs(record)[:, :p] - y[:, :p]))
+            p = len(record.channels)
+            residuals.append(w.whiten(record.outputs - y[:, :p]))
             columns.append(w.whiten(slopes[:, :p]))
         return np.concatenate(residuals), np.vstack(columns)
 
@@ -115,13 +114,11 @@ def _around(frequencies_hz: Sequence[float], window: Window, sample_rate: float)
 
 
 def _simulated(model: Model, record: Record) -> FloatArray:
-    channels = len(recorded_channels(record))
-    return model.response(record)[:, :channels]
+    return model.response(record)[:, : len(record.channels)]
 
 
 def _residual(model: Model, record: Record) -> FloatArray:
-    simulated = _simulated(model, record)
-    return measured_outputs(record)[:, : simulated.shape[1]] - simulated
+    return record.outputs - _simulated(model, record)
 
 
 class WhitenedProblem(LeastSquares):

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ambid.channel_map import ChannelMap
 from ambid.errors import InputError
 from ambid.model import Model
-from ambid.record import Record
+from ambid.record import ChannelMap, Record
 from ambid.rig import Rig
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ambid.diagnosis import Diagnosis
 from ambid.errors import InputError
-from ambid.fit import pooled_ceiling
+from ambid.noise.ceiling import pooled_ceiling
 from ambid.plot.style import AXIS_COLOURS, GUIDE, SMALL, dress, misfit_text, new_figure, plain_log
 from ambid.record import Record
 

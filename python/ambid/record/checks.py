@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambid.errors import RecordError
-
-if TYPE_CHECKING:
-    from ambid.rig import Rig
+from ambid.rig import Rig
 
 MIN_SAMPLES = 200
 RATE_TOLERANCE = 1e-3

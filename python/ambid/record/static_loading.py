@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ambid import record_checks as checks
 from ambid.errors import RecordError
-from ambid.readers import read_csv_columns, require_content
-
-if TYPE_CHECKING:
-    from ambid.rig import Rig
+from ambid.record import checks
+from ambid.record.readers import read_csv_columns, require_content
+from ambid.rig import Rig
 
 __all__ = ["StaticLoading"]
 

@@ -1,35 +1,30 @@
-"""What was measured in closed loop: records with their gates and noise ceiling."""
+"""What was measured in closed loop: records, which pass their gates when they are loaded."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambid import record_checks as checks
-from ambid.channel_map import ChannelMap
 from ambid.errors import RecordError
-from ambid.excitation import find_period, rebuild_excitation
-from ambid.raw_record import SIGNALS, raw_record
-from ambid.readers import read
-from ambid.static_loading import StaticLoading
-from ambid.writers import write
+from ambid.record import checks
+from ambid.record.channel_map import ChannelMap
+from ambid.record.period import find_period
+from ambid.record.raw import SIGNALS, raw_record
+from ambid.record.readers import read
+from ambid.record.rebuild import rebuild_excitation
+from ambid.record.writers import write
+from ambid.rig import Rig
 
-if TYPE_CHECKING:
-    from ambid.rig import Rig
-
-__all__ = ["Record", "StaticLoading", "find_period", "noise_ceiling", "rebuild_excitation"]
+__all__ = ["Record"]
 
 WITHOUT_I_C = (
     "i_c was not recorded: K_i, K_s and tau_e are found from y alone; "
     "a lag of the amplifier, a delay of the loop and a lag of the sensor cannot be told apart"
 )
-UNSETTLED = 1.1
-"""Scatter of a period too many over that of the later ones; it holds a transient then."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -208,13 +203,13 @@ class Record:
             path=path,
         )
         checks.require_length(where, record.samples, period)
-        checks.require_finite(where, record._channels())
+        checks.require_finite(where, record._columns())
         if rig is not None:
             record = record._in_order_of(tuple(rig.axes))
             rate, more = checks.sample_rate_of(where, None, record.sample_rate, rig.sample_rate)
             record = replace(record, sample_rate=rate, notes=(*record.notes, *more))
             checks.require_metres(where, record.axes, record.y, rig)
-        for channel, values in record._channels():
+        for channel, values in record._columns():
             if not channel.startswith("y."):
                 checks.require_ampere(where, channel, values)
             if not channel.startswith("i_e."):
@@ -267,6 +262,17 @@ class Record:
         """Sampling instants [s], from 0, shape (N,)."""
         return np.arange(self.samples) / self.sample_rate
 
+    @property
+    def channels(self) -> list[str]:
+        """Names of the recorded outputs of the loop, such as ``y.A_zeta``; those of i_c only where it was recorded."""
+        signals = ["y"] if self.i_c is None else ["y", "i_c"]
+        return [f"{signal}.{axis}" for signal in signals for axis in self.axes]
+
+    @property
+    def outputs(self) -> NDArray[np.float64]:
+        """The recorded outputs of the loop, y and i_c, shape (N, channels)."""
+        return self.y if self.i_c is None else np.hstack([self.y, self.i_c])
+
     def save(self, path: str | Path) -> None:
         """Write the signals to a .csv, .mat (v5), .h5, .hdf5, .parquet or .tdms file; loading finds period and notes.
 
@@ -277,7 +283,8 @@ class Record:
         InputError
             If the format needs a package that is not installed.
         """
-        write(self, Path(path))
+        present = {name: array for name in SIGNALS if (array := getattr(self, name)) is not None}
+        write(Path(path), self.sample_rate, self.axes, present)
 
     def __repr__(self) -> str:
         signals = " ".join(signal for signal in SIGNALS if getattr(self, signal) is not None)
@@ -287,7 +294,7 @@ class Record:
             f"{signals} on {', '.join(self.axes)}; {len(self.notes)} notes)"
         )
 
-    def _channels(self) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    def _columns(self) -> Iterator[tuple[str, NDArray[np.float64]]]:
         for signal in SIGNALS:
             if (array := getattr(self, signal)) is not None:
                 yield from ((f"{signal}.{axis}", array[:, j]) for j, axis in enumerate(self.axes))
@@ -308,7 +315,16 @@ class Record:
             if rig is None:
                 note = "i_e was not logged: load the record with its rig, whose controller rebuilds it"
                 return replace(record, notes=(*record.notes, note))
-            record = rebuild_excitation(record, rig)
+            i_e, period, note = rebuild_excitation(
+                rig,
+                self.sample_rate,
+                y=self.y,
+                i_ref=self.i_ref,
+                i_c=self.i_c,
+                period=self.period,
+                where=str(self.path or self.name),
+            )
+            record = replace(self, i_e=i_e, period=period, notes=(*self.notes, note))
         i_e = np.asarray(record.i_e)
         notes = checks.notes_on_excitation(str(self.path or self.name), record.axes, i_e)
         found = find_period(i_e) if record is self else record.period
@@ -319,46 +335,6 @@ class Record:
             count = f"{record.periods} whole periods" if record.period else "no period"
             notes.append(f"{count} of i_e found: the noise ceiling needs 3, and is not estimated")
         return replace(record, notes=(*record.notes, *notes))
-
-
-def noise_ceiling(record: Record) -> dict[str, float]:
-    """Fit [%] that the exact model would reach, from the scatter of y and i_c over the periods.
-
-    The first period holds the transient and is left out, and further ones while that makes the scatter less by more
-    than a tenth, as long as two remain. Over the M that remain, with xbar their mean period,
-
-        ceiling = 100 (1 - sqrt(M / (M - 1)) ||x - xbar|| / ||x - mean x||),
-
-    where the factor undoes that xbar was fitted to the same noise.
-
-    Parameters
-    ----------
-    record : Record
-        With a period.
-
-    Returns
-    -------
-    dict of str to float
-        By channel, such as ``y.A_zeta``; NaN where fewer than 2 periods remain (the record's notes say so).
-    """
-    kept = record.periods - 1
-    ceiling = {}
-    for channel, values in record._channels():
-        if not channel.startswith(("y.", "i_c.")):
-            continue
-        if record.period is None or kept < 2:
-            ceiling[channel] = float("nan")
-            continue
-        x = values[record.period : (kept + 1) * record.period].reshape(kept, record.period)
-        missed = [_scatter(x[first:]) for first in range(kept - 1)]
-        settled = next((m for first, m in enumerate(missed) if m <= UNSETTLED * min(missed[first:])), np.nan)
-        ceiling[channel] = float(100 * (1 - settled))
-    return ceiling
-
-
-def _scatter(x: NDArray[np.float64]) -> float:
-    """Of periods (M, N) about their mean, relative to what they hold; free from bias by the mean."""
-    return float(np.linalg.norm(x - x.mean(axis=0)) * np.sqrt(len(x) / (len(x) - 1)) / np.linalg.norm(x - x.mean()))
 
 
 def _as_array(where: str, signal: str, values: ArrayLike) -> NDArray[np.float64]:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.errors import InputError, RecordError
-from ambid.raw_record import SIGNALS, RawRecord, numbers, require_agreement
-from ambid.readers import Content
+from ambid.record.raw import SIGNALS, RawRecord, numbers, require_agreement
+from ambid.record.readers import Content
 
 __all__ = ["ChannelMap"]
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.errors import RecordError
-from ambid.readers import Content, require_names
+from ambid.record.readers import Content, require_names
 
 SIGNALS = ("i_e", "y", "i_c", "i_ref")
 

@@ -7,10 +7,11 @@ import pytest
 import scipy.io
 from scipy.signal import lfilter
 
-import ambid.readers
+import ambid.record.readers
 from ambid.errors import InputError, RecordError
 from ambid.excitation import prbs
-from ambid.record import Record, StaticLoading, noise_ceiling
+from ambid.noise.ceiling import noise_ceiling
+from ambid.record import Record, StaticLoading
 from ambid.rig import Rig
 from places import BENCH as BENCH_FILE
 from places import SHARED
@@ -322,7 +323,7 @@ def test_missing_package_says_how_to_install(tmp_path, monkeypatch, suffix):
         raise ImportError(name)
 
     (tmp_path / f"r{suffix}").write_bytes(b"x")
-    monkeypatch.setattr(ambid.readers.importlib, "import_module", missing)
+    monkeypatch.setattr(ambid.record.readers.importlib, "import_module", missing)
     with pytest.raises(InputError, match=r"pip install 'ambid\[io\]'"):
         Record.load(tmp_path / f"r{suffix}")
 

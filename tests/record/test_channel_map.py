@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 import scipy.io
 
-import ambid.readers
-from ambid.channel_map import ChannelMap
+import ambid.record.readers
 from ambid.errors import InputError, RecordError
 from ambid.excitation import prbs
 from ambid.model import Model
-from ambid.record import Record
+from ambid.record import ChannelMap, Record
 from ambid.rig import Rig
 from places import BENCH as BENCH_FILE
 
@@ -153,7 +152,7 @@ def test_tdms_needs_a_package(tmp_path, monkeypatch):
         raise ImportError(name)
 
     (tmp_path / "run.tdms").write_bytes(b"x")
-    monkeypatch.setattr(ambid.readers.importlib, "import_module", missing)
+    monkeypatch.setattr(ambid.record.readers.importlib, "import_module", missing)
     with pytest.raises(InputError, match=r"run\.tdms: this format needs the package npTDMS: pip install 'ambid\[io\]'"):
         Record.load(tmp_path / "run.tdms")
 

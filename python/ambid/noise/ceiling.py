@@ -1,0 +1,65 @@
+"""The fit that noise allows: what a record repeats from period to period, and what it does not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ambid.arrays import FloatArray
+from ambid.fit import with_average
+from ambid.record import Record
+
+__all__ = ["noise_ceiling", "pooled_ceiling"]
+
+UNSETTLED = 1.1
+"""Scatter of a period too many over that of the later ones; it holds a transient then."""
+
+
+def noise_ceiling(record: Record) -> dict[str, float]:
+    """Fit [%] that the exact model would reach, from the scatter of y and i_c over the periods.
+
+    The first period holds the transient and is left out, and further ones while that makes the scatter less by more
+    than a tenth, as long as two remain. Over the M that remain, with xbar their mean period,
+
+        ceiling = 100 (1 - sqrt(M / (M - 1)) ||x - xbar|| / ||x - mean x||),
+
+    where the factor undoes that xbar was fitted to the same noise.
+
+    Parameters
+    ----------
+    record : Record
+        With a period.
+
+    Returns
+    -------
+    dict of str to float
+        By channel, such as ``y.A_zeta``; NaN where fewer than 2 periods remain (the record's notes say so).
+    """
+    kept = record.periods - 1
+    ceiling = {}
+    for channel, values in zip(record.channels, record.outputs.T, strict=True):
+        if record.period is None or kept < 2:
+            ceiling[channel] = float("nan")
+            continue
+        x = values[record.period : (kept + 1) * record.period].reshape(kept, record.period)
+        missed = [_scatter(x[first:]) for first in range(kept - 1)]
+        settled = next((m for first, m in enumerate(missed) if m <= UNSETTLED * min(missed[first:])), np.nan)
+        ceiling[channel] = float(100 * (1 - settled))
+    return ceiling
+
+
+def _scatter(x: FloatArray) -> float:
+    """Of periods (M, N) about their mean, relative to what they hold; free from bias by the mean."""
+    return float(np.linalg.norm(x - x.mean(axis=0)) * np.sqrt(len(x) / (len(x) - 1)) / np.linalg.norm(x - x.mean()))
+
+
+def pooled_ceiling(records: Sequence[Record], channels: Sequence[str]) -> dict[str, float]:
+    """Noise ceiling [%] of channels over all records as one long one, and ``average``, see `noise_ceiling`."""
+    missed, total = np.zeros(len(channels)), np.zeros(len(channels))
+    for record in records:
+        ceilings = noise_ceiling(record)
+        power = record.outputs[:, : len(channels)].var(axis=0) * record.samples
+        missed += (1.0 - np.array([ceilings[c] for c in channels]) / 100.0) ** 2 * power
+        total += power
+    return with_average(dict(zip(channels, (100.0 * (1.0 - np.sqrt(missed / total))).tolist(), strict=True)))

@@ -1,0 +1,168 @@
+"""The excitation i_e of a record where it was not logged, from the recorded command or current and the controller."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import schur
+
+from ambid.arrays import FloatArray
+from ambid.errors import RecordError
+from ambid.record.period import find_period
+from ambid.rig import Rig
+
+__all__ = ["Rebuilt", "rebuild_excitation"]
+
+REBUILT_TOLERANCE = 0.6
+"""A rebuilt i_e carries the noise of its sources: two of its periods agree less well than those of a logged one."""
+
+
+class Rebuilt(NamedTuple):
+    """A rebuilt excitation, shape (N, axes) [A], its period in samples, and what it was rebuilt from in words."""
+
+    i_e: FloatArray
+    period: int | None
+    note: str
+
+
+def rebuild_excitation(
+    rig: Rig,
+    sample_rate: float,
+    *,
+    y: FloatArray,
+    i_ref: FloatArray | None = None,
+    i_c: FloatArray | None = None,
+    period: int | None = None,
+    where: str = "record",
+) -> Rebuilt:
+    """Recover i_e = i_ref + K y where it was not logged, with the controller K of the rig.
+
+    From a recorded command i_ref this is direct. From the current i_c the amplifier's lag is inverted for a held input,
+    i_c[k+1] = a i_c[k] + (1 - a) i_ref[k] with a = exp(-dt / tau_a), which amplifies the noise of i_c. An analog K acts
+    on y taken as linear between the samples (first-order hold). A digital K is exact; the recorded command comes after
+    its delay, of which the whole samples are undone. Samples of i_e that act only after the end of the
+    record are continued periodically, or repeat the last one.
+
+    Parameters
+    ----------
+    rig : Rig
+        Its `axes`, `controller` and, for i_c, `amplifier.time_constant` are used.
+    sample_rate : float
+        Of the record [Hz].
+    y : ndarray, shape (N, axes)
+        Displacements [m].
+    i_ref, i_c : ndarray, shape (N, axes), optional
+        Command and current [A]; the command is taken where both are given.
+    period : int, optional
+        Samples per period; by default it is found from the result.
+    where : str
+        The record, in messages.
+
+    Raises
+    ------
+    RecordError
+        If neither i_ref nor i_c was recorded, the controller runs at another rate than the record, or the result
+        drifts: y is not what the integrator saw.
+
+    Notes
+    -----
+    The integrator's state before the record is not known, and it acts as a constant added to i_e. With an integrating K
+    the mean of i_e is therefore set to zero.
+    """
+    controller = rig.controller
+    i_e, source, integrating = _recover(rig, sample_rate, y, i_ref, i_c, where)
+    note = f"i_e was not logged: rebuilt from {source}, y and the rig's {controller.implementation} controller"
+    if lost := controller.delay_samples % 1:
+        note += f"; {lost:.3g} sample of its delay is not undone"
+    period = period or find_period(i_e, tolerance=REBUILT_TOLERANCE)
+    if integrating:
+        _refuse_drift(i_e, y, rig.axes, where)
+        mean = i_e[: len(i_e) // period * period if period else None].mean(axis=0)
+        i_e = i_e - mean
+        note += f"; its mean ({', '.join(f'{m:.3g}' for m in mean)} A, the integrator's operating point) was removed"
+    while (missing := len(y) - len(i_e)) > 0:
+        tail = i_e[-period:][:missing] if period else np.repeat(i_e[-1:], missing, axis=0)
+        i_e = np.concatenate([i_e, tail])
+    return Rebuilt(i_e, period, note)
+
+
+def _recover(
+    rig: Rig, rate: float, y: FloatArray, i_ref: FloatArray | None, i_c: FloatArray | None, where: str
+) -> tuple[FloatArray, str, bool]:
+    """Return i_e as far as it acts within the record, what it was recovered from, and whether K integrates."""
+    controller = rig.controller
+    command, source = (i_c, "i_c") if i_ref is None else (i_ref, "the recorded command i_ref")
+    if command is None:
+        raise RecordError(f"{where}: i_e is missing, and i_ref and i_c to rebuild it from are too; record one of them")
+    if controller.is_digital and abs(controller.rate(rate) - rate) > 1e-6 * rate:
+        raise RecordError(
+            f"{where}: i_e cannot be rebuilt: the controller runs at {controller.rate(rate):g} Hz, "
+            f"the record at {rate:g} Hz; log i_e, or record at the controller's rate"
+        )
+    K = controller.state_space(y.shape[1], rate)
+    tau_a = rig.amplifier.time_constant if i_ref is None else 0.0
+    if not controller.is_digital:
+        from scipy.signal import cont2discrete  # slow to import, and seldom needed
+
+        # What K adds between the samples goes through the amplifier with it; only the held i_e is left to invert for.
+        K = cont2discrete(_then_lag(K, tau_a) if tau_a else K, 1 / rate, method="foh")[:4]
+        feedback, integrating = _response(K, y)
+        command = command + feedback
+    if tau_a:
+        a = np.exp(-1 / (rate * tau_a))
+        command = (command[1:] - a * command[:-1]) / (1 - a)
+        source += f" (its noise is amplified {np.sqrt(1 + a**2) / (1 - a):.2g} times by undoing the amplifier's lag)"
+    if controller.is_digital:
+        feedback, integrating = _response(K, y)
+        command = command[int(controller.delay_samples) :]
+        command = command + feedback[: len(command)]
+    return command, source, integrating
+
+
+def _response(K: tuple[FloatArray, ...], y: FloatArray) -> tuple[FloatArray, bool]:
+    """Return K y, shape (N, outputs), for discrete K = (A, B, C, D) at rest before y[0], and whether K integrates.
+
+    The Schur form makes A triangular, so that each state is one scalar recursion driven by the later ones.
+    """
+    from scipy.signal import lfilter  # slow to import, and seldom needed
+
+    A, B, C, D = K
+    if A.size == 0:
+        return y @ D.T, False
+    integrating = bool(np.any(np.abs(np.linalg.eigvals(A) - 1) < 1e-9))
+    # At rest the rotor sits at its operating point, not at zero: without an integrator K has settled there.
+    operating_point = 0.0 * y[0] if integrating else y.mean(axis=0)
+    gain = D if integrating else C @ np.linalg.solve(np.eye(len(A)) - A, B) + D
+    u = y - operating_point
+    T, Z = schur(A, output="complex")
+    forcing = u @ (Z.conj().T @ B).T
+    x = np.zeros_like(forcing)
+    for j in reversed(range(len(T))):
+        x[:, j] = lfilter([0, 1], [1, -T[j, j]], forcing[:, j] + x[:, j + 1 :] @ T[j, j + 1 :])
+    return (x @ (C @ Z).T).real + u @ D.T + operating_point @ gain.T, integrating
+
+
+def _then_lag(K: tuple[FloatArray, ...], tau: float) -> tuple[FloatArray, ...]:
+    """Continuous K followed by a first-order lag [s] on each output."""
+    A, B, C, D = K
+    states, outputs = len(A), len(C)
+    eye = np.eye(outputs)
+    return (
+        np.block([[A, np.zeros((states, outputs))], [C / tau, -eye / tau]]),
+        np.vstack([B, D / tau]),
+        np.hstack([np.zeros((outputs, states)), eye]),
+        np.zeros_like(D),
+    )
+
+
+def _refuse_drift(i_e: FloatArray, y: FloatArray, axes: tuple[str, ...], where: str) -> None:
+    """Raise where the rebuilt i_e is mostly a ramp: K integrated an offset of y that the real one did not see."""
+    time = np.linspace(-0.5, 0.5, len(i_e))
+    drift = np.abs(12 * (time @ i_e) / len(i_e))
+    for axis, ramp, spread, offset in zip(axes, drift, i_e.std(axis=0), y.mean(axis=0), strict=True):
+        if ramp > 2 * spread:
+            raise RecordError(
+                f"{where}: i_e.{axis} rebuilt from y drifts by {ramp:.3g} A over the record: the mean of y.{axis}, "
+                f"{offset:.3g} m, is not what the integrator saw; subtract the controller's set point from y"
+            )
