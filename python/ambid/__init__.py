@@ -2,12 +2,9 @@
 
 from importlib.metadata import version
 
-from ambid.bias_point import Campaign
-from ambid.campaign import campaign
-from ambid.check import Soundness, check
-from ambid.compare import Comparison, compare
-from ambid.diagnose import diagnose
-from ambid.diagnosis import Diagnosis
+from ambid.campaigns import Campaign, campaign
+from ambid.checking import Soundness, check
+from ambid.diagnosis import Comparison, Diagnosis, Localisation, Ranking, compare, diagnose, localise, rank
 from ambid.effects import CATALOGUE, Effect, EffectParameter
 from ambid.errors import (
     AmbidError,
@@ -18,9 +15,8 @@ from ambid.errors import (
     RigError,
     UnstableLoopError,
 )
-from ambid.estimate import Estimate, ParameterEstimate
 from ambid.excitation import multisine, prbs
-from ambid.identify import identify
+from ambid.identification import Estimate, ParameterEstimate, StaticEstimate, identify, static_load
 from ambid.interop import (
     controller_from,
     controller_from_mat,
@@ -29,14 +25,10 @@ from ambid.interop import (
     to_mat,
     to_scipy,
 )
-from ambid.localise import Localisation, localise
 from ambid.model import Model, Parameter
-from ambid.noise.ceiling import noise_ceiling
-from ambid.rank import Ranking, rank
+from ambid.noise import Noise, noise_ceiling
 from ambid.record import ChannelMap, Record, StaticLoading
 from ambid.rig import Controller, Rig, StateSpaceController, TransferFunctionController
-from ambid.static_load import StaticEstimate, static_load
-from ambid.whitened import Noise
 
 __version__ = version("ambid")
 

@@ -22,7 +22,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from ambid.diagnose import diagnose
+from ambid.diagnosis import diagnose
 from hidden.experiment import experiment
 from hidden.physics import CATALOGUE, OUTSIDE
 

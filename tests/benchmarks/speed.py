@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 
 from ambid import _core
 from ambid.excitation import prbs
-from ambid.identify import identify
+from ambid.identification import identify
 from ambid.model import Model
 from ambid.rig import ModalRotor, Rig
 from virtual import VirtualBench

@@ -9,9 +9,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
 from ambid.excitation import prbs
+from ambid.noise.whitener import Whitener
+from ambid.noise.window import Window
 from ambid.record import Record
 from ambid.rig import Bearing, PidController, PointMassRotor, Rig
-from ambid.yardstick import Whitener, Window
 from places import SHARED
 
 from .bench import MachineFailure, simulate, simulate_all

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 import ambid.record.readers
 from ambid.errors import InputError, RecordError
 from ambid.excitation import prbs
-from ambid.noise.ceiling import noise_ceiling
+from ambid.noise import noise_ceiling
 from ambid.record import Record, StaticLoading
 from ambid.rig import Rig
 from places import BENCH as BENCH_FILE

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from ambid.check import check
+from ambid.checking import check
 from ambid.cli.files import load_model, load_records, require_writable, write_json
 from ambid.cli.options import (
     Columns,
@@ -27,16 +27,16 @@ from ambid.cli.options import (
     names,
 )
 from ambid.cli.terminal import announce, confirm, draw, progress, require_terminal, say, show, with_time_left
-from ambid.compare import compare
-from ambid.diagnose import ADEQUATE, diagnose
+from ambid.diagnosis import compare, diagnose, localise
+from ambid.diagnosis.localisation import Cell
+from ambid.diagnosis.procedure import ADEQUATE
 from ambid.effects import find
 from ambid.errors import IdentificationError, InputError, RecordError
-from ambid.localise import Cell, localise
 from ambid.model import Model
+from ambid.noise import Noise
 from ambid.plot import check_format, save_comparison
 from ambid.record import Record
 from ambid.rig import Rig
-from ambid.whitened import Noise
 
 MOST_CELLS, MOST_PRINTED = 20, 5
 

@@ -8,10 +8,10 @@ from typing import Annotated, Any
 import typer
 
 from ambid import demo
+from ambid.cli.effect_option import with_effects
 from ambid.cli.files import load_model, require_writable, write_json
 from ambid.cli.options import JsonFile, ModelFile, Quiet, RigFile, known_effects
 from ambid.cli.terminal import show
-from ambid.effect_option import with_effects
 from ambid.errors import InputError
 from ambid.excitation import prbs
 from ambid.record import Record

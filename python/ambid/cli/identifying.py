@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ambid.campaign import campaign
+from ambid.campaigns import campaign
 from ambid.cli.files import load_model, load_records, require_writable, write_json
 from ambid.cli.options import (
     Columns,
@@ -25,12 +25,11 @@ from ambid.cli.options import (
     number,
 )
 from ambid.cli.terminal import announce, draw, progress, show, stoppable
-from ambid.identify import identify
+from ambid.identification import identify, static_load
 from ambid.plot import check_format
-from ambid.plot_campaign import save_campaign
+from ambid.plot.force_current import save_campaign
 from ambid.record import StaticLoading
 from ambid.rig import Rig
-from ambid.static_load import static_load
 
 UNFINISHED = ("not_identifiable", "max_evaluations", "stopped")
 

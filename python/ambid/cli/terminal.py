@@ -13,11 +13,10 @@ from rich.console import Console
 from rich.prompt import Confirm
 from rich.text import Text
 
-from ambid.compare import compare
+from ambid.diagnosis import Candidate, Ranking, compare
 from ambid.errors import IdentificationError, InputError
 from ambid.model import Model
 from ambid.plot import save_comparison
-from ambid.rank import Candidate, Ranking
 from ambid.record import Record
 
 status = Console(stderr=True)

@@ -5,7 +5,6 @@ from typing import Any
 
 from ambid.effects.actuator import AxisCrossCoupling, EddyCurrents
 from ambid.effects.amplifier import AmplifierBandwidth, AmplifierVoltageLimit, BackEmf, LoopDelay
-from ambid.effects.base import Effect, EffectParameter, Seen
 from ambid.effects.disturbance import PeriodicDisturbance, Unbalance
 from ambid.effects.magnet import FluxSaturation, ForceNonlinearity, MagneticHysteresis
 from ambid.effects.rotor import BendingModeShift, GyroscopicCoupling, RotorBendingMode, RotorInertiaError
@@ -18,6 +17,7 @@ from ambid.effects.sensor import (
 )
 from ambid.effects.support import CouplingStiffness, FoundationResonance, SealForces
 from ambid.errors import ModelError
+from ambid.loop.effect import Effect, EffectParameter, Seen
 
 __all__ = ["CATALOGUE", "Effect", "EffectParameter", "Seen", "find"]
 

@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 from scipy.optimize import nnls
 
-from ambid.effects.base import Effect, EffectParameter
 from ambid.loop.assembly import combine
+from ambid.loop.effect import Effect, EffectParameter
 from ambid.loop.plant import Plant
 from ambid.rig import Rig
 

@@ -7,8 +7,8 @@ from math import pi
 
 import numpy as np
 
-from ambid.effects.base import Effect, EffectParameter, Seen
 from ambid.loop.assembly import Signal
+from ambid.loop.effect import Effect, EffectParameter, Seen
 from ambid.loop.plant import Plant
 from ambid.rig import Rig
 

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import pi
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.effects.base import Effect, EffectParameter, Seen
 from ambid.effects.support import likely_places
 from ambid.errors import ModelError
+from ambid.loop.effect import Effect, EffectParameter, Seen
 from ambid.loop.plant import Plant
+from ambid.record import Record
 from ambid.rig import PointMassRotor, Rig
-
-if TYPE_CHECKING:
-    from ambid.record import Record
 
 SIGNALS = {"current": "i_ref", "force": "f"}
 """Ports that a periodic disturbance may act on, and their signals."""

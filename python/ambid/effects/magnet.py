@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ambid.effects.base import Effect, EffectParameter, Seen
+from ambid.loop.effect import Effect, EffectParameter, Seen
 from ambid.loop.plant import Plant
 from ambid.rig import Rig
 

@@ -7,8 +7,8 @@ from math import pi
 
 import numpy as np
 
-from ambid.effects.base import Effect, EffectParameter, Seen
 from ambid.loop.assembly import combine
+from ambid.loop.effect import Effect, EffectParameter, Seen
 from ambid.loop.plant import Plant
 from ambid.rig import FiniteElementRotor, MatrixRotor, Rig
 from ambid.rotor import reduced_rotor, with_more_modes

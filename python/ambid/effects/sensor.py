@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ambid.effects.base import Effect, EffectParameter, Seen
 from ambid.loop.assembly import combine
+from ambid.loop.effect import Effect, EffectParameter, Seen
 from ambid.loop.plant import Plant
 from ambid.rig import FiniteElementRotor, Rig
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,13 +13,11 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import ModelError
 from ambid.loop.assembly import Block, Lft
 from ambid.loop.controller import close_analog
+from ambid.loop.effect import Effect
 from ambid.loop.plant import Plant
 from ambid.loop.response import frequency_response
 from ambid.rig import Rig
 from ambid.rotor import ReducedRotor, reduced_rotor, with_more_modes
-
-if TYPE_CHECKING:
-    from ambid.effects.base import Effect
 
 
 class Loop:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.fit import with_average
+from ambid.noise.fit import with_average
 from ambid.record import Record
 
 __all__ = ["noise_ceiling", "pooled_ceiling"]

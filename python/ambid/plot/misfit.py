@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ambid.diagnosis import Localisation
 from ambid.errors import InputError
-from ambid.localise import Localisation
 from ambid.plot.style import AXIS_COLOURS, GUIDE, LABEL, SMALL, dress, new_figure
 
 if TYPE_CHECKING:

@@ -10,10 +10,11 @@ import numpy as np
 from scipy.fft import irfft, rfft
 
 from ambid.arrays import FloatArray
+from ambid.diagnosis import Localisation
+from ambid.diagnosis.localisation import SHAPED
+from ambid.diagnosis.ports import TERMS, Port, Term
 from ambid.errors import InputError
-from ambid.localise import SHAPED, Localisation
 from ambid.plot.style import AXIS_COLOURS, AXIS_MARKERS, LABEL, SMALL, dress, new_figure, shown_in
-from ambid.ports import TERMS, Port, Term
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import brentq
 
+from ambid.diagnosis import Candidate, Ranking
+from ambid.diagnosis.ranking import ALPHA
 from ambid.plot.style import LABEL, SMALL, dress, misfit_text, new_figure
-from ambid.rank import ALPHA, Candidate, Ranking
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

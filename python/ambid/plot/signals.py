@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ambid.compare import Comparison, RecordComparison, compare
+from ambid.diagnosis import Comparison, compare
+from ambid.diagnosis.comparison import RecordComparison
 from ambid.errors import InputError
 from ambid.model import Model
 from ambid.plot.style import BAND, GUIDE, LABEL, MEASURED, SIMULATED, SMALL, check_format, dress, new_figure, shown_in

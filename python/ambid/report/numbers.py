@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ambid.diagnosis import Diagnosis, Step
+from ambid.identification.refit import SUBSTEPS
 from ambid.model import Model
-from ambid.rank import SUBSTEPS
+from ambid.noise import Noise
 from ambid.record import Record
 from ambid.report.words import quantity
 from ambid.rig import FiniteElementRotor, PointMassRotor, Rig
 from ambid.rotor import assemble, reduced_rotor
-from ambid.whitened import Noise
 
 
 def base_model(diagnosis: Diagnosis) -> Model:

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ambid.compare import Comparison
-from ambid.diagnosis import Diagnosis
-from ambid.localise import SHAPED, Localisation
+from ambid.diagnosis import Comparison, Diagnosis, Localisation, Ranking
+from ambid.diagnosis.localisation import SHAPED
 from ambid.plot import (
     plot_comparison,
     plot_growth,
@@ -25,7 +24,6 @@ from ambid.plot import (
 from ambid.plot.needed import SEEN
 from ambid.plot.signals import legend
 from ambid.plot.style import LABEL, new_figure
-from ambid.rank import Ranking
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure

@@ -6,12 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ambid.compare import compare
-from ambid.diagnosis import Diagnosis, Step
+from ambid.diagnosis import Diagnosis, Localisation, Ranking, Step, compare
 from ambid.effects import CATALOGUE
-from ambid.localise import Localisation
 from ambid.plot.staircase import ceiling_of_y
-from ambid.rank import Ranking
 from ambid.report import numbers, pictures, words
 from ambid.rig import Rig
 

@@ -1,0 +1,75 @@
+"""A campaign over bias currents: K_i by closed-loop identification and static loading, K_s and tau_e with scatter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from ambid.campaigns.folder import read_folder
+from ambid.campaigns.result import BiasPoint, Campaign, Runs
+from ambid.errors import AmbidError
+from ambid.identification import Estimate, identify, static_load
+from ambid.model import Model
+from ambid.record import Record
+from ambid.rig import Rig
+
+__all__ = ["campaign"]
+
+
+def campaign(folder: str | Path, *, progress: Callable[[int, int, str], None] | None = None) -> Campaign:
+    """Identify the bench at every bias current, and hold K_i against static loading (Fig. 4, Tables 2 and 3).
+
+    Every record is identified by itself, for the scatter over the runs, and all records of one kind jointly, for the
+    values and their 95 % intervals. All files are read and checked before the first identification.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Holds one folder per bias current, each with ``rig.toml``, records named ``<kind>_<N>`` such as
+        ``prbs_small_1.mat`` in any format that `Record.load` reads, and static loadings ``static_<N>.csv``. Hidden
+        files, and those with other suffixes, are not looked at.
+    progress : callable, optional
+        Called before each step with the number of steps done, their total, and what is next.
+
+    Returns
+    -------
+    Campaign
+
+    Raises
+    ------
+    InputError
+        If the folder is not laid out like that, or a file is refused; the message names it.
+    UnstableLoopError, IdentificationError
+        If an identification or a static loading could not be done; the message names the record or the folder.
+    """
+    folder = Path(folder)
+    contents, notes = read_folder(folder)
+    total = sum(len(runs) + 1 for content in contents for runs in content.records.values())
+    done = 0
+
+    def fit(start: Model | Rig, records: list[Record], where: Path) -> Estimate:
+        nonlocal done
+        if progress is not None:
+            progress(done, total, str(where))
+        done += 1
+        return _identify(start, records, where)
+
+    points = []
+    for content in contents:
+        runs = []
+        for kind, records in content.records.items():
+            single = tuple(fit(content.rig, [record], content.folder / record.name) for record in records)
+            runs.append(Runs(kind, fit(single[0].model, records, content.folder / kind), single))
+        static = static_load(content.rig, content.loadings) if content.loadings else None
+        points.append(BiasPoint(content.folder, content.rig, tuple(runs), static))
+    return Campaign(folder, tuple(points), notes)
+
+
+def _identify(start: Model | Rig, records: list[Record], where: Path) -> Estimate:
+    try:
+        estimate = identify(start, records)
+    except AmbidError as error:
+        raise type(error)(f"{where}: {error}") from error
+    if estimate.status == "stopped":
+        raise KeyboardInterrupt  # `identify` ends early where the user asks; a campaign is stopped as a whole
+    return estimate

@@ -1,0 +1,381 @@
+"""The two equations of a record, line by line: current from excitation and displacement, displacement from current.
+
+    i_c = A d (h i_e - K y)          the controller's, which needs no rotor
+    y   = G i_c                      the machine's, which needs no controller
+
+with the amplifier A, the controller K, its delay d, the hold h of the excitation, and the plant G. Each is held against
+the record by itself, so that what is wrong shows on its own side; both stay valid where the nominal loop is unstable.
+What lies above the Nyquist frequency is neglected, which costs a per cent or two.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import permutations, product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares, linear_sum_assignment
+
+from ambid.arrays import ComplexArray, FloatArray
+from ambid.loop.plant import plant
+from ambid.loop.response import frequency_response
+from ambid.model import Model
+from ambid.noise.window import Window
+from ambid.record import Record
+from ambid.rig import Controller, PidController, Rig
+from ambid.rig.controller import StateSpace
+from ambid.rotor import reduced_rotor
+
+HIGHEST_FREQUENCY = 0.25
+"""Lines up to this part of the sample rate count."""
+MOST_LINES = 2000
+GAIN_FACTORS = (1.0, 1.05, 0.95, 1.1, 0.9, 1.2, 0.8, 1.4, 0.7)
+"""Common factors on all K_i that are tried, nearest first, where the nominal loop is unstable."""
+PID_GAINS = ("proportional", "integral", "derivative")
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Spectra of one record on its excited lines, after the first period; over all of it where it has no periods.
+
+    Attributes
+    ----------
+    frequency_hz : ndarray, shape (lines,)
+    i_e, y : ndarray, shape (lines, axes)
+        [A], [m], up to a common factor.
+    i_c : ndarray, shape (lines, axes), or None
+    index : ndarray, shape (lines,)
+        Number of each line among those of `window` samples; the first is 1.
+    window : int
+        Samples of one period, or of the record without periods.
+    """
+
+    frequency_hz: FloatArray
+    i_e: ComplexArray
+    y: ComplexArray
+    i_c: ComplexArray | None
+    index: NDArray[np.intp]
+    window: int
+
+    @classmethod
+    def of(cls, record: Record) -> Lines:
+        """Lines of a record with i_e; the strongest of the excitation where there are many."""
+        window, length = None, record.samples
+        if record.period is not None and record.periods >= 2:
+            window, length = Window.after_first(record.period, record.periods - 1), record.period
+
+        def spectrum(signal: FloatArray) -> ComplexArray:
+            if window is not None:
+                return window.lines(signal)[window.excited]
+            return np.fft.rfft((signal - signal.mean(axis=0)) * np.hanning(len(signal))[:, None], axis=0)[1:]
+
+        i_e = spectrum(np.asarray(record.i_e))
+        index = np.arange(1, len(i_e) + 1)
+        frequency = index * record.sample_rate / length
+        power = np.linalg.norm(i_e, axis=1)
+        # without periods the lowest lines hold what drifts
+        usable = (index >= (5 if window is None else 1)) & (frequency < HIGHEST_FREQUENCY * record.sample_rate)
+        kept = np.flatnonzero(usable & (power > 1e-3 * power.max()))
+        kept = np.sort(kept[np.argsort(power[kept])[-MOST_LINES:]])
+        i_c = None if record.i_c is None else spectrum(record.i_c)[kept]
+        return cls(frequency[kept], i_e[kept], spectrum(record.y)[kept], i_c, index[kept], length)
+
+
+class NominalLoop:
+    """A rig's loop as frequency responses.
+
+    Parameters
+    ----------
+    rig : Rig
+
+    Attributes
+    ----------
+    gain_factor : float or None
+        1 where the nominal loop is stable; else the nearest common factor on all K_i that makes it so; None if none
+        does. K_i is taken with this factor in `closed` and `poles`, not in `machine`.
+    nominal_poles, poles : ndarray
+        Of the nominal closed loop, and of the one with `gain_factor` [1/s], slowest first.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        self.rig, self.axes = rig, len(rig.axes)
+        places = [z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)]
+        self.rotor = reduced_rotor(rig.rotor, places)
+        nominal = Model(rig)
+        self.nominal_poles = nominal.poles()
+        self.gain_factor: float | None = None
+        self.poles = self.nominal_poles
+        for factor in GAIN_FACTORS:
+            values = {p.name: factor * p.value for p in nominal.parameters if p.name.startswith("K_i.")}
+            poles = nominal.with_values(values).poles()
+            if poles.real.max() < 0.0:
+                self.gain_factor, self.poles = factor, poles
+                break
+
+    @cached_property
+    def open_poles(self) -> ComplexArray:
+        """Poles with the controller off [1/s]."""
+        return np.linalg.eigvals(self._plant(1.0)[0]).astype(np.complex128)
+
+    def machine(self, frequency_hz: FloatArray) -> ComplexArray:
+        """G, from the recorded i_c to y [m/A], shape (lines, axes, axes)."""
+        return self._displacement(frequency_hz, 1.0) / self.amplifier(frequency_hz)[:, None, None]
+
+    def amplifier(self, frequency_hz: FloatArray) -> ComplexArray:
+        """A, the known first-order lag, of a voltage-driven coil over its nominal resistance, shape (lines,)."""
+        amplifier = self.rig.amplifier
+        lag = 1.0 + 2j * np.pi * frequency_hz * amplifier.time_constant
+        return np.asarray(1.0 / (lag * (amplifier.resistance or 1.0)), np.complex128)
+
+    def controller(self, frequency_hz: FloatArray, controller: Controller | None = None) -> ComplexArray:
+        """d K, from y to the current that the amplifier is asked for [A/m], shape (lines, axes, axes).
+
+        A digital controller holds its output over a sample. `controller` stands for the rig's, such as a part of it.
+        """
+        own = controller or self.rig.controller
+        system = own.state_space(self.axes, self.rig.sample_rate)
+        if not own.is_digital:
+            return frequency_response(system, 2j * np.pi * frequency_hz)
+        rate = own.rate(self.rig.sample_rate)
+        path = _hold(frequency_hz, rate) * self._delay(frequency_hz)
+        return frequency_response(system, np.exp(2j * np.pi * frequency_hz / rate)) * path[:, None, None]
+
+    def excitation(self, frequency_hz: FloatArray) -> ComplexArray:
+        """d h, from the samples of i_e to what the amplifier is asked for, shape (lines,)."""
+        return self._delay(frequency_hz) * _hold(frequency_hz, self.rig.sample_rate)
+
+    def sensitivity(self, frequency_hz: FloatArray) -> ComplexArray:
+        """(I + K G)^-1 with the stabilising `gain_factor`, shape (lines, axes, axes)."""
+        loop_gain = self.controller(frequency_hz) @ self._displacement(frequency_hz, self.gain_factor or 1.0)
+        return np.asarray(np.linalg.inv(np.eye(self.axes) + loop_gain), np.complex128)
+
+    def closed(self, frequency_hz: FloatArray) -> ComplexArray:
+        """From the samples of i_e to y [m/A], with the stabilising `gain_factor`, shape (lines, axes, axes)."""
+        open_loop = self._displacement(frequency_hz, self.gain_factor or 1.0)
+        return open_loop @ self.sensitivity(frequency_hz) * self.excitation(frequency_hz)[:, None, None]
+
+    def _displacement(self, frequency_hz: FloatArray, gain_factor: float) -> ComplexArray:
+        """From the commands i_ref to y."""
+        return frequency_response(self._plant(gain_factor), 2j * np.pi * frequency_hz)
+
+    def _plant(self, gain_factor: float) -> StateSpace:
+        """A, B, C, D from i_ref to y, with the nominal values in Delta."""
+        values = {slot: p.value for p in Model(self.rig).parameters for slot in p.slots}
+        values |= {slot: gain_factor * value for slot, value in values.items() if slot.startswith("K_i.")}
+        a, b, c, d = plant(self.rig, self.rotor).closed(values)
+        return a, b, c[: self.axes], d[: self.axes]
+
+    def _delay(self, frequency_hz: FloatArray) -> ComplexArray:
+        own = self.rig.controller
+        return np.exp(-2j * np.pi * frequency_hz * own.delay_samples / own.rate(self.rig.sample_rate))
+
+
+@dataclass(frozen=True)
+class ControllerFit:
+    """By which factors the controller's equation holds best on each axis.
+
+    Attributes
+    ----------
+    parts : tuple of str
+        ``i_e``, then the gains of a PID, or ``K`` of any other controller.
+    scale, std_error : ndarray, shape (axes, parts)
+        1 where the record is as the rig says.
+    share : ndarray, shape (axes, parts)
+        Rms of each part over that of i_c.
+    missed : ndarray, shape (axes,)
+        Part of i_c, by rms, that is left unexplained.
+    """
+
+    parts: tuple[str, ...]
+    scale: FloatArray
+    std_error: FloatArray
+    share: FloatArray
+    missed: FloatArray
+
+
+def controller_terms(loop: NominalLoop, lines: Lines) -> tuple[ComplexArray, dict[str, ComplexArray]]:
+    """A d h i_e, and A d K y of every gain of the controller, each (lines, axes) [A]."""
+    f, own = lines.frequency_hz, loop.rig.controller
+    amplifier = loop.amplifier(f)[:, None]
+    parts: dict[str, Controller] = {"K": own}
+    if isinstance(own, PidController):
+        off = dict.fromkeys(PID_GAINS, 0.0)
+        parts = {g: own.model_copy(update={**off, g: getattr(own, g)}) for g in PID_GAINS if np.any(getattr(own, g))}
+    fed_back = {name: amplifier * _times(loop.controller(f, part), lines.y) for name, part in parts.items()}
+    return amplifier * loop.excitation(f)[:, None] * lines.i_e, fed_back
+
+
+def fit_controller(loop: NominalLoop, lines: Lines) -> ControllerFit:
+    """Scale i_e and the gains of the controller so that i_c follows, axis by axis.
+
+    The amplifier may differ from the known one by a delay and by two coefficients of its denominator, so that a slower
+    amplifier, one of second order, a delay of the loop or a skew of the sampling is not taken for a wrong gain.
+    """
+    excited, fed_back = controller_terms(loop, lines)
+    s, tau = 2j * np.pi * lines.frequency_hz, loop.rig.amplifier.time_constant
+    step = 1.0 / (2.0 * np.pi * lines.frequency_hz.max())
+    scale, error, share, missed = [], [], [], []
+    for axis in range(loop.axes):
+        terms = np.column_stack([excited[:, axis], *(-term[:, axis] for term in fed_back.values())])
+        target, parts = np.asarray(lines.i_c)[:, axis], terms.shape[1]
+
+        def residual(x: FloatArray, terms: ComplexArray = terms, target: ComplexArray = target) -> FloatArray:
+            *scales, delay, lag, second = x
+            amplifier = (1.0 + s * tau) / (1.0 + s * (tau + lag * step) + second * (s * step) ** 2)
+            followed = np.einsum("lp,p->l", terms, scales) * amplifier * np.exp(-s * delay * step)
+            return _stacked(followed - target) / np.linalg.norm(target)
+
+        start, *_ = np.linalg.lstsq(_stacked(terms), _stacked(target), rcond=None)
+        end = least_squares(residual, np.concatenate([start, np.zeros(3)]), method="lm", x_scale="jac")
+        _, singular, directions = np.linalg.svd(end.jac, full_matrices=False)
+        spread = directions.T / np.maximum(singular, 1e-12 * singular[0])
+        noise = 2.0 * end.cost / (len(end.fun) - len(end.x))
+        scale.append(end.x[:parts])
+        error.append(np.sqrt(noise * np.sum(spread**2, axis=1))[:parts])
+        share.append(np.linalg.norm(terms, axis=0) / np.linalg.norm(target))
+        missed.append(np.sqrt(2.0 * end.cost))
+    return ControllerFit(("i_e", *fed_back), *(np.array(rows) for rows in (scale, error, share, missed)))
+
+
+def controller_missed(loop: NominalLoop, lines: Lines) -> float:
+    """Part of i_c, by rms over all axes, that the controller's equation misses as it stands."""
+    excited, fed_back = controller_terms(loop, lines)
+    i_c = np.asarray(lines.i_c)
+    return float(np.linalg.norm(excited - sum(fed_back.values()) - i_c) / np.linalg.norm(i_c))
+
+
+def reordered(loop: NominalLoop, lines: Lines) -> tuple[str, list[int], float]:
+    """The order of the columns of one signal that fits the controller's equation best.
+
+    Returns
+    -------
+    signal : str
+        i_e, y or i_c.
+    order : list of int
+        Column to be taken for each axis.
+    missed : float
+        Part of i_c that is then missed.
+    """
+    excited, fed_back = controller_terms(loop, lines)
+    own_gain = np.einsum("ljj->lj", loop.controller(lines.frequency_hz)) * loop.amplifier(lines.frequency_hz)[:, None]
+    i_c = np.asarray(lines.i_c)
+    left = excited - sum(fed_back.values()) - i_c
+    ways = {
+        "i_e": (excited, np.ones_like(own_gain), 1.0),
+        "y": (lines.y, own_gain, -1.0),
+        "i_c": (i_c, np.ones_like(own_gain), -1.0),
+    }
+    found = []
+    for signal, (columns, gain, sign) in ways.items():
+        change = sign * gain[:, :, None] * (columns[:, None, :] - columns[:, :, None])
+        cost = np.sum(np.abs(left[:, :, None] + change) ** 2, axis=0)
+        rows, order = linear_sum_assignment(cost)
+        found.append((signal, order.tolist(), float(np.sqrt(cost[rows, order].sum()) / np.linalg.norm(i_c))))
+    return min(found, key=lambda entry: entry[2])
+
+
+def called_for(loop: NominalLoop, lines: Lines) -> tuple[ComplexArray, ComplexArray]:
+    """The excitation that the record calls for, and the recorded one, both weighted, (lines, axes).
+
+    With i_c the controller's equation says it, else y and the nominal closed loop do.
+    """
+    if lines.i_c is not None:
+        excited, fed_back = controller_terms(loop, lines)
+        return lines.i_c + sum(fed_back.values()), excited
+    closed = loop.closed(lines.frequency_hz)
+    weight = np.linalg.norm(closed, axis=(1, 2))[:, None]
+    return weight * np.linalg.solve(closed, lines.y[..., None])[..., 0], weight * lines.i_e
+
+
+def correlation(a: ComplexArray, b: ComplexArray) -> float:
+    """Correlation of two sets of spectra of the same shape, in phase, over all lines and axes together."""
+    return float(np.real(np.vdot(a, b)) / max(np.linalg.norm(a) * np.linalg.norm(b), 1e-300))
+
+
+def chance(a: ComplexArray, b: ComplexArray) -> float:
+    """Standard deviation of the correlation of two sets of spectra that have nothing to do with each other."""
+    overlap = np.sqrt(0.5 * np.sum(np.abs(a) ** 2 * np.abs(b) ** 2))
+    return float(overlap / max(np.linalg.norm(a) * np.linalg.norm(b), 1e-300))
+
+
+def best_order(wanted: ComplexArray, given: ComplexArray) -> list[int]:
+    """The order of the columns of `given` that is most like `wanted`."""
+    return linear_sum_assignment(-np.real(wanted.conj().T @ given))[1].tolist()
+
+
+def best_shift(wanted: ComplexArray, given: ComplexArray, lines: Lines) -> tuple[int, float]:
+    """By how many samples, round the window, the given excitation is early, and the correlation once it is delayed."""
+    cross = np.zeros(lines.window // 2 + 1, dtype=complex)
+    cross[lines.index] = np.sum(wanted * given.conj(), axis=1)
+    overlap = np.fft.irfft(cross, n=lines.window) * lines.window / 2.0
+    shift = int(np.argmax(overlap))
+    size = np.linalg.norm(wanted) * np.linalg.norm(given)
+    return (shift if shift <= lines.window // 2 else shift - lines.window), float(overlap[shift] / size)
+
+
+def gain_of(measured: ComplexArray, expected: ComplexArray) -> FloatArray:
+    """Rms of the measured columns over that of the expected ones, for each axis that moves."""
+    moving = moves(measured)
+    return np.linalg.norm(measured[:, moving], axis=0) / np.linalg.norm(expected[:, moving], axis=0)
+
+
+def moves(columns: ComplexArray) -> NDArray[np.bool_]:
+    """Which columns carry more than a few per cent of the strongest."""
+    size = np.linalg.norm(columns, axis=0)
+    return size > 0.03 * size.max()
+
+
+def expected_displacement(loop: NominalLoop, lines: Lines) -> ComplexArray:
+    """y that the nominal machine makes of i_c, or, where that was not recorded, the nominal closed loop of i_e."""
+    if lines.i_c is not None:
+        return _times(loop.machine(lines.frequency_hz), lines.i_c)
+    return _times(loop.closed(lines.frequency_hz), lines.i_e)
+
+
+def exchanged_axes(loop: NominalLoop, lines: Lines) -> tuple[list[int], float]:
+    """The naming of axes, the same in all signals, that the nominal machine fits best; among equals the rig's own.
+
+    Bearings may be exchanged with those of as many axes, and zeta with eta in each.
+
+    Returns
+    -------
+    order : list of int
+        Column to be taken for each axis.
+    ratio : float
+        What is then missed of y, up to a common factor, over what is missed in the record as it stands.
+    """
+    f = lines.frequency_hz
+    response = loop.closed(f) if lines.i_c is None else loop.machine(f)
+    cause = lines.i_e if lines.i_c is None else lines.i_c
+    alike = {o: correlation(lines.y[:, o], _times(response, cause[:, o])) for o in _namings(loop.rig)}
+    missed = {order: np.sqrt(1.0 - value**2) for order, value in alike.items()}
+    best = next(order for order, value in missed.items() if value <= 1.05 * min(missed.values()))
+    return list(best), float(missed[best] / missed[tuple(range(loop.axes))])
+
+
+def _namings(rig: Rig) -> list[tuple[int, ...]]:
+    """Orders of the axes that keep those of a bearing together, the rig's first."""
+    first = np.cumsum([0, *(len(bearing.axes) for bearing in rig.bearings)])
+    groups = [tuple(range(a, b)) for a, b in zip(first[:-1], first[1:], strict=True)]
+    found = []
+    for bearings in permutations(groups) if len(groups) <= 4 else [groups]:
+        if [len(group) for group in bearings] == [len(group) for group in groups]:
+            for turns in product((False, True), repeat=len(groups)):
+                pairs = zip(bearings, turns, strict=True)
+                found.append(tuple(j for group, turned in pairs for j in (group[::-1] if turned else group)))
+    return found
+
+
+def _hold(frequency_hz: FloatArray, rate: float) -> ComplexArray:
+    """Zero-order hold over one sample."""
+    return np.sinc(frequency_hz / rate) * np.exp(-1j * np.pi * frequency_hz / rate)
+
+
+def _times(response: ComplexArray, signal: ComplexArray) -> ComplexArray:
+    return (response @ signal[..., None])[..., 0]
+
+
+def _stacked(values: ComplexArray) -> FloatArray:
+    return np.concatenate([values.real, values.imag])

@@ -1,0 +1,373 @@
+"""Is this rig and are these records sound, before anyone waits for a fit?
+
+What is sought are slips of people: units, signs, columns, files that do not belong together, gains of another day.
+Physics that the rig file does not know is no fault; to find it is the work of a diagnosis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambid.arrays import FloatArray
+from ambid.checking.equations import (
+    HIGHEST_FREQUENCY,
+    ControllerFit,
+    Lines,
+    NominalLoop,
+    best_order,
+    best_shift,
+    called_for,
+    chance,
+    controller_missed,
+    correlation,
+    exchanged_axes,
+    expected_displacement,
+    fit_controller,
+    gain_of,
+    moves,
+    reordered,
+)
+from ambid.checking.soundness import SEVERITIES, Finding, LoopFigures, RecordFigures, Soundness
+from ambid.record import Record
+from ambid.rig import Rig
+
+__all__ = ["Finding", "LoopFigures", "RecordFigures", "Soundness", "check"]
+
+ALIKE = 0.5
+"""Correlation above which two signals have to do with each other."""
+UNEXPLAINED = 0.4
+"""Part of i_c, by rms, that the controller's equation may miss before a wrong column or excitation is sought."""
+SLIPS = (-1.0, 1e3, 1e-3, 1e6, 1e-6)
+"""Factors by which a sign or a unit goes wrong."""
+UNITS = {("y", 1e3): "mm", ("y", 1e6): "um", ("i_e", 1e3): "mA", ("i_c", 1e3): "mA", ("i_c", 1e6): "uA"}
+DOUBTFUL_GAIN, WRONG_GAIN = 0.05, 0.10
+"""Relative error of a controller's gain, beyond five standard errors."""
+LEAST_SHARE = 0.02
+"""Part of i_c that an error of a gain has to be to matter; an integral acts below most lines."""
+
+
+def check(rig: Rig, records: Sequence[Record] = ()) -> Soundness:
+    """Hold a rig against itself, and records against the rig; nothing is fitted to be kept.
+
+    Parameters
+    ----------
+    rig : Rig
+    records : sequence of Record
+        Loaded with this rig, or with that of the operating point that they state.
+
+    Returns
+    -------
+    Soundness
+        Findings, worst first, and the machine and the records in figures.
+    """
+    points = dict.fromkeys(record.point for record in records if record.point not in (None, rig))
+    loops = {own: NominalLoop(own) for own in (rig, *(point for point in points if point is not None))}
+    figures = LoopFigures.of(loops[rig])
+    findings, described = [], []
+    for own, loop in loops.items():
+        of_rig = [*_stability(loop), *_magnets(own), *_nodes(loop), *_rate(own, LoopFigures.of(loop))]
+        findings += of_rig if own == rig else [replace(f, where=f"{own.path or own.name}: {f.where}") for f in of_rig]
+    for record in records:
+        own = rig if record.point is None else record.point
+        foreign = _foreign(record, own)
+        findings += foreign or _record(record, loops[own])
+        if not foreign:
+            described.append(RecordFigures.of(record, own))
+    implementation = f"{rig.controller.implementation} {rig.controller.kind}"
+    machine = f"axes {', '.join(rig.axes)} at {rig.sample_rate:g} Hz, {rig.speed:g} rad/s, {implementation} controller"
+    ordered = sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
+    return Soundness(rig.name, machine, figures, tuple(described), tuple(ordered))
+
+
+def _fault(where: str, what: str, todo: str) -> Finding:
+    return Finding("fault", where, what, todo, stops_diagnosis=True)
+
+
+def _stability(loop: NominalLoop) -> list[Finding]:
+    """The nominal closed loop is stable, or nearly so."""
+    if loop.gain_factor == 1.0:
+        return []
+    worst = loop.nominal_poles[0]
+    what = f"the nominal closed loop is unstable: pole {worst.real:+.3g} 1/s at {abs(worst.imag) / (2 * np.pi):.3g} Hz"
+    if loop.gain_factor is None:
+        return [
+            _fault(
+                "controller",
+                f"{what}, and no common factor on K_i from 0.7 to 1.4 helps",
+                "check the controller's sign (i_ref = -(K y) + i_e), gains and delay, and the sizes of K_i and K_s",
+            )
+        ]
+    return [
+        Finding(
+            "warning",
+            "bearing.force_current",
+            f"{what}; it is stable with all K_i x {loop.gain_factor:g}, which is taken here",
+            "check the nominal K_i and K_s; identification starts from a stable point nearby",
+        )
+    ]
+
+
+def _magnets(rig: Rig) -> list[Finding]:
+    """K_s s0 = K_i i0 for a pair of ideal magnets."""
+    found = []
+    for bearing in rig.bearings:
+        for axis, k_i, k_s in zip(bearing.axis_names, bearing.force_current, bearing.force_displacement, strict=True):
+            ratio = k_s * bearing.air_gap / (k_i * bearing.bias_current)
+            if not 0.5 <= ratio <= 2.0:
+                found.append(
+                    Finding(
+                        "warning",
+                        f"bearing.{axis}",
+                        f"K_s s0 / (K_i i0) = {ratio:.2g}, 1 for ideal magnets",
+                        "check air_gap, bias_current, force_current and force_displacement",
+                    )
+                )
+    return found
+
+
+def _nodes(loop: NominalLoop) -> list[Finding]:
+    """Bending modes within reach that have a node between a magnet and its sensors."""
+    hz, found = loop.rotor.frequencies_rad_s / (2.0 * np.pi), []
+    for bearing in loop.rig.bearings:
+        sign = loop.rotor.shape(bearing.position) * loop.rotor.shape(bearing.sensor_position)
+        for f in hz[(hz > 0.0) & (hz < 0.4 * loop.rig.sample_rate) & (sign < 0.0)]:
+            found.append(
+                Finding(
+                    "note",
+                    f"bearing.{bearing.name}.sensor_position",
+                    f"the bending mode at {f:.4g} Hz has a node between magnet and sensors, which turns its sign",
+                    "check both positions; if they are right, the derivative of the controller drives this mode",
+                )
+            )
+    return found
+
+
+def _rate(rig: Rig, figures: LoopFigures) -> list[Finding]:
+    """The sample rate leaves room for the modes and the loop."""
+    found, todo = [], "sample faster"
+    if high := [f for f in figures.bending_hz if f > 0.4 * rig.sample_rate]:
+        what = f"{rig.sample_rate:g} Hz is little for the bending mode at {high[0]:.4g} Hz, expected 2.5 times that"
+        found.append(Finding("warning", "sample_rate", what, f"{todo}, or keep fewer flexible_modes"))
+    if rig.sample_rate < 10.0 * figures.bandwidth_hz:
+        what = f"{rig.sample_rate:g} Hz is little for a loop with a bandwidth of {figures.bandwidth_hz:.3g} Hz"
+        found.append(Finding("warning", "sample_rate", f"{what}, expected 10 times that", todo))
+    return found
+
+
+def _foreign(record: Record, rig: Rig) -> list[Finding]:
+    """The record has the rig's axes and rate, and an excitation; nothing else can be checked without."""
+    todo = "load the record with its rig"
+    if record.axes != rig.axes:
+        return [_fault(record.name, f"axes {', '.join(record.axes)}, the rig has {', '.join(rig.axes)}", todo)]
+    if abs(record.sample_rate / rig.sample_rate - 1.0) > 1e-6:
+        return [_fault(record.name, f"{record.sample_rate:g} Hz, the rig samples at {rig.sample_rate:g} Hz", todo)]
+    if record.i_e is None:
+        return [_fault(record.name, "i_e was not logged", f"{todo}, whose controller rebuilds it")]
+    if not np.any(np.ptp(record.i_e, axis=0)):
+        return [_fault(record.name, "i_e is constant on every axis: no excitation", "excite the loop")]
+    return []
+
+
+def _record(record: Record, loop: NominalLoop) -> list[Finding]:
+    lines = Lines.of(record)
+    found = [Finding("warning", record.name, note, "noted on loading; see that it is meant") for note in record.notes]
+    found += [*_travel(record, loop.rig), *_periods(record), *_transient(record, loop)]
+    if not len(lines.index):
+        what = f"no line of i_e between its first few and {HIGHEST_FREQUENCY:g} of the sample rate"
+        return [*found, Finding("warning", record.name, what, "excite within the bandwidth of the loop")]
+    found += _closed_loop(record, loop, lines) if lines.i_c is None else _controller(record, loop, lines)
+    if any(finding.severity == "fault" for finding in found):
+        return found
+    return found + _machine(record, loop, lines)
+
+
+def _travel(record: Record, rig: Rig) -> list[Finding]:
+    """Displacements fit into the air gap, currents below the bias; the worst axis of each is named."""
+    bearings = [bearing for bearing in rig.bearings for _ in bearing.axes]
+    gap, bias = np.array([(bearing.air_gap, bearing.bias_current) for bearing in bearings]).T
+    rms, found = record.y.std(axis=0), []
+    j, k = int(np.argmax(rms / gap)), int(np.argmin(rms))
+    if rms[j] > gap[j]:
+        what = f"rms {rms[j]:.3g} m, the air gap is {gap[j]:g} m: it looks like mm or um"
+        return [_fault(f"{record.name}: y.{record.axes[j]}", what, "give metres")]
+    if rms[k] < 1e-12:
+        what = f"rms {rms[k]:.3g} m, less than any sensor resolves"
+        return [_fault(f"{record.name}: y.{record.axes[k]}", what, "give metres")]
+    y = np.abs(record.y).max(axis=0)
+    j = int(np.argmax(y / gap))
+    if y[j] > 0.5 * gap[j]:
+        what = f"reaches {1e6 * y[j]:.3g} um, more than half of the air gap of {1e6 * gap[j]:g} um"
+        todo = "expect strong nonlinearity; excite less"
+        found.append(Finding("warning", f"{record.name}: y.{record.axes[j]}", what, todo))
+    i_c = np.zeros(len(bias)) if record.i_c is None else np.abs(record.i_c).max(axis=0)
+    j = int(np.argmax(i_c / bias))
+    if i_c[j] > bias[j]:
+        what = f"reaches {i_c[j]:.3g} A, more than the bias current of {bias[j]:g} A: a magnet cannot push"
+        todo = "excite less, or check bias_current"
+        found.append(Finding("warning", f"{record.name}: i_c.{record.axes[j]}", what, todo))
+    return found
+
+
+def _periods(record: Record) -> list[Finding]:
+    """Enough periods for the noise to be known."""
+    if record.periods >= 4:
+        return []
+    todo = "record 4 periods or more, or state the period"
+    if record.periods == 3:
+        return [
+            Finding("warning", record.name, "3 periods: the noise is known from 2 of them only, and no tones", todo)
+        ]
+    if record.period is None:
+        what = "no period of the excitation found: the noise is what no smooth response to i_e explains, and neither "
+        what += "tones nor drift are looked for"
+        return [Finding("warning", record.name, what, todo)]
+    what = f"{record.periods} periods of the excitation: no misfit in units of the noise, and no diagnosis"
+    return [Finding("warning", record.name, what, todo, stops_diagnosis=True)]
+
+
+def _transient(record: Record, loop: NominalLoop) -> list[Finding]:
+    """The transient is over when the first period is, which is left out."""
+    if loop.gain_factor != 1.0 or not record.period:
+        return []
+    periods = -loop.poles.real.max() * record.period / record.sample_rate
+    if periods >= 1.0:
+        return []
+    what = f"the slowest pole, {loop.poles.real.max():.3g} 1/s, outlasts the first period by far: "
+    what += f"{100 * np.exp(-periods):.0f} % of the transient is left in the second"
+    todo = f"use longer periods; the steady state begins after {np.ceil(3.0 / periods):.0f} of these"
+    return [Finding("warning", record.name, what, todo)]
+
+
+def _controller(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
+    """i_c follows from i_e and y through the controller."""
+    missed = controller_missed(loop, lines)
+    signal, order, left = reordered(loop, lines)
+    if missed > UNEXPLAINED and left < 0.5 * missed:
+        what = f"i_c is missed by {100 * missed:.0f} % as the columns are named, by {100 * left:.0f} % with "
+        return [_fault(f"{record.name}: {signal}", what + _renamed(record, order), f"put right the axes of {signal}")]
+    fit = fit_controller(loop, lines)
+    moving = moves(np.asarray(lines.i_c))
+    if np.median(fit.missed[moving]) > UNEXPLAINED:
+        return _excitation(record, loop, lines)
+    slips = [_slip(scale, error) for scale, error in zip(fit.scale, fit.std_error, strict=True)]
+    found = []
+    for slip in dict.fromkeys(slip for slip in slips if slip is not None):
+        axes = ", ".join(axis for axis, own in zip(record.axes, slips, strict=True) if own == slip)
+        found.append(_slipped(f"{record.name}: {slip[0]} on {axes}", *slip, "the controller's equation"))
+    judged = moving & [slip is None for slip in slips]
+    # a factor on all of i_c is R of a voltage-driven coil, which is fitted
+    known = np.ones_like(fit.scale) if loop.rig.amplifier.resistance is None else fit.scale[:, :1]
+    return found + _gains(record, fit, fit.scale / known, judged)
+
+
+def _slip(scale: FloatArray, error: FloatArray) -> tuple[str, float] | None:
+    """The signal of one axis that is too large by a factor of `SLIPS`, and this factor."""
+    excitation, gains = scale[:1], scale[1:][error[1:] < 0.1 * np.abs(scale[1:])]
+    if not len(gains):
+        return None
+
+    def near(values: FloatArray, factor: float) -> bool:
+        return bool(np.all(np.abs(values / factor - 1.0) < 0.3))
+
+    for factor in SLIPS:
+        if near(scale[:1], factor) and near(gains, factor):
+            return "i_c", factor
+        if near(excitation, 1.0 / factor) and near(gains, 1.0):
+            return "i_e", factor
+        if near(gains, 1.0 / factor) and near(excitation, 1.0):
+            return "y", factor
+    return None
+
+
+def _slipped(where: str, signal: str, factor: float, by: str) -> Finding:
+    if factor < 0.0:
+        todo = "turn the sign of the channel" + (", or that of the controller in the rig" if signal == "y" else "")
+        return _fault(where, f"the sign is opposite to what {by} calls for", todo)
+    size = f"{factor:g} times too large" if factor > 1.0 else f"{1.0 / factor:g} times too small"
+    unit = UNITS.get((signal, factor))
+    return _fault(where, f"{size} for {by}" + (f": it looks like {unit}" if unit else ""), "give SI units, A and m")
+
+
+def _gains(record: Record, fit: ControllerFit, scale: FloatArray, judged: NDArray[np.bool_]) -> list[Finding]:
+    """The gains by which i_c follows, `scale` times those of the rig, are those of the rig."""
+    off = np.abs(scale - 1.0)
+    matters = judged[:, None] & (off * fit.share > LEAST_SHARE)
+    excess = np.where(matters, off - 5.0 * fit.std_error, 0.0)
+    doubtful = np.flatnonzero(excess.max(axis=0) > DOUBTFUL_GAIN)
+    if not len(doubtful):
+        return []
+    factors = []
+    for k in doubtful:
+        own = scale[judged, k]
+        over = f" ({own.min():.3g} to {own.max():.3g} over the axes)" if np.ptp(own) > 0.02 else ""
+        factors.append(f"{fit.parts[k]} x {np.median(own):.3g}{over}")
+    what = f"the recorded i_c follows from i_e and y with {', '.join(factors)} of what rig and record say"
+    todo = "correct [controller], or take the rig file of that day; for i_e, check its scale"
+    severe = bool(excess.max() > WRONG_GAIN)
+    return [Finding("fault" if severe else "warning", f"{record.name}: controller", what, todo, stops_diagnosis=severe)]
+
+
+def _closed_loop(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
+    """Without i_c: y follows i_e as in the nominal closed loop."""
+    expected = expected_displacement(loop, lines)
+    alike, by = correlation(lines.y, expected), "the nominal loop under i_e"
+    if alike < -ALIKE:
+        return [_slipped(f"{record.name}: y", "y", -1.0, by)]
+    if alike < ALIKE:
+        return _excitation(record, loop, lines)
+    gain = float(np.median(gain_of(lines.y, expected)))
+    factor = next((f for f in SLIPS if 0.4 < gain / f < 2.5), None)
+    return [] if factor is None else [_slipped(f"{record.name}: y", "y", factor, by)]
+
+
+def _excitation(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
+    """The recorded i_e is the one that drove the loop."""
+    wanted, given = called_for(loop, lines)
+    alike, where = correlation(wanted, given), f"{record.name}: i_e"
+    what = f"what drove the loop correlates with i_e by {alike:.2f} only"
+    partly = Finding("warning", where, what, "raise the excitation above the noise, and see that i_e and i_c are true")
+    if alike > ALIKE:
+        return [partly]
+    as_named = f"what drove the loop correlates with i_e by {alike:.2f} as it is"
+    order = best_order(wanted, given)
+    if (renamed := correlation(wanted, given[:, order])) > ALIKE:
+        what = f"{as_named}, by {renamed:.2f} with {_renamed(record, order)}"
+        return [_fault(where, what, "put right the axes of i_e, or of y")]
+    shift, height = best_shift(wanted, given, lines)
+    if height > ALIKE:
+        late = f"{abs(shift)} samples ({abs(1e3 * shift / record.sample_rate):.4g} ms)"
+        what = f"{as_named}, by {height:.2f} when it is moved by {late} to {'later' if shift > 0 else 'earlier'} times"
+        return [_fault(where, what, "line up i_e with y; it may be that of another record with the same sequence")]
+    if alike > 5.0 * chance(wanted, given):
+        return [partly]
+    return [_fault(where, f"{as_named}: it seems to belong to another record", "give the i_e of this record")]
+
+
+def _machine(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
+    """y follows the current as in the nominal machine; without i_c, it follows i_e as in the nominal loop."""
+    expected = expected_displacement(loop, lines)
+    alike, gain = correlation(lines.y, expected), gain_of(lines.y, expected)
+    cause = "i_c as in the nominal machine" if record.i_c is not None else "i_e as in the nominal loop"
+    found = []
+    if alike < 0.9 or gain.min() < 0.75 or gain.max() > 1.35:
+        # a low correlation may be noise; a wrong size or sign of what is like the nominal response is not
+        other = alike < -0.6 or (alike > 0.6 and not 0.6 < np.median(gain) < 1.7)
+        severe = bool(other and (record.i_c is not None or loop.gain_factor == 1.0))
+        what = f"y follows {cause} with a gain of {gain.min():.2f} to {gain.max():.2f} and a correlation of "
+        what += f"{alike:.2f}, expected 0.75 to 1.35 and more than 0.9"
+        todo = "is this a record of another rig, or another bias current? Check mass, K_i, K_s and sensor scales"
+        found.append(Finding("fault" if severe else "warning", record.name, what, todo, stops_diagnosis=severe))
+    order, ratio = exchanged_axes(loop, lines)
+    if ratio < 0.6:
+        what = f"the nominal machine misses y by {100 * (1 - ratio):.0f} % less with {_renamed(record, order)}"
+        found.append(Finding("warning", record.name, what, "check the names of the axes, and which bearing is which"))
+    return found
+
+
+def _renamed(record: Record, order: Sequence[int]) -> str:
+    pairs = [f"{record.axes[k]} as {record.axes[j]}" for j, k in enumerate(order) if j != k]
+    return ", ".join(pairs)

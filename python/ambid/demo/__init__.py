@@ -1,0 +1,5 @@
+"""The whole story on data that come with the package."""
+
+from ambid.demo.story import DATA, run
+
+__all__ = ["DATA", "run"]

@@ -1,0 +1,43 @@
+"""How likely chance alone reaches a score."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import chdtrc, comb, gammaln, logsumexp
+
+from ambid.arrays import FloatArray
+
+__all__ = ["independent_tests", "log_chance", "log_chance_bounded"]
+
+
+def log_chance(fall: float, degrees: int) -> float:
+    """Logarithm of the chance that chi-squared reaches a value."""
+    known = float(chdtrc(degrees, fall))
+    if known > 0.0:
+        return float(np.log(known))
+    half, shape = fall / 2.0, degrees / 2.0
+    return float((shape - 1.0) * np.log(half) - half - gammaln(shape))
+
+
+def log_chance_bounded(fall: float, degrees: int, one_sided: int) -> float:
+    """The same where so many of the amplitudes may only be positive: each is at its bound in half of all records."""
+    if fall <= 0.0:
+        return 0.0
+    one_sided = min(one_sided, degrees)
+    free = degrees - one_sided
+    ways = comb(one_sided, np.arange(one_sided + 1)) / 2.0**one_sided
+    chances = [log_chance(fall, free + k) if free + k else -np.inf for k in range(one_sided + 1)]
+    return float(logsumexp(chances, b=ways))
+
+
+def independent_tests(bases: Sequence[FloatArray]) -> float:
+    """How many independent tests the best of these subspaces is, from the eigenvalues of their correlation.
+
+    Galwey, Genetic Epidemiology 33 (2009) 559: ``(sum sqrt(lambda))^2 / sum lambda``, here over the mean dimension.
+    """
+    all_of_them = np.hstack(bases)
+    roots = np.sqrt(np.maximum(np.linalg.eigvalsh(all_of_them.T @ all_of_them), 0.0))
+    count = roots.sum() ** 2 / np.sum(roots**2) * len(bases) / all_of_them.shape[1]
+    return float(np.clip(count, 1.0, len(bases)))

@@ -1,0 +1,229 @@
+"""Where the model fails: frequency by channel by record, in which manner, at which port, and how it grows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ambid.arrays import FloatArray
+from ambid.diagnosis.drift import Change, largest_change
+from ambid.diagnosis.ports import Port, needed_at_ports
+from ambid.loop.effect import Tone
+from ambid.model import Model
+from ambid.noise import Noise
+from ambid.noise.tones import OUTSTANDING
+from ambid.noise.whitener import channel_lines
+from ambid.noise.window import Window
+from ambid.record import Record
+
+__all__ = ["Cell", "Growth", "Localisation", "MisfitMap", "localise"]
+
+BANDS = 12
+SHAPED = 0.3
+"""Part of the excess misfit that an odd or even shape must explain to give the misfit its kind."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Misfit of one channel in one band of one record, in units of its noise.
+
+    Attributes
+    ----------
+    record, channel : str
+    band_hz : tuple of float
+    misfit : float
+        Mean square of the whitened lines; 1 is noise alone.
+    kind : str
+        linear, odd, even, synchronous or drift.
+    """
+
+    record: str
+    channel: str
+    band_hz: tuple[float, float]
+    misfit: float
+    kind: str
+
+
+@dataclass(frozen=True)
+class MisfitMap:
+    """Misfit by band and channel of one record, each channel judged against its own noise.
+
+    Attributes
+    ----------
+    record : str
+    channels : tuple of str
+    edges_hz : ndarray, shape (bands + 1,)
+    line_hz : float
+        From one excited line to the next.
+    misfit : ndarray, shape (bands, channels)
+        Mean square of the whitened lines; 1 is noise alone.
+    """
+
+    record: str
+    channels: tuple[str, ...]
+    edges_hz: FloatArray
+    line_hz: float
+    misfit: FloatArray
+
+
+@dataclass(frozen=True)
+class Growth:
+    """What one record adds to how the misfit grows with amplitude.
+
+    Attributes
+    ----------
+    record : str
+    amplitude : float
+        Rms of i_e [A].
+    unexplained : float
+        Rms of what repeats in the residual of y and is no noise [m].
+    """
+
+    record: str
+    amplitude: float
+    unexplained: float
+
+
+@dataclass(frozen=True)
+class Localisation:
+    """Where the model fails; result of `localise`.
+
+    Attributes
+    ----------
+    maps : tuple of MisfitMap
+        One per record.
+    ports : tuple of Port
+        The port type that explains most first, of the record whose misfit is largest.
+    tones : tuple of Tone
+        Lines that belong neither to the excitation nor to the model.
+    change : Change or None
+        Parameter that changes during a record.
+    growth : tuple of Growth
+        One per record of that operating point.
+    exponent : float
+        The unexplained response grows with this power of the amplitude: 1 is linear, 3 cubic; NaN for one amplitude.
+    cells : tuple of Cell
+        The map as a list, largest misfit first, with tones and changes.
+    worst : int
+        Index of the record whose misfit is largest.
+    """
+
+    maps: tuple[MisfitMap, ...]
+    ports: tuple[Port, ...]
+    tones: tuple[Tone, ...]
+    change: Change | None
+    growth: tuple[Growth, ...]
+    exponent: float
+    cells: tuple[Cell, ...]
+    worst: int = 0
+
+    @property
+    def kind(self) -> str:
+        """linear, odd or even: the manner of what is missing on the excited lines."""
+        terms = [term for port in self.ports[:1] for term in port.terms]
+        return terms[0].kind if terms and terms[0].share > SHAPED else "linear"
+
+    def sentence(self) -> str:
+        """In words: port, shape and kind of what is missing."""
+        port = self.ports[0]
+        known = np.isfinite(port.misfit)
+        text = f"what is missing acts most likely as a {port.name} ({port.meaning})" if known else ""
+        if known and port.terms and port.terms[0].share > SHAPED:
+            term = port.terms[0]
+            size = f"{np.mean(term.coefficients):.3g}"
+            if term.shape.endswith("other axis"):  # the two axes of a bearing may answer each other with either sign
+                size = f"±{np.mean(np.abs(term.coefficients)):.3g}"
+            text += (
+                f"; it is {term.kind} and looks like {size} {port.unit} x {term.shape} (SI), "
+                f"which explains {100 * term.share:.0f} % of the excess misfit"
+            )
+        if np.isfinite(self.exponent):
+            text += f"; what is missing grows with the amplitude to the power {self.exponent:.1f}"
+        if self.change is not None:
+            text += (
+                f"; {self.change.parameter} changes during {self.change.record} by "
+                f"{100 * self.change.relative:.2g} % at {self.change.frequency_hz:.3g} Hz"
+            )
+        for tone in (tone for tone in self.tones if tone.power > OUTSTANDING):
+            text += f"; a tone at {tone.frequency_hz:.2f} Hz belongs neither to the excitation nor to the model"
+        return text.removeprefix("; ")
+
+
+def localise(model: Model, noise: Noise) -> Localisation:
+    """Map the misfit of a fitted model.
+
+    Parameters
+    ----------
+    model : Model
+    noise : Noise
+        Of its records.
+    """
+    left = Noise(model, noise.records)
+    tones = tuple(tone for found in left.tones for tone in found)
+    change = largest_change(model, left)
+    misfits = [np.mean(white**2) for white in noise.by_record(noise.residual(model))]
+    worst = int(np.argmax(misfits))
+    ports = needed_at_ports(model, noise, worst)
+    found = Localisation((), ports, tones, change, (), np.nan, ())
+    maps, growth, cells = [], [], []
+    for record, whitener in zip(noise.records, noise.whiteners, strict=True):
+        channels = tuple(record.channels)
+        simulated = model.response(record)[:, : len(channels)]
+        residual = record.outputs - simulated
+        window, excitation = whitener.window, model.excitation(record)[:, : len(record.axes)]
+        own = _map(record, channels, channel_lines(residual, window, excitation), window)
+        maps.append(own)
+        if window.is_periodic and record.point == noise.records[worst].point:
+            growth.append(_growth(record, residual, window.period))
+        for b, band in enumerate(zip(own.edges_hz[:-1], own.edges_hz[1:], strict=True)):
+            for channel, misfit in zip(channels, own.misfit[b], strict=True):
+                if np.isfinite(misfit):
+                    cells.append(
+                        Cell(record.name, channel, (float(band[0]), float(band[1])), float(misfit), found.kind)
+                    )
+    for record, own_tones in zip(noise.records, left.tones, strict=True):
+        cells += [_tone_cell(record, tone) for tone in own_tones]
+    if change is not None:
+        cells.append(
+            Cell(
+                change.record, f"y.{change.parameter.split('.')[-1]}", (0.0, change.frequency_hz), change.power, "drift"
+            )
+        )
+    cells.sort(key=lambda cell: -cell.misfit)
+    return Localisation(tuple(maps), ports, tones, change, tuple(growth), _exponent(growth), tuple(cells), worst)
+
+
+def _map(record: Record, channels: tuple[str, ...], alone: FloatArray, window: Window) -> MisfitMap:
+    frequency = window.excited * record.sample_rate / window.samples
+    edges = np.geomspace(frequency[0], frequency[-1] * 1.0001, BANDS + 1)
+    table = np.full((BANDS, len(channels)), np.nan)
+    for b in range(BANDS):
+        inside = (frequency >= edges[b]) & (frequency < edges[b + 1])
+        if inside.any():
+            table[b] = np.mean(alone[:, inside] ** 2, axis=(0, 1))
+    return MisfitMap(record.name, channels, edges, record.sample_rate / window.period, table)
+
+
+def _growth(record: Record, residual: FloatArray, period: int) -> Growth:
+    n = len(record.axes)
+    y = residual[period : record.periods * period, :n].reshape(record.periods - 1, period, n)
+    mean = y.mean(axis=0)
+    noise = np.mean((y - mean) ** 2) / max(record.periods - 2, 1)
+    repeats = np.mean((mean - mean.mean(axis=0)) ** 2) - noise
+    amplitude = float(record.i_e.std()) if record.i_e is not None else np.nan
+    return Growth(record.name, amplitude, float(np.sqrt(max(repeats, 0.0))))
+
+
+def _exponent(growth: list[Growth]) -> float:
+    seen = [g for g in growth if g.unexplained > 0.0 and g.amplitude > 0.0]
+    amplitudes = np.log([g.amplitude for g in seen])
+    if len(seen) < 2 or np.ptp(amplitudes) < 0.1:
+        return np.nan
+    return float(np.polyfit(amplitudes, np.log([g.unexplained for g in seen]), 1)[0])
+
+
+def _tone_cell(record: Record, tone: Tone) -> Cell:
+    half = record.sample_rate / record.samples
+    band = (tone.frequency_hz - half, tone.frequency_hz + half)
+    return Cell(record.name, f"y.{record.axes[tone.axis]}", band, tone.power, "synchronous")

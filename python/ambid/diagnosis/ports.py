@@ -1,0 +1,259 @@
+"""Where in the loop does something act that the model lacks: the signal that a port would need, and its shape.
+
+The residual on the excited lines is mapped back through the closed loop to a force at each magnet, a current at each
+amplifier, or a displacement at each sensor. The port type that needs nothing beyond noise in the other directions is
+where the missing physics acts; its needed signal, averaged over the periods, against s, ds/dt and i is its shape.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, rfft
+from scipy.ndimage import uniform_filter1d
+
+from ambid.arrays import ComplexArray, FloatArray
+from ambid.diagnosis.chance import log_chance
+from ambid.loop.effect import Effect, EffectParameter
+from ambid.loop.plant import Plant
+from ambid.model import Model
+from ambid.noise import Noise
+from ambid.noise.window import Window
+from ambid.rig import Rig
+
+__all__ = ["Port", "Term", "needed_at_ports"]
+
+PORTS = {
+    "force": ("f", "N", "force at the magnets, whatever its cause: magnet, seal, rotor"),
+    "current": ("i_ref", "A", "current at the amplifiers, command included"),
+    "sensor": ("y", "m", "displacement at the sensors"),
+    "reading": ("i_c", "A", "reading of the current alone"),
+}
+WATCHED = ("s", "v", "i_f", "i_ref", "y")
+Shape = Callable[[dict[str, FloatArray]], FloatArray]
+
+
+def _sign(x: FloatArray) -> FloatArray:
+    return np.tanh(x / (0.05 * x.std(axis=0) + 1e-300))
+
+
+TERMS: dict[str, dict[str, tuple[str, Shape]]] = {
+    "force": {
+        "ds/dt": ("linear", lambda x: x["v"]),
+        "s of the other axis": ("linear", lambda x: x["s_other"]),
+        "ds/dt of the other axis": ("linear", lambda x: x["v_other"]),
+        "s^3": ("odd", lambda x: x["s"] ** 3),
+        "s |s|": ("odd", lambda x: x["s"] * np.abs(x["s"])),
+        "i^3": ("odd", lambda x: x["i_f"] ** 3),
+        "i^2 s": ("odd", lambda x: x["i_f"] ** 2 * x["s"]),
+        "i s^2": ("odd", lambda x: x["i_f"] * x["s"] ** 2),
+        "ds/dt |ds/dt|": ("odd", lambda x: x["v"] * np.abs(x["v"])),
+        "sign ds/dt": ("odd", lambda x: _sign(x["v"])),
+        "s^2": ("even", lambda x: x["s"] ** 2),
+        "|s|": ("even", lambda x: np.abs(x["s"])),
+        "i^2": ("even", lambda x: x["i_f"] ** 2),
+        "|i|": ("even", lambda x: np.abs(x["i_f"])),
+        "i s": ("even", lambda x: x["i_f"] * x["s"]),
+    },
+    "current": {
+        "i^3": ("odd", lambda x: x["i_ref"] ** 3),
+        "sign i": ("odd", lambda x: _sign(x["i_ref"])),
+        "i^2": ("even", lambda x: x["i_ref"] ** 2),
+        "|i|": ("even", lambda x: np.abs(x["i_ref"])),
+    },
+    "sensor": {
+        "y^3": ("odd", lambda x: x["y"] ** 3),
+        "y^2": ("even", lambda x: x["y"] ** 2),
+        "|y|": ("even", lambda x: np.abs(x["y"])),
+    },
+    "reading": {},
+}
+
+
+@dataclass(frozen=True)
+class Term:
+    """A shape that a needed signal may have, with a coefficient for each axis.
+
+    Attributes
+    ----------
+    shape, kind : str
+        Such as ``s^3``; linear, odd or even.
+    coefficients : ndarray, shape (axes,)
+        In the unit of the port over that of the shape.
+    score : float
+        Fall of J that it would bring beside the parameters of the model.
+    share : float
+        Part of the excess misfit that it explains, 0 to 1.
+    chance : float
+        Logarithm of the p-value of the score.
+    """
+
+    shape: str
+    kind: str
+    coefficients: FloatArray
+    score: float
+    share: float
+    chance: float
+
+
+@dataclass(frozen=True)
+class Port:
+    """What one type of port would need so that the model meets the measurement.
+
+    Attributes
+    ----------
+    name, unit, meaning : str
+        force, current, sensor or reading.
+    misfit : float
+        J/dof that is left when this port is given whatever it needs: 1 where the missing physics acts; NaN where the
+        port could explain anything, since there are no more channels than axes.
+    needed : ndarray, shape (N, axes)
+        The needed signal over one period, in `unit`, mean over the periods of the record.
+    against : dict of str to ndarray, shape (N, axes)
+        ``s`` [m], ``v`` [m/s], ``i_f`` [A], ``i_ref`` [A] and ``y`` [m] of the model over the same period.
+    terms : tuple of Term
+        Shapes that the needed signal may have, the best first.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    misfit: float
+    needed: FloatArray
+    against: dict[str, FloatArray]
+    terms: tuple[Term, ...]
+
+
+class _Inlets(Effect):
+    """Further inputs at every port; no physics."""
+
+    name = "inlets"
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """None."""
+        return []
+
+    def attach(self, plant: Plant) -> None:
+        """An input of each axis at each port."""
+        for name, (signal, _, _) in PORTS.items():
+            for axis in plant.axes:
+                plant.inject(f"{signal}.{axis}", plant.input(f"{name}.{axis}"))
+
+
+def needed_at_ports(model: Model, noise: Noise, index: int = 0) -> tuple[Port, ...]:
+    """Every port type with the signal that it would need, best first.
+
+    Parameters
+    ----------
+    model : Model
+        Fitted; nonlinear effects of it are linearised at rest in the way back to the port.
+    noise : Noise
+    index : int
+        Of the record that is looked at.
+    """
+    record, whitener = noise.records[index], noise.whiteners[index]
+    window, axes, p = whitener.window, len(record.axes), len(record.channels)
+    lines = len(window.excited)
+    whitening = whitener.whitening[:lines]
+    here = model.at(record)
+    loop = here.watching(WATCHED, [_Inlets()])
+    inputs = here.excitation(record)
+    quiet = np.hstack([inputs, np.zeros((len(inputs), len(loop.inputs) - inputs.shape[1]))])
+    outputs = loop.simulate(model.theta, quiet)
+    periods = window.cut(outputs).reshape(window.periods, window.period, -1).mean(axis=0)
+    against = {name: periods[:, (2 + k) * axes : (3 + k) * axes] for k, name in enumerate(WATCHED)}
+    other = _other_axis(model.rig)
+    against |= {f"{name}_other": against[name][:, other] for name in ("s", "v")}
+
+    residual, known = noise.jacobian(model, list(range(len(model.names))))
+    residual, known = noise.by_record(residual)[index], noise.by_record(known)[index]
+    size = np.linalg.norm(known, axis=0)
+    basis, _ = np.linalg.qr(known[:, size > 0.0] / size[size > 0.0])
+    white = _as_lines(residual - basis @ (basis.T @ residual), p)[:lines]
+    cost = float(np.sum(np.abs(white) ** 2))
+    responses = loop.frequency_response(model.theta, window.excited * record.sample_rate / window.samples)
+
+    found = []
+    for name, (_, unit, meaning) in PORTS.items():
+        columns = [k for k, inlet in enumerate(loop.inputs) if inlet.startswith(f"{name}.")]
+        way = whitening @ responses[:, :p, columns]
+        spectrum = _least_squares(way, white)
+        left = white - (way @ spectrum[..., None])[..., 0]
+        free = 2 * (p - np.linalg.matrix_rank(way[lines // 2], tol=1e-9 * np.abs(way).max())) * lines
+        misfit = float(np.sum(np.abs(left) ** 2)) / free if free > 0 else np.nan
+        factor = np.sqrt(window.samples) / window.periods
+        full = np.zeros((window.period // 2 + 1, axes), dtype=complex)
+        full[window.in_period] = spectrum * _seen_share(white - left, 2 * axes)[:, None] * factor
+        needed = irfft(full, n=window.period, axis=0)
+        terms = _terms(name, against, way, white, cost, basis, window)
+        found.append(Port(name, unit, meaning, misfit, needed, against, terms))
+    return tuple(sorted(found, key=_by_misfit_then_shape))
+
+
+def _other_axis(rig: Rig) -> NDArray[np.intp]:
+    """Index of the other axis of the same bearing; its own where there is none."""
+    found: list[int] = []
+    for bearing in rig.bearings:
+        first, count = len(found), len(bearing.axes)
+        found += [first + (k + 1) % count for k in range(count)]
+    return np.array(found)
+
+
+def _by_misfit_then_shape(port: Port) -> tuple[float, float]:
+    """Ports that leave about as little are told apart by how much of it a simple shape explains."""
+    left = 1.0 if np.isnan(port.misfit) else max(port.misfit, 1.0)
+    return round(np.log(left) / 0.2), -port.terms[0].score if port.terms else 0.0
+
+
+def _seen_share(explained: ComplexArray, degrees: int, neighbours: int = 15) -> FloatArray:
+    """Part of each line's power that is no noise, from its neighbourhood, 0 to 1."""
+    power = uniform_filter1d(np.sum(np.abs(explained) ** 2, axis=1), 2 * neighbours + 1, mode="nearest")
+    return np.maximum(0.0, 1.0 - degrees / np.maximum(power, degrees))
+
+
+def _terms(
+    port: str,
+    signals: dict[str, FloatArray],
+    way: ComplexArray,
+    white: ComplexArray,
+    cost: float,
+    basis: FloatArray,
+    window: Window,
+) -> tuple[Term, ...]:
+    found = []
+    lines, p, axes = way.shape
+    by_line = np.stack([_as_lines(column, p)[:lines] for column in basis.T], axis=-1)
+    known = _stacked(by_line.reshape(-1, basis.shape[1]))
+    residual = _stacked(white.reshape(-1, 1))[:, 0]
+    for shape, (kind, function) in TERMS[port].items():
+        signal = function(signals)
+        size = signal.std(axis=0) + 1e-300
+        spectrum = rfft((signal - signal.mean(axis=0)) / size, axis=0)[window.in_period]
+        spectrum *= window.periods / np.sqrt(window.samples)
+        columns = _stacked((way * spectrum[:, None, :]).reshape(-1, axes))
+        columns = columns - known @ (known.T @ columns)
+        q, r = np.linalg.qr(columns)
+        called_for = q.T @ residual
+        score = float(called_for @ called_for)
+        coefficients = np.linalg.lstsq(r, called_for, rcond=1e-9)[0] / size
+        excess = max(cost - residual.size, 1.0)
+        found.append(Term(shape, kind, coefficients, score, min(score / excess, 1.0), log_chance(score, axes)))
+    return tuple(sorted(found, key=lambda term: term.chance))
+
+
+def _least_squares(way: ComplexArray, white: ComplexArray) -> ComplexArray:
+    """Per line, the input of least norm that explains most of the whitened residual."""
+    return (np.linalg.pinv(way, rcond=1e-9) @ white[..., None])[..., 0]
+
+
+def _as_lines(white: FloatArray, p: int) -> ComplexArray:
+    """Whitened numbers as complex lines, shape (lines, p)."""
+    half = len(white) // 2
+    return (white[:half] + 1j * white[half:]).reshape(-1, p)
+
+
+def _stacked(lines: ComplexArray) -> FloatArray:
+    return np.concatenate([lines.real, lines.imag])

@@ -1,0 +1,105 @@
+"""Name the missing effect: see that the data can tell, fit the base model, search, and say what was found."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+from ambid.checking import check
+from ambid.diagnosis.ranking import Candidate, Progress, Ranking, silent
+from ambid.diagnosis.result import Diagnosis
+from ambid.diagnosis.search import Search
+from ambid.effects import CATALOGUE, Effect, find
+from ambid.identification import identify
+from ambid.identification.refit import refit
+from ambid.model import Model
+from ambid.noise import Noise
+from ambid.record import Record
+from ambid.rig import Rig
+
+__all__ = ["diagnose"]
+
+ADEQUATE = 1.10
+"""Largest misfit J/dof of a model that is called adequate."""
+
+
+def diagnose(
+    model: Model | Rig,
+    records: Record | Sequence[Record],
+    *,
+    validate: Sequence[Record] = (),
+    effects: Sequence[str | Effect] | None = None,
+    catalogue: Sequence[Effect] = CATALOGUE,
+    tolerance: float = ADEQUATE,
+    ask: Callable[[Ranking, Candidate], bool] | None = None,
+    say: Callable[[str], None] = lambda _: None,
+    progress: Progress = silent,
+) -> Diagnosis:
+    """Compare, name the missing effect, add it, refit, until nothing more is supported by the data.
+
+    Parameters
+    ----------
+    model : Model or Rig
+        Start; a rig means its nominal values.
+    records : Record or sequence of Record
+        Three or more periods each, at any amplitudes, and at any operating points (`Record.at`).
+    validate : sequence of Record
+        Not used for choosing; best at another amplitude.
+    effects : sequence of str or Effect, optional
+        A person's own choice: add these, in this order, instead of choosing.
+    catalogue : sequence of Effect
+        Candidates; effects of your own may be among them.
+    tolerance : float
+        Misfit J/dof up to which a model is good enough.
+    ask : callable, optional
+        Shown the ranking and the candidate that is to be added; False ends the search.
+    say : callable
+        Told about every step.
+    progress : callable
+        Told what is being done within a step, how much of it is done, and how much there is.
+
+    Returns
+    -------
+    Diagnosis
+
+    Notes
+    -----
+    Ctrl-C (KeyboardInterrupt) ends the search with the steps that were finished; before the first, it is passed on.
+
+    Raises
+    ------
+    RecordError
+        If a record has no excitation.
+    UnstableLoopError
+        If the base model has no stable start.
+    """
+    begun = time.perf_counter()
+    records = (records,) if isinstance(records, Record) else tuple(records)
+    start = model if isinstance(model, Model) else Model(model)
+    start = start.covering(records)
+    for record in validate:
+        start.at(record)  # refuses one at a bias current that no other record has
+    findings = check(start.to_rig(), (*records, *validate)).findings
+    stops = [f"{finding.where}: {finding.what}; {finding.todo}" for finding in findings if finding.stops_diagnosis]
+    if stops:
+        return Diagnosis.uninformative(start, records, stops, begun)
+    estimate = identify(start, records)
+    if estimate.status == "stopped":
+        raise KeyboardInterrupt
+    if estimate.status == "not_identifiable":
+        lost = ", ".join(sorted({name for direction in estimate.directions for name in direction}))
+        why = f"the records do not determine {lost}; excite every axis, with more amplitude or over more periods"
+        return Diagnosis.uninformative(estimate.model, records, [why], begun)
+    noise = Noise(estimate.model, records)
+    fit = refit(estimate.model, noise)
+    noise = Noise(fit.model, records)
+    fit = refit(fit.model, noise)
+    search = Search(fit, start, noise, validate, catalogue, tolerance, say, progress)
+    try:
+        if effects is None:
+            search.automatic(ask)
+        else:
+            search.as_told([find(effect) if isinstance(effect, str) else effect for effect in effects])
+    except KeyboardInterrupt:
+        search.stop()
+    return search.verdict(begun)

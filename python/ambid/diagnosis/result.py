@@ -1,0 +1,211 @@
+"""What a diagnosis found: verdict, effects, the ledger of steps, and where the model fails."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ambid.diagnosis.localisation import Cell, Localisation
+from ambid.diagnosis.ranking import Ranking
+from ambid.model import Model
+from ambid.record import Record
+from ambid.results import Tabular
+
+VERDICTS = {
+    "adequate": "nothing is missing that these data can show, in this band and at this amplitude",
+    "explained": "the effects named explain the misfit",
+    "ambiguous": "one of the effects of each set explains the misfit; these data cannot tell which",
+    "none_of_the_candidates": "something is missing that no effect of the catalogue explains; nothing was added",
+    "not_informative": "these data cannot decide",
+}
+
+
+@dataclass(frozen=True)
+class Step:
+    """One line of the ledger: the model after a step.
+
+    Attributes
+    ----------
+    effects : tuple of str
+        In the model, in the order of their adding.
+    fit_percent, validation_fit_percent : dict
+        Per channel and ``average``; None without records to validate on.
+    misfit, validation_misfit : float
+        J/dof.
+    predicted_misfit : float or None
+        What the ranking before predicted for the effect that was added.
+    ranking : Ranking
+        Of what is still outside the model.
+    model : Model
+        With the values of all parameters.
+    removed : str or None
+        Effect that this step took out again.
+    added : str or None
+        Effect that this step added.
+    """
+
+    effects: tuple[str, ...]
+    fit_percent: dict[str, float]
+    validation_fit_percent: dict[str, float] | None
+    misfit: float
+    validation_misfit: float | None
+    predicted_misfit: float | None
+    ranking: Ranking
+    model: Model
+    removed: str | None = None
+    added: str | None = None
+
+    @property
+    def change(self) -> str:
+        """What the step did, such as ``+ loop_delay - amplifier_bandwidth``."""
+        changes = [f"{sign} {name}" for sign, name in (("+", self.added), ("-", self.removed)) if name]
+        return " ".join(changes) or "base model"
+
+    def line(self) -> str:
+        """One line of text."""
+        text = f"{self.change:36s} misfit {self.misfit:10.3f}   fit of y {self.fit_percent['average']:6.2f} %"
+        if self.predicted_misfit is not None:
+            text += f"   (predicted {self.predicted_misfit:.3f})"
+        if self.validation_misfit is not None and self.validation_fit_percent is not None:
+            text += f"   validation {self.validation_misfit:.3f}, {self.validation_fit_percent['average']:.2f} %"
+        return text
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data, as in JSON."""
+        return {
+            "effects": list(self.effects),
+            "fit_percent": self.fit_percent,
+            "validation_fit_percent": self.validation_fit_percent,
+            "misfit": self.misfit,
+            "validation_misfit": self.validation_misfit,
+            "candidates": [candidate.as_dict() for candidate in self.ranking.candidates],
+        }
+
+
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Tabular):
+    """Result of `diagnose`.
+
+    Attributes
+    ----------
+    verdict : str
+        One of `VERDICTS`.
+    effects : tuple of str
+        Added, in order.
+    ambiguous_sets : list of list of str
+        Effects that these data cannot tell apart.
+    history : list of Step
+    localisation : Localisation or None
+        Where the base model fails.
+    model : Model
+        The last model.
+    records, validation : tuple of Record
+        That were diagnosed, and that were kept to judge by.
+    next_experiment : str
+        What would tell the rest apart.
+    seconds : float
+    notes : tuple of str
+    """
+
+    verdict: str
+    effects: tuple[str, ...]
+    ambiguous_sets: list[list[str]]
+    history: list[Step]
+    localisation: Localisation | None
+    model: Model
+    records: tuple[Record, ...]
+    validation: tuple[Record, ...]
+    next_experiment: str
+    seconds: float
+    notes: tuple[str, ...] = field(default_factory=tuple)
+
+    @classmethod
+    def uninformative(cls, model: Model, records: Sequence[Record], why: Sequence[str], begun: float) -> Diagnosis:
+        """A diagnosis that could not begin."""
+        return cls(
+            verdict="not_informative",
+            effects=(),
+            ambiguous_sets=[],
+            history=[],
+            localisation=None,
+            model=model,
+            records=tuple(records),
+            validation=(),
+            next_experiment="first mend what the notes say, then record again",
+            seconds=time.perf_counter() - begun,
+            notes=tuple(why),
+        )
+
+    @property
+    def where(self) -> tuple[Cell, ...]:
+        """Cells of the misfit map of the base model, largest misfit first."""
+        return () if self.localisation is None else self.localisation.cells
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data as the command's ``--json`` writes it."""
+        return {
+            "verdict": self.verdict,
+            "verdict_meaning": VERDICTS[self.verdict],
+            "effects": list(self.effects),
+            "ambiguous_sets": self.ambiguous_sets,
+            "history": [step.as_dict() for step in self.history],
+            "where": [
+                {
+                    "record": c.record,
+                    "channel": c.channel,
+                    "band_hz": list(c.band_hz),
+                    "misfit": c.misfit,
+                    "kind": c.kind,
+                }
+                for c in self.where[:20]
+            ],
+            "parameters": {p.name: {"value": p.value, "unit": p.unit} for p in self.model.parameters},
+            "next_experiment": self.next_experiment,
+            "seconds": self.seconds,
+            "notes": [*(note for record in self.records for note in record.notes), *self.notes],
+        }
+
+    def table(self) -> dict[str, list[Any]]:
+        """Steps of the ledger, a row each."""
+        steps = self.history
+        return {
+            "model": [", ".join(step.effects) or "base model" for step in steps],
+            "misfit": [step.misfit for step in steps],
+            "predicted_misfit": [step.predicted_misfit for step in steps],
+            "fit_percent": [step.fit_percent["average"] for step in steps],
+            "validation_misfit": [step.validation_misfit for step in steps],
+            "validation_fit_percent": [(step.validation_fit_percent or {}).get("average") for step in steps],
+        }
+
+    def summary(self) -> list[str]:
+        """Verdict, what it means, what to do next, and the notes."""
+        named = f": {', '.join(self.effects)}" if self.effects else ""
+        sets = [f"cannot be told apart: {', '.join(names)}" for names in self.ambiguous_sets]
+        verdict = f"verdict: {self.verdict}{named}; {VERDICTS[self.verdict]}"
+        return [verdict, *sets, f"next: {self.next_experiment}", *self.notes]
+
+    def save(self, path: str | Path) -> None:
+        """Write the last model, for ``--model`` and `Model.load`."""
+        self.model.save(path)
+
+    def __repr__(self) -> str:
+        named = f": {', '.join(self.effects)}" if self.effects else ""
+        lines = [f"verdict: {self.verdict}{named}", f"  {VERDICTS[self.verdict]}"]
+        lines += [f"  cannot be told apart: {', '.join(names)}" for names in self.ambiguous_sets]
+        lines += ["", *(step.line() for step in self.history)]
+        own = [p for p in self.model.parameters if p.typical is not None]
+        if own:
+            lines += ["", *(f"{p.name:36s} {p.value:12.5g} {p.unit}" for p in own)]
+        worst = [cell for cell in self.where[:3] if np.isfinite(cell.misfit)]
+        if worst and self.verdict != "adequate":
+            lines += ["", "largest misfit of the model at the start:"]
+            lines += [
+                f"  {c.channel:12s} {c.band_hz[0]:7.0f} .. {c.band_hz[1]:.0f} Hz: {c.misfit:.1f} times noise"
+                for c in worst
+            ]
+        return "\n".join([*lines, "", f"next: {self.next_experiment}", *(f"note: {note}" for note in self.notes)])

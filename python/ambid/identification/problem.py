@@ -1,0 +1,169 @@
+"""The least-squares problem of closed-loop identification (eq. 9), small whatever the length of the records."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ambid import _core
+from ambid.arrays import FloatArray
+from ambid.errors import ModelError, UnstableLoopError
+from ambid.model import Model
+from ambid.noise import noise_ceiling
+from ambid.record import Record
+
+
+class End(NamedTuple):
+    """Where a descent ended: all parameters, cost, and a status of `estimate.STATUS`."""
+
+    theta: FloatArray
+    cost: float
+    status: str
+
+
+Limits = tuple[FloatArray, FloatArray]
+
+
+class LeastSquares(ABC):
+    """Least squares in scaled parameters x = theta / scale, reduced to normal equations.
+
+    SciPy sees a residual of `free + 1` numbers with the same norm, Jacobian and gradient as the N x channels one: with
+    the eigenvectors ``J'J = V L V'``, they are ``[L^-1/2 V'J'r; what J cannot explain]`` and ``[L^1/2 V'; 0]``.
+    """
+
+    def __init__(self, model: Model, free: list[int], progress: Callable[[int, float], None] | None) -> None:
+        self.model, self.free, self.progress = model, free, progress
+        self.scale = np.array([model.parameters[i].scale for i in free])
+        self.evaluations = 0
+        self._best: tuple[float, FloatArray] = (np.inf, self.scale)
+        self._last: tuple[bytes, FloatArray, FloatArray, float] | None = None
+
+    @abstractmethod
+    def _evaluate(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        """J'J and J'r by the free parameters, and r'r, r being simulated minus measured."""
+
+    def theta(self, x: FloatArray) -> FloatArray:
+        """All parameters of the model at x."""
+        theta = self.model.theta
+        theta[self.free] = x * self.scale
+        return theta
+
+    def normal_equations(self, x: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        """J'J and J'r by x, and r'r."""
+        if self._last is None or self._last[0] != x.tobytes():
+            hessian, gradient, cost = self._evaluate(self.theta(x))
+            self.evaluations += 1
+            self._last = (x.tobytes(), hessian * np.outer(self.scale, self.scale), gradient * self.scale, cost)
+            if cost < self._best[0]:
+                self._best = (cost, x.copy())
+            if self.progress is not None:
+                self.progress(self.evaluations, cost)
+        return self._last[1:]
+
+    def descend(self, x: FloatArray, limits: Limits, max_evaluations: int) -> End:
+        """Go downhill from x with SciPy's trust-region method; a step into an unstable loop is rejected."""
+        self._best = (np.inf, x)
+        tiny = 1e-9  # bounds of zero are open: a gain or time constant of zero is no model
+        bounds = (np.where(limits[0] == 0.0, tiny, limits[0]), limits[1])
+        margin = 1e-12 * np.maximum(1.0, np.abs(x))
+        inside = np.clip(x, bounds[0] + margin, bounds[1] - margin)
+        try:
+            result = least_squares(
+                self._residual, inside, self._jacobian, bounds=bounds, method="trf",
+                xtol=1e-8, ftol=1e-10, gtol=1e-10, max_nfev=max_evaluations,
+            )  # fmt: skip
+        except KeyboardInterrupt:
+            cost, x = self._best
+            return End(self.theta(x), cost, "stopped")
+        status = "max_evaluations" if result.status == 0 else "converged"
+        at_bound = (result.active_mask != 0) & (np.abs(result.x) > 10 * tiny)
+        return End(self.theta(result.x), 2.0 * result.cost, "at_bound" if at_bound.any() else status)
+
+    def _residual(self, x: FloatArray) -> FloatArray:
+        """The short residual; infinite, which SciPy rejects as a step, where the loop is unstable."""
+        try:
+            return self._short(x)[0]
+        except (UnstableLoopError, ModelError):
+            return np.full(len(x) + 1, np.inf)
+
+    def _jacobian(self, x: FloatArray) -> FloatArray:
+        return self._short(x)[1]
+
+    def _short(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        hessian, gradient, cost = self.normal_equations(x)
+        values, vectors = np.linalg.eigh(hessian)
+        roots = np.sqrt(np.maximum(values, values[-1] * 1e-15))
+        explained = vectors.T @ gradient / roots
+        rest = np.sqrt(max(cost - explained @ explained, 0.0))
+        return np.append(explained, rest), np.vstack([roots[:, None] * vectors.T, np.zeros(len(x))])
+
+
+class Problem(LeastSquares):
+    """Weighted residuals of y and i_c over all samples; the core forms the normal equations."""
+
+    def __init__(
+        self,
+        model: Model,
+        records: tuple[Record, ...],
+        free: list[int],
+        noise: list[FloatArray],
+        factors: FloatArray,
+        progress: Callable[[int, float], None] | None,
+    ) -> None:
+        super().__init__(model, free, progress)
+        self.records, self.factors = records, factors
+        self.weights = [
+            np.where(np.isin(model.loop.outputs, record.channels), factors / rms, 0.0)
+            for record, rms in zip(records, noise, strict=True)
+        ]
+        self._data: dict[_core.ClosedLoop, list[_core.Data]] = {}  # by operating point
+        for record, w in zip(records, self.weights, strict=True):
+            core = model.at(record).loop.core
+            data = _core.Data(core, model.excitation(record), padded_outputs(record), w)
+            self._data.setdefault(core, []).append(data)
+
+    def _evaluate(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        size = len(self.free)
+        hessian, gradient, cost = np.zeros((size, size)), np.zeros(size), 0.0
+        for core, data in self._data.items():
+            own, own_gradient, squares = _core.normal_equations(core, theta, self.free, data)
+            hessian, gradient, cost = hessian + own, gradient + own_gradient, cost + float(squares.sum())
+        return hessian, gradient, cost
+
+    def with_noise(self, noise: list[FloatArray]) -> Problem:
+        """The same problem with other noise levels."""
+        other = Problem(self.model, self.records, self.free, noise, self.factors, self.progress)
+        other.evaluations = self.evaluations
+        return other
+
+    def residual_rms(self, theta: FloatArray) -> list[FloatArray]:
+        """Rms of each channel's residual, per record."""
+        at, found = self.model.with_theta(theta), []
+        for record in self.records:
+            z = padded_outputs(record)
+            rms = (z - at.response(record)).std(axis=0)
+            found.append(np.where(rms > 0.0, rms, 1.0))
+        return found
+
+
+def padded_outputs(record: Record) -> FloatArray:
+    """The recorded y and i_c as the loop's outputs, shape (N, 2 axes); zeros where i_c was not recorded."""
+    i_c = np.zeros_like(record.y) if record.i_c is None else record.i_c
+    return np.hstack([record.y, i_c])
+
+
+def noise_levels(records: Sequence[Record]) -> list[FloatArray]:
+    """Noise rms of each output, from the scatter over the periods; without periods, the signal's own rms."""
+    levels = []
+    for record in records:
+        ceilings = noise_ceiling(record)
+        deviation = padded_outputs(record).std(axis=0)
+        share = np.array([1.0 - ceilings.get(name, np.nan) / 100.0 for name in record.channels])
+        share = np.append(share, np.ones(len(deviation) - len(share)))
+        rms = np.where(np.isnan(share), 1.0, share) * deviation
+        levels.append(np.where(rms > 0.0, rms, 1.0))
+    return levels

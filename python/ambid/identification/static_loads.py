@@ -1,0 +1,384 @@
+"""Static loading: K_i of every axis from known forces on the levitated rotor and the currents that carry them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import fdtrc, stdtrit
+
+from ambid.arrays import FloatArray
+from ambid.errors import IdentificationError, RigError
+from ambid.identification.estimate import ParameterEstimate
+from ambid.loop.geometry import axis_angles, axis_directions, geometry
+from ambid.record import StaticLoading
+from ambid.record.checks import order_of_axes
+from ambid.rig import PointMassRotor, Rig
+from ambid.rotor import reduced_rotor
+
+__all__ = ["StaticEstimate", "static_load"]
+
+IntArray = NDArray[np.int_]
+
+_LEAST_SHARE = 0.02  # an axis that carries less than this part of the most loaded one was not loaded
+_WIDEST = 0.5  # relative half width of the 95 % interval of 1/K_i beyond which the data do not tell K_i
+_COMPARABLE = 2.5  # effective number of loadings from which their scatter gives the intervals
+_FULL_LEVERAGE = 0.999  # above it one step alone decides the slope
+_SIGNIFICANT = 1e-3  # p-value, over all axes, below which a note is made
+_NOTICEABLE = 5e-4  # relative change of K_i by the deflection of the rotor that is worth a note
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class StaticEstimate:
+    """Result of `static_load`, M steps of all loadings on n axes.
+
+    Attributes
+    ----------
+    parameters : dict of str to ParameterEstimate
+        ``K_i.<axis>`` [N/A].
+    residual_newton : float
+        Root mean square of `residuals` [N].
+    residuals : ndarray, shape (M, n)
+        K_i i_c less the force that the load asks of the axis, less their constant [N].
+    magnet_forces : ndarray, shape (M, n)
+        Force that the load asks of the current of each axis [N].
+    axes : tuple of str
+        Names of the columns.
+    loadings : tuple of StaticLoading
+        What it was found from.
+    notes : tuple of str
+        Notes of the loadings, scatter between them, dependence of K_i on load, deflection of the rotor.
+    """
+
+    parameters: dict[str, ParameterEstimate]
+    residual_newton: float
+    residuals: FloatArray
+    magnet_forces: FloatArray
+    axes: tuple[str, ...]
+    loadings: tuple[StaticLoading, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def residual_newton_by_axis(self) -> dict[str, float]:
+        """Root mean square of the residuals of each axis [N]."""
+        return dict(zip(self.axes, _rms(self.residuals).tolist(), strict=True))
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data as the command's ``--json`` writes it."""
+        return {
+            "parameters": {name: k_i.as_dict() for name, k_i in self.parameters.items()},
+            "residual_newton": self.residual_newton,
+            "residual_newton_by_axis": self.residual_newton_by_axis,
+            "loadings": [loading.name for loading in self.loadings],
+            "steps": len(self.residuals),
+            "notes": list(self.notes),
+        }
+
+    def __repr__(self) -> str:
+        lines = [f"{'parameter':14s} {'value':>13s} {'std error':>11s} {'residual N':>11s}   95 % interval", "-" * 82]
+        for (name, k_i), residual in zip(self.parameters.items(), self.residual_newton_by_axis.values(), strict=True):
+            low, high = k_i.ci95 or (np.nan, np.nan)
+            interval = f"{low:.6g} .. {high:.6g} {k_i.unit}"
+            lines.append(f"{name:14s} {k_i.value:13.6g} {k_i.std_error:11.3g} {residual:11.3g}   {interval}")
+        lines.append(
+            f"forces: f = K_i i + K_s s; residual {self.residual_newton:.3g} N rms, "
+            f"steps: {len(self.residuals)}, loadings: {len(self.loadings)}"
+        )
+        return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
+
+
+def static_load(
+    rig: Rig, loadings: StaticLoading | Sequence[StaticLoading], *, deflection: bool = False
+) -> StaticEstimate:
+    """Find K_i of every axis by static loading.
+
+    Integral action holds the sensor displacements at zero, so that statics alone tell what each magnet carries: the
+    equilibrium of forces along two directions and of moments about two (of one force for a plain mass) is solved for
+    the magnet forces f of each step. With a constant c of each axis and loading for gravity and offsets, and the noise
+    e of the current, every axis is then one least-squares problem in K_i,
+
+        i_c = f / K_i + c + e.
+
+    The known load is the regressor: regressing on the current, whose noise is the larger, would bias K_i low.
+
+    Intervals are Student's for 1/K_i, inverted. From three comparable loadings on, they come from the scatter between
+    the loadings, which holds what the steps of one loading have in common, such as drift or the gain of a load cell;
+    L equal loadings leave L - 1 degrees of freedom. With fewer, they come from the M steps: HC3 covariance, because
+    the scatter may grow with the load (wider than needed below about ten steps), and M - L - 1 degrees of freedom. No
+    interval holds an error of the force that all loadings share.
+
+    Parameters
+    ----------
+    rig : Rig
+        Its bearings; with `deflection` also its rotor and its nominal K_s.
+    loadings : StaticLoading or sequence of StaticLoading
+        Steps at one operating point of this rig.
+    deflection : bool
+        False takes the rotor as centred in the magnets, the classic method. True takes K_s s from f, where the kept
+        bending modes give the displacement s at the magnets while the sensors read zero, and the rig its nominal K_s.
+        Both s and f are proportional to the load, so that no residual tells which is right; a note says how much it
+        changes. Leaving out higher modes overestimates s where the sensors lie outboard (two modes by 12 % on the
+        test bench); a rigid rotor has s = 0.
+
+    Returns
+    -------
+    StaticEstimate
+
+    Raises
+    ------
+    IdentificationError
+        If statics do not determine the magnet forces (three bearings, say), the loads leave an axis out, there are
+        too few steps, or K_i comes out negative.
+    RecordError
+        If a loading has other axes than the rig.
+    RigError
+        With `deflection`, if the modes of the rotor are not known where a load acts.
+
+    References
+    ----------
+    HC3: J. G. MacKinnon and H. White, Journal of Econometrics 29 (1985), 305-325.
+    """
+    loadings = (loadings,) if isinstance(loadings, StaticLoading) else tuple(loadings)
+    if not loadings:
+        raise IdentificationError("no static loading was given; give at least one")
+    for loading in loadings:
+        if len(loading.z) < 3:
+            raise IdentificationError(
+                f"{_names([loading])}: {len(loading.z)} load steps; allowed is at least 3, for a slope, a constant and "
+                "a measure of scatter; record more steps"
+            )
+    notes = [f"{loading.name}: {note}" for loading in loadings for note in loading.notes]
+    of = np.repeat(np.arange(len(loadings)), [len(loading.z) for loading in loadings])
+    z = np.concatenate([loading.z for loading in loadings])
+    loads = _in_frame(rig, np.concatenate([loading.force for loading in loadings]))
+    force = _magnet_forces(rig, z, loads)
+    current = np.concatenate([_currents(rig, loading) for loading in loadings])
+    _require_loaded(rig, loadings, _rms(_centred(force, of)))
+    try:
+        bent = _deflection_forces(rig, z, loads, force)
+    except RigError as error:
+        if deflection:
+            raise
+        notes.append(f"the deflection of the rotor is not known, and left out: {error}")
+    else:
+        notes += _deflection_notes(_centred(force, of), _centred(bent, of), deflection)
+        force = force - bent if deflection else force
+
+    lines = [_fit_line(force[:, j], current[:, j], of) for j in range(len(rig.axes))]
+    for axis, line in zip(rig.axes, lines, strict=True):
+        _require_slope(_names(loadings), axis, line)
+    residuals = np.stack([line.residual / line.slope for line in lines], axis=1)
+    notes += _scatter_notes(rig, lines)
+    for j, axis in enumerate(rig.axes):
+        notes += _nonlinearity_notes(axis, force[:, j], current[:, j], of, _SIGNIFICANT / len(rig.axes))
+    return StaticEstimate(
+        parameters={f"K_i.{axis}": line.k_i() for axis, line in zip(rig.axes, lines, strict=True)},
+        residual_newton=float(_rms(residuals.ravel())),
+        residuals=residuals,
+        magnet_forces=force,
+        axes=rig.axes,
+        loadings=loadings,
+        notes=tuple(notes),
+    )
+
+
+def _currents(rig: Rig, loading: StaticLoading) -> FloatArray:
+    """Currents of one loading in the order of the rig's axes."""
+    return loading.i_c[:, order_of_axes(_names([loading]), loading.axes, rig.axes, "the rig")]
+
+
+def _in_frame(rig: Rig, loads: FloatArray) -> FloatArray:
+    """Loads (M, 2) in global x, y, turned into the frame of the first bearing that `geometry` works in."""
+    tilt = np.deg2rad(rig.bearings[0].tilt)
+    return loads @ np.array([[np.cos(tilt), -np.sin(tilt)], [np.sin(tilt), np.cos(tilt)]])
+
+
+def _magnet_forces(rig: Rig, z: FloatArray, loads: FloatArray) -> FloatArray:
+    """Magnet forces that balance each of the loads (M, 2) at z (M,), shape (M, n) [N].
+
+    Where all axes lie in one plane, something else guides the rotor across it, and only that plane is balanced.
+    """
+    directions = axis_directions(rig)
+    plane = directions[:1] if np.linalg.matrix_rank(directions) == 1 else np.eye(2)
+    axis_parts, load_parts = directions @ plane.T, loads @ plane.T
+    if not isinstance(rig.rotor, PointMassRotor):
+        magnets = np.array([[bearing.position] for bearing in rig.bearings for _ in bearing.axes])
+        axis_parts = np.hstack([axis_parts, magnets * axis_parts])
+        load_parts = np.hstack([load_parts, z[:, None] * load_parts])
+    axes, equations = axis_parts.shape
+    if axes != equations or np.linalg.matrix_rank(axis_parts) < axes:
+        raise IdentificationError(
+            f"{rig.path or rig.name}: K_i of {', '.join(rig.axes)} is not identifiable by static loading: "
+            f"{axes} axes share {equations} equations of equilibrium, allowed is as many axes, in two bearings at "
+            "different positions; identify K_i in closed loop, or levitate on two bearings"
+        )
+    return np.asarray(-np.linalg.solve(axis_parts.T, load_parts.T).T, dtype=np.float64)
+
+
+def _deflection_forces(rig: Rig, z: FloatArray, loads: FloatArray, magnet_forces: FloatArray) -> FloatArray:
+    """K_s s of each axis while the sensors read zero, shape (M, n) [N], by the kept modes and the nominal K_s."""
+    places = [at for bearing in rig.bearings for at in (bearing.position, bearing.sensor_position)]
+    rotor = reduced_rotor(rig.rotor, [*places, *np.unique(z)])
+    where = geometry(rig, rotor)
+    shapes = np.array([rotor.shape(at) for at in z])
+    modal_forces = np.hstack([load[:, None] * shapes for load in loads.T[: rotor.planes]])
+    modal_forces += magnet_forces @ where.force.T
+
+    omega = np.tile(rotor.frequencies_rad_s, rotor.planes)
+    bends = omega > 0.0
+    bending = modal_forces[:, bends] / omega[bends] ** 2
+    read = bending @ where.sensor[:, bends].T
+    rigid = -np.linalg.lstsq(where.sensor[:, ~bends], read.T, rcond=None)[0].T
+    s = bending @ where.force[bends] + rigid @ where.force[~bends]
+    return s * np.array([k_s for bearing in rig.bearings for k_s in bearing.force_displacement])
+
+
+class _Line(NamedTuple):
+    """Line i_c = slope f + a constant of each loading, with what its interval rests on."""
+
+    slope: float  # 1/K_i [A/N]
+    std_error: float
+    freedom: float
+    residual: FloatArray  # [A]
+    by_loading: FloatArray  # slope of each loading that loads the axis
+    clustered: bool  # whether the interval rests on the scatter between loadings
+
+    @property
+    def half_width(self) -> float:
+        """Of the 95 % interval of the slope."""
+        return float(stdtrit(self.freedom, 0.975)) * self.std_error
+
+    def k_i(self) -> ParameterEstimate:
+        ci95 = (1.0 / (self.slope + self.half_width), 1.0 / (self.slope - self.half_width))
+        return ParameterEstimate(1.0 / self.slope, self.std_error / self.slope**2, ci95, "N/A")
+
+
+def _fit_line(force: FloatArray, current: FloatArray, of: IntArray) -> _Line:
+    f, i = _centred(force, of), _centred(current, of)
+    total = f @ f
+    slope = f @ i / total
+    residual = i - slope * f
+    share = np.bincount(of, f * f) / total
+    loaded = share > 1e-6
+    by_loading = np.bincount(of, f * i)[loaded] / (share[loaded] * total)
+    concentration = float(share @ share)  # 1/L for L equal loadings
+    clustered = 1.0 / concentration >= _COMPARABLE
+    if clustered:
+        variance = float(share[loaded] @ (by_loading - slope) ** 2 * concentration / (1.0 - concentration))
+        freedom = 1.0 / concentration - 1.0
+    else:
+        leverage = 1.0 / np.bincount(of)[of] + f * f / total
+        alone = leverage.max() > _FULL_LEVERAGE
+        variance = np.inf if alone else float(f**2 @ (residual / (1.0 - leverage)) ** 2 / total**2)
+        freedom = len(f) - len(share) - 1.0
+    return _Line(float(slope), float(np.sqrt(variance)), freedom, residual, by_loading, clustered)
+
+
+def _require_loaded(rig: Rig, loadings: Sequence[StaticLoading], load: FloatArray) -> None:
+    """Refuse loads that leave an axis out; `load` is the rms change of each axis [N]."""
+    least = _LEAST_SHARE * load.max()
+    idle = [j for j in range(len(load)) if load[j] <= least]
+    if not idle:
+        return
+    angles = axis_angles(rig) + rig.bearings[0].tilt
+    found = ", ".join(f"K_i.{rig.axes[j]} ({load[j]:.3g} N rms)" for j in idle)
+    along = " and ".join(f"{angle:g}" for angle in sorted({angles[j] % 180.0 for j in idle}))
+    raise IdentificationError(
+        f"{_names(loadings)}: not identifiable: {found}; the loads leave these axes out, allowed is at least "
+        f"{least:.3g} N rms, {_LEAST_SHARE:.0%} of the most loaded axis; add loads along {along} degrees from x, "
+        "between the bearings"
+    )
+
+
+def _require_slope(where: str, axis: str, line: _Line) -> None:
+    """Refuse a K_i that the data do not tell, or that is negative."""
+    if not line.half_width < _WIDEST * abs(line.slope):
+        raise IdentificationError(
+            f"{where}: K_i.{axis} is not identifiable: 1/K_i = {line.slope:.3g} A/N with a 95 % interval of "
+            f"+-{line.half_width:.3g}, allowed is {_WIDEST:.0%} of the value; use larger loads, and more steps at each"
+        )
+    if line.slope < 0.0:
+        raise IdentificationError(
+            f"{where}: K_i.{axis} = {1.0 / line.slope:.4g} N/A; allowed is K_i > 0, f = K_i i + K_s s; F_x, F_y are "
+            f"forces on the rotor and the current pulls against them: correct the sign of F_x, F_y or i_c.{axis}"
+        )
+
+
+def _scatter_notes(rig: Rig, lines: Sequence[_Line]) -> Iterator[str]:
+    """Say what the intervals rest on."""
+    scatter = max(float(np.std(line.by_loading) / line.slope) for line in lines)
+    if max(len(line.by_loading) for line in lines) > 1:
+        yield f"K_i differs between the loadings by up to {scatter:.2%} rms"
+    steps_only = [axis for axis, line in zip(rig.axes, lines, strict=True) if not line.clustered]
+    if steps_only:
+        yield (
+            f"the intervals of {', '.join(steps_only)} rest on the scatter of single steps: an error of a whole "
+            "loading, as of a load cell's gain, is not in them; repeat the loading, three times or more"
+        )
+
+
+def _nonlinearity_notes(
+    axis: str, force: FloatArray, current: FloatArray, of: IntArray, significant: float
+) -> Iterator[str]:
+    """Test f^2 and f^3 beside a line of each loading (F-test), and say how K_i depends on the load."""
+    scale = np.abs(force).max()
+    f = force / scale
+    each = np.eye(of.max() + 1)[of]
+    straight = np.hstack([each, each * f[:, None]])
+    curved = np.column_stack([straight, f**2, f**3])
+    rest = [current - X @ np.linalg.lstsq(X, current, rcond=None)[0] for X in (straight, curved)]
+    extra = np.linalg.matrix_rank(curved) - np.linalg.matrix_rank(straight)
+    freedom = len(f) - np.linalg.matrix_rank(curved)
+    if extra < 2 or freedom < 1:
+        yield f"K_i.{axis}: too few different loads to test whether it depends on the load; use five or more"
+        return
+    rounding = 1e-18 * (current @ current)
+    before, after = (max(r @ r, rounding) for r in rest)
+    p_value = float(fdtrc(2, freedom, (before - after) / 2.0 / (after / freedom)))
+    if p_value >= significant:
+        return
+    coefficients = np.linalg.lstsq(curved, current, rcond=None)[0]
+    slope = np.bincount(of, _centred(f, of) ** 2) @ coefficients[each.shape[1] : -2]
+    slope /= np.sum(_centred(f, of) ** 2)
+    quadratic, cubic = coefficients[-2:]
+    low, high = min(f.min(), 0.0), max(f.max(), 0.0)
+    chord = slope + quadratic * (low + high) + cubic * (low**2 + low * high + high**2)
+    fall = 1.0 - slope / chord
+    yield (
+        f"K_i.{axis} {'falls' if fall > 0.0 else 'rises'} by {abs(fall):.2%} from no load to {scale:.4g} N "
+        f"(p = {p_value:.1g}): "
+        + (
+            "the iron saturates; the value is a large-signal one, below the small-signal K_i"
+            if fall > 0.0
+            else "saturation cannot do that; see that the sensors read zero and the forces are true"
+        )
+    )
+
+
+def _deflection_notes(force: FloatArray, bent: FloatArray, included: bool) -> Iterator[str]:
+    """Say by how much K_s s changes K_i; both arguments without their constants."""
+    change = -np.sum(force * bent, axis=0) / np.sum(force**2, axis=0)
+    if np.abs(change).max() < _NOTICEABLE:
+        return
+    span = f"{change.min():+.2%} to {change.max():+.2%}"
+    if included:
+        yield f"K_i holds {span} for K_s s as the rotor bends; it rests on the nominal K_s, and is in no interval"
+    else:
+        yield f"left out: K_s s as the rotor bends; with deflection=True and the nominal K_s, K_i changes by {span}"
+
+
+def _centred(values: FloatArray, of: IntArray) -> FloatArray:
+    """Values (M,) or (M, n) less their mean over each loading."""
+    each = np.eye(of.max() + 1)[of]
+    return values - each @ (each.T @ values / each.sum(axis=0).reshape(-1, *(1,) * (values.ndim - 1)))
+
+
+def _rms(values: FloatArray) -> FloatArray:
+    return np.sqrt(np.mean(values**2, axis=0))
+
+
+def _names(loadings: Sequence[StaticLoading]) -> str:
+    return ", ".join(str(loading.path or loading.name) for loading in loadings)

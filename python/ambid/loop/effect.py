@@ -1,0 +1,155 @@
+"""What a physical effect is: a hypothesis that adds blocks to Delta and is absent from the base model."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ambid.arrays import FloatArray
+from ambid.loop.plant import Plant
+from ambid.record import Record
+from ambid.rig import Rig
+
+
+@dataclass(frozen=True)
+class Tone:
+    """A line of the residual that belongs to no excitation.
+
+    Attributes
+    ----------
+    frequency_hz : float
+    axis : int
+        Axis whose displacement or current holds most of it, in units of its noise.
+    power : float
+        Largest power of a channel over the noise around.
+    """
+
+    frequency_hz: float
+    axis: int
+    power: float
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the model and the records show before any candidate is tried.
+
+    Attributes
+    ----------
+    rig : Rig
+    peaks : mapping of str to float
+        Largest absolute value of signals of the plant over all axes and records: ``s``, ``i_f``, ``drive``.
+    tones : sequence of Tone
+        Lines of the residual that belong to no excitation.
+    held : sequence of float
+        Mean current of each axis, which holds the weight of the rotor [A]; empty where it was not recorded.
+    """
+
+    rig: Rig
+    peaks: Mapping[str, float]
+    tones: Sequence[Tone] = ()
+    held: Sequence[float] = ()
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """An uncertain number that an effect brings.
+
+    Attributes
+    ----------
+    name : str
+        Without the effect's name, such as ``stiffness``.
+    unit : str
+        ``1`` for a ratio.
+    probe : float
+        A typical small value, in `unit`: the response is probed with it, and the optimiser scales by it.
+    lower, upper : float
+        What physics allows.
+    """
+
+    name: str
+    unit: str
+    probe: float
+    lower: float = 0.0
+    upper: float = float("inf")
+
+
+class Effect(ABC):
+    """A physical effect. Subclass it for one of your own; it is then ranked beside those of the catalogue.
+
+    Class attributes
+    ----------------
+    name : str
+        Identifier, such as ``loop_delay``.
+    physics, signature, source : str
+        A sentence each: what happens, how it shows in the residual, where it is described.
+    contains : tuple of str
+        Names of simpler effects that this one includes; where one of them does as well, it is named instead.
+    """
+
+    name: ClassVar[str]
+    physics: ClassVar[str]
+    signature: ClassVar[str]
+    source: ClassVar[str]
+    contains: ClassVar[tuple[str, ...]] = ()
+
+    @abstractmethod
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Parameters of the effect on this rig; none where it makes no sense, such as unbalance at rest."""
+
+    @abstractmethod
+    def attach(self, plant: Plant) -> None:
+        """Add states, ports and injections to the plant; ports fill the slots ``<effect>.<parameter>``."""
+
+    def variants(self, seen: Seen) -> Sequence[Effect]:
+        """The effect at each place, frequency or size where it is to be tried; the best of them is ranked."""
+        return (self,)
+
+    def waveform(self, rig: Rig, samples: int, record: Record | None) -> FloatArray:
+        """Known inputs, shape (samples, k), that drive the plant's inputs of this effect, in their order.
+
+        They are held from sample to sample. `record` is the record that is being simulated, if there is one.
+        """
+        return np.zeros((samples, 0))
+
+    def frequencies_hz(self, rig: Rig) -> Sequence[float]:
+        """Frequencies of its own, whose lines of the spectrum are judged beside the excited ones."""
+        return ()
+
+    def settings(self) -> dict[str, Any]:
+        """Arguments of the constructor that make this variant, as saved with a model."""
+        return {}
+
+    def positions(self, rig: Rig) -> Sequence[float]:
+        """Axial positions at which it acts, beside magnets and sensors [m]."""
+        return ()
+
+    def flexible_modes(self, rig: Rig) -> int:
+        """Bending modes per plane that the rotor must have for it, beyond those of the rig."""
+        return 0
+
+    def probes(self, rig: Rig) -> Sequence[Mapping[str, float]]:
+        """Sets of parameter values whose responses span the effect; by default one parameter at a time."""
+        own = self.parameters(rig)
+        return [{p.name: p.probe if p is one else 0.0 for p in own} for one in own]
+
+    def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
+        """How much of each probe physics allows: lower and upper bounds; by default those of the parameters."""
+        own = self.parameters(rig)
+        return np.array([p.lower / p.probe for p in own]), np.array([p.upper / p.probe for p in own])
+
+    def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
+        """Values to start a refit from, given how much of each probe the residual calls for."""
+        start = {}
+        for amplitude, p in zip(amplitudes, self.parameters(rig), strict=True):
+            least, most = max(p.lower, -10.0 * p.probe), min(p.upper, 100.0 * p.probe)
+            wanted = amplitude if abs(amplitude) > 1e-6 else 0.1
+            start[p.name] = float(min(max(wanted * p.probe, least), most))
+        return start
+
+    def slot(self, parameter: str) -> str:
+        """Name of a parameter in the model, such as ``loop_delay.delay``."""
+        return f"{self.name}.{parameter}"

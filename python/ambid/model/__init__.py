@@ -1,0 +1,6 @@
+"""The model that users hold: a rig, what fills its Delta, and the values of the parameters."""
+
+from ambid.model.model import Model
+from ambid.model.parameter import Parameter
+
+__all__ = ["Model", "Parameter"]

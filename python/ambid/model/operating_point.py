@@ -1,0 +1,119 @@
+"""One machine at several operating points: which rigs may be fitted together, and what they share.
+
+Speed, bias current and controller may differ from record to record. The rotor, the places of bearings and sensors and
+the sample rate may not. K_i and K_s belong to a bias current; all other parameters are those of the machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from ambid.errors import ModelError
+from ambid.loop.effect import Effect
+from ambid.model.parameter import Parameter, nominal
+from ambid.record import Record
+from ambid.rig import Rig
+
+__all__ = ["further_points", "nominal_of_points", "parameters_at", "require_same_machine", "suffix"]
+
+OF_BIAS = ("K_i", "K_s")
+"""Parameters that every bias current has of its own."""
+
+
+def _bias(rig: Rig) -> tuple[float, ...]:
+    return tuple(bearing.bias_current for bearing in rig.bearings)
+
+
+def suffix(rig: Rig, reference: Rig) -> str:
+    """What the names of K_i and K_s end in at the bias of a rig, such as ``@8A``; nothing at that of the reference."""
+    own = _bias(rig)
+    if own == _bias(reference):
+        return ""
+    return "@" + "-".join(f"{bias:g}" for bias in (own[:1] if len(set(own)) == 1 else own)) + "A"
+
+
+def nominal_of_points(reference: Rig, points: Sequence[Rig]) -> list[Parameter]:
+    """K_i and K_s of each further bias current, at the nominal values of the first rig that has it."""
+    found: dict[str, Parameter] = {}
+    for rig in points:
+        end = suffix(rig, reference)
+        for p in nominal(rig) if end else ():
+            if p.name.startswith(OF_BIAS):
+                name = p.name + end
+                found.setdefault(name, Parameter(name, p.value, p.unit, tuple(slot + end for slot in p.slots)))
+    return list(found.values())
+
+
+def further_points(reference: Rig, points: Sequence[Rig], records: Iterable[Record]) -> list[Rig]:
+    """The points, and those of records that are not among them yet.
+
+    Raises
+    ------
+    ModelError
+        If a record is of another machine.
+    """
+    found = list(points)
+    for record in records:
+        if record.point is not None and record.point not in (reference, *found):
+            require_same_machine(reference, record.point)
+            found.append(record.point)
+    return found
+
+
+def parameters_at(
+    rig: Rig, reference: Rig, points: Sequence[Rig], parameters: Iterable[Parameter], effects: Iterable[Effect]
+) -> list[Parameter]:
+    """All parameters of the machine, each with the slots that it fills at one of its operating points.
+
+    Raises
+    ------
+    ModelError
+        If no point has this bias current, or the rig is one of another machine.
+    """
+    end = suffix(rig, reference)
+    if end and end not in (suffix(other, reference) for other in points):
+        raise ModelError(
+            f"{rig.path or rig.name}: K_i and K_s at {end[1:]} are not in the model; fit it to a record of that bias "
+            "current too"
+        )
+    if rig not in points:
+        require_same_machine(reference, rig)
+    needed = {slot for p in nominal(rig) for slot in p.slots}
+    needed |= {effect.slot(p.name) for effect in effects for p in effect.parameters(rig)}
+
+    def here(slot: str) -> str:
+        return slot.removesuffix(end) if slot.startswith(OF_BIAS) and slot.endswith(end) else slot
+
+    def is_of_bias(slot: str) -> bool:
+        return not slot.startswith(OF_BIAS) or slot.partition("@")[2] == end.partition("@")[2]
+
+    return [
+        replace(p, slots=tuple(here(slot) for slot in p.slots if is_of_bias(slot) and here(slot) in needed))
+        for p in parameters
+    ]
+
+
+def require_same_machine(rig: Rig, other: Rig) -> None:
+    """Refuse a rig that differs in more than speed, bias currents, nominal values and controller.
+
+    Raises
+    ------
+    ModelError
+        Naming what differs.
+    """
+    different = {
+        "axes": (", ".join(rig.axes), ", ".join(other.axes)),
+        "sample_rate": (rig.sample_rate, other.sample_rate),
+        "rotor": (rig.rotor, other.rotor),
+        "bearing positions": tuple([(b.position, b.sensor_position, b.tilt) for b in r.bearings] for r in (rig, other)),
+        "amplifier": (rig.amplifier, other.amplifier),
+        "actuator (has_lag)": (rig.actuator.has_lag, other.actuator.has_lag),
+    }
+    wrong = [name for name, (here, there) in different.items() if here != there]
+    if wrong:
+        where = other.path or other.name
+        raise ModelError(
+            f"{where}: {', '.join(wrong)} differ from those of {rig.path or rig.name}; records are fitted together "
+            "only if they are of one machine. Speed, bias currents, nominal K_i and K_s and the controller may differ"
+        )

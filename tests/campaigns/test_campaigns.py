@@ -1,0 +1,199 @@
+"""A campaign over bias currents: what is found, how it is laid out, drawn and printed, and what is refused."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.image import imread
+
+import ambid
+from ambid.campaigns import campaign
+from ambid.errors import InputError, RecordError, RigError, UnstableLoopError
+from ambid.excitation import prbs
+from ambid.plot.force_current import plot_campaign, save_campaign
+from ambid.rig import Rig
+from places import BENCH
+from reference.static_loads import CROSS, reactions
+
+K_I = {"6A": [217.0, 225.0, 278.0, 285.0], "10A": [316.0, 327.0, 358.0, 367.0]}
+K_S = {"6A": [2.39e6, 2.47e6, 3.13e6, 3.21e6], "10A": [5.69e6, 5.89e6, 6.49e6, 6.65e6]}
+TAU_E = 2.5e-4
+AMPLITUDES = {"prbs_small": 0.1, "prbs_large": 0.4}
+
+
+def write_static(path, rig, k_i, seed):
+    z = np.full(len(CROSS), 0.43)
+    noise = 0.005 * np.random.default_rng(seed).standard_normal((len(CROSS), 4))
+    table = np.column_stack([np.arange(len(z)), z, CROSS, reactions(rig, CROSS, z) / k_i + noise])
+    names = ["step", "z", "F_x", "F_y", *(f"i_c.{axis}" for axis in rig.axes)]
+    np.savetxt(path, table, "%.9g", ",", header=",".join(names), comments="")
+
+
+@pytest.fixture(scope="session")
+def template(request, tmp_path_factory):
+    """Two bias currents; two runs of each amplitude, two static loadings, with other files beside them."""
+    folder = tmp_path_factory.mktemp("campaign")
+    rig = Rig.load(BENCH)
+    i_e = prbs(8, amplitude=1.0, hold=3, axes=4, periods=4)
+    for name, k_i in K_I.items():
+        point = folder / name
+        point.mkdir()
+        here = rig.replace(bearings=[b.model_copy(update={"bias_current": float(name[:-1])}) for b in rig.bearings])
+        (point / "rig.toml").write_text(here.to_toml())
+        (point / "photo.png").touch()
+        values = {f"K_i.{axis}": k for axis, k in zip(rig.axes, k_i, strict=True)}
+        values |= {f"K_s.{axis}": k for axis, k in zip(rig.axes, K_S[name], strict=True)}
+        truth = ambid.Model(here).with_values(values | {"tau_e": TAU_E})
+        for number in (1, 2):
+            for kind, amplitude in AMPLITUDES.items():
+                record = truth.virtual_experiment(amplitude * i_e, seed=number)
+                record.save(point / f"{kind}_{number}.mat")
+            write_static(point / f"static_{number}.csv", here, k_i, number)
+    (folder / "README.md").touch()
+    (folder / "plots").mkdir()
+    return folder
+
+
+@pytest.fixture(scope="session")
+def found(template):
+    return campaign(template)
+
+
+@pytest.fixture
+def broken(template, tmp_path):
+    """A copy to break."""
+    return shutil.copytree(template, tmp_path / "campaign")
+
+
+def test_values_at_every_bias_current(found):
+    assert [point.folder.name for point in found.points] == ["6A", "10A"]
+    assert found.methods == ("prbs_large", "prbs_small", "static")
+    for point in found.points:
+        true_k_i = dict(zip(found.axes, K_I[point.folder.name], strict=True))
+        true_k_s = dict(zip(found.axes, K_S[point.folder.name], strict=True))
+        for axis in found.axes:
+            for method in found.methods:
+                k_i = point.force_current(method, axis)
+                assert abs(k_i.value - true_k_i[axis]) < 5 * k_i.std_error
+            for runs in point.runs:
+                assert runs.mean(f"K_s.{axis}") == pytest.approx(true_k_s[axis], rel=0.02)
+                assert runs.joint.parameters["tau_e"].value == pytest.approx(TAU_E, rel=0.02)
+
+
+def test_scatter_over_the_runs(found):
+    small = found.points[0].runs[1]
+    values = [run.parameters["K_s.A_zeta"].value for run in small.single]
+    assert small.values("K_s.A_zeta") == values
+    deviation = abs(values[0] - values[1]) / np.sqrt(2)
+    assert small.rsd_percent("K_s.A_zeta") == pytest.approx(100 * deviation / np.mean(values))
+    error = 100 * small.single[0].parameters["K_s.A_zeta"].std_error / values[0]
+    assert 0.0 < small.rsd_percent("K_s.A_zeta") < 5 * error
+    assert [len(estimate.records) for estimate in (small.joint, *small.single)] == [2, 1, 1]
+
+
+def test_json_and_tables(found, template):
+    content = json.loads(json.dumps(found.to_json(), allow_nan=False))
+    assert len(content["K_i"]) == 2 * 4 * 3
+    row = content["K_i"][0]
+    assert (row["folder"], row["bias_current"], row["axis"], row["method"]) == ("6A", 6.0, "A_zeta", "prbs_large")
+    assert row["ci95"][0] < row["value"] < row["ci95"][1]
+    point = content["points"][1]
+    assert point["bias_current"] == {"A": 10.0, "B": 10.0}
+    assert len(point["closed_loop"]["prbs_small"]["runs"]) == 2
+    assert point["closed_loop"]["prbs_small"]["over_runs"]["tau_e"]["rsd_percent"] > 0
+    assert content["notes"] == [f"{template / 'plots'}: not used, since it holds neither rig.toml nor records"]
+    lines = repr(found).splitlines()
+    k_i = found.points[1].force_current("static", "B_eta")
+    assert any(line.split()[:3] == ["10A", "B_eta", "10"] and f"{k_i.value:.2f} [" in line for line in lines)
+    assert sum(line.split()[:1] == ["6A"] for line in lines) == 4 + 8 + 2
+    assert "forces: f = K_i i + K_s s, K_s > 0 destabilises" in lines
+
+
+def test_picture(found, tmp_path):
+    ax = plot_campaign(found)
+    assert isinstance(ax, Axes)
+    assert len(ax.containers) == 4 * 3
+    assert ax.containers[0].has_yerr
+    drawn = {text.get_text() for text in ax.get_legend().get_texts()}
+    assert {"A_zeta, prbs_small", "B_eta, static loading"} <= drawn
+    assert plot_campaign(found, ax) is ax
+    assert imread(save_campaign(found, tmp_path / "k_i.png")).shape[0] > 300
+    with pytest.raises(InputError, match=r"k_i\.bmp"):
+        save_campaign(found, tmp_path / "k_i.bmp")
+
+
+def test_what_is_missing_is_said(broken):
+    shutil.rmtree(broken / "10A")
+    for path in [*broken.glob("6A/static_*.csv"), *broken.glob("6A/prbs_large_*"), broken / "6A" / "prbs_small_2.mat"]:
+        path.unlink()
+    shutil.copy(broken / "6A" / "prbs_small_1.mat", broken)
+    steps = []
+    found = campaign(broken, progress=lambda *step: steps.append(step))
+    assert steps == [(k, 2, str(broken / "6A" / name)) for k, name in enumerate(("prbs_small_1", "prbs_small"))]
+    assert found.methods == ("prbs_small",)
+    point = found.points[0]
+    assert point.static is None
+    assert point.force_current("static", "A_zeta") is None
+    assert "no static loadings" in point.notes
+    assert point.runs[0].rsd_percent("tau_e") is None
+    assert any("prbs_small_1.mat: not used" in note for note in found.notes)
+    assert found.to_json()["points"][0]["static_load"] is None
+    assert "prbs_small" in repr(found)
+
+
+def test_runs_are_ordered_by_number(broken):
+    shutil.rmtree(broken / "10A")
+    for number in (9, 10):
+        shutil.copy(broken / "6A" / "prbs_small_1.mat", broken / "6A" / f"prbs_small_{number}.mat")
+    seen = []
+    campaign(broken, progress=lambda done, total, what: seen.append(what.rpartition("_")[2]))
+    assert seen[-5:] == ["1", "2", "9", "10", "small"]
+
+
+def test_layouts_that_are_refused(broken, tmp_path):
+    with pytest.raises(InputError, match="nowhere: there is no such folder; expected one folder per bias current"):
+        campaign(tmp_path / "nowhere")
+    with pytest.raises(InputError, match=r"6A: no folder with rig\.toml and records in it"):
+        campaign(broken / "6A")
+    (broken / "6A" / "rig.toml").rename(broken / "rig.toml")
+    with pytest.raises(RigError, match=r"6A/rig\.toml: there is no such file beside prbs_large_1\.mat"):
+        campaign(broken)
+
+
+def test_no_records(broken):
+    for path in broken.glob("10A/prbs_*"):
+        path.unlink()
+    with pytest.raises(RecordError, match=r"10A: no records beside rig\.toml; expected one folder per bias current"):
+        campaign(broken)
+
+
+@pytest.mark.parametrize("name", ["prbs_small_2.mat", "static_1.csv"])
+def test_a_broken_file_is_named(broken, name):
+    path = broken / "10A" / name
+    path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(RecordError, match=f"10A/{name}"):
+        campaign(broken)
+
+
+def test_another_machine(broken):
+    path = broken / "6A" / "rig.toml"
+    path.write_text(path.read_text().replace('name = "B"', 'name = "C"'))
+    for record in broken.glob("6A/*.*"):
+        if record.suffix in (".mat", ".csv"):
+            record.unlink()
+    rig = Rig.load(path)
+    i_e = prbs(8, amplitude=0.1, hold=3, axes=4, periods=4)
+    ambid.Model(rig).virtual_experiment(i_e, seed=0).save(broken / "6A" / "run_1.csv")
+    with pytest.raises(RigError, match=r"rig\.toml: axes .*C_zeta.* a campaign is that of one machine"):
+        campaign(broken)
+
+
+def test_an_identification_that_fails_names_its_record(broken):
+    path = broken / "10A" / "rig.toml"
+    text = path.read_text()
+    assert "proportional = 28000.0" in text
+    path.write_text(text.replace("proportional = 28000.0", "proportional = 280.0"))
+    with pytest.raises(UnstableLoopError, match="10A/prbs_large_1: "):
+        campaign(broken)

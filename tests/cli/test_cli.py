@@ -1,0 +1,334 @@
+"""The command: what it prints, writes and returns, and the README's own examples."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from numpy.testing import assert_allclose
+
+import ambid
+from ambid.demo import DATA
+from ambid.effects import CATALOGUE
+from ambid.identification.estimate import STATUS
+from places import ROOT
+from virtual import AXES, NAMES
+
+LOADS = sorted(DATA.glob("static_*.csv"))
+COMMANDS = ("check", "identify", "static-load", "campaign", "compare", "diagnose", "effects", "simulate", "demo")
+CHANNELS = {f"{signal}.{axis}" for signal in ("y", "i_c") for axis in AXES}
+
+
+def read(path):
+    """Strict JSON: no NaN, no infinity."""
+
+    def refuse(constant):
+        raise AssertionError(f"{constant} is no JSON")
+
+    return json.loads(Path(path).read_text(), parse_constant=refuse)
+
+
+def check_estimate(content, names):
+    assert list(content["parameters"]) == list(names)
+    for name, p in content["parameters"].items():
+        assert set(p) >= {"value", "std_error", "ci95", "unit"}
+        low, high = p["ci95"]
+        assert low < p["value"] < high
+        assert_allclose(high - low, 2 * 1.96 * p["std_error"], rtol=0.5)
+        assert p["unit"] == {"K_i": "N/A", "K_s": "N/m", "tau_e": "s"}[name.partition(".")[0]]
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory):
+    """A folder with a virtual record of the demo's bench, and its rig with other nominal values."""
+    folder = tmp_path_factory.mktemp("short")
+    rig = ambid.Rig.load(DATA / "rig.toml")
+    i_e = ambid.prbs(8, amplitude=0.1, hold=2, axes=4, periods=5)
+    ambid.Model(rig).with_values({"tau_e": 3e-4}).virtual_experiment(i_e, seed=2).save(folder / "run.csv")
+    (folder / "rig.toml").write_text(rig.to_toml())
+    return folder
+
+
+@pytest.fixture
+def here(short, tmp_path, monkeypatch):
+    """An empty folder to write into, where the command runs."""
+    monkeypatch.chdir(tmp_path)
+    return (short / "rig.toml", short / "run.csv")
+
+
+def test_identify_writes_all_that_is_asked_for(here, command):
+    result = command("identify", *here, "--json", "i.json", "--save", "model.json", "--plot", "fit.png")
+    assert result.code == 0
+    assert result.err == ""
+    for text in (*NAMES, "95 % interval", "fit %", "noise ceiling", "K_s > 0 destabilises", "written: fit.png"):
+        assert text in result.out
+    content = read("i.json")
+    check_estimate(content, NAMES)
+    assert set(content["fit_percent"]) == set(content["noise_ceiling_percent"]) == {*CHANNELS, "average"}
+    assert set(content["correlation"]) == set(content["correlation"]["tau_e"]) == set(NAMES)
+    assert content["status"] == "converged"
+    assert content["status_meaning"] == STATUS["converged"]
+    assert content["evaluations"] > 1
+    assert content["seconds"] > 0.0
+    assert abs(content["parameters"]["tau_e"]["value"] - 3e-4) < 5 * content["parameters"]["tau_e"]["std_error"]
+    assert imread("fit.png").shape[0] > 500
+    assert ambid.Model.load("model.json").names == NAMES
+
+
+def test_the_saved_model_serves_compare_simulate_and_identify(here, command):
+    command("identify", *here, "--save", "model.json", "--json", "i.json", "--quiet")
+    fitted = read("i.json")
+    result = command("compare", *here, "--model", "model.json", "--json", "c.json", "--plot", "c.svg")
+    assert result.code == 0
+    assert "misfit" in result.out
+    (record,) = read("c.json")["records"]
+    assert_allclose(record["fit_percent"]["average"], fitted["fit_percent"]["average"], rtol=1e-6)
+    assert {c["channel"] for c in record["channels"]} == CHANNELS
+    assert "<svg" in Path("c.svg").read_text()
+    nominal = command("compare", *here, "--json", "-", "--quiet")
+    assert json.loads(nominal.out)["records"][0]["misfit"] > record["misfit"]
+    again = command("identify", *here, "--model", "model.json", "--json", "-", "--quiet")
+    content = json.loads(again.out)
+    assert content["evaluations"] <= fitted["evaluations"]
+    assert_allclose(content["parameters"]["tau_e"]["value"], fitted["parameters"]["tau_e"]["value"], rtol=1e-5)
+
+
+def test_a_virtual_experiment_is_identified(here, command):
+    rig = here[0]
+    made = command("simulate", rig, "--out", "v.mat", "--seconds", "0.5", "--seed", "4", "--json", "v.json")
+    assert made.code == 0
+    assert "periods" in made.out
+    summary = read("v.json")
+    assert summary["record"] == "v.mat"
+    assert summary["periods"] >= 5
+    assert summary["seconds"] >= 0.5
+    assert summary["period_samples"] * summary["periods"] == summary["samples"]
+    assert command("identify", rig, "v.mat", "--quiet", "--json", "i.json").code == 0
+    found = read("i.json")["parameters"]
+    off = [abs(found[n]["value"] - p["value"]) / found[n]["std_error"] for n, p in summary["parameters"].items()]
+    assert max(off) < 4.5
+
+
+def test_the_seed_repeats_a_virtual_experiment(here, command):
+    for name, seed in (("a.csv", 1), ("b.csv", 1), ("c.csv", 2)):
+        arguments = ("--out", name, "--seconds", "0.1", "--seed", seed, "--amplitude", "0.2", "--quiet")
+        assert command("simulate", here[0], *arguments).out == ""
+    assert Path("a.csv").read_text() == Path("b.csv").read_text() != Path("c.csv").read_text()
+    assert_allclose(np.abs(ambid.Record.load("a.csv").i_e), 0.2)
+
+
+def test_choices_of_parameters(here, command):
+    arguments = ("--free", "K_i,tau_e", "--fix", "K_i.B_eta=251", "--share", "K_i.A=K_i.A_zeta,K_i.A_eta")
+    bounds = ("--bound", "tau_e=1e-4:1e-3", "--weight", "i_c=0.5", "--starts", "2", "--seed", "3")
+    result = command("identify", *here, *arguments, *bounds, "--save", "m.json", "--json", "-", "--quiet")
+    assert result.code == 0
+    check_estimate(json.loads(result.out), ["K_i.A", "K_i.B_zeta", "tau_e"])
+    assert (
+        dict(zip(ambid.Model.load("m.json").names, ambid.Model.load("m.json").theta, strict=True))["K_i.B_eta"] == 251
+    )
+    result = command("identify", *here, "--per-axis", "tau_e", "--fix", "K_s", "--json", "-", "--quiet")
+    check_estimate(json.loads(result.out), [*NAMES[:4], *(f"tau_e.{axis}" for axis in AXES)])
+
+
+def test_static_load(here, command):
+    result = command("static-load", here[0], *LOADS, "--json", "s.json")
+    assert result.code == 0
+    assert "K_i.A_zeta" in result.out
+    content = read("s.json")
+    check_estimate(content, NAMES[:4])
+    assert "residual_newton" in content
+
+
+def test_several_records_and_pictures(here, command):
+    rig, run = here
+    result = command("compare", rig, run, run, "--plot", "fit.png", "--json", "-", "--quiet")
+    assert result.code == 0
+    assert len(json.loads(result.out)["records"]) == 2
+    assert sorted(p.name for p in Path().glob("*.png")) == ["fit_1.png", "fit_2.png"]
+
+
+@pytest.mark.parametrize(("period", "noted"), [(1020, False), (700, True)])
+def test_a_stated_period_is_used(here, command, period, noted):
+    """Two periods are a period too; 700 samples are none of a signal that repeats after 510."""
+    result = command("compare", *here, "--period", period, "--json", "-", "--quiet")
+    (record,) = json.loads(result.out)["records"]
+    assert any(f"a period of {period} samples was stated" in note for note in record["notes"]) == noted
+    assert any("the noise ceiling needs 3" in note for note in record["notes"]) == (not noted)
+
+
+def test_quiet_prints_nothing(here, command):
+    jobs = (("identify", *here), ("compare", *here), ("check", *here), ("static-load", here[0], *LOADS), ("effects",))
+    for arguments in jobs:
+        result = command(*arguments, "--quiet")
+        assert (result.code, result.out, result.err) == (0, "", "")
+
+
+@pytest.fixture(scope="module")
+def foreign(short):
+    """The same record under other names and in other units, and the options that say so."""
+    record = ambid.Record.load(short / "run.csv")
+    signals = np.hstack([1e3 * record.i_e, 1e6 * record.y, 1e3 * record.i_c])
+    names = [f"ch{k}" for k in range(12)]
+    np.savetxt(short / "scope.csv", signals, "%.12g", ",", header=",".join(names), comments="")
+    channels = [f"{signal}.{axis}" for signal in ("i_e", "y", "i_c") for axis in AXES]
+    maps = [f"{c}={name}:{1e-6 if c[0] == 'y' else 1e-3:g}" for c, name in zip(channels, names, strict=True)]
+    return [short / "scope.csv", *(word for text in maps for word in ("--map", text)), "--sample-rate", 10000]
+
+
+@pytest.mark.parametrize("job", ["check", "identify", "compare"])
+def test_records_in_other_columns_and_units(here, foreign, command, job):
+    ours = command(job, *here, "--json", "ours.json", "--quiet")
+    theirs = command(job, here[0], *foreign, "--json", "theirs.json", "--quiet")
+    assert (ours.code, theirs.code) == (0, 0), theirs.err
+    if job == "check":
+        (ours,), (theirs,) = (read(f)["records"] for f in ("ours.json", "theirs.json"))
+        assert_allclose(theirs["y_rms"], ours["y_rms"], rtol=1e-6)
+        assert any("columns by the map" in finding["what"] for finding in read("theirs.json")["findings"])
+    elif job == "identify":
+        ours, theirs = (read(f)["parameters"]["tau_e"]["value"] for f in ("ours.json", "theirs.json"))
+        assert_allclose(theirs, ours, rtol=1e-4)
+    else:
+        (ours,), (theirs,) = (read(f)["records"] for f in ("ours.json", "theirs.json"))
+        assert_allclose(theirs["misfit"], ours["misfit"], rtol=1e-4)
+
+
+@pytest.fixture(scope="module")
+def bench(short, tmp_path_factory):
+    """A campaign at one bias current."""
+    point = tmp_path_factory.mktemp("bench") / "6A"
+    point.mkdir()
+    shutil.copy(short / "rig.toml", point)
+    for k in (1, 2):
+        shutil.copy(short / "run.csv", point / f"prbs_{k}.csv")
+    for path in LOADS:
+        shutil.copy(path, point)
+    return point.parent
+
+
+def test_campaign(here, bench, command):
+    result = command("campaign", bench, "--json", "c.json", "--plot", "K_i.png")
+    assert (result.code, result.err) == (0, "")
+    for text in ("static", "K_s [N/m]", "RSD %", "tau_e [s]", "noise ceiling %", "written: K_i.png"):
+        assert text in result.out
+    content = read("c.json")
+    assert {(row["axis"], row["method"]) for row in content["K_i"]} == {
+        (a, m) for a in AXES for m in ("prbs", "static")
+    }
+    assert imread("K_i.png").shape[0] > 300
+    assert command("campaign", bench, "--quiet").out == ""
+
+
+def test_exit_code_1_when_the_evaluations_run_out(here, command):
+    result = command("identify", *here, "--max-evaluations", "1", "--json", "i.json")
+    assert result.code == 1
+    assert "max_evaluations" in result.out
+    assert read("i.json")["status"] == "max_evaluations"
+
+
+def test_exit_code_1_when_the_loop_is_unstable(here, command):
+    rig, run = here
+    Path("slow.toml").write_text(rig.read_text().replace("time_constant = 0.0004", "time_constant = 0.02"))
+    result = command("compare", "slow.toml", run)
+    assert result.code == 1
+    assert result.err.startswith("error: ")
+    assert "unstable" in result.err
+    assert result.out == ""
+
+
+def test_exit_code_1_and_no_numbers_when_a_plane_was_not_excited(here, command):
+    rig, run = here
+    machine = ambid.Rig.load(rig)
+    record = ambid.Record.load(run, machine)
+    ambid.Model(machine).virtual_experiment(record.i_e * [1.0, 0.0, 0.0, 0.0], seed=1).save("one.csv")
+    result = command("identify", rig, "one.csv", "--json", "i.json")
+    assert result.code == 1
+    content = read("i.json")
+    assert content["status"] == "not_identifiable"
+    assert content["parameters"]["K_i.B_eta"]["value"] is None
+    assert content["parameters"]["K_i.A_zeta"]["value"] is not None
+    assert content["not_identifiable"]
+    assert any("i_e.A_eta is constant" in note for note in content["notes"])
+
+
+def test_the_demo(tmp_path, command):
+    result = command("demo", "--out", tmp_path / "demo", "--json", tmp_path / "demo.json")
+    assert result.code == 0
+    for text in ("Closed-loop identification", "static loading", "noise ceiling", "misfit"):
+        assert text in result.out
+    content = read(tmp_path / "demo.json")
+    check_estimate(content["identify"], NAMES)
+    check_estimate(content["static_load"], NAMES[:4])
+    assert all(Path(file).is_file() for file in content["files"])
+    assert imread(next(file for file in content["files"] if file.endswith(".png"))).shape[0] > 500
+
+
+@pytest.mark.parametrize(
+    ("arguments", "texts"),
+    [
+        ((), [*COMMANDS, "f = K_i i + K_s s"]),
+        (("identify",), ["--free", "--fix", "--share", "--per-axis", "--bound", "--weight", "--starts", "--save"]),
+        (("static-load",), ["LOADS", "--json", "--quiet"]),
+        (("check",), ["RECORD", "--map", "--sample-rate", "--json"]),
+        (("campaign",), ["DIR", "--plot", "--json", "--quiet"]),
+        (("compare",), ["--model", "--plot", "--period", "--map", "--json"]),
+        (("diagnose",), ["--validate", "--effects", "--ask", "--tolerance", "--model", "--save", "--report", "--map"]),
+        (("effects",), ["NAME", "--rig", "--json"]),
+        (("simulate",), ["--out", "--seconds", "--amplitude", "--effect", "--model", "--seed", "--sensor-noise"]),
+        (("demo",), ["--out", "--json"]),
+    ],
+    ids=lambda value: value[0] if isinstance(value, tuple) and value else "",
+)
+def test_help(arguments, texts, command):
+    result = command(*arguments, "--help")
+    assert result.code == 0
+    for text in texts:
+        assert text in result.out
+
+
+def test_version(command):
+    assert command("--version").out.strip() == f"ambid {ambid.__version__}"
+
+
+def test_a_process_says_the_same(here):
+    program = [sys.executable, "-c", "from ambid.cli import main; main()", "compare", *here, "--json", "-", "--quiet"]
+    result = subprocess.run(program, capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert json.loads(result.stdout)["records"][0]["record"] == "run"
+
+
+def test_the_python_of_the_readme_runs(capsys):
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    assert blocks
+    for block in blocks:
+        exec(compile(block, "README.md", "exec"), {})
+    assert "tau_e" in capsys.readouterr().out
+
+
+def test_the_readme_names_every_effect():
+    text = (ROOT / "README.md").read_text()
+    assert f"The catalogue has {len(CATALOGUE)} effects" in text
+    assert all(f"`{effect.name}`" in text for effect in CATALOGUE)
+
+
+def test_the_commands_of_the_readme_are_there(here, bench, command):
+    """Each line of the section on the shell, with its files put in their places."""
+    rig, run = here
+    section = (ROOT / "README.md").read_text().partition("From the shell")[2]
+    lines = [
+        line.partition("#")[0].split() for line in re.search(r"```sh\n(.*?)```", section, re.DOTALL)[1].splitlines()
+    ]
+    files = {"rig.toml": [rig], "run.csv": [run], "static_*.csv": LOADS, "bench": [bench]}
+    files |= {f"run_{k}.mat": [run] for k in (1, 2, 3)}
+    files |= {
+        f"{point}/{name}": [path] for point in ("6A", "10A") for name, path in (("rig.toml", rig), ("run.mat", run))
+    }
+    assert {line[1] for line in lines} == {*COMMANDS} - {"demo"}
+    for line in lines:
+        assert line[0] == "ambid"
+        result = command(*(value for word in line[1:] for value in files.get(word, [word])), "--quiet")
+        assert result.code == 0, result.err

@@ -1,0 +1,309 @@
+"""The commands that judge a model: what they print, write, ask and refuse."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+import ambid
+from ambid.cli import diagnosing
+from ambid.cli.terminal import with_time_left
+from ambid.demo import DATA
+from ambid.diagnosis.search import Search
+from ambid.effects import CATALOGUE
+from ambid.errors import IdentificationError
+from ambid.noise import Noise
+from virtual import AXES
+
+CELL = {"record", "channel", "band_hz", "misfit", "kind"}
+DELAY = 5e-5
+
+
+@pytest.fixture(scope="module")
+def late(tmp_path_factory):
+    """A rig file, and two records of the same machine, at two amplitudes, whose loop has a delay more."""
+    folder = tmp_path_factory.mktemp("late")
+    rig = ambid.Rig.load(DATA / "rig.toml")
+    (folder / "rig.toml").write_text(rig.to_toml())
+    truth = ambid.Model(rig).add("loop_delay", {"delay": DELAY})
+    for name, amplitude, periods in (("run", 0.1, 5), ("other", 0.06, 5), ("brief", 0.1, 2)):
+        i_e = ambid.prbs(8, amplitude=amplitude, hold=2, axes=4, periods=periods)
+        truth.virtual_experiment(i_e, seed=periods).save(folder / f"{name}.csv")
+    return folder
+
+
+@pytest.fixture
+def here(late, tmp_path, monkeypatch):
+    """An empty folder to write into, where the command runs."""
+    monkeypatch.chdir(tmp_path)
+    return (late / "rig.toml", late / "run.csv")
+
+
+def test_check_of_a_sound_record(here, command):
+    result = command("check", *here, "--json", "c.json")
+    assert (result.code, result.err) == (0, "")
+    assert "sound: " in result.out
+    assert "peak sensitivity" in result.out
+    content = json.loads(Path("c.json").read_text())
+    assert content["is_sound"]
+    assert [record["name"] for record in content["records"]] == ["run"]
+    assert command("check", here[0]).code == 0
+
+
+def test_check_of_a_record_with_a_wrong_sign(here, command):
+    rig, run = here
+    record = ambid.Record.load(run)
+    ambid.Record("turned", record.sample_rate, AXES, record.i_e, -record.y, record.i_c).save("turned.csv")
+    result = command("check", rig, "turned.csv", "--json", "c.json")
+    assert result.code == 2
+    assert "NOT SOUND" in result.out
+    assert "turned: y on A_zeta" in result.out
+    assert not json.loads(Path("c.json").read_text())["is_sound"]
+
+
+def test_compare_tells_where_the_misfit_is(here, command):
+    result = command("compare", *here, "--json", "c.json")
+    assert "largest misfit:\n  run: " in result.out
+    where = json.loads(Path("c.json").read_text())["where"]
+    assert set(where[0]) == CELL
+    assert [cell["misfit"] for cell in where] == sorted((cell["misfit"] for cell in where), reverse=True)
+    brief = command("compare", here[0], here[1].with_name("brief.csv"), "--json", "c.json")
+    assert brief.code == 0
+    assert "largest misfit" not in brief.out
+    assert json.loads(Path("c.json").read_text())["where"] == []
+
+
+def test_diagnose_writes_all_that_is_asked_for(here, command):
+    files = ("--json", "d.json", "--save", "m.json", "--plot", "d.png", "--report", "d.html")
+    result = command("diagnose", *here, "--validate", here[1].with_name("other.csv"), *files)
+    assert (result.code, result.err) == (0, "")
+    for text in ("verdict: explained: loop_delay", "+ loop_delay", "validation", "written: d.png", "written: d.html"):
+        assert text in result.out
+    assert "loop_delay" in Path("d.html").read_text()
+    content = json.loads(Path("d.json").read_text())
+    assert (content["verdict"], content["effects"]) == ("explained", ["loop_delay"])
+    assert set(content["where"][0]) == CELL
+    assert content["history"][-1]["validation_misfit"] == pytest.approx(1.0, abs=0.15)
+    saved = ambid.Model.load("m.json")
+    assert dict(zip(saved.names, saved.theta, strict=True))["loop_delay.delay"] == pytest.approx(DELAY, rel=0.1)
+
+
+@pytest.mark.parametrize("between", [(), ("--validate",)], ids=["in a row", "one by one"])
+def test_several_records_to_validate_on(here, command, monkeypatch, between):
+    """They are not among those that are fitted."""
+    given = {}
+
+    def noted(model, records, *, validate, **_):
+        given.update(fitted=[r.name for r in records], kept=[r.name for r in validate])
+        raise IdentificationError("enough")
+
+    monkeypatch.setattr(diagnosing, "diagnose", noted)
+    rig, run = here
+    other = run.with_name("other.csv")
+    result = command("diagnose", rig, run, "--validate", other, *between, run, "--quiet")
+    assert (result.code, result.err) == (1, "error: enough\n")
+    assert given == {"fitted": ["run"], "kept": ["other", "run"]}
+
+
+def test_diagnose_starts_from_a_model_with_effects(here, command):
+    ambid.Model(ambid.Rig.load(here[0])).add("loop_delay").save("m.json")
+    result = command("diagnose", *here, "--model", "m.json", "--json", "-", "--quiet")
+    assert result.code == 0
+    history = json.loads(result.out)["history"]
+    assert history[0]["effects"] == ["loop_delay"]
+    assert history[0]["misfit"] == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_person_chooses_the_effects(here, command):
+    result = command("diagnose", *here, "--effects", "loop_delay, sensor_lag", "--json", "-", "--quiet")
+    assert result.code == 0, result.err
+    steps = [step["effects"] for step in json.loads(result.out)["history"]]
+    assert steps == [[], ["loop_delay"], ["loop_delay", "sensor_lag"]]
+
+
+def test_the_tolerance(here, command):
+    result = command("diagnose", *here, "--tolerance", "1000", "--json", "-", "--quiet")
+    assert json.loads(result.out)["history"][0]["misfit"] < 1000
+
+
+def read_to_the_end(terminal):
+    """What a program wrote on a terminal before it ended, when reading is an error."""
+    seen = b""
+    with suppress(OSError):
+        while chunk := os.read(terminal, 4096):
+            seen += chunk
+    return seen.decode()
+
+
+@pytest.mark.parametrize(("answer", "effects"), [("y", ["loop_delay"]), ("n", [])])
+def test_asking_at_a_terminal(here, answer, effects):
+    """Ranking, questions and progress are on the terminal."""
+    pty = pytest.importorskip("pty")
+    ours, theirs = pty.openpty()
+    main = "from ambid.cli import main; main()"
+    program = [sys.executable, "-c", main, "diagnose", *here, "--ask", "--json", "d.json"]
+    os.write(ours, f"{answer}\n".encode() * 3)
+    with subprocess.Popen(program, stdin=theirs, stderr=theirs, stdout=subprocess.DEVNULL) as process:
+        os.close(theirs)
+        seen = read_to_the_end(ours)
+    os.close(ours)
+    assert process.returncode == 0, seen
+    assert "effect " in seen
+    assert "loop_delay. Add it?" in seen
+    assert "base model" in seen
+    assert json.loads(Path("d.json").read_text())["history"][-1]["effects"] == effects
+
+
+def interrupt_at(monkeypatch, where, name, call):
+    """Let Ctrl-C come at the `call`-th call of a function."""
+    function, calls = getattr(where, name), iter(range(1_000_000))
+
+    def interrupted(*arguments, **options):
+        if next(calls) == call:
+            signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
+            signal.raise_signal(signal.SIGINT)
+        return function(*arguments, **options)
+
+    monkeypatch.setattr(where, name, interrupted)
+
+
+def test_ctrl_c_before_the_first_step_ends_with_a_message(here, command, monkeypatch):
+    interrupt_at(monkeypatch, Noise, "jacobian", 0)
+    result = command("diagnose", *here, "--json", "d.json")
+    assert (result.code, result.out) == (1, "")
+    assert result.err == "error: stopped by Ctrl-C before the first step was done; nothing was written\n"
+    assert not Path("d.json").exists()
+
+
+def test_ctrl_c_later_ends_with_the_steps_that_were_done(here, command, monkeypatch):
+    interrupt_at(monkeypatch, Search, "_refits", 0)
+    result = command("diagnose", *here, "--json", "d.json")
+    assert result.code == 0
+    found = json.loads(Path("d.json").read_text())
+    assert (found["verdict"], found["effects"]) == ("not_informative", [])
+    assert [step["effects"] for step in found["history"]] == [[]]
+    assert found["history"][0]["candidates"][0]["effect"] == "loop_delay"
+    assert "stopped by Ctrl-C" in found["notes"][-1]
+
+
+@pytest.mark.parametrize("words", ["effects loop_", "diagnose rig.toml a.csv --effects seal_forces,loop_"])
+def test_names_of_effects_are_completed(words, monkeypatch):
+    environment = {
+        "_AMBID_COMPLETE": "complete_bash",
+        "COMP_WORDS": f"ambid {words}",
+        "COMP_CWORD": str(len(words.split())),
+    }
+    main = "import sys; sys.argv[0] = 'ambid'; from ambid.cli import main; main()"
+    ended = subprocess.run(
+        [sys.executable, "-c", main], env=os.environ | environment, capture_output=True, text=True, check=False
+    )
+    assert ended.stdout.split() == [words.split()[-1].replace("loop_", "loop_delay")], ended.stderr
+
+
+def test_time_left_is_told():
+    said = []
+    tell = with_time_left(said.append)
+    tell("ranking", 0, 4)
+    tell("ranking", 1, 4)
+    assert said == ["ranking, 1 of 4", "ranking, 2 of 4"]
+
+
+def test_the_catalogue(here, command):
+    result = command("effects", "--json", "e.json")
+    assert result.code == 0
+    content = json.loads(Path("e.json").read_text())
+    assert [entry["name"] for entry in content["effects"]] == [effect.name for effect in CATALOGUE]
+    for entry in content["effects"]:
+        assert entry["parameters"]
+        for key in ("name", "physics", "signature", "source"):
+            assert entry[key]
+            assert entry[key] in result.out
+
+
+def test_one_effect_on_a_rig(here, command):
+    result = command("effects", "loop_delay", "--rig", here[0], "--json", "-")
+    text, _, content = result.out.partition("\n{")
+    assert "5e-09 .. 0.002    s " in text
+    (entry,) = json.loads("{" + content)["effects"]
+    (delay,) = entry["parameters"]
+    assert (delay["lower"], delay["upper"], delay["unit"]) == (5e-9, 2e-3, "s")
+    assert "makes no sense on this rig" in command("effects", "unbalance", "--rig", here[0]).out
+
+
+def test_effects_in_a_virtual_experiment(here, command):
+    options = ("--seconds", "0.26", "--effect", "loop_delay:delay=1e-5", "--effect", "seal_forces:z=0.43,damping=400")
+    result = command("simulate", here[0], "--out", "v.csv", *options, "--json", "v.json", "--quiet")
+    assert result.code == 0
+    content = json.loads(Path("v.json").read_text())
+    assert content["effects"] == ["loop_delay", "seal_forces"]
+    assert content["parameters"]["seal_forces.damping"] == {"value": 400.0, "unit": "N s/m"}
+    ambid.Model(ambid.Rig.load(here[0])).add("loop_delay", {"delay": 1e-5}).save("m.json")
+    again = ("--model", "m.json", "--effect", "seal_forces:z=0.43,damping=400", "--seconds", "0.26", "--quiet")
+    assert command("simulate", here[0], "--out", "w.csv", *again).code == 0
+    assert Path("v.csv").read_text() == Path("w.csv").read_text()
+
+
+REFUSED = {
+    "map, no equals sign": (("check", "--map", "y.A_zeta"), "map y.A_zeta: expected CHANNEL=COLUMN"),
+    "map, unknown channel": (("compare", "--map", "z.A_zeta=1"), "'z.A_zeta' is no channel"),
+    "map, no y": (("identify", "--map", "t=1"), "no y.<axis>"),
+    "map, unknown column": (("diagnose", "--map", "y.A_zeta=ch99"), "run.csv: map y.A_zeta=ch99: there is no such"),
+    "sample rate, zero": (("check", "--sample-rate", "0"), "--sample-rate 0: expected a positive number"),
+    "sample rate, contradicts": (("compare", "--sample-rate", "5000"), "5000 Hz"),
+    "effects, unknown": (("diagnose", "--effects", "loop_delya"), "loop_delya: no such effect; the catalogue has"),
+    "effects, twice": (("diagnose", "--effects", "sensor_lag,sensor_lag"), "sensor_lag cannot be added"),
+    "tolerance, below noise": (("diagnose", "--tolerance", "0.5"), "--tolerance 0.5: expected 1"),
+    "tolerance, not a number": (("diagnose", "--tolerance", "nan"), "--tolerance nan"),
+    "ask, no terminal": (("diagnose", "--ask"), "--ask: there is no terminal to ask on"),
+    "ask, quietly": (("diagnose", "--ask", "--quiet"), "--ask and --quiet exclude each other"),
+    "ask, with a choice": (("diagnose", "--ask", "--effects", "loop_delay"), "--ask and --effects exclude each other"),
+    "validate, no such file": (("diagnose", "--validate", "none.csv"), "none.csv"),
+    "save, no such folder": (("diagnose", "--save", "nowhere/m.json"), "nowhere/m.json: cannot be written"),
+    "report, not HTML": (("diagnose", "--report", "d.pdf"), "--report d.pdf: the suffix is .pdf; expected .html"),
+}
+REFUSED_ALONE = {
+    "campaign, no such folder": (("campaign", "nowhere"), "nowhere: there is no such folder"),
+    "campaign, empty": (("campaign", "."), "no folder with rig.toml and records"),
+    "campaign, plot": (("campaign", ".", "--plot", "K_i.xyz"), ".xyz"),
+    "effects, unknown name": (("effects", "loop_delya"), "loop_delya: no such effect"),
+    "effects, no such rig": (("effects", "--rig", "none.toml"), "none.toml"),
+    "check, no such rig": (("check", "none.toml"), "none.toml"),
+}
+SIMULATED = {
+    "effect, unknown": ("loop_delya", "--effect loop_delya: loop_delya: no such effect"),
+    "effect, out of range": ("loop_delay:delay=1", "--effect loop_delay:delay=1: loop_delay.delay = 1.0: expected"),
+    "effect, not on this rig": ("unbalance", "unbalance makes no sense on this rig"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_options_that_are_refused(here, command, case):
+    (job, *options), words = REFUSED[case]
+    assert_refused(command(job, *here, *options), words)
+
+
+def test_what_follows_validate_is_not_fitted(here, command):
+    assert_refused(command("diagnose", here[0], "--validate", here[1]), "'RECORD...'")
+
+
+@pytest.mark.parametrize("case", REFUSED_ALONE)
+def test_arguments_that_are_refused(here, command, case):
+    arguments, words = REFUSED_ALONE[case]
+    assert_refused(command(*arguments), words)
+
+
+@pytest.mark.parametrize("case", SIMULATED)
+def test_effects_that_are_refused(here, command, case):
+    effect, words = SIMULATED[case]
+    assert_refused(command("simulate", here[0], "--out", "v.csv", "--effect", effect), words)
+
+
+def assert_refused(result, words):
+    assert result.code == 2, result.out
+    assert words in result.err
+    assert result.out == ""

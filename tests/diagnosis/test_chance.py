@@ -1,0 +1,123 @@
+"""How likely chance is to reach a score: the noise of the noise spectrum, one-sided amplitudes, and many variants."""
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from ambid.diagnosis import Candidate
+from ambid.diagnosis.chance import independent_tests, log_chance
+from ambid.noise.tones import find_tones
+from ambid.noise.whitener import Whitener
+from ambid.noise.window import Window
+
+
+def candidate(score=1.0, degrees=1, **more):
+    return Candidate(None, score, degrees, {}, 1.0, **more)
+
+
+def test_spread_is_the_variance_of_whitened_noise_on_a_whitened_response():
+    """J itself has mean 1; a score is larger by n / (n - p), since S is known from n lines only."""
+    window, channels = Window.after_first(60, 3), 4
+    rng = np.random.default_rng(5)
+    responses = np.tile(rng.standard_normal((60, channels, 8)), (4, 1, 1))
+    squares, costs, told = [], [], []
+    for _ in range(400):
+        residual = rng.standard_normal((240, channels))
+        whitener = Whitener.from_residual(residual, window)
+        white, seen = whitener.whiten(residual), whitener.whiten(responses)
+        seen /= np.linalg.norm(seen, axis=0)
+        squares.append((seen.T @ white) ** 2)
+        costs.append(white @ white / white.size)
+        told.append(whitener.spreads @ seen**2)
+    assert 1.05 < np.mean(told) < 1.3
+    assert np.mean(costs) == pytest.approx(1.0, abs=0.02)
+    # 3200 squares of one degree of freedom: their mean has a standard error of 2.5 %
+    assert np.mean(squares) == pytest.approx(np.mean(told), rel=0.075)
+
+
+@pytest.mark.parametrize(("degrees", "one_sided"), [(1, 0), (1, 1), (2, 1), (2, 2), (3, 1)])
+def test_chance_of_bounded_amplitudes_is_that_of_a_monte_carlo(degrees, one_sided):
+    rng = np.random.default_rng(degrees + 10 * one_sided)
+    lower = np.where(np.arange(degrees) < one_sided, 0.0, -np.inf)
+    falls = []
+    for z in rng.standard_normal((4000, degrees)):
+        best = np.maximum(z, lower)  # of independent columns, each amplitude goes for itself
+        falls.append(z @ z - (z - best) @ (z - best))
+    for score in (0.5, 2.0, 5.0):
+        known = np.exp(candidate(score, degrees, one_sided=one_sided).chance)
+        assert np.mean(np.array(falls) >= score) == pytest.approx(known, abs=4.0 * np.sqrt(known / 4000))
+
+
+def test_independent_amplitudes_are_those_of_a_bounded_least_squares():
+    z = np.array([-1.0, 2.0, 0.3])
+    solved = lsq_linear(np.eye(3), z, bounds=(np.zeros(3), np.full(3, np.inf))).x
+    np.testing.assert_allclose(solved, np.maximum(z, 0.0), atol=1e-8)
+
+
+def test_a_larger_spread_and_more_variants_make_a_score_less_striking():
+    one = candidate(20.0)
+    assert one.chance == log_chance(20.0, 1)
+    assert candidate(20.0, spread=1.25).chance == log_chance(16.0, 1)
+    assert candidate(20.0, variants=8.0).chance == pytest.approx(one.chance + np.log(8.0))
+    assert candidate(0.0, variants=8.0).chance == 0.0
+
+
+def test_variants_count_as_the_independent_tests_that_they_are():
+    rng = np.random.default_rng(0)
+    basis, _ = np.linalg.qr(rng.standard_normal((200, 12)))
+    planes = [basis[:, k : k + 2] for k in range(0, 12, 2)]
+    assert independent_tests(planes) == pytest.approx(6.0)
+    turned, _ = np.linalg.qr(planes[0] @ rng.standard_normal((2, 2)))
+    assert independent_tests([planes[0], turned, planes[0]]) == pytest.approx(1.0)
+    near, _ = np.linalg.qr(planes[0] + 0.3 * planes[1])
+    assert 1.0 < independent_tests([planes[0], near]) < 2.0
+
+
+def test_the_best_of_many_correlated_directions_is_as_likely_as_said():
+    """A scan over frequency: the largest of 30 overlapping scores, against the chance that is told."""
+    rng = np.random.default_rng(2)
+    places = np.linspace(0.0, 1.0, 400)
+    columns = np.array([np.exp(-(((places - at) / 0.03) ** 2)) for at in np.linspace(0.0, 1.0, 30)]).T
+    columns /= np.linalg.norm(columns, axis=0)
+    count = independent_tests([column[:, None] for column in columns.T])
+    assert 10.0 < count < 30.0
+    best = ((rng.standard_normal((6000, 400)) @ columns) ** 2).max(axis=1)
+    for score in (9.0, 12.0):
+        told = np.exp(candidate(score, variants=count).chance)
+        assert 0.6 * told < np.mean(best > score) < 1.4 * told
+
+
+def test_a_turning_rotor_has_a_tone_at_its_speed_however_small():
+    window, rate = Window.after_first(500, 3), 1e4
+    residual = np.random.default_rng(4).standard_normal((2000, 2))
+    shape = np.broadcast_to(np.eye(2, dtype=complex), (window.samples // 2 + 1, 2, 2))
+    hz = 7.4 * rate / window.samples
+    (tone,) = find_tones(residual, window, rate, 2, 2.0 * np.pi * hz, shape)
+    assert tone.frequency_hz == pytest.approx(hz)
+    assert not find_tones(residual, window, rate, 2, 0.0, shape)
+
+
+def test_noise_with_a_narrow_peak_of_its_own_is_judged_by_near_lines():
+    """A response that lies in the peak is weighed by the noise there, not by the mean over a wide band."""
+    window = Window.after_first(1500, 3)
+    rng = np.random.default_rng(8)
+    shape = np.broadcast_to(np.eye(2, dtype=complex), (window.samples // 2 + 1, 2, 2))
+    hz = np.fft.rfftfreq(6000)
+    peak = 1.0 + 30.0 / (1.0 + ((hz - 0.2) / 0.006) ** 2)  # nine excited lines wide
+    line = np.fft.rfftfreq(1500)
+    form = np.fft.irfft(np.exp(-(((line - 0.2) / 0.003) ** 2)) * np.exp(2j * np.pi * rng.random(len(line))))
+    response = np.tile(form, 4)[:, None] * np.array([1.0, 0.5])
+    ratios = {}
+    for name, colour in (("white", np.ones_like(hz)), ("peak", np.sqrt(peak))):
+        squares, told = [], []
+        for _ in range(150):
+            residual = np.fft.irfft(np.fft.rfft(rng.standard_normal((6000, 2)), axis=0) * colour[:, None], axis=0)
+            whitener = Whitener.from_residual(residual, window, shape=shape)
+            seen = whitener.whiten(response)
+            seen /= np.linalg.norm(seen)
+            squares.append((seen @ whitener.whiten(residual)) ** 2)
+            told.append(whitener.spreads @ seen**2)
+        ratios[name] = np.mean(squares) / np.mean(told), np.mean(told)
+    assert ratios["white"][1] < 1.01 < ratios["peak"][1]  # wide, narrow
+    assert ratios["white"][0] == pytest.approx(1.0, abs=0.35)
+    assert ratios["peak"][0] == pytest.approx(1.2, abs=0.5)

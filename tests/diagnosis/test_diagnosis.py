@@ -1,0 +1,117 @@
+"""The diagnosis on data of an independent simulation: what is hidden is named and added, and the misfit falls."""
+
+import json
+
+import numpy as np
+import pytest
+
+import ambid
+from ambid.diagnosis import diagnose, rank
+from ambid.effects import CATALOGUE, Effect, EffectParameter
+from hidden.bench import measured
+
+TRUTH = {
+    "K_i": np.array([205.0, 212.0, 262.0, 268.0]),
+    "K_s": np.array([2.39e6, 2.49e6, 3.13e6, 3.19e6]),
+    "tau_e": 2.5e-4,
+}
+HIDDEN = {
+    "seal_forces": {"z": 0.43, "direct": 8e5, "cross": 6e5, "damping": 300.0},
+    "axis_cross_coupling": {"fraction": 0.01},
+    "amplifier_bandwidth": {"frequency_hz": 1500.0, "damping": 0.6},
+    "loop_delay": {"seconds": 5e-5},
+    "sensor_gain_error": {"gain": [1.02, 1.02, 0.98, 0.98]},
+}
+
+
+@pytest.fixture(scope="module")
+def i_e():
+    return ambid.prbs(9, amplitude=1.0, hold=4, axes=4, periods=4)
+
+
+def record(rig, i_e, hidden, seed):
+    return measured(rig, i_e, hidden, seed=seed, **TRUTH)
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_hidden_effect_is_named_and_the_misfit_falls(rig, i_e, name):
+    train, other = (record(rig, factor * i_e, {name: HIDDEN[name]}, seed) for factor, seed in ((1.0, 1), (0.6, 2)))
+    found = diagnose(rig, train, validate=[other])
+    named = {*found.effects, *(n for names in found.ambiguous_sets for n in names)}
+    assert name in named
+    assert found.verdict in ("explained", "ambiguous")
+    first, last = found.history[0], found.history[-1]
+    assert first.misfit > 1.1
+    assert last.misfit == pytest.approx(1.0, abs=0.06)
+    assert last.validation_misfit == pytest.approx(1.0, abs=0.08)
+    values = {p.name: p.value for p in found.model.parameters}
+    for axis, k_i in zip(rig.axes, TRUTH["K_i"], strict=True):
+        assert values[f"K_i.{axis}"] == pytest.approx(k_i, rel=0.02)
+
+
+def test_nothing_hidden_is_adequate(rig, i_e):
+    for seed in range(2):
+        found = diagnose(rig, record(rig, i_e, {}, seed))
+        assert found.verdict == "adequate"
+        assert found.effects == ()
+        assert found.history[-1].misfit == pytest.approx(1.0, abs=0.05)
+
+
+def test_two_effects_at_once(rig, i_e):
+    hidden = {"loop_delay": {"seconds": 5e-5}, "seal_forces": HIDDEN["seal_forces"]}
+    found = diagnose(rig, record(rig, i_e, hidden, 3))
+    assert set(found.effects) == set(hidden)
+    assert found.history[-1].misfit == pytest.approx(1.0, abs=0.06)
+
+
+def test_a_person_may_choose(rig, i_e):
+    found = diagnose(rig, record(rig, i_e, {"loop_delay": {"seconds": 5e-5}}, 4), effects=["sensor_lag", "loop_delay"])
+    assert found.history[-1].misfit == pytest.approx(1.0, abs=0.06)
+    assert "loop_delay" in found.effects
+
+
+class DriveEndDamper(Effect):
+    """A damper to ground at z = 0: a user's own effect, in a few lines."""
+
+    name = "drive_end_damper"
+    physics = "a squeeze-film damper at the free end of the shaft"
+    signature = "rigid-body band, both planes alike"
+    source = "the user's own drawing"
+
+    def parameters(self, rig):
+        return [EffectParameter("damping", "N s/m", 50.0)]
+
+    def positions(self, rig):
+        return [0.0]
+
+    def attach(self, plant):
+        for plane in np.eye(plant.rotor.planes):
+            force = plant.port(self.slot("damping"), plant.at(0.0, plane, "eta_rate"))
+            plant.push(0.0, plane, -force)
+
+
+def test_an_effect_of_ones_own_is_ranked_first_and_takes_the_error_to_the_ceiling(rig, i_e):
+    data = record(rig, i_e, {"coupling_stiffness": {"stiffness": 0.0, "damping": 80.0, "z": 0.0}}, 5)
+    estimate = ambid.identify(rig, data)
+    comparison = ambid.compare(estimate.model, data)
+    assert comparison.records[0].misfit > 1.1
+    catalogue = [effect for effect in CATALOGUE if effect.name != "coupling_stiffness"]
+    ranking = rank(comparison, [*catalogue, DriveEndDamper()])
+    assert ranking.candidates[0].effect.name == "drive_end_damper"
+    assert ranking.candidates[0].start["damping"] == pytest.approx(80.0, rel=0.2)
+    better = ambid.identify(estimate.model.add(DriveEndDamper(), ranking.candidates[0].start), data)
+    assert better.parameters["drive_end_damper.damping"].value == pytest.approx(80.0, rel=0.05)
+    assert ambid.compare(better.model, data).records[0].misfit == pytest.approx(1.0, abs=0.05)
+    assert better.fit_percent["average"] == pytest.approx(better.noise_ceiling_percent["average"], abs=0.1)
+
+
+def test_json_is_as_the_contract_says(rig, i_e):
+    found = diagnose(rig, record(rig, i_e, {"loop_delay": {"seconds": 5e-5}}, 6)).to_json()
+    json.dumps(found, allow_nan=False)
+    assert {"verdict", "effects", "ambiguous_sets", "history", "where", "parameters", "next_experiment"} <= set(found)
+    step = found["history"][0]
+    keys = {"effects", "fit_percent", "validation_fit_percent", "misfit", "validation_misfit", "candidates"}
+    assert keys <= set(step)
+    candidate = {"effect", "score", "p_value", "predicted_value", "predicted_misfit", "confusable_with"}
+    assert candidate <= set(step["candidates"][0])
+    assert {"channel", "band_hz", "misfit", "kind"} <= set(found["where"][0])

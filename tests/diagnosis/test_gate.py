@@ -1,0 +1,76 @@
+"""Records that a diagnosis must not trust: refused or flagged in words, never mis-diagnosed with confidence."""
+
+import numpy as np
+import pytest
+
+import ambid
+from ambid.diagnosis import diagnose
+from ambid.errors import RecordError
+from ambid.rig import Rig
+from hidden.bench import simulate
+from places import BENCH
+
+TRUTH = {"K_i": [205.0, 212.0, 262.0, 268.0], "K_s": [2.39e6, 2.49e6, 3.13e6, 3.19e6], "tau_e": 2.5e-4}
+
+
+@pytest.fixture(scope="module")
+def rig(request):
+    return Rig.load(BENCH)
+
+
+@pytest.fixture(scope="module")
+def measured(rig):
+    i_e = ambid.prbs(9, amplitude=1.0, hold=4, axes=4, periods=4)
+    return simulate(rig, i_e, {}, seed=1, **TRUTH)
+
+
+def loaded(rig, measured, **changed):
+    signals = {"y": measured.y, "i_e": measured.i_e, "i_c": measured.i_c} | changed
+    return ambid.Record.from_arrays(**signals, sample_rate=rig.sample_rate, axes=rig.axes, rig=rig)
+
+
+def refusal(rig, record):
+    found = diagnose(rig, record)
+    assert found.verdict == "not_informative", found
+    assert found.effects == ()
+    assert found.to_json()["verdict"] == "not_informative"
+    return " ".join(found.notes)
+
+
+def test_sound_records_pass(rig, measured):
+    assert diagnose(rig, loaded(rig, measured)).verdict == "adequate"
+
+
+def test_too_few_periods(rig, measured):
+    short = 2 * 511 * 4
+    record = loaded(rig, measured, y=measured.y[:short], i_e=measured.i_e[:short], i_c=measured.i_c[:short])
+    assert "period" in refusal(rig, record)
+
+
+def test_controller_of_another_day(rig, measured):
+    pid = rig.controller
+    other = rig.replace(controller=pid.model_copy(update={"proportional": 1.3 * np.asarray(pid.proportional)}))
+    assert "proportional" in refusal(other, loaded(other, measured))
+
+
+def test_excitation_of_another_record(rig, measured):
+    i_e = ambid.prbs(9, amplitude=1.0, hold=4, axes=4, periods=4, seed=77)
+    assert "i_e" in refusal(rig, loaded(rig, measured, i_e=i_e))
+
+
+def test_displacement_in_micrometres(rig, measured):
+    with pytest.raises(RecordError, match="y"):
+        loaded(rig, measured, y=1e6 * measured.y)
+
+
+def test_no_excitation(rig, measured):
+    with pytest.raises(RecordError, match="i_e"):
+        loaded(rig, measured, i_e=np.zeros_like(measured.i_e))
+
+
+def test_clipped_channel_is_flagged(rig, measured):
+    limit = 0.5 * np.abs(measured.y[:, 0]).max()
+    y = measured.y.copy()
+    y[:, 0] = np.clip(y[:, 0], -limit, limit)
+    with pytest.raises(RecordError, match="clip"):
+        loaded(rig, measured, y=y)

@@ -1,0 +1,54 @@
+"""The truth is in the reported set: every effect once, of a clear size; benchmarks/rates.py takes many seeds."""
+
+import pytest
+
+from ambid.diagnosis import diagnose
+from hidden.experiment import experiment
+from hidden.physics import CATALOGUE, OUTSIDE
+
+BEYOND_JUDGEMENT = {
+    "command_quantisation": "of this size it adds noise, and nothing that repeats",
+    "coulomb_friction": "before it slips it is a spring, which has a name",
+}
+
+
+def named(found):
+    return {*found.effects, *(name for names in found.ambiguous_sets for name in names)}
+
+
+@pytest.mark.parametrize("effect", CATALOGUE)
+def test_a_hidden_effect_is_in_the_reported_set(effect):
+    rig, train, validate, truth = experiment(effect, "clear", 101)
+    found = diagnose(rig, train, validate=validate)
+    assert found.verdict in ("explained", "ambiguous"), found
+    assert set(truth.effects) <= named(found), found
+    assert found.history[-1].validation_misfit < 1.2
+
+
+@pytest.mark.parametrize("effect", [name for name in OUTSIDE if name not in BEYOND_JUDGEMENT])
+def test_what_has_no_name_is_given_none(effect):
+    rig, train, _, _ = experiment(effect, "clear", 101)
+    found = diagnose(rig, train)
+    assert found.verdict == "none_of_the_candidates", found
+    assert found.effects == ()
+
+
+@pytest.mark.parametrize("kind", ["analog", "digital", "other_rotor", "gravity", "without_i_c", "two_amplitudes"])
+def test_nothing_hidden_is_adequate(kind):
+    rig, train, _, _ = experiment(None, "clear", 101, kind=kind)
+    found = diagnose(rig, train)
+    assert found.verdict == "adequate", found
+    assert found.history[-1].misfit == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("pair", [("loop_delay", "seal_forces"), ("periodic_disturbance", "sensor_lag")])
+def test_two_at_once(pair):
+    rig, train, _, _ = experiment(pair, "clear", 101)
+    assert set(pair) <= named(diagnose(rig, train))
+
+
+def test_a_large_unbalance_does_not_hide_what_has_no_name():
+    rig, train, _, _ = experiment("cubic_bearing_force", "clear", 101, kind="turning")
+    found = diagnose(rig, train)
+    assert found.verdict == "none_of_the_candidates", found
+    assert any("unbalance" in step.effects for step in found.history)

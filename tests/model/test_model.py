@@ -1,0 +1,221 @@
+"""The model: simulation against independent physics, values and structure, and its file."""
+
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from ambid.errors import ModelError, UnstableLoopError
+from ambid.identification import identify
+from ambid.model import Model, Parameter
+from ambid.rig import Rig
+from virtual import AXES, NAMES, VirtualBench
+
+
+@pytest.fixture
+def model(bench):
+    return Model(bench.rig())
+
+
+@pytest.mark.parametrize("tilt", [0.0, 30.0, -110.0])
+def test_simulation_follows_independent_physics(tilt, i_e):
+    bench = VirtualBench(tilt=tilt)
+    record = Model(bench.rig()).simulate(i_e[:1500])
+    expected = bench.respond(i_e[:1500])[:, :, 0]
+    found = np.hstack([record.y, record.i_c])
+    assert np.all(np.abs(found - expected).max(axis=0) < 1e-9 * np.abs(expected).max(axis=0))
+    assert record.axes == AXES
+    assert record.sample_rate == bench.sample_rate
+    assert_array_equal(record.i_e, i_e[:1500])
+
+
+def test_sensor_noise_goes_round_the_loop_as_in_independent_physics(bench, model, i_e):
+    """The same noise through both: the package draws the displacements' first, then the currents'."""
+    quiet = np.zeros_like(i_e)
+    record = model.virtual_experiment(quiet, sensor_noise=1e-7, current_noise=0.0, seed=5)
+    noise = 1e-7 * np.random.default_rng(5).standard_normal(i_e.shape)
+    expected = bench.respond(quiet, noise[:, :, None])[:, :, 0]
+    assert_allclose(np.hstack([record.y, record.i_c]), expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_virtual_experiments_repeat_with_their_seed(model, i_e):
+    one, same, other = (model.virtual_experiment(i_e, seed=seed) for seed in (1, 1, 2))
+    assert_array_equal(one.y, same.y)
+    assert_array_equal(one.i_c, same.i_c)
+    assert np.abs(one.y - other.y).std() > 0.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "names"),
+    [({"sensor_noise": -1.0}, "sensor_noise"), ({"current_noise": np.inf}, "current_noise"), ({"seed": -1}, "seed")],
+)
+def test_wrong_noise(model, i_e, arguments, names):
+    with pytest.raises(ModelError, match=names):
+        model.virtual_experiment(i_e, **arguments)
+
+
+def test_one_sample_at_a_time_is_the_same(model, i_e):
+    record, simulator = model.simulate(i_e[:300]), model.simulator()
+    steps = np.array([simulator.step(u) for u in i_e[:300]])
+    expected = np.hstack([record.y, record.i_c])
+    assert_allclose(steps, expected, atol=1e-10 * np.abs(expected).max())
+
+
+def test_poles_are_those_of_independent_physics(bench, model):
+    expected = np.linalg.eigvals(bench.continuous()[0])
+    found = model.poles()
+    assert found.shape == (28,)
+    assert max(np.abs(expected - pole).min() / abs(pole) for pole in found) < 1e-8
+    assert np.all(np.diff(found.real) <= 1e-9)
+    assert model.is_stable
+
+
+def test_a_loop_that_is_too_slow_is_unstable(model, i_e):
+    slow = model.with_values({"tau_e": 2e-3})
+    assert not slow.is_stable
+    with pytest.raises(UnstableLoopError):
+        slow.simulate(i_e)
+
+
+def test_nominal_values_are_the_rigs(bench, model):
+    assert model.names == NAMES
+    assert_allclose(model.theta, list(bench.truth.values()), rtol=1e-15)
+    assert [p.unit for p in model.parameters] == ["N/A"] * 4 + ["N/m"] * 4 + ["s"]
+
+
+def test_changes_make_new_models(model):
+    theta = model.theta
+    other = model.with_values({"K_i.A_eta": 100.0, "tau_e": 1e-4})
+    assert other.theta[1] == 100.0
+    assert other.theta[8] == 1e-4
+    theta[0] = 0.0
+    assert model.theta[0] == 190.0
+    assert_array_equal(model.theta[2:8], other.theta[2:8])
+
+
+def test_shared_values_start_from_their_mean(model, i_e):
+    shared = model.share("K_i.A", ["K_i.A_*"])
+    assert shared.names == ("K_i.A", *NAMES[2:])
+    assert shared.theta[0] == 197.5
+    same = model.with_values({"K_i.A_zeta": 197.5, "K_i.A_eta": 197.5})
+    assert_allclose(shared.simulate(i_e).y, same.simulate(i_e).y, rtol=1e-12, atol=1e-18)
+
+
+def test_split_values_start_from_the_shared_one(model, i_e):
+    split = model.per_axis("tau_e")
+    assert split.names == (*NAMES[:8], *(f"tau_e.{axis}" for axis in AXES))
+    assert_allclose(split.simulate(i_e).y, model.simulate(i_e).y, rtol=1e-9, atol=1e-15)
+    assert model.share("K_i", ["K_i"]).share("K_s", ["K_s"]).per_axis("K_*").names == NAMES
+    with pytest.raises(ModelError, match="every axis has its own"):
+        split.per_axis("tau_e")
+
+
+@pytest.mark.parametrize(
+    ("patterns", "chosen"),
+    [
+        (["K_i"], [0, 1, 2, 3]),
+        (["K_?.B_zeta"], [2, 6]),
+        (["tau_e", "K_s.A_eta"], [5, 8]),
+        (["*"], list(range(9))),
+    ],
+)
+def test_patterns_select_parameters(model, patterns, chosen):
+    assert model.index(patterns) == chosen
+
+
+@pytest.mark.parametrize(
+    ("change", "names"),
+    [
+        (lambda m: m.with_values({"K_x": 1.0}), "K_x: no such parameter"),
+        (lambda m: m.with_values({"tau_e": 0.0}), "tau_e = 0.0: expected a positive number in s"),
+        (lambda m: m.with_values({"tau_e": np.nan}), "tau_e = nan"),
+        (lambda m: m.share("K", ["K_i.A_zeta", "tau_e"]), "units differ"),
+        (lambda m: m.share("tau_e", ["K_i.A_*"]), "tau_e: the name of two parameters"),
+        (lambda m: Model(m.rig, m.parameters[:8]), "tau_e.A_zeta, .*: without a value"),
+        (lambda m: Model(m.rig, [*m.parameters, m.parameters[0]]), "K_i.A_zeta: filled twice"),
+        (lambda m: Model(m.rig, [*m.parameters, Parameter("c", 1.0, "s", ("c",))]), "c: not of this rig"),
+    ],
+)
+def test_wrong_changes(model, change, names):
+    with pytest.raises(ModelError, match=names):
+        change(model)
+
+
+def test_repr_names_rig_values_and_units(model):
+    for text in ("virtual bench", "4 axes", "K_i.A_zeta", "190 N/A", "1.4e+06 N/m", "0.00022 s"):
+        assert text in repr(model)
+
+
+@pytest.mark.parametrize(
+    "structure",
+    [
+        lambda m: m,
+        lambda m: m.per_axis("tau_e"),
+        lambda m: m.share("K_i.A", ["K_i.A_*"]).with_values({"K_i.A": 1.0 / 3.0 * 600.0}),
+    ],
+    ids=["plain", "per axis", "shared"],
+)
+def test_a_saved_model_is_the_same(model, structure, tmp_path, i_e):
+    saved = structure(model)
+    saved.save(tmp_path / "model.json")
+    loaded = Model.load(tmp_path / "model.json")
+    assert loaded.parameters == saved.parameters
+    assert loaded.rig == saved.rig
+    assert_array_equal(loaded.simulate(i_e).y, saved.simulate(i_e).y)
+
+
+def test_an_estimate_is_saved_with_its_covariance(model, run, tmp_path):
+    estimate = identify(model, run, free=["tau_e", "K_i.A_*"])
+    estimate.save(tmp_path / "model.json")
+    content = json.loads((tmp_path / "model.json").read_text())
+    matrix = np.array(content["covariance"], dtype=float)
+    free = [0, 1, 8]
+    assert_array_equal(matrix[np.ix_(free, free)], estimate.covariance)
+    assert np.isnan(matrix).sum() == 81 - 9
+    assert content["effects"] == []
+    assert_array_equal(Model.load(tmp_path / "model.json").theta, estimate.model.theta)
+
+
+def test_another_rig_may_take_the_place_of_the_stored_one(model, tmp_path):
+    model.save(tmp_path / "model.json")
+    other = model.rig.replace(name="another day")
+    assert Model.load(tmp_path / "model.json", other).rig.name == "another day"
+
+
+def test_a_rig_of_other_axes_is_refused(model, demo_rig, tmp_path):
+    model.save(tmp_path / "model.json")
+    renamed = Rig.from_toml(demo_rig.to_toml().replace('name = "B"', 'name = "C"'))
+    with pytest.raises(ModelError, match=r"model.json: .*C_zeta.*: without a value.*B_zeta.*: not of this rig"):
+        Model.load(tmp_path / "model.json", renamed)
+
+
+@pytest.mark.parametrize(
+    ("breakage", "names"),
+    [
+        (lambda text: text[:-40], "JSONDecodeError"),
+        (lambda text: "[]", "not a model"),
+        (lambda text: text.replace("ambid model 1", "ambid model 9"), "'ambid model 9'"),
+        (lambda text: text.replace('"parameters"', '"values"'), "parameters"),
+        (lambda text: text.replace('"unit"', '"units"'), "unit"),
+        (lambda text: text.replace("air_gap", "air_gpa"), "air_gpa"),
+        (lambda text: text.replace('"value": 0.00022', '"value": -1'), "tau_e = -1.0"),
+        (lambda text: text.replace('"value": 0.00022', '"value": "long"'), "long"),
+        (lambda text: text.replace('"tau_e.A_eta"', '"tau_e.A_zeta"'), "tau_e.A_zeta: filled twice"),
+    ],
+)
+def test_broken_files(model, tmp_path, breakage, names):
+    path = tmp_path / "model.json"
+    model.save(path)
+    text = path.read_text()
+    path.write_text(breakage(text))
+    assert path.read_text() != text
+    with pytest.raises(Exception, match=names) as refused:
+        Model.load(path)
+    assert type(refused.value).__name__ in ("ModelError", "RigError")
+    assert "model.json" in str(refused.value)
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    with pytest.raises(ModelError, match="No such file"):
+        Model.load(tmp_path / "model.json")

@@ -1,0 +1,97 @@
+"""The misfit J/dof: 1 for the exact model, with the scatter of its chi-square, and more for any model that misses."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from ambid.diagnosis import compare
+from ambid.excitation import prbs
+from ambid.identification import identify
+from ambid.model import Model
+from ambid.noise.whitener import Whitener, channel_misfit
+from ambid.noise.window import Window
+
+PERIOD = 2 * 1023
+
+
+@pytest.fixture(scope="module")
+def long_i_e():
+    """Six periods whose lines lie so close that the noise spectrum is smooth over thirty of them."""
+    return prbs(10, amplitude=0.15, hold=2, axes=4, periods=6)
+
+
+@pytest.fixture(scope="module")
+def records(bench, long_i_e):
+    return bench.records(long_i_e, range(30), period=PERIOD)
+
+
+def test_the_exact_model_has_a_misfit_of_one(bench, records):
+    """The mean of 30 has a standard deviation of 0.002; that of one is sqrt(2/dof), a little more as S is estimated."""
+    exact = Model(bench.rig())
+    misfits = np.array([compare(exact, record).records[0].misfit for record in records])
+    dof = 2 * 8 * (PERIOD // 2 - 1)
+    assert abs(misfits.mean() - 1.0) < 0.02
+    assert 0.7 < misfits.std() / np.sqrt(2.0 / dof) < 1.6
+
+
+def test_channels_alone_have_a_misfit_of_one(bench, records):
+    exact = Model(bench.rig())
+    misfits = [[c.misfit for c in compare(exact, record).records[0].channels] for record in records[:10]]
+    assert_allclose(np.mean(misfits, axis=0), 1.0, atol=0.06)
+
+
+def test_a_small_lag_raises_it_although_the_fit_looks_done(bench, long_i_e, records):
+    """An amplifier that lags 10 us longer than the rig says."""
+    slow = replace(bench, tau_a=bench.tau_a + 10e-6)
+    record = slow.records(long_i_e, [3], period=PERIOD)[0]
+    exact, lagging = Model(bench.rig()), Model(slow.rig())
+    assert compare(exact, record).records[0].misfit > 3.0
+    assert abs(compare(lagging, record).records[0].misfit - 1.0) < 0.06
+    refitted = identify(exact, record)
+    assert refitted.noise_ceiling_percent["average"] - refitted.fit_percent["average"] < 0.5
+    assert compare(refitted.model, record).records[0].misfit > 1.3
+    assert compare(identify(exact, records[3]).model, records[3]).records[0].misfit < 1.06
+
+
+def coloured(periods, seed, channels=3):
+    """Noise of mixed channels behind a slow lag, one period of 1000 samples and `periods` more."""
+    random = np.random.default_rng(seed)
+    white = random.standard_normal((1000 * (periods + 1) + 1, channels)) @ random.standard_normal((channels, channels))
+    return white[1:] + 0.4 * white[:-1]
+
+
+@pytest.mark.parametrize("periods", [2, 3, 8])
+def test_coloured_noise_of_mixed_channels_has_a_misfit_of_one(periods):
+    window = Window.after_first(1000, periods)
+    misfits = []
+    for seed in range(30):
+        noise = coloured(periods, seed)
+        white = Whitener.from_residual(noise, window).whiten(noise)
+        assert white.shape == (2 * 499 * 3,)
+        misfits.append(np.sum(white**2) / white.size)
+    assert abs(np.mean(misfits) - 1.0) < 0.02
+
+
+def test_whitening_does_not_depend_on_units_or_mixing():
+    window, noise = Window.after_first(1000, 4), coloured(4, 1)
+    mixed = noise @ np.array([[1.0, 0.3, 0.0], [0.0, 1e-6, 0.0], [0.5, 0.0, 1e3]])
+    own, other = (np.sum(Whitener.from_residual(r, window).whiten(r) ** 2) for r in (noise, mixed))
+    assert_allclose(own, other, rtol=1e-4)
+
+
+def test_a_repeated_residual_adds_its_own_power():
+    """A line of amplitude a has a^2 n / 2 / S more than noise on both of its numbers together."""
+    window, noise = Window.after_first(1000, 4), np.random.default_rng(2).standard_normal((5000, 1))
+    line = 0.5 * np.cos(2.0 * np.pi * 50 * np.arange(5000) / 1000)[:, None]
+    before, after = (channel_misfit(r, window)[0] * 2 * 499 for r in (noise, noise + line))
+    assert_allclose(after - before, 0.5**2 * 4000 / 2.0, rtol=0.25)
+
+
+def test_the_window_leaves_out_the_transient_and_an_unfinished_period():
+    window = Window.after_first(100, 3)
+    signal = np.random.default_rng(3).standard_normal(450)
+    lines = window.lines(signal)
+    assert_allclose(lines, np.fft.rfft(signal[100:400]) / np.sqrt(300))
+    assert_allclose(window.excited, 3 * np.arange(1, 50))

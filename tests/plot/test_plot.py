@@ -1,0 +1,227 @@
+"""Pictures draw the numbers that they are given, on the axes that they are given."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import ambid
+from ambid.diagnosis import Candidate, Localisation, Ranking, compare
+from ambid.diagnosis.localisation import Growth, MisfitMap
+from ambid.diagnosis.ports import Port, Term
+from ambid.errors import InputError
+from ambid.plot import (
+    plot_comparison,
+    plot_growth,
+    plot_misfit_map,
+    plot_needed,
+    plot_ranking,
+    plot_staircase,
+    save_comparison,
+    worst_stretch,
+)
+from ambid.plot.ranking import needed_score
+
+
+@pytest.fixture(scope="module")
+def comparison(demo_estimate, demo_record):
+    return compare(demo_estimate.model, demo_record)
+
+
+def axes(rows=1, columns=1):
+    return Figure().subplots(rows, columns, squeeze=False).ravel()
+
+
+def candidate(name, score, degrees, confusable=(), **more):
+    effect = SimpleNamespace(name=name)
+    return Candidate(effect, score, degrees, {}, 1.0 + 1.0 / score, tuple(confusable), **more)
+
+
+def ranking():
+    first = candidate("first", 1000.0, 1, ["twin"])
+    found = (first, candidate("twin", 900.0, 1, ["first"]), candidate("noise", 2.0, 1))
+    return Ranking(found, 5.0, {})
+
+
+def localisation(**changes):
+    rng = np.random.default_rng(1)
+    s = 1e-5 * rng.standard_normal((1000, 2))
+    against = {"s": s, "v": 1e3 * s[::-1], "i_f": rng.standard_normal((1000, 2)), "i_ref": s, "y": s}
+    against |= {"s_other": s[:, ::-1], "v_other": 1e3 * s[::-1, ::-1]}
+    term = Term("s^3", "odd", np.array([1e15, 1e15]), 500.0, 0.95, -250.0)
+    port = Port("force", "N", "force at the magnets", 1.0, 1e15 * s**3, against, (term,))
+    table = np.array([[200.0, 3000.0], [np.nan, 50.0], [1.0, 1.2]])
+    own = MisfitMap("train", ("y.A_zeta", "y.A_eta"), np.array([10.0, 100.0, 1000.0, 5000.0]), 10.0, table)
+    growth = (Growth("small", 0.5, 1e-8), Growth("large", 1.0, 8e-8))
+    given = {
+        "maps": (own,),
+        "ports": (port,),
+        "tones": (),
+        "change": None,
+        "growth": growth,
+        "exponent": 3.0,
+        "cells": (),
+    }
+    return Localisation(**given | changes)
+
+
+def test_signals_are_those_of_the_record_and_the_model(comparison):
+    one = comparison.records[0]
+    above, below = plot_comparison(comparison, 0, "y.A_eta", stretch=(0.5, 0.54))
+    k, span = 1, slice(5000, 5400)
+    measured, simulated = (line.get_ydata() for line in above.lines)
+    residual = below.lines[0].get_ydata()
+    np.testing.assert_allclose(measured - simulated, residual, atol=1e-9)
+    np.testing.assert_allclose(residual, 1e6 * one.residual[span, k])
+    np.testing.assert_allclose(np.diff(measured), 1e6 * np.diff(one.record.y[span, k]), atol=1e-9)
+    band = below.patches[0]
+    assert band.get_height() == pytest.approx(4e6 * one.channels[k].noise_rms)
+    assert above.get_title(loc="left").startswith("y.A_eta: fit 9")
+
+
+def test_a_model_and_a_record_will_do_and_axes_are_used(demo_estimate, demo_record):
+    given = axes(2)
+    found = plot_comparison((demo_estimate.model, demo_record), ax=given)
+    assert list(found) == list(given)
+    assert all(ax.lines for ax in given)
+
+
+def test_the_worst_stretch_holds_the_largest_residual(comparison):
+    residual = comparison.records[0].residual[:, 0]
+    begin, end = (round(t * 1e4) for t in worst_stretch(comparison, 0, "y.A_zeta"))
+    period = comparison.records[0].record.period
+    assert period <= begin < end <= 2 * period
+    power = np.convolve(residual[period : 2 * period] ** 2, np.ones(end - begin), "valid")
+    assert np.sum(residual[begin:end] ** 2) == pytest.approx(power.max())
+
+
+@pytest.mark.parametrize(("record", "channel", "named"), [(3, None, "record = 3"), (0, "y.C_zeta", "y.C_zeta")])
+def test_a_wrong_record_or_channel_is_named(comparison, record, channel, named):
+    with pytest.raises(InputError, match=named):
+        plot_comparison(comparison, record, channel)
+
+
+def test_saved_pictures_and_refused_suffix(comparison, tmp_path):
+    assert save_comparison(comparison, tmp_path / "a.png") == [tmp_path / "a.png"]
+    with pytest.raises(InputError, match=r"\.xyz"):
+        save_comparison(comparison, tmp_path / "a.xyz")
+
+
+def test_misfit_map_holds_the_table():
+    (given,) = axes()
+    found = localisation()
+    assert plot_misfit_map(found, ax=given) is given
+    np.testing.assert_array_equal(given.collections[0].get_array(), np.ma.masked_invalid(found.maps[0].misfit))
+    assert [text.get_text() for text in given.texts] == ["200", "3000", "no line", "50", "1.0", "1.2"]
+    assert [label.get_text() for label in given.get_xticklabels()] == ["y.A_zeta", "y.A_eta"]
+    with pytest.raises(InputError, match="record = 1"):
+        plot_misfit_map(found, 1)
+
+
+def test_ranking_bars_are_the_scores():
+    (given,) = axes()
+    assert plot_ranking(ranking(), given) is given
+    bars = given.patches
+    assert [bar.get_width() for bar in bars] == [1000.0, 900.0, 2.0]
+    assert [bar.get_hatch() for bar in bars] == [None, "////", None]
+    assert bars[2].get_facecolor() != bars[1].get_facecolor()
+    assert [label.get_text() for label in given.get_yticklabels()] == ["first", "twin", "noise"]
+    assert {"1.00", "1.50"} <= {text.get_text() for text in given.texts}
+
+
+def test_the_significance_tick_agrees_with_the_ranking():
+    found = ranking()
+    for one in found.candidates:
+        assert (one.score > needed_score(one, found)) == (one in found.significant)
+    for score, more, is_significant in (
+        (14.0, {}, True),
+        (14.0, {"variants": 100}, False),
+        (14.0, {"variants": 100, "one_sided": 1}, True),
+        (6.7, {"one_sided": 1}, True),
+        (6.7, {"one_sided": 1, "spread": 1.3}, False),
+    ):
+        alone = Ranking((candidate("alone", score, 1, **more),), 2.0, {})
+        assert bool(alone.significant) is is_significant
+        assert (needed_score(alone.candidates[0], alone) < score) is is_significant
+
+
+def test_an_empty_ranking_is_drawn_empty():
+    assert not plot_ranking(Ranking((), 1.0, {})).patches
+
+
+def test_staircase_holds_the_ledger(demo_record):
+    steps = [
+        SimpleNamespace(effects=(), change="base model", misfit=50.0, validation_misfit=40.0, predicted_misfit=None),
+        SimpleNamespace(effects=("seal",), change="+ seal", misfit=1.0, validation_misfit=1.1, predicted_misfit=1.5),
+    ]
+    for step, fit in zip(steps, (90.0, 95.0), strict=True):
+        step.fit_percent = step.validation_fit_percent = {"average": fit}
+    given = axes(1, 2)
+    diagnosis = SimpleNamespace(history=steps, records=(demo_record,), verdict="explained")
+    left, right = plot_staircase(diagnosis, given)
+    assert [left, right] == list(given)
+    lines = {line.get_label(): list(line.get_ydata()) for line in left.lines}
+    assert lines["train"] == [50.0, 1.0]
+    assert lines["validation"] == [40.0, 1.1]
+    assert lines["predicted by the ranking"] == [1.5]
+    assert lines["noise alone"] == [1.0, 1.0]
+    assert [label.get_text() for label in left.get_xticklabels()] == ["base model", "+ seal"]
+    ceiling = ambid.noise_ceiling(demo_record)
+    expected = 100.0 - np.mean([ceiling[f"y.{axis}"] for axis in demo_record.axes])
+    assert right.lines[-1].get_ydata()[0] == pytest.approx(expected)
+    with pytest.raises(InputError, match="not_informative"):
+        plot_staircase(SimpleNamespace(history=[], records=(), verdict="not_informative"))
+
+
+def test_needed_signal_of_a_port():
+    given = axes(1, 3)
+    port = localisation().ports[0]
+    assert list(plot_needed(port, given, axes=["A", "B"])) == list(given)
+    dots = given[0].lines[0]
+    x, y = (np.asarray(values) for values in dots.get_data())
+    np.testing.assert_allclose(y, 1e15 * (1e-6 * x) ** 3)
+    assert len({line.get_marker() for line in given[0].lines[:2]}) == 2
+    labels = [{line.get_label() for line in ax.lines} for ax in given]
+    assert "s^3, less its line" in labels[0]
+    assert not any("s^3, less its line" in own for own in labels[1:])
+
+
+def test_a_shape_over_the_other_axis_gets_a_panel_of_its_own():
+    port = localisation().ports[0]
+    other = 3e6 * port.against["s_other"] * np.array([1.0, -1.0])
+    term = Term("s of the other axis", "linear", np.array([3e6, -3e6]), 9e3, 0.9, -100.0)
+    given = axes(1, 3)
+    plot_needed(replace(port, needed=other, terms=(term,)), given)
+    assert "other axis" in given[2].get_xlabel()
+    for line in given[2].lines[:2]:
+        x, y = (np.asarray(values) for values in line.get_data())
+        np.testing.assert_allclose(y, 3e6 * 1e-6 * x)
+
+
+def test_only_bands_with_something_to_see_are_drawn():
+    found = localisation()
+    ax = plot_needed(found)[0]
+    lines = int(5000 / 10) + 1
+    spectrum = np.fft.rfft(found.ports[0].needed[:, 0])
+    spectrum[100:lines] = 0.0  # from 1000 Hz on the map shows noise alone, and from 100 to 1000 Hz enough
+    expected = set(np.round(np.fft.irfft(spectrum), 9))
+    assert set(np.round(ax.lines[0].get_ydata(), 9)) <= expected
+    with pytest.raises(InputError, match="no port"):
+        plot_needed(localisation(ports=()))
+
+
+def test_growth_needs_two_amplitudes():
+    (given,) = axes()
+    assert plot_growth(localisation(), given) is given
+    np.testing.assert_allclose(given.lines[0].get_xydata(), [[0.5, 0.01], [1.0, 0.08]])
+    with pytest.raises(InputError, match="two or more amplitudes"):
+        plot_growth(localisation(exponent=np.nan))
+
+
+def test_matplotlib_is_loaded_only_for_drawing():
+    code = "import sys, ambid, ambid.plot; assert not any(m.startswith('matplotlib') for m in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)
