@@ -14,7 +14,7 @@ import ambid
 from ambid.cli import diagnosing
 from ambid.cli.terminal import with_time_left
 from ambid.demo import DATA
-from ambid.diagnosis.search import Search
+from ambid.diagnosis import search
 from ambid.effects import CATALOGUE
 from ambid.errors import IdentificationError
 from ambid.noise import Noise
@@ -181,7 +181,7 @@ def test_ctrl_c_before_the_first_step_ends_with_a_message(here, command, monkeyp
 
 
 def test_ctrl_c_later_ends_with_the_steps_that_were_done(here, command, monkeypatch):
-    interrupt_at(monkeypatch, Search, "_refits", 0)
+    interrupt_at(monkeypatch, search, "refits", 0)
     result = command("diagnose", *here, "--json", "d.json")
     assert result.code == 0
     found = json.loads(Path("d.json").read_text())

@@ -8,7 +8,10 @@ from collections.abc import Callable, Sequence
 from ambid.checking import check
 from ambid.diagnosis.ranking import Candidate, Progress, Ranking, silent
 from ambid.diagnosis.result import Diagnosis
-from ambid.diagnosis.search import Search
+from ambid.diagnosis.search import add_best, add_chosen, begin
+from ambid.diagnosis.state import Task
+from ambid.diagnosis.verdict import judged
+from ambid.diagnosis.wording import next_experiment, notes
 from ambid.effects import CATALOGUE, Effect, find
 from ambid.identification import identify
 from ambid.identification.refit import refit
@@ -94,12 +97,31 @@ def diagnose(
     fit = refit(estimate.model, noise)
     noise = Noise(fit.model, records)
     fit = refit(fit.model, noise)
-    search = Search(fit, start, noise, validate, catalogue, tolerance, say, progress)
+    task = Task(start, tuple(validate), tuple(catalogue), progress)
+    state, is_stopped = begin(task, fit, noise), False
+    say(state.history[-1].line())
+    if effects is None:
+        chain = add_best(task, state, ask)
+    else:
+        chain = add_chosen(task, state, [find(effect) if isinstance(effect, str) else effect for effect in effects])
     try:
-        if effects is None:
-            search.automatic(ask)
-        else:
-            search.as_told([find(effect) if isinstance(effect, str) else effect for effect in effects])
+        for further in chain:
+            for step in further.history[len(state.history) :]:
+                say(step.line())
+            state = further
     except KeyboardInterrupt:
-        search.stop()
-    return search.verdict(begun)
+        is_stopped = True
+    verdict = judged(task, state, tolerance, is_stopped=is_stopped)
+    return Diagnosis(
+        verdict=verdict.word,
+        effects=verdict.effects,
+        ambiguous_sets=[list(names) for names in verdict.sets],
+        history=list(state.history),
+        localisation=verdict.where,
+        model=verdict.model.with_substeps(None),
+        records=records,
+        validation=task.validate,
+        next_experiment=next_experiment(verdict, state.history),
+        seconds=time.perf_counter() - begun,
+        notes=tuple(notes(verdict, state.noise)),
+    )

@@ -1,48 +1,77 @@
-"""What to measure next: the cheapest experiment that would tell the rest apart."""
+"""What a diagnosis says in words: notes on its verdict, and the cheapest experiment that would tell the rest apart."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ambid.diagnosis.localisation import Localisation
 from ambid.diagnosis.result import Step
+from ambid.diagnosis.verdict import Verdict
+from ambid.noise import Noise
+
+__all__ = ["next_experiment", "notes"]
 
 ENOUGH = 26.0
 """Evidence that tells two effects apart with 95 % certainty."""
 TWINS = 0.999
 """Effects whose freed responses have a larger cosine are the same in this kind of record."""
+WITHOUT_PERIODS = (
+    "i_e does not repeat, or not often enough to see it: the noise is what no smooth response to i_e explains, and "
+    "neither tones nor drift were looked for"
+)
 
 
-def next_experiment(
-    verdict: str, sets: Sequence[Sequence[str]], where: Localisation, history: Sequence[Step], *, others: str
-) -> str:
-    """In words.
+def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
+    """What a reader of a verdict must know beside it.
 
     Parameters
     ----------
-    verdict : str
-    sets : sequence of sequence of str
-        Effects that cannot be told apart.
-    where : Localisation
-        Of the base model.
+    verdict : Verdict
+    noise : Noise
+        Of the records.
+    """
+    if verdict.word in ("explained", "ambiguous") and verdict.misfit > verdict.tolerance:
+        yield (
+            f"the effects explain {100 * verdict.share:.1f} % of the excess misfit; J/dof {verdict.misfit:.2f} "
+            "remains, since their formulas only approximate this machine"
+        )
+    if verdict.word == "none_of_the_candidates":
+        if verdict.tried:
+            names, share = ", ".join(verdict.tried), 100 * verdict.tried_share
+            yield f"best tried: {names}, which explains {share:.0f} % of the excess misfit; not added"
+        yield from (f"a tone at {tone.frequency_hz:.2f} Hz is left" for tone in verdict.tones)
+        if verdict.change is not None:
+            yield f"{verdict.change.parameter} changes during the record"
+        if sentence := verdict.where.sentence():
+            yield sentence
+    for record, whitener in zip(noise.records, noise.whiteners, strict=True):
+        if not whitener.window.is_periodic:
+            yield f"{record.name}: {WITHOUT_PERIODS}"
+    if verdict.is_stopped:
+        yield "stopped by Ctrl-C after the steps above: more may be missing, and rivals were not compared"
+
+
+def next_experiment(verdict: Verdict, history: Sequence[Step]) -> str:
+    """What to measure next.
+
+    Parameters
+    ----------
+    verdict : Verdict
     history : sequence of Step
         With the ranking before each step.
-    others : str
-        What the explanation holds for: ``amplitudes``, ``operating points``, or nothing beyond one of them.
     """
-    if verdict == "adequate":
+    if verdict.word == "adequate":
         return "nothing is needed in this band and at this amplitude; a larger one would show nonlinear effects"
-    if verdict == "ambiguous":
-        return "; ".join(_apart(names, history) for names in sets)
-    if verdict == "explained":
-        if others == "operating points":
+    if verdict.word == "ambiguous":
+        return "; ".join(_apart(names, history) for names in verdict.sets)
+    if verdict.word == "explained":
+        if verdict.others == "operating points":
             return "nothing is needed: one model meets the records of all these operating points"
-        if others:
+        if verdict.others:
             return "nothing is needed here; another bias current or speed would show whether the effect follows it"
         return "validate on a record at another amplitude or bias current"
-    cell = where.cells[0]
+    cell = verdict.where.cells[0]
     if cell.kind == "drift":
         return "repeat when the machine is warm and its supplies have settled, and record temperature and bias current"
     if cell.kind == "synchronous":

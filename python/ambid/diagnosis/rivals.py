@@ -1,0 +1,86 @@
+"""Candidates against each other: each added and refitted, and those that do as well as the best."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ambid.diagnosis.ranking import Candidate
+from ambid.diagnosis.state import State, Task, nominal_with_effects_of
+from ambid.effects import Effect
+from ambid.errors import ModelError, UnstableLoopError
+from ambid.identification.refit import Fit, refit
+from ambid.model import Model
+
+__all__ = ["Refitted", "alternatives", "is_driven_off", "reconsidered", "refits"]
+
+EQUALLY_GOOD = 9.2
+"""Candidates whose J + PENALTY q is within this of the best cannot be told apart (99 % of a chi-squared with 2 dof)."""
+FAR_OFF = 20.0
+"""Misfit J/dof of a base model above which refits start from the rig file's values too."""
+
+Refitted = tuple[Candidate, Fit]
+
+
+def refits(task: Task, state: State, tried: Sequence[Candidate]) -> list[Refitted]:
+    """Each candidate added and refitted, the best first.
+
+    They start from the predicted values; where the base model is far off, from the rig file's too.
+    """
+    found: list[Refitted] = []
+    for done, candidate in enumerate(tried):
+        task.progress(f"refitting {candidate.effect.name}", done, len(tried))
+        best = min((other.cost for _, other in found), default=np.inf)
+        if best < state.at_noise and state.fit.cost - 2.0 * candidate.score > best + EQUALLY_GOOD:
+            continue  # even twice the predicted fall would not do
+        starts = [(state.fit.model, candidate.start)]
+        if candidate.from_start or state.fit.cost > FAR_OFF * state.dof or is_driven_off(task, state.fit.model):
+            starts.append((nominal_with_effects_of(task, state.fit.model), candidate.start))
+        starts.append((state.fit.model, {}))  # typical small values, where the predicted ones make no stable loop
+        ends: list[Fit] = []
+        for base, values in starts:
+            try:
+                ends.append(refit(base.add(candidate.effect, values), state.noise))
+            except (UnstableLoopError, ModelError, ValueError):
+                continue
+            if ends[-1].cost < state.at_noise or len(ends) == len(starts) - 1:
+                break
+        if ends:
+            found.append((candidate, min(ends, key=lambda end: end.cost)))
+    return sorted(found, key=lambda pair: pair[1].criterion)
+
+
+def alternatives(order: Sequence[Refitted]) -> tuple[str, ...]:
+    """Names of the candidates that do as well as the best; none that only contains a simpler one of them."""
+    best = order[0][1]
+    equal = [candidate.effect for candidate, other in order if other.criterion <= best.criterion + EQUALLY_GOOD]
+    names = {effect.name for effect in equal}
+    return tuple(effect.name for effect in equal if not names & set(effect.contains))
+
+
+def reconsidered(state: State, effect: Effect) -> tuple[State, str]:
+    """The state with the best of an effect's rivals beside all that was added after it, and the name of that."""
+    rest = state.fit.model.without(effect.name)
+    here = {other.name for other in rest.effects}
+    found: list[Refitted] = []
+    for rival in state.rivals[effect.name]:
+        if rival.effect.name == effect.name:
+            found.append((rival, state.fit))
+        elif rival.effect.name not in here:
+            try:
+                found.append((rival, refit(rest.add(rival.effect, rival.start), state.noise)))
+            except (UnstableLoopError, ModelError):
+                continue
+    order = sorted(found, key=lambda pair: pair[1].criterion)
+    best, fit = order[0]
+    sets = state.without_set(effect.name) | {best.effect.name: alternatives(order)}
+    return replace(state, fit=fit, sets=sets), best.effect.name
+
+
+def is_driven_off(task: Task, model: Model) -> bool:
+    """Whether a parameter of the base model has left its start by more than a factor of two."""
+    now = {p.name: p.value for p in model.parameters}
+    start = {p.name: p.value for p in task.nominal.parameters if p.name in now and p.value > 0.0}
+    return any(not 0.5 < now[name] / value < 2.0 for name, value in start.items())

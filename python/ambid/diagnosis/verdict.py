@@ -1,0 +1,164 @@
+"""What a search came to: one of five verdicts, with the facts that it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ambid.diagnosis.drift import Change, largest_change
+from ambid.diagnosis.localisation import Localisation, localise
+from ambid.diagnosis.state import SPREAD, State, Task
+from ambid.loop.effect import Tone
+from ambid.model import Model
+from ambid.noise import Noise
+from ambid.noise.tones import OUTSTANDING
+from ambid.record import Record
+
+__all__ = ["Verdict", "judged"]
+
+MOST_BY_SHARE = 2
+"""So many effects may be called an explanation by the share that they explain; more must reach the noise."""
+EXPLAINED_SHARE = 0.985
+"""Part of the excess misfit that a set of effects must explain where its own formulas are approximations."""
+BEYOND_NOISE = 3.0
+"""Standard deviations of J above its degrees of freedom that are more than noise."""
+OTHER_AMPLITUDE = 0.2
+"""Relative difference of the excitation's rms that makes it another amplitude."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The facts of a verdict.
+
+    Attributes
+    ----------
+    word : str
+        One of `result.VERDICTS`.
+    effects : tuple of str
+        That explain the misfit, in order.
+    sets : tuple of tuple of str
+        Effects that these data cannot tell apart.
+    model : Model
+        The last model; the base model where nothing is explained.
+    where : Localisation
+        Of the base model.
+    misfit : float
+        J/dof of the last model that was tried.
+    tolerance : float
+        Misfit up to which a model is good enough.
+    share : float
+        Part of the excess misfit that is explained.
+    tones : tuple of Tone
+        That stand out in what is left.
+    change : Change or None
+        Parameter that changes in what is left.
+    tried : tuple of str
+        Effects of the best model that was tried where nothing leads to an explanation.
+    tried_share : float
+        Part of the excess misfit that they explain.
+    others : str
+        What the explanation holds for beside one record: ``operating points``, ``amplitudes`` or nothing.
+    is_stopped : bool
+    """
+
+    word: str
+    effects: tuple[str, ...]
+    sets: tuple[tuple[str, ...], ...]
+    model: Model
+    where: Localisation
+    misfit: float
+    tolerance: float
+    share: float
+    tones: tuple[Tone, ...]
+    change: Change | None
+    tried: tuple[str, ...]
+    tried_share: float
+    others: str
+    is_stopped: bool
+
+
+def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = False) -> Verdict:
+    """The verdict on the last step of a search.
+
+    Parameters
+    ----------
+    task : Task
+    state : State
+    tolerance : float
+        Misfit J/dof up to which a model is good enough.
+    is_stopped : bool
+        Whether a person ended the search before its end.
+    """
+    misfit, share = state.fit.cost / state.dof, state.explained
+    effects = tuple(effect.name for effect in state.added)
+    where = localise(state.base.model, state.noise)
+    left = Noise(state.fit.model, state.noise.records) if effects else state.noise
+    change = largest_change(state.fit.model, left) if effects else where.change
+    tones = tuple(tone for own in left.tones for tone in own if tone.power > OUTSTANDING)
+    is_clean = not tones and change is None
+    by_share = share > EXPLAINED_SHARE and len(effects) <= MOST_BY_SHARE
+    sets = tuple(state.sets[name] for name in effects if len(state.sets.get(name, ())) > 1)
+    model, tried_share = state.fit.model, 0.0
+    tried: tuple[str, ...] = ()
+    if not effects and misfit < tolerance and is_clean:
+        word = "adequate"
+    elif effects and (_is_at_noise(task, state) or by_share) and is_clean:
+        word = "ambiguous" if sets else "explained"
+    elif is_stopped:
+        word = "not_informative"
+    else:
+        word = "none_of_the_candidates"
+        best = state.fit if state.hopeless is None else state.hopeless
+        tried = tuple(effect.name for effect in best.model.effects[len(state.base.model.effects) :])
+        if tried:
+            tried_share = (state.base.cost - best.cost) / (state.base.cost - state.dof)
+        model, effects, sets = state.base.model, (), ()
+    others = _others(task, state)
+    return Verdict(
+        word,
+        effects,
+        sets,
+        model,
+        where,
+        misfit,
+        tolerance,
+        share,
+        tones,
+        change,
+        tried,
+        tried_share,
+        others,
+        is_stopped,
+    )
+
+
+def _is_at_noise(task: Task, state: State) -> bool:
+    """Whether nothing but noise is left; a record of the same amplitude that was kept back adds to the evidence."""
+    above = (state.fit.cost - state.dof) / (SPREAD * np.sqrt(2.0 * state.dof))
+    kept_back = state.history[-1].validation_misfit
+    if kept_back is None or state.validation_noise is None or _validated(task, state):
+        return bool(above < BEYOND_NOISE)
+    other = (kept_back - 1.0) * np.sqrt(state.validation_noise.lines / 2.0) / SPREAD
+    return bool(above < BEYOND_NOISE and above + other < BEYOND_NOISE * np.sqrt(2.0))
+
+
+def _others(task: Task, state: State) -> str:
+    """What the model was held against beside one amplitude at one operating point."""
+    if state.base.model.points:
+        return "operating points"
+    amplitudes = _amplitudes(state.noise.records)
+    differ = max(amplitudes) > (1.0 + OTHER_AMPLITUDE) * min(amplitudes)
+    return "amplitudes" if _validated(task, state) or differ else ""
+
+
+def _validated(task: Task, state: State) -> bool:
+    """Whether a record to validate on has another amplitude than all others."""
+    own, other = _amplitudes(state.noise.records), _amplitudes(task.validate)
+    return any(all(abs(a / b - 1.0) > OTHER_AMPLITUDE for b in own) for a in other)
+
+
+def _amplitudes(records: Sequence[Record]) -> list[float]:
+    """Rms of each record's excitation [A]."""
+    return [float(r.i_e.std()) for r in records if r.i_e is not None]
