@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from fnmatch import fnmatchcase
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambid.effects import Effect, find
-from ambid.errors import ModelError, RecordError
+from ambid.errors import ModelError
 from ambid.loop.loop import Loop, Simulator
+from ambid.model.experiment import inputs_of, simulated, virtual_experiment
 from ambid.model.file import read_model, write_model
 from ambid.model.operating_point import further_points, nominal_of_points, parameters_at
-from ambid.model.parameter import Parameter, nominal, of_effect, to_rig
+from ambid.model.parameter import Parameter, of_effect, selected, shared, split, to_rig
+from ambid.model.structure import Structure
 from ambid.record import Record
 from ambid.rig import Rig
 
-__all__ = ["Model", "Parameter"]
+__all__ = ["Model"]
 
 
 class Model:
@@ -58,30 +58,41 @@ class Model:
         points: Sequence[Rig] = (),
         reference: Rig | None = None,
     ) -> None:
-        self.rig, self.effects, self.substeps = rig, tuple(effects), substeps
-        self.points, self.reference = tuple(points), rig if reference is None else reference
-        self._loops: dict[Rig, Loop] = {}
-        usual = [*nominal(rig), *nominal_of_points(rig, self.points)]
-        usual += [p for effect in self.effects for p in of_effect(self.home_of(effect) or rig, effect, {})]
-        self.parameters = tuple(usual if parameters is None else parameters)
-        filled = [slot for parameter in self.parameters for slot in parameter.slots]
-        needed = [slot for parameter in usual for slot in parameter.slots]
-        wrong = {
-            "without a value": [slot for slot in needed if slot not in filled],
-            "not of this rig": [slot for slot in filled if slot not in needed],
-            "filled twice": sorted({slot for slot in filled if filled.count(slot) > 1}),
-            "the name of two parameters": sorted({name for name in self.names if self.names.count(name) > 1}),
-        }
-        if any(wrong.values()):
-            found = "; ".join(f"{', '.join(slots)}: {what}" for what, slots in wrong.items() if slots)
-            raise ModelError(f"{found}; give every parameter a name of its own, and each of the rig's values just once")
-        for parameter in self.parameters:
-            low, high = parameter.lower, parameter.upper
-            if not (np.isfinite(parameter.value) and low <= parameter.value <= high and parameter.scale > 0.0):
-                allowed = "a positive number" if (low, high) == (0.0, np.inf) else f"{low:g} to {high:g}"
-                raise ModelError(f"{parameter.name} = {parameter.value}: expected {allowed} in {parameter.unit}")
+        structure = Structure(rig, tuple(effects), tuple(points), rig if reference is None else reference, substeps)
+        self._set(structure, tuple(structure.usual_parameters() if parameters is None else parameters))
 
-    @cached_property
+    def _set(self, structure: Structure, parameters: tuple[Parameter, ...]) -> None:
+        structure.require_filled(parameters)
+        self.structure, self.parameters = structure, parameters
+        self._loops: dict[Rig | None, Loop] = {}  # of other operating points, and of this one: None
+
+    @classmethod
+    def _of(cls, structure: Structure, parameters: Sequence[Parameter]) -> Model:
+        model = cls.__new__(cls)
+        model._set(structure, tuple(parameters))
+        return model
+
+    @property
+    def rig(self) -> Rig:
+        """What is known of the machine."""
+        return self.structure.rig
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """Physics beyond the base model, in the order of adding."""
+        return self.structure.effects
+
+    @property
+    def points(self) -> tuple[Rig, ...]:
+        """The same machine at other operating points."""
+        return self.structure.points
+
+    @property
+    def acting(self) -> list[Effect]:
+        """Effects that make sense at this operating point."""
+        return self.structure.acting
+
+    @property
     def is_linear(self) -> bool:
         """Whether no effect of the model is nonlinear."""
         return not self.loop.lft.blocks
@@ -120,12 +131,7 @@ class Model:
         RecordError
             If i_e was neither logged nor rebuilt.
         """
-        if record.i_e is None:
-            raise RecordError(
-                f"{record.path or record.name}: i_e was not logged; load the record with its rig, whose controller "
-                "rebuilds it"
-            )
-        return self.at(record)._inputs(record.i_e, record)
+        return inputs_of(self.at(record).structure, record)
 
     def response(self, record: Record) -> NDArray[np.float64]:
         """Simulated y and i_c of a record's experiment, shape (N, outputs), at its operating point."""
@@ -151,7 +157,7 @@ class Model:
         if len(points) == len(self.points):
             return self
         more = [p for p in nominal_of_points(self.rig, points) if p.name not in self.names]
-        return Model(self.rig, [*self.parameters, *more], self.effects, substeps=self.substeps, points=points)
+        return Model._of(replace(self.structure, points=tuple(points)), [*self.parameters, *more])
 
     def at(self, where: Record | Rig) -> Model:
         """The model at an operating point of the machine: its rig, with the K_i and K_s of that bias current.
@@ -167,15 +173,15 @@ class Model:
         if rig is None or rig is self.rig or rig == self.rig:
             return self
         own = parameters_at(rig, self.rig, self.points, self.parameters, self.effects)
-        view = Model(rig, own, self.effects, substeps=self.substeps, reference=self.reference)
+        here = Model._of(replace(self.structure, rig=rig, points=()), own)
         if rig not in self._loops:
-            self._loops[rig] = view.loop
-        view.__dict__["loop"] = self._loops[rig]
-        return view
+            self._loops[rig] = here.loop
+        here._loops[None] = self._loops[rig]
+        return here
 
     def home_of(self, effect: Effect) -> Rig | None:
         """The first operating point where an effect makes sense; None if it does nowhere."""
-        return next((rig for rig in (self.rig, *self.points) if effect.parameters(rig)), None)
+        return self.structure.home_of(effect)
 
     def add(self, effect: Effect | str, values: Mapping[str, float] | None = None) -> Model:
         """Return the model with one more physical effect.
@@ -198,7 +204,8 @@ class Model:
         home = self.home_of(effect)
         if home is None:
             raise ModelError(f"{effect.name} makes no sense on this rig ({effect.physics})")
-        return self._changed([*self.parameters, *of_effect(home, effect, values or {})], [*self.effects, effect])
+        parameters = [*self.parameters, *of_effect(home, effect, values or {})]
+        return Model._of(replace(self.structure, effects=(*self.effects, effect)), parameters)
 
     def without(self, name: str) -> Model:
         """Return the model without one of its effects."""
@@ -206,7 +213,7 @@ class Model:
         if len(effects) == len(self.effects):
             raise ModelError(f"{name} is not in the model; it has {', '.join(e.name for e in self.effects) or 'none'}")
         parameters = [p for p in self.parameters if not p.name.startswith(f"{name}.")]
-        return self._changed(parameters, effects)
+        return Model._of(replace(self.structure, effects=tuple(effects)), parameters)
 
     def share(self, name: str, members: Iterable[str]) -> Model:
         """Return the model with one parameter in place of several, starting from their mean.
@@ -218,14 +225,7 @@ class Model:
         members : iterable of str
             Names or patterns of the parameters that it replaces, such as ``K_i.A_*``.
         """
-        chosen = [self.parameters[i] for i in self.index(members)]
-        if len({parameter.unit for parameter in chosen}) != 1:
-            raise ModelError(f"{', '.join(p.name for p in chosen)} cannot be shared: their units differ")
-        slots = tuple(slot for parameter in chosen for slot in parameter.slots)
-        shared = Parameter(name, float(np.mean([p.value for p in chosen])), chosen[0].unit, slots)
-        at = self.parameters.index(chosen[0])
-        rest = [p for p in self.parameters if p not in chosen]
-        return self._with_parameters([*rest[:at], shared, *rest[at:]])
+        return self._with_parameters(shared(self.parameters, name, members))
 
     def per_axis(self, name: str) -> Model:
         """Return the model with shared parameters split into one per axis, all starting from the shared value.
@@ -240,13 +240,7 @@ class Model:
         ModelError
             If there is no such parameter, or none that several axes share.
         """
-        chosen = [self.parameters[i] for i in self.index([name])]
-        if all(len(parameter.slots) == 1 for parameter in chosen):
-            raise ModelError(f"{name}: every axis has its own {', '.join(p.name for p in chosen)} already")
-        split: list[Parameter] = []
-        for p in self.parameters:
-            split += [Parameter(slot, p.value, p.unit, (slot,)) for slot in p.slots] if p in chosen else [p]
-        return self._with_parameters(split)
+        return self._with_parameters(split(self.parameters, name))
 
     def index(self, patterns: Iterable[str]) -> list[int]:
         """Indices of the parameters that names or patterns such as ``K_i.*`` select, in the model's order.
@@ -256,36 +250,29 @@ class Model:
         ModelError
             If one of them selects nothing.
         """
-        found: set[int] = set()
-        for pattern in patterns:
-            own = {i for i, name in enumerate(self.names) if fnmatchcase(name, pattern)}
-            own |= {i for i, name in enumerate(self.names) if name.startswith(f"{pattern}.")}
-            if not own:
-                raise ModelError(f"{pattern}: no such parameter; the model has {', '.join(self.names)}")
-            found |= own
-        return sorted(found)
+        return selected(self.parameters, patterns)
 
-    @cached_property
+    @property
     def loop(self) -> Loop:
         """The closed loop, inputs i_e, outputs y and i_c."""
-        return self._compiled()
+        if None not in self._loops:
+            self._loops[None] = self.structure.compiled(self.parameters)
+        return self._loops[None]
 
     def watching(self, signals: Sequence[str], inlets: Sequence[Effect] = ()) -> Loop:
         """The loop with further outputs: signals of the plant of each axis, such as ``s`` and ``i_f``.
 
         `inlets` are effects without parameters that bring further inputs.
         """
-        return self._compiled(watch=signals, more=inlets)
+        return self.structure.compiled(self.parameters, watch=signals, more=inlets)
 
     def with_noise_inputs(self) -> Loop:
         """The loop with sensor noise as a further input of each axis."""
-        return self._compiled(noise=True)
+        return self.structure.compiled(self.parameters, noise=True)
 
     def with_substeps(self, substeps: int | None) -> Model:
         """Return the model with a number of steps per sample of its own for nonlinear effects."""
-        model = self._changed(self.parameters, self.effects)
-        model.substeps = substeps
-        return model
+        return Model._of(replace(self.structure, substeps=substeps), self.parameters)
 
     def simulate(self, i_e: ArrayLike) -> Record:
         """Response from rest to an excitation, without noise.
@@ -305,8 +292,7 @@ class Model:
         UnstableLoopError
             If the closed loop is unstable.
         """
-        excitation = np.asarray(i_e, dtype=np.float64)
-        return self._record("simulated", excitation, self.loop.simulate(self.theta, self._inputs(excitation, None)))
+        return simulated(self.structure, self.loop, self.theta, i_e)
 
     def virtual_experiment(
         self, i_e: ArrayLike, *, sensor_noise: float = 50e-9, current_noise: float = 1e-2, seed: int | None = None
@@ -330,18 +316,15 @@ class Model:
         UnstableLoopError
             If the closed loop is unstable.
         """
-        for name, rms in {"sensor_noise": sensor_noise, "current_noise": current_noise}.items():
-            if not (np.isfinite(rms) and rms >= 0.0):
-                raise ModelError(f"{name} = {rms:g}: expected an rms of 0 or more, in m or A")
-        if seed is not None and seed < 0:
-            raise ModelError(f"seed = {seed}: expected a whole number of 0 or more")
-        excitation = np.asarray(i_e, dtype=np.float64)
-        random = np.random.default_rng(seed)
-        noise = sensor_noise * random.standard_normal(excitation.shape)
-        outputs = self.with_noise_inputs().simulate(self.theta, np.hstack([self._inputs(excitation, None), noise]))
-        n = len(self.rig.axes)
-        outputs[:, n:] += current_noise * random.standard_normal(excitation.shape)
-        return self._record("virtual experiment", excitation, outputs)
+        return virtual_experiment(
+            self.structure,
+            self.with_noise_inputs(),
+            self.theta,
+            i_e,
+            sensor_noise=sensor_noise,
+            current_noise=current_noise,
+            seed=seed,
+        )
 
     def simulator(self) -> Simulator:
         """Return the embedded simulator of the loop: one sample at a time."""
@@ -410,41 +393,7 @@ class Model:
         return "\n".join([f"Model of {self.rig.name!r}, {len(self.rig.axes)} axes, {effects}", *rows])
 
     def _with_parameters(self, parameters: Sequence[Parameter]) -> Model:
-        model = self._changed(parameters, self.effects)
+        model = Model._of(self.structure, parameters)
         if [p.slots for p in model.parameters] == [p.slots for p in self.parameters]:
             model._loops = self._loops  # compiled loops do not hold values
-            if "loop" in self.__dict__:
-                model.__dict__["loop"] = self.loop
         return model
-
-    def _changed(self, parameters: Sequence[Parameter], effects: Sequence[Effect]) -> Model:
-        own, points, reference = self.substeps, self.points, self.reference
-        return Model(self.rig, parameters, effects, substeps=own, points=points, reference=reference)
-
-    @property
-    def acting(self) -> list[Effect]:
-        """Effects that make sense at this operating point."""
-        return [effect for effect in self.effects if effect.parameters(self.rig)]
-
-    def _compiled(self, *, noise: bool = False, watch: Sequence[str] = (), more: Sequence[Effect] = ()) -> Loop:
-        filled_by = {slot: i for i, parameter in enumerate(self.parameters) for slot in parameter.slots}
-        return Loop(
-            self.rig,
-            filled_by,
-            [*self.acting, *more],
-            noise=noise,
-            watch=watch,
-            substeps=self.substeps,
-            reference=self.reference,
-            parameters=len(self.parameters),
-        )
-
-    def _inputs(self, i_e: NDArray[np.float64], record: Record | None) -> NDArray[np.float64]:
-        """The excitation, and beside it what effects drive the loop with."""
-        waves = [effect.waveform(self.rig, len(i_e), record) for effect in self.acting]
-        return np.hstack([i_e, *waves]) if any(wave.shape[1] for wave in waves) else i_e
-
-    def _record(self, name: str, excitation: NDArray[np.float64], outputs: NDArray[np.float64]) -> Record:
-        n = len(self.rig.axes)
-        record = Record(name, self.rig.sample_rate, self.rig.axes, excitation, outputs[:, :n], outputs[:, n:])
-        return record if self.reference is self.rig else record.at(self.rig)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from ambid.errors import ModelError
 from ambid.loop.effect import Effect
 from ambid.rig import Rig
 
-__all__ = ["UNITS", "Parameter", "nominal", "of_effect", "to_rig"]
+__all__ = ["UNITS", "Parameter", "nominal", "of_effect", "selected", "shared", "split", "to_rig"]
 
 UNITS = {"K_i": "N/A", "K_s": "N/m", "R": "ohm", "tau_e": "s"}
 
@@ -88,6 +89,42 @@ def nominal(rig: Rig) -> list[Parameter]:
         slots = tuple(f"tau_e.{axis}" for axis in rig.axes)
         parameters.append(Parameter("tau_e", rig.actuator.time_constant, UNITS["tau_e"], slots))
     return parameters
+
+
+def selected(parameters: Sequence[Parameter], patterns: Iterable[str]) -> list[int]:
+    """Indices of the parameters that names or patterns such as ``K_i.*`` select, in order; see `Model.index`."""
+    names = [parameter.name for parameter in parameters]
+    found: set[int] = set()
+    for pattern in patterns:
+        own = {i for i, name in enumerate(names) if fnmatchcase(name, pattern)}
+        own |= {i for i, name in enumerate(names) if name.startswith(f"{pattern}.")}
+        if not own:
+            raise ModelError(f"{pattern}: no such parameter; the model has {', '.join(names)}")
+        found |= own
+    return sorted(found)
+
+
+def shared(parameters: Sequence[Parameter], name: str, members: Iterable[str]) -> list[Parameter]:
+    """The parameters with one in place of several; see `Model.share`."""
+    chosen = [parameters[i] for i in selected(parameters, members)]
+    if len({parameter.unit for parameter in chosen}) != 1:
+        raise ModelError(f"{', '.join(p.name for p in chosen)} cannot be shared: their units differ")
+    slots = tuple(slot for parameter in chosen for slot in parameter.slots)
+    one = Parameter(name, float(np.mean([p.value for p in chosen])), chosen[0].unit, slots)
+    at = parameters.index(chosen[0])
+    rest = [p for p in parameters if p not in chosen]
+    return [*rest[:at], one, *rest[at:]]
+
+
+def split(parameters: Sequence[Parameter], name: str) -> list[Parameter]:
+    """The parameters with shared ones split into one per slot; see `Model.per_axis`."""
+    chosen = [parameters[i] for i in selected(parameters, [name])]
+    if all(len(parameter.slots) == 1 for parameter in chosen):
+        raise ModelError(f"{name}: every axis has its own {', '.join(p.name for p in chosen)} already")
+    found: list[Parameter] = []
+    for p in parameters:
+        found += [Parameter(slot, p.value, p.unit, (slot,)) for slot in p.slots] if p in chosen else [p]
+    return found
 
 
 def to_rig(rig: Rig, parameters: Iterable[Parameter]) -> Rig:

@@ -1,0 +1,101 @@
+"""What a model is made of beside its values: a rig, effects, and further operating points of the same machine."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ambid.errors import ModelError
+from ambid.loop.effect import Effect
+from ambid.loop.loop import Loop
+from ambid.model.operating_point import nominal_of_points
+from ambid.model.parameter import Parameter, nominal, of_effect
+from ambid.rig import Rig
+
+__all__ = ["Structure"]
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What a model is made of beside its values.
+
+    Attributes
+    ----------
+    rig : Rig
+    effects : tuple of Effect
+        Physics beyond the base model.
+    points : tuple of Rig
+        The same machine at other operating points.
+    reference : Rig
+        That the parameters of effects are stated for.
+    substeps : int or None
+        Steps per sample of nonlinear effects; None for as many as the response needs to be exact to 1e-6.
+    """
+
+    rig: Rig
+    effects: tuple[Effect, ...]
+    points: tuple[Rig, ...]
+    reference: Rig
+    substeps: int | None = None
+
+    @property
+    def acting(self) -> list[Effect]:
+        """Effects that make sense at this operating point."""
+        return [effect for effect in self.effects if effect.parameters(self.rig)]
+
+    def home_of(self, effect: Effect) -> Rig | None:
+        """The first operating point where an effect makes sense; None if it does nowhere."""
+        return next((rig for rig in (self.rig, *self.points) if effect.parameters(rig)), None)
+
+    def usual_parameters(self) -> list[Parameter]:
+        """One for every slot of Delta, at the rig's nominal values and typical ones of the effects."""
+        usual = [*nominal(self.rig), *nominal_of_points(self.rig, self.points)]
+        return usual + [p for effect in self.effects for p in of_effect(self.home_of(effect) or self.rig, effect, {})]
+
+    def compiled(
+        self,
+        parameters: Sequence[Parameter],
+        *,
+        noise: bool = False,
+        watch: Sequence[str] = (),
+        more: Iterable[Effect] = (),
+    ) -> Loop:
+        """The closed loop with these parameters in its slots; see `Loop` for the rest."""
+        return Loop(
+            self.rig,
+            {slot: i for i, parameter in enumerate(parameters) for slot in parameter.slots},
+            [*self.acting, *more],
+            noise=noise,
+            watch=watch,
+            substeps=self.substeps,
+            reference=self.reference,
+            parameters=len(parameters),
+        )
+
+    def require_filled(self, parameters: Sequence[Parameter]) -> None:
+        """Refuse parameters that do not fill every slot of Delta just once, or hold a value that is not allowed.
+
+        Raises
+        ------
+        ModelError
+            Naming the slots and the names that are wrong.
+        """
+        names = [parameter.name for parameter in parameters]
+        filled = [slot for parameter in parameters for slot in parameter.slots]
+        needed = [slot for parameter in self.usual_parameters() for slot in parameter.slots]
+        wrong = {
+            "without a value": [slot for slot in needed if slot not in filled],
+            "not of this rig": [slot for slot in filled if slot not in needed],
+            "filled twice": sorted({slot for slot in filled if filled.count(slot) > 1}),
+            "the name of two parameters": sorted({name for name in names if names.count(name) > 1}),
+        }
+        if any(wrong.values()):
+            found = "; ".join(f"{', '.join(slots)}: {what}" for what, slots in wrong.items() if slots)
+            raise ModelError(f"{found}; give every parameter a name of its own, and each of the rig's values just once")
+        for parameter in parameters:
+            low, high = parameter.lower, parameter.upper
+            if not (np.isfinite(parameter.value) and low <= parameter.value <= high and parameter.scale > 0.0):
+                allowed = "a positive number" if (low, high) == (0.0, np.inf) else f"{low:g} to {high:g}"
+                raise ModelError(f"{parameter.name} = {parameter.value}: expected {allowed} in {parameter.unit}")
