@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 import ambid
-from ambid.cli import diagnosing
 from ambid.cli.terminal import with_time_left
 from ambid.demo import DATA
 from ambid.diagnosis import search
@@ -102,7 +101,7 @@ def test_several_records_to_validate_on(here, command, monkeypatch, between):
         given.update(fitted=[r.name for r in records], kept=[r.name for r in validate])
         raise IdentificationError("enough")
 
-    monkeypatch.setattr(diagnosing, "diagnose", noted)
+    monkeypatch.setattr(ambid, "diagnose", noted)
     rig, run = here
     other = run.with_name("other.csv")
     result = command("diagnose", rig, run, "--validate", other, *between, run, "--quiet")

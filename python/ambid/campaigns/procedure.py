@@ -12,10 +12,12 @@ from ambid.identification import Estimate, identify, static_load
 from ambid.model import Model
 from ambid.record import Record
 from ambid.rig import Rig
+from ambid.threads import with_one_blas_thread
 
 __all__ = ["campaign"]
 
 
+@with_one_blas_thread
 def campaign(folder: str | Path, *, progress: Callable[[int, int, str], None] | None = None) -> Campaign:
     """Identify the bench at every bias current, and hold K_i against static loading (Fig. 4, Tables 2 and 3).
 

@@ -34,6 +34,7 @@ from ambid.checking.equations import (
 from ambid.checking.soundness import SEVERITIES, Finding, LoopFigures, RecordFigures, Soundness
 from ambid.record import Record
 from ambid.rig import Rig
+from ambid.threads import with_one_blas_thread
 
 __all__ = ["Finding", "LoopFigures", "RecordFigures", "Soundness", "check"]
 
@@ -50,6 +51,7 @@ LEAST_SHARE = 0.02
 """Part of i_c that an error of a gain has to be to matter; an integral acts below most lines."""
 
 
+@with_one_blas_thread
 def check(rig: Rig, records: Sequence[Record] = ()) -> Soundness:
     """Hold a rig against itself, and records against the rig; nothing is fitted to be kept.
 

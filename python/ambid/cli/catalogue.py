@@ -9,12 +9,10 @@ from typing import Annotated, Any
 
 import typer
 
+import ambid
 from ambid.cli.files import require_writable, write_json
 from ambid.cli.options import JsonFile, Quiet, known_effects
 from ambid.cli.terminal import show
-from ambid.demo import DATA
-from ambid.effects import CATALOGUE, Effect, find
-from ambid.rig import Rig
 
 SPEED = 200.0
 """At which the demo's bench is taken to turn [rad/s], so that every effect has its parameters."""
@@ -30,15 +28,15 @@ def effects_command(
 ) -> None:
     """List the catalogue: physics, parameters with what is allowed, signature in the residual, source."""
     require_writable(json_file)
-    chosen = CATALOGUE if name is None else (find(name),)
-    machine = Rig.load(DATA / "rig.toml").replace(speed=SPEED) if rig is None else Rig.load(rig)
+    chosen = ambid.CATALOGUE if name is None else (ambid.effects.find(name),)
+    machine = ambid.Rig.load(ambid.demo.DATA / "rig.toml").replace(speed=SPEED) if rig is None else ambid.Rig.load(rig)
     entries = [_entry(effect, machine) for effect in chosen]
     head = f"parameters and their ranges on {machine.name!r} at {machine.speed:g} rad/s"
     show("\n\n".join([*map(_text, entries), head]), quiet)
     write_json({"rig": machine.name, "speed": machine.speed, "effects": entries}, json_file)
 
 
-def _entry(effect: Effect, rig: Rig) -> dict[str, Any]:
+def _entry(effect: ambid.Effect, rig: ambid.Rig) -> dict[str, Any]:
     """Plain data of an effect; null where a range has no end."""
     own = effect.parameters(rig)
     constants = signature(type(effect)).parameters.values()

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ambid.checking import check
+import ambid
 from ambid.cli.files import load_model, load_records, require_writable, write_json
 from ambid.cli.options import (
     Columns,
@@ -27,16 +27,10 @@ from ambid.cli.options import (
     names,
 )
 from ambid.cli.terminal import announce, confirm, draw, progress, require_terminal, say, show, with_time_left
-from ambid.diagnosis import compare, diagnose, localise
-from ambid.diagnosis.localisation import Cell
-from ambid.diagnosis.procedure import ADEQUATE
-from ambid.effects import find
 from ambid.errors import IdentificationError, InputError, RecordError
-from ambid.model import Model
-from ambid.noise import Noise
-from ambid.plot import check_format, save_comparison
-from ambid.record import Record
-from ambid.rig import Rig
+
+if TYPE_CHECKING:
+    from ambid.diagnosis.localisation import Cell
 
 MOST_CELLS, MOST_PRINTED = 20, 5
 
@@ -52,8 +46,8 @@ def check_command(
 ) -> None:
     """Tell slips in rig and records, such as units, signs and columns, before any fit; exit 2 if there is a fault."""
     require_writable(json_file)
-    machine = Rig.load(rig)
-    found = check(machine, load_records(machine, records, period, columns, sample_rate))
+    machine = ambid.Rig.load(rig)
+    found = ambid.check(machine, load_records(machine, records, period, columns, sample_rate))
     show(found, quiet)
     write_json(found.to_json(), json_file)
     if not found.is_sound:
@@ -73,17 +67,17 @@ def compare_command(
 ) -> None:
     """Show where and by how much the model misses the measurement; nothing is fitted."""
     require_writable(json_file, plot)
-    check_format(plot)
-    machine = Rig.load(rig)
+    ambid.plot.check_format(plot)
+    machine = ambid.Rig.load(rig)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate)
-    comparison = compare(start, loaded)
+    comparison = ambid.compare(start, loaded)
     where = _where(start, loaded)
     show(comparison, quiet)
     if where:
         show("\n".join(["", "largest misfit:", *map(_line, where[:MOST_PRINTED])]), quiet)
     write_json(comparison.to_json() | {"where": [asdict(cell) for cell in where]}, json_file)
     if plot is not None:
-        announce(save_comparison(comparison, plot), quiet)
+        announce(ambid.plot.save_comparison(comparison, plot), quiet)
 
 
 def diagnose_command(
@@ -95,7 +89,7 @@ def diagnose_command(
         typer.Option(metavar="NAME,...", help="Add these instead of choosing.", autocompletion=known_effects),
     ] = None,
     ask: Annotated[bool, typer.Option("--ask", help="Show the ranking and ask before an effect is added.")] = False,
-    tolerance: Annotated[float, typer.Option(help="Misfit J/dof that is good enough.")] = ADEQUATE,
+    tolerance: Annotated[float | None, typer.Option(help="Misfit J/dof that is good enough; default: 1.1.")] = None,
     model: ModelFile = None,
     period: Period = None,
     columns: Columns = [],  # noqa: B006
@@ -107,28 +101,30 @@ def diagnose_command(
     quiet: Quiet = False,
 ) -> None:
     """Name the physics that the model lacks, add it, and watch the misfit fall."""
-    check_format(plot)
+    from ambid.diagnosis.procedure import ADEQUATE  # not at the top: --help need not open that room
+
+    ambid.plot.check_format(plot)
     require_writable(json_file, save, plot, report)
     if report is not None and report.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"--report {report}: the suffix is {report.suffix or 'missing'}; expected .html")
-    if not tolerance >= 1.0:
+    if tolerance is not None and not tolerance >= 1.0:
         raise InputError(f"--tolerance {tolerance:g}: expected 1, the misfit of noise alone, or more")
-    chosen = None if effects is None else [find(name) for name in names(effects) or ()]
+    chosen = None if effects is None else [ambid.effects.find(name) for name in names(effects) or ()]
     if ask:
         if quiet or chosen is not None:
             raise InputError(f"--ask and {'--quiet' if quiet else '--effects'} exclude each other; keep one")
         require_terminal("--ask")
-    machine = Rig.load(rig)
+    machine = ambid.Rig.load(rig)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate)
     kept = load_records(machine, validate, period, columns, sample_rate)
     with progress(quiet or ask, "diagnosing") as told:
         try:
-            found = diagnose(
+            found = ambid.diagnose(
                 start,
                 loaded,
                 validate=kept,
                 effects=chosen,
-                tolerance=tolerance,
+                tolerance=ADEQUATE if tolerance is None else tolerance,
                 ask=confirm if ask else None,
                 say=lambda line: say(line, quiet),
                 progress=with_time_left(told),
@@ -141,18 +137,16 @@ def diagnose_command(
         found.save(save)
     draw(found.model, loaded, plot, quiet)
     if report is not None:
-        from ambid.report import write_report  # its templates are loaded only where they are needed
-
-        write_report(found, report)
+        ambid.report.write_report(found, report)
         announce([report], quiet)
 
 
-def _where(model: Model, records: Sequence[Record]) -> list[Cell]:
+def _where(model: ambid.Model, records: Sequence[ambid.Record]) -> list[Cell]:
     """Cells with the largest misfit, of the records whose noise is known."""
     found: list[Cell] = []
     for record in records:
         with suppress(RecordError):  # two periods, too short, or no noise
-            found += localise(model, Noise(model, [record])).cells
+            found += ambid.localise(model, ambid.Noise(model, [record])).cells
     return sorted(found, key=lambda cell: -cell.misfit)[:MOST_CELLS]
 
 

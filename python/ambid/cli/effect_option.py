@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from inspect import Parameter, signature
 
-from ambid.effects import Effect, find
+import ambid
 from ambid.errors import ModelError, RigError
-from ambid.model import Model
 
 __all__ = ["with_effects"]
 
 EXAMPLE = "loop_delay:delay=5e-5"
 
 
-def with_effects(model: Model, options: Sequence[str]) -> Model:
+def with_effects(model: ambid.Model, options: Sequence[str]) -> ambid.Model:
     """Return the model with the effects that options such as ``sensor_lag:time_constant=2e-5`` name.
 
     Parameters
@@ -39,13 +38,13 @@ def with_effects(model: Model, options: Sequence[str]) -> Model:
     return model
 
 
-def _with_effect(model: Model, option: str) -> Model:
+def _with_effect(model: ambid.Model, option: str) -> ambid.Model:
     name, colon, rest = option.partition(":")
     pairs = [_assignment(text) for text in rest.split(",")] if colon else []
     given = dict(pairs)
     if len(given) < len(pairs):
         raise ModelError("a parameter is named twice; keep one")
-    kind = find(name)
+    kind = ambid.effects.find(name)
     constants = signature(type(kind)).parameters
     uncertain = {p.name for p in kind.parameters(model.rig)}
     settings = {
@@ -53,7 +52,7 @@ def _with_effect(model: Model, option: str) -> Model:
         for key in given
         if key in constants and key not in uncertain
     }
-    effect = find(name, settings)
+    effect = ambid.effects.find(name, settings)
     values = {key: _number(key, text) for key, text in given.items() if key not in settings}
     known = [p.name for p in effect.parameters(model.rig)]
     unknown = [key for key in values if key not in known]
@@ -64,7 +63,7 @@ def _with_effect(model: Model, option: str) -> Model:
     return _built(model.add(effect, values), effect)
 
 
-def _built(model: Model, effect: Effect) -> Model:
+def _built(model: ambid.Model, effect: ambid.Effect) -> ambid.Model:
     """The model, once its loop can be built with the effect's settings."""
     try:
         _ = model.loop

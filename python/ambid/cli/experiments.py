@@ -7,15 +7,12 @@ from typing import Annotated, Any
 
 import typer
 
-from ambid import demo
+import ambid
 from ambid.cli.effect_option import with_effects
 from ambid.cli.files import load_model, require_writable, write_json
 from ambid.cli.options import JsonFile, ModelFile, Quiet, RigFile, known_effects
 from ambid.cli.terminal import show
 from ambid.errors import InputError
-from ambid.excitation import prbs
-from ambid.record import Record
-from ambid.rig import Rig
 
 LONGEST_SIMULATION = 10_000_000
 """Samples of a virtual experiment; more would not fit into the memory of a small computer."""
@@ -43,12 +40,12 @@ def simulate_command(
 ) -> None:
     """Run a virtual experiment and write its record."""
     require_writable(json_file, out)
-    machine = Rig.load(rig)
+    machine = ambid.Rig.load(rig)
     start = with_effects(load_model(machine, model), effect)
     excitation = _excitation(machine, seconds, amplitude)
     record = start.virtual_experiment(excitation, sensor_noise=sensor_noise, current_noise=current_noise, seed=seed)
     record.save(out)
-    record = Record.load(out, machine)
+    record = ambid.Record.load(out, machine)
     show(record, quiet)
     summary = {
         "record": str(out),
@@ -71,11 +68,11 @@ def demo_command(
 ) -> None:
     """Run the whole story on data that come with the package."""
     require_writable(json_file)
-    result = demo.run(out, say=lambda text: show(text, quiet))
+    result = ambid.demo.run(out, say=lambda text: show(text, quiet))
     write_json(result, json_file)
 
 
-def _excitation(rig: Rig, seconds: float, amplitude: float) -> Any:
+def _excitation(rig: ambid.Rig, seconds: float, amplitude: float) -> Any:
     """PRBS for a virtual experiment: at least 5 periods in `seconds`, held so that it reaches fs/4."""
     hold = 2
     samples = seconds * rig.sample_rate
@@ -87,4 +84,4 @@ def _excitation(rig: Rig, seconds: float, amplitude: float) -> Any:
         )
     order = next(n for n in range(15, 4, -1) if 5 * (2**n - 1) * hold <= samples)
     periods = -(-int(samples) // ((2**order - 1) * hold))
-    return prbs(order, amplitude=amplitude, hold=hold, axes=len(rig.axes), periods=periods)
+    return ambid.prbs(order, amplitude=amplitude, hold=hold, axes=len(rig.axes), periods=periods)

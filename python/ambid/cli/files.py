@@ -9,10 +9,8 @@ from typing import Any
 
 import numpy as np
 
+import ambid
 from ambid.errors import InputError
-from ambid.model import Model
-from ambid.record import ChannelMap, Record
-from ambid.rig import Rig
 
 
 def require_writable(*files: Path | None) -> None:
@@ -22,31 +20,31 @@ def require_writable(*files: Path | None) -> None:
             raise InputError(f"{path}: cannot be written; give a file in a folder that exists")
 
 
-def load_model(rig: Rig, path: Path | None) -> Model:
+def load_model(rig: ambid.Rig, path: Path | None) -> ambid.Model:
     """The rig's nominal model, or a saved one on this rig."""
-    return Model(rig) if path is None else Model.load(path, rig)
+    return ambid.Model(rig) if path is None else ambid.Model.load(path, rig)
 
 
 def load_records(
-    rig: Rig, paths: list[Path], period: int | None, columns: list[str], sample_rate: float | None
-) -> list[Record]:
+    rig: ambid.Rig, paths: list[Path], period: int | None, columns: list[str], sample_rate: float | None
+) -> list[ambid.Record]:
     """Records of a rig; `columns` are options as `ChannelMap.parse` reads them.
 
     A rig file among them opens another operating point of the machine: the records after it were recorded there.
     """
     if sample_rate is not None and not (np.isfinite(sample_rate) and sample_rate > 0.0):
         raise InputError(f"--sample-rate {sample_rate:g}: expected a positive number of Hz")
-    mapping = ChannelMap.parse(columns) if columns else None
+    mapping = ambid.ChannelMap.parse(columns) if columns else None
     found, point = [], rig
     for path, after in pairwise([*paths, Path()]):
         if path.suffix.lower() == ".toml":
-            point = Rig.load(path)
+            point = ambid.Rig.load(path)
             if after.suffix.lower() in (".toml", ""):
                 raise InputError(
                     f"{path}: no record follows; name the records of this operating point after its rig file"
                 )
             continue
-        record = Record.load(path, point, period=period, mapping=mapping, sample_rate=sample_rate)
+        record = ambid.Record.load(path, point, period=period, mapping=mapping, sample_rate=sample_rate)
         found.append(record if point is rig else record.at(point))
     return found
 

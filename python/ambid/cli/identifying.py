@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ambid.campaigns import campaign
+import ambid
 from ambid.cli.files import load_model, load_records, require_writable, write_json
 from ambid.cli.options import (
     Columns,
@@ -25,11 +25,6 @@ from ambid.cli.options import (
     number,
 )
 from ambid.cli.terminal import announce, draw, progress, show, stoppable
-from ambid.identification import identify, static_load
-from ambid.plot import check_format
-from ambid.plot.force_current import save_campaign
-from ambid.record import StaticLoading
-from ambid.rig import Rig
 
 UNFINISHED = ("not_identifiable", "max_evaluations", "stopped")
 
@@ -57,8 +52,8 @@ def identify_command(
 ) -> None:
     """Find K_i, K_s and tau_e by closed-loop identification."""
     require_writable(json_file, save, plot)
-    check_format(plot)
-    machine = Rig.load(rig)
+    ambid.plot.check_format(plot)
+    machine = ambid.Rig.load(rig)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate)
     for text in share:
         name, members = assignment("--share", text, "K_i.A=K_i.A_zeta,K_i.A_eta")
@@ -68,7 +63,7 @@ def identify_command(
     held = dict(assignment("--fix", text, "tau_e=0.0003") for text in fix if "=" in text)
     start = start.with_values({name: number("--fix", value) for name, value in held.items()})
     with progress(quiet, "identifying") as report:
-        estimate = identify(
+        estimate = ambid.identify(
             start,
             loaded,
             free=names(free),
@@ -98,8 +93,10 @@ def static_load_command(
 ) -> None:
     """Find K_i by static loading: equilibrium of known forces and recorded currents."""
     require_writable(json_file)
-    machine = Rig.load(rig)
-    estimate = static_load(machine, [StaticLoading.load(path, machine) for path in loads], deflection=deflection)
+    machine = ambid.Rig.load(rig)
+    estimate = ambid.static_load(
+        machine, [ambid.StaticLoading.load(path, machine) for path in loads], deflection=deflection
+    )
     show(estimate, quiet)
     write_json(estimate.to_json(), json_file)
 
@@ -115,10 +112,12 @@ def campaign_command(
 ) -> None:
     """Find K_i by both methods, K_s and tau_e at every bias current of a campaign."""
     require_writable(json_file, plot)
-    check_format(plot)
+    ambid.plot.check_format(plot)
     with stoppable(), progress(quiet, "campaign") as report:
-        found = campaign(folder, progress=lambda done, total, where: report(f"{done} of {total} done, now {where}"))
+        found = ambid.campaign(
+            folder, progress=lambda done, total, where: report(f"{done} of {total} done, now {where}")
+        )
     show(found, quiet)
     write_json(found.to_json(), json_file)
     if plot is not None:
-        announce([save_campaign(found, plot)], quiet)
+        announce([ambid.plot.save_campaign(found, plot)], quiet)

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from ambid.effects import CATALOGUE
+import ambid
 from ambid.errors import InputError
 
 RigFile = Annotated[Path, typer.Argument(metavar="RIG", help="Rig file (.toml).")]
@@ -46,7 +46,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no tabl
 def known_effects(incomplete: str) -> list[str]:
     """Effects that shell completion offers for the last name of a list."""
     before, comma, last = incomplete.rpartition(",")
-    return [f"{before}{comma}{effect.name}" for effect in CATALOGUE if effect.name.startswith(last)]
+    return [f"{before}{comma}{effect.name}" for effect in ambid.CATALOGUE if effect.name.startswith(last)]
 
 
 class DiagnoseCommand(TyperCommand):

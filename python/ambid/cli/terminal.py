@@ -8,16 +8,17 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.prompt import Confirm
 from rich.text import Text
 
-from ambid.diagnosis import Candidate, Ranking, compare
+import ambid
 from ambid.errors import IdentificationError, InputError
-from ambid.model import Model
-from ambid.plot import save_comparison
-from ambid.record import Record
+
+if TYPE_CHECKING:
+    from ambid.diagnosis import Candidate
 
 status = Console(stderr=True)
 
@@ -33,10 +34,10 @@ def announce(paths: Sequence[Path], quiet: bool) -> None:
     show(f"written: {', '.join(map(str, paths))}", quiet)
 
 
-def draw(model: Model, records: list[Record], path: Path | None, quiet: bool) -> None:
+def draw(model: ambid.Model, records: list[ambid.Record], path: Path | None, quiet: bool) -> None:
     """Draw measured against simulated where ``--plot`` says."""
     if path is not None:
-        announce(save_comparison(compare(model, records), path), quiet)
+        announce(ambid.plot.save_comparison(ambid.compare(model, records), path), quiet)
 
 
 def say(line: str, quiet: bool) -> None:
@@ -89,7 +90,7 @@ def require_terminal(option: str) -> None:
         raise InputError(f"{option}: there is no terminal to ask on; leave it out, or choose with --effects NAME,...")
 
 
-def confirm(ranking: Ranking, candidate: Candidate) -> bool:
+def confirm(ranking: ambid.Ranking, candidate: Candidate) -> bool:
     """Show a ranking, and ask whether the candidate that did best when refitted is to be added."""
     status.print(Text(f"\n{ranking!r}\n"), soft_wrap=True)
     return Confirm.ask(f"Best of those refitted: {candidate.effect.name}. Add it?", console=status)

@@ -14,6 +14,7 @@ from ambid.plot import plot_misfit_map, plot_ranking, plot_staircase, save_compa
 from ambid.record import Record, StaticLoading
 from ambid.report import write_report
 from ambid.rig import Rig
+from ambid.threads import with_one_blas_thread
 
 DATA = Path(__file__).parent / "data"
 """A two-bearing test bench at 6 A bias.
@@ -23,6 +24,7 @@ the rig file does not tell (`hidden_train.mat`; `hidden_validate.mat` at half th
 """
 
 
+@with_one_blas_thread
 def run(out: Path, say: Callable[[str], None] = print) -> dict[str, Any]:
     """Identify a bench whose physics is not all in its rig file, find what is missing, and check K_i another way.
 

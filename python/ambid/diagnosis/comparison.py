@@ -18,6 +18,7 @@ from ambid.noise.whitener import Whitener, channel_misfit
 from ambid.noise.window import Window
 from ambid.record import Record
 from ambid.results import Tabular
+from ambid.threads import with_one_blas_thread
 
 __all__ = ["ChannelComparison", "Comparison", "RecordComparison", "compare"]
 
@@ -127,6 +128,7 @@ class Comparison(Tabular):
         return "\n".join(lines)
 
 
+@with_one_blas_thread
 def compare(model: Model, records: Record | Sequence[Record]) -> Comparison:
     """Simulate each record's experiment and hold the result against the measurement.
 

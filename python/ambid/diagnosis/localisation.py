@@ -16,6 +16,7 @@ from ambid.noise.tones import OUTSTANDING
 from ambid.noise.whitener import channel_lines
 from ambid.noise.window import Window
 from ambid.record import Record
+from ambid.threads import with_one_blas_thread
 
 __all__ = ["Cell", "Growth", "Localisation", "MisfitMap", "localise"]
 
@@ -150,6 +151,7 @@ class Localisation:
         return text.removeprefix("; ")
 
 
+@with_one_blas_thread
 def localise(model: Model, noise: Noise) -> Localisation:
     """Map the misfit of a fitted model.
 

@@ -19,6 +19,7 @@ from ambid.model import Model
 from ambid.noise import Noise
 from ambid.record import Record
 from ambid.rig import Rig
+from ambid.threads import with_one_blas_thread
 
 __all__ = ["diagnose"]
 
@@ -26,6 +27,7 @@ ADEQUATE = 1.10
 """Largest misfit J/dof of a model that is called adequate."""
 
 
+@with_one_blas_thread
 def diagnose(
     model: Model | Rig,
     records: Record | Sequence[Record],

@@ -31,6 +31,7 @@ from ambid.model import Model
 from ambid.model.operating_point import suffix
 from ambid.noise import Noise
 from ambid.results import Tabular
+from ambid.threads import with_one_blas_thread
 
 __all__ = ["Candidate", "Ranking", "rank"]
 
@@ -183,6 +184,7 @@ class Ranking(Tabular):
         return "\n".join(lines)
 
 
+@with_one_blas_thread
 def rank(
     comparison: Comparison,
     catalogue: Sequence[Effect] = CATALOGUE,

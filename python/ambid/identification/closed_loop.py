@@ -20,6 +20,7 @@ from ambid.noise.colour import loop_noise
 from ambid.noise.fit import fit_percent
 from ambid.record import Record
 from ambid.rig import Rig
+from ambid.threads import with_one_blas_thread
 
 __all__ = ["identify"]
 
@@ -32,6 +33,7 @@ UNSEEN_VARIANCE = 1e6
 """Relative variance that stands for infinity, for a combination that moves no output."""
 
 
+@with_one_blas_thread
 def identify(
     model: Model | Rig,
     records: Record | Sequence[Record],

@@ -18,6 +18,7 @@ from ambid.record import StaticLoading
 from ambid.record.checks import order_of_axes
 from ambid.rig import PointMassRotor, Rig
 from ambid.rotor import reduced_rotor
+from ambid.threads import with_one_blas_thread
 
 __all__ = ["StaticEstimate", "static_load"]
 
@@ -90,6 +91,7 @@ class StaticEstimate:
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
 
 
+@with_one_blas_thread
 def static_load(
     rig: Rig, loadings: StaticLoading | Sequence[StaticLoading], *, deflection: bool = False
 ) -> StaticEstimate:

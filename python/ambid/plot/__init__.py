@@ -4,6 +4,7 @@ Every function draws on the axes that it is given, or on those of a new figure (
 global state is touched. All are legible in black and white.
 """
 
+from ambid.plot.force_current import plot_campaign, save_campaign
 from ambid.plot.misfit import plot_growth, plot_misfit_map
 from ambid.plot.needed import plot_needed
 from ambid.plot.ranking import plot_ranking
@@ -13,12 +14,14 @@ from ambid.plot.style import check_format
 
 __all__ = [
     "check_format",
+    "plot_campaign",
     "plot_comparison",
     "plot_growth",
     "plot_misfit_map",
     "plot_needed",
     "plot_ranking",
     "plot_staircase",
+    "save_campaign",
     "save_comparison",
     "worst_stretch",
 ]

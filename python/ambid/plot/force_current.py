@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING
 
 from ambid.campaigns import Campaign
 from ambid.campaigns.result import STATIC
-from ambid.plot import check_format
+from ambid.plot.style import check_format, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 COLOURS = ("#1f5fa8", "#63a0d8", "#c03a00", "#ee9a5c", "#3d7a35", "#8fc07f")
 MARKERS = ("o", "^", "D", "v")
@@ -31,7 +32,7 @@ def plot_campaign(campaign: Campaign, ax: Axes | None = None) -> Axes:
     Axes
     """
     if ax is None:
-        ax = Figure(figsize=(7.5, 5.0), layout="constrained").add_subplot()
+        ax = new_figure(7.5, 5.0).add_subplot()
     largest = max(point.bias_current(axis) for point in campaign.points for axis in campaign.axes)
     for m, method in enumerate(campaign.methods):
         shift = APART * largest * (m - 0.5 * (len(campaign.methods) - 1))
@@ -77,7 +78,7 @@ def save_campaign(campaign: Campaign, path: str | Path) -> Path:
     """
     path = Path(path)
     check_format(path)
-    figure = Figure(figsize=(7.5, 5.0), layout="constrained")
+    figure = new_figure(7.5, 5.0)
     plot_campaign(campaign, figure.add_subplot())
     figure.savefig(path, dpi=130)
     return path

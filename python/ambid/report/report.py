@@ -1,0 +1,54 @@
+"""The story of a diagnosis as one self-contained HTML file, for reading, printing and passing on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from ambid.diagnosis import Diagnosis
+from ambid.errors import InputError
+from ambid.report.story import story
+from ambid.threads import with_one_blas_thread
+
+__all__ = ["write_report"]
+
+SUFFIXES = (".html", ".htm")
+
+
+@with_one_blas_thread
+def write_report(diagnosis: Diagnosis, path: str | Path) -> Path:
+    """Write a diagnosis as HTML: verdict, what to do next, where, which effect, what adding it did, shape, signals.
+
+    All pictures and styles are in the file; it needs no network and no script.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    path : str or Path
+        With the suffix .html or .htm.
+
+    Returns
+    -------
+    Path
+        The file that was written.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another one, or the folder does not exist.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in SUFFIXES:
+        raise InputError(f"{path}: the suffix is {path.suffix or 'missing'}; expected {' or '.join(SUFFIXES)}")
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: there is no folder {path.parent}; make it, or give another file")
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    path.write_text(environment.get_template("template.html").render(story(diagnosis)), encoding="utf-8")
+    return path
