@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares, linear_sum_assignment
 
 from ambid.arrays import ComplexArray, FloatArray
-from ambid.loop.plant import plant
+from ambid.loop.plant import base_plant
 from ambid.loop.response import frequency_response
 from ambid.model import Model
 from ambid.noise.window import Window
@@ -164,7 +164,7 @@ class NominalLoop:
         """A, B, C, D from i_ref to y, with the nominal values in Delta."""
         values = {slot: p.value for p in Model(self.rig).parameters for slot in p.slots}
         values |= {slot: gain_factor * value for slot, value in values.items() if slot.startswith("K_i.")}
-        a, b, c, d = plant(self.rig, self.rotor).closed(values)
+        a, b, c, d = base_plant(self.rig, self.rotor).closed(values)
         return a, b, c[: self.axes], d[: self.axes]
 
     def _delay(self, frequency_hz: FloatArray) -> ComplexArray:

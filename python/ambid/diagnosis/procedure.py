@@ -14,7 +14,7 @@ from ambid.diagnosis.verdict import judged
 from ambid.diagnosis.wording import next_experiment, notes
 from ambid.effects import CATALOGUE, Effect, find
 from ambid.identification import identify
-from ambid.identification.refit import refit
+from ambid.identification.minimum import refit
 from ambid.model import Model
 from ambid.noise import Noise
 from ambid.record import Record

@@ -26,7 +26,7 @@ from ambid.diagnosis.chance import independent_tests, log_chance_bounded
 from ambid.diagnosis.comparison import Comparison
 from ambid.effects import CATALOGUE, Effect, Seen
 from ambid.errors import ModelError, UnstableLoopError
-from ambid.identification.refit import SUBSTEPS
+from ambid.identification.minimum import SUBSTEPS
 from ambid.model import Model
 from ambid.model.operating_point import suffix
 from ambid.noise import Noise

@@ -11,7 +11,7 @@ from ambid.diagnosis.ranking import Candidate
 from ambid.diagnosis.state import State, Task, nominal_with_effects_of
 from ambid.effects import Effect
 from ambid.errors import ModelError, UnstableLoopError
-from ambid.identification.refit import Fit, refit
+from ambid.identification.minimum import Fit, refit
 from ambid.model import Model
 
 __all__ = ["Refitted", "alternatives", "is_driven_off", "reconsidered", "refits"]

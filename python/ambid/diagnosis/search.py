@@ -17,7 +17,7 @@ from ambid.diagnosis.rivals import alternatives, is_driven_off, reconsidered, re
 from ambid.diagnosis.state import State, Task, nominal_with_effects_of, noted
 from ambid.effects import Effect
 from ambid.errors import ModelError, UnstableLoopError
-from ambid.identification.refit import Fit, refit
+from ambid.identification.minimum import Fit, refit
 from ambid.noise import Noise
 
 __all__ = ["add_best", "add_chosen", "begin"]

@@ -10,7 +10,7 @@ import numpy as np
 from ambid.diagnosis.ranking import Candidate, Progress, Ranking
 from ambid.diagnosis.result import Step
 from ambid.effects import Effect
-from ambid.identification.refit import Fit
+from ambid.identification.minimum import Fit
 from ambid.model import Model
 from ambid.noise import Noise
 from ambid.noise.fit import fit_percent

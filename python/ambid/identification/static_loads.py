@@ -13,7 +13,7 @@ from scipy.special import fdtrc, stdtrit
 from ambid.arrays import FloatArray
 from ambid.errors import IdentificationError, RigError
 from ambid.identification.estimate import ParameterEstimate
-from ambid.loop.geometry import axis_angles, axis_directions, geometry
+from ambid.loop.geometry import axis_angles, axis_directions, modal_geometry
 from ambid.record import StaticLoading
 from ambid.record.checks import order_of_axes
 from ambid.rig import PointMassRotor, Rig
@@ -224,7 +224,7 @@ def _deflection_forces(rig: Rig, z: FloatArray, loads: FloatArray, magnet_forces
     """K_s s of each axis while the sensors read zero, shape (M, n) [N], by the kept modes and the nominal K_s."""
     places = [at for bearing in rig.bearings for at in (bearing.position, bearing.sensor_position)]
     rotor = reduced_rotor(rig.rotor, [*places, *np.unique(z)])
-    where = geometry(rig, rotor)
+    where = modal_geometry(rig, rotor)
     shapes = np.array([rotor.shape(at) for at in z])
     modal_forces = np.hstack([load[:, None] * shapes for load in loads.T[: rotor.planes]])
     modal_forces += magnet_forces @ where.force.T

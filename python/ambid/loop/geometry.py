@@ -44,7 +44,7 @@ def axis_directions(rig: Rig) -> FloatArray:
     return np.round(np.column_stack([np.cos(angles), np.sin(angles)]), 15)
 
 
-def geometry(rig: Rig, rotor: ReducedRotor) -> Geometry:
+def modal_geometry(rig: Rig, rotor: ReducedRotor) -> Geometry:
     """Modal input and output matrices of all axes of a rig."""
     directions = axis_directions(rig)[:, : rotor.planes]
     places = [(bearing.position, bearing.sensor_position) for bearing in rig.bearings for _ in bearing.axes]

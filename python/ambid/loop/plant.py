@@ -144,7 +144,7 @@ class Plant(Assembly):
         return replace(self.lft(outputs), late=self.late)
 
 
-def plant(rig: Rig, rotor: ReducedRotor) -> Lft:
+def base_plant(rig: Rig, rotor: ReducedRotor) -> Lft:
     """The plant without any effect.
 
     Parameters

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ambid.diagnosis import Diagnosis, Step
-from ambid.identification.refit import SUBSTEPS
+from ambid.identification.minimum import SUBSTEPS
 from ambid.model import Model
 from ambid.noise import Noise
 from ambid.record import Record

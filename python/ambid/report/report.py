@@ -8,7 +8,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from ambid.diagnosis import Diagnosis
 from ambid.errors import InputError
-from ambid.report.story import story
+from ambid.report.chapters import story
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["write_report"]
