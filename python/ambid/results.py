@@ -1,10 +1,11 @@
-"""Results as tables: in a notebook by themselves, and for pandas."""
+"""Results as tables, in a notebook by themselves and for pandas, and as plain data for JSON."""
 
 from __future__ import annotations
 
 import importlib
 from abc import ABC, abstractmethod
 from html import escape
+from math import isfinite
 from typing import Any
 
 from ambid.errors import InputError
@@ -50,3 +51,16 @@ def _cell(value: Any) -> str:
     if value is None:
         return ""
     return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def plain(value: Any) -> Any:
+    """Make strict JSON of nested data: null for a number that is not finite, [re, im] of a complex one."""
+    if isinstance(value, dict):
+        return {key: plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    if isinstance(value, complex):
+        return [plain(value.real), plain(value.imag)]
+    if isinstance(value, float):  # one of NumPy's too
+        return float(value) if isfinite(value) else None
+    return value

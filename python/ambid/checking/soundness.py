@@ -10,6 +10,7 @@ import numpy as np
 from ambid.checking.equations import NominalLoop
 from ambid.noise import noise_ceiling
 from ambid.record import Record
+from ambid.results import plain
 from ambid.rig import Rig
 
 Severity = Literal["fault", "warning", "note"]
@@ -219,7 +220,7 @@ class Soundness:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it; null where a figure does not exist."""
-        return _plain({**asdict(self), "is_sound": self.is_sound})
+        return plain({**asdict(self), "is_sound": self.is_sound})
 
     def __repr__(self) -> str:
         loop = self.loop
@@ -247,13 +248,3 @@ class Soundness:
         if len(self.findings) > MOST_LISTED:
             lines.append(f"  and {len(self.findings) - MOST_LISTED} more")
         return "\n".join(lines)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, complex):
-        return [_plain(value.real), _plain(value.imag)]
-    return None if isinstance(value, float) and not np.isfinite(value) else value

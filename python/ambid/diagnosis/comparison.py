@@ -17,7 +17,7 @@ from ambid.noise.fit import fit_percent, with_average
 from ambid.noise.whitener import Whitener, channel_misfit
 from ambid.noise.window import Window
 from ambid.record import Record
-from ambid.results import Tabular
+from ambid.results import Tabular, plain
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["ChannelComparison", "Comparison", "RecordComparison", "compare"]
@@ -92,7 +92,7 @@ class Comparison(Tabular):
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""
-        return {"records": [_plain(record) for record in self.records]}
+        return plain({"records": [_as_dict(record) for record in self.records]})
 
     def table(self) -> dict[str, list[Any]]:
         """Channels of all records, a row each."""
@@ -188,25 +188,22 @@ def _one(model: Model, record: Record) -> RecordComparison:
     return RecordComparison(record, simulated, rows, joint, share)
 
 
-def _plain(record: RecordComparison) -> dict[str, Any]:
-    def number(value: float) -> float | None:
-        return float(value) if np.isfinite(value) else None
-
+def _as_dict(record: RecordComparison) -> dict[str, Any]:
     fit = with_average({c.channel: c.fit_percent for c in record.channels})
     ceiling = with_average({c.channel: c.noise_ceiling_percent for c in record.channels})
     return {
         "record": record.record.name,
-        "fit_percent": {name: number(v) for name, v in fit.items()},
-        "noise_ceiling_percent": {name: number(v) for name, v in ceiling.items()},
-        "misfit": number(record.misfit),
-        "repeatable_share": number(record.repeatable_share),
+        "fit_percent": fit,
+        "noise_ceiling_percent": ceiling,
+        "misfit": record.misfit,
+        "repeatable_share": record.repeatable_share,
         "channels": [
             {
                 "channel": c.channel,
                 "unit": c.unit,
                 "residual_rms": c.residual_rms,
-                "noise_rms": number(c.noise_rms),
-                "misfit": number(c.misfit),
+                "noise_rms": c.noise_rms,
+                "misfit": c.misfit,
             }
             for c in record.channels
         ],

@@ -14,7 +14,7 @@ from ambid.diagnosis.localisation import Cell, Localisation
 from ambid.diagnosis.ranking import Ranking
 from ambid.model import Model
 from ambid.record import Record
-from ambid.results import Tabular
+from ambid.results import Tabular, plain
 
 VERDICTS = {
     "adequate": "nothing is missing that these data can show, in this band and at this amplitude",
@@ -148,27 +148,29 @@ class Diagnosis(Tabular):
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""
-        return {
-            "verdict": self.verdict,
-            "verdict_meaning": VERDICTS[self.verdict],
-            "effects": list(self.effects),
-            "ambiguous_sets": self.ambiguous_sets,
-            "history": [step.as_dict() for step in self.history],
-            "where": [
-                {
-                    "record": c.record,
-                    "channel": c.channel,
-                    "band_hz": list(c.band_hz),
-                    "misfit": c.misfit,
-                    "kind": c.kind,
-                }
-                for c in self.where[:20]
-            ],
-            "parameters": {p.name: {"value": p.value, "unit": p.unit} for p in self.model.parameters},
-            "next_experiment": self.next_experiment,
-            "seconds": self.seconds,
-            "notes": [*(note for record in self.records for note in record.notes), *self.notes],
-        }
+        return plain(
+            {
+                "verdict": self.verdict,
+                "verdict_meaning": VERDICTS[self.verdict],
+                "effects": list(self.effects),
+                "ambiguous_sets": self.ambiguous_sets,
+                "history": [step.as_dict() for step in self.history],
+                "where": [
+                    {
+                        "record": c.record,
+                        "channel": c.channel,
+                        "band_hz": list(c.band_hz),
+                        "misfit": c.misfit,
+                        "kind": c.kind,
+                    }
+                    for c in self.where[:20]
+                ],
+                "parameters": {p.name: {"value": p.value, "unit": p.unit} for p in self.model.parameters},
+                "next_experiment": self.next_experiment,
+                "seconds": self.seconds,
+                "notes": [*(note for record in self.records for note in record.notes), *self.notes],
+            }
+        )
 
     def table(self) -> dict[str, list[Any]]:
         """Steps of the ledger, a row each."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.model import Model
 from ambid.record import Record
-from ambid.results import Tabular
+from ambid.results import Tabular, plain
 
 STATUS = {
     "converged": "the optimum was found: steps and gradient are below their tolerances",
@@ -106,11 +105,9 @@ class Estimate(Tabular):
         correlation = self.correlation
         return {
             "parameters": {name: p.as_dict() for name, p in self.parameters.items()},
-            "fit_percent": _plain(self.fit_percent),
-            "noise_ceiling_percent": _plain(self.noise_ceiling_percent),
-            "correlation": {
-                a: {b: _number(correlation[i, j]) for j, b in enumerate(names)} for i, a in enumerate(names)
-            },
+            "fit_percent": plain(self.fit_percent),
+            "noise_ceiling_percent": plain(self.noise_ceiling_percent),
+            "correlation": {a: {b: plain(correlation[i, j]) for j, b in enumerate(names)} for i, a in enumerate(names)},
             "status": self.status,
             "status_meaning": STATUS[self.status],
             "not_identifiable": self.directions,
@@ -164,11 +161,3 @@ class Estimate(Tabular):
             lines.append(f"{channel:14s} {fit:8.2f} {self.noise_ceiling_percent.get(channel, np.nan):16.2f}")
         lines += ["", f"{self.status}: {STATUS[self.status]} ({self.evaluations} evaluations, {self.seconds:.2f} s)"]
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
-
-
-def _plain(values: Mapping[str, float]) -> dict[str, float | None]:
-    return {name: _number(value) for name, value in values.items()}
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
