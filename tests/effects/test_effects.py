@@ -5,9 +5,10 @@ import pytest
 
 import ambid
 from ambid.effects import CATALOGUE, Effect, Seen, find
-from ambid.effects.actuator import half_derivative
 from ambid.effects.amplifier import AmplifierVoltageLimit, LoopDelay
-from ambid.effects.disturbance import PeriodicDisturbance, Unbalance
+from ambid.effects.disturbance import PeriodicDisturbance
+from ambid.effects.magnet import half_derivative
+from ambid.effects.rotor import Unbalance
 from ambid.errors import ModelError
 from ambid.loop.delay import pade, with_late_commands
 from ambid.loop.loop import open_plant

@@ -46,7 +46,7 @@ def diagnose(
     validate : sequence of Record
         Not used for choosing; best at another amplitude.
     effects : sequence of str or Effect, optional
-        A person's own choice: add these, in this order, instead of choosing.
+        A person's own choice: add these, names of the catalogue or effects, in this order, instead of choosing.
     catalogue : sequence of Effect
         Candidates; effects of your own may be among them.
     tolerance : float
@@ -99,7 +99,8 @@ def diagnose(
         if effects is None:
             search.automatic(ask)
         else:
-            search.as_told([find(effect) if isinstance(effect, str) else effect for effect in effects])
+            chosen = [find(effect, catalogue=catalogue) if isinstance(effect, str) else effect for effect in effects]
+            search.as_told(chosen)
     except KeyboardInterrupt:
         search.stop()
     return search.verdict(begun)

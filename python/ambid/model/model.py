@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambid.effects import Effect, find
+from ambid.effects import CATALOGUE, Effect, find
 from ambid.errors import ModelError, RecordError
 from ambid.loop.loop import Loop, Simulator
 from ambid.model.file import read_model, write_model
@@ -377,7 +377,7 @@ class Model:
         write_model(Path(path), self.rig, self.effects, self.parameters, covariance, self.points)
 
     @classmethod
-    def load(cls, path: str | Path, rig: Rig | None = None) -> Model:
+    def load(cls, path: str | Path, rig: Rig | None = None, *, catalogue: Sequence[Effect] = CATALOGUE) -> Model:
         """Read a model that `save` wrote.
 
         Parameters
@@ -385,16 +385,25 @@ class Model:
         path : str or Path
         rig : Rig, optional
             Take this rig in place of the stored one, such as the same machine at another bias current.
+        catalogue : sequence of Effect
+            Where its effects are found by name; a model with effects of your own needs them here, such as
+            ``(*CATALOGUE, own)``.
 
         Raises
         ------
         ModelError
-            If the file is none of ours or has been broken.
+            If the file is none of ours or has been broken, or an effect of it is not in the catalogue.
         """
         stored = read_model(Path(path))
+        unknown = {name for name, _ in stored.effects} - {effect.name for effect in catalogue}
+        if unknown:
+            raise ModelError(
+                f"{path}: {', '.join(sorted(unknown))}: no such effect in the catalogue; a model with effects of your "
+                "own is loaded by Model.load(..., catalogue=(*CATALOGUE, own))"
+            )
         machine = rig or stored.rig
         try:
-            effects = [find(name, settings) for name, settings in stored.effects]
+            effects = [find(name, settings, catalogue) for name, settings in stored.effects]
             known = {p.name: p for p in cls(machine, effects=effects, points=stored.points).parameters}
             parameters = [
                 replace(known[p.name], value=p.value) if p.name in known and known[p.name].slots == p.slots else p
