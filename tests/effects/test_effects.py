@@ -182,13 +182,6 @@ def test_sensitivities_of_effects(rig, i_e, effect):
         assert (error[seen] < 1e-3 * peak[seen]).all(), p.name
 
 
-def test_descriptions_are_complete():
-    names = [effect.name for effect in CATALOGUE]
-    assert len(set(names)) == len(names)
-    for effect in CATALOGUE:
-        assert all(len(text) > 15 for text in (effect.physics, effect.signature, effect.source)), effect.name
-
-
 def under(rig: Rig, implementation: str, derivative: float) -> Rig:
     """A controller that leaves room for a delay; a digital one has some of its own."""
     own: dict = {"derivative": derivative}

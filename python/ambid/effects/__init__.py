@@ -1,6 +1,7 @@
 """The catalogue of physical effects that a model may lack: a file per family, each with its `EFFECTS`."""
 
 from collections.abc import Mapping, Sequence
+from inspect import signature
 from typing import Any
 
 from ambid.effects import amplifier, disturbance, magnet, rotor, sensor, support
@@ -34,7 +35,8 @@ def find(name: str, settings: Mapping[str, Any] | None = None, catalogue: Sequen
 
 
 def _variant(effect: Effect, settings: Mapping[str, Any]) -> Effect:
-    try:
-        return type(effect)(**settings)
-    except TypeError as error:
-        raise ModelError(f"{effect.name} with {dict(settings)}: no such settings ({error})") from None
+    known = signature(type(effect)).parameters
+    unknown = [key for key in settings if key not in known]
+    if unknown:
+        raise ModelError(f"{effect.name}: no settings {', '.join(unknown)}; it has {', '.join(known) or 'none'}")
+    return type(effect)(**settings)
