@@ -13,7 +13,7 @@ FOLDER = ROOT / "python" / "examples"
 SAID = {
     "controller_from_control": r"digital: stable.*zone [AB] of ISO 14839-3.*inputs i_e_A_zeta",
     "diagnose_step_by_step": r"fit 99\.\d %.*ranked first: loop_delay.*\.delay: 2\.\d*e-05 s.*explained loop_delay",
-    "effect_of_your_own": r"hardening +would leave.*hardening: cubic (5|5\.\d+|4\.9\d*)e\+14.*falls to (0\.9|1\.0)",
+    "effect_of_your_own": r"hardening +would leave.*cubic (5|5\.\d+|4\.9\d*)e\+14.*falls to (0\.9|1\.0).*with harden",
     "embedded_simulator": r"us a step from Python.*differ by \d\.\de-\d\d m",
     "identify_a_rig": r"tau_e +0\.00024\d+.*converged.*misfit (0\.9|1\.0)\d",
     "monte_carlo": r"(8[5-9]|9\d|100) % of the intervals held the truth",

@@ -1,6 +1,8 @@
 """An effect of your own, ranked beside the catalogue: touch-down bearings that centre the rotor with a cubic force."""
 
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import ambid
 from ambid.demo import DATA
@@ -8,16 +10,17 @@ from ambid.effects import CATALOGUE, Effect, EffectParameter
 
 
 class Hardening(Effect):
-    """Force ``f = -c s^3`` at each magnet. The parameter c is zero in the base model."""
+    """The parameter c is zero in the base model; settings, if it had any, would be fields of a frozen dataclass."""
 
     name = "hardening"
     physics = "touch-down bearings that centre the rotor with a cubic force"
+    equation = "F = -c s^3 at each magnet"
     signature = "odd, grows with the cube of the displacement"
     source = "the user's own idea"
 
     def parameters(self, rig):
-        """Name, unit and a typical value; bounds may be added."""
-        return [EffectParameter("cubic", "N/m^3", 1e12)]
+        """Name, unit, a typical value and what it means; bounds may be added."""
+        return [EffectParameter("cubic", "N/m^3", 1e12, meaning="force c over the cube of the displacement")]
 
     def attach(self, plant):
         """Any function of signals of the plant; it is tabulated and runs in the core."""
@@ -46,3 +49,9 @@ cubic = better.parameters["hardening.cubic"]
 print(f"{best.effect.name}: cubic {cubic.value:.3g} +- {cubic.std_error:.1g} {cubic.unit}; 5e14 was put in")
 left = ambid.compare(better.model, record).records[0].misfit
 print(f"with it the misfit falls to {left:.2f}; 1 is noise alone")
+
+# A file names the effect; the catalogue that has it makes a model of the file again.
+with TemporaryDirectory() as folder:
+    better.model.save(Path(folder) / "model.json")
+    again = ambid.Model.load(Path(folder) / "model.json", catalogue=[*CATALOGUE, Hardening()])
+print(f"loaded again with {again.effects[0].name}")

@@ -309,10 +309,10 @@ def test_the_python_of_the_readme_runs(capsys):
     assert "tau_e" in capsys.readouterr().out
 
 
-def test_the_readme_names_every_effect():
-    text = (ROOT / "README.md").read_text()
-    assert f"The catalogue has {len(CATALOGUE)} effects" in text
-    assert all(f"`{effect.name}`" in text for effect in CATALOGUE)
+def test_the_readme_names_effects_that_are_there():
+    """Not each of them: a new one needs no second place."""
+    listed = re.search(r"how it shows:\n\n((?:- .*\n)+)", (ROOT / "README.md").read_text())[1]
+    assert set(re.findall(r"`(\w+)`", listed)) <= {effect.name for effect in CATALOGUE}
 
 
 def test_the_commands_of_the_readme_are_there(here, bench, command):

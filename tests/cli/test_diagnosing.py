@@ -219,9 +219,12 @@ def test_the_catalogue(here, command):
     assert [entry["name"] for entry in content["effects"]] == [effect.name for effect in CATALOGUE]
     for entry in content["effects"]:
         assert entry["parameters"]
-        for key in ("name", "physics", "signature", "source"):
+        for key in ("name", "physics", "equation", "signature", "source"):
             assert entry[key]
             assert entry[key] in result.out
+        for parameter in entry["parameters"]:
+            assert parameter["meaning"]
+            assert parameter["meaning"] in result.out
 
 
 def test_one_effect_on_a_rig(here, command):

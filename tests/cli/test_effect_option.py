@@ -68,6 +68,7 @@ def test_an_axis_by_its_name(model):
         ("seal_forces:z=4.3", "position"),
         ("coupling_stiffness:end=7", "end = 7: the rig has no such place or axis"),
         ("coupling_stiffness:end=1.5", "end = '1.5' is no whole number"),
+        ("force_nonlinearity:held=0.1", "held = '0.1': it holds a number of each axis"),
         ("unbalance:z=0.4,in_phase=1e-6", "unbalance makes no sense on this rig"),
     ],
 )

@@ -26,7 +26,7 @@ def effects_command(
     json_file: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
-    """List the catalogue: physics, parameters with what is allowed, signature in the residual, source."""
+    """List the catalogue: physics, equation, parameters with what is allowed, signature in the residual, source."""
     require_writable(json_file)
     chosen = ambid.CATALOGUE if name is None else (ambid.effects.find(name),)
     machine = ambid.Rig.load(ambid.demo.DATA / "rig.toml").replace(speed=SPEED) if rig is None else ambid.Rig.load(rig)
@@ -43,9 +43,11 @@ def _entry(effect: ambid.Effect, rig: ambid.Rig) -> dict[str, Any]:
     return {
         "name": effect.name,
         "physics": effect.physics,
+        "equation": effect.equation,
         "parameters": [
             {
                 "name": p.name,
+                "meaning": p.meaning,
                 "unit": p.unit,
                 "lower": p.lower if isfinite(p.lower) else None,
                 "upper": p.upper if isfinite(p.upper) else None,
@@ -61,9 +63,12 @@ def _entry(effect: ambid.Effect, rig: ambid.Rig) -> dict[str, Any]:
 
 def _text(entry: dict[str, Any]) -> str:
     lines = [f"{entry['name']}: {entry['physics']}"]
+    if entry["equation"]:
+        lines.append(f"    {entry['equation']}")
     for p in entry["parameters"]:
         low, high = ("any" if end is None else f"{end:g}" for end in (p["lower"], p["upper"]))
-        lines.append(f"    {p['name']:20s} {low:>8s} .. {high:8s} {p['unit']:8s} typical {p['typical']:g}")
+        span = f"{low:>8s} .. {high:8s} {p['unit']:8s} typical {p['typical']:<8g}"
+        lines.append(f"    {p['name']:20s} {span} {p['meaning']}".rstrip())
     if not entry["parameters"]:
         lines.append("    makes no sense on this rig")
     if entry["settings"]:

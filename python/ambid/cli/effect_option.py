@@ -85,6 +85,10 @@ def _setting(axes: tuple[str, ...], key: str, text: str, constant: Parameter) ->
     if key == "axis" and text in axes:
         return axes.index(text)
     takes = str(constant.annotation)
+    if takes.startswith("tuple"):
+        raise ModelError(
+            f"{key} = {text!r}: it holds a number of each axis, which an option does not take; leave it out"
+        )
     if text.isdecimal() and "int" in takes:
         return int(text)
     if "str" in takes:

@@ -51,7 +51,7 @@ def diagnose(
     validate : sequence of Record
         Not used for choosing; best at another amplitude.
     effects : sequence of str or Effect, optional
-        A person's own choice: add these, in this order, instead of choosing.
+        A person's own choice: add these, names of the catalogue or effects, in this order, instead of choosing.
     catalogue : sequence of Effect
         Candidates; effects of your own may be among them.
     tolerance : float
@@ -73,12 +73,17 @@ def diagnose(
 
     Raises
     ------
+    ModelError
+        If an effect of `effects` is unknown, or cannot be added to this model.
     RecordError
         If a record has no excitation.
     UnstableLoopError
         If the base model has no stable start.
     """
     begun = time.perf_counter()
+    chosen = None
+    if effects is not None:
+        chosen = [find(effect, catalogue=catalogue) if isinstance(effect, str) else effect for effect in effects]
     records = (records,) if isinstance(records, Record) else tuple(records)
     start = model if isinstance(model, Model) else Model(model)
     start = start.covering(records)
@@ -102,10 +107,7 @@ def diagnose(
     task = Task(start, tuple(validate), tuple(catalogue), progress)
     state, is_stopped = begin(task, fit, noise), False
     say(state.history[-1].line())
-    if effects is None:
-        chain = add_best(task, state, ask)
-    else:
-        chain = add_chosen(task, state, [find(effect) if isinstance(effect, str) else effect for effect in effects])
+    chain = add_best(task, state, ask) if chosen is None else add_chosen(task, state, chosen)
     try:
         for further in chain:
             for step in further.history[len(state.history) :]:

@@ -1,62 +1,42 @@
-"""The catalogue of physical effects that a model may lack."""
+"""The catalogue of physical effects that a model may lack: a file per family, each with its `EFFECTS`."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from inspect import signature
 from typing import Any
 
-from ambid.effects.actuator import AxisCrossCoupling, EddyCurrents
-from ambid.effects.amplifier import AmplifierBandwidth, AmplifierVoltageLimit, BackEmf, LoopDelay
-from ambid.effects.disturbance import PeriodicDisturbance, Unbalance
-from ambid.effects.magnet import FluxSaturation, ForceNonlinearity, MagneticHysteresis
-from ambid.effects.rotor import BendingModeShift, GyroscopicCoupling, RotorBendingMode, RotorInertiaError
-from ambid.effects.sensor import (
-    SamplingSkew,
-    SensorGainError,
-    SensorLag,
-    SensorMisalignment,
-    SensorPositionError,
-)
-from ambid.effects.support import CouplingStiffness, FoundationResonance, SealForces
+from ambid.effects import amplifier, disturbance, magnet, rotor, sensor, support
 from ambid.errors import ModelError
 from ambid.loop.effect import Effect, EffectParameter, Seen
 
 __all__ = ["CATALOGUE", "Effect", "EffectParameter", "Seen", "find"]
 
 CATALOGUE: tuple[Effect, ...] = (
-    RotorBendingMode(),
-    BendingModeShift(),
-    RotorInertiaError(),
-    GyroscopicCoupling(),
-    Unbalance(),
-    SealForces(),
-    CouplingStiffness(),
-    FoundationResonance(),
-    ForceNonlinearity(),
-    FluxSaturation(),
-    EddyCurrents(),
-    MagneticHysteresis(),
-    AxisCrossCoupling(),
-    AmplifierBandwidth(),
-    AmplifierVoltageLimit(),
-    LoopDelay(),
-    SensorLag(),
-    SensorGainError(),
-    SensorMisalignment(),
-    SensorPositionError(),
-    SamplingSkew(),
-    BackEmf(),
-    PeriodicDisturbance(),
+    *rotor.EFFECTS,
+    *support.EFFECTS,
+    *magnet.EFFECTS,
+    *amplifier.EFFECTS,
+    *sensor.EFFECTS,
+    *disturbance.EFFECTS,
 )
 
 
-def find(name: str, settings: Mapping[str, Any] | None = None) -> Effect:
-    """Effect of the catalogue by name; with settings, the variant of it that they make.
+def find(name: str, settings: Mapping[str, Any] | None = None, catalogue: Sequence[Effect] = CATALOGUE) -> Effect:
+    """Effect of a catalogue by name; with settings, the variant of it that they make.
 
     Raises
     ------
     ModelError
-        If there is none.
+        If there is none, or it has no such settings.
     """
-    for effect in CATALOGUE:
+    for effect in catalogue:
         if effect.name == name:
-            return type(effect)(**settings) if settings else effect
-    raise ModelError(f"{name}: no such effect; the catalogue has {', '.join(effect.name for effect in CATALOGUE)}")
+            return effect if settings is None or settings == effect.settings() else _variant(effect, settings)
+    raise ModelError(f"{name}: no such effect; the catalogue has {', '.join(effect.name for effect in catalogue)}")
+
+
+def _variant(effect: Effect, settings: Mapping[str, Any]) -> Effect:
+    known = signature(type(effect)).parameters
+    unknown = [key for key in settings if key not in known]
+    if unknown:
+        raise ModelError(f"{effect.name}: no settings {', '.join(unknown)}; it has {', '.join(known) or 'none'}")
+    return type(effect)(**settings)

@@ -1,8 +1,9 @@
-"""Effects between the controller and the coil current."""
+"""Effects of amplifier and controller, from measured displacement to coil current."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from math import pi
 
 import numpy as np
@@ -13,38 +14,23 @@ from ambid.loop.plant import Plant
 from ambid.rig import Rig
 
 
-class LoopDelay(Effect):
-    """A delay, exact: commands reach the plant between samples; see `loop.delay` for the feedback of analog ones."""
-
-    name = "loop_delay"
-    physics = "everything that leaves the controller, feedback and excitation, reaches the amplifier late"
-    signature = "phase that falls with frequency in y and i_c, most in i_c at every step of the excitation"
-    source = "Franklin, Powell, Workman, Digital Control of Dynamic Systems, 3rd ed., section 5.7"
-
-    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
-        """The delay [s]."""
-        sample = 1.0 / rig.sample_rate
-        return [EffectParameter("delay", "s", 0.05 * sample, lower=5e-5 * sample, upper=20.0 * sample)]
-
-    def attach(self, plant: Plant) -> None:
-        """``i_ref(t) = (-K y + i_e)(t - delay)``."""
-        plant.delay_commands(self.slot("delay"))
-
-
+@dataclass(frozen=True)
 class AmplifierBandwidth(Effect):
-    """A second-order amplifier, or the inductance of a voltage-driven coil, in place of the rig's lag."""
+    """A second-order amplifier, or the inductance of a voltage-driven coil, in place of the rig's lag.
+
+    Attributes
+    ----------
+    slower : float
+        By how much the lag that is probed is longer than that of the rig file.
+    """
 
     name = "amplifier_bandwidth"
     physics = "the amplifier is of second order, or faster or slower than the lag of the rig file"
+    equation = "i'' = w^2 (i_set - i) - 2 zeta w i', w = 2 pi f; of a voltage-driven coil L i' = u - R i"
     signature = "i_c leads or lags at every step of the excitation, with overshoot where it is underdamped"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 3"
 
-    def __init__(self, slower: float = 1.1) -> None:
-        self.slower = slower
-
-    def settings(self) -> dict[str, float]:
-        """By how much the lag that is probed is longer than that of the rig file."""
-        return {"slower": self.slower}
+    slower: float = 1.1
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
         """A little slower; where the rig calls the amplifier fast against a sample, also slow against it."""
@@ -59,11 +45,19 @@ class AmplifierBandwidth(Effect):
             return []
         if resistance is not None:
             nominal = resistance * tau
-            return [EffectParameter("inductance", "H", self.slower * nominal, lower=0.01 * nominal)]
+            meaning = "inductance L of the coil"
+            return [EffectParameter("inductance", "H", self.slower * nominal, lower=0.01 * nominal, meaning=meaning)]
         corner = 1.0 / (2.0 * pi * tau)
         return [
-            EffectParameter("frequency_hz", "Hz", 2.0 * corner, lower=0.05 * corner, upper=1e3 * corner),
-            EffectParameter("damping", "1", 1.0, lower=0.05, upper=1e3),
+            EffectParameter(
+                "frequency_hz",
+                "Hz",
+                2.0 * corner,
+                lower=0.05 * corner,
+                upper=1e3 * corner,
+                meaning="undamped natural frequency f of the amplifier",
+            ),
+            EffectParameter("damping", "1", 1.0, lower=0.05, upper=1e3, meaning="its damping ratio zeta"),
         ]
 
     def probes(self, rig: Rig) -> Sequence[Mapping[str, float]]:
@@ -94,10 +88,7 @@ class AmplifierBandwidth(Effect):
         return {"frequency_hz": 1.0 / (2.0 * pi * np.sqrt(q)), "damping": max(0.06, 0.5 * p / np.sqrt(q))}
 
     def attach(self, plant: Plant) -> None:
-        """The true amplifier beside the nominal one.
-
-        ``i'' = w^2 (i_set - i) - 2 zeta w i'``, ``w = 2 pi f``; of a voltage-driven coil ``L i' = u - R i``.
-        """
+        """The true amplifier beside the nominal one, whose current it replaces."""
         for axis in plant.axes:
             current = plant.state(f"amplifier.{axis}")
             if plant.rig.amplifier.resistance is not None:
@@ -124,21 +115,24 @@ class AmplifierBandwidth(Effect):
         return rate, -plant.port(slot, plant.port(resistance, rate), power=-1)
 
 
+@dataclass(frozen=True)
 class AmplifierVoltageLimit(Effect):
-    """The supply voltage limits how fast the current can change."""
+    """The supply voltage limits how fast the current can change.
+
+    Attributes
+    ----------
+    probed : float
+        Inverse slew rate that is probed [s/A].
+    """
 
     name = "amplifier_voltage_limit"
     physics = "current slew rate limited by the supply voltage"
+    equation = "i_a' = clip((i_ref - i_a)/tau_a, -r, r)"
     signature = "odd; only where the excitation steps or the amplitude is large; i_c late after large steps alone"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, section 4.3"
     smoothing = 0.05
 
-    def __init__(self, probed: float = 1e-4) -> None:
-        self.probed = probed
-
-    def settings(self) -> dict[str, float]:
-        """Inverse slew rate that is probed [s/A]."""
-        return {"probed": self.probed}
+    probed: float = 1e-4
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
         """Limits that cut more or less off the fastest change that the linear amplifier makes."""
@@ -151,7 +145,8 @@ class AmplifierVoltageLimit(Effect):
         """One over the largest rate of the current [s/A]."""
         if rig.amplifier.time_constant == 0.0:
             return []
-        return [EffectParameter("inverse_slew_rate", "s/A", self.probed, upper=1.0)]
+        meaning = "one over the largest rate r of the current"
+        return [EffectParameter("inverse_slew_rate", "s/A", self.probed, upper=1.0, meaning=meaning)]
 
     def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
         """More or less than the probe."""
@@ -162,7 +157,7 @@ class AmplifierVoltageLimit(Effect):
         return {"inverse_slew_rate": self.probed}
 
     def attach(self, plant: Plant) -> None:
-        """``i_a' = clip((i_ref - i_a)/tau_a, -R, R)``, rounded at the corners by 5 % of R."""
+        """What the limit cuts off, rounded at the corners by 5 % of it."""
         tau = plant.rig.amplifier.time_constant
         slots, constants = {"inverse_limit": self.slot("inverse_slew_rate")}, {"smoothing": self.smoothing}
         for axis in plant.axes:
@@ -170,27 +165,60 @@ class AmplifierVoltageLimit(Effect):
             plant.inject(f"drive.{axis}", tau * cut)
 
 
+@dataclass(frozen=True)
+class LoopDelay(Effect):
+    """A delay, exact: commands reach the plant between samples; see `loop.delay` for the feedback of analog ones."""
+
+    name = "loop_delay"
+    physics = "everything that leaves the controller, feedback and excitation, reaches the amplifier late"
+    equation = "i_ref(t) = (-K y + i_e)(t - delay)"
+    signature = "phase that falls with frequency in y and i_c, most in i_c at every step of the excitation"
+    source = "Franklin, Powell, Workman, Digital Control of Dynamic Systems, 3rd ed., section 5.7"
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """The delay [s]."""
+        sample = 1.0 / rig.sample_rate
+        meaning = "by how much commands reach the amplifier late"
+        return [EffectParameter("delay", "s", 0.05 * sample, lower=5e-5 * sample, upper=20.0 * sample, meaning=meaning)]
+
+    def attach(self, plant: Plant) -> None:
+        """Feedback and excitation alike."""
+        plant.delay_commands(self.slot("delay"))
+
+
+@dataclass(frozen=True)
 class BackEmf(Effect):
     """Motion induces voltage."""
 
     name = "back_emf"
     physics = "motion of the rotor induces voltage in the coil: the current responds to velocity"
+    equation = "tau_a i_a' = i_set - i_a - b v; of a voltage-driven coil L i' = u - R i - b v"
     signature = "i_c in phase with velocity, in a band where the amplifier does not hold the current"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, section 4.3"
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Current per velocity [A s/m]; of a voltage-driven coil [V s/m], where it is K_i if nothing is lost."""
         if rig.amplifier.resistance is not None:
-            return [EffectParameter("voltage_per_velocity", "V s/m", 0.1 * rig.bearings[0].force_current[0])]
+            probe, meaning = 0.1 * rig.bearings[0].force_current[0], "induced voltage per velocity b"
+            return [EffectParameter("voltage_per_velocity", "V s/m", probe, meaning=meaning)]
         if rig.amplifier.time_constant == 0.0:
             return []
         scale = rig.bearings[0].bias_current / rig.bearings[0].air_gap * rig.amplifier.time_constant
-        return [EffectParameter("current_per_velocity", "A s/m", 0.02 * scale)]
+        meaning = "current that velocity drives against the command, b"
+        return [EffectParameter("current_per_velocity", "A s/m", 0.02 * scale, meaning=meaning)]
 
     def attach(self, plant: Plant) -> None:
-        """``tau_a i_a' = i_set - i_a - b v``; of a voltage-driven coil ``i_set = (u - b v)/R``."""
+        """What the amplifier is set to falls by b v; of a voltage-driven coil, its voltage."""
         slot, port = self.slot("current_per_velocity"), "i_set"
         if plant.rig.amplifier.resistance is not None:
             slot, port = self.slot("voltage_per_velocity"), "i_ref"
         for axis in plant.axes:
             plant.inject(f"{port}.{axis}", -plant.port(slot, plant[f"v.{axis}"]))
+
+
+EFFECTS = (
+    AmplifierBandwidth(),
+    AmplifierVoltageLimit(),
+    LoopDelay(),
+    BackEmf(),
+)

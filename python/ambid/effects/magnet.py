@@ -1,75 +1,90 @@
-"""Nonlinear effects of the magnets: force law and iron."""
+"""Effects of the magnets, from coil current to force: force law, iron, and what one axis does to the other."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
+from scipy.optimize import nnls
 
+from ambid.loop.assembly import combine
 from ambid.loop.effect import Effect, EffectParameter, Seen
 from ambid.loop.plant import Plant
 from ambid.rig import Rig
 
+BIAS_RATIO = "nu: bias current of the rig file over the effective one"
 
+
+@dataclass(frozen=True)
 class ForceNonlinearity(Effect):
-    """The square law of the magnets in place of its linearisation."""
+    """The square law of the magnets in place of its linearisation.
+
+    Attributes
+    ----------
+    held : tuple of float
+        Current of each axis that holds the weight [A]; empty where it is not known.
+    """
 
     name = "force_nonlinearity"
     physics = "the unsaturated force law k((i0+i)^2/(s0-s)^2 - (i0-i)^2/(s0+s)^2) in place of its linearisation"
+    equation = "F = K_i i0 (x+^2 - x-^2)/4, x+- = (1 +- i/i0)/(1 -+ s/s0), i0 = bias/nu, s0 = i0 K_i/K_s"
     signature = "odd; grows with the cube of the amplitude, where current and displacement are large together"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, section 4.1"
 
-    def __init__(self, held: Sequence[float] = ()) -> None:
-        self.held = tuple(held)
-
-    def settings(self) -> dict[str, Any]:
-        """Current of each axis that holds the weight [A]; nothing where it is not known."""
-        return {"held": list(self.held)} if self.held else {}
+    held: tuple[float, ...] = ()
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
         """About the currents that hold the weight."""
-        return [ForceNonlinearity(seen.held)]
+        return [ForceNonlinearity(tuple(seen.held))]
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Bias current of the rig file over the effective one: 1 for the law as it stands, 0 for the linear one."""
-        return [EffectParameter("bias_ratio", "1", 1.0, upper=10.0)]
+        return [EffectParameter("bias_ratio", "1", 1.0, upper=10.0, meaning=BIAS_RATIO)]
 
     def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
         """The nonlinear part grows with the square of the ratio."""
         return {"bias_ratio": float(np.sqrt(np.clip(amplitudes[0], 1e-4, 9.0)))}
 
     def attach(self, plant: Plant) -> None:
-        """What the law adds to ``K_i i + K_s s``, which stay the slopes at rest; s0 = i0 K_i / K_s."""
+        """What the law adds to ``K_i i + K_s s``, which stay the slopes at rest."""
         _force_law(plant, "unsaturated", {"nu": self.slot("bias_ratio")}, self.held)
 
 
+@dataclass(frozen=True)
 class FluxSaturation(Effect):
-    """Iron whose flux density levels off."""
+    """Iron whose flux density levels off.
+
+    Attributes
+    ----------
+    held : tuple of float
+        Current of each axis that holds the weight [A]; empty where it is not known.
+    """
 
     name = "flux_saturation"
     physics = "the iron saturates: force per current falls at high flux"
+    equation = (
+        "F = K_i i0 (B(x+)^2 - B(x-)^2)/(4 B(1) B'(1)), B(x) = x/(1 + (sigma x)^n)^(1/n), x+- = (1 +- i/i0)/(1 -+ s/s0)"
+    )
     signature = "odd; K_i seems to fall with amplitude and with load"
     source = "Froehlich (1881) and its generalisation B = u/(1 + (sigma u)^n)^(1/n)"
     contains = ("force_nonlinearity",)
 
-    def __init__(self, held: Sequence[float] = ()) -> None:
-        self.held = tuple(held)
-
-    def settings(self) -> dict[str, Any]:
-        """Current of each axis that holds the weight [A]; nothing where it is not known."""
-        return {"held": list(self.held)} if self.held else {}
+    held: tuple[float, ...] = ()
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
         """About the currents that hold the weight."""
-        return [FluxSaturation(seen.held)]
+        return [FluxSaturation(tuple(seen.held))]
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Linear flux density at bias over that of saturation, sharpness of the knee, bias ratio of the square law."""
         return [
-            EffectParameter("level", "1", 0.5, upper=3.0),
-            EffectParameter("sharpness", "1", 2.0, lower=0.8, upper=12.0),
-            EffectParameter("bias_ratio", "1", 1.0, lower=0.2, upper=5.0),
+            EffectParameter(
+                "level", "1", 0.5, upper=3.0, meaning="sigma: linear flux density at bias over that of saturation"
+            ),
+            EffectParameter("sharpness", "1", 2.0, lower=0.8, upper=12.0, meaning="n: sharpness of the knee"),
+            EffectParameter("bias_ratio", "1", 1.0, lower=0.2, upper=5.0, meaning=BIAS_RATIO),
         ]
 
     def probes(self, rig: Rig) -> Sequence[Mapping[str, float]]:
@@ -91,57 +106,6 @@ class FluxSaturation(Effect):
         _force_law(plant, "power", {key: self.slot(name) for key, name in slots.items()}, self.held)
 
 
-class MagneticHysteresis(Effect):
-    """A rate-independent loop between current and flux."""
-
-    name = "magnetic_hysteresis"
-    physics = "rate-independent loop between current and flux: part of the current follows a hysteresis"
-    signature = "the flux lags by the same angle at every frequency, and less at larger amplitude"
-    source = "Wen, ASCE J. Eng. Mech. 102 (1976) 249, exponent 1"
-
-    def __init__(self, width: float = 0.3) -> None:
-        self.width = width
-
-    def settings(self) -> dict[str, float]:
-        """Width that the probe has [A]."""
-        return {"width": self.width}
-
-    def variants(self, seen: Seen) -> Sequence[Effect]:
-        """Loops narrow and wide against the current that flows."""
-        return [MagneticHysteresis(float(seen.peaks["i_f"] * share)) for share in (0.03, 0.1, 0.3, 1.0)]
-
-    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
-        """Part of the current that follows the hysteresis, and one over its width [1/A]."""
-        return [
-            EffectParameter("share", "1", 0.01, lower=-0.9, upper=0.9),
-            EffectParameter("inverse_width", "1/A", 1.0 / self.width, lower=1e-3, upper=1e4),
-        ]
-
-    def probes(self, rig: Rig) -> Sequence[Mapping[str, float]]:
-        """A small loop of the width of this variant."""
-        return [{p.name: p.probe for p in self.parameters(rig)}]
-
-    def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
-        """Flux may only lag."""
-        return np.zeros(1), np.full(1, 90.0)
-
-    def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
-        """The width of the probe, and as much of it as the residual calls for."""
-        share = 0.01 * float(np.clip(amplitudes[0], 0.01, 60.0))
-        return {"share": share, "inverse_width": 1.0 / self.width}
-
-    def attach(self, plant: Plant) -> None:
-        """``h' = i' - (|i'| h + i' |h|)/(2 width)``; the flux follows ``i - share h``."""
-        slot = self.slot("inverse_width")
-        smoothing = {"A": 1.0, "rate_smoothing": 100.0, "state_smoothing": 0.05 * self.width}
-        for axis in plant.axes:
-            name = f"hysteresis.{axis}"
-            h = plant.state(name)
-            rate = plant.block("bouc_wen", [plant[f"i_f_rate.{axis}"], h], {"beta": slot, "gamma": slot}, smoothing)
-            plant.set_rate(name, rate)
-            plant.inject(f"i_f.{axis}", -plant.port(self.slot("share"), h))
-
-
 def _force_law(plant: Plant, curve: str, slots: Mapping[str, str], held: Sequence[float]) -> None:
     """Add to the force of every axis what a force law has beyond ``K_i i + K_s s``.
 
@@ -160,3 +124,158 @@ def _force_law(plant: Plant, curve: str, slots: Mapping[str, str], held: Sequenc
 def _of_axes(rig: Rig) -> list[tuple[float, float]]:
     """Bias current [A] and nominal K_i [N/A] of every axis."""
     return [(bearing.bias_current, k_i) for bearing in rig.bearings for k_i in bearing.force_current]
+
+
+@dataclass(frozen=True)
+class EddyCurrents(Effect):
+    """Half-order lag of the flux."""
+
+    name = "eddy_currents"
+    physics = "eddy currents make the flux lag the current slower than first order: 1/(1 + sqrt(tau s))"
+    equation = "flux = i/(1 + sqrt(tau s)), s of Laplace"
+    signature = "force too small and late over decades of frequency, half as steep as a lag"
+    source = "Zhu, Knospe, Maslen, IEEE/ASME Trans. Mechatronics 10 (2005) 59"
+    plural = True
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Root of the time constant tau of the half-order lag [s^0.5]; the effect is in proportion to it."""
+        meaning = "sqrt(tau), square root of the time constant of the half-order lag"
+        return [EffectParameter("root_time_constant", "s^0.5", 1e-4, upper=0.1, meaning=meaning)]
+
+    def attach(self, plant: Plant) -> None:
+        """``flux = i - sqrt(tau) sqrt(s) flux``, with sqrt(s) as a sum of ``c s/(s + p)`` whatever tau is."""
+        poles, weights = half_derivative()
+        for k, axis in enumerate(plant.axes):
+            # poles of different axes must not coincide: the loop would have no well-conditioned modes
+            apart = 1.0 + 0.03 * k
+            flux = plant[f"i_f.{axis}"]
+            parts = []
+            for j, pole in enumerate(poles):
+                name = f"eddy.{axis}.{j}"
+                state = plant.state(name)
+                plant.set_rate(name, pole * apart * (flux - state))
+                parts.append(flux - state)
+            lost = combine(weights * np.sqrt(apart), parts)
+            plant.inject(f"i_f.{axis}", -plant.port(self.slot("root_time_constant"), lost))
+
+
+@cache
+def half_derivative() -> tuple[np.ndarray, np.ndarray]:
+    """Poles p [1/s] and weights c of ``sqrt(s) ~ sum c s/(s + p)``.
+
+    Non-negative least squares of the relative error over 3 .. 1e5 rad/s.
+    """
+    poles = np.geomspace(0.3, 2e6, 16)
+    w = np.geomspace(3.0, 1e5, 300)
+    target = np.sqrt(1j * w)
+    parts = 1j * w[:, None] / (1j * w[:, None] + poles) / target[:, None]
+    weights, _ = nnls(np.vstack([parts.real, parts.imag]), np.concatenate([np.ones(len(w)), np.zeros(len(w))]))
+    return poles, weights
+
+
+@dataclass(frozen=True)
+class MagneticHysteresis(Effect):
+    """A rate-independent loop between current and flux.
+
+    Attributes
+    ----------
+    width : float
+        That the probe has [A].
+    """
+
+    name = "magnetic_hysteresis"
+    physics = "rate-independent loop between current and flux: part of the current follows a hysteresis"
+    equation = "flux = i - c h, h' = i' - (|i'| h + i' |h|)/(2 width)"
+    signature = "the flux lags by the same angle at every frequency, and less at larger amplitude"
+    source = "Wen, ASCE J. Eng. Mech. 102 (1976) 249, exponent 1"
+
+    width: float = 0.3
+
+    def variants(self, seen: Seen) -> Sequence[Effect]:
+        """Loops narrow and wide against the current that flows."""
+        return [MagneticHysteresis(float(seen.peaks["i_f"] * share)) for share in (0.03, 0.1, 0.3, 1.0)]
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Part of the current that follows the hysteresis, and one over its width [1/A]."""
+        return [
+            EffectParameter(
+                "share", "1", 0.01, lower=-0.9, upper=0.9, meaning="part c of the current that follows the hysteresis"
+            ),
+            EffectParameter(
+                "inverse_width",
+                "1/A",
+                1.0 / self.width,
+                lower=1e-3,
+                upper=1e4,
+                meaning="one over the width of the loop",
+            ),
+        ]
+
+    def probes(self, rig: Rig) -> Sequence[Mapping[str, float]]:
+        """A small loop of the width of this variant."""
+        return [{p.name: p.probe for p in self.parameters(rig)}]
+
+    def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
+        """Flux may only lag."""
+        return np.zeros(1), np.full(1, 90.0)
+
+    def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
+        """The width of the probe, and as much of it as the residual calls for."""
+        share = 0.01 * float(np.clip(amplitudes[0], 0.01, 60.0))
+        return {"share": share, "inverse_width": 1.0 / self.width}
+
+    def attach(self, plant: Plant) -> None:
+        """A Bouc-Wen state for each axis; its absolute values are rounded, so that they have slopes."""
+        slot = self.slot("inverse_width")
+        smoothing = {"A": 1.0, "rate_smoothing": 100.0, "state_smoothing": 0.05 * self.width}
+        for axis in plant.axes:
+            name = f"hysteresis.{axis}"
+            h = plant.state(name)
+            rate = plant.block("bouc_wen", [plant[f"i_f_rate.{axis}"], h], {"beta": slot, "gamma": slot}, smoothing)
+            plant.set_rate(name, rate)
+            plant.inject(f"i_f.{axis}", -plant.port(self.slot("share"), h))
+
+
+@dataclass(frozen=True)
+class AxisCrossCoupling(Effect):
+    """Current along one axis makes force along the other axis of the same bearing."""
+
+    name = "axis_cross_coupling"
+    physics = "current along eta also makes force along zeta of the same bearing, and back"
+    equation = "F_zeta of i_zeta + c i_eta, F_eta of i_eta + c i_zeta"
+    signature = "zeta answers eta and eta answers zeta with the same sign, at one bearing"
+    source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 3"
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Part of the force that appears on the other axis, of each bearing."""
+        both = [b for b in rig.bearings if len(b.axes) == 2]
+        return [
+            EffectParameter(
+                f"share_{b.name}",
+                "1",
+                0.005,
+                lower=-0.5,
+                upper=0.5,
+                meaning=f"part c of the current that acts along the other axis too, bearing {b.name}",
+            )
+            for b in both
+        ]
+
+    def attach(self, plant: Plant) -> None:
+        """Of the current that makes force."""
+        for bearing in plant.rig.bearings:
+            if len(bearing.axes) < 2:
+                continue
+            zeta, eta = bearing.axis_names
+            slot = self.slot(f"share_{bearing.name}")
+            for to, source in ((zeta, eta), (eta, zeta)):
+                plant.inject(f"i_f.{to}", plant.port(slot, plant.raw(f"i_f.{source}")))
+
+
+EFFECTS = (
+    ForceNonlinearity(),
+    FluxSaturation(),
+    EddyCurrents(),
+    MagneticHysteresis(),
+    AxisCrossCoupling(),
+)

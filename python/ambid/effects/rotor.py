@@ -1,29 +1,41 @@
-"""Effects of the rotor itself."""
+"""Effects of the rotor itself: how it bends, its inertia, its unbalance."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from math import pi
 
 import numpy as np
 
+from ambid.arrays import FloatArray
+from ambid.effects.places import likely_places
+from ambid.effects.waves import cosine_and_sine, is_synchronous
 from ambid.loop.assembly import combine
 from ambid.loop.effect import Effect, EffectParameter, Seen
 from ambid.loop.plant import Plant
-from ambid.rig import FiniteElementRotor, MatrixRotor, Rig
+from ambid.record import Record
+from ambid.rig import FiniteElementRotor, MatrixRotor, PointMassRotor, Rig
 from ambid.rotor import reduced_rotor, with_more_modes
 
 
+@dataclass(frozen=True)
 class RotorBendingMode(Effect):
-    """Bending modes that the base model left out."""
+    """Bending modes that the base model left out.
+
+    Attributes
+    ----------
+    participation : float
+        That the probe has, of the one computed.
+    """
 
     name = "rotor_bending_mode"
     physics = "the rotor bends in modes that the base model left out"
+    equation = "eta'' = p force - w^2 eta - 2 zeta w eta', w = 2 pi f, of each further mode"
     signature = "narrow peaks near the free-free bending frequencies, in y and i_c"
     source = "Friswell, Penny, Garvey, Lees, Dynamics of Rotating Machines, 2010, chapters 5 and 6"
 
-    def __init__(self, participation: float = 1.0) -> None:
-        self.participation = participation
+    participation: float = 1.0
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
         """Modes that take part as computed, and weaker ones, which the loop moves less."""
@@ -49,9 +61,24 @@ class RotorBendingMode(Effect):
         parameters = []
         for k, frequency in enumerate(found, start=1):
             parameters += [
-                EffectParameter(f"frequency_{k}_hz", "Hz", float(frequency), 0.7 * frequency, 1.4 * frequency),
-                EffectParameter(f"damping_{k}", "1", damping, lower=1e-5, upper=0.3),
-                EffectParameter(f"participation_{k}", "1", self.participation, upper=4.0),
+                EffectParameter(
+                    f"frequency_{k}_hz",
+                    "Hz",
+                    float(frequency),
+                    lower=0.7 * frequency,
+                    upper=1.4 * frequency,
+                    meaning=f"free-free frequency f of further mode {k}",
+                ),
+                EffectParameter(
+                    f"damping_{k}", "1", damping, lower=1e-5, upper=0.3, meaning=f"damping ratio zeta of mode {k}"
+                ),
+                EffectParameter(
+                    f"participation_{k}",
+                    "1",
+                    self.participation,
+                    upper=4.0,
+                    meaning=f"participation p of mode {k}: 1 as computed, 0 for none",
+                ),
             ]
         return parameters
 
@@ -77,7 +104,7 @@ class RotorBendingMode(Effect):
         return start
 
     def attach(self, plant: Plant) -> None:
-        """``eta'' = -w^2 eta - 2 zeta w eta' + p force``: 1 is a mode whose shape is right at magnets and sensors.
+        """A participation of 1 is a mode whose shape is right at magnets and sensors.
 
         Gyroscopic moments are among the forces, so that a mode that takes no part is none.
         """
@@ -97,11 +124,13 @@ class RotorBendingMode(Effect):
                 plant.inject(f"modal_force.{k}", taking_part - held)
 
 
+@dataclass(frozen=True)
 class BendingModeShift(Effect):
     """Frequency and damping of kept modes differ from the model's."""
 
     name = "bending_mode_shift"
     physics = "a kept bending mode has another frequency or damping than the model says"
+    equation = "eta'' + 2 (zeta + z) w eta' + (1 + d) w^2 eta = force, of each kept bending mode"
     signature = "a narrow peak at a kept bending frequency that changes sign across it"
     source = "Friswell, Penny, Garvey, Lees, Dynamics of Rotating Machines, 2010, chapter 5"
 
@@ -113,13 +142,27 @@ class BendingModeShift(Effect):
         parameters = []
         for k in range(1, kept + 1):
             parameters += [
-                EffectParameter(f"squared_frequency_{k}", "1", 1e-3, lower=-0.6, upper=0.6),
-                EffectParameter(f"damping_{k}", "1", 3e-4, lower=-0.02, upper=0.3),
+                EffectParameter(
+                    f"squared_frequency_{k}",
+                    "1",
+                    1e-3,
+                    lower=-0.6,
+                    upper=0.6,
+                    meaning=f"relative shift d of the squared frequency of kept mode {k}",
+                ),
+                EffectParameter(
+                    f"damping_{k}",
+                    "1",
+                    3e-4,
+                    lower=-0.02,
+                    upper=0.3,
+                    meaning=f"shift z of the damping ratio of kept mode {k}",
+                ),
             ]
         return parameters
 
     def attach(self, plant: Plant) -> None:
-        """``eta'' -= d w^2 eta + 2 z w eta'``."""
+        """Stiffness and damping beside those of the mode."""
         n = len(plant.rotor.frequencies_rad_s)
         first = 2
         for j in range(_flexible(plant.rig)):
@@ -136,11 +179,13 @@ def _flexible(rig: Rig) -> int:
     return rig.rotor.flexible_modes if isinstance(rig.rotor, FiniteElementRotor | MatrixRotor) else 0
 
 
+@dataclass(frozen=True)
 class RotorInertiaError(Effect):
     """Mass or transverse inertia differ from the model's."""
 
     name = "rotor_inertia_error"
     physics = "the mass or the transverse inertia of the rotor differs from the model's"
+    equation = "(1 + d) eta'' = force, of translation and of rotation"
     signature = "rigid-body motion at high frequency too large or too small, at every amplitude"
     source = "Friswell, Penny, Garvey, Lees, Dynamics of Rotating Machines, 2010, chapter 3"
 
@@ -151,11 +196,12 @@ class RotorInertiaError(Effect):
         """
         if not isinstance(rig.rotor, FiniteElementRotor | MatrixRotor):
             return []
+        meanings = {"inertia": "relative error d of the transverse inertia", "mass": "relative error d of the mass"}
         names = ["inertia", "mass"] if rig.rotor.flexible_modes else ["inertia"]
-        return [EffectParameter(name, "1", 0.01, lower=-0.5, upper=1.0) for name in names]
+        return [EffectParameter(name, "1", 0.01, lower=-0.5, upper=1.0, meaning=meanings[name]) for name in names]
 
     def attach(self, plant: Plant) -> None:
-        """``(1 + d) eta'' = force`` of rotation and translation, so that the force there is divided by 1 + d."""
+        """The force of rotation and translation is divided by 1 + d."""
         n = len(plant.rotor.frequencies_rad_s)
         modes = {"mass": 0, "inertia": 1}
         for plane in range(plant.rotor.planes):
@@ -165,22 +211,114 @@ class RotorInertiaError(Effect):
                 plant.inject(f"modal_force.{k}", -heavier)
 
 
+@dataclass(frozen=True)
 class GyroscopicCoupling(Effect):
     """Gyroscopic moments differ from the model's."""
 
     name = "gyroscopic_coupling"
     physics = "the gyroscopic moments are larger or smaller than polar inertia and speed of the model give"
+    equation = "eta'' + (1 + d) Omega G eta' = force"
     signature = "forward and backward whirl apart by another amount; one plane answers the other at speed"
     source = "Friswell, Penny, Garvey, Lees, Dynamics of Rotating Machines, 2010, chapter 3"
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Relative error."""
-        return [EffectParameter("factor", "1", 0.05, lower=-1.0, upper=5.0)] if rig.speed > 0.0 else []
+        if rig.speed <= 0.0:
+            return []
+        meaning = "relative error d of the gyroscopic moments"
+        return [EffectParameter("factor", "1", 0.05, lower=-1.0, upper=5.0, meaning=meaning)]
 
     def attach(self, plant: Plant) -> None:
-        """``eta'' -= d speed G eta'``."""
+        """More or less of the moments at this speed."""
         for k, row in enumerate(plant.rotor.gyroscopic):
             for j, g in enumerate(row):
                 if g:
                     more = plant.port(self.slot("factor"), plant[f"eta_rate.{j}"], scale=-plant.rig.speed * g)
                     plant.inject(f"modal_force.{k}", more)
+
+
+@dataclass(frozen=True)
+class Unbalance(Effect):
+    """A synchronous force that turns with the rotor, at one place or at every bearing.
+
+    Attributes
+    ----------
+    z : float, optional
+        Its place [m]; default: at every bearing.
+    reference : int
+        Axis whose displacement counts the angle.
+    frequency_hz : float, optional
+        Default: that of the rig's speed.
+    """
+
+    name = "unbalance"
+    physics = "synchronous force, proportional to speed squared"
+    equation = "F_x = m e Omega^2 cos(Omega t + angle), F_y = m e Omega^2 sin(Omega t + angle)"
+    signature = "one line at the frequency of rotation, forward whirl, whether excited or not"
+    source = "Friswell, Penny, Garvey, Lees, Dynamics of Rotating Machines, 2010, chapter 6"
+
+    z: float | None = None
+    reference: int = 0
+    frequency_hz: float | None = None
+
+    def variants(self, seen: Seen) -> Sequence[Effect]:
+        """At each likely place, and in two planes; the angle is counted from the axis that shows it most."""
+        if not seen.rig.speed:
+            return ()
+        near = [tone for tone in seen.tones if is_synchronous(tone, seen.rig)]
+        if not near:
+            return ()
+        places = [*likely_places(seen.rig), None]
+        return [Unbalance(z, near[0].axis, near[0].frequency_hz) for z in places]
+
+    def positions(self, rig: Rig) -> Sequence[float]:
+        """Its place."""
+        return [] if self.z is None else [self.z]
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Mass times eccentricity, in phase with the reference and a quarter turn ahead of it [kg m]."""
+        if not rig.speed or isinstance(rig.rotor, PointMassRotor):
+            return []
+        planes = {"": ""} if self.z is not None else {f"_{b.name}": f", at bearing {b.name}" for b in rig.bearings}
+        parts = {"in_phase": "in phase with the reference", "ahead": "a quarter turn ahead of it"}
+        return [
+            EffectParameter(
+                f"{part}{plane}",
+                "kg m",
+                1e-6,
+                lower=-float("inf"),
+                meaning=f"mass times eccentricity m e {meaning}{place}",
+            )
+            for plane, place in planes.items()
+            for part, meaning in parts.items()
+        ]
+
+    def frequencies_hz(self, rig: Rig) -> Sequence[float]:
+        """That of rotation."""
+        return [self.frequency_hz or rig.speed / (2.0 * pi)]
+
+    def waveform(self, rig: Rig, samples: int, record: Record | None) -> FloatArray:
+        """Cosine and sine of the angle of rotation."""
+        return cosine_and_sine(self.frequencies_hz(rig)[0], rig.sample_rate, samples, record, self.reference)
+
+    def attach(self, plant: Plant) -> None:
+        """The part in phase and the one ahead are m e times the cosine and the sine of the angle."""
+        cosine, sine = plant.input("unbalance.cos"), plant.input("unbalance.sin")
+        squared = (2.0 * pi * self.frequency_hz) ** 2 if self.frequency_hz else plant.rig.speed**2
+        places = [self.z] if self.z is not None else [b.position for b in plant.rig.bearings]
+        names = [p.name for p in self.parameters(plant.rig)]
+        for place, in_phase, ahead in zip(places, names[::2], names[1::2], strict=True):
+            for plane, (a, b) in enumerate([(cosine, -sine), (sine, cosine)][: plant.rotor.planes]):
+                force = plant.port(self.slot(in_phase), a, scale=squared) + plant.port(
+                    self.slot(ahead), b, scale=squared
+                )
+                plant.push(place, np.eye(plant.rotor.planes)[plane], force)
+
+
+EFFECTS = (
+    RotorBendingMode(),
+    BendingModeShift(),
+    RotorInertiaError(),
+    GyroscopicCoupling(),
+    Unbalance(),
+)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,32 +13,37 @@ from ambid.loop.plant import Plant
 from ambid.rig import FiniteElementRotor, Rig
 
 
+@dataclass(frozen=True)
 class SensorLag(Effect):
     """First-order bandwidth of the displacement sensors."""
 
     name = "sensor_lag"
     physics = "the displacement sensor and its filter follow the rotor with a first-order lag"
+    equation = "tau y' = y_true - y"
     signature = "y too small and late at high frequency; the loop loses damping, while i_c follows i_e as modelled"
     source = "ISO 14839-3; Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 3"
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Time constant [s]."""
         sample = 1.0 / rig.sample_rate
-        return [EffectParameter("time_constant", "s", 0.05 * sample, lower=5e-5 * sample, upper=0.01)]
+        meaning = "time constant tau of the sensor's first-order lag"
+        return [EffectParameter("time_constant", "s", 0.05 * sample, lower=5e-5 * sample, upper=0.01, meaning=meaning)]
 
     def attach(self, plant: Plant) -> None:
-        """``tau y' = y_true - y``."""
+        """A lag of the same time constant for each axis."""
         for axis in plant.axes:
             true = plant.raw(f"y.{axis}")
             read = plant.lag(f"sensor.{axis}", true, self.slot("time_constant"))
             plant.inject(f"y.{axis}", read - true)
 
 
+@dataclass(frozen=True)
 class SensorGainError(Effect):
     """Gains of the two sensors of a plane that differ; a gain common to both is absorbed by K_i."""
 
     name = "sensor_gain_error"
     physics = "single sensors read too large or too small; only their ratio within a plane is identifiable"
+    equation = "y = (1 + g) y_true at the first bearing, y = (1 - g) y_true at the second"
     signature = "rigid-body modes shift between the bearings in one plane, the same at every amplitude"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 3"
 
@@ -46,31 +52,38 @@ class SensorGainError(Effect):
         if len(rig.bearings) < 2:
             return []
         shared = [axis for axis in rig.bearings[0].axes if axis in rig.bearings[1].axes]
-        return [EffectParameter(axis, "1", 0.01, lower=-0.5, upper=0.5) for axis in shared]
+        meaning = "relative gain error g of the first bearing's sensor along"
+        return [EffectParameter(axis, "1", 0.01, lower=-0.5, upper=0.5, meaning=f"{meaning} {axis}") for axis in shared]
 
     def attach(self, plant: Plant) -> None:
-        """``y = (1 + g) y_true`` at the first bearing, ``(1 - g) y_true`` at the second."""
+        """Along each direction that both bearings have."""
         for bearing, sign in zip(plant.rig.bearings[:2], (1.0, -1.0), strict=False):
             for parameter in self.parameters(plant.rig):
                 axis = f"{bearing.name}_{parameter.name}"
                 plant.inject(f"y.{axis}", plant.port(self.slot(parameter.name), plant.raw(f"y.{axis}"), scale=sign))
 
 
+@dataclass(frozen=True)
 class SensorMisalignment(Effect):
     """Sensor axes rotated against the actuator axes."""
 
     name = "sensor_misalignment"
     physics = "the sensors of a bearing are rotated against its magnets"
+    equation = "y_zeta = true y_zeta + a true y_eta, y_eta = true y_eta - a true y_zeta"
     signature = "zeta answers eta with opposite sign to eta answering zeta, in y of one bearing"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 8"
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Angle of each bearing's sensors [rad], counted from zeta to eta."""
         both = [b for b in rig.bearings if len(b.axes) == 2]
-        return [EffectParameter(f"angle_{b.name}", "rad", 0.01, lower=-0.8, upper=0.8) for b in both]
+        meaning = "angle a from magnets to sensors, from zeta to eta, of bearing"
+        return [
+            EffectParameter(f"angle_{b.name}", "rad", 0.01, lower=-0.8, upper=0.8, meaning=f"{meaning} {b.name}")
+            for b in both
+        ]
 
     def attach(self, plant: Plant) -> None:
-        """``y_zeta += a y_eta``, ``y_eta -= a y_zeta``; exact to first order in the angle."""
+        """Exact to first order in the angle."""
         for bearing in plant.rig.bearings:
             if len(bearing.axes) < 2:
                 continue
@@ -80,11 +93,13 @@ class SensorMisalignment(Effect):
             plant.inject(eta, plant.port(slot, plant.raw(zeta), scale=-1.0))
 
 
+@dataclass(frozen=True)
 class SensorPositionError(Effect):
     """Sensors that sit elsewhere along the shaft than the rig file says."""
 
     name = "sensor_position_error"
     physics = "the sensors of a bearing read the rotor at another z than the rig file says"
+    equation = "y = y_true + dz (d shape/dz) eta"
     signature = "rigid-body modes seen in other proportions at one bearing, both planes alike"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 12"
     step = 1e-3
@@ -93,7 +108,11 @@ class SensorPositionError(Effect):
         """Offset of each bearing's sensors [m]."""
         if not isinstance(rig.rotor, FiniteElementRotor):
             return []
-        return [EffectParameter(f"offset_{b.name}", "m", 1e-3, lower=-0.05, upper=0.05) for b in rig.bearings]
+        meaning = "offset dz of the sensors along the shaft, of bearing"
+        return [
+            EffectParameter(f"offset_{b.name}", "m", 1e-3, lower=-0.05, upper=0.05, meaning=f"{meaning} {b.name}")
+            for b in rig.bearings
+        ]
 
     def positions(self, rig: Rig) -> Sequence[float]:
         """A millimetre to each side of every sensor: their shapes give the slope."""
@@ -103,7 +122,7 @@ class SensorPositionError(Effect):
         return [float(np.clip(b.sensor_position + d, low, high)) for b in rig.bearings for d in (-self.step, self.step)]
 
     def attach(self, plant: Plant) -> None:
-        """``y += dz (d shape/dz) eta``; exact to first order in the offset."""
+        """Exact to first order in the offset."""
         places = iter(zip(plant.axes, plant.directions, strict=True))
         at = iter(self.positions(plant.rig))
         for bearing in plant.rig.bearings:
@@ -115,20 +134,23 @@ class SensorPositionError(Effect):
                 plant.inject(f"y.{axis}", plant.port(self.slot(f"offset_{bearing.name}"), tilt))
 
 
+@dataclass(frozen=True)
 class SamplingSkew(Effect):
-    """Currents and displacements read at different instants."""
+    """Currents and displacements read at different instants.
+
+    Attributes
+    ----------
+    moves_y : bool
+        Whether a digital controller, and the record, read y before the controller's output changes.
+    """
 
     name = "sampling_skew"
     physics = "currents and displacements are not read at one instant, nor when a digital controller's output changes"
+    equation = "i_c = i_a + d i_a' + d^2/2 i_a''; y = y_true - e y_true' + e^2/2 y_true''"
     signature = "i_c alone is late, y fits; where the controller uses an early y, the loop loses damping as well"
     source = "Pintelon, Schoukens, System Identification, 2nd ed., section 2.7"
 
-    def __init__(self, moves_y: bool = False) -> None:
-        self.moves_y = moves_y
-
-    def settings(self) -> dict[str, bool]:
-        """Whether a digital controller, and the record, read y before the controller's output changes."""
-        return {"moves_y": self.moves_y}
+    moves_y: bool = False
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
         """i_c late alone; of a digital controller also y early."""
@@ -140,14 +162,22 @@ class SamplingSkew(Effect):
         found = []
         if tau > 0.0:
             found.append(
-                EffectParameter("current_late", "s", min(0.02 * sample, 0.25 * tau), -0.5 * sample, 0.5 * sample)
+                EffectParameter(
+                    "current_late",
+                    "s",
+                    min(0.02 * sample, 0.25 * tau),
+                    lower=-0.5 * sample,
+                    upper=0.5 * sample,
+                    meaning="by how much i_c is read late, d",
+                )
             )
         if self.moves_y:
-            found.append(EffectParameter("displacement_early", "s", 0.02 * sample, upper=sample))
+            meaning = "by how much y is read early, e"
+            found.append(EffectParameter("displacement_early", "s", 0.02 * sample, upper=sample, meaning=meaning))
         return found
 
     def attach(self, plant: Plant) -> None:
-        """``i_c = i_a + d i_a' + d^2/2 i_a''``, the command being held; ``y = y_true - e y' + e^2/2 y''``."""
+        """To second order, the command being held."""
         late, early = self.slot("current_late"), self.slot("displacement_early")
         for axis in plant.axes:
             if plant.rig.amplifier.time_constant > 0.0:
@@ -159,3 +189,12 @@ class SamplingSkew(Effect):
                 velocity, acceleration = (plant.at(z, direction, of) for of in ("eta_rate", "eta_bend"))
                 second = plant.port(early, plant.port(early, acceleration), scale=0.5)
                 plant.inject(f"y.{axis}", second - plant.port(early, velocity))
+
+
+EFFECTS = (
+    SensorLag(),
+    SensorGainError(),
+    SensorMisalignment(),
+    SensorPositionError(),
+    SamplingSkew(),
+)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import pi
 
 import numpy as np
 
+from ambid.effects.places import half_way, likely_places
 from ambid.loop.effect import Effect, EffectParameter, Seen
 from ambid.loop.plant import Plant
 from ambid.rig import FiniteElementRotor, PointMassRotor, Rig
@@ -18,36 +20,28 @@ def _stiffness(rig: Rig) -> float:
     return float(np.mean([k for b in rig.bearings for k in b.force_displacement]))
 
 
-def half_way(rig: Rig) -> float:
-    """Half-way between the outermost bearings [m]."""
-    ends = [b.position for b in rig.bearings]
-    return 0.5 * (min(ends) + max(ends))
-
-
-def likely_places(rig: Rig) -> list[float]:
-    """Half-way between the bearings, and every disk [m]."""
-    disks = [disk.position for disk in rig.rotor.disk] if isinstance(rig.rotor, FiniteElementRotor) else []
-    return sorted({round(half_way(rig), 9), *disks})
-
-
+@dataclass(frozen=True)
 class SealForces(Effect):
-    """Direct and cross-coupled stiffness and damping at one place of the rotor."""
+    """Direct and cross-coupled stiffness and damping at one place of the rotor.
+
+    Attributes
+    ----------
+    z : float, optional
+        Its place [m]; default: half-way between the outermost bearings.
+    """
 
     name = "seal_forces"
     physics = "a seal, or another annular gap, pushes the rotor with direct and cross-coupled stiffness and damping"
+    equation = "F_x = -k x - k_c y - c x', F_y = -k y + k_c x - c y'"
     signature = "rigid-body band, both planes, and one plane answering the other with opposite signs"
     source = "Childs, Turbomachinery Rotordynamics, 1993, chapter 4"
+    plural = True
 
-    def __init__(self, z: float | None = None) -> None:
-        self.z = z
+    z: float | None = None
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
         """Half-way between the bearings, and at every disk."""
         return [SealForces(z) for z in likely_places(seen.rig)] if self.z is None else (self,)
-
-    def settings(self) -> dict[str, float]:
-        """Its place."""
-        return {} if self.z is None else {"z": self.z}
 
     def place(self, rig: Rig) -> float:
         """Where it acts [m]; by default half-way between the outermost bearings."""
@@ -63,13 +57,21 @@ class SealForces(Effect):
             return []
         k = _stiffness(rig)
         return [
-            EffectParameter("direct_stiffness", "N/m", 0.02 * k, lower=-UNBOUNDED),
-            EffectParameter("cross_stiffness", "N/m", 0.02 * k, lower=-UNBOUNDED),
-            EffectParameter("damping", "N s/m", 2e-5 * k),
+            EffectParameter(
+                "direct_stiffness", "N/m", 0.02 * k, lower=-UNBOUNDED, meaning="stiffness k against motion"
+            ),
+            EffectParameter(
+                "cross_stiffness",
+                "N/m",
+                0.02 * k,
+                lower=-UNBOUNDED,
+                meaning="stiffness k_c from one plane to the other",
+            ),
+            EffectParameter("damping", "N s/m", 2e-5 * k, meaning="damping c, direct"),
         ]
 
     def attach(self, plant: Plant) -> None:
-        """``F_x = -k x - k_c y - c x'``, ``F_y = -k y + k_c x - c y'``."""
+        """A force at its place in each plane; cross stiffness where there are two."""
         z = self.place(plant.rig)
         planes = np.eye(plant.rotor.planes)
         x = [plant.at(z, plane) for plane in planes]
@@ -81,24 +83,27 @@ class SealForces(Effect):
             plant.push(z, plane, force)
 
 
+@dataclass(frozen=True)
 class CouplingStiffness(Effect):
-    """Stiffness and damping to ground at the drive end."""
+    """Stiffness and damping to ground at the drive end.
+
+    Attributes
+    ----------
+    end : int, optional
+        Which end: 0 at z = 0, 1 at the other; default: the other.
+    """
 
     name = "coupling_stiffness"
     physics = "the coupling to the drive holds the end of the shaft with stiffness and damping"
+    equation = "F = -k x - c x' at the end, in every plane"
     signature = "rigid-body band, both planes alike, more at the bearing next to the drive; no cross-coupling"
     source = "Friswell, Penny, Garvey, Lees, Dynamics of Rotating Machines, 2010, chapter 5"
 
-    def __init__(self, end: int | None = None) -> None:
-        self.end = end
+    end: int | None = None
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
         """At either end, since the rig file does not say which is the drive end."""
         return [CouplingStiffness(0), CouplingStiffness(1)] if self.end is None else (self,)
-
-    def settings(self) -> dict[str, float]:
-        """Which end: 0 at z = 0, 1 at the other."""
-        return {} if self.end is None else {"end": self.end}
 
     def positions(self, rig: Rig) -> Sequence[float]:
         """Both ends of the shaft."""
@@ -110,12 +115,12 @@ class CouplingStiffness(Effect):
             return []
         k = _stiffness(rig)
         return [
-            EffectParameter("stiffness", "N/m", 0.01 * k),
-            EffectParameter("damping", "N s/m", 1e-5 * k),
+            EffectParameter("stiffness", "N/m", 0.01 * k, meaning="stiffness k to ground at the drive end"),
+            EffectParameter("damping", "N s/m", 1e-5 * k, meaning="damping c to ground at the drive end"),
         ]
 
     def attach(self, plant: Plant) -> None:
-        """``F = -k x - c x'`` in every plane."""
+        """The same in every plane."""
         z = self.positions(plant.rig)[1 if self.end is None else self.end]
         for plane in np.eye(plant.rotor.planes):
             force = plant.port(self.slot("stiffness"), plant.at(z, plane))
@@ -123,16 +128,23 @@ class CouplingStiffness(Effect):
             plant.push(z, plane, -force)
 
 
+@dataclass(frozen=True)
 class FoundationResonance(Effect):
-    """A mode of the housing that carries magnets and sensors."""
+    """A mode of the housing that carries magnets and sensors.
+
+    Attributes
+    ----------
+    frequency_hz : float, optional
+        That the probe has; default: 100 Hz.
+    """
 
     name = "foundation_resonance"
     physics = "the housing that carries magnets and sensors moves: a mode of the support, the same in each bearing"
+    equation = "h'' = -w^2 h - 2 zeta w h' - F/m, w = 2 pi f; magnets and sensors see the rotor less h"
     signature = "a narrow band in y and i_c where no rotor mode lies, all axes"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 10"
 
-    def __init__(self, frequency_hz: float | None = None) -> None:
-        self.frequency_hz = frequency_hz
+    frequency_hz: float | None = None
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
         """A scan over frequency, a tenth of an octave more than its probe is wide."""
@@ -143,9 +155,16 @@ class FoundationResonance(Effect):
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Frequency [Hz], damping ratio, compliance as the inverse of the moving mass [1/kg]."""
         return [
-            EffectParameter("frequency_hz", "Hz", self.frequency_hz or 100.0, lower=1.0, upper=0.5 * rig.sample_rate),
-            EffectParameter("damping", "1", 0.07, lower=1e-4, upper=2.0),
-            EffectParameter("inverse_mass", "1/kg", 1e-3),
+            EffectParameter(
+                "frequency_hz",
+                "Hz",
+                self.frequency_hz or 100.0,
+                lower=1.0,
+                upper=0.5 * rig.sample_rate,
+                meaning="frequency f of the housing's mode",
+            ),
+            EffectParameter("damping", "1", 0.07, lower=1e-4, upper=2.0, meaning="its damping ratio zeta"),
+            EffectParameter("inverse_mass", "1/kg", 1e-3, meaning="its compliance: one over the moving mass m"),
         ]
 
     def probes(self, rig: Rig) -> Sequence[dict[str, float]]:
@@ -163,7 +182,7 @@ class FoundationResonance(Effect):
         return start
 
     def attach(self, plant: Plant) -> None:
-        """``h'' = -w^2 h - 2 zeta w h' - f/m`` in each axis; magnets and sensors read the rotor against h."""
+        """A housing of its own for each axis."""
         frequency, damping = self.slot("frequency_hz"), self.slot("damping")
         for axis in plant.axes:
             h, scaled_rate = plant.state(f"housing.{axis}"), plant.state(f"housing_rate.{axis}")
@@ -176,3 +195,10 @@ class FoundationResonance(Effect):
             plant.set_rate(f"housing_rate.{axis}", -slowed - pushed)
             plant.inject(f"s.{axis}", -h)
             plant.inject(f"y.{axis}", -h)
+
+
+EFFECTS = (
+    SealForces(),
+    CouplingStiffness(),
+    FoundationResonance(),
+)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import Field, dataclass, fields, is_dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -68,6 +68,8 @@ class EffectParameter:
         A typical small value, in `unit`: the response is probed with it, and the optimiser scales by it.
     lower, upper : float
         What physics allows.
+    meaning : str
+        What it is, in a few words.
     """
 
     name: str
@@ -75,10 +77,14 @@ class EffectParameter:
     probe: float
     lower: float = 0.0
     upper: float = float("inf")
+    meaning: str = ""
 
 
 class Effect(ABC):
     """A physical effect. Subclass it for one of your own; it is then ranked beside those of the catalogue.
+
+    Settings that tell its variants apart, such as a place or a frequency, are the fields of a frozen dataclass: repr,
+    equality and what is saved with a model follow from them. An effect without settings may be a plain class.
 
     Class attributes
     ----------------
@@ -86,15 +92,27 @@ class Effect(ABC):
         Identifier, such as ``loop_delay``.
     physics, signature, source : str
         A sentence each: what happens, how it shows in the residual, where it is described.
+    equation : str
+        What it adds to the equations of the loop, in a line of plain text.
     contains : tuple of str
         Names of simpler effects that this one includes; where one of them does as well, it is named instead.
+    plural : bool
+        Whether its name is a plural.
     """
 
     name: ClassVar[str]
     physics: ClassVar[str]
     signature: ClassVar[str]
     source: ClassVar[str]
+    equation: ClassVar[str] = ""
     contains: ClassVar[tuple[str, ...]] = ()
+    plural: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        """Take lists, as files hold them, for tuples."""
+        for name, value in vars(self).items():
+            if isinstance(value, list):
+                object.__setattr__(self, name, tuple(value))
 
     @abstractmethod
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
@@ -120,8 +138,9 @@ class Effect(ABC):
         return ()
 
     def settings(self) -> dict[str, Any]:
-        """Arguments of the constructor that make this variant, as saved with a model."""
-        return {}
+        """Arguments of the constructor that make this variant, as saved with a model: fields that are not default."""
+        own: tuple[Field[Any], ...] = fields(self) if is_dataclass(self) else ()
+        return {field.name: value for field in own if (value := getattr(self, field.name)) != field.default}
 
     def positions(self, rig: Rig) -> Sequence[float]:
         """Axial positions at which it acts, beside magnets and sensors [m]."""

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambid.effects import Effect, find
+from ambid.effects import CATALOGUE, Effect, find
 from ambid.errors import ModelError
 from ambid.loop.loop import Loop, Simulator
 from ambid.model.experiment import inputs_of, simulated, virtual_experiment
@@ -357,10 +357,10 @@ class Model:
         covariance : array_like, shape (parameters, parameters), optional
             NaN for parameters that were not free.
         """
-        write_model(Path(path), self.rig, self.effects, self.parameters, covariance, self.points)
+        write_model(Path(path), self.structure, self.parameters, covariance)
 
     @classmethod
-    def load(cls, path: str | Path, rig: Rig | None = None) -> Model:
+    def load(cls, path: str | Path, rig: Rig | None = None, *, catalogue: Sequence[Effect] = CATALOGUE) -> Model:
         """Read a model that `save` wrote.
 
         Parameters
@@ -368,24 +368,16 @@ class Model:
         path : str or Path
         rig : Rig, optional
             Take this rig in place of the stored one, such as the same machine at another bias current.
+        catalogue : sequence of Effect
+            Where its effects are found by name; a model with effects of your own needs them here, such as
+            ``(*CATALOGUE, own)``.
 
         Raises
         ------
         ModelError
-            If the file is none of ours or has been broken.
+            If the file is none of ours or has been broken, or an effect of it is not in the catalogue.
         """
-        stored = read_model(Path(path))
-        machine = rig or stored.rig
-        try:
-            effects = [find(name, settings) for name, settings in stored.effects]
-            known = {p.name: p for p in cls(machine, effects=effects, points=stored.points).parameters}
-            parameters = [
-                replace(known[p.name], value=p.value) if p.name in known and known[p.name].slots == p.slots else p
-                for p in stored.parameters
-            ]
-            return cls(machine, parameters, effects, points=stored.points)
-        except ModelError as error:
-            raise ModelError(f"{path}: {error}") from None
+        return cls._of(*read_model(Path(path), rig, catalogue))
 
     def __repr__(self) -> str:
         rows = [f"  {p.name:12s} {p.value:12.6g} {p.unit}" for p in self.parameters]

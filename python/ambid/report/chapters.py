@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ambid.diagnosis import Diagnosis, Localisation, Ranking, Step, compare
-from ambid.effects import CATALOGUE
+from ambid.effects import Effect
 from ambid.plot.staircase import ceiling_of_y
 from ambid.report import numbers, pictures, words
 from ambid.rig import Rig
@@ -55,7 +56,7 @@ def _chapters(diagnosis: Diagnosis) -> dict[str, Any]:
         "sentence": words.verdict_sentence(diagnosis, first.misfit, last.misfit, validation),
         "notes": [note for note in diagnosis.notes if note != said],
         "figures": _figures(diagnosis, first, last),
-        "choices": [_choices(names, first.ranking) for names in diagnosis.ambiguous_sets],
+        "choices": [_choices(names, diagnosis.history) for names in diagnosis.ambiguous_sets],
         "invisible": [] if missing else _invisible(first.ranking, base.rig),
         "where": None if where is None else _where(where, said, missing),
         "rankings": _rankings(diagnosis, last),
@@ -86,14 +87,11 @@ def _figures(diagnosis: Diagnosis, first: Step, last: Step) -> list[dict[str, An
     return rows
 
 
-def _choices(names: list[str], ranking: Ranking) -> list[dict[str, Any]]:
-    """What stands to choose from where effects cannot be told apart."""
-    found = [(name, ranking.find(name)) for name in names]
-    known = {effect.name: effect.physics for effect in CATALOGUE}
-    return [
-        {"name": name, "physics": c.effect.physics if c is not None else known.get(name, ""), "candidate": c}
-        for name, c in found
-    ]
+def _choices(names: list[str], history: Sequence[Step]) -> list[dict[str, Any]]:
+    """What stands to choose from where effects cannot be told apart; values are those of the first ranking."""
+    ranked: dict[str, Effect] = {c.effect.name: c.effect for step in history for c in step.ranking.candidates}
+    first = history[0].ranking
+    return [{"name": name, "physics": ranked[name].physics, "candidate": first.find(name)} for name in names]
 
 
 def _invisible(ranking: Ranking, rig: Rig) -> list[tuple[str, list[str]]]:

@@ -89,10 +89,6 @@ def listed(names: Sequence[str], last: str = "and") -> str:
     return f"{', '.join(most)} {last} {end}" if most else end
 
 
-PLURAL = ("seal_forces", "eddy_currents")
-"""Effects whose names are plural."""
-
-
 def verdict_sentence(diagnosis: Diagnosis, before: float, after: float, validation: tuple[float, float] | None) -> str:
     """The verdict in one sentence.
 
@@ -114,8 +110,8 @@ def verdict_sentence(diagnosis: Diagnosis, before: float, after: float, validati
                 f"the misfit is {misfit(before)}, where 1 is noise alone."
             )
         case "explained":
-            is_one = len(diagnosis.effects) == 1 and diagnosis.effects[0] not in PLURAL
-            verb = "explains" if is_one else "explain"
+            added = [effect for effect in diagnosis.model.effects if effect.name in diagnosis.effects]
+            verb = "explains" if len(added) == 1 and not added[0].plural else "explain"
             return f"{listed(diagnosis.effects).capitalize()} {verb} what the base model missed: {fall}."
         case "ambiguous":
             sets = "; and one of ".join(listed(names, "or") for names in diagnosis.ambiguous_sets)
