@@ -38,6 +38,7 @@ pub fn eigen(a: &DMatrix<f64>) -> Option<(Vec<C64>, DMatrix<C64>)> {
     Some((lambda, v))
 }
 
+/// The eigenvalues of the blocks of T.
 fn spectrum(t: &DMatrix<f64>) -> Vec<C64> {
     let mut all = Vec::with_capacity(t.nrows());
     while all.len() < t.nrows() {
@@ -61,6 +62,7 @@ fn eigenvalue(t: &DMatrix<f64>, k: usize) -> C64 {
     }
     C64::from(t[(k, k)])
 }
+
 /// The eigenvector of block k: `(T - l) x = 0`, from the block upwards. x comes as zeros, in real and imaginary parts.
 ///
 /// Divisors below `tiny` are taken as that: the eigenvalue is repeated.
@@ -113,6 +115,7 @@ fn solve(t: &DMatrix<f64>, l: C64, k: usize, tiny: f64, (re, im): (&mut [f64], &
         }
     }
 }
+
 fn guard(x: C64, tiny: f64) -> C64 {
     if x.norm() < tiny { C64::from(tiny) } else { x }
 }
