@@ -7,6 +7,7 @@
 use nalgebra::{Complex, DMatrix};
 
 use crate::discretise::{Discrete, discretise};
+use crate::eigen::{eigen, eigenvalues};
 use crate::error::{Error, Result};
 use crate::lft::{Closed, balancing};
 use crate::model::{Controller, Model};
@@ -168,10 +169,7 @@ impl Eigen {
     /// `rest` is the pole of a state that stays as it is: 0 of a continuous, 1 of a sampled loop.
     fn new(a: &DMatrix<f64>, rest: f64, max_loss: f64) -> Option<Self> {
         let n = a.nrows();
-        let matrix = faer::Mat::from_fn(n, n, |i, j| a[(i, j)]);
-        let eigen = matrix.eigen().ok()?;
-        let lambda: Vec<C64> = eigen.S().column_vector().iter().copied().collect();
-        let mut v = DMatrix::from_fn(n, n, |i, j| eigen.U()[(i, j)]);
+        let (lambda, mut v) = eigen(a)?;
         for mut column in v.column_iter_mut() {
             let norm = column.norm();
             column.unscale_mut(norm);
@@ -221,15 +219,15 @@ fn gap(lambda: &[C64], rest: f64) -> f64 {
 /// # Errors
 /// As [`crate::lft::Lft::close`] and [`discretise`].
 pub fn poles(model: &Model, theta: &[f64]) -> Result<Vec<C64>> {
-    let eigenvalues = |a: &DMatrix<f64>| {
+    let balanced = |a: &DMatrix<f64>| {
         let t = balancing(a);
         let n = a.nrows();
-        let matrix = faer::Mat::from_fn(n, n, |i, j| a[(i, j)] * t[j] / t[i]);
-        matrix.eigenvalues().map_err(|_| Error::Singular { what: "the poles did not converge" })
+        let matrix = DMatrix::from_fn(n, n, |i, j| a[(i, j)] * t[j] / t[i]);
+        eigenvalues(&matrix).ok_or(Error::Singular { what: "the poles did not converge" })
     };
     if !model.controller.as_ref().is_some_and(Controller::feeds_back) {
-        return eigenvalues(&model.lft.close_at_rest(theta)?.a);
+        return balanced(&model.lft.close_at_rest(theta)?.a);
     }
     let (sampled, _) = discretise(model, theta, &[])?;
-    Ok(eigenvalues(&sampled.a)?.into_iter().map(|mu| mu.ln() / model.dt).collect())
+    Ok(balanced(&sampled.a)?.into_iter().map(|mu| mu.ln() / model.dt).collect())
 }

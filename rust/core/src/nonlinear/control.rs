@@ -53,8 +53,7 @@ impl Control {
     }
 
     /// Computes the next command, `-C x - D (y + noise) + i_e`, and the next state. Rows of y stand `stride` apart.
-    #[inline(always)]
-    pub fn update<const FMA: bool>(&mut self, excitation: &[f64], noise: &[f64], y: &[f64], stride: usize) {
+    pub fn update(&mut self, excitation: &[f64], noise: &[f64], y: &[f64], stride: usize) {
         let Self { channels: m, rows, weights, state, next, commands, .. } = self;
         let (m, columns, width) = (*m, weights.columns, state.len() / *rows);
         let n = width - m;
@@ -64,7 +63,7 @@ impl Control {
         state[n..].iter_mut().zip(noise).for_each(|(read, noise)| *read += noise);
         next.fill(0.0);
         next[..m].copy_from_slice(excitation);
-        accumulate::<FMA>(*rows, (state, width), weights, (next, columns), columns);
+        accumulate(*rows, (state, width), weights, (next, columns), columns);
         let older = commands.len() - *rows * m;
         commands.copy_within(..older, *rows * m);
         for (row, next) in next.chunks_exact(columns).enumerate() {

@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::product::{LANES, Vector, fma, load, store};
+use crate::product::{LANES, Vector, dispatch, fma, load, store};
 
 /// A matrix to the right of rows, row by row, its columns filled up to whole vectors.
 #[derive(Debug, Clone)]
@@ -32,13 +32,23 @@ impl Weights {
     }
 }
 
-/// `out[row] += left[row] weights` in the first `columns` of so many rows; rows stand a stride apart.
+/// Rows that stand a stride apart.
+type Rows<'a> = (&'a [f64], usize);
+type RowsMut<'a> = (&'a mut [f64], usize);
+
+/// `out[row] += left[row] weights` in the first `columns` of so many rows.
+///
+/// Chooses its instructions itself: made part of each of its many callers it takes minutes to compile.
+pub fn accumulate(rows: usize, left: Rows, weights: &Weights, out: RowsMut, columns: usize) {
+    dispatch!(accumulate_any, (rows: usize, left: Rows, weights: &Weights, out: RowsMut, columns: usize));
+}
+
 #[inline(always)]
-pub fn accumulate<const FMA: bool>(
+fn accumulate_any<const FMA: bool>(
     rows: usize,
-    (left, left_stride): (&[f64], usize),
+    (left, left_stride): Rows,
     weights: &Weights,
-    (out, stride): (&mut [f64], usize),
+    (out, stride): RowsMut,
     columns: usize,
 ) {
     let mut row = 0;

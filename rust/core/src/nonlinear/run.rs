@@ -123,10 +123,10 @@ fn advance<const FMA: bool, const SLOPES: bool>(run: &mut Run, u: &[f64], y: &mu
         if let Some(control) = control {
             // the displacements that the controller reads follow the further inputs at once, but no command
             let scheme = &segments[0].scheme;
-            hold::<FMA, SLOPES>(plant, layout, buffers, scheme, &[], further);
-            start::<FMA, SLOPES>(plant, layout, buffers, scheme, layout.y_end);
+            hold::<SLOPES>(plant, layout, buffers, scheme, &[], further);
+            start::<SLOPES>(plant, layout, buffers, scheme, layout.y_end);
             stage::<FMA, SLOPES>(plant, layout, buffers, scheme, 0, layout.y_end);
-            control.update::<FMA>(excitation, noise, &buffers.step[layout.y..], whole);
+            control.update(excitation, noise, &buffers.step[layout.y..], whole);
         }
         for (i, Segment { scheme, age }) in segments.iter().enumerate() {
             let commands = control.as_ref().map_or(&[][..], |control| control.command(*age));
@@ -134,13 +134,13 @@ fn advance<const FMA: bool, const SLOPES: bool>(run: &mut Run, u: &[f64], y: &mu
                 let earlier = control.command(age + 1);
                 arrive::<FMA, SLOPES>(plant, layout, buffers, scheme, row, [earlier, commands], further);
             }
-            hold::<FMA, SLOPES>(plant, layout, buffers, scheme, commands, further);
+            hold::<SLOPES>(plant, layout, buffers, scheme, commands, further);
             for _ in 0..*substeps {
-                start::<FMA, SLOPES>(plant, layout, buffers, scheme, whole);
+                start::<SLOPES>(plant, layout, buffers, scheme, whole);
                 for s in 0..4 {
                     stage::<FMA, SLOPES>(plant, layout, buffers, scheme, s, whole);
                 }
-                finish::<FMA, SLOPES>(plant, layout, buffers, scheme);
+                finish::<SLOPES>(plant, layout, buffers, scheme);
                 if fresh {
                     for (row, step) in buffers.step.chunks_exact(whole).enumerate() {
                         for (y, value) in y.chunks_exact_mut(rows).zip(&step[layout.y..]) {
@@ -164,7 +164,7 @@ fn rows<const SLOPES: bool>(plant: &Plant) -> usize {
 
 /// What the inputs bring to the steps while they are held; the further ones do not depend on parameters.
 #[inline(always)]
-fn hold<const FMA: bool, const SLOPES: bool>(
+fn hold<const SLOPES: bool>(
     plant: &Plant,
     layout: &Layout,
     buffers: &mut Buffers,
@@ -176,13 +176,13 @@ fn hold<const FMA: bool, const SLOPES: bool>(
     let (driven, width) = (plant.driven, layout.width);
     let all = if commands.is_empty() { 0 } else { rows::<SLOPES>(plant) };
     held[..all.max(1) * width].fill(0.0);
-    accumulate::<FMA>(all, (commands, driven), &scheme.commands, (held, width), width);
-    accumulate::<FMA>(1, (further, 0), &scheme.further, (held, width), width);
+    accumulate(all, (commands, driven), &scheme.commands, (held, width), width);
+    accumulate(1, (further, 0), &scheme.further, (held, width), width);
     if SLOPES {
         let reads = 4 * layout.read;
         held_read.fill(0.0);
-        accumulate::<FMA>(all.min(1), (commands, 0), &scheme.read_commands, (held_read, reads), reads);
-        accumulate::<FMA>(1, (further, 0), &scheme.read_further, (held_read, reads), reads);
+        accumulate(all.min(1), (commands, 0), &scheme.read_commands, (held_read, reads), reads);
+        accumulate(1, (further, 0), &scheme.read_further, (held_read, reads), reads);
     }
 }
 
@@ -199,8 +199,8 @@ fn arrive<const FMA: bool, const SLOPES: bool>(
 ) {
     let (driven, blocks) = (plant.driven, plant.blocks.len());
     for (sign, commands) in [1.0, -1.0].into_iter().zip(commands) {
-        hold::<FMA, SLOPES>(plant, layout, buffers, scheme, commands, further);
-        start::<FMA, SLOPES>(plant, layout, buffers, scheme, layout.y_end);
+        hold::<SLOPES>(plant, layout, buffers, scheme, commands, further);
+        start::<SLOPES>(plant, layout, buffers, scheme, layout.y_end);
         stage::<FMA, SLOPES>(plant, layout, buffers, scheme, 0, layout.y_end);
         let acting = commands[..driven].iter().chain(&buffers.w[..blocks]);
         buffers.change.iter_mut().zip(acting).for_each(|(change, acting)| *change += sign * acting);
@@ -217,22 +217,16 @@ fn arrive<const FMA: bool, const SLOPES: bool>(
 
 /// What follows from the state and the inputs alone, in the first `columns` of the step.
 #[inline(always)]
-fn start<const FMA: bool, const SLOPES: bool>(
-    plant: &Plant,
-    layout: &Layout,
-    buffers: &mut Buffers,
-    scheme: &Scheme,
-    columns: usize,
-) {
+fn start<const SLOPES: bool>(plant: &Plant, layout: &Layout, buffers: &mut Buffers, scheme: &Scheme, columns: usize) {
     let Buffers { step, last, w, held, read, held_read, .. } = buffers;
     let width = layout.width;
     step.copy_from_slice(held);
-    accumulate::<FMA>(rows::<SLOPES>(plant), (&last[layout.x..], width), &scheme.start, (step, width), columns);
+    accumulate(rows::<SLOPES>(plant), (&last[layout.x..], width), &scheme.start, (step, width), columns);
     if SLOPES {
         w.fill(0.0);
         let all = 4 * layout.read;
         read.copy_from_slice(held_read);
-        accumulate::<FMA>(1, (&last[layout.x..], width), &scheme.read_start, (read, all), all);
+        accumulate(1, (&last[layout.x..], width), &scheme.read_start, (read, all), all);
     }
 }
 
@@ -269,7 +263,7 @@ fn stage<const FMA: bool, const SLOPES: bool>(
     if SLOPES {
         let read = &mut read[s * layout.read..];
         let later = scheme.read[s].columns;
-        accumulate::<FMA>(1, (w, w_width), &scheme.read[s], (read, later), later);
+        accumulate(1, (w, w_width), &scheme.read[s], (read, later), later);
         for (k, gain) in plant.gains.iter().enumerate() {
             let forced = gain.slope * read[k];
             let step = &mut step[gain.row * width..][..columns];
@@ -292,14 +286,14 @@ fn stage<const FMA: bool, const SLOPES: bool>(
             }
         }
     }
-    accumulate::<FMA>(rows::<SLOPES>(plant), (w, w_width), &scheme.blocks[s], (&mut step[from..], width), to - from);
+    accumulate(rows::<SLOPES>(plant), (w, w_width), &scheme.blocks[s], (&mut step[from..], width), to - from);
 }
 
 /// What the blocks bring to the state after the step.
 #[inline(always)]
-fn finish<const FMA: bool, const SLOPES: bool>(plant: &Plant, layout: &Layout, buffers: &mut Buffers, scheme: &Scheme) {
+fn finish<const SLOPES: bool>(plant: &Plant, layout: &Layout, buffers: &mut Buffers, scheme: &Scheme) {
     let Buffers { step, w, .. } = buffers;
     let Layout { x, width, .. } = *layout;
     let all = 4 * plant.blocks.len();
-    accumulate::<FMA>(rows::<SLOPES>(plant), (w, all), &scheme.blocks_end, (&mut step[x..], width), width - x);
+    accumulate(rows::<SLOPES>(plant), (w, all), &scheme.blocks_end, (&mut step[x..], width), width - x);
 }
