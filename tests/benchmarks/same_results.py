@@ -63,7 +63,10 @@ def numbers(value: Any, where: str = "") -> Iterator[tuple[str, Any]]:
                 yield from numbers(entry, f"{where}/{key}")
     elif isinstance(value, list):
         for k, entry in enumerate(value):
-            yield from numbers(entry, f"{where}/{k}")
+            ranked = isinstance(entry, dict) and "effect" in entry
+            if ranked:  # candidates of one score may stand in either order
+                yield f"{where}/score {k}", entry["score"]
+            yield from numbers(entry, f"{where}/{entry['effect'] if ranked else k}")
     else:
         yield where, value
 
