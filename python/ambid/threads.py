@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import ContextDecorator
-from functools import cache
-from threading import Lock
-from typing import Any, ParamSpec, TypeVar
+from functools import cache, wraps
+from typing import ParamSpec, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
@@ -19,32 +17,19 @@ R = TypeVar("R")
 @cache
 def _blas() -> ThreadpoolController:
     """The BLAS libraries of this process; they are all loaded when the first computation begins."""
-    return ThreadpoolController()
-
-
-class _OneThread(ContextDecorator):
-    """One BLAS thread from the first computation that begins to the last that ends, whichever threads they run in."""
-
-    def __init__(self) -> None:
-        self._lock, self._running = Lock(), 0
-        self._limit: Any = None
-
-    def __enter__(self) -> None:
-        with self._lock:
-            if self._running == 0:
-                self._limit = _blas().limit(limits=1, user_api="blas")
-            self._running += 1
-
-    def __exit__(self, *_: object) -> None:
-        with self._lock:
-            self._running -= 1
-            if self._running == 0:
-                self._limit.restore_original_limits()
-
-
-_one_thread = _OneThread()
+    return ThreadpoolController().select(user_api="blas")
 
 
 def with_one_blas_thread(function: Callable[P, R]) -> Callable[P, R]:
-    """Let a function run with one BLAS thread; afterwards there are as many as before."""
-    return _one_thread(function)
+    """Let a function run with one BLAS thread; afterwards there are as many as before.
+
+    The number is that of the process: where several threads compute, the first to begin sets it, and gives it back
+    when it ends.
+    """
+
+    @wraps(function)
+    def limited(*arguments: P.args, **options: P.kwargs) -> R:
+        with _blas().limit(limits=1):
+            return function(*arguments, **options)
+
+    return limited
