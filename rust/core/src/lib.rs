@@ -23,7 +23,6 @@
 mod block;
 mod closed_loop;
 mod discretise;
-mod eigen;
 mod error;
 mod expm;
 mod kernel;

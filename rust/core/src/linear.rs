@@ -3,7 +3,6 @@
 use nalgebra::Complex;
 
 use crate::discretise::{Discrete, discretise};
-use crate::eigen::eigenvalues;
 use crate::error::{Error, Result};
 use crate::kernel::{BLOCK, Kernel};
 use crate::modal::{Modal, Residues};
@@ -29,7 +28,9 @@ impl Response {
             return Ok(Self::Modal(kernel(&modal)));
         }
         let (value, slopes) = discretise(model, theta, free)?;
-        let poles = eigenvalues(&value.a).ok_or(Error::Singular { what: "the poles did not converge" })?;
+        let n = value.a.nrows();
+        let poles = faer::Mat::from_fn(n, n, |i, j| value.a[(i, j)]).eigenvalues();
+        let poles = poles.map_err(|_| Error::Singular { what: "the poles did not converge" })?;
         stable(poles.iter().map(|mu| mu.norm()))?;
         Ok(Self::Dense(Dense::new(&value, &slopes)))
     }

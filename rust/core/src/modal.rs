@@ -7,7 +7,6 @@
 use nalgebra::{Complex, DMatrix};
 
 use crate::discretise::{Discrete, discretise};
-use crate::eigen::{eigen, eigenvalues};
 use crate::error::{Error, Result};
 use crate::lft::{Closed, balancing};
 use crate::model::{Controller, Model};
@@ -169,7 +168,10 @@ impl Eigen {
     /// `rest` is the pole of a state that stays as it is: 0 of a continuous, 1 of a sampled loop.
     fn new(a: &DMatrix<f64>, rest: f64, max_loss: f64) -> Option<Self> {
         let n = a.nrows();
-        let (lambda, mut v) = eigen(a)?;
+        let matrix = faer::Mat::from_fn(n, n, |i, j| a[(i, j)]);
+        let eigen = matrix.eigen().ok()?;
+        let lambda: Vec<C64> = eigen.S().column_vector().iter().copied().collect();
+        let mut v = DMatrix::from_fn(n, n, |i, j| eigen.U()[(i, j)]);
         for mut column in v.column_iter_mut() {
             let norm = column.norm();
             column.unscale_mut(norm);
@@ -219,15 +221,15 @@ fn gap(lambda: &[C64], rest: f64) -> f64 {
 /// # Errors
 /// As [`crate::lft::Lft::close`] and [`discretise`].
 pub fn poles(model: &Model, theta: &[f64]) -> Result<Vec<C64>> {
-    let balanced = |a: &DMatrix<f64>| {
+    let eigenvalues = |a: &DMatrix<f64>| {
         let t = balancing(a);
         let n = a.nrows();
-        let matrix = DMatrix::from_fn(n, n, |i, j| a[(i, j)] * t[j] / t[i]);
-        eigenvalues(&matrix).ok_or(Error::Singular { what: "the poles did not converge" })
+        let matrix = faer::Mat::from_fn(n, n, |i, j| a[(i, j)] * t[j] / t[i]);
+        matrix.eigenvalues().map_err(|_| Error::Singular { what: "the poles did not converge" })
     };
     if !model.controller.as_ref().is_some_and(Controller::feeds_back) {
-        return balanced(&model.lft.close_at_rest(theta)?.a);
+        return eigenvalues(&model.lft.close_at_rest(theta)?.a);
     }
     let (sampled, _) = discretise(model, theta, &[])?;
-    Ok(balanced(&sampled.a)?.into_iter().map(|mu| mu.ln() / model.dt).collect())
+    Ok(eigenvalues(&sampled.a)?.into_iter().map(|mu| mu.ln() / model.dt).collect())
 }
