@@ -1,7 +1,10 @@
 """What several rooms of tests share: the demo's data, virtual experiments, and the command run in this process."""
 
+import os
 import sys
 from dataclasses import dataclass
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the workers share the cores
 
 import pytest
 
@@ -10,7 +13,7 @@ import ambid.cli
 from ambid.demo import DATA
 from ambid.excitation import prbs
 from places import BENCH
-from virtual import VirtualBench
+from virtual import NAMES, VirtualBench
 
 DEMO_RIG, DEMO_RECORD = DATA / "rig.toml", DATA / "prbs.mat"
 
@@ -56,6 +59,13 @@ def demo_rig():
 @pytest.fixture(scope="session")
 def demo_record(demo_rig):
     return ambid.Record.load(DEMO_RECORD, demo_rig)
+
+
+@pytest.fixture(scope="session")
+def demo_truth():
+    """Of the bench that gave `prbs.mat`."""
+    k_i, k_s = (217.1999, 224.8019, 277.8034, 284.7485), (2391356.59, 2475054.07, 3129063.21, 3207289.79)
+    return dict(zip(NAMES, (*k_i, *k_s, 0.00025), strict=True))
 
 
 @pytest.fixture(scope="session")

@@ -9,12 +9,9 @@ import ambid
 from ambid.diagnosis import diagnose, rank
 from ambid.effects import CATALOGUE, Effect, EffectParameter
 from hidden.bench import measured
+from hidden.families import BENCHES
 
-TRUTH = {
-    "K_i": np.array([205.0, 212.0, 262.0, 268.0]),
-    "K_s": np.array([2.39e6, 2.49e6, 3.13e6, 3.19e6]),
-    "tau_e": 2.5e-4,
-}
+TRUTH = BENCHES["bench"].truth
 HIDDEN = {
     "seal_forces": {"z": 0.43, "direct": 8e5, "cross": 6e5, "damping": 300.0},
     "axis_cross_coupling": {"fraction": 0.01},
