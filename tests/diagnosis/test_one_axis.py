@@ -1,5 +1,7 @@
 """Whole diagnoses of a mass on one axis: what is hidden is named, and what has no name is given none."""
 
+import json
+
 import pytest
 
 from ambid.diagnosis import diagnose
@@ -56,3 +58,15 @@ def test_a_person_may_choose():
     found = diagnose(RIG, record({"loop_delay": NAMED["loop_delay"]}, 4), effects=["sensor_lag", "loop_delay"])
     assert "loop_delay" in found.effects
     assert found.history[-1].misfit == pytest.approx(1.0, abs=0.1)
+
+
+def test_json_is_as_the_contract_says():
+    found = diagnose(RIG, record({"loop_delay": NAMED["loop_delay"]}, 6)).to_json()
+    json.dumps(found, allow_nan=False)
+    assert {"verdict", "effects", "ambiguous_sets", "history", "where", "parameters", "next_experiment"} <= set(found)
+    step = found["history"][0]
+    keys = {"effects", "fit_percent", "validation_fit_percent", "misfit", "validation_misfit", "candidates"}
+    assert keys <= set(step)
+    candidate = {"effect", "score", "p_value", "predicted_value", "predicted_misfit", "confusable_with"}
+    assert candidate <= set(step["candidates"][0])
+    assert {"channel", "band_hz", "misfit", "kind"} <= set(found["where"][0])
