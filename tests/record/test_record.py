@@ -479,4 +479,5 @@ def test_measured_cases():
             record = Record.load(path, rig)
             assert (record.period, record.notes) == (period, ())
             fits = [fit for channel, fit in noise_ceiling(record).items() if channel.startswith("y.")]
-            assert np.mean(fits) == pytest.approx(ceiling, abs=0.1) or path.stem == "validate"
+            if path.stem != "validate":
+                assert np.mean(fits) == pytest.approx(ceiling, abs=0.1)
