@@ -46,7 +46,7 @@ def command(monkeypatch, capsys):
 
 
 @pytest.fixture(scope="session")
-def rig(request):
+def rig():
     """The two-bearing bench of the independent simulator."""
     return ambid.Rig.load(BENCH)
 

@@ -6,17 +6,10 @@ import pytest
 import ambid
 from ambid.diagnosis import diagnose
 from ambid.errors import RecordError
-from ambid.rig import Rig
 from hidden.bench import simulate
 from hidden.families import BENCHES
-from places import BENCH
 
 TRUTH = BENCHES["bench"].truth
-
-
-@pytest.fixture(scope="module")
-def rig(request):
-    return Rig.load(BENCH)
 
 
 @pytest.fixture(scope="module")

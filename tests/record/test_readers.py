@@ -9,7 +9,7 @@ import scipy.io
 import ambid.record.readers
 from ambid.errors import InputError, RecordError
 from ambid.record import Record
-from reference.records import AXES, MATRICES, PERIOD, RIG, TIMES, measured, signals_of, write_csv
+from reference.records import AXES, MATRICES, PERIOD, RIG, measured, signals_of, times, write_csv
 
 h5py = pytest.importorskip("h5py")
 pytest.importorskip("pyarrow")
@@ -121,12 +121,12 @@ BROKEN_CSV = {
     "one i_c missing": (without("i_c.A_eta"), ["i_c", "missing: A_eta"]),
     "no y": (rewritten(lambda lines: [lines[0].replace("y.", "x."), *lines[1:]]), ["y.<axis>"]),
     "column twice": (rewritten(lambda lines: [lines[0].replace("y.A_eta", "y.A_zeta"), *lines[1:]]), ["2 times"]),
-    "t in milliseconds": (with_times(TIMES * 1e3), ["10 Hz", "milliseconds"]),
+    "t in milliseconds": (with_times(times * 1e3), ["10 Hz", "milliseconds"]),
     "t in samples": (with_times(np.arange(5 * PERIOD)), ["sample numbers"]),
-    "another rate": (with_times(TIMES / 2), ["20000 Hz", "rig"]),
-    "t goes back": (with_times(np.where(TIMES[90] == TIMES, 0.0, TIMES)), ["not increase", "row 91"]),
-    "t stands": (with_times(np.where(TIMES[90] == TIMES, TIMES[89], TIMES)), ["not increase", "more digits"]),
-    "gap in t": (with_times(TIMES + 3e-4 * (TIMES[499] < TIMES)), ["gap", "row 501", "3 samples"]),
+    "another rate": (with_times(times / 2), ["20000 Hz", "rig"]),
+    "t goes back": (with_times(np.where(times == times[90], 0.0, times)), ["not increase", "row 91"]),
+    "t stands": (with_times(np.where(times == times[90], times[89], times)), ["not increase", "more digits"]),
+    "gap in t": (with_times(times + 3e-4 * (times > times[499])), ["gap", "row 501", "3 samples"]),
     "lost sample": (rewritten(lambda lines: lines[:300] + lines[301:]), ["gap", "row 300", "1 samples"]),
 }
 
@@ -147,7 +147,7 @@ BROKEN_MAT = {
     "neither fs nor t": ({"fs": None, "t": None}, ["neither 'fs' [Hz] nor 't'"]),
     "fs against t": ({"fs": 5e3}, ["t says 10000 Hz, fs says 5000 Hz"]),
     "two rates": ({"fs": [1e4, 2e4]}, ["fs has 2 values"]),
-    "t of another length": ({"t": TIMES[:-1]}, ["t has 1269 rows, y has 1270"]),
+    "t of another length": ({"t": times[:-1]}, ["t has 1269 rows, y has 1270"]),
     "complex y": ({"y": measured()["y"] * 1j}, ["y holds complex128"]),
     "axes as numbers": ({"axes": [1, 2, 3, 4]}, ["'axes' is not a list of names"]),
     "three axes": ({"axes": np.array(AXES[:3], dtype=object)}, ["'axes' names 3"]),

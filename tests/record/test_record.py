@@ -11,12 +11,12 @@ from reference.records import (
     MATRICES,
     PERIOD,
     RIG,
-    TIMES,
     change,
     clipped,
     measured,
     scaled,
     signals_of,
+    times,
     write_csv,
 )
 
@@ -108,11 +108,11 @@ def test_stated_notes(tmp_path):
     def notes(record):
         return " | ".join(record.notes)
 
-    assert "not used: speed" in notes(Record.load(write_csv(tmp_path / "a.csv", signals, extra={"speed": TIMES}), RIG))
-    assert "starts at 3 s" in notes(Record.load(write_csv(tmp_path / "b.csv", signals, t=TIMES + 3), RIG))
-    jitter = TIMES + np.random.default_rng(0).uniform(-1e-5, 1e-5, TIMES.size)
+    assert "not used: speed" in notes(Record.load(write_csv(tmp_path / "a.csv", signals, extra={"speed": times}), RIG))
+    assert "starts at 3 s" in notes(Record.load(write_csv(tmp_path / "b.csv", signals, t=times + 3), RIG))
+    jitter = times + np.random.default_rng(0).uniform(-1e-5, 1e-5, times.size)
     assert "jitters" in notes(Record.load(write_csv(tmp_path / "c.csv", signals, t=jitter), RIG))
-    slow = write_csv(tmp_path / "d.csv", signals, t=TIMES * 1.0005)
+    slow = write_csv(tmp_path / "d.csv", signals, t=times * 1.0005)
     assert "taken as the rig's 10000 Hz" in notes(Record.load(slow, RIG))
     assert Record.load(slow, RIG).sample_rate == 1e4
     turned = {name: array.T for name, array in signals.items()}

@@ -10,8 +10,8 @@ from places import BENCH
 RIG = Rig.load(BENCH)
 AXES = RIG.axes
 PERIOD = 127 * 2
-TIMES = np.arange(5 * PERIOD) / 1e4
-MATRICES = {"fs": 1e4, "t": TIMES, "axes": np.array(AXES, dtype=object)}
+times = np.arange(5 * PERIOD) / 1e4
+MATRICES = {"fs": 1e4, "t": times, "axes": np.array(AXES, dtype=object)}
 """Variables of a .mat beside its signals."""
 
 
