@@ -10,7 +10,7 @@ import ambid.cli
 from ambid.demo import DATA
 from ambid.excitation import prbs
 from places import BENCH
-from virtual import VirtualBench
+from virtual import NAMES, VirtualBench
 
 DEMO_RIG, DEMO_RECORD = DATA / "rig.toml", DATA / "prbs.mat"
 
@@ -43,7 +43,7 @@ def command(monkeypatch, capsys):
 
 
 @pytest.fixture(scope="session")
-def rig(request):
+def rig():
     """The two-bearing bench of the independent simulator."""
     return ambid.Rig.load(BENCH)
 
@@ -56,6 +56,13 @@ def demo_rig():
 @pytest.fixture(scope="session")
 def demo_record(demo_rig):
     return ambid.Record.load(DEMO_RECORD, demo_rig)
+
+
+@pytest.fixture(scope="session")
+def demo_truth():
+    """Of the bench that gave `prbs.mat`."""
+    k_i, k_s = (217.1999, 224.8019, 277.8034, 284.7485), (2391356.59, 2475054.07, 3129063.21, 3207289.79)
+    return dict(zip(NAMES, (*k_i, *k_s, 0.00025), strict=True))
 
 
 @pytest.fixture(scope="session")

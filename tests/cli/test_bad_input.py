@@ -292,7 +292,7 @@ OPTIONS = {
 
 CASES = RIGS | RECORDS | OPTIONS
 MESSAGES: dict[str, str] = {}
-"""Message of each case that has run, to be compared with those of the others."""
+"""Message of each case that has run, to be compared with those of the others; a module runs in one process."""
 
 
 @pytest.mark.parametrize("case", CASES)

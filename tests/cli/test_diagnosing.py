@@ -17,7 +17,7 @@ from ambid.diagnosis import search
 from ambid.effects import CATALOGUE
 from ambid.errors import IdentificationError
 from ambid.noise import Noise
-from virtual import AXES
+from places import LEVITATOR
 
 CELL = {"record", "channel", "band_hz", "misfit", "kind"}
 DELAY = 5e-5
@@ -25,13 +25,13 @@ DELAY = 5e-5
 
 @pytest.fixture(scope="module")
 def late(tmp_path_factory):
-    """A rig file, and two records of the same machine, at two amplitudes, whose loop has a delay more."""
+    """A rig file of one axis, and two records of the machine, at two amplitudes, whose loop has a delay more."""
     folder = tmp_path_factory.mktemp("late")
-    rig = ambid.Rig.load(DATA / "rig.toml")
+    rig = ambid.Rig.load(LEVITATOR)
     (folder / "rig.toml").write_text(rig.to_toml())
     truth = ambid.Model(rig).add("loop_delay", {"delay": DELAY})
     for name, amplitude, periods in (("run", 0.1, 5), ("other", 0.06, 5), ("brief", 0.1, 2)):
-        i_e = ambid.prbs(8, amplitude=amplitude, hold=2, axes=4, periods=periods)
+        i_e = ambid.prbs(8, amplitude=amplitude, hold=2, axes=1, periods=periods)
         truth.virtual_experiment(i_e, seed=periods).save(folder / f"{name}.csv")
     return folder
 
@@ -57,7 +57,7 @@ def test_check_of_a_sound_record(here, command):
 def test_check_of_a_record_with_a_wrong_sign(here, command):
     rig, run = here
     record = ambid.Record.load(run)
-    ambid.Record("turned", record.sample_rate, AXES, record.i_e, -record.y, record.i_c).save("turned.csv")
+    ambid.Record("turned", record.sample_rate, record.axes, record.i_e, -record.y, record.i_c).save("turned.csv")
     result = command("check", rig, "turned.csv", "--json", "c.json")
     assert result.code == 2
     assert "NOT SOUND" in result.out
@@ -237,16 +237,18 @@ def test_one_effect_on_a_rig(here, command):
     assert "makes no sense on this rig" in command("effects", "unbalance", "--rig", here[0]).out
 
 
-def test_effects_in_a_virtual_experiment(here, command):
+@pytest.mark.usefixtures("here")
+def test_effects_in_a_virtual_experiment(command):
+    rig = DATA / "rig.toml"
     options = ("--seconds", "0.26", "--effect", "loop_delay:delay=1e-5", "--effect", "seal_forces:z=0.43,damping=400")
-    result = command("simulate", here[0], "--out", "v.csv", *options, "--json", "v.json", "--quiet")
+    result = command("simulate", rig, "--out", "v.csv", *options, "--json", "v.json", "--quiet")
     assert result.code == 0
     content = json.loads(Path("v.json").read_text())
     assert content["effects"] == ["loop_delay", "seal_forces"]
     assert content["parameters"]["seal_forces.damping"] == {"value": 400.0, "unit": "N s/m"}
-    ambid.Model(ambid.Rig.load(here[0])).add("loop_delay", {"delay": 1e-5}).save("m.json")
+    ambid.Model(ambid.Rig.load(rig)).add("loop_delay", {"delay": 1e-5}).save("m.json")
     again = ("--model", "m.json", "--effect", "seal_forces:z=0.43,damping=400", "--seconds", "0.26", "--quiet")
-    assert command("simulate", here[0], "--out", "w.csv", *again).code == 0
+    assert command("simulate", rig, "--out", "w.csv", *again).code == 0
     assert Path("v.csv").read_text() == Path("w.csv").read_text()
 
 

@@ -1,14 +1,16 @@
 """The demo tells a true story, and its data are what they are said to be."""
 
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
 import ambid
-from ambid import demo
 from ambid.demo import DATA
 from hidden.bench import simulate
+from virtual import NAMES
 
 RECORDS = {"hidden_train": (0.5, 3), "hidden_validate": (0.25, 7)}
 """Amplitude of the excitation [A], and seed."""
@@ -21,8 +23,13 @@ def truth():
 
 @pytest.fixture(scope="module")
 def told(tmp_path_factory):
-    folder, lines = tmp_path_factory.mktemp("demo") / "story", []
-    return demo.run(folder, lines.append), "\n".join(lines), folder
+    """What the command wrote and said, and the folder that it was given."""
+    folder = tmp_path_factory.mktemp("demo")
+    program = [sys.executable, "-c", "from ambid.cli import main; main()"]
+    options = ["demo", "--out", folder / "story", "--json", folder / "demo.json"]
+    ended = subprocess.run([*program, *options], capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr
+    return json.loads((folder / "demo.json").read_text()), ended.stdout, folder / "story"
 
 
 @pytest.mark.parametrize("name", RECORDS)
@@ -37,6 +44,14 @@ def test_the_hidden_records_come_from_the_independent_machine(name, truth, demo_
     for signal in ("i_e", "y", "i_c"):
         found, expected = getattr(kept, signal), getattr(made, signal)
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())
+
+
+def test_it_says_what_it_does(told):
+    result, text, _ = told
+    for words in ("Closed-loop identification", "static loading", "noise ceiling", "misfit"):
+        assert words in text
+    assert tuple(result["identify"]["parameters"]) == NAMES
+    assert tuple(result["static_load"]["parameters"]) == NAMES[:4]
 
 
 def test_the_fit_looks_well_and_is_wrong(told, truth):

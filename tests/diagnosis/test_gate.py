@@ -6,16 +6,10 @@ import pytest
 import ambid
 from ambid.diagnosis import diagnose
 from ambid.errors import RecordError
-from ambid.rig import Rig
 from hidden.bench import simulate
-from places import BENCH
+from hidden.families import BENCHES
 
-TRUTH = {"K_i": [205.0, 212.0, 262.0, 268.0], "K_s": [2.39e6, 2.49e6, 3.13e6, 3.19e6], "tau_e": 2.5e-4}
-
-
-@pytest.fixture(scope="module")
-def rig(request):
-    return Rig.load(BENCH)
+TRUTH = BENCHES["bench"].truth
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""The truth is in the reported set: every effect once, of a clear size; benchmarks/rates.py takes many seeds."""
+"""The truth is in the reported set: every effect once, of a clear size, on four axes; benchmarks/rates.py has seeds."""
 
 import pytest
 
@@ -6,6 +6,7 @@ from ambid.diagnosis import diagnose
 from hidden.experiment import experiment
 from hidden.physics import CATALOGUE, OUTSIDE
 
+pytestmark = pytest.mark.slow
 BEYOND_JUDGEMENT = {
     "command_quantisation": "of this size it adds noise, and nothing that repeats",
     "coulomb_friction": "before it slips it is a spring, which has a name",

@@ -15,12 +15,9 @@ from ambid.loop.loop import open_plant
 from ambid.loop.response import frequency_response
 from ambid.rig import Rig
 from hidden.bench import simulate
+from hidden.families import BENCHES
 
-TRUTH = {
-    "K_i": np.array([205.0, 212.0, 262.0, 268.0]),
-    "K_s": np.array([2.39e6, 2.49e6, 3.13e6, 3.19e6]),
-    "tau_e": 2.5e-4,
-}
+TRUTH = BENCHES["bench"].truth
 # name: hidden physics, our parameters, agreement relative to the peak
 AGREE = {
     "bending_mode_shift": (

@@ -7,6 +7,7 @@ import ambid
 from ambid.diagnosis import diagnose, rank
 from ambid.effects import CATALOGUE, Effect, EffectParameter
 from hidden.experiment import experiment
+from hidden.one_axis import NAMED, NAMELESS, ONE_AXIS, record
 
 
 class Hardening(Effect):
@@ -74,10 +75,24 @@ OWN = {
 }
 
 
+@pytest.fixture(params=["one axis", pytest.param("bench", marks=pytest.mark.slow)])
+def experiment_with(request):
+    """Rig, record to fit and record to validate with, of a machine that hides an effect."""
+
+    def make(name):
+        if request.param == "one axis":
+            hidden = {name: (NAMED | NAMELESS)[name]}
+            return ONE_AXIS.rig, record(hidden, 5), record(hidden, 6)
+        rig, (train,), (validate,), _ = experiment(name, "clear", 5)
+        return rig, train, validate
+
+    return make
+
+
 @pytest.mark.parametrize("hidden", OWN)
-def test_it_is_ranked_first_and_takes_the_error_to_the_ceiling(hidden):
+def test_it_is_ranked_first_and_takes_the_error_to_the_ceiling(experiment_with, hidden):
     own, rivals = OWN[hidden]
-    rig, (train,), (validate,), _ = experiment(hidden, "clear", 5)
+    rig, train, validate = experiment_with(hidden)
     catalogue = [effect for effect in CATALOGUE if effect.name not in rivals]
     comparison = ambid.compare(ambid.identify(rig, train).model, train)
     assert rank(comparison, [*catalogue, own]).candidates[0].effect.name == own.name

@@ -15,9 +15,7 @@ import ambid
 from ambid.effects import CATALOGUE, Effect, EffectParameter, find
 from ambid.errors import ModelError
 from ambid.report import write_report
-from places import TESTS
-
-RIG = TESTS / "data" / "levitator_rig.toml"
+from places import LEVITATOR
 
 
 @dataclass(frozen=True)
@@ -52,7 +50,7 @@ class Snubbers(Effect):
 
 def experiment(effect: Effect) -> tuple[ambid.Rig, ambid.Record]:
     """A virtual experiment of a levitator with the effect."""
-    rig = ambid.Rig.load(RIG)
+    rig = ambid.Rig.load(LEVITATOR)
     i_e = ambid.prbs(8, amplitude=0.5, hold=4, axes=1, periods=4)
     record = ambid.Model(rig).add(effect, {"force": 1.0}).virtual_experiment(i_e, seed=1)
     return rig, replace(record, name="run", period=len(i_e) // 4)
@@ -155,7 +153,7 @@ def stranger(tmp_path_factory):
     before, last, names = family.read_text().partition("EFFECTS = (\n")
     family.write_text(f"{before}{getsource(Snubbers)}\n\n{last}    Snubbers(),\n{names}")
     ended = subprocess.run(
-        [sys.executable, "-c", SESSION, str(RIG)],
+        [sys.executable, "-c", SESSION, str(LEVITATOR)],
         cwd=folder,
         env=os.environ | {"PYTHONPATH": str(package.parent), "NO_COLOR": "1"},
         capture_output=True,

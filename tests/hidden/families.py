@@ -28,8 +28,8 @@ class Bench:
         True, per axis [N/A, N/m].
     tau_e : float
         True [s].
-    hold, periods : int
-        Of the PRBS of order 10.
+    hold, periods, order : int
+        Of the PRBS.
     amplitude : float
         Of the excitation [A].
     middle : float
@@ -44,11 +44,17 @@ class Bench:
     periods: int
     amplitude: float
     middle: float
+    order: int = 10
+
+    @property
+    def truth(self) -> dict:
+        """K_i, K_s and tau_e as `bench.simulate` takes them."""
+        return {"K_i": np.array(self.K_i), "K_s": np.array(self.K_s), "tau_e": self.tau_e}
 
     @property
     def period(self) -> int:
         """Samples per period."""
-        return 1023 * self.hold
+        return (2**self.order - 1) * self.hold
 
     def known_to(self, effects: tuple[str, ...]) -> Rig:
         """The rig file of an experiment: at speed where the effect needs it, rigid where bending is hidden."""
@@ -61,7 +67,8 @@ class Bench:
 
     def excitation(self, amplitude: float, seed: int = 0) -> np.ndarray:
         """PRBS on all axes [A], shape (periods * period, axes)."""
-        return prbs(10, amplitude=amplitude, hold=self.hold, axes=len(self.rig.axes), periods=self.periods, seed=seed)
+        axes = len(self.rig.axes)
+        return prbs(self.order, amplitude=amplitude, hold=self.hold, axes=axes, periods=self.periods, seed=seed)
 
 
 BENCHES = {

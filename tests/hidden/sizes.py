@@ -103,7 +103,7 @@ def _whitened(bench: Bench, factor: np.ndarray, signals: np.ndarray, on_all_line
 def _yardstick(bench: Bench, rig_text: str, on_all_lines: bool) -> _Yardstick:
     """Noise spectrum and base parameters, by finite differences, of a bench with this rig file."""
     rig = type(bench.rig).from_toml(rig_text)
-    truth = {"K_i": bench.K_i, "K_s": bench.K_s, "tau_e": bench.tau_e}
+    truth = bench.truth
     still = np.zeros_like(bench.excitation(1.0))
     noise = [{"rig": rig, "i_e": still, **truth, "seed": seed} for seed in range(NOISE_RECORDS)]
     power = 0.0
@@ -134,9 +134,7 @@ def _job(bench: Bench, effects: tuple[str, ...], amplitude: float) -> dict:
     return {
         "rig": bench.known_to(effects),
         "i_e": bench.excitation(amplitude),
-        "K_i": bench.K_i,
-        "K_s": bench.K_s,
-        "tau_e": bench.tau_e,
+        **bench.truth,
         "seed": None,
     }
 

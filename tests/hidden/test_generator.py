@@ -12,7 +12,7 @@ from ambid.excitation import prbs
 from ambid.noise.whitener import Whitener
 from ambid.noise.window import Window
 from ambid.record import Record
-from ambid.rig import Bearing, PidController, PointMassRotor, Rig
+from ambid.rig import Rig
 from places import SHARED
 
 from .bench import MachineFailure, simulate, simulate_all
@@ -20,6 +20,7 @@ from .experiment import KINDS, experiment
 from .families import AT_SPEED, BENCHES, FAMILIES
 from .machine import half_order, magnet
 from .network import MEMORY, compiler, law, library
+from .one_axis import ONE_AXIS
 from .physics import CATALOGUE, OUTSIDE, settle
 from .sizes import TARGETS, score, sized
 
@@ -27,33 +28,13 @@ pytestmark = pytest.mark.skipif(compiler() is None, reason="hidden records need 
 CASES = SHARED / "cases"
 
 BENCH = BENCHES["bench"]
-TRUE = {"K_i": BENCH.K_i, "K_s": BENCH.K_s, "tau_e": BENCH.tau_e}
+TRUE = BENCH.truth
 QUIET = {**TRUE, "seed": None}
 SHORT = prbs(7, amplitude=1.0, hold=3, axes=4, periods=2)
 
-MASS, K_I, K_S, TAU = 12.0, 180.0, 1.2e6, 3e-4
-LEVITATOR = Rig(
-    name="levitator",
-    sample_rate=1e4,
-    rotor=PointMassRotor(mass=MASS),
-    bearing=(
-        Bearing(
-            name="A",
-            axes=("zeta",),
-            position=0.0,
-            sensor_position=0.0,
-            bias_current=4.0,
-            air_gap=6e-4,
-            force_current=K_I,
-            force_displacement=K_S,
-        ),
-    ),
-    amplifier={"time_constant": 1e-4},
-    actuator={"time_constant": TAU},
-    controller=PidController(
-        implementation="analog", proportional=15000.0, integral=3e5, derivative=45.0, derivative_time_constant=1e-4
-    ),
-)
+LEVITATOR = ONE_AXIS.rig
+MASS, TAU = LEVITATOR.rotor.mass, LEVITATOR.actuator.time_constant
+(K_I,), (K_S,) = LEVITATOR.bearings[0].force_current, LEVITATOR.bearings[0].force_displacement
 ALONE = {"K_i": K_I, "K_s": K_S, "tau_e": TAU, "seed": None}
 
 

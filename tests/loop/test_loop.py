@@ -1,4 +1,4 @@
-"""The loop room against closed forms, the full rotor, SciPy, python-control, complex steps and its own promises."""
+"""The loop room against closed forms, the full rotor, SciPy, python-control and its own promises."""
 
 import control
 import numpy as np
@@ -10,38 +10,24 @@ from scipy.optimize import linear_sum_assignment
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.loop.assembly import Lft
 from ambid.loop.response import frequency_response
-from ambid.rig import Rig
 from ambid.rotor import assemble, reduced_rotor
 from reference.loop_rigs import (
     BENCH,
-    CROSSED,
     DIGITAL,
     LEVITATOR,
     OFF,
     RIGS,
+    assert_close,
     excitation,
     filled_by,
     loop_of,
     parameters,
+    physical,
     rig,
 )
-from reference.physical_loop import PhysicalLoop, by_integration
+from reference.physical_loop import by_integration
 
 every_rig = pytest.mark.parametrize("machine", RIGS.values(), ids=RIGS.keys())
-
-
-def physical(machine: Rig, theta: np.ndarray, shared: bool = False) -> PhysicalLoop:
-    """The reference at parameters of shape (parameters,) or (parameters, sets)."""
-    values = np.asarray(theta).reshape(len(theta), -1)[list(filled_by(machine, shared).values())]
-    return PhysicalLoop(machine, *np.split(values, 3))
-
-
-def assert_close(actual, expected, tolerance) -> None:
-    """Within `tolerance` of each channel's peak."""
-    assert actual.shape == expected.shape
-    peak = np.max(np.abs(expected), axis=0)
-    assert np.all(peak > 0.0)
-    assert np.max(np.abs(actual - expected) / peak) < tolerance
 
 
 def assert_same_poles(actual, expected, tolerance) -> None:
@@ -174,64 +160,6 @@ def test_analog_response_agrees_with_python_control(name):
     sampled = control.sample_system(loop, 1.0 / machine.sample_rate, "zoh")
     expected = np.asarray(control.forced_response(sampled, inputs=u.T).outputs).reshape(3 * n, -1)[n:].T
     assert_close(loop_of(machine).simulate(theta, u), expected, 1e-9)
-
-
-# Sensitivities --------------------------------------------------------------------------------------------------------
-
-
-def assert_slopes_by_complex_step(machine: Rig, shared: bool, theta: np.ndarray, samples: int = 150) -> None:
-    u, every = excitation(machine, samples), range(len(theta))
-    y, jacobian = loop_of(machine, shared).sensitivity(theta, u, every)
-    step = 1e-20 * theta
-    stepped = physical(machine, theta[:, None] + 1j * np.diag(step), shared).respond(u)
-    expected = stepped.imag / step
-    assert_close(y, stepped[:, :, 0].real, 1e-9)
-    peak = np.max(np.abs(expected), axis=0)
-    n = len(machine.axes)  # each column by the peak of its own unit: a parameter of one plane does nothing in the other
-    for slopes, exact in ((jacobian[:, :n], expected[:, :n]), (jacobian[:, n:], expected[:, n:])):
-        peak = np.max(np.abs(exact), axis=(0, 1))
-        assert np.all(peak > 0.0)
-        assert np.max(np.abs(slopes - exact) / peak) < 1e-8
-
-
-@pytest.mark.parametrize("shared", [True, False], ids=["one tau_e", "tau_e of each axis"])
-@pytest.mark.parametrize("name", ["analog", "analog, rotating", "digital, delay 1.5, twice the rate"])
-def test_sensitivity_agrees_with_complex_step(name, shared):
-    assert_slopes_by_complex_step(RIGS[name], shared, parameters(RIGS[name], shared))
-
-
-@pytest.mark.parametrize(
-    "name",
-    ["analog, ideal amplifier", "analog, one axis", "digital, delay 0.3, ideal amplifier"],
-)
-def test_sensitivity_agrees_with_complex_step_on_odd_rigs(name):
-    assert_slopes_by_complex_step(RIGS[name], False, parameters(RIGS[name]))
-
-
-@pytest.mark.parametrize("spread", [0.0, 1e-6, 2e-5, 1e-3])
-@pytest.mark.parametrize("controller", [{}, DIGITAL], ids=["analog", "digital"])
-def test_sensitivity_holds_where_the_poles_of_two_planes_coincide(controller, spread):
-    """Crossed axes couple two equal planes, so that their poles are double or nearly so."""
-    machine = rig(tilts=(30.0, 75.0), **controller)
-    assert_slopes_by_complex_step(machine, True, parameters(machine, True, spread))
-
-
-@pytest.mark.parametrize("delay", [0.3, 1.0, 1.5, 2.2])
-@pytest.mark.parametrize("steps", [2, 4])
-def test_sensitivity_holds_where_the_poles_of_the_delay_gather_at_zero(steps, delay):
-    """Commands under way are forgotten within a sample of the record, the more so with a faster controller."""
-    machine = rig(amplifier=5e-5, **CROSSED, **DIGITAL | {"delay_samples": delay, "sample_rate": steps * 1e4})
-    assert_slopes_by_complex_step(machine, False, parameters(machine), samples=30)
-
-
-def test_sensitivity_gives_the_asked_columns_in_their_order():
-    machine = RIGS["analog"]
-    loop, theta, u = loop_of(machine), parameters(machine), excitation(machine)
-    _, whole = loop.sensitivity(theta, u, range(12))
-    y, some = loop.sensitivity(theta, u, [7, 0, 10])
-    assert_close(y, loop.simulate(theta, u), 1e-10)
-    # the columns of the other plane are zero
-    assert np.max(np.abs(some - whole[:, :, [7, 0, 10]])) <= 1e-10 * np.max(np.abs(some))
 
 
 # What the loop promises -----------------------------------------------------------------------------------------------

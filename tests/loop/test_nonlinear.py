@@ -44,7 +44,9 @@ def test_response_is_that_of_an_adaptive_integrator(kind, loop):
     assert worst(np.array(y), expected) > 1e-3, "this loop is hardly nonlinear"
 
 
-@pytest.mark.parametrize("loop", LOOPS)
+@pytest.mark.parametrize(
+    "loop", ["analog", "late", *(pytest.param(loop, marks=pytest.mark.slow) for loop in ("digital", "delayed"))]
+)
 @pytest.mark.parametrize("kind", KINDS)
 def test_derivatives_are_those_of_the_reference(kind, loop):
     plant, u = KINDS[kind](**LOOPS[loop]), excitation(60)
@@ -76,14 +78,15 @@ def test_tables_stand_for_the_function_that_they_sample():
     theta, u = np.array([180.0, 1.6e6, 4e-4, 1.0]), excitation(300)
     assert worst(as_table.simulate(theta, u), as_terms.simulate(theta, u)) < 1e-4
 
+    grid = np.linspace(-1.0, 1.0, 9)
+    values_1d = 30.0 * np.sin(2.0 * grid)
+    values = CubicSpline(grid, values_1d, bc_type="natural")
+
     @law(1)
     def spline(theta, z):
-        values = CubicSpline(grid, values_1d, bc_type="natural")
         inside = np.clip(z[0], grid[0], grid[-1])
         return theta[3] * (values(inside) + values(inside, 1) * (z[0] - inside))
 
-    grid = np.linspace(-1.0, 1.0, 9)
-    values_1d = 30.0 * np.sin(2.0 * grid)
     block = {"law": "table", "parameters": {"g": 3}, "first": [-1.0], "spacing": [0.25], "values": values_1d}
     plant = machine([{"z": [{"i_f": 1.0}], "w": {"v": 1 / MASS}}], [spline], [block], (1.0,))
     u = excitation(60)

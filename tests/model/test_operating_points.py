@@ -10,15 +10,18 @@ from ambid.errors import ModelError, RecordError
 from ambid.model import Model
 from ambid.rig import Rig
 from hidden.bench import measured
+from hidden.families import BENCHES
+from hidden.one_axis import ONE_AXIS
 
 HIGHER = 1.5
 """Bias current of the other point over that of the rig file."""
-TAU_E = 2.5e-4
-GAINS = {
-    "K_i": np.array([205.0, 212.0, 262.0, 268.0]),
-    "K_s": np.array([2.39e6, 2.49e6, 3.13e6, 3.19e6]),
-}
-GAINS_HIGHER = {"K_i": 1.45 * GAINS["K_i"], "K_s": 2.1 * GAINS["K_s"]}
+TRUTH = BENCHES["bench"].truth
+TAU_E = TRUTH["tau_e"]
+
+
+def truth_at_higher(truth: dict) -> dict:
+    """K_i and K_s grow with the bias current, tau_e does not."""
+    return truth | {"K_i": 1.45 * truth["K_i"], "K_s": 2.1 * truth["K_s"]}
 
 
 def higher(rig: Rig) -> Rig:
@@ -42,14 +45,10 @@ def i_e():
     return ambid.prbs(9, amplitude=1.0, hold=4, axes=4, periods=4)
 
 
-def record(rig, i_e, gains, hidden, seed):
-    return measured(rig, i_e, hidden, seed=seed, tau_e=TAU_E, **gains)
-
-
 def at_both(rig, i_e, hidden, seed=1):
     point = higher(rig)
-    other = record(point, i_e, GAINS_HIGHER, hidden, seed + 1).at(point)
-    return [record(rig, i_e, GAINS, hidden, seed), other]
+    other = measured(point, i_e, hidden, seed=seed + 1, **truth_at_higher(TRUTH)).at(point)
+    return [measured(rig, i_e, hidden, seed=seed, **TRUTH), other]
 
 
 def test_every_bias_current_has_its_own_gains_and_all_share_tau_e(rig, i_e):
@@ -57,11 +56,11 @@ def test_every_bias_current_has_its_own_gains_and_all_share_tau_e(rig, i_e):
     estimate = ambid.identify(rig, both)
     truth = {"tau_e": TAU_E}
     end = f"@{HIGHER * rig.bearings[0].bias_current:g}A"
-    for gains, suffix in ((GAINS, ""), (GAINS_HIGHER, end)):
+    for here, suffix in ((TRUTH, ""), (truth_at_higher(TRUTH), end)):
         truth |= {
             f"{kind}.{axis}{suffix}": value
-            for kind, values in gains.items()
-            for axis, value in zip(rig.axes, values, strict=True)
+            for kind in ("K_i", "K_s")
+            for axis, value in zip(rig.axes, here[kind], strict=True)
         }
     assert set(estimate.parameters) == set(truth)
     errors = [
@@ -98,15 +97,25 @@ def test_derivative_by_a_parameter_that_points_share(rig, i_e):
     assert not slopes[..., 1].any()  # K_i of the other bias current
 
 
-def test_a_second_bias_current_tells_saturation(rig, i_e):
+@pytest.mark.parametrize(
+    ("machine", "amplitude"),
+    [
+        pytest.param(ONE_AXIS, 1.0, id="one axis"),
+        pytest.param(BENCHES["bench"], 2.0, id="bench", marks=pytest.mark.slow),
+    ],
+)
+def test_a_second_bias_current_tells_saturation(machine, amplitude):
     """Small records at each bias alone are linear; the force law goes with the bias."""
     hidden = [{"flux_saturation": {"level": level}} for level in (0.55, 0.55 * HIGHER)]
-    point = higher(rig)
+    rig, point = machine.rig, higher(machine.rig)
+    truth, truth_there = machine.truth, truth_at_higher(machine.truth)
+    i_e = amplitude * ambid.prbs(9, amplitude=1.0, hold=4, axes=len(rig.axes), periods=4)
     train = [
-        record(rig, 2.0 * i_e, GAINS, hidden[0], 1),
-        record(point, 2.0 * i_e, GAINS_HIGHER, hidden[1], 2).at(point),
+        measured(rig, i_e, hidden[0], seed=1, **truth),
+        measured(point, i_e, hidden[1], seed=2, **truth_there).at(point),
     ]
-    found = diagnose(rig, train, validate=[record(point, i_e, GAINS_HIGHER, hidden[1], 3).at(point)])
+    validate = [measured(point, 0.5 * i_e, hidden[1], seed=3, **truth_there).at(point)]
+    found = diagnose(rig, train, validate=validate)
     assert found.effects == ("flux_saturation",)
     first, last = found.history[0], found.history[-1]
     assert last.misfit < 1.2 < 2.0 < first.misfit
@@ -114,10 +123,12 @@ def test_a_second_bias_current_tells_saturation(rig, i_e):
     assert found.model.at(point).rig == point
 
 
+@pytest.mark.slow
 def test_a_second_speed_tells_gyroscopic_coupling(rig, i_e):
+    """Two fast ones like it: the example of two operating points, and the ranking of what needs a rotor."""
     fast = rig.replace(speed=800.0)
     hidden = {"gyroscopic_coupling": {"factor": 1.5}}
-    train = [record(rig, i_e, GAINS, {}, 1), record(fast, i_e, GAINS, hidden, 2).at(fast)]
+    train = [measured(rig, i_e, {}, seed=1, **TRUTH), measured(fast, i_e, hidden, seed=2, **TRUTH).at(fast)]
     found = diagnose(rig, train)
     assert found.effects == ("gyroscopic_coupling",)
     assert found.history[-1].misfit == pytest.approx(1.0, abs=0.06)

@@ -13,13 +13,9 @@ from ambid.loop.response import frequency_response
 from ambid.noise.whitener import Whitener
 from ambid.noise.window import Window
 from hidden.bench import simulate
-from places import BENCH
+from hidden.families import BENCHES
+from hidden.one_axis import ONE_AXIS
 
-TRUTH = {
-    "K_i": np.array([205.0, 212.0, 262.0, 268.0]),
-    "K_s": np.array([2.39e6, 2.49e6, 3.13e6, 3.19e6]),
-    "tau_e": 2.5e-4,
-}
 LEVITATOR = """
 name = "levitator"
 sample_rate = 300.0
@@ -77,25 +73,31 @@ def test_too_short_a_record_is_refused():
         Whitener.from_residual(np.random.default_rng(2).standard_normal((34, 8)), window, np.ones((34, 4)))
 
 
+DELAY = {"loop_delay": {"seconds": 5e-5}}
+SEAL = {"seal_forces": {"z": 0.43, "direct": 8e5, "cross": 6e5, "damping": 300.0}}
+
+
 @pytest.mark.parametrize(
-    ("hidden", "named"),
+    ("machine", "hidden"),
     [
-        ({}, set()),
-        ({"loop_delay": {"seconds": 5e-5}}, {"loop_delay"}),
-        ({"seal_forces": {"z": 0.43, "direct": 8e5, "cross": 6e5, "damping": 300.0}}, {"seal_forces"}),
+        pytest.param(ONE_AXIS, {}, id="one axis-nothing"),
+        pytest.param(ONE_AXIS, DELAY, id="one axis-loop_delay"),
+        pytest.param(BENCHES["bench"], {}, id="bench-nothing", marks=pytest.mark.slow),
+        pytest.param(BENCHES["bench"], DELAY, id="bench-loop_delay", marks=pytest.mark.slow),
+        pytest.param(BENCHES["bench"], SEAL, id="bench-seal_forces", marks=pytest.mark.slow),
     ],
 )
-def test_what_is_hidden_is_named_without_periods(request, hidden, named):
-    rig = Rig.load(BENCH)
-    chips = np.random.default_rng(3).choice([-1.0, 1.0], (3000, 4))
-    made = simulate(rig, np.repeat(chips, 4, axis=0), hidden, seed=4, **TRUTH)
+def test_what_is_hidden_is_named_without_periods(machine, hidden):
+    rig = machine.rig
+    chips = np.random.default_rng(3).choice([-1.0, 1.0], (3000, len(rig.axes)))
+    made = simulate(rig, np.repeat(chips, 4, axis=0), hidden, seed=4, **machine.truth)
     record = Record.from_arrays(
         y=made.y, i_e=made.i_e, i_c=made.i_c, sample_rate=rig.sample_rate, axes=rig.axes, rig=rig
     )
     assert record.period is None
     found = diagnose(rig, record)
     assert found.verdict == ("explained" if hidden else "adequate")
-    assert set(found.effects) == named
+    assert set(found.effects) == set(hidden)
     assert found.history[-1].misfit == pytest.approx(1.0, abs=0.04)
     assert any("does not repeat" in note for note in found.notes)
 

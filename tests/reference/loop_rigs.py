@@ -8,6 +8,8 @@ import places
 from ambid.loop.loop import Loop
 from ambid.rig import Amplifier, Bearing, PidController, PointMassRotor, Rig
 
+from .physical_loop import PhysicalLoop
+
 BENCH = Rig.load(places.BENCH)
 LEVITATOR = BENCH.replace(
     rotor=PointMassRotor(mass=2.0),
@@ -79,3 +81,17 @@ def parameters(machine: Rig, shared: bool = False, spread: float = 0.1, seed: in
 def excitation(machine: Rig, samples: int = 200, seed: int = 2) -> np.ndarray:
     """Independent random steps on every axis [A]."""
     return np.random.default_rng(seed).choice([-1.0, 1.0], (samples, len(machine.axes)))
+
+
+def physical(machine: Rig, theta: np.ndarray, shared: bool = False) -> PhysicalLoop:
+    """The reference at parameters of shape (parameters,) or (parameters, sets)."""
+    values = np.asarray(theta).reshape(len(theta), -1)[list(filled_by(machine, shared).values())]
+    return PhysicalLoop(machine, *np.split(values, 3))
+
+
+def assert_close(actual, expected, tolerance) -> None:
+    """Within `tolerance` of each channel's peak."""
+    assert actual.shape == expected.shape
+    peak = np.max(np.abs(expected), axis=0)
+    assert np.all(peak > 0.0)
+    assert np.max(np.abs(actual - expected) / peak) < tolerance

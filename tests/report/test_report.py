@@ -11,6 +11,7 @@ import ambid
 from ambid.diagnosis import Diagnosis
 from ambid.errors import InputError
 from ambid.report import numbers, words, write_report
+from places import LEVITATOR
 
 VOID = {"meta", "img"}
 CHAPTERS = [
@@ -49,12 +50,13 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def explained(demo_rig):
-    hidden = ambid.Model(demo_rig).add("loop_delay", {"delay": 5e-5})
-    i_e = ambid.prbs(9, amplitude=1.0, hold=4, axes=4, periods=4)
+def explained():
+    rig = ambid.Rig.load(LEVITATOR)
+    hidden = ambid.Model(rig).add("loop_delay", {"delay": 5e-5})
+    i_e = ambid.prbs(9, amplitude=1.0, hold=4, axes=1, periods=4)
     train, other = (hidden.virtual_experiment(factor * i_e, seed=seed) for factor, seed in ((1.0, 1), (0.5, 2)))
     train, other = (replace(r, name=name, period=2044) for r, name in ((train, "train"), (other, "other")))
-    found = ambid.diagnose(demo_rig, train, validate=[other])
+    found = ambid.diagnose(rig, train, validate=[other])
     assert found.verdict == "explained"
     assert found.effects == ("loop_delay",)
     return found

@@ -179,7 +179,14 @@ def test_conical_whirl_of_a_rigid_rotor_on_springs(speed):
 # Mesh and reduction ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("rotor", [bench(), stepped(), bench(flexible_modes=6)], ids=["bench", "stepped", "six modes"])
+@pytest.mark.parametrize(
+    "rotor",
+    [
+        pytest.param(bench(), id="bench"),
+        pytest.param(stepped(), id="stepped"),
+        pytest.param(bench(flexible_modes=6), id="six modes", marks=pytest.mark.slow),
+    ],
+)
 def test_kept_frequencies_do_not_change_when_every_element_is_halved(rotor):
     model = assemble(rotor, [0.07])
     kept = reduce(model, rotor.flexible_modes).frequencies_rad_s[2:]

@@ -1,0 +1,72 @@
+"""Whole diagnoses of a mass on one axis: what is hidden is named, and what has no name is given none."""
+
+import json
+
+import pytest
+
+from ambid.diagnosis import diagnose
+from ambid.effects import CATALOGUE
+from hidden.one_axis import NAMED, NAMELESS, ONE_AXIS, record
+
+RIG = ONE_AXIS.rig
+
+
+def named(found):
+    return {*found.effects, *(name for names in found.ambiguous_sets for name in names)}
+
+
+def test_all_that_makes_sense_on_one_axis_is_hidden_here():
+    assert {effect.name for effect in CATALOGUE if effect.parameters(RIG)} == set(NAMED)
+
+
+@pytest.mark.parametrize("effect", NAMED)
+def test_a_hidden_effect_is_named_and_the_values_come_right(effect):
+    hidden = {effect: NAMED[effect]}
+    found = diagnose(RIG, record(hidden, 1), validate=[record(hidden, 2, share=0.8)])
+    assert found.verdict in ("explained", "ambiguous"), found
+    assert effect in named(found), found
+    assert found.history[0].misfit > 1.5
+    assert found.history[-1].misfit == pytest.approx(1.0, abs=0.1)
+    assert found.history[-1].validation_misfit < 1.2
+    values = {p.name: p.value for p in found.model.parameters}
+    assert values["K_i.A_zeta"] == pytest.approx(ONE_AXIS.K_i[0], rel=0.03)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_nothing_hidden_is_adequate(seed):
+    found = diagnose(RIG, record({}, seed))
+    assert found.verdict == "adequate", found
+    assert found.effects == ()
+    assert found.history[-1].misfit == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("effect", NAMELESS)
+def test_what_has_no_name_is_given_none(effect):
+    found = diagnose(RIG, record({effect: NAMELESS[effect]}, 1))
+    assert found.verdict == "none_of_the_candidates", found
+    assert found.effects == ()
+
+
+@pytest.mark.parametrize("pair", [("loop_delay", "periodic_disturbance"), ("sensor_lag", "eddy_currents")])
+def test_two_at_once(pair):
+    found = diagnose(RIG, record({name: NAMED[name] for name in pair}, 1))
+    assert set(pair) <= named(found), found
+    assert found.history[-1].misfit == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_person_may_choose():
+    found = diagnose(RIG, record({"loop_delay": NAMED["loop_delay"]}, 4), effects=["sensor_lag", "loop_delay"])
+    assert "loop_delay" in found.effects
+    assert found.history[-1].misfit == pytest.approx(1.0, abs=0.1)
+
+
+def test_json_is_as_the_contract_says():
+    found = diagnose(RIG, record({"loop_delay": NAMED["loop_delay"]}, 6)).to_json()
+    json.dumps(found, allow_nan=False)
+    assert {"verdict", "effects", "ambiguous_sets", "history", "where", "parameters", "next_experiment"} <= set(found)
+    step = found["history"][0]
+    keys = {"effects", "fit_percent", "validation_fit_percent", "misfit", "validation_misfit", "candidates"}
+    assert keys <= set(step)
+    candidate = {"effect", "score", "p_value", "predicted_value", "predicted_misfit", "confusable_with"}
+    assert candidate <= set(step["candidates"][0])
+    assert {"channel", "band_hz", "misfit", "kind"} <= set(found["where"][0])

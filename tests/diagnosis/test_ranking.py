@@ -1,0 +1,23 @@
+"""The ranking puts first what is hidden: effects of a rotor and of several axes, in short records of the bench."""
+
+import pytest
+
+import ambid
+from ambid.diagnosis import rank
+from hidden.bench import measured
+from hidden.families import BENCHES
+from hidden.one_axis import NAMED
+from hidden.physics import CATALOGUE
+from hidden.sizes import sized
+
+BENCH = BENCHES["bench"]
+
+
+@pytest.mark.parametrize("effect", [name for name in CATALOGUE if name not in NAMED])
+def test_the_hidden_effect_is_ranked_first(effect):
+    hidden, rig = sized(effect, "large"), BENCH.known_to((effect,))
+    i_e = ambid.prbs(8, amplitude=hidden.amplitude, hold=4, axes=4, periods=4)
+    modes = None if effect == "rotor_bending_mode" else rig.rotor.flexible_modes
+    record = measured(rig, i_e, {effect: hidden.parameters}, seed=1, flexible_modes=modes, **BENCH.truth)
+    ranking = rank(ambid.compare(ambid.identify(rig, record).model, record))
+    assert ranking.candidates[0].effect.name == effect

@@ -1,0 +1,199 @@
+"""Files of records: every format holds the same data, and every broken file is refused in its own words."""
+
+import time
+
+import numpy as np
+import pytest
+import scipy.io
+
+import ambid.record.readers
+from ambid.errors import InputError, RecordError
+from ambid.record import Record
+from reference.records import AXES, MATRICES, PERIOD, RIG, measured, signals_of, times, write_csv
+
+h5py = pytest.importorskip("h5py")
+pytest.importorskip("pyarrow")
+
+
+def write_v73(path, signals, axes=AXES):
+    """A .mat of version 7.3 as MATLAB writes it: a user block, arrays column by column, a cell array of references."""
+    samples = len(signals["y"])
+    with h5py.File(path, "w", userblock_size=512) as file:
+        arrays = {"fs": np.array([[1e4]]), "t": np.arange(samples)[None, :] / 1e4}
+        for name, array in (arrays | {name: array.T for name, array in signals.items()}).items():
+            file[name] = array
+            file[name].attrs["MATLAB_class"] = np.bytes_("double")
+        cells = file.create_dataset("axes", (1, len(axes)), dtype=h5py.ref_dtype)
+        cells.attrs["MATLAB_class"] = np.bytes_("cell")
+        for j, axis in enumerate(axes):
+            codes = file.create_dataset(f"#refs#/{j}", data=np.array([[ord(c)] for c in axis], dtype=np.uint16))
+            codes.attrs["MATLAB_class"] = np.bytes_("char")
+            cells[0, j] = codes.ref
+    with open(path, "r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file")
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mat", ".h5", ".hdf5", ".parquet"])
+def test_every_format_holds_the_same_record(tmp_path, suffix):
+    record = Record.from_arrays(**measured(), rig=RIG, name="run")
+    record.save(tmp_path / f"run{suffix}")
+    again = Record.load(tmp_path / f"run{suffix}", RIG)
+    for signal in ("i_e", "y", "i_c", "t"):
+        np.testing.assert_array_equal(getattr(again, signal), getattr(record, signal))
+    assert (again.name, again.axes, again.sample_rate, again.period) == ("run", AXES, 1e4, PERIOD)
+    assert again.notes == ()
+    assert again.i_ref is None
+    assert Record.load(tmp_path / f"run{suffix}").sample_rate == 1e4
+
+
+def test_v73_as_matlab_writes_it(tmp_path):
+    keywords = measured()
+    record = Record.load(write_v73(tmp_path / "run.mat", signals_of(keywords)), RIG)
+    np.testing.assert_array_equal(record.y, keywords["y"])
+    np.testing.assert_array_equal(record.i_e, keywords["i_e"])
+    assert record.axes == AXES
+    assert record.notes == ()
+
+
+@pytest.mark.parametrize("axes", [np.array(AXES), np.array(AXES, dtype=object), np.array([AXES], dtype=object)])
+def test_v5_axes_as_char_matrix_or_cells(tmp_path, axes):
+    scipy.io.savemat(tmp_path / "a.mat", {"fs": 1e4, **signals_of(measured()), "axes": axes})
+    assert Record.load(tmp_path / "a.mat", RIG).axes == AXES
+
+
+def test_hdf5_with_named_columns(tmp_path):
+    keywords = measured()
+    with h5py.File(tmp_path / "run.h5", "w") as file:
+        file["t"] = np.arange(len(keywords["y"])) / 1e4
+        for name, array in signals_of(keywords).items():
+            for j, axis in enumerate(AXES):
+                file[f"{name}.{axis}"] = array[:, j]
+    np.testing.assert_array_equal(Record.load(tmp_path / "run.h5", RIG).y, keywords["y"])
+
+
+def rewritten(edit):
+    """The text of a healthy .csv, edited line by line."""
+
+    def write(path):
+        write_csv(path, signals_of(measured()))
+        lines = path.read_text().splitlines()
+        path.write_text("\n".join(edit(lines)) + "\n")
+
+    return write
+
+
+def cell(row, column, value):
+    def edit(lines):
+        cells = lines[row].split(",")
+        cells[column] = value
+        return [*lines[:row], ",".join(cells), *lines[row + 1 :]]
+
+    return rewritten(edit)
+
+
+def with_times(t):
+    return lambda path: write_csv(path, signals_of(measured()), t=t)
+
+
+def without(column):
+    def edit(lines):
+        index = lines[0].split(",").index(column)
+        return [",".join(c for j, c in enumerate(line.split(",")) if j != index) for line in lines]
+
+    return rewritten(edit)
+
+
+BROKEN_CSV = {
+    "empty file": (lambda path: path.write_text(""), ["empty"]),
+    "missing file": (lambda path: None, ["no such file"]),
+    "not a text": (lambda path: path.write_bytes(b"\xff\xfe\x00" * 99), ["not a text file"]),
+    "header only": (rewritten(lambda lines: lines[:1]), ["without rows"]),
+    "no header": (rewritten(lambda lines: lines[1:]), ["first line holds numbers"]),
+    "word in a cell": (cell(57, 6, "off"), ["row 57", "y.A_eta", "'off'"]),
+    "empty cell": (cell(8, 1, ""), ["row 8", "i_e.A_zeta", "''"]),
+    "decimal comma": (cell(9, 1, "0,2"), ["row 9", "14 cells", "13"]),
+    "cut row": (rewritten(lambda lines: [*lines[:-1], lines[-1][:40]]), ["row 1270", "cells"]),
+    "NaN cell": (cell(12, 5, "nan"), ["y.A_zeta", "row 12"]),
+    "NaN in t": (cell(12, 0, "nan"), ["t is nan", "row 12"]),
+    "no t": (without("t"), ["column 't'", "missing"]),
+    "one y missing": (without("y.B_zeta"), ["missing: none", "unknown: B_zeta", "i_e"]),
+    "one i_c missing": (without("i_c.A_eta"), ["i_c", "missing: A_eta"]),
+    "no y": (rewritten(lambda lines: [lines[0].replace("y.", "x."), *lines[1:]]), ["y.<axis>"]),
+    "column twice": (rewritten(lambda lines: [lines[0].replace("y.A_eta", "y.A_zeta"), *lines[1:]]), ["2 times"]),
+    "t in milliseconds": (with_times(times * 1e3), ["10 Hz", "milliseconds"]),
+    "t in samples": (with_times(np.arange(5 * PERIOD)), ["sample numbers"]),
+    "another rate": (with_times(times / 2), ["20000 Hz", "rig"]),
+    "t goes back": (with_times(np.where(times == times[90], 0.0, times)), ["not increase", "row 91"]),
+    "t stands": (with_times(np.where(times == times[90], times[89], times)), ["not increase", "more digits"]),
+    "gap in t": (with_times(times + 3e-4 * (times > times[499])), ["gap", "row 501", "3 samples"]),
+    "lost sample": (rewritten(lambda lines: lines[:300] + lines[301:]), ["gap", "row 300", "1 samples"]),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN_CSV)
+def test_broken_csv(tmp_path, name):
+    write, words = BROKEN_CSV[name]
+    path = tmp_path / "bad.csv"
+    write(path)
+    with pytest.raises(RecordError) as caught:
+        Record.load(path, RIG)
+    for word in (str(path), *words):
+        assert word in str(caught.value)
+
+
+BROKEN_MAT = {
+    "no y": ({"y": None}, ["variable 'y'"]),
+    "neither fs nor t": ({"fs": None, "t": None}, ["neither 'fs' [Hz] nor 't'"]),
+    "fs against t": ({"fs": 5e3}, ["t says 10000 Hz, fs says 5000 Hz"]),
+    "two rates": ({"fs": [1e4, 2e4]}, ["fs has 2 values"]),
+    "t of another length": ({"t": times[:-1]}, ["t has 1269 rows, y has 1270"]),
+    "complex y": ({"y": measured()["y"] * 1j}, ["y holds complex128"]),
+    "axes as numbers": ({"axes": [1, 2, 3, 4]}, ["'axes' is not a list of names"]),
+    "three axes": ({"axes": np.array(AXES[:3], dtype=object)}, ["'axes' names 3"]),
+    "three dimensions": ({"y": np.ones((300, 2, 2))}, ["(300, 2, 2)"]),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN_MAT)
+def test_broken_mat(tmp_path, name):
+    changes, words = BROKEN_MAT[name]
+    content = MATRICES | signals_of(measured()) | changes
+    path = tmp_path / "bad.mat"
+    scipy.io.savemat(path, {key: value for key, value in content.items() if value is not None})
+    with pytest.raises(RecordError) as caught:
+        Record.load(path, RIG)
+    for word in (str(path), *words):
+        assert word in str(caught.value)
+
+
+@pytest.mark.parametrize("suffix", [".mat", ".h5", ".parquet"])
+def test_damaged_and_unknown_files(tmp_path, suffix):
+    path = tmp_path / f"bad{suffix}"
+    path.write_bytes(np.random.default_rng(0).bytes(2000))
+    with pytest.raises(RecordError, match="not a readable"):
+        Record.load(path)
+    with pytest.raises(RecordError, match=r"suffix '.xlsx'.*\.parquet"):
+        Record.load(tmp_path / "run.xlsx")
+    with pytest.raises(RecordError, match="suffix"):
+        Record.from_arrays(**measured(), rig=RIG).save(tmp_path / "run.txt")
+
+
+@pytest.mark.parametrize("suffix", [".h5", ".parquet"])
+def test_missing_package_says_how_to_install(tmp_path, monkeypatch, suffix):
+    def missing(name):
+        raise ImportError(name)
+
+    (tmp_path / f"r{suffix}").write_bytes(b"x")
+    monkeypatch.setattr(ambid.record.readers.importlib, "import_module", missing)
+    with pytest.raises(InputError, match=r"pip install 'ambid\[io\]'"):
+        Record.load(tmp_path / f"r{suffix}")
+
+
+def test_large_csv_is_read_fast(tmp_path):
+    rng = np.random.default_rng(0)
+    signals = {name: rng.normal(0, 1e-6, (20000, 4)) for name in ("i_e", "y", "i_c")}
+    path = write_csv(tmp_path / "large.csv", signals)
+    start = time.process_time()
+    Record.load(path)
+    assert time.process_time() - start < 0.6  # 0.15 s alone on one core

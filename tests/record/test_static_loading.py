@@ -1,0 +1,61 @@
+"""Tables of static loading: what is read of them, and what is refused."""
+
+import numpy as np
+import pytest
+
+from ambid.errors import RecordError
+from ambid.record import StaticLoading
+from reference.records import AXES, RIG
+
+LOADS = """step,z,F_x,F_y,i_c.A_zeta,i_c.A_eta,i_c.B_zeta,i_c.B_eta
+0,0.43,0,0,0.01,0.02,0.01,0
+1,0.43,250,0,-0.4,0.4,-0.3,0.3
+2,0.43,500,1,-0.8,0.8,-0.6,0.6
+3,0.43,0,250,-0.4,-0.4,-0.3,-0.3
+"""
+
+
+def test_static_loading(tmp_path):
+    path = tmp_path / "static_1.csv"
+    path.write_text(LOADS)
+    loads = StaticLoading.load(path, RIG)
+    assert (loads.name, loads.axes, loads.i_c.shape, loads.notes) == ("static_1", AXES, (4, 4), ())
+    np.testing.assert_array_equal(loads.force[2], [500, 1])
+    assert "4 steps up to 500 N" in repr(loads)
+    path.write_text(LOADS.replace("i_c.A_zeta,i_c.A_eta", "i_c.A_eta,i_c.A_zeta"))
+    swapped = StaticLoading.load(path, RIG)
+    np.testing.assert_array_equal(swapped.i_c[:, [1, 0, 2, 3]], loads.i_c)
+    assert "reordered" in swapped.notes[0]
+    assert StaticLoading.load(path).axes[0] == "A_eta"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "word"),
+    [
+        ("F_x", "Fx", "no column F_x"),
+        ("i_c.", "i.", "i_c.<axis>"),
+        ("i_c.B_eta", "i_c.C_eta", "unknown: C_eta"),
+        ("500", "nan", "F_x is nan in row 3"),
+        ("0.43", "430", "off the shaft"),
+        ("-0.8", "-800", "mA"),
+        ("0.02", "a", "'a' is not a number"),
+        ("1,0.43,250,0,-0.4,0.4,-0.3,0.3\n2,0.43,500,1,-0.8,0.8,-0.6,0.6\n", "", "2 load steps"),
+        (LOADS, "", "empty"),
+    ],
+)
+def test_broken_static_loading(tmp_path, old, new, word):
+    path = tmp_path / "static_1.csv"
+    path.write_text(LOADS.replace(old, new))
+    with pytest.raises(RecordError) as caught:
+        StaticLoading.load(path, RIG)
+    assert word in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_static_loading_needs_a_change_of_load(tmp_path):
+    path = tmp_path / "s.csv"
+    path.write_text("step,z,F_x,F_y,i_c.A_zeta\n0,0.4,9,9,0.1\n1,0.4,9,9,0.2\n2,0.4,9,9,0.3\n")
+    with pytest.raises(RecordError, match="two different loads"):
+        StaticLoading.load(path)
+    with pytest.raises(RecordError, match="use .csv"):
+        StaticLoading.load(tmp_path / "s.mat")
