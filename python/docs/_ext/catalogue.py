@@ -17,7 +17,7 @@ def generate(drawn: Path) -> str:
     """A section of each family, a part of each effect; the pictures go to the folder."""
     bench = Bench()
     parts = [_contents()]
-    for family, effects in groupby(sorted(CATALOGUE, key=_order), key=_family):
+    for family, effects in groupby(CATALOGUE, key=_family):
         parts.append(f"## {family.capitalize()}")
         for effect in effects:
             shown = bench.shown(effect)
@@ -27,19 +27,14 @@ def generate(drawn: Path) -> str:
 
 
 def _family(effect: Effect) -> str:
+    """Name of the file that it stands in."""
     return type(effect).__module__.rpartition(".")[2]
-
-
-def _order(effect: Effect) -> int:
-    """Families in the order of the catalogue, and effects in it as they come."""
-    families = list(dict.fromkeys(map(_family, CATALOGUE)))
-    return families.index(_family(effect))
 
 
 def _contents() -> str:
     rows = [
         [_family(effect), f"[`{effect.name}`](#{effect.name.replace('_', '-')})", effect.physics]
-        for effect in sorted(CATALOGUE, key=_order)
+        for effect in CATALOGUE
     ]
     return table(["family", "effect", "physics"], rows)
 
@@ -48,7 +43,7 @@ def _part(effect: Effect, bench: Bench, shown: Shown) -> str:
     rows = [
         [
             f"`{p.name}`",
-            getattr(p, "meaning", ""),
+            p.meaning,
             "–" if p.unit == "1" else p.unit,
             f"{_number(p.lower)} to {_number(p.upper)}",
             _number(p.probe),
@@ -56,12 +51,12 @@ def _part(effect: Effect, bench: Bench, shown: Shown) -> str:
         ]
         for p in effect.parameters(bench.rig)
     ]
-    equation = getattr(effect, "equation", "")
     told = [
         f"({effect.name.replace('_', '-')})=",
         f"### {effect.name.replace('_', ' ')}",
         f"`{effect.name}`: {effect.physics}.",
-        f"**Equation.** {f'``{equation}``' if equation else _said(effect.attach)}",
+        f"**Equation.** {_code(effect.equation)}",
+        _said(effect.attach),
         f"**Parameters.** {_said(effect.parameters)}",
         table(HEAD, rows),
     ]
@@ -78,6 +73,11 @@ def _part(effect: Effect, bench: Bench, shown: Shown) -> str:
         f"**Source.** {effect.source}.",
     ]
     return "\n\n".join(told)
+
+
+def _code(equation: str) -> str:
+    """An equation of plain text; what stands behind a semicolon is another."""
+    return "; ".join(f"``{part.strip()}``" for part in equation.split(";"))
 
 
 def _said(method: object) -> str:

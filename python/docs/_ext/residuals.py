@@ -19,13 +19,15 @@ from ambid.errors import AmbidError
 SPEED = 200.0
 """At which the bench turns [rad/s], so that every effect has its parameters."""
 PERIOD, PERIODS, SETTLING = 2046, 4, 4
+"""Samples of a period, periods that count, and those before them."""
 RMS = 0.8
 """Of the excitation on each axis [A]."""
 BAND = (5.0, 4000.0)
 """That is excited, and drawn [Hz]."""
 WANTED = 6.0
 """Misfit that the size of an effect is chosen for."""
-SIZES = tuple(10.0 ** (0.5 * k) for k in range(9))
+SIZES = tuple(10.0 ** (0.25 * k) for k in range(17))
+"""That are tried, in multiples of the typical small one."""
 STRETCH = 0.06
 """Of the signal that is drawn [s]."""
 Array = NDArray[np.float64]
