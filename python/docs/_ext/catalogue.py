@@ -62,11 +62,11 @@ def _part(effect: Effect, bench: Bench, shown: Shown) -> str:
     ]
     settings = meanings(type(effect), "Attributes")
     for name, parameter in inspect.signature(type(effect)).parameters.items():
-        told.append(f"**Setting** `{name}`, {parameter.default!r} by default. {settings.get(name, ('', ''))[1]}")
+        default = f" ({parameter.default!r} if left out)" if parameter.default not in (None, ()) else ""
+        told.append(f"**Setting** `{name}`{default}: {settings[name][1]}")
     if effect.contains:
-        told.append(
-            f"**Contains** {', '.join(f'`{name}`' for name in effect.contains)}: the simpler one is named instead."
-        )
+        simpler = ", ".join(f"`{name}`" for name in effect.contains)
+        told.append(f"**Contains** {simpler}, which is named where it does as well.")
     told += [
         f"**Shows as.** {effect.signature}.",
         f"![What {effect.name} leaves of a fit](drawn/{effect.name}.svg)",
