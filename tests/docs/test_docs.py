@@ -32,9 +32,23 @@ def text(page):
     return (DOCS / page).read_text(encoding="utf-8")
 
 
+SAID = {
+    "first_hour.md": r"sound: .*average +99\.17 .*misfit 45\..*explained: loop_delay.*tau_e 0\.00025.*0\.00025 2e-05",
+    "excitation.md": r"556 Hz, 1\.9 Hz wide.*order 11, hold 2: 4094.*delay': '\d\.\d+e-07'.*crest factor 1\.9",
+    "rig_file.md": r"is it in millimetres\? Write 0\.000515.*did you mean bias_current",
+    "records.md": r"4 periods of 4094.*step,z,F_x,F_y.*ch5:1e-06 True",
+    "adding_an_effect.md": r"misfit 12.*hardening .* 0\.9\d.*value=4\.\d+e\+14|value=49\d",
+    "catalogue.md": r"loop_delay: .* late",
+}
+"""What the words around the blocks take for granted; where it changes, they must."""
+
+
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks.blocks(text(page))])
-def test_every_block_runs(page, tmp_path):
-    assert len(list(blocks.run(text(page), page, tmp_path))) == len(blocks.blocks(text(page)))
+def test_every_block_runs_and_prints_what_the_page_says(page, tmp_path):
+    done = list(blocks.run(text(page), page, tmp_path))
+    assert len(done) == len(blocks.blocks(text(page)))
+    printed = "".join(output for _, output in done)
+    assert re.search(SAID[page], printed, re.DOTALL), printed
 
 
 @pytest.mark.parametrize(

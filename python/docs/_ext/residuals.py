@@ -77,13 +77,10 @@ class Bench:
     @cached_property
     def noise(self) -> Array:
         """Rms of the noise on each line and channel, shape (lines, channels), from twenty experiments."""
-        power = 0.0
-        for seed in range(20):
-            noisy = self.base.virtual_experiment(self.i_e, seed=seed).outputs - self.record.outputs
-            power = power + np.abs(lines(self.settled(noisy))) ** 2
+        experiments = (self.base.virtual_experiment(self.i_e, seed=seed).outputs for seed in range(20))
+        found = [np.abs(lines(self.settled(noisy - self.record.outputs))) ** 2 for noisy in experiments]
         width = np.ones(9) / 9.0
-        columns = [np.convolve(column, width, "same") for column in np.asarray(power).T / 20.0]
-        return np.sqrt(np.column_stack(columns))
+        return np.sqrt(np.column_stack([np.convolve(column, width, "same") for column in np.mean(found, axis=0).T]))
 
     @cached_property
     def known(self) -> Array:
