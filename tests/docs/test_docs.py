@@ -41,9 +41,17 @@ SAID = {
     "catalogue.md": r"loop_delay: .* late",
 }
 """What the words around the blocks take for granted; where it changes, they must."""
+WHOLE_DIAGNOSES = ("first_hour.md",)
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if blocks.blocks(text(page))])
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, marks=[pytest.mark.slow] if page in WHOLE_DIAGNOSES else [])
+        for page in PAGES
+        if blocks.blocks(text(page))
+    ],
+)
 def test_every_block_runs_and_prints_what_the_page_says(page, tmp_path):
     done = list(blocks.run(text(page), page, tmp_path))
     assert len(done) == len(blocks.blocks(text(page)))
@@ -135,6 +143,7 @@ def the_catalogue(tmp_path_factory):
     return catalogue.generate(folder), folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", CATALOGUE, ids=lambda effect: effect.name)
 def test_every_effect_is_told_and_drawn(effect, the_catalogue):
     told, folder = the_catalogue
