@@ -15,7 +15,6 @@ from scipy.stats import t
 
 import ambid
 from ambid.demo import DATA
-from ambid.effects import CATALOGUE
 from ambid.identification.estimate import STATUS
 from places import LEVITATOR, ROOT
 from virtual import AXES, NAMES
@@ -308,12 +307,6 @@ def test_the_python_of_the_readme_runs(capsys):
     for block in blocks:
         exec(compile(block, "README.md", "exec"), {})
     assert "tau_e" in capsys.readouterr().out
-
-
-def test_the_readme_names_effects_that_are_there():
-    """Not each of them: a new one needs no second place."""
-    listed = re.search(r"how it shows:\n\n((?:- .*\n)+)", (ROOT / "README.md").read_text())[1]
-    assert set(re.findall(r"`(\w+)`", listed)) <= {effect.name for effect in CATALOGUE}
 
 
 def test_the_commands_of_the_readme_are_there(here, one_axis, bench, command):

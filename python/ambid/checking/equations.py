@@ -31,6 +31,7 @@ from ambid.rotor import reduced_rotor
 HIGHEST_FREQUENCY = 0.25
 """Lines up to this part of the sample rate count."""
 MOST_LINES = 2000
+"""Lines that an equation is held against, at most."""
 GAIN_FACTORS = (1.0, 1.05, 0.95, 1.1, 0.9, 1.2, 0.8, 1.4, 0.7)
 """Common factors on all K_i that are tried, nearest first, where the nominal loop is unstable."""
 PID_GAINS = ("proportional", "integral", "derivative")

@@ -18,6 +18,7 @@ SEVERITIES: tuple[Severity, ...] = ("fault", "warning", "note")
 ZONES = ((3.0, "A"), (4.0, "B"), (5.0, "C"), (np.inf, "D"))
 """Largest peak sensitivity of each zone, ISO 14839-3."""
 MOST_LISTED = 15
+"""Findings that are printed, at most."""
 
 
 @dataclass(frozen=True)

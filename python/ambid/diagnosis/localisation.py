@@ -21,6 +21,7 @@ from ambid.threads import with_one_blas_thread
 __all__ = ["Cell", "Growth", "Localisation", "MisfitMap", "localise"]
 
 BANDS = 12
+"""Bands of the map, of equal ratio in frequency."""
 SHAPED = 0.3
 """Part of the excess misfit that an odd or even shape must explain to give the misfit its kind."""
 

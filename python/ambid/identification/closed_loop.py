@@ -25,6 +25,7 @@ from ambid.threads import with_one_blas_thread
 __all__ = ["identify"]
 
 NORMAL_95 = 1.959964
+"""Half width of a 95 % interval of the normal distribution, in standard errors."""
 STABLE_FACTORS = (0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.5)
 """Where the start is unstable, these multiples of the start values are tried."""
 WHOLLY_UNKNOWN = 1.0

@@ -86,8 +86,8 @@ class Effect(ABC):
     Settings that tell its variants apart, such as a place or a frequency, are the fields of a frozen dataclass: repr,
     equality and what is saved with a model follow from them. An effect without settings may be a plain class.
 
-    Class attributes
-    ----------------
+    Attributes
+    ----------
     name : str
         Identifier, such as ``loop_delay``.
     physics, signature, source : str

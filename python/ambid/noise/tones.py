@@ -30,11 +30,13 @@ SUSPECTED = 0.2
 
 What passes is a candidate and has yet to be significant by its score."""
 MAINS = (50.0, 60.0, 100.0, 120.0)
+"""Frequencies of the mains and their first harmonics, which are suspected [Hz]."""
 NEIGHBOURS = 10
 """Lines to each side for the median."""
 BESIDE = np.array([1.0] * 6 + [0.0] * 5 + [1.0] * 6)
 """Lines to each side for the mean: next to a tone, but within the width of a pole."""
 MOST = 8
+"""Tones that are told of a record."""
 
 
 def find_tones(

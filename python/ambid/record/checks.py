@@ -11,10 +11,13 @@ from ambid.errors import RecordError
 from ambid.rig import Rig
 
 MIN_SAMPLES = 200
+"""Fewest samples of a record."""
 RATE_TOLERANCE = 1e-3
+"""Relative difference between sample rates that are called the same."""
 LARGEST_CURRENT_RMS = 100.0  # A; larger than any bearing's, and reached at once by values in mA
 GAPS_OF_TRAVEL = 10.0  # |y| beyond this many air gaps is not in metres
 CLIPPED_SHARE = 0.01
+"""Part of the samples at an extreme value above which a channel is clipped."""
 
 
 def order_of_axes(where: str, found: tuple[str, ...], wanted: tuple[str, ...], of: str) -> list[int]:

@@ -134,8 +134,12 @@ class PidController(Controller):
 
     Parameters
     ----------
-    proportional, integral, derivative : float or sequence of float
-        P [A/m], I [A/(m s)], D [A s/m]; a number for all axes, or one per axis.
+    proportional : float or sequence of float
+        P [A/m]; a number for all axes, or one per axis.
+    integral : float or sequence of float
+        I [A/(m s)], likewise.
+    derivative : float or sequence of float
+        D [A s/m], likewise.
     derivative_time_constant : float or sequence of float
         T [s]; needed where D is not zero.
     """
@@ -174,9 +178,12 @@ class StateSpaceController(Controller):
 
     Parameters
     ----------
-    A, B, C, D : (n, n), (n, m), (m, n), (m, m) array_like
+    A : (n, n) array_like
+        Left out, with B and C, for a constant gain.
+    B : (n, m) array_like
         m is the number of axes, in the rig's order; m = 1 is repeated on every axis.
-        A, B and C may be left out for a constant gain.
+    C : (m, n) array_like
+    D : (m, m) array_like
     """
 
     kind: Literal["state_space"] = "state_space"

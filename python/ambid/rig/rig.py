@@ -55,15 +55,22 @@ class Bearing(Spec):
     ----------
     name : str
         An identifier without dots; it begins the names of the axes.
-    position, sensor_position : float
-        z of the magnet and of the sensors [m].
+    position : float
+        z of the magnet [m].
+    sensor_position : float
+        z of the sensors [m].
     tilt : float
         From global x to the zeta axis [degrees]; the sensors are aligned with the magnet.
-    bias_current, air_gap : float
-        i0 [A] and s0 [m].
+    bias_current : float
+        i0 [A].
+    air_gap : float
+        s0 [m], between magnet and rotor in the centre.
     axes : ("zeta", "eta") or ("zeta",)
-    force_current, force_displacement : float or sequence of float
-        Nominal K_i [N/A] and K_s [N/m] of each axis; a number stands for all. Kept as one value per axis.
+        Directions in which it acts.
+    force_current : float or sequence of float
+        Nominal K_i of each axis [N/A]; a number stands for all. Kept as one value per axis.
+    force_displacement : float or sequence of float
+        Nominal K_s of each axis [N/m]; a number stands for all. Kept as one value per axis.
     """
 
     name: str = Field(description="a name such as A: letters, digits and _, no dots")
@@ -128,7 +135,7 @@ class Amplifier(Spec):
     Parameters
     ----------
     time_constant : float
-        Of its known first-order lag [s]; 0 is an ideal amplifier. Of a voltage-driven coil L/R.
+        Of its known first-order lag [s]. Of a voltage-driven coil L/R.
     resistance : float, optional
         Nominal R [ohm] of a coil whose voltage the controller commands: then K is in V/m, i_ref and i_e are in V, and
         R of every axis is a parameter. Leave it out where current is commanded.
@@ -174,16 +181,21 @@ class Rig(Spec):
     Parameters
     ----------
     name : str
+        What results and reports call it.
     sample_rate : float
         Of every recorded channel [Hz].
     speed : float
         Of rotation [rad/s].
     rotor : FiniteElementRotor, MatrixRotor, ModalRotor or PointMassRotor
+        By its dimensions, matrices, modes, or a plain mass.
     bearings : sequence of Bearing
-        `bearing` in the file.
+        The magnets with their sensors, one or more; `bearing` in the file.
     amplifier : Amplifier
+        Of every axis.
     actuator : Actuator
+        Of every axis.
     controller : PidController, StateSpaceController or TransferFunctionController
+        From the displacements to the commands of the amplifiers.
 
     Raises
     ------

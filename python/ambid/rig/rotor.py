@@ -34,7 +34,17 @@ MATRIX_KEYS = ("node_positions", "M", "K", "G")
 
 
 class Material(Spec):
-    """Isotropic material: density [kg/m^3], Young's modulus [Pa], Poisson's ratio."""
+    """Isotropic material.
+
+    Parameters
+    ----------
+    density : float
+        Mass per volume [kg/m^3].
+    youngs_modulus : float
+        Stress per strain [Pa]; scales all bending frequencies.
+    poisson_ratio : float
+        Shares out shear and bending in short sections.
+    """
 
     density: Annotated[float, DENSITY]
     youngs_modulus: Annotated[float, YOUNGS_MODULUS]
@@ -42,7 +52,19 @@ class Material(Spec):
 
 
 class Section(Spec):
-    """Cylindrical piece of shaft; the sections lie end to end from z = 0 on. Lengths and diameters in m."""
+    """Cylindrical piece of shaft; the sections lie end to end from z = 0 on.
+
+    Parameters
+    ----------
+    length : float
+        Along z [m].
+    outer_diameter : float
+        Of the cylinder [m].
+    inner_diameter : float
+        Of a hollow shaft [m], less than the outer one.
+    material : Material, optional
+        Of this section; that of the rotor if left out.
+    """
 
     length: Annotated[float, LENGTH]
     outer_diameter: Annotated[float, OUTER_DIAMETER]
@@ -58,7 +80,19 @@ class Section(Spec):
 
 
 class Disk(Spec):
-    """Rigid body on the shaft: position [m], mass [kg], inertias about its own centre [kg m^2]."""
+    """Rigid body on the shaft.
+
+    Parameters
+    ----------
+    position : float
+        z of its centre [m].
+    mass : float
+        Of the disk alone [kg].
+    transverse_inertia : float
+        About a diameter through its own centre [kg m^2].
+    polar_inertia : float
+        About the axis of the shaft [kg m^2]; brings gyroscopic moments where the rotor turns.
+    """
 
     position: Position
     mass: Annotated[float, MASS]
@@ -114,7 +148,9 @@ class FiniteElementRotor(_FlexibleRotor):
     material : Material, optional
         Of every section that does not name its own.
     section : sequence of Section
+        The shaft, end to end from z = 0 on.
     disk : sequence of Disk
+        What sits on the shaft.
     """
 
     kind: Literal["finite_elements"] = "finite_elements"
@@ -149,8 +185,12 @@ class MatrixRotor(_FlexibleRotor):
     ----------
     node_positions : sequence of float
         z of the N nodes [m], ascending.
-    M, K, G : (4 N, 4 N) array_like
-        Mass, stiffness and (optional) gyroscopic matrix, SI units; G is multiplied by the speed in rad/s.
+    M : (4 N, 4 N) array_like
+        Mass matrix, SI units; symmetric, positive definite.
+    K : (4 N, 4 N) array_like
+        Stiffness matrix, SI units; symmetric.
+    G : (4 N, 4 N) array_like, optional
+        Gyroscopic matrix, SI units; it is multiplied by the speed in rad/s.
     file : path, optional
         `.npz` or `.mat` with these four instead, relative to the rig file. It is read at once: the rotor
         keeps the matrices, not the path.
@@ -253,7 +293,13 @@ class ModalRotor(Spec):
 
 
 class PointMassRotor(Spec):
-    """A plain mass [kg] on one axis: a single-axis levitator."""
+    """A plain mass on one axis: a single-axis levitator.
+
+    Parameters
+    ----------
+    mass : float
+        That levitates [kg].
+    """
 
     kind: Literal["mass"] = "mass"
     mass: Annotated[float, MASS]

@@ -1,0 +1,160 @@
+"""The documents without Sphinx: their blocks run, what is generated is whole, and they name what exists."""
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+import ambid
+from ambid.demo import DATA
+from ambid.effects import CATALOGUE
+from places import ROOT
+
+DOCS = ROOT / "python" / "docs"
+sys.path.append(str(DOCS / "_ext"))
+
+import blocks  # noqa: E402
+import catalogue  # noqa: E402
+import plant  # noqa: E402
+import records  # noqa: E402
+import reference  # noqa: E402
+import rig_file  # noqa: E402
+import rooms  # noqa: E402
+import thresholds  # noqa: E402
+from words import meanings  # noqa: E402
+
+BENCH = ambid.Rig.load(DATA / "rig.toml").replace(speed=200.0)
+PAGES = sorted(path.name for path in DOCS.glob("*.md"))
+
+
+def text(page):
+    return (DOCS / page).read_text(encoding="utf-8")
+
+
+SAID = {
+    "first_hour.md": r"sound: .*average +99\.17 .*misfit 45\..*explained: loop_delay.*tau_e 0\.00025.*0\.00025 2e-05",
+    "excitation.md": r"556 Hz, 1\.9 Hz wide.*order 11, hold 2: 4094.*delay': '\d\.\d+e-07'.*crest factor 1\.9",
+    "rig_file.md": r"is it in millimetres\? Write 0\.000515.*did you mean bias_current",
+    "records.md": r"4 periods of 4094.*step,z,F_x,F_y.*ch5:1e-06 True",
+    "adding_an_effect.md": r"misfit 12.*hardening .* 0\.9\d.*value=4\.\d+e\+14|value=49\d",
+    "catalogue.md": r"loop_delay: .* late",
+}
+"""What the words around the blocks take for granted; where it changes, they must."""
+WHOLE_DIAGNOSES = ("first_hour.md",)
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, marks=[pytest.mark.slow] if page in WHOLE_DIAGNOSES else [])
+        for page in PAGES
+        if blocks.blocks(text(page))
+    ],
+)
+def test_every_block_runs_and_prints_what_the_page_says(page, tmp_path):
+    done = list(blocks.run(text(page), page, tmp_path))
+    assert len(done) == len(blocks.blocks(text(page)))
+    printed = "".join(output for _, output in done)
+    assert re.search(SAID[page], printed, re.DOTALL), printed
+
+
+@pytest.mark.parametrize(
+    ("block", "said"),
+    [
+        ("```python\n1 / 0\n```\n", "division by zero"),
+        ("```sh\nambid compare nothing.toml a.mat\n```\n", "no such file"),
+    ],
+)
+def test_a_block_that_fails_is_told(block, said, tmp_path):
+    with pytest.raises(RuntimeError, match=said):
+        list(blocks.run(block, "page", tmp_path))
+
+
+def test_no_block_is_of_a_language_that_is_not_checked():
+    for page in PAGES:
+        assert set(re.findall(r"^```(\w+)", text(page), re.MULTILINE)) <= {"python", "sh", "console"}, page
+
+
+def test_commands_for_developers_are_those_that_are_checked():
+    checked = (ROOT / ".ci" / "run").read_text() + (ROOT / "README.md").read_text()
+    commands = re.findall(r"^\$ (.*)$", text("developing.md"), re.MULTILINE)
+    assert commands
+    for command in commands:
+        assert command in checked
+
+
+def test_files_that_pages_name_exist():
+    for page in PAGES:
+        for name in re.findall(r"`((?:python|tests|rust|\.ci)/[\w./]+)`", text(page)):
+            assert (ROOT / name).exists(), (page, name)
+
+
+def test_the_picture_of_the_readme_is_small_and_there():
+    (picture,) = re.findall(r"!\[.*\]\((.*)\)", (ROOT / "README.md").read_text())
+    assert 10_000 < (ROOT / picture).stat().st_size < 150_000
+
+
+def test_constants_on_the_pages_exist():
+    for page in PAGES:
+        for package, name in re.findall(r"\{\{(\w+)\.(\w+)\}\}", text(page)):
+            assert thresholds.value_text(package, name)
+
+
+@pytest.mark.parametrize("package", thresholds.ENGINE)
+def test_every_constant_of_the_engine_says_what_it_means(package):
+    silent = [f"{c.module}.{c.name}" for c in thresholds.constants(package) if not c.meaning]
+    assert not silent, f"write below each what it means, as a text: {silent}"
+
+
+def test_every_key_of_the_rig_file_is_told():
+    told = rig_file.generate(Path())
+    for title, model, _ in rig_file._tables("", ambid.Rig):
+        for name, field in model.model_fields.items():
+            assert f"| `{field.alias or name}` |" in told, title
+            assert name == "kind" or meanings(model).get(name) or field.description, (title, name)
+
+
+def test_units_and_ranges_of_the_rig_file():
+    told = rig_file.generate(Path())
+    assert "| `air_gap` | number | m | 1e-5 to 0.02 | **needed** |" in told
+    assert "| `has_lag` | `true` or `false` |  |  | `true` |" in told
+    assert re.search(r"`modal_damping` \| number, or a list .* \|  \| 0 to 0.5 \| `0.0` \|", told)
+    assert '`"finite_elements"` |  |  | `"finite_elements"` |' in told
+    assert '`"pid"` |  |  | **needed** |' in told
+
+
+def test_formats_and_gates_of_records():
+    told = records.generate(Path())
+    for part in ("`.tdms` | nptdms", "`.csv` | nothing", "`i_c`", "require_metres", "F_x and F_y"):
+        assert part in told
+
+
+def test_everything_at_the_top_is_in_the_reference():
+    told = reference.generate(Path())
+    for name in ambid.__all__:
+        assert not callable(getattr(ambid, name)) or f":: ambid.{name}\n" in told
+
+
+@pytest.fixture(scope="module")
+def the_catalogue(tmp_path_factory):
+    """Page and folder of its pictures."""
+    folder = tmp_path_factory.mktemp("catalogue")
+    return catalogue.generate(folder), folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda effect: effect.name)
+def test_every_effect_is_told_and_drawn(effect, the_catalogue):
+    told, folder = the_catalogue
+    assert (folder / f"{effect.name}.svg").stat().st_size > 5000
+    part = told.partition(f"\n\n`{effect.name}`: ")[2].partition("**Source.**")[0]
+    assert "``" in part.partition("**Equation.**")[2].partition("**Parameters.**")[0]
+    for p in effect.parameters(BENCH):
+        assert re.search(rf"\| `{p.name}`\s+\| \S.* \|", part), "a parameter without a meaning"
+
+
+def test_rooms_and_plant():
+    told = rooms.generate(Path())
+    assert told.index("`ambid.rig`") < told.index("`ambid.noise` | Noise") < told.index("`ambid.cli`")
+    assert "`inject(name, value)`" in plant.generate(Path())
