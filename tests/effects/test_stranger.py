@@ -15,7 +15,7 @@ import ambid
 from ambid.effects import CATALOGUE, Effect, EffectParameter, find
 from ambid.errors import ModelError
 from ambid.report import write_report
-from places import LEVITATOR
+from places import LEVITATOR, ROOT
 
 
 @dataclass(frozen=True)
@@ -193,3 +193,19 @@ def test_one_file_of_the_catalogue_ranks_and_reports_it(stranger):
 def test_one_file_of_the_catalogue_saves_it(stranger):
     assert read(stranger / "model.json")["effects"] == [{"name": "snubbers", "power": 5}]
     assert read(stranger / "said.json")["effects"] == "(Snubbers(power=5),)"
+
+
+@pytest.mark.slow
+def test_one_file_of_the_catalogue_puts_it_into_the_documents(stranger):
+    page = "import sys; from pathlib import Path; import catalogue; print(catalogue.generate(Path(sys.argv[1])))"
+    ended = subprocess.run(
+        [sys.executable, "-c", page, str(stranger)],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(stranger / "python"), str(ROOT / "python/docs/_ext")])},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ended.returncode == 0, ended.stderr
+    assert "### snubbers" in ended.stdout
+    assert f"``{Snubbers.equation}``" in ended.stdout
+    assert (stranger / "snubbers.svg").stat().st_size > 1000

@@ -63,7 +63,8 @@ def _part(effect: Effect, bench: Bench, shown: Shown) -> str:
     settings = meanings(type(effect), "Attributes")
     for name, parameter in inspect.signature(type(effect)).parameters.items():
         default = f" ({parameter.default!r} if left out)" if parameter.default not in (None, ()) else ""
-        told.append(f"**Setting** `{name}`{default}: {settings[name][1]}")
+        meaning = f": {settings[name][1]}" if name in settings else ""
+        told.append(f"**Setting** `{name}`{default}{meaning}")
     if effect.contains:
         simpler = ", ".join(f"`{name}`" for name in effect.contains)
         told.append(f"**Contains** {simpler}, which is named where it does as well.")
