@@ -3,6 +3,8 @@
 import control
 import numpy as np
 import pytest
+from scipy.linalg import matrix_balance
+from scipy.signal import cont2discrete, tf2ss
 
 import ambid
 from ambid.rig import MatrixRotor, ModalRotor, PidController, Rig, StateSpaceController, TransferFunctionController
@@ -73,3 +75,27 @@ def test_controller_by_its_matrices_and_polynomials(rig, i_e, implementation):
         denominator=np.ravel(denominator[0][0]).tolist(),
     )
     assert_same(rig.replace(controller=polynomials), pid, i_e, 1e-6)
+
+
+@pytest.mark.filterwarnings("ignore:An ill-conditioned matrix")  # what makes the matrices what they are here
+@pytest.mark.parametrize("rate", [2e4, 4e4])
+def test_controller_by_matrices_as_scipy_makes_them(rig, rate):
+    """A PID with roll-off by `tf2ss` and `cont2discrete` has states of very unlike size; the loop is the same."""
+    pid, corner = rig.controller, 2.0 * np.pi * 8e3
+    lag = pid.derivative_time_constant
+    numerator = [pid.proportional * lag + pid.derivative, pid.proportional + pid.integral * lag, pid.integral]
+    denominator = np.polymul([lag, 1.0, 0.0], [corner**-2.0, 1.4 / corner, 1.0])
+    a, b, c, d = tf2ss(numerator, denominator)
+    balanced, scale = matrix_balance(a, permute=False)
+    i_e = ambid.prbs(8, amplitude=0.1, axes=4)
+    machines = []
+    for system in ((a, b, c, d), (balanced, np.linalg.solve(scale, b), c @ scale, d)):
+        sampled = cont2discrete(system, 1.0 / rate, method="bilinear")[:4]
+        matrices = {key: np.kron(np.eye(4), m).tolist() for key, m in zip("ABCD", sampled, strict=True)}
+        controller = StateSpaceController(implementation="digital", sample_rate=rate, delay_samples=0.5, **matrices)
+        machines.append(rig.replace(controller=controller))
+    unlike = [np.abs(machine.controller.A).max() for machine in machines]
+    assert unlike[0] > 1e6 * unlike[1]
+    assert [ambid.Model(machine).is_stable for machine in machines] == [True, True]
+    assert ambid.check(machines[0]).is_sound
+    assert_same(*machines, i_e, 1e-9)

@@ -1,5 +1,7 @@
 //! One error per cause that a caller can act on.
 
+use nalgebra::Complex;
+
 /// What can go wrong in the core.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Error {
@@ -20,10 +22,17 @@ pub enum Error {
         what: &'static str,
     },
     /// The closed loop has a pole that does not decay.
-    #[error("the closed loop is unstable: a pole grows by the factor {growth:.6} per sample")]
+    #[error(
+        "the closed loop is unstable: a pole at {frequency_hz:.1} Hz grows with {rate:.3} 1/s, \
+         by the factor {growth:.6} per sample"
+    )]
     Unstable {
         /// Largest modulus of the poles of the sampled loop.
         growth: f64,
+        /// Rate of that pole in 1/s.
+        rate: f64,
+        /// Its frequency.
+        frequency_hz: f64,
     },
     /// The nonlinear loop leaves every bound.
     #[error("the nonlinear loop diverges: an output passes {limit:.0e} (SI) or is not finite at sample {sample}")]
@@ -56,6 +65,17 @@ pub enum Error {
         /// Which step failed.
         what: &'static str,
     },
+}
+
+impl Error {
+    /// [`Error::Unstable`] by a pole in 1/s; `dt` is the time from sample to sample.
+    pub(crate) fn unstable(pole: Complex<f64>, dt: f64) -> Self {
+        Self::Unstable {
+            growth: (pole.re * dt).exp(),
+            rate: pole.re,
+            frequency_hz: pole.im.abs() / std::f64::consts::TAU,
+        }
+    }
 }
 
 /// Result of the core.

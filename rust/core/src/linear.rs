@@ -5,7 +5,7 @@ use nalgebra::Complex;
 use crate::discretise::{Discrete, discretise};
 use crate::error::{Error, Result};
 use crate::kernel::{BLOCK, Kernel};
-use crate::modal::{Modal, Residues};
+use crate::modal::{Modal, Residues, eigenvalues};
 use crate::model::Model;
 use crate::product::{Panels, ROW_MULTIPLE, product};
 
@@ -24,14 +24,11 @@ impl Response {
     /// [`Error::Unstable`] where a pole does not decay; else as [`Modal::new`].
     pub fn new(model: &Model, theta: &[f64], free: &[usize]) -> Result<Self> {
         if let Some(modal) = Modal::new(model, theta, free)? {
-            stable(modal.value.mu.iter().map(|mu| mu.norm()))?;
+            stable(&modal.value.mu, model.dt)?;
             return Ok(Self::Modal(kernel(&modal)));
         }
         let (value, slopes) = discretise(model, theta, free)?;
-        let n = value.a.nrows();
-        let poles = faer::Mat::from_fn(n, n, |i, j| value.a[(i, j)]).eigenvalues();
-        let poles = poles.map_err(|_| Error::Singular { what: "the poles did not converge" })?;
-        stable(poles.iter().map(|mu| mu.norm()))?;
+        stable(&eigenvalues(&value.a)?, model.dt)?;
         Ok(Self::Dense(Dense::new(&value, &slopes)))
     }
 
@@ -44,9 +41,13 @@ impl Response {
     }
 }
 
-fn stable(moduli: impl Iterator<Item = f64>) -> Result<()> {
-    let growth = moduli.fold(0.0, |a: f64, b| if b.is_nan() { f64::INFINITY } else { a.max(b) });
-    if growth < 1.0 { Ok(()) } else { Err(Error::Unstable { growth }) }
+/// Refuses a sampled loop with a pole that does not decay; one that is no number counts as the worst.
+fn stable(mu: &[Complex<f64>], dt: f64) -> Result<()> {
+    let size = |mu: &Complex<f64>| if mu.norm().is_nan() { f64::INFINITY } else { mu.norm() };
+    match mu.iter().max_by(|a, b| size(a).total_cmp(&size(b))) {
+        Some(worst) if size(worst) >= 1.0 => Err(Error::unstable(worst.ln() / dt, dt)),
+        _ => Ok(()),
+    }
 }
 
 /// A complex pair of poles (its upper one), or two real poles (the second may be missing).

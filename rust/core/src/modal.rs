@@ -221,15 +221,19 @@ fn gap(lambda: &[C64], rest: f64) -> f64 {
 /// # Errors
 /// As [`crate::lft::Lft::close`] and [`discretise`].
 pub fn poles(model: &Model, theta: &[f64]) -> Result<Vec<C64>> {
-    let eigenvalues = |a: &DMatrix<f64>| {
-        let t = balancing(a);
-        let n = a.nrows();
-        let matrix = faer::Mat::from_fn(n, n, |i, j| a[(i, j)] * t[j] / t[i]);
-        matrix.eigenvalues().map_err(|_| Error::Singular { what: "the poles did not converge" })
-    };
     if !model.controller.as_ref().is_some_and(Controller::feeds_back) {
         return eigenvalues(&model.lft.close_at_rest(theta)?.a);
     }
     let (sampled, _) = discretise(model, theta, &[])?;
     Ok(eigenvalues(&sampled.a)?.into_iter().map(|mu| mu.ln() / model.dt).collect())
+}
+
+/// Eigenvalues of a matrix whose states may be of very unlike size.
+///
+/// # Errors
+/// [`Error::Singular`] where they do not converge.
+pub fn eigenvalues(a: &DMatrix<f64>) -> Result<Vec<C64>> {
+    let (t, n) = (balancing(a), a.nrows());
+    let matrix = faer::Mat::from_fn(n, n, |i, j| a[(i, j)] * t[j] / t[i]);
+    matrix.eigenvalues().map_err(|_| Error::Singular { what: "the poles did not converge" })
 }

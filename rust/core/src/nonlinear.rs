@@ -70,8 +70,11 @@ impl Nonlinear {
     /// # Errors
     /// [`Error::Unstable`] where it has a pole that grows, and as [`Nonlinear::new`].
     pub fn stable(model: &Model, theta: &[f64], free: &[usize]) -> Result<Self> {
-        let growth = modal::poles(model, theta)?.iter().map(|pole| (pole.re * model.dt).exp()).fold(0.0, f64::max);
-        if growth > NEUTRAL { Err(Error::Unstable { growth }) } else { Self::new(model, theta, free) }
+        let poles = modal::poles(model, theta)?;
+        match poles.into_iter().max_by(|a, b| a.re.total_cmp(&b.re)) {
+            Some(worst) if (worst.re * model.dt).exp() > NEUTRAL => Err(Error::unstable(worst, model.dt)),
+            _ => Self::new(model, theta, free),
+        }
     }
 
     /// Runs from rest over `u` (samples x inputs); see [`crate::kernel::Kernel::run`] for the sink.

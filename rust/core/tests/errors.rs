@@ -7,7 +7,7 @@ use ambid_core::{
 };
 use common::loops::{Problem, lags};
 use common::machine::machine;
-use nalgebra::DMatrix;
+use nalgebra::{Complex, DMatrix};
 
 fn lag() -> Problem {
     lags(&[0.7], &[&[]], &[0])
@@ -32,12 +32,15 @@ fn unstable_loops() {
     let system = p.system();
     let u = vec![0.0; 40];
     let data = Data::new(&system, u.clone(), vec![0.0; 80], vec![1.0; 8], 0).unwrap();
-    let unstable = |e: Error| matches!(e, Error::Unstable { growth } if growth > 1.0 && growth.is_finite());
+    let unstable = |e: Error| matches!(e, Error::Unstable { growth, .. } if growth > 1.0 && growth.is_finite());
     assert!(unstable(system.simulate(&p.theta, &u).unwrap_err()));
     assert!(unstable(system.sensitivity(&p.theta, &p.free(), &u).unwrap_err()));
     assert!(unstable(normal_equations(&system, &p.theta, &p.free(), &[&data]).unwrap_err()));
     // its poles, its matrices and a run of it are still to be had
-    assert!(system.poles(&p.theta).unwrap().iter().any(|p| p.re > 0.0));
+    let poles = system.poles(&p.theta).unwrap();
+    let Err(Error::Unstable { rate, frequency_hz, .. }) = system.simulate(&p.theta, &u) else { panic!("unstable") };
+    let told = Complex::new(rate, frequency_hz * std::f64::consts::TAU);
+    assert!(poles.iter().any(|p| (p - told).norm() < 1e-9 * p.norm()), "{told} is none of {poles:?}");
     assert!(system.discrete(&p.theta).is_ok());
     assert!(Stepper::new(&system, &p.theta).is_ok());
 }
