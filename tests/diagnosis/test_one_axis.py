@@ -5,7 +5,10 @@ import json
 import pytest
 
 from ambid.diagnosis import diagnose
+from ambid.diagnosis.procedure import ADEQUATE
 from ambid.effects import CATALOGUE
+from ambid.excitation import prbs
+from hidden.bench import measured
 from hidden.one_axis import NAMED, NAMELESS, ONE_AXIS, record
 
 RIG = ONE_AXIS.rig
@@ -38,6 +41,17 @@ def test_nothing_hidden_is_adequate(seed):
     assert found.verdict == "adequate", found
     assert found.effects == ()
     assert found.history[-1].misfit == pytest.approx(1.0, abs=0.05)
+
+
+def test_chance_on_a_short_record_is_no_missing_physics():
+    """With 500 degrees of freedom chance alone brings 1.1; of 30 records at most one may name something."""
+    digital = RIG.replace(controller=RIG.controller.model_copy(update={"implementation": "digital"}))
+    found = []
+    for seed in range(30):
+        i_e = prbs(7, amplitude=ONE_AXIS.amplitude, hold=2, periods=8, seed=seed)
+        found.append(diagnose(digital, measured(digital, i_e, {}, seed=seed, **ONE_AXIS.truth)))
+    assert sum(one.history[0].misfit > ADEQUATE for one in found) > 5
+    assert sum(one.verdict != "adequate" for one in found) <= 1
 
 
 @pytest.mark.parametrize("effect", NAMELESS)

@@ -24,7 +24,7 @@ from ambid.threads import with_one_blas_thread
 __all__ = ["diagnose"]
 
 ADEQUATE = 1.10
-"""Largest misfit J/dof of a model that is called adequate."""
+"""Largest misfit J/dof of a model that is called adequate, if chance does not bring more on a short record."""
 
 
 @with_one_blas_thread
@@ -55,7 +55,7 @@ def diagnose(
     catalogue : sequence of Effect
         Candidates; effects of your own may be among them.
     tolerance : float
-        Misfit J/dof up to which a model is good enough.
+        Misfit J/dof up to which a model is good enough; on a short record what chance brings, if that is more.
     ask : callable, optional
         Shown the ranking and the candidate that is to be added; False ends the search.
     say : callable

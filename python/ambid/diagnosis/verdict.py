@@ -102,7 +102,7 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
     sets = tuple(state.sets[name] for name in effects if len(state.sets.get(name, ())) > 1)
     model, tried_share = state.fit.model, 0.0
     tried: tuple[str, ...] = ()
-    if not effects and misfit < tolerance and is_clean:
+    if not effects and misfit < max(tolerance, state.at_noise / state.dof) and is_clean:
         word = "adequate"
     elif effects and (_is_at_noise(task, state) or by_share) and is_clean:
         word = "ambiguous" if sets else "explained"
