@@ -23,8 +23,8 @@ GLOSSARY = {
     "period, takes the rest. A transient that lasts longer than the first periods counts as noise here: then the fit "
     "can lie above it.",
     "misfit": "J/dof: power of what repeats in the residual of y and i_c, in units of their noise. 1 is a model that "
-    "is right, up to 1.1 counts as adequate, on a short record up to what chance brings; a fit close to its ceiling can "
-    "hide a misfit of 10.",
+    "is right, up to 1.1 counts as adequate, on a short record up to what chance brings; a fit close to its ceiling "
+    "can hide a misfit of 10.",
     "score": "Fall of J that adding an effect would bring, predicted without refitting, beyond what the known "
     "parameters could absorb.",
     "p value": "How likely chance alone would reach such a score if the effect were absent.",
