@@ -6,10 +6,11 @@ from typing import Literal, NotRequired, TypedDict, final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ClosedLoop", "Data", "Stepper", "normal_equations"]
+__all__ = ["ClosedLoop", "Data", "LineData", "Stepper", "line_equations", "normal_equations"]
 
 _Vector = NDArray[np.float64]
 _Matrix = NDArray[np.float64]
+_Lines = NDArray[np.complex128]
 _Matrices = tuple[_Matrix, _Matrix, _Matrix, _Matrix]
 
 class _DigitalController(TypedDict):
@@ -53,10 +54,29 @@ class ClosedLoop:
     def discrete(self, theta: _Vector) -> _Matrices: ...
     def simulate(self, theta: _Vector, u: _Matrix) -> _Matrix: ...
     def sensitivity(self, theta: _Vector, free: list[int], u: _Matrix) -> tuple[_Matrix, NDArray[np.float64]]: ...
+    def folded(
+        self, theta: _Vector, free: list[int], u: _Matrix, first: int, period: int
+    ) -> tuple[_Matrix, NDArray[np.float64]]: ...
+    def transfer(self, theta: _Vector, w: _Lines) -> _Lines: ...
+    def lines(
+        self, theta: _Vector, free: list[int], w: _Lines, u: _Lines, d: _Vector | None = None
+    ) -> tuple[_Lines, _Lines, _Lines]: ...
 
 @final
 class Data:
     def __new__(cls, system: ClosedLoop, u: _Matrix, z: _Matrix, weights: _Vector, first: int = 0) -> Data: ...
+
+@final
+class LineData:
+    def __new__(cls, system: ClosedLoop, w: _Lines, u: _Lines, z: _Lines, whitening: _Lines) -> LineData: ...
+    def rows(
+        self,
+        system: ClosedLoop,
+        theta: _Vector,
+        free: list[int],
+        d: _Vector | None = None,
+        transients: bool = True,
+    ) -> _Matrix: ...
 
 @final
 class Stepper:
@@ -68,3 +88,7 @@ class Stepper:
 def normal_equations(
     system: ClosedLoop, theta: _Vector, free: list[int], records: list[Data]
 ) -> tuple[_Matrix, _Vector, _Vector]: ...
+
+def line_equations(
+    system: ClosedLoop, theta: _Vector, free: list[int], records: list[LineData], near: Sequence[_Vector] = ...
+) -> tuple[_Matrix, _Vector, float, list[_Vector], int]: ...

@@ -46,6 +46,11 @@ impl ClosedLoop {
         self.parameters
     }
 
+    /// The parts that do not act on each other.
+    pub(crate) fn each_part(&self) -> &[Part] {
+        &self.parts
+    }
+
     /// Number of independent parts.
     pub fn parts(&self) -> usize {
         self.parts.len()
@@ -88,26 +93,50 @@ impl ClosedLoop {
     /// # Errors
     /// As [`ClosedLoop::simulate`].
     pub fn sensitivity(&self, theta: &[f64], free: &[usize], u: &[f64]) -> Result<(Vec<f64>, Vec<f64>)> {
+        let samples = u.len().checked_div(self.inputs()).unwrap_or(0);
+        self.folded(theta, free, u, 0, samples)
+    }
+
+    /// The same, whole periods of `period` samples from `first` on added up: period x outputs (x `free`).
+    ///
+    /// # Errors
+    /// As [`ClosedLoop::simulate`].
+    pub fn folded(
+        &self,
+        theta: &[f64],
+        free: &[usize],
+        u: &[f64],
+        first: usize,
+        period: usize,
+    ) -> Result<(Vec<f64>, Vec<f64>)> {
         let (ny, np) = (self.outputs(), free.len());
         let samples = u.len().checked_div(self.inputs()).unwrap_or(0);
         check_len("excitation", u.len(), samples * self.inputs())?;
         check_finite("excitation", u)?;
-        let mut y = vec![0.0; samples * ny];
-        let mut jacobian = vec![0.0; samples * ny * np];
+        let end = first + samples.saturating_sub(first).checked_div(period).unwrap_or(0) * period;
+        let mut y = vec![0.0; period * ny];
+        let mut jacobian = vec![0.0; period * ny * np];
         for prepared in self.prepare(theta, free)? {
+            let width = 1 + prepared.free.len();
             prepared.run(u, self.inputs(), &mut |from, count, block, stride| {
-                let width = 1 + prepared.free.len();
-                let rows = || block.chunks_exact(stride).take(count);
-                for (i, o) in prepared.outputs.iter().enumerate() {
-                    for (row, y) in rows().zip(y[from * ny..].chunks_exact_mut(ny)) {
-                        y[*o] = row[i * width];
-                    }
-                    for (j, free) in prepared.free.iter().enumerate() {
-                        let (source, target) = (i * width + 1 + j, o * np + free);
-                        for (row, slopes) in rows().zip(jacobian[from * ny * np..].chunks_exact_mut(ny * np)) {
-                            slopes[target] = row[source];
+                // stretches of the block that lie in one period
+                let (mut at, stop) = (from.max(first), (from + count).min(end));
+                while at < stop {
+                    let place = (at - first) % period;
+                    let own = (stop - at).min(period - place);
+                    let rows = || block[(at - from) * stride..].chunks_exact(stride).take(own);
+                    for (i, o) in prepared.outputs.iter().enumerate() {
+                        for (row, y) in rows().zip(y[place * ny..].chunks_exact_mut(ny)) {
+                            y[*o] += row[i * width];
+                        }
+                        for (j, free) in prepared.free.iter().enumerate() {
+                            let (source, target) = (i * width + 1 + j, o * np + free);
+                            for (row, slopes) in rows().zip(jacobian[place * ny * np..].chunks_exact_mut(ny * np)) {
+                                slopes[target] += row[source];
+                            }
                         }
                     }
+                    at += own;
                 }
             })?;
         }
@@ -125,7 +154,7 @@ impl ClosedLoop {
         &self.model
     }
 
-    fn check(&self, theta: &[f64], free: &[usize]) -> Result<()> {
+    pub(crate) fn check(&self, theta: &[f64], free: &[usize]) -> Result<()> {
         check_len("parameter vector", theta.len(), self.parameters)?;
         check_finite("parameter vector", theta)?;
         if let Some(last) = free.iter().max().filter(|f| **f >= self.parameters) {

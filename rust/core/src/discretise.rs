@@ -21,6 +21,16 @@ pub struct Discrete {
 }
 
 impl Discrete {
+    /// The same system in states that are `t` times smaller.
+    pub(crate) fn rescale(&mut self, t: &[f64]) {
+        for (i, t) in t.iter().enumerate() {
+            self.a.row_mut(i).scale_mut(1.0 / t);
+            self.b.row_mut(i).scale_mut(1.0 / t);
+            self.a.column_mut(i).scale_mut(*t);
+            self.c.column_mut(i).scale_mut(*t);
+        }
+    }
+
     /// `[a b; c d]`.
     pub(crate) fn stacked(&self) -> DMatrix<f64> {
         let (n, m) = self.b.shape();

@@ -28,6 +28,7 @@ mod expm;
 mod kernel;
 mod lft;
 mod linear;
+mod lines;
 mod modal;
 mod model;
 mod nonlinear;
@@ -35,15 +36,18 @@ mod product;
 mod realtime;
 mod residual;
 mod split;
+mod whitened;
 
 pub use block::{Block, Coefficient, Curve, Law, Table};
 pub use closed_loop::ClosedLoop;
 pub use discretise::Discrete;
 pub use error::{Error, Result};
 pub use lft::{Gain, Lft};
+pub use lines::LineResponse;
 pub use model::{Controller, Model};
 pub use realtime::Stepper;
 pub use residual::{Data, Normal, normal_equations};
+pub use whitened::{LineData, LineNormal, line_equations, line_rows};
 
 // the loops and the reference of the integration tests serve the unit tests too
 #[cfg(test)]

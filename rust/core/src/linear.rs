@@ -42,7 +42,7 @@ impl Response {
 }
 
 /// Refuses a sampled loop with a pole that does not decay; one that is no number counts as the worst.
-fn stable(mu: &[Complex<f64>], dt: f64) -> Result<()> {
+pub(crate) fn stable(mu: &[Complex<f64>], dt: f64) -> Result<()> {
     let size = |mu: &Complex<f64>| if mu.norm().is_nan() { f64::INFINITY } else { mu.norm() };
     match mu.iter().max_by(|a, b| size(a).total_cmp(&size(b))) {
         Some(worst) if size(worst) >= 1.0 => Err(Error::unstable(worst.ln() / dt, dt)),

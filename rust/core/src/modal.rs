@@ -48,15 +48,13 @@ impl Modal {
     /// As [`crate::lft::Lft::close`] and [`discretise`].
     pub fn new(model: &Model, theta: &[f64], free: &[usize]) -> Result<Option<Self>> {
         if model.controller.is_none() {
-            let mut closed = model.lft.close(theta)?;
+            let mut closed = model.lft.close_at_rest(theta)?;
             closed.balance();
             return Ok(Self::analog(model, &closed, theta, free));
         }
         let (mut value, mut slopes) = discretise(model, theta, free)?;
         let t = balancing(&value.a);
-        for part in slopes.iter_mut().chain([&mut value]) {
-            rescale(part, &t);
-        }
+        slopes.iter_mut().chain([&mut value]).for_each(|part| part.rescale(&t));
         Ok(Self::sampled(&value, &slopes))
     }
 
@@ -117,15 +115,6 @@ impl Modal {
         });
         let slopes = slopes.collect();
         Some(Self { value: Residues { mu: basis.lambda, b, c, d: value.d.clone() }, slopes })
-    }
-}
-
-fn rescale(system: &mut Discrete, t: &[f64]) {
-    for (i, t) in t.iter().enumerate() {
-        system.a.row_mut(i).scale_mut(1.0 / t);
-        system.b.row_mut(i).scale_mut(1.0 / t);
-        system.a.column_mut(i).scale_mut(*t);
-        system.c.column_mut(i).scale_mut(*t);
     }
 }
 

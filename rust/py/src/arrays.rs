@@ -1,7 +1,7 @@
 //! The only conversion between NumPy arrays and the core.
 
 use nalgebra::DMatrix;
-use numpy::{PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray, PyReadonlyArray2};
+use numpy::{Element, PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use crate::errors::ModelError;
@@ -13,11 +13,11 @@ pub fn matrix(array: &PyReadonlyArray2<'_, f64>) -> DMatrix<f64> {
 }
 
 /// A signal, samples x channels, seen in place.
-pub fn signal<'a, D: numpy::ndarray::Dimension>(
+pub fn signal<'a, T: Element, D: numpy::ndarray::Dimension>(
     what: &str,
-    array: &'a PyReadonlyArray<'_, f64, D>,
+    array: &'a PyReadonlyArray<'_, T, D>,
     channels: usize,
-) -> PyResult<&'a [f64]> {
+) -> PyResult<&'a [T]> {
     let found = array.as_array().shape().last().copied().unwrap_or(0);
     if found != channels {
         return Err(ModelError::new_err(format!("{what} has {found} channels, expected {channels}")));
@@ -26,17 +26,17 @@ pub fn signal<'a, D: numpy::ndarray::Dimension>(
 }
 
 /// A vector handed over to NumPy without a copy, as rows x columns.
-pub fn table<'py>(py: Python<'py>, values: Vec<f64>, columns: usize) -> PyResult<Bound<'py, PyArray2<f64>>> {
+pub fn table<T: Element>(py: Python<'_>, values: Vec<T>, columns: usize) -> PyResult<Bound<'_, PyArray2<T>>> {
     let rows = values.len() / columns.max(1);
     PyArray1::from_vec(py, values).reshape([rows, columns])
 }
 
 /// The same with one more axis.
-pub fn cube<'py>(
-    py: Python<'py>,
-    values: Vec<f64>,
+pub fn cube<T: Element>(
+    py: Python<'_>,
+    values: Vec<T>,
     shape: [usize; 3],
-) -> PyResult<Bound<'py, PyArray<f64, numpy::Ix3>>> {
+) -> PyResult<Bound<'_, PyArray<T, numpy::Ix3>>> {
     PyArray1::from_vec(py, values).reshape(shape)
 }
 

@@ -130,4 +130,58 @@ impl ClosedLoop {
         let samples = y.len() / outputs.max(1);
         Ok((table(py, y, outputs)?, cube(py, jacobian, [samples, outputs, free.len()])?))
     }
+
+    /// Response, slopes and basis of the transient at points `w` of the unit circle.
+    #[allow(clippy::type_complexity)]
+    #[pyo3(signature = (theta, free, w, u, d=None))]
+    fn lines<'py>(
+        &self,
+        py: Python<'py>,
+        theta: PyReadonlyArray1<'py, f64>,
+        free: Vec<usize>,
+        w: PyReadonlyArray1<'py, Complex64>,
+        u: PyReadonlyArray2<'py, Complex64>,
+        d: Option<PyReadonlyArray1<'py, f64>>,
+    ) -> PyResult<(Bound<'py, PyArray2<Complex64>>, Bound<'py, PyArray3<Complex64>>, Bound<'py, PyArray3<Complex64>>)>
+    {
+        let (theta, w, u) = (theta.as_slice()?, w.as_slice()?, signal("inputs on lines", &u, self.core.inputs())?);
+        let d = d.as_ref().map_or(Ok(&[][..]), |d| d.as_slice())?;
+        let found = py.detach(|| self.core.lines(theta, &free, w, u, d)).map_err(raise)?;
+        let (lines, outputs) = (w.len(), self.core.outputs());
+        let states = found.basis.len() / (lines * outputs).max(1);
+        Ok((
+            table(py, found.response, outputs)?,
+            cube(py, found.slopes, [lines, outputs, free.len()])?,
+            cube(py, found.basis, [lines, outputs, states])?,
+        ))
+    }
+
+    /// Lines x outputs x inputs at points `w` of the unit circle.
+    fn transfer<'py>(
+        &self,
+        py: Python<'py>,
+        theta: PyReadonlyArray1<'py, f64>,
+        w: PyReadonlyArray1<'py, Complex64>,
+    ) -> PyResult<Bound<'py, PyArray3<Complex64>>> {
+        let (theta, w) = (theta.as_slice()?, w.as_slice()?);
+        let found = py.detach(|| self.core.transfer(theta, w)).map_err(raise)?;
+        cube(py, found, [w.len(), self.core.outputs(), self.core.inputs()])
+    }
+
+    /// Response and derivatives, whole periods from `first` on added up.
+    #[allow(clippy::type_complexity)]
+    fn folded<'py>(
+        &self,
+        py: Python<'py>,
+        theta: PyReadonlyArray1<'py, f64>,
+        free: Vec<usize>,
+        u: PyReadonlyArray2<'py, f64>,
+        first: usize,
+        period: usize,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>)> {
+        let (theta, u) = (theta.as_slice()?, signal("excitation", &u, self.core.inputs())?);
+        let (y, jacobian) = py.detach(|| self.core.folded(theta, &free, u, first, period)).map_err(raise)?;
+        let outputs = self.core.outputs();
+        Ok((table(py, y, outputs)?, cube(py, jacobian, [period, outputs, free.len()])?))
+    }
 }

@@ -4,6 +4,7 @@ mod arrays;
 mod blocks;
 mod closed_loop;
 mod errors;
+mod lines;
 mod residual;
 mod stepper;
 
@@ -13,6 +14,8 @@ use pyo3::prelude::*;
 mod _core {
     #[pymodule_export]
     use crate::closed_loop::ClosedLoop;
+    #[pymodule_export]
+    use crate::lines::{LineData, line_equations};
     #[pymodule_export]
     use crate::residual::{Data, normal_equations};
     #[pymodule_export]

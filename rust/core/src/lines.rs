@@ -1,0 +1,193 @@
+//! A loop on lines of the spectrum: what the discrete Fourier transform of any stretch of a record must be.
+//!
+//! With held inputs, `x[k+1] = A x[k] + B u[k]`, `z[k] = C x[k] + D u[k]`, the transform over N samples obeys, whether
+//! they repeat or not and whatever came before,
+//!
+//! ```text
+//! Z(l) = (C (w I - A)^-1 B + D) U(l) + w C (w I - A)^-1 d,    w = exp(2 pi i l / N),    d = (x[0] - x[N]) / sqrt(N),
+//! ```
+//!
+//! Z and U being sums over `exp(-2 pi i l k / N)`, over the root of N. The transient d is unknown, real, one number a
+//! state. The cost goes with the lines, not with the samples.
+
+mod dense;
+mod modal;
+
+use nalgebra::Complex;
+
+use crate::closed_loop::ClosedLoop;
+use crate::discretise::discretise;
+use crate::error::{Error, Result, check_len};
+use crate::linear::stable;
+use crate::modal::{Modal, eigenvalues};
+use crate::split::Part;
+
+type C64 = Complex<f64>;
+
+/// Lines that are worked on at a time.
+pub(crate) const BLOCK: usize = 48;
+
+/// The response of a loop on lines.
+#[derive(Debug, Clone)]
+pub struct LineResponse {
+    /// Lines x outputs, transient included.
+    pub response: Vec<C64>,
+    /// Lines x outputs x `free`: derivatives, those of the transient with `d` held included.
+    pub slopes: Vec<C64>,
+    /// Lines x outputs x states: what a unit of each number of `d` adds.
+    pub basis: Vec<C64>,
+}
+
+/// What a part does on a block of lines.
+#[derive(Debug, Default)]
+pub(crate) struct Block {
+    /// Lines x `stride`: the real, then the imaginary parts of outputs x `[value, slopes..]`.
+    pub columns: Vec<f64>,
+    pub stride: usize,
+    /// Lines x outputs x states, real parts, then imaginary parts.
+    pub basis: [Vec<f64>; 2],
+}
+
+/// A part of a loop at one parameter set.
+pub(crate) struct OnLines<'a> {
+    way: Way,
+    pub inputs: &'a [usize],
+    pub outputs: &'a [usize],
+    /// Positions in the caller's `free` of the parameters that act on this part.
+    pub free: Vec<usize>,
+}
+
+enum Way {
+    Modal(modal::Poles),
+    Dense(Box<dense::Hessenberg>),
+}
+
+impl<'a> OnLines<'a> {
+    /// # Errors
+    /// [`Error::Unstable`] where a pole does not decay; else as [`ClosedLoop::poles`].
+    fn new(part: &'a Part, theta: &[f64], free: &[usize]) -> Result<Self> {
+        let acts = |parameter: usize| part.model.parameters().any(|p| p == parameter);
+        let own: Vec<usize> = (0..free.len()).filter(|j| acts(free[*j])).collect();
+        let parameters: Vec<usize> = own.iter().map(|j| free[*j]).collect();
+        if !part.model.lft.blocks.is_empty() && !own.is_empty() {
+            return Err(Error::Singular { what: "a nonlinear loop has no derivatives on lines" });
+        }
+        let way = match Modal::new(&part.model, theta, &parameters)? {
+            Some(modal) => {
+                stable(&modal.value.mu, part.model.dt)?;
+                Way::Modal(modal::Poles::new(modal))
+            }
+            None => {
+                let (value, slopes) = discretise(&part.model, theta, &parameters)?;
+                stable(&eigenvalues(&value.a)?, part.model.dt)?;
+                Way::Dense(Box::new(dense::Hessenberg::new(value, slopes)))
+            }
+        };
+        Ok(Self { way, inputs: &part.inputs, outputs: &part.outputs, free: own })
+    }
+
+    pub fn states(&self) -> usize {
+        match &self.way {
+            Way::Modal(poles) => poles.states(),
+            Way::Dense(dense) => dense.states(),
+        }
+    }
+
+    /// Lines x outputs x inputs of this part.
+    fn transfer(&self, w: &[C64]) -> Vec<C64> {
+        match &self.way {
+            Way::Modal(poles) => w.iter().flat_map(|w| poles.transfer(*w)).collect(),
+            Way::Dense(dense) => w.iter().flat_map(|w| dense.transfer(*w)).collect(),
+        }
+    }
+
+    /// At most [`BLOCK`] points `w` with the inputs of the whole loop there; `d` is this part's own.
+    pub fn run(&self, w: &[C64], u: &[C64], inputs: usize, d: &[f64], block: &mut Block) {
+        let own: Vec<C64> = u.chunks_exact(inputs).flat_map(|u| self.inputs.iter().map(|i| u[*i])).collect();
+        match &self.way {
+            Way::Modal(poles) => poles.run(w, &own, d, block),
+            Way::Dense(dense) => dense.run(w, &own, d, block),
+        }
+    }
+}
+
+impl ClosedLoop {
+    /// Every part on lines, with the derivatives by those of `free` that act on it.
+    pub(crate) fn on_lines(&self, theta: &[f64], free: &[usize]) -> Result<Vec<OnLines<'_>>> {
+        self.check(theta, free)?;
+        let parts = self.each_part().iter().filter(|p| !p.inputs.is_empty());
+        parts.map(|part| OnLines::new(part, theta, free)).collect()
+    }
+
+    /// The response at points `w` of the unit circle to inputs `u` (lines x inputs) and a transient `d`.
+    ///
+    /// `d` has a number per state, or none at all for no transient. Nonlinear blocks are linearised at rest; then
+    /// `free` must be empty.
+    ///
+    /// # Errors
+    /// [`Error::Unstable`], [`Error::Shape`], and as [`ClosedLoop::poles`].
+    pub fn lines(&self, theta: &[f64], free: &[usize], w: &[C64], u: &[C64], d: &[f64]) -> Result<LineResponse> {
+        let (ny, np, inputs) = (self.outputs(), free.len(), self.inputs());
+        check_len("inputs on lines", u.len(), w.len() * inputs)?;
+        let parts = self.on_lines(theta, free)?;
+        let states: usize = parts.iter().map(OnLines::states).sum();
+        if !d.is_empty() {
+            check_len("transient", d.len(), states)?;
+        }
+        let zero = C64::from(0.0);
+        let mut found = LineResponse {
+            response: vec![zero; w.len() * ny],
+            slopes: vec![zero; w.len() * ny * np],
+            basis: vec![zero; w.len() * ny * states],
+        };
+        let (mut at, mut block) = (0, Block::default());
+        for part in &parts {
+            let (n, own) = (part.states(), part.outputs.len());
+            let d = if d.is_empty() { d } else { &d[at..at + n] };
+            let half = own * (1 + part.free.len());
+            for (b, (w, u)) in w.chunks(BLOCK).zip(u.chunks(BLOCK * inputs.max(1))).enumerate() {
+                part.run(w, u, inputs, d, &mut block);
+                for l in 0..w.len() {
+                    let row = &block.columns[l * block.stride..];
+                    for (i, o) in part.outputs.iter().enumerate() {
+                        let place = (b * BLOCK + l) * ny + o;
+                        let number = |k: usize| C64::new(row[k], row[half + k]);
+                        let first = i * (1 + part.free.len());
+                        found.response[place] = number(first);
+                        for (j, free) in part.free.iter().enumerate() {
+                            found.slopes[place * np + free] = number(first + 1 + j);
+                        }
+                        for k in 0..n {
+                            let from = (l * own + i) * n + k;
+                            found.basis[place * states + at + k] = C64::new(block.basis[0][from], block.basis[1][from]);
+                        }
+                    }
+                }
+            }
+            at += n;
+        }
+        Ok(found)
+    }
+
+    /// The transfer matrix at points `w` of the unit circle: lines x outputs x inputs.
+    ///
+    /// # Errors
+    /// As [`ClosedLoop::lines`].
+    pub fn transfer(&self, theta: &[f64], w: &[C64]) -> Result<Vec<C64>> {
+        let (ny, nu) = (self.outputs(), self.inputs());
+        let mut found = vec![C64::from(0.0); w.len() * ny * nu];
+        for part in self.on_lines(theta, &[])? {
+            let own = part.transfer(w);
+            let inner = part.outputs.len() * part.inputs.len();
+            for (own, found) in own.chunks_exact(inner).zip(found.chunks_exact_mut(ny * nu)) {
+                for (i, o) in part.outputs.iter().enumerate() {
+                    part.inputs
+                        .iter()
+                        .enumerate()
+                        .for_each(|(j, a)| found[o * nu + a] = own[i * part.inputs.len() + j]);
+                }
+            }
+        }
+        Ok(found)
+    }
+}

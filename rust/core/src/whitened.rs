@@ -1,0 +1,343 @@
+//! Whitened lines of records against a loop, reduced to normal equations; the transient of each record is fitted.
+//!
+//! On every line the residual r, its derivatives and the basis T of the transient are whitened, and their real and
+//! imaginary parts are rows of `[T | dz | r]`. From the Gram matrix of these rows the transient is eliminated, so that
+//! what is left is least squares in the parameters alone, exact at the best transient.
+
+use std::ops::Range;
+
+use nalgebra::{Complex, DMatrix, DVector};
+use rayon::prelude::*;
+
+use crate::closed_loop::ClosedLoop;
+use crate::error::{Error, Result, check_len};
+use crate::lines::{BLOCK, Block, OnLines};
+use crate::product::{LANES, add_gram, dispatch, fused};
+
+type C64 = Complex<f64>;
+
+/// Part of a basis vector's square that must be its own, beside those before it, for it to count.
+const OWN: f64 = 1e-11;
+/// Lines whose whitened rows stay in the first-level cache.
+const TOGETHER: usize = 4;
+
+/// Measured lines of a record.
+#[derive(Debug, Clone)]
+pub struct LineData {
+    w: Vec<C64>,
+    u: Vec<C64>,
+    z: Vec<C64>,
+    /// Lines x channels x channels.
+    whitening: Vec<C64>,
+    channels: usize,
+}
+
+/// `sum |W (z - G u - T d)|^2` over lines at the best d, as a quadratic form about `theta`.
+#[derive(Debug, Clone)]
+pub struct LineNormal {
+    /// J'J of the whitened residual, free x free, freed from what the transient can take over.
+    pub hessian: DMatrix<f64>,
+    /// J'r, r being simulated minus measured.
+    pub gradient: DVector<f64>,
+    /// Sum of squares.
+    pub cost: f64,
+    /// The transient of each record.
+    pub transients: Vec<Vec<f64>>,
+    /// Numbers of the transients that the lines determine.
+    pub fitted: usize,
+}
+
+impl LineData {
+    /// Points `w` of the unit circle, inputs `u` (lines x inputs), outputs `z` (lines x channels) and `whitening`.
+    ///
+    /// The channels are the first outputs of the loop.
+    ///
+    /// # Errors
+    /// [`Error::Shape`], [`Error::NotFinite`].
+    pub fn new(system: &ClosedLoop, w: Vec<C64>, u: Vec<C64>, z: Vec<C64>, whitening: Vec<C64>) -> Result<Self> {
+        let channels = z.len().checked_div(w.len()).unwrap_or(0);
+        check_len("inputs on lines", u.len(), w.len() * system.inputs())?;
+        check_len("outputs on lines", z.len(), w.len() * channels)?;
+        check_len("whitening", whitening.len(), w.len() * channels * channels)?;
+        if channels > system.outputs() {
+            let (found, expected) = (channels.to_string(), format!("at most {}", system.outputs()));
+            return Err(Error::Shape { what: "channels on lines", found, expected });
+        }
+        for (what, numbers) in [("lines", &w), ("inputs", &u), ("outputs", &z), ("whitening", &whitening)] {
+            if numbers.iter().any(|x| !(x.re.is_finite() && x.im.is_finite())) {
+                return Err(Error::NotFinite { what });
+            }
+        }
+        Ok(Self { w, u, z, whitening, channels })
+    }
+}
+
+/// The normal equations of all records together, by the parameters in `free`.
+///
+/// `near` holds a transient of each record, close to the best one, or nothing; it is only needed for the derivatives of
+/// what the transient adds, and where there is none, the best one at `theta` is found first.
+///
+/// # Errors
+/// [`Error::Unstable`], [`Error::Shape`] where a record belongs to another loop, and as [`ClosedLoop::poles`].
+pub fn line_equations(
+    system: &ClosedLoop,
+    theta: &[f64],
+    free: &[usize],
+    records: &[&LineData],
+    near: &[Vec<f64>],
+) -> Result<LineNormal> {
+    let parts = system.on_lines(theta, free)?;
+    let states: usize = parts.iter().map(OnLines::states).sum();
+    for data in records {
+        check_len("inputs of a record on lines", data.u.len(), data.w.len() * system.inputs())?;
+    }
+    let is_near = near.len() == records.len() && near.iter().all(|d| d.len() == states);
+    let value = if is_near || free.is_empty() { None } else { Some(system.on_lines(theta, &[])?) };
+    let one = |(k, data): (usize, &&LineData)| -> LineNormal {
+        let start = match &value {
+            Some(value) => Gram::new(value, 0, data, system.inputs(), &[]).eliminated().transient(),
+            None if is_near => near[k].clone(),
+            None => Vec::new(),
+        };
+        Gram::new(&parts, free.len(), data, system.inputs(), &start).eliminated().normal(free.len(), start)
+    };
+    let each: Vec<LineNormal> = if records.len() > 1 {
+        records.par_iter().enumerate().map(one).collect()
+    } else {
+        records.iter().enumerate().map(one).collect()
+    };
+    let np = free.len();
+    let mut total = LineNormal {
+        hessian: DMatrix::zeros(np, np),
+        gradient: DVector::zeros(np),
+        cost: 0.0,
+        transients: Vec::with_capacity(each.len()),
+        fitted: 0,
+    };
+    for own in each {
+        total.hessian += own.hessian;
+        total.gradient += own.gradient;
+        total.cost += own.cost;
+        total.fitted += own.fitted;
+        total.transients.extend(own.transients);
+    }
+    Ok(total)
+}
+
+/// Second moments of the rows `[T | dz | r]`.
+struct Gram {
+    states: usize,
+    moments: DMatrix<f64>,
+}
+
+impl Gram {
+    fn new(parts: &[OnLines], np: usize, data: &LineData, inputs: usize, d: &[f64]) -> Self {
+        let layout = Layout::new(parts, np, data.channels, true);
+        let mut sum = vec![0.0; layout.stride * layout.stride];
+        layout.walk(parts, data, inputs, d, &mut |_, rows| add_gram(rows, layout.stride, &mut sum));
+        let stride = layout.stride;
+        let moments = DMatrix::from_fn(layout.size, layout.size, |i, j| sum[i.min(j) * stride + i.max(j)]);
+        Self { states: layout.states, moments }
+    }
+
+    /// Takes the transient out, number by number, the one that is most its own first.
+    fn eliminated(self) -> Eliminated {
+        let Self { states, mut moments } = self;
+        let size = moments.nrows();
+        let scale: Vec<f64> = (0..states).map(|i| moments[(i, i)].sqrt()).collect();
+        for (i, scale) in scale.iter().enumerate().filter(|(_, scale)| **scale > 0.0) {
+            moments.row_mut(i).unscale_mut(*scale);
+            moments.column_mut(i).unscale_mut(*scale);
+        }
+        let mut left: Vec<usize> = (0..states).filter(|i| scale[*i] > 0.0).collect();
+        let mut order = Vec::with_capacity(states);
+        while let Some((place, pivot)) = (left.iter().copied().enumerate())
+            .max_by(|a, b| moments[(a.1, a.1)].total_cmp(&moments[(b.1, b.1)]))
+            .filter(|(_, pivot)| moments[(*pivot, *pivot)] > OWN)
+        {
+            left.swap_remove(place);
+            let row: Vec<f64> = moments.row(pivot).iter().copied().collect();
+            let rest: Vec<usize> = left.iter().copied().chain(states..size).collect();
+            for i in &rest {
+                let factor = row[*i] / row[pivot];
+                rest.iter().for_each(|j| moments[(*i, *j)] -= factor * row[*j]);
+            }
+            order.push((pivot, row));
+        }
+        Eliminated { states, moments, scale, order }
+    }
+}
+
+/// Moments after the transient was taken out, and the rows that it was taken out by.
+struct Eliminated {
+    states: usize,
+    moments: DMatrix<f64>,
+    scale: Vec<f64>,
+    order: Vec<(usize, Vec<f64>)>,
+}
+
+impl Eliminated {
+    /// What makes the transient leave least.
+    fn transient(&self) -> Vec<f64> {
+        let last = self.moments.nrows() - 1;
+        let mut d = vec![0.0; self.states];
+        for (pivot, row) in self.order.iter().rev() {
+            let others: f64 = row[..self.states].iter().zip(&d).map(|(m, d)| m * d).sum();
+            d[*pivot] = -(row[last] + others) / row[*pivot];
+        }
+        d.iter_mut().zip(&self.scale).filter(|(_, scale)| **scale > 0.0).for_each(|(d, scale)| *d /= scale);
+        d
+    }
+
+    fn normal(self, np: usize, start: Vec<f64>) -> LineNormal {
+        let mut transient = self.transient();
+        transient.iter_mut().zip(start).for_each(|(d, start)| *d += start);
+        let (first, last) = (self.states, self.moments.nrows() - 1);
+        LineNormal {
+            hessian: self.moments.view((first, first), (np, np)).into_owned(),
+            gradient: self.moments.view((first, last), (np, 1)).column(0).into_owned(),
+            cost: self.moments[(last, last)].max(0.0),
+            transients: vec![transient],
+            fitted: self.order.len(),
+        }
+    }
+}
+
+/// Whitened rows `[T | dz | r]` of a record: of every line and channel the real part and then the imaginary one.
+///
+/// `r` is simulated minus measured with the transient `d`; without `transients` there is no T.
+///
+/// # Errors
+/// As [`line_equations`].
+pub fn line_rows(
+    system: &ClosedLoop,
+    theta: &[f64],
+    free: &[usize],
+    data: &LineData,
+    d: &[f64],
+    transients: bool,
+) -> Result<(Vec<f64>, usize)> {
+    let parts = system.on_lines(theta, free)?;
+    let states: usize = parts.iter().map(OnLines::states).sum();
+    check_len("inputs of a record on lines", data.u.len(), data.w.len() * system.inputs())?;
+    if !d.is_empty() {
+        check_len("transient", d.len(), states)?;
+    }
+    let layout = Layout::new(&parts, free.len(), data.channels, transients);
+    let mut out = vec![0.0; data.w.len() * 2 * data.channels * layout.size];
+    layout.walk(&parts, data, system.inputs(), d, &mut |line, rows| {
+        let to = out[line * 2 * data.channels * layout.size..].chunks_exact_mut(layout.size);
+        rows.chunks_exact(layout.stride).zip(to).for_each(|(row, to)| to.copy_from_slice(&row[..layout.size]));
+    });
+    Ok((out, layout.size))
+}
+
+/// Where everything stands in a row `[T | dz | r]`.
+struct Layout {
+    channels: usize,
+    states: usize,
+    parameters: usize,
+    size: usize,
+    stride: usize,
+    /// The columns that the transient of each channel's part stands in, and where those of all parts end.
+    ranges: Vec<[Range<usize>; 2]>,
+}
+
+impl Layout {
+    fn new(parts: &[OnLines], parameters: usize, channels: usize, transients: bool) -> Self {
+        let states = if transients { parts.iter().map(OnLines::states).sum() } else { 0 };
+        let size = states + parameters + 1;
+        let stride = size.next_multiple_of(LANES);
+        let down = |k: usize| k - k % LANES;
+        let mut ranges = vec![[0..0, down(states)..stride]; channels];
+        let mut at = 0;
+        for part in parts.iter().filter(|_| transients) {
+            let own = down(at)..(at + part.states()).next_multiple_of(LANES).min(down(states));
+            part.outputs.iter().filter(|o| **o < channels).for_each(|o| ranges[*o][0] = own.clone());
+            at += part.states();
+        }
+        Self { channels, states, parameters, size, stride, ranges }
+    }
+
+    /// Hands the whitened rows of a few lines at a time to `sink`, with the first of these lines.
+    fn walk(&self, parts: &[OnLines], data: &LineData, inputs: usize, d: &[f64], sink: &mut impl FnMut(usize, &[f64])) {
+        let (p, stride) = (self.channels, self.stride);
+        let mut blocks: Vec<Block> = parts.iter().map(|_| Block::default()).collect();
+        let mut raw = vec![0.0; 2 * p * stride];
+        let mut white = vec![0.0; TOGETHER * 2 * p * stride];
+        for first in (0..data.w.len()).step_by(BLOCK) {
+            let lines = first..(first + BLOCK).min(data.w.len());
+            let u = &data.u[first * inputs..lines.end * inputs];
+            let mut at = 0;
+            for (part, block) in parts.iter().zip(&mut blocks) {
+                let n = part.states();
+                let own = if d.is_empty() { d } else { &d[at..at + n] };
+                part.run(&data.w[lines.clone()], u, inputs, own, block);
+                at += n;
+            }
+            for together in lines.clone().step_by(TOGETHER) {
+                let count = TOGETHER.min(lines.end - together);
+                for (line, white) in (together..together + count).zip(white.chunks_exact_mut(2 * p * stride)) {
+                    raw.fill(0.0);
+                    self.lay_out(parts, &blocks, line - first, &mut raw);
+                    for (c, z) in data.z[line * p..(line + 1) * p].iter().enumerate() {
+                        raw[2 * c * stride + self.size - 1] -= z.re;
+                        raw[(2 * c + 1) * stride + self.size - 1] -= z.im;
+                    }
+                    white.fill(0.0);
+                    whiten(&data.whitening[line * p * p..(line + 1) * p * p], &raw, &self.ranges, stride, white);
+                }
+                sink(together, &white[..count * 2 * p * stride]);
+            }
+        }
+    }
+
+    /// One line before whitening and without what was measured.
+    fn lay_out(&self, parts: &[OnLines], blocks: &[Block], line: usize, raw: &mut [f64]) {
+        let mut at = 0;
+        for (part, block) in parts.iter().zip(blocks) {
+            let (n, np) = (part.states(), part.free.len());
+            let half = part.outputs.len() * (1 + np);
+            let columns = &block.columns[line * block.stride..];
+            for (i, channel) in part.outputs.iter().enumerate().filter(|(_, channel)| **channel < self.channels) {
+                for (side, basis) in block.basis.iter().enumerate() {
+                    let row = &mut raw[(2 * channel + side) * self.stride..][..self.stride];
+                    if self.states > 0 {
+                        let from = (line * part.outputs.len() + i) * n;
+                        row[at..at + n].copy_from_slice(&basis[from..from + n]);
+                    }
+                    let own = &columns[side * half + i * (1 + np)..];
+                    part.free.iter().enumerate().for_each(|(j, free)| row[self.states + free] = own[1 + j]);
+                    row[self.states + self.parameters] = own[0];
+                }
+            }
+            at += n;
+        }
+    }
+}
+
+/// `white = W raw`, real and imaginary parts of every channel below each other.
+fn whiten(w: &[C64], raw: &[f64], ranges: &[[Range<usize>; 2]], stride: usize, white: &mut [f64]) {
+    dispatch!(whiten_any, (w: &[C64], raw: &[f64], ranges: &[[Range<usize>; 2]], stride: usize, white: &mut [f64]));
+}
+
+#[inline(always)]
+fn whiten_any<const FMA: bool>(w: &[C64], raw: &[f64], ranges: &[[Range<usize>; 2]], stride: usize, white: &mut [f64]) {
+    for (w, white) in w.chunks_exact(ranges.len()).zip(white.chunks_exact_mut(2 * stride)) {
+        let (re, im) = white.split_at_mut(stride);
+        for ((w, raw), ranges) in w.iter().zip(raw.chunks_exact(2 * stride)).zip(ranges) {
+            if w.re == 0.0 && w.im == 0.0 {
+                continue;
+            }
+            let (from_re, from_im) = raw.split_at(stride);
+            for range in ranges {
+                let (from_re, from_im) = (&from_re[range.clone()], &from_im[range.clone()]);
+                let (re, im) = (&mut re[range.clone()], &mut im[range.clone()]);
+                for k in 0..from_re.len() {
+                    re[k] = fused::<FMA>(w.re, from_re[k], fused::<FMA>(-w.im, from_im[k], re[k]));
+                    im[k] = fused::<FMA>(w.re, from_im[k], fused::<FMA>(w.im, from_re[k], im[k]));
+                }
+            }
+        }
+    }
+}
