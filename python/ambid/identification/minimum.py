@@ -24,11 +24,12 @@ class _WhitenedProblem(LeastSquares):
 
     def __init__(self, model: Model, noise: Noise) -> None:
         super().__init__(model, list(range(len(model.names))), None)
-        self.noise = noise
+        self.noise, self._near = noise, list[FloatArray]()
 
     def _evaluate(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-        residual, columns = self.noise.jacobian(self.model.with_theta(theta), self.free)
-        return columns.T @ columns, -columns.T @ residual, float(residual @ residual)
+        found = self.noise.quadratic(self.model.with_theta(theta), self.free, self._near)
+        self._near = found.transients
+        return found.hessian, found.gradient, found.cost
 
 
 @dataclass(frozen=True)

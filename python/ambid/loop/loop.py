@@ -148,6 +148,18 @@ class Loop:
         """A, B, C, D of the loop sampled with zero-order hold, inputs to outputs."""
         return self.core.discrete(_vector(theta))
 
+    def transfer(self, theta: ArrayLike, points: ComplexArray) -> ComplexArray:
+        """Held inputs to sampled outputs at points of the unit circle, shape (points, outputs, inputs).
+
+        Nonlinear effects are linearised at rest.
+
+        Raises
+        ------
+        UnstableLoopError
+            If the loop is unstable at `theta`.
+        """
+        return self.core.transfer(_vector(theta), np.ascontiguousarray(points, dtype=np.complex128))
+
     def frequency_response(self, theta: ArrayLike, frequency_hz: FloatArray) -> ComplexArray:
         """Inputs to outputs, shape (frequencies, outputs, inputs), nonlinear effects linearised at rest.
 

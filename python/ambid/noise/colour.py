@@ -7,11 +7,11 @@ import numpy as np
 from ambid.arrays import ComplexArray
 from ambid.model import Model
 
-__all__ = ["loop_noise"]
+__all__ = ["back_through_loop", "loop_noise"]
 
 
-def loop_noise(model: Model, samples: int, channels: int) -> ComplexArray:
-    """The way from noise of the instruments to y and i_c, shape (samples / 2 + 1, channels, channels).
+def loop_noise(model: Model, points: ComplexArray, channels: int) -> ComplexArray:
+    """The way from noise of the instruments to y and i_c, shape (points, channels, channels).
 
     Smooth noise of the sensors shows in y and i_c with every pole of the loop, noise of the current readings in i_c
     alone. Taken back by the inverse, the noise of a record is smooth over frequency again.
@@ -20,15 +20,23 @@ def loop_noise(model: Model, samples: int, channels: int) -> ComplexArray:
     ----------
     model : Model
         At the operating point of the record; nonlinear effects of it are linearised at rest.
-    samples : int
-        Of the record, at the rig's sample rate; its spectrum has samples / 2 + 1 lines.
+    points : ndarray of complex
+        Lines as points of the unit circle.
     channels : int
         Of y and i_c, or of y alone.
     """
     loop = model.with_noise_inputs()
     axes = len(model.rig.axes)
-    frequency = np.arange(samples // 2 + 1) * model.rig.sample_rate / samples
     sensors = [k for k, name in enumerate(loop.inputs) if name.startswith("n.")]
-    way = np.tile(np.eye(channels, dtype=complex), (len(frequency), 1, 1))
-    way[1:, :, :axes] = loop.frequency_response(model.theta, frequency[1:])[:, :channels, sensors]
+    way = np.tile(np.eye(channels, dtype=complex), (len(points), 1, 1))
+    way[:, :, :axes] = loop.transfer(model.theta, points)[:, :channels, sensors]
+    return way
+
+
+def back_through_loop(model: Model, points: ComplexArray, channels: int) -> ComplexArray:
+    """The inverse of `loop_noise`."""
+    way, axes = loop_noise(model, points, channels), len(model.rig.axes)
+    back = np.linalg.inv(way[:, :axes, :axes])
+    way[:, axes:, :axes] = -way[:, axes:, :axes] @ back
+    way[:, :axes, :axes] = back
     return way

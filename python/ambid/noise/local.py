@@ -7,12 +7,14 @@ System Identification: A Frequency Domain Approach, 2nd ed., chapter 7).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ambid.arrays import ComplexArray
 from ambid.errors import RecordError
 
-__all__ = ["beside_excitation"]
+__all__ = ["beside_excitation", "likelier_beside_excitation"]
 
 DEGREE = 2
 """Of the polynomials over frequency in the local regression."""
@@ -51,3 +53,16 @@ def beside_excitation(lines: ComplexArray, excitation: ComplexArray) -> ComplexA
     spectrum *= (free + fitted * free / (free - p)) / width
     nearest = np.clip(np.round((np.arange(count) - width / 2 - 1) / step), 0, len(starts) - 1).astype(np.intp)
     return np.asarray(spectrum[nearest])
+
+
+def likelier_beside_excitation(
+    lines: ComplexArray, excitation: ComplexArray, shapes: Sequence[ComplexArray]
+) -> tuple[ComplexArray, ComplexArray]:
+    """S at every line behind the shape, (lines, p, p), under which the lines are likeliest, and that shape."""
+    tried = [(beside_excitation((back @ lines[..., None])[..., 0], excitation), back) for back in shapes]
+    return max(tried, key=lambda one: _likelihood(*one))
+
+
+def _likelihood(spectrum: ComplexArray, shape: ComplexArray) -> float:
+    """Logarithm of the likelihood that a residual has this spectrum behind its shape, but for a constant (Whittle)."""
+    return float(np.sum(2.0 * np.linalg.slogdet(shape)[1] - np.linalg.slogdet(spectrum)[1]))

@@ -3,120 +3,141 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambid import _core
 from ambid.arrays import FloatArray
 from ambid.loop.effect import Tone
 from ambid.model import Model
-from ambid.noise.colour import loop_noise
-from ambid.noise.tones import find_tones, without_tones
-from ambid.noise.whitener import Whitener
-from ambid.noise.window import Window
+from ambid.noise.lines import Measured, RecordLines
+from ambid.noise.tones import find_tones
 from ambid.record import Record
+
+__all__ = ["Noise", "Quadratic"]
+
+
+@dataclass(frozen=True)
+class Quadratic:
+    """J as a quadratic form about a model, at the best transient of every record.
+
+    Attributes
+    ----------
+    hessian : ndarray, shape (free, free)
+        J'J of the whitened residual.
+    gradient : ndarray, shape (free,)
+        J'r, r being simulated minus measured.
+    cost : float
+        J.
+    fitted : int
+        Numbers of the transients that the lines determine; so many degrees of freedom are theirs.
+    transients : list of ndarray
+        Of each record; empty for a nonlinear model.
+    """
+
+    hessian: FloatArray
+    gradient: FloatArray
+    cost: float
+    fitted: int
+    transients: list[FloatArray]
 
 
 class Noise:
-    """Noise of y and i_c of several records, from the residual of one model; the same for all models after.
+    """Noise of y and i_c of several records; the same for all models after.
 
-    Tones of the residual are no noise: they are taken out of it, and the lines around them, and around the frequencies
-    of effects in the model, are judged beside the excited ones.
+    Parameters
+    ----------
+    model : Model
+        Its loop shapes the noise, and its transient is no noise.
+    records : sequence of Record
+    tones : bool
+        Whether lines around tones of the residual are judged too.
 
     Attributes
     ----------
     records : tuple of Record
-    tones : list of tuple of Tone
-        Of each record.
-    whiteners : list of Whitener
+    parts : tuple of RecordLines
         One per record.
     lines : int
         Number of real numbers that all whitened residuals have: 2 p per line, summed over the records.
     """
 
-    def __init__(self, model: Model, records: Sequence[Record]) -> None:
-        self.records = tuple(records)
-        self.tones, self.whiteners = [], []
-        for record in records:
-            window = Window.of(record)
-            residual, rate, here = _residual(model, record), record.sample_rate, model.at(record)
-            way = loop_noise(here, window.samples, residual.shape[1])
-            shape = np.asarray(np.linalg.inv(way), dtype=np.complex128)
-            tones: tuple[Tone, ...] = ()
-            if record.periods > 3:
-                tones = find_tones(residual, window, rate, len(record.axes), here.rig.speed, shape)
-            quiet = without_tones(residual, tones, window, rate)
-            self.tones.append(tones)
-            own = [f for effect in here.acting for f in effect.frequencies_hz(here.rig)]
-            more = _around([*own, *(tone.frequency_hz for tone in tones)], window, rate)
-            i_e = model.excitation(record)[:, : len(record.axes)]
-            self.whiteners.append(Whitener.from_residual(quiet, window, i_e, more, shape))
-        self.lines = sum(w.numbers for w in self.whiteners)
+    def __init__(self, model: Model, records: Sequence[Record], *, tones: bool = True) -> None:
+        self._set(model, tuple(Measured(record) for record in records), tones)
+
+    def _set(self, model: Model, measured: Sequence[Measured], tones: bool) -> None:
+        self._measured, self._tones = tuple(measured), tones
+        self.records = tuple(own.record for own in measured)
+        parts = [RecordLines(model, own) for own in measured]
+        if tones:
+            found = [find_tones(model, part) for part in parts]
+            parts = [
+                RecordLines(model, part.measured, own) if own else part for part, own in zip(parts, found, strict=True)
+            ]
+        self.parts = tuple(parts)
+        self.lines = sum(part.numbers for part in parts)
+
+    def renewed(self, model: Model) -> Noise:
+        """The noise of the same records by the residual of another model."""
+        other = Noise.__new__(Noise)
+        other._set(model, self._measured, self._tones)
+        return other
+
+    @property
+    def tones(self) -> list[tuple[Tone, ...]]:
+        """Tones of each record."""
+        return [part.tones for part in self.parts]
 
     @property
     def spreads(self) -> FloatArray:
-        """Variance of each whitened number on the direction of a whitened response, see `Whitener`."""
-        return np.concatenate([w.spreads for w in self.whiteners])
-
-    def residual(self, model: Model) -> FloatArray:
-        """Whitened measured minus simulated, all records in a row; its sum of squares is J."""
-        pairs = zip(self.whiteners, self.records, strict=True)
-        return np.concatenate([w.whiten(_residual(model, record)) for w, record in pairs])
+        """Variance of each whitened number on the direction of a whitened response, see `Spectrum`."""
+        return np.concatenate([part.spreads for part in self.parts])
 
     def by_record(self, white: FloatArray) -> list[FloatArray]:
         """Whitened numbers of all records, record by record."""
-        return np.split(white, np.cumsum([w.numbers for w in self.whiteners])[:-1])
+        return np.split(white, np.cumsum([part.numbers for part in self.parts])[:-1])
+
+    def residual(self, model: Model) -> FloatArray:
+        """Whitened measured minus simulated, all records in a row; its sum of squares is J."""
+        return np.concatenate([part.white(model.at(part.record), [])[0] for part in self.parts])
 
     def response(self, model: Model) -> FloatArray:
-        """Whitened simulated response."""
-        pairs = zip(self.whiteners, self.records, strict=True)
-        return np.concatenate([w.whiten(_simulated(model, record)) for w, record in pairs])
+        """Whitened response of a settled model; for scores."""
+        return np.concatenate([part.response(model.at(part.record)) for part in self.parts])
 
-    def settled_response(self, model: Model, settling: float) -> FloatArray:
-        """The same but for the transient, from as few periods as it takes to settle; for scores.
+    def jacobian(self, model: Model, free: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+        """Whitened residual, and whitened derivative of the response by the parameters in `free`."""
+        found = [part.white(model.at(part.record), free) for part in self.parts]
+        return np.concatenate([residual for residual, _, _ in found]), np.vstack([columns for _, columns, _ in found])
+
+    def quadratic(self, model: Model, free: Sequence[int], near: Sequence[FloatArray] = ()) -> Quadratic:
+        """J about a model; small whatever the length of the records.
 
         Parameters
         ----------
         model : Model
-        settling : float
-            Time after which the transient no longer matters [s].
+        free : sequence of int
+        near : sequence of ndarray
+            Transients of each record that are close to the best ones, as an earlier call found them.
         """
-        found = []
-        for w, record in zip(self.whiteners, self.records, strict=True):
-            window, here = w.window, model.at(record)
-            periods = 1 + int(np.ceil(settling * record.sample_rate / window.period))
-            inputs = here.excitation(record)
-            is_disturbed = inputs.shape[1] > len(record.axes)  # by what need not repeat with the excitation
-            if is_disturbed or not window.is_periodic or periods > window.periods:
-                found.append(w.whiten(_simulated(model, record)))
-            else:
-                samples = periods * window.period
-                signal = here.loop.simulate(here.theta, inputs[:samples])
-                found.append(w.whiten_period(signal[-window.period :, : len(record.channels)]))
-        return np.concatenate(found)
-
-    def jacobian(self, model: Model, free: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-        """Whitened residual, and whitened derivative of the response by the parameters in `free`."""
-        residuals, columns = [], []
-        for w, record in zip(self.whiteners, self.records, strict=True):
-            y, slopes = model.sensitivity(record, free)
-            p = len(record.channels)
-            residuals.append(w.whiten(record.outputs - y[:, :p]))
-            columns.append(w.whiten(slopes[:, :p]))
-        return np.concatenate(residuals), np.vstack(columns)
-
-
-def _around(frequencies_hz: Sequence[float], window: Window, sample_rate: float) -> NDArray[np.intp]:
-    """The unexcited lines next to tones."""
-    at = [frequency * window.samples / sample_rate for frequency in frequencies_hz]
-    near = {line for place in at for line in range(int(place) - 1, int(place) + 3)}
-    inside = (line for line in near if 0 < line < window.samples // 2 and line % window.periods)
-    return np.array(sorted(inside), dtype=np.intp)
-
-
-def _simulated(model: Model, record: Record) -> FloatArray:
-    return model.response(record)[:, : len(record.channels)]
-
-
-def _residual(model: Model, record: Record) -> FloatArray:
-    return record.outputs - _simulated(model, record)
+        size, cost, fitted = len(free), 0.0, 0
+        hessian, gradient = np.zeros((size, size)), np.zeros(size)
+        transients = [np.zeros(0)] * len(self.parts)
+        own: dict[_core.ClosedLoop, list[tuple[int, _core.LineData]]] = {}
+        for k, part in enumerate(self.parts):
+            here = model.at(part.record)
+            if here.is_linear:
+                own.setdefault(here.loop.core, []).append((k, part.data(here)))
+                continue
+            residual, columns, states = part.white(here, free)
+            hessian, gradient = hessian + columns.T @ columns, gradient - columns.T @ residual
+            cost, fitted = cost + float(residual @ residual), fitted + states
+        for core, members in own.items():
+            start = [near[k] for k, _ in members] if near else []
+            found = _core.line_equations(core, model.theta, list(free), [data for _, data in members], start)
+            hessian, gradient = hessian + found[0], gradient + found[1]
+            cost, fitted = cost + found[2], fitted + found[4]
+            for (k, _), transient in zip(members, found[3], strict=True):
+                transients[k] = transient
+        return Quadratic(hessian, gradient, cost, fitted, transients)

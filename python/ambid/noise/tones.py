@@ -1,169 +1,188 @@
 """Lines that stand out between the excited ones: what has a frequency of its own, such as unbalance or mains hum.
 
-The residual less its mean over the periods holds no excited line. Under a Hann window a tone stands in a few lines of
-its spectrum, far above the running median of its neighbours.
+The lines between the excited ones hold noise, and what a tone spills there. Under a Hann window a tone stands in a few
+lines of its spectrum, far above the running median of its neighbours.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy.fft import rfft
+from numpy.typing import NDArray
 from scipy.ndimage import convolve1d, median_filter
 from scipy.optimize import minimize_scalar
 from scipy.special import chdtrc
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.loop.effect import Tone
+from ambid.model import Model
+from ambid.noise.lines import RecordLines, as_lines
 from ambid.noise.window import Window
 
-__all__ = ["Tone", "find_tones", "without_tones"]
+__all__ = ["Between", "Tone", "find_tones"]
 
 OUTSTANDING = 70.0
 """Power of a tone over that around it; noise alone reaches 40 in a few of a hundred records of 60 000 lines."""
 ALONE = 200.0
 """Power of a tone on an excited line over that of its neighbours; a pole is wider than one line."""
-SUSPECTED = 0.2
-"""Chance of the power at a frequency that is suspected from the start, such as the speed or that of the mains.
+SUSPECTED = 1e-3
+"""Chance of the power at a frequency that is suspected from the start, such as that of the mains.
 
-What passes is a candidate and has yet to be significant by its score."""
+What passes is a candidate, and has yet to be significant by its score, at a chance that is smaller still."""
+SCREENED = 8.0
+"""Power of a line over the mean of those beside it below which no median is asked."""
 MAINS = (50.0, 60.0, 100.0, 120.0)
 """Frequencies of the mains and their first harmonics, which are suspected [Hz]."""
 NEIGHBOURS = 10
 """Lines to each side for the median."""
 BESIDE = np.array([1.0] * 6 + [0.0] * 5 + [1.0] * 6)
 """Lines to each side for the mean: next to a tone, but within the width of a pole."""
+SPILLED = 200
+"""Lines to each side that a tone spills into; further out it has less than a millionth of its power."""
 MOST = 8
 """Tones that are told of a record."""
 
 
-def find_tones(
-    residual: FloatArray, window: Window, sample_rate: float, axes: int, speed: float, shape: ComplexArray
-) -> tuple[Tone, ...]:
-    """Tones of a residual, strongest first.
+def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
+    """Tones of what a model leaves of a record, strongest first.
 
     Parameters
     ----------
-    residual : ndarray, shape (samples, p)
-        Of the whole record, y of all axes first.
-    window : Window
-        3 periods or more.
-    sample_rate : float
-        [Hz]
-    axes : int
-        Number of axes.
-    speed : float
-        Of the rotor [rad/s]; a turning rotor has a tone at its frequency, however small.
-    shape : ndarray, shape (M N / 2 + 1, p, p)
-        What makes the noise of each line smooth over frequency.
+    model : Model
+    part : RecordLines
+        With three settled periods or more; else no tones are found.
     """
-    n = window.samples
-    left = _unrepeated(window.cut(residual), window)
-    per_line = sample_rate / n
-    suspects = [f for f in (speed / (2.0 * np.pi), *MAINS) if 2.0 * per_line < f < 0.45 * sample_rate]
+    here, record, window = model.at(part.record), part.record, part.window.settled
+    if window.periods < 3:
+        return ()
+    rate, axes, speed = record.sample_rate, len(record.axes), here.rig.speed
+    between = Between.of(part)
+    per_line = rate / window.samples
+    suspects = [f for f in (speed / (2.0 * np.pi), *MAINS) if 2.0 * per_line < f < 0.45 * rate]
     found: list[Tone] = []
     while len(found) < MOST:
-        power = _relative_power(left, window, shape)
-        power[:2] = power[-2:] = 0.0
-        line, channel = divmod(int(np.argmax(power)), power.shape[1])
+        line, channel, height = between.loudest()
         frequency = line * per_line
-        if power[line, channel] < OUTSTANDING:
-            likely = {f: _chance(power, f / per_line, window) for f in suspects}
+        if height < OUTSTANDING:
+            likely = {f: between.chance(f / per_line) for f in suspects}
             frequency = min(likely, key=likely.__getitem__, default=0.0)
             if not likely or likely[frequency] > SUSPECTED:
                 break
             suspects.remove(frequency)
-            channel = int(np.argmax(power[round(frequency / per_line)]))
-            height = float(power[round(frequency / per_line), channel])
+            height, channel = between.at(frequency / per_line)
         else:
-            height = float(power[line, channel])
-            frequency = _refined(left, frequency, per_line, window)
+            frequency = between.refined(line) * per_line
             suspects = [f for f in suspects if abs(f - frequency) > 2.0 * per_line]
         found.append(Tone(frequency, channel % axes, height))
-        left = _without(left, [_wave(frequency / per_line, window)])
+        between = between.without([frequency / per_line])
     turning = speed / (2.0 * np.pi)
     if turning in suspects:
-        power = _relative_power(left, window, shape)[round(turning / per_line)]
-        found.append(Tone(turning, int(np.argmax(power)) % axes, float(power.max())))
-    return (*found, *_on_excited_lines(residual, window, per_line, axes, shape))
+        height, channel = between.at(turning / per_line)
+        found.append(Tone(turning, channel % axes, height))
+    return (*found, *_on_excited_lines(here, part, axes))
 
 
-def _on_excited_lines(
-    residual: FloatArray, window: Window, per_line: float, axes: int, shape: ComplexArray
-) -> tuple[Tone, ...]:
+def _on_excited_lines(here: Model, part: RecordLines, axes: int) -> tuple[Tone, ...]:
     """A tone that falls on an excited line: that line alone stands out among its neighbours."""
-    lines = (shape @ window.lines(residual)[..., None])[..., 0]
-    power = np.abs(lines[window.excited]) ** 2
+    count, per_line = len(part.window.excited), part.record.sample_rate / part.window.samples
+    residual, _, _ = part.white(here, [])
+    power = np.abs(as_lines(residual, len(part.record.channels))[:count]) ** 2
     around = median_filter(power, size=(2 * NEIGHBOURS + 1, 1), mode="nearest") / np.log(2.0)
     beside = convolve1d(power, BESIDE / BESIDE.sum(), axis=0)
     relative = power / np.maximum(np.maximum(around, beside), 1e-300)
     line, channel = divmod(int(np.argmax(relative)), relative.shape[1])
     if relative[line, channel] < ALONE:
         return ()
-    frequency = float(window.excited[line] * per_line)
+    frequency = float(part.window.excited[line] * per_line)
     mains = [f for f in MAINS if abs(f - frequency) < 0.5 * per_line]
     return (Tone(mains[0] if mains else frequency, channel % axes, float(relative[line, channel])),)
 
 
-def without_tones(signal: FloatArray, tones: Sequence[Tone], window: Window, sample_rate: float) -> FloatArray:
-    """A signal less what the least squares of sine and cosine find at the tones' frequencies after its first period."""
-    if not tones:
-        return signal
-    out = signal.copy()
-    unrepeated = _unrepeated(window.cut(signal), window)
-    waves = [_wave(tone.frequency_hz * window.samples / sample_rate, window) for tone in tones]
-    out[window.period : window.period + window.samples] -= unrepeated - _without(unrepeated, waves)
-    return out
+@dataclass(frozen=True)
+class Between:
+    """The unexcited lines of the settled periods, the transient taken out, excited ones zero.
 
+    Attributes
+    ----------
+    window : Window
+    lines : ndarray, shape (M N / 2 + 1, p)
+        Taken back through the loop, so that noise is smooth over frequency.
+    """
 
-def _relative_power(signal: FloatArray, window: Window, shape: ComplexArray) -> FloatArray:
-    """Power of the lines over the median of the unexcited ones around, shape (lines, p)."""
-    hann = np.hanning(len(signal) + 1)[:-1, None]
-    power = np.abs((shape @ rfft(signal * hann, axis=0)[..., None])[..., 0]) ** 2
-    power[:: window.periods] = 0.0
-    between = np.arange(len(power)) % window.periods != 0
-    middle = np.zeros_like(power)
-    middle[between] = median_filter(power[between], size=(2 * NEIGHBOURS + 1, 1), mode="nearest") / np.log(2.0)
-    beside = convolve1d(power, BESIDE, axis=0) / np.maximum(convolve1d(between.astype(float), BESIDE), 1.0)[:, None]
-    around = np.maximum(middle, beside)
-    return np.where(between[:, None] & (around > 0.0), power / np.where(around > 0.0, around, 1.0), 0.0)
+    window: Window
+    lines: ComplexArray
 
+    @classmethod
+    def of(cls, part: RecordLines) -> Between:
+        """What the base model of the record's noise leaves."""
+        window = part.window.settled
+        index = window.between(window.periods)
+        lines = np.zeros((window.samples // 2 + 1, len(part.record.channels)), dtype=complex)
+        lines[index] = part.left_between(index)
+        return cls(window, lines)
 
-def _chance(power: FloatArray, line: float, window: Window) -> float:
-    """How likely noise is to reach what the unexcited line nearest to a frequency holds over all channels."""
-    near = [k for k in (int(np.floor(line)), int(np.ceil(line))) if k % window.periods and k < len(power)]
-    if not near:
-        return 1.0
-    nearest = min(near, key=lambda k: abs(k - line))
-    return float(chdtrc(2 * power.shape[1], 2.0 * power[nearest].sum()))
+    @cached_property
+    def power(self) -> FloatArray:
+        """Power of the lines under a Hann window over the median of the unexcited ones around, shape (lines, p)."""
+        hann = self.lines.copy()
+        hann[1:-1] -= 0.5 * (self.lines[:-2] + self.lines[2:])
+        power = np.abs(hann) ** 2
+        power[:: self.window.periods] = 0.0
+        is_between = np.arange(len(power)) % self.window.periods != 0
+        beside = convolve1d(power, BESIDE, axis=0) / np.maximum(convolve1d(is_between.astype(float), BESIDE), 1.0)[:, None]
+        around = beside.copy()
+        likely = np.flatnonzero((power > SCREENED * beside).any(axis=1))
+        if len(likely):
+            middle = median_filter(power[is_between], size=(2 * NEIGHBOURS + 1, 1), mode="nearest") / np.log(2.0)
+            around[is_between] = np.maximum(middle, beside[is_between])
+        relative = np.where(is_between[:, None] & (around > 0.0), power / np.where(around > 0.0, around, 1.0), 0.0)
+        relative[:2] = relative[-2:] = 0.0
+        return np.asarray(relative)
 
+    def loudest(self) -> tuple[int, int, float]:
+        """Line, channel and relative power of the line that stands out most."""
+        line, channel = divmod(int(np.argmax(self.power)), self.power.shape[1])
+        return line, channel, float(self.power[line, channel])
 
-def _refined(signal: FloatArray, frequency: float, per_line: float, window: Window) -> float:
-    """Frequency whose sine and cosine explain most of all channels, within a line to each side."""
-    scaled = signal / signal.std(axis=0)
+    def at(self, line: float) -> tuple[float, int]:
+        """Relative power at a place between lines, and the channel where it is largest."""
+        own = self.power[round(line)]
+        return float(own.max()), int(np.argmax(own))
 
-    def explained(line: float) -> float:
-        wave = _wave(line, window)
-        return -float(np.sum(np.abs(wave.conj() @ scaled) ** 2) / np.sum(np.abs(wave) ** 2))
+    def chance(self, line: float) -> float:
+        """How likely noise is to reach what the unexcited line nearest to a place holds over all channels."""
+        near = [k for k in (int(np.floor(line)), int(np.ceil(line))) if k % self.window.periods and k < len(self.power)]
+        if not near:
+            return 1.0
+        nearest = min(near, key=lambda k: abs(k - line))
+        return float(chdtrc(2 * self.power.shape[1], 2.0 * self.power[nearest].sum()))
 
-    at = frequency / per_line
-    found = minimize_scalar(explained, bounds=(at - 1.0, at + 1.0), method="bounded", options={"xatol": 1e-5})
-    return float(found.x) * per_line
+    def refined(self, line: int) -> float:
+        """Place whose sine and cosine explain most of all channels, within a line to each side."""
+        scaled = self.lines / np.sqrt(np.mean(np.abs(self.lines) ** 2, axis=0))
 
+        def explained(place: float) -> float:
+            near, shape = self._shape(place)
+            return -float(np.sum(np.abs(shape.conj() @ scaled[near]) ** 2) / np.sum(np.abs(shape) ** 2))
 
-def _wave(line: float, window: Window) -> ComplexArray:
-    """What is left of a tone, of unit amplitude, when its mean over the periods is taken out."""
-    return _unrepeated(np.exp(2j * np.pi * line / window.samples * np.arange(window.samples)), window)
+        found = minimize_scalar(explained, bounds=(line - 1.0, line + 1.0), method="bounded", options={"xatol": 1e-5})
+        return float(found.x)
 
+    def without(self, places: Sequence[float]) -> Between:
+        """The same less what the least squares of waves at these places find."""
+        lines = self.lines.copy()
+        for place in places:
+            near, shape = self._shape(place)
+            lines[near] -= np.outer(shape, shape.conj() @ lines[near] / np.sum(np.abs(shape) ** 2))
+        return Between(self.window, lines)
 
-def _unrepeated(signal: Any, window: Window) -> Any:
-    """A signal of the part of the record that counts, less its mean over the periods."""
-    periods = signal.reshape(window.periods, window.period, -1)
-    return (periods - periods.mean(axis=0)).reshape(signal.shape)
-
-
-def _without(signal: FloatArray, waves: Sequence[ComplexArray]) -> FloatArray:
-    table = np.column_stack([part for wave in waves for part in (wave.real, wave.imag)])
-    return signal - table @ np.linalg.lstsq(table, signal, rcond=None)[0]
+    def _shape(self, place: float) -> tuple[NDArray[np.intp], ComplexArray]:
+        """Unexcited lines around a place, and what a wave of unit amplitude is there (Dirichlet's kernel)."""
+        near = np.arange(max(1, round(place) - SPILLED), min(len(self.lines) - 1, round(place) + SPILLED + 1))
+        near = near[near % self.window.periods != 0]
+        off = np.pi * (place - near)
+        n = self.window.samples
+        return near, np.sinc((place - near)) / np.sinc((place - near) / n) * np.exp(1j * off * (1.0 - 1.0 / n))

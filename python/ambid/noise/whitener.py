@@ -1,15 +1,14 @@
-"""The misfit in units of the noise: J/dof, which is 1 when the model is right.
+"""The noise of a record on the lines that are judged, from lines that are not excited.
 
-The residual r of y and i_c over M whole periods of N samples is Fourier transformed, R(l) = FFT(r)_l / sqrt(M N). The
-excited lines l = M k hold what repeats, all others only noise; S(l), the p x p cross-spectrum of the noise, is the mean
-of R R^H over the n_l unexcited lines within 15 excited lines to each side, or, where the residual is taken back through
-the loop so that its noise is smooth over frequency, within a third of the frequency, though 60 lines at most, if the
-lines themselves are as likely by that. Then
+The residual on unexcited lines, its transient taken out, is taken back through the loop, e = H^-1 R, so that its noise
+is smooth over frequency. S(l), the p x p cross-spectrum of e, is the mean of e e^H over the n_l unexcited lines around,
+within a third of the frequency, though 60 excited lines to each side at most; or within 15, if the lines themselves
+are likelier by that. What is judged is then
 
-    J = 2 sum over l = M k of ((n_l - p) / n_l) R^H S^-1 R,     dof = 2 p K - parameters,
+    J = 2 sum over l of ((n_l - p) / n_l) R^H (H S H^H)^-1 R
 
-with Hotelling's factor and K excited lines (Pintelon and Schoukens, System Identification: A Frequency Domain
-Approach, 2nd ed., chapters 9 and 10).
+with Hotelling's factor (Pintelon and Schoukens, System Identification: A Frequency Domain Approach, 2nd ed., chapters
+9 and 10).
 """
 
 from __future__ import annotations
@@ -18,183 +17,148 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import rfft
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
-from ambid.noise.local import beside_excitation
-from ambid.noise.window import Window
+
+__all__ = ["PER_CHANNEL", "Spectrum", "between_lines"]
 
 HALF_WIDTH = 15
-"""Excited lines to each side whose unexcited neighbours give the noise spectrum."""
+"""Excited lines to each side whose unexcited neighbours give the noise spectrum, if they are enough."""
 SMOOTH = 1.0 / 3.0
 """Part of a line's frequency over which noise is flat, once the loop's own shape is taken out of it."""
 WIDEST = 60
 """Excited lines to each side that are enough in any case."""
+PER_CHANNEL = 10
+"""Unexcited lines per channel that a spectrum of all channels needs, for a spread of 10/9 over exact whitening."""
 TRIED = 5
 """One of so many unexcited lines tells whether noise is that smooth."""
+OUTLYING = 70.0
+"""Power of a line per channel, over its spectrum, above which it is no noise but a tone."""
 
 
 @dataclass(frozen=True)
-class Whitener:
-    """Noise of the residual on the lines of one record that are judged; frozen during a fit.
+class Spectrum:
+    """Noise on judged lines.
 
     Attributes
     ----------
-    window : Window
-    more : ndarray of int
-        Lines that are judged beyond the excited ones.
     whitening : ndarray, shape (lines, p, p)
-        Inverse of the Cholesky factors of ``S n_l / (n_l - p)``, times the root of two.
+        Inverse of the Cholesky factors of ``S n_l / (n_l - p)``, times the way back through the loop and the root of
+        two.
     spread : ndarray, shape (lines,)
         Variance of whitened noise on the direction of a whitened response, n_l / (n_l - p): where S is by chance too
         small both are large, which J, whose mean is 1 all the same, does not show.
     """
 
-    window: Window
-    more: NDArray[np.intp]
     whitening: ComplexArray
     spread: FloatArray
 
     @classmethod
-    def from_residual(
-        cls,
-        residual: FloatArray,
-        window: Window,
-        excitation: FloatArray | None = None,
-        more: NDArray[np.intp] | None = None,
-        shape: ComplexArray | None = None,
-    ) -> Whitener:
-        """Estimate the noise from the unexcited lines, or from what does not follow the excitation.
-
-        Parameters
-        ----------
-        residual : ndarray, shape (samples, p)
-            Of the whole record, from its first sample on, without tones.
-        window : Window
-        excitation : ndarray, shape (samples, axes), optional
-            Of the same record; needed where it has no periods.
-        more : ndarray of int, optional
-            Unexcited lines that are to be judged too.
-        shape : ndarray, shape (M N / 2 + 1, p, p), optional
-            What makes the noise of each line smooth over frequency, such as the way back through the loop; without
-            periods it is used where it makes the residual likelier.
+    def of(cls, covariance: ComplexArray, back: ComplexArray, spread: FloatArray) -> Spectrum:
+        """From the covariance of the lines that `back` has been applied to.
 
         Raises
         ------
         RecordError
-            If there is no noise, or the record is too short to tell it from what follows the excitation.
+            If there is no noise on some channel.
         """
-        more = np.zeros(0, dtype=np.intp) if more is None else more
-        lines = window.lines(residual)
-        judged = np.concatenate([window.excited, more])
-        if excitation is None or window.is_periodic:
-            back, smooth = (_unshaped(lines), 0.0) if shape is None else (shape, SMOOTH)
-            spectrum, spread = _between_lines(_through(back, lines), window, judged, smooth)
-        else:
-            shapes = [_unshaped(lines), *([] if shape is None else [shape])]
-            inputs = window.lines(excitation)
-            tried = [(beside_excitation(_through(back, lines), inputs)[judged], back) for back in shapes]
-            spectrum, back = max(tried, key=lambda one: _likelihood(one[0], one[1][judged]))
-            spread = np.ones(len(judged))
         try:
-            whitening = np.sqrt(2.0) * np.linalg.inv(np.linalg.cholesky(spectrum))
+            whitening = np.sqrt(2.0) * np.linalg.inv(np.linalg.cholesky(covariance))
         except np.linalg.LinAlgError:
             raise RecordError(
                 "a record holds no noise on some channel, so that there is no misfit in units of it; "
                 "if it was simulated, add noise as `virtual_experiment` does"
             ) from None
-        return cls(window, more, whitening @ back[judged], spread)
-
-    def whiten(self, signal: FloatArray) -> FloatArray:
-        """Whitened judged lines of a signal of shape (samples, p) or (samples, p, q), as real numbers.
-
-        Returns
-        -------
-        ndarray, shape (2 lines p,) or (2 lines p, q)
-            Its sum of squares is J when `signal` is the residual.
-        """
-        return self._white(self.window.some_lines(signal, self.more))
-
-    def whiten_period(self, period: FloatArray) -> FloatArray:
-        """The same of a signal that does nothing but repeat this period, shape (N, p)."""
-        window = self.window
-        lines = rfft(period, axis=0)[window.in_period] * np.sqrt(window.periods / window.period)
-        return self._white(np.concatenate([lines, np.zeros((len(self.more), lines.shape[1]))]))
-
-    def _white(self, lines: ComplexArray) -> FloatArray:
-        white = self.whitening @ (lines if lines.ndim == 3 else lines[..., None])
-        white = white.reshape(-1, white.shape[-1])
-        both = np.concatenate([white.real, white.imag])
-        return both if lines.ndim == 3 else both[:, 0]
-
-    @property
-    def spreads(self) -> FloatArray:
-        """`spread` of every number that `whiten` returns."""
-        return np.tile(np.repeat(self.spread, self.whitening.shape[1]), 2)
-
-    @property
-    def numbers(self) -> int:
-        """Real numbers that `whiten` returns: 2 p per line."""
-        return 2 * self.whitening.shape[0] * self.whitening.shape[1]
+        return cls(whitening @ back, spread)
 
 
-def _unshaped(lines: ComplexArray) -> ComplexArray:
-    return np.broadcast_to(np.eye(lines.shape[1], dtype=complex), (len(lines), lines.shape[1], lines.shape[1]))
+def between_lines(quiet: ComplexArray, at: FloatArray, judged: FloatArray) -> tuple[ComplexArray, FloatArray]:
+    """``S n_l / (n_l - p)`` at the judged lines from unexcited ones, shape (judged, p, p), and n_l / (n_l - p).
 
+    Parameters
+    ----------
+    quiet : ndarray, shape (lines, p)
+        Unexcited lines, in order of frequency.
+    at, judged : ndarray
+        Their places, and those of the judged lines, in excited lines (cycles per period).
 
-def _through(shape: ComplexArray, lines: ComplexArray) -> ComplexArray:
-    return np.asarray((shape @ lines[..., None])[..., 0])
-
-
-def _likelihood(spectrum: ComplexArray, shape: ComplexArray) -> float:
-    """Logarithm of the likelihood that a residual has this spectrum after its shape, but for a constant (Whittle)."""
-    return float(np.sum(2.0 * np.linalg.slogdet(shape)[1] - np.linalg.slogdet(spectrum)[1]))
-
-
-def _between_lines(
-    lines: ComplexArray, window: Window, judged: NDArray[np.intp], smooth: float
-) -> tuple[ComplexArray, FloatArray]:
-    """``S n_l / (n_l - p)`` at the judged lines from the unexcited ones around, (judged, p, p), and n_l / (n_l - p)."""
-    p = lines.shape[1]
-    power = np.einsum("lc,ld->lcd", lines, lines.conj())
-    quiet = np.ones(len(lines))
-    quiet[:: window.periods] = quiet[-1] = 0.0
-    power *= quiet[:, None, None]
-    below = np.concatenate([np.zeros((1, p, p)), np.cumsum(power, axis=0)])
-    count_below = np.concatenate([[0.0], np.cumsum(quiet)])
-
-    def around(at: NDArray[np.intp], smooth: float) -> tuple[ComplexArray, FloatArray]:
-        reach = np.clip((smooth * at).astype(np.intp), HALF_WIDTH * window.periods, WIDEST * window.periods)
-        low, high = np.maximum(at - reach, 0), np.minimum(at + reach + 1, len(lines))
-        return below[high] - below[low], count_below[high] - count_below[low]
-
-    if smooth:
-        tried = np.flatnonzero(quiet)[WIDEST::TRIED]
-        narrow, wide = (_left_out(lines[tried], *around(tried, own)) for own in (0.0, smooth))
-        smooth = smooth if wide >= narrow else 0.0  # noise with narrow peaks of its own
-    total, count = around(judged, smooth)
+    Raises
+    ------
+    RecordError
+        If the record has too few lines for so many channels.
+    """
+    p = quiet.shape[1]
+    if len(quiet) <= 2 * p:
+        raise RecordError(
+            f"{len(quiet)} unexcited lines are too few to tell the noise of {p} channels; record more periods, or "
+            "excite with a longer period"
+        )
+    extent = at[-1] - at[0]
+    narrow = min(max(HALF_WIDTH, 0.5 * PER_CHANNEL * p * extent / len(quiet)), 0.5 * extent)
+    wide = min(max(WIDEST, narrow), 0.5 * extent)
+    lines, usual = _Lines(quiet, at), np.ones(len(quiet), dtype=bool)
+    tried = np.arange(len(quiet))[::TRIED]
+    for _ in range(2):  # the second time without tones
+        sums = lines.summed(usual)
+        flat, smooth = (lines.left_out(sums, tried, _reach(at[tried], narrow, wide, own)) for own in (0.0, SMOOTH))
+        part = SMOOTH if smooth >= flat else 0.0  # noise may have narrow peaks of its own
+        total, count = sums.around(at, _reach(at, narrow, wide, part))
+        outlying = _squares(quiet, total / count[:, None, None]) > OUTLYING * p
+        if not outlying.any():
+            break
+        usual = ~outlying
+    total, count = sums.around(judged, _reach(judged, narrow, wide, part))
     return np.asarray(total / (count - p)[:, None, None]), count / (count - p)
 
 
-def _left_out(lines: ComplexArray, total: ComplexArray, count: FloatArray) -> float:
-    """Logarithm of the likelihood of lines, each by the spectrum of those around it, but for a constant (Whittle)."""
-    p = lines.shape[1]
-    spectrum = (total - np.einsum("lc,ld->lcd", lines, lines.conj())) / (count - 1.0 - p)[:, None, None]
+def _reach(at: FloatArray, narrow: float, wide: float, part: float) -> FloatArray:
+    return np.clip(part * at, narrow, wide)
+
+
+def _squares(lines: ComplexArray, spectrum: ComplexArray) -> FloatArray:
+    """Whitened power of each line; zero where some channel holds no noise, which `Spectrum.of` tells."""
     try:
-        white = np.linalg.solve(np.linalg.cholesky(spectrum), lines[..., None])
+        white = np.linalg.solve(np.linalg.cholesky(spectrum), lines[..., None])[..., 0]
     except np.linalg.LinAlgError:
-        return -np.inf  # no noise on some channel
-    return float(-np.sum(np.abs(white) ** 2) - np.sum(np.linalg.slogdet(spectrum)[1]))
+        return np.zeros(len(lines))
+    return np.asarray(np.sum(np.abs(white) ** 2, axis=1))
 
 
-def channel_lines(residual: FloatArray, window: Window, excitation: FloatArray | None = None) -> FloatArray:
-    """Whitened excited lines of each channel, judged against its own noise alone, shape (2, K, p)."""
-    single = (channel[:, None] for channel in residual.T)
-    parts = [Whitener.from_residual(channel, window, excitation).whiten(channel) for channel in single]
-    return np.stack(parts, axis=-1).reshape(2, -1, residual.shape[1])
+@dataclass(frozen=True)
+class _Sums:
+    """Sums of e e^H from the first line on, and how many they hold."""
+
+    at: FloatArray
+    below: ComplexArray
+    count: FloatArray
+
+    def around(self, places: FloatArray, reach: FloatArray) -> tuple[ComplexArray, FloatArray]:
+        """Sum and number of lines within reach of each place; near the ends, as many more on the other side."""
+        middle = np.clip(places, self.at[0] + reach, self.at[-1] - reach)
+        low = np.searchsorted(self.at, middle - reach - 1e-9)
+        high = np.searchsorted(self.at, middle + reach + 1e-9)
+        return self.below[high] - self.below[low], self.count[high] - self.count[low]
 
 
-def channel_misfit(residual: FloatArray, window: Window, excitation: FloatArray | None = None) -> FloatArray:
-    """J/dof of each channel alone, shape (p,)."""
-    return np.mean(channel_lines(residual, window, excitation) ** 2, axis=(0, 1))
+class _Lines:
+    """Unexcited lines at their places, with their own e e^H."""
+
+    def __init__(self, lines: ComplexArray, at: FloatArray) -> None:
+        self.lines, self.at = lines, at
+        self.own = lines[:, :, None] * lines.conj()[:, None, :]
+
+    def summed(self, used: NDArray[np.bool_]) -> _Sums:
+        p = self.lines.shape[1]
+        below = np.concatenate([np.zeros((1, p, p)), np.cumsum(self.own * used[:, None, None], axis=0)])
+        return _Sums(self.at, below, np.concatenate([[0.0], np.cumsum(used)]))
+
+    def left_out(self, sums: _Sums, tried: NDArray[np.intp], reach: FloatArray) -> float:
+        """Logarithm of the likelihood of lines, each by the spectrum of those around, but for a constant (Whittle)."""
+        total, count = sums.around(self.at[tried], reach)
+        spectrum = (total - self.own[tried]) / np.maximum(count - 1.0 - self.lines.shape[1], 1.0)[:, None, None]
+        try:
+            white = np.linalg.solve(np.linalg.cholesky(spectrum), self.lines[tried][..., None])
+        except np.linalg.LinAlgError:
+            return -np.inf  # no noise on some channel
+        return float(-np.sum(np.abs(white) ** 2) - np.sum(np.linalg.slogdet(spectrum)[1]))

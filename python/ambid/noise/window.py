@@ -1,7 +1,7 @@
 """The part of a record that is judged, and its lines.
 
 The signal over M whole periods of N samples is Fourier transformed, R(l) = FFT(r)_l / sqrt(M N). The excited lines
-l = M k hold what repeats, all others only noise. Without periods every line is excited.
+l = M k hold what repeats, all others only noise, and what is left of transients. Without periods every line is excited.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ SLOWEST = 8
 
 @dataclass(frozen=True)
 class Window:
-    """The part of a record that counts: whole periods after the transient, or, with one "period", all after it.
+    """The part of a record that counts: its last whole periods, or, with one "period", all of it.
 
     Attributes
     ----------
@@ -40,37 +40,32 @@ class Window:
 
     period: int
     periods: int
-    first: int
+    first: int = 0
     lowest: int = 1
 
     @classmethod
-    def after_first(cls, period: int, periods: int) -> Window:
-        """So many periods after the first one, which holds the transient."""
-        return cls(period, periods, period)
-
-    @classmethod
     def of(cls, record: Record) -> Window:
-        """The periods of a record after the first; of a record without periods, all but its first eighth.
-
-        Raises
-        ------
-        RecordError
-            If the record repeats fewer than three times.
-        """
+        """All whole periods of a record; of a record without periods, all of it."""
         if record.period is None:
-            first = record.samples // 8
-            return cls(record.samples - first, 1, first, SLOWEST)
-        if record.periods < 3:
+            return cls(record.samples, 1, 0, SLOWEST)
+        if record.periods < 2:
             raise RecordError(
-                f"{record.path or record.name}: {record.periods} periods of the excitation; the misfit in noise units "
-                "needs 3 or more. Record more periods, or state the period."
+                f"{record.path or record.name}: {record.periods} period of the excitation; the misfit in noise units "
+                "needs 2 or more. Record more periods, or load the record without a period."
             )
-        return cls.after_first(record.period, record.periods - 1)
+        return cls(record.period, record.periods, record.samples - record.periods * record.period)
 
     @property
     def is_periodic(self) -> bool:
         """Whether there are lines that are not excited."""
         return self.periods > 1
+
+    @property
+    def settled(self) -> Window:
+        """The same without its first period, which may hold a start from rest, where two others remain."""
+        if self.periods < 3:
+            return self
+        return Window(self.period, self.periods - 1, self.first + self.period, self.lowest)
 
     @property
     def samples(self) -> int:
@@ -87,6 +82,17 @@ class Window:
         """The same, counted in cycles per period."""
         return np.arange(self.lowest, (self.period + 1) // 2)
 
+    def between(self, most: int) -> NDArray[np.intp]:
+        """Indices of at most so many unexcited lines in each gap between excited ones, evenly spread."""
+        count = min(most, self.periods - 1)
+        steps = np.round(np.arange(1, count + 1) * self.periods / (count + 1)).astype(np.intp)
+        lines = (self.periods * np.arange((self.period + 1) // 2)[:, None] + steps).ravel()
+        return lines[lines < (self.samples + 1) // 2]
+
+    def points(self, index: NDArray[np.intp]) -> ComplexArray:
+        """Lines as points ``exp(2 pi i l / (M N))`` of the unit circle."""
+        return np.exp(2j * np.pi * index / self.samples)
+
     def cut(self, signal: FloatArray) -> FloatArray:
         """The samples that count, of a signal that starts with the record."""
         return signal[self.first : self.first + self.samples]
@@ -99,10 +105,14 @@ class Window:
         """R(l) of the excited lines, then of a few more; the mean over the periods holds all that is excited."""
         part = self.cut(signal)
         folded = part.reshape(self.periods, self.period, *part.shape[1:]).sum(axis=0)
-        lines = rfft(folded, axis=0)[self.in_period]
+        lines = self.of_period(folded)
         if len(more):
             angles = 2.0 * np.pi / self.samples * np.outer(more, np.arange(self.samples))
             flat = part.reshape(self.samples, -1)
             others = np.cos(angles) @ flat - 1j * (np.sin(angles) @ flat)
-            lines = np.concatenate([lines, others.reshape(len(more), *part.shape[1:])])
-        return lines / np.sqrt(self.samples)
+            lines = np.concatenate([lines, others.reshape(len(more), *part.shape[1:]) / np.sqrt(self.samples)])
+        return lines
+
+    def of_period(self, folded: FloatArray) -> ComplexArray:
+        """R(l) of the excited lines from the sum over the periods, shape (N, ...)."""
+        return rfft(folded, axis=0)[self.in_period] / np.sqrt(self.samples)

@@ -34,7 +34,7 @@ pub struct LineResponse {
     pub response: Vec<C64>,
     /// Lines x outputs x `free`: derivatives, those of the transient with `d` held included.
     pub slopes: Vec<C64>,
-    /// Lines x outputs x states: what a unit of each number of `d` adds.
+    /// Lines x outputs x states: what a unit of each number of `d` adds; empty where it was not asked for.
     pub basis: Vec<C64>,
 }
 
@@ -126,7 +126,15 @@ impl ClosedLoop {
     ///
     /// # Errors
     /// [`Error::Unstable`], [`Error::Shape`], and as [`ClosedLoop::poles`].
-    pub fn lines(&self, theta: &[f64], free: &[usize], w: &[C64], u: &[C64], d: &[f64]) -> Result<LineResponse> {
+    pub fn lines(
+        &self,
+        theta: &[f64],
+        free: &[usize],
+        w: &[C64],
+        u: &[C64],
+        d: &[f64],
+        with_basis: bool,
+    ) -> Result<LineResponse> {
         let (ny, np, inputs) = (self.outputs(), free.len(), self.inputs());
         check_len("inputs on lines", u.len(), w.len() * inputs)?;
         let parts = self.on_lines(theta, free)?;
@@ -138,7 +146,7 @@ impl ClosedLoop {
         let mut found = LineResponse {
             response: vec![zero; w.len() * ny],
             slopes: vec![zero; w.len() * ny * np],
-            basis: vec![zero; w.len() * ny * states],
+            basis: vec![zero; if with_basis { w.len() * ny * states } else { 0 }],
         };
         let (mut at, mut block) = (0, Block::default());
         for part in &parts {
@@ -157,7 +165,7 @@ impl ClosedLoop {
                         for (j, free) in part.free.iter().enumerate() {
                             found.slopes[place * np + free] = number(first + 1 + j);
                         }
-                        for k in 0..n {
+                        for k in (0..n).filter(|_| with_basis) {
                             let from = (l * own + i) * n + k;
                             found.basis[place * states + at + k] = C64::new(block.basis[0][from], block.basis[1][from]);
                         }

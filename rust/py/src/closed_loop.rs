@@ -133,7 +133,8 @@ impl ClosedLoop {
 
     /// Response, slopes and basis of the transient at points `w` of the unit circle.
     #[allow(clippy::type_complexity)]
-    #[pyo3(signature = (theta, free, w, u, d=None))]
+    #[pyo3(signature = (theta, free, w, u, d=None, basis=true))]
+    #[allow(clippy::too_many_arguments)]
     fn lines<'py>(
         &self,
         py: Python<'py>,
@@ -142,11 +143,12 @@ impl ClosedLoop {
         w: PyReadonlyArray1<'py, Complex64>,
         u: PyReadonlyArray2<'py, Complex64>,
         d: Option<PyReadonlyArray1<'py, f64>>,
+        basis: bool,
     ) -> PyResult<(Bound<'py, PyArray2<Complex64>>, Bound<'py, PyArray3<Complex64>>, Bound<'py, PyArray3<Complex64>>)>
     {
         let (theta, w, u) = (theta.as_slice()?, w.as_slice()?, signal("inputs on lines", &u, self.core.inputs())?);
         let d = d.as_ref().map_or(Ok(&[][..]), |d| d.as_slice())?;
-        let found = py.detach(|| self.core.lines(theta, &free, w, u, d)).map_err(raise)?;
+        let found = py.detach(|| self.core.lines(theta, &free, w, u, d, basis)).map_err(raise)?;
         let (lines, outputs) = (w.len(), self.core.outputs());
         let states = found.basis.len() / (lines * outputs).max(1);
         Ok((

@@ -1,0 +1,279 @@
+"""One record on its judged lines: what was measured there, its noise, and how a model is held against it.
+
+A linear model is exact on lines, whatever part of an experiment the record holds: what its states were at the first
+sample is the transient d, real numbers that are fitted with every model. A nonlinear one is simulated in time, from a
+settled start or, if the record itself begins so, from rest, and transformed; the transient of its linearisation takes
+up what is left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+from ambid import _core
+from ambid.arrays import ComplexArray, FloatArray
+from ambid.loop.effect import Effect, Tone
+from ambid.model import Model
+from ambid.noise.colour import back_through_loop
+from ambid.noise.local import likelier_beside_excitation
+from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, Spectrum, between_lines
+from ambid.noise.window import Window
+from ambid.record import Record
+
+__all__ = ["Measured", "RecordLines", "White", "as_lines", "orthonormal"]
+
+SETTLED = 1e-3
+"""Part of a transient that may be left where a nonlinear model counts as settled."""
+OWN = 1e-10
+"""Part of the largest eigenvalue of the transient's Gram matrix below which a direction of it says nothing."""
+
+White = tuple[FloatArray, FloatArray, int]
+"""Whitened residual and derivatives, freed from the transient, and how many numbers of that the lines determine."""
+
+
+class Measured:
+    """A record in the frequency domain, before any model.
+
+    Parameters
+    ----------
+    record : Record
+    """
+
+    def __init__(self, record: Record) -> None:
+        self.record, self.window = record, Window.of(record)
+        self.channels = len(record.channels)
+
+    @cached_property
+    def quiet(self) -> ComplexArray:
+        """All lines of y and i_c over the periods that noise is taken from, shape (lines, p)."""
+        return self.window.settled.lines(self.record.outputs)
+
+
+class RecordLines:
+    """The judged lines of one record, and their noise, which stays the same for all models after.
+
+    Parameters
+    ----------
+    model : Model
+        Its loop shapes the noise, and its transient is no noise.
+    measured : Measured
+    tones : sequence of Tone
+        The lines around them, and around the frequencies of effects in the model, are judged beside the excited ones.
+
+    Attributes
+    ----------
+    index : ndarray of int
+        Judged lines: the excited ones, then others.
+    points : ndarray of complex
+        The same as points of the unit circle.
+    spectrum : Spectrum
+    """
+
+    def __init__(self, model: Model, measured: Measured, tones: Sequence[Tone] = ()) -> None:
+        self.measured, self.record, self.window = measured, measured.record, measured.window
+        self.tones = tuple(tones)
+        self._base = here = model.at(self.record)
+        own = [f for effect in here.acting for f in effect.frequencies_hz(here.rig)]
+        self.more = self._around([*own, *(tone.frequency_hz for tone in tones)])
+        self.index = np.concatenate([self.window.excited, self.more])
+        self.points = self.window.points(self.index)
+        self._z = np.ascontiguousarray(self.window.some_lines(self.record.outputs, self.more))
+        self._data: dict[tuple[Effect, ...], _core.LineData] = {}  # by the disturbances that drive a model
+        self.spectrum = self._between() if self.window.is_periodic else self._without_periods()
+
+    @property
+    def numbers(self) -> int:
+        """Real numbers that are judged: 2 p per line."""
+        return 2 * self._z.size
+
+    @property
+    def spreads(self) -> FloatArray:
+        """`Spectrum.spread` of every number."""
+        return np.repeat(self.spectrum.spread, 2 * self.measured.channels)
+
+    def data(self, here: Model) -> _core.LineData:
+        """The lines for the core, with the inputs that a model at this operating point has."""
+        drives = tuple(here.acting) if here.loop.core.inputs > len(self.record.axes) else ()
+        if drives not in self._data:
+            inputs, whitening = self._inputs(here), self.spectrum.whitening
+            self._data[drives] = _core.LineData(here.loop.core, self.points, inputs, self._z, whitening)
+        return self._data[drives]
+
+    def white(self, here: Model, free: Sequence[int]) -> White:
+        """Residual at the best transient, and derivatives by the parameters in `free`, both freed from the transient.
+
+        Parameters
+        ----------
+        here : Model
+            At this operating point.
+        free : sequence of int
+        """
+        core, theta, own = here.loop.core, here.theta, list(free)
+        if here.is_linear:
+            data = self.data(here)
+            *_, transients, fitted = _core.line_equations(core, theta, [], [data])
+            rows = data.rows(core, theta, own, transients[0], bool(own))
+            basis, slopes, residual = np.split(rows, [rows.shape[1] - 1 - len(own), rows.shape[1] - 1], axis=1)
+            return -residual[:, 0], _freed(slopes, orthonormal(basis)) if own else slopes, fitted
+        lines, slopes = self._simulated(here, own)
+        basis = orthonormal(self.whiten(self._basis(here)))
+        residual = self.whiten(self._z - lines)
+        columns = self.whiten(slopes) if own else np.zeros((len(residual), 0))
+        return _freed(residual, basis), _freed(columns, basis), basis.shape[1]
+
+    def response(self, here: Model) -> FloatArray:
+        """Whitened response of a settled model."""
+        if here.is_linear:
+            rows = self._silent(here).rows(here.loop.core, here.theta, [], None, False)
+            return rows[:, 0]
+        return self.whiten(self._simulated(here, [])[0])
+
+    def whiten(self, lines: ComplexArray) -> FloatArray:
+        """Judged lines of shape (lines, p) or (lines, p, q), whitened, as real numbers."""
+        white = self.spectrum.whitening @ (lines if lines.ndim == 3 else lines[..., None])
+        flat = np.stack([white.real, white.imag], axis=2).reshape(-1, white.shape[-1])
+        return flat if lines.ndim == 3 else flat[:, 0]
+
+    def residual_lines(self, here: Model) -> ComplexArray:
+        """Residual on the judged lines at the best transient, not whitened, shape (lines, p)."""
+        core, p = here.loop.core, self.measured.channels
+        if not here.is_linear:
+            lines, basis = self._simulated(here, [])[0], self._basis(here)
+            left = self._z - lines
+            white, columns = self.whiten(left), self.whiten(basis)
+            d = np.linalg.lstsq(columns, white, rcond=np.sqrt(OWN))[0]
+            return np.asarray(left - basis @ d)
+        *_, transients, _ = _core.line_equations(core, here.theta, [], [self.data(here)])
+        found, _, _ = core.lines(here.theta, [], self.points, self._inputs(here), transients[0], False)
+        return self._z - found[:, :p]
+
+    def _silent(self, here: Model) -> _core.LineData:
+        """The lines with nothing measured."""
+        nothing = np.zeros_like(self._z)
+        return _core.LineData(here.loop.core, self.points, self._inputs(here), nothing, self.spectrum.whitening)
+
+    def _inputs(self, here: Model) -> ComplexArray:
+        """Inputs on the judged lines: i_e, then those of disturbances in the model."""
+        if here.loop.core.inputs == len(self.record.axes):
+            return self._excitation
+        return np.ascontiguousarray(self.window.some_lines(here.excitation(self.record), self.more))
+
+    @cached_property
+    def _excitation(self) -> ComplexArray:
+        i_e = self._base.excitation(self.record)[:, : len(self.record.axes)]
+        return np.ascontiguousarray(self.window.some_lines(i_e, self.more))
+
+    def _basis(self, here: Model) -> ComplexArray:
+        """What a unit of each number of the transient adds on the judged lines, shape (lines, p, states)."""
+        core = here.loop.core
+        nothing = np.zeros((len(self.points), core.inputs), dtype=complex)
+        return core.lines(here.theta, [], self.points, nothing)[2][:, : self.measured.channels]
+
+    def _between(self) -> Spectrum:
+        """The noise, from lines that are not excited."""
+        window, p, here = self.window.settled, self.measured.channels, self._base
+        index = window.between(max(2, -(-PER_CHANNEL * p // (2 * HALF_WIDTH))))
+        residual = self.left_between(index)
+        covariance, spread = between_lines(residual, index / window.periods, self.index / self.window.periods)
+        return Spectrum.of(covariance, back_through_loop(here, self.points, p), spread)
+
+    def left_between(self, index: NDArray[np.intp]) -> ComplexArray:
+        """What is noise on unexcited lines of the settled periods, taken back through the loop, shape (lines, p)."""
+        window, p, here = self.window.settled, self.measured.channels, self._base
+        points, z = window.points(index), np.ascontiguousarray(self.measured.quiet[index])
+        back = back_through_loop(here, points, p)
+        size = np.sqrt(np.median(np.abs((back @ z[..., None])[..., 0]) ** 2, axis=0))
+        size[size == 0.0] = 1.0
+        core, inputs = here.loop.core, self._inputs_between(index)
+        data = _core.LineData(core, points, inputs, z, back / size[:, None])
+        *_, transients, _ = _core.line_equations(core, here.theta, [], [data])
+        rows = data.rows(core, here.theta, [], transients[0], False)
+        return -as_lines(rows[:, 0], p) * size
+
+    def _inputs_between(self, index: NDArray[np.intp]) -> ComplexArray:
+        """Inputs on unexcited lines of the settled periods; nothing where they repeat to the last bit."""
+        window = self.window.settled
+        inputs = self._base.excitation(self.record)
+        part = window.cut(inputs).reshape(window.periods, -1)
+        if (part == part[0]).all():
+            return np.zeros((len(index), inputs.shape[1]), dtype=complex)
+        return np.ascontiguousarray(window.lines(inputs)[index])
+
+    def _without_periods(self) -> Spectrum:
+        """The noise, from what follows neither the excitation nor a transient."""
+        here, p = self._base, self.measured.channels
+        if here.is_linear:
+            residual = self._z - here.loop.core.lines(here.theta, [], self.points, self._inputs(here), None, False)[0][:, :p]
+        else:
+            residual = self._z - self._simulated(here, [])[0]
+        shapes = [np.tile(np.eye(p, dtype=complex), (len(self.points), 1, 1)), back_through_loop(here, self.points, p)]
+        covariance, back = likelier_beside_excitation(residual, self._excitation, shapes)
+        return Spectrum.of(covariance, back, np.ones(len(self.points)))
+
+    def _around(self, frequencies_hz: Sequence[float]) -> NDArray[np.intp]:
+        """The unexcited lines next to frequencies."""
+        window = self.window
+        at = [frequency * window.samples / self.record.sample_rate for frequency in frequencies_hz]
+        near = {line for place in at for line in range(int(place) - 1, int(place) + 3)}
+        inside = (line for line in near if 0 < line < window.samples // 2 and line % window.periods)
+        return np.array(sorted(inside) if window.is_periodic else [], dtype=np.intp)
+
+    def _simulated(self, here: Model, free: list[int]) -> tuple[ComplexArray, ComplexArray]:
+        """Judged lines of a nonlinear model's response and of its derivatives, simulated in time."""
+        if self._starts_at_rest is None:
+            self._starts_at_rest = self._begins_at_rest(here)
+        return self._in_time(here, free, at_rest=self._starts_at_rest)
+
+    _starts_at_rest: bool | None = None
+
+    def _begins_at_rest(self, here: Model) -> bool:
+        """Whether the record is nearer to a response from rest than to a settled one."""
+        if not self.window.is_periodic:
+            return True
+        left = [self.whiten(self._z - self._in_time(here, [], at_rest=at_rest)[0]) for at_rest in (False, True)]
+        return float(left[1] @ left[1]) < float(left[0] @ left[0])
+
+    def _in_time(self, here: Model, free: list[int], *, at_rest: bool) -> tuple[ComplexArray, ComplexArray]:
+        window, p, core, theta = self.window, self.measured.channels, here.loop.core, here.theta
+        inputs = np.ascontiguousarray(here.excitation(self.record)[: window.first + window.samples])
+        if not window.is_periodic or inputs.shape[1] > len(self.record.axes) or len(self.more):
+            y, slopes = core.sensitivity(theta, free, inputs)  # what disturbs need not repeat with the excitation
+            return tuple(window.some_lines(signal[:, :p], self.more) for signal in (y, slopes))  # type: ignore[return-value]
+        decay = -float(core.poles(theta).real.max())
+        lead = int(np.ceil(np.log(1.0 / SETTLED) / max(decay, 1e-9) * self.record.sample_rate / window.period))
+        lead = max(1, min(lead, window.periods))
+        if at_rest and lead + 1 >= window.periods:
+            sums = core.folded(theta, free, inputs, window.first, window.period)
+        elif at_rest:
+            own = inputs[: window.first + (lead + 1) * window.period]
+            begun = core.folded(theta, free, own, window.first, window.period)
+            last = core.folded(theta, free, own, window.first + lead * window.period, window.period)
+            sums = tuple(b + (window.periods - lead - 1) * s for b, s in zip(begun, last, strict=True))  # type: ignore[assignment]
+        else:
+            own = np.tile(inputs[-window.period :], (lead + 1, 1))
+            last = core.folded(theta, free, own, lead * window.period, window.period)
+            sums = tuple(window.periods * s for s in last)  # type: ignore[assignment]
+        return tuple(window.of_period(signal[:, :p]) for signal in sums)  # type: ignore[return-value]
+
+
+def orthonormal(basis: FloatArray) -> FloatArray:
+    """An orthonormal basis of the columns, without directions that are nearly those of others."""
+    size = np.linalg.norm(basis, axis=0)
+    scaled = basis[:, size > 0.0] / size[size > 0.0]
+    values, vectors = eigh(scaled.T @ scaled)
+    kept = values > OWN * values.max(initial=0.0)
+    return np.asarray(scaled @ (vectors[:, kept] / np.sqrt(values[kept])))
+
+
+def _freed(signal: FloatArray, basis: FloatArray) -> FloatArray:
+    return np.asarray(signal - basis @ (basis.T @ signal))
+
+
+def as_lines(white: FloatArray, p: int) -> ComplexArray:
+    """Whitened numbers as complex lines, shape (lines, p)."""
+    return white.reshape(-1, p, 2)[..., 0] + 1j * white.reshape(-1, p, 2)[..., 1]
