@@ -12,7 +12,7 @@ def half_way(rig: Rig) -> float:
     middle = 0.5 * (min(ends) + max(ends))
     if not why_unknown(rig, [middle]):
         return middle
-    return float(min(rotor_of(rig).positions, key=lambda z: abs(z - middle)))
+    return float(min(rotor_of(rig).positions, key=lambda z: round(abs(z - middle), 9)))
 
 
 def likely_places(rig: Rig) -> list[float]:

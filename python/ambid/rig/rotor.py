@@ -209,6 +209,10 @@ class MatrixRotor(_FlexibleRotor):
     K: Matrix = Field(description="a square matrix, 4 rows per node")
     G: Matrix | None = Field(None, description="a square matrix, 4 rows per node")
 
+    def __hash__(self) -> int:
+        """Of all but the matrices, which are large; equality compares them too."""
+        return hash((self.node_positions, self.flexible_modes, self.modal_damping, self.bending_frequencies_hz))
+
     @property
     def span(self) -> tuple[float, float]:
         """First and last z of the shaft [m]."""
@@ -258,7 +262,8 @@ class ModalRotor(Spec):
     damping : sequence of float
         n damping ratios.
     positions : sequence of float
-        z of the P points where the shapes are given [m], ascending.
+        z of the P points where the shapes are given [m], ascending; every magnet and sensor is one of them. Missing
+        physics is tried between them too where they lie closer than 0.3 of a half-wave of the highest mode kept.
     shapes : (n, P) array_like
         Mode shapes [1/sqrt(kg)].
     gyroscopic : (n, n) array_like, optional
