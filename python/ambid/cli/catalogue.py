@@ -55,6 +55,7 @@ def _entry(effect: ambid.Effect, rig: ambid.Rig) -> dict[str, Any]:
             }
             for p in own
         ],
+        "not_on_this_rig": effect.why_not(rig),
         "settings": {c.name: c.default for c in constants if c.name not in {p.name for p in own}},
         "signature": effect.signature,
         "source": effect.source,
@@ -69,8 +70,8 @@ def _text(entry: dict[str, Any]) -> str:
         low, high = ("any" if end is None else f"{end:g}" for end in (p["lower"], p["upper"]))
         span = f"{low:>8s} .. {high:8s} {p['unit']:8s} typical {p['typical']:<8g}"
         lines.append(f"    {p['name']:20s} {span} {p['meaning']}".rstrip())
-    if not entry["parameters"]:
-        lines.append("    makes no sense on this rig")
+    if entry["not_on_this_rig"]:
+        lines.append(f"    makes no sense on this rig: {entry['not_on_this_rig']}")
     if entry["settings"]:
         lines.append(f"    settings: {', '.join(f'{name} = {value}' for name, value in entry['settings'].items())}")
     return "\n".join([*lines, f"    shows as: {entry['signature']}", f"    source: {entry['source']}"])

@@ -138,13 +138,13 @@ class Ranking(Tabular):
     candidates : tuple of Candidate
     misfit : float
         J/dof of the model as it stands.
-    skipped : dict of str to str
-        Effects that could not be judged, and why.
+    not_tried : dict of str to str
+        Effects that make no sense on this rig or could not be judged, and why.
     """
 
     candidates: tuple[Candidate, ...]
     misfit: float
-    skipped: dict[str, str]
+    not_tried: dict[str, str]
 
     def find(self, name: str) -> Candidate | None:
         """The candidate of that name, if there is one."""
@@ -168,9 +168,9 @@ class Ranking(Tabular):
         }
 
     def summary(self) -> list[str]:
-        """Misfit, and what could not be judged."""
-        skipped = [f"{name} not judged: {why}" for name, why in self.skipped.items()]
-        return [f"misfit {self.misfit:.3f} (J/dof, 1 when the model is right)", *skipped]
+        """Misfit, and what was not tried."""
+        not_tried = [f"{name} not tried: {why}" for name, why in self.not_tried.items()]
+        return [f"misfit {self.misfit:.3f} (J/dof, 1 when the model is right)", *not_tried]
 
     def __repr__(self) -> str:
         lines = [
@@ -180,7 +180,7 @@ class Ranking(Tabular):
         for c in self.candidates:
             values = ", ".join(f"{name} {value:.3g}" for name, value in c.start.items())
             lines.append(f"{c.effect.name:24s} {c.score:11.1f} {c.p_value:9.2g} {c.predicted_misfit:12.3f}  {values}")
-        lines += [f"{name:24s} not judged: {why}" for name, why in self.skipped.items()]
+        lines += [f"{name:24s} not tried: {why}" for name, why in self.not_tried.items()]
         return "\n".join(lines)
 
 
@@ -218,12 +218,15 @@ def rank(
     elsewhere: _Point | None = None
     seen = see(model, noise)
 
-    candidates, skipped = [], {}
+    candidates, not_tried = [], {}
     present = {effect.name for effect in model.effects}
     for done, effect in enumerate(catalogue):
         progress("ranking", done, len(catalogue))
         home = model.home_of(effect)
-        if effect.name in present or home is None:
+        if effect.name in present:
+            continue
+        if home is None:
+            not_tried[effect.name] = effect.why_not(model.rig)
             continue
         variants = effect.variants(replace(seen, rig=home))
         scored, why = _scored(here, variants, here.cost)
@@ -233,8 +236,8 @@ def rank(
             scored = [replace(candidate, from_start=True) for candidate in found]
         if scored:
             candidates.append(min(scored, key=lambda candidate: candidate.chance))
-        elif why:
-            skipped[effect.name] = why
+        else:
+            not_tried[effect.name] = why or effect.unseen
     candidates.sort(key=lambda candidate: candidate.chance)
     directions = np.array([candidate.direction for candidate in candidates])
     cosines = np.abs(directions @ directions.T) if candidates else np.zeros((0, 0))
@@ -242,7 +245,7 @@ def rank(
     for k, candidate in enumerate(candidates):
         near = [c.effect.name for j, c in enumerate(candidates) if j != k and cosines[k, j] > CONFUSABLE]
         ranked.append(replace(candidate, confusable_with=tuple(near)))
-    return Ranking(tuple(ranked), here.cost / here.dof, skipped)
+    return Ranking(tuple(ranked), here.cost / here.dof, not_tried)
 
 
 def see(model: Model, noise: Noise) -> Seen:

@@ -146,6 +146,11 @@ class Diagnosis(Tabular):
         """Cells of the misfit map of the base model, largest misfit first."""
         return () if self.localisation is None else self.localisation.cells
 
+    @property
+    def not_tried(self) -> dict[str, str]:
+        """Effects that make no sense on this rig or could not be judged in the first ranking, and why."""
+        return self.history[0].ranking.not_tried if self.history else {}
+
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""
         return plain(
@@ -166,6 +171,7 @@ class Diagnosis(Tabular):
                     for c in self.where[:20]
                 ],
                 "parameters": {p.name: {"value": p.value, "unit": p.unit} for p in self.model.parameters},
+                "not_tried": self.not_tried,
                 "next_experiment": self.next_experiment,
                 "seconds": self.seconds,
                 "notes": [*(note for record in self.records for note in record.notes), *self.notes],

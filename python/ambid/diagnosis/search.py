@@ -71,7 +71,7 @@ def add_chosen(task: Task, state: State, chosen: Sequence[Effect]) -> Iterator[S
         start = nominal_with_effects_of(task, state.fit.model)
         ranking = rank(compare(state.fit.model, state.noise.records), [effect], noise=state.noise, start=start)
         if not ranking.candidates:
-            why = ranking.skipped.get(effect.name, effect.physics)
+            why = ranking.not_tried.get(effect.name, "it is in the model already")
             raise ModelError(f"{effect.name} cannot be added to this model ({why})")
         order = refits(task, state, ranking.candidates)
         if not order:

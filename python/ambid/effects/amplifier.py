@@ -13,6 +13,8 @@ from ambid.loop.effect import Effect, EffectParameter, Seen
 from ambid.loop.plant import Plant
 from ambid.rig import Rig
 
+IDEAL = "the amplifier is ideal: its current is what it is asked for (amplifier.time_constant = 0)"
+
 
 @dataclass(frozen=True)
 class AmplifierBandwidth(Effect):
@@ -38,11 +40,15 @@ class AmplifierBandwidth(Effect):
         slow = [share * sample / tau for share in (0.1, 0.5)] if 0.0 < tau < 0.05 * sample else []
         return [AmplifierBandwidth(slower) for slower in (1.1, *slow)]
 
+    def why_not(self, rig: Rig) -> str:
+        """An ideal amplifier."""
+        return "" if rig.amplifier.time_constant > 0.0 else IDEAL
+
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Undamped natural frequency [Hz] and damping ratio; of a voltage-driven coil its inductance [H]."""
-        tau, resistance = rig.amplifier.time_constant, rig.amplifier.resistance
-        if tau == 0.0:
+        if self.why_not(rig):
             return []
+        tau, resistance = rig.amplifier.time_constant, rig.amplifier.resistance
         if resistance is not None:
             nominal = resistance * tau
             meaning = "inductance L of the coil"
@@ -136,14 +142,16 @@ class AmplifierVoltageLimit(Effect):
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
         """Limits that cut more or less off the fastest change that the linear amplifier makes."""
-        if seen.rig.amplifier.time_constant == 0.0:
-            return (self,)
         fastest = seen.peaks["drive"] / seen.rig.amplifier.time_constant
         return [AmplifierVoltageLimit(float(1.0 / (share * fastest))) for share in (0.95, 0.8, 0.6, 0.4, 0.25)]
 
+    def why_not(self, rig: Rig) -> str:
+        """An ideal amplifier."""
+        return "" if rig.amplifier.time_constant > 0.0 else IDEAL
+
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """One over the largest rate of the current [s/A]."""
-        if rig.amplifier.time_constant == 0.0:
+        if self.why_not(rig):
             return []
         meaning = "one over the largest rate r of the current"
         return [EffectParameter("inverse_slew_rate", "s/A", self.probed, upper=1.0, meaning=meaning)]
@@ -196,13 +204,17 @@ class BackEmf(Effect):
     signature = "i_c in phase with velocity, in a band where the amplifier does not hold the current"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, section 4.3"
 
+    def why_not(self, rig: Rig) -> str:
+        """An ideal amplifier of current."""
+        return "" if rig.amplifier.resistance is not None or rig.amplifier.time_constant > 0.0 else IDEAL
+
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Current per velocity [A s/m]; of a voltage-driven coil [V s/m], where it is K_i if nothing is lost."""
+        if self.why_not(rig):
+            return []
         if rig.amplifier.resistance is not None:
             probe, meaning = 0.1 * rig.bearings[0].force_current[0], "induced voltage per velocity b"
             return [EffectParameter("voltage_per_velocity", "V s/m", probe, meaning=meaning)]
-        if rig.amplifier.time_constant == 0.0:
-            return []
         scale = rig.bearings[0].bias_current / rig.bearings[0].air_gap * rig.amplifier.time_constant
         meaning = "current that velocity drives against the command, b"
         return [EffectParameter("current_per_velocity", "A s/m", 0.02 * scale, meaning=meaning)]

@@ -37,6 +37,7 @@ class PeriodicDisturbance(Effect):
     equation = "i_ref or f + a cos(w t) + b sin(w t), w = 2 pi frequency_hz"
     signature = "one line that belongs neither to the excitation nor to the speed"
     source = "Pintelon, Schoukens, System Identification, 2nd ed., chapter 2"
+    unseen = "the residual has no line of its own beside those of the excitation and the speed"
 
     frequency_hz: float = 50.0
     port: str = "current"

@@ -195,6 +195,11 @@ class MagneticHysteresis(Effect):
         """Loops narrow and wide against the current that flows."""
         return [MagneticHysteresis(float(seen.peaks["i_f"] * share)) for share in (0.03, 0.1, 0.3, 1.0)]
 
+    def why_not(self, rig: Rig) -> str:
+        """A current that jumps."""
+        has_rate = rig.actuator.has_lag or rig.amplifier.time_constant > 0.0
+        return "" if has_rate else "neither amplifier nor actuator has a lag: the current jumps, and has no rate"
+
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Part of the current that follows the hysteresis, and one over its width [1/A]."""
         return [
@@ -245,6 +250,10 @@ class AxisCrossCoupling(Effect):
     equation = "F_zeta of i_zeta + c i_eta, F_eta of i_eta + c i_zeta"
     signature = "zeta answers eta and eta answers zeta with the same sign, at one bearing"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 3"
+
+    def why_not(self, rig: Rig) -> str:
+        """Bearings of one axis."""
+        return "" if any(len(b.axes) == 2 for b in rig.bearings) else "no bearing has two axes"
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Part of the force that appears on the other axis, of each bearing."""

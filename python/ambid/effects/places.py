@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from ambid.loop.geometry import rotor_of, why_unknown
 from ambid.rig import FiniteElementRotor, Rig
 
 
 def half_way(rig: Rig) -> float:
-    """Half-way between the outermost bearings [m]."""
+    """Half-way between the outermost bearings, or the place nearest to it where the rotor is known [m]."""
     ends = [b.position for b in rig.bearings]
-    return 0.5 * (min(ends) + max(ends))
+    middle = 0.5 * (min(ends) + max(ends))
+    if not why_unknown(rig, [middle]):
+        return middle
+    return float(min(rotor_of(rig).positions, key=lambda z: round(abs(z - middle), 9)))
 
 
 def likely_places(rig: Rig) -> list[float]:

@@ -11,12 +11,17 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.effects.places import likely_places
 from ambid.effects.waves import cosine_and_sine, is_synchronous
+from ambid.errors import RigError
 from ambid.loop.assembly import combine
 from ambid.loop.effect import Effect, EffectParameter, Seen
+from ambid.loop.geometry import rotor_of
 from ambid.loop.plant import Plant
 from ambid.record import Record
-from ambid.rig import FiniteElementRotor, MatrixRotor, PointMassRotor, Rig
-from ambid.rotor import reduced_rotor, with_more_modes
+from ambid.rig import PointMassRotor, Rig
+from ambid.rotor import further_modes
+
+BELOW = 0.4
+"""Part of the sample rate below which a bending mode is looked for."""
 
 
 @dataclass(frozen=True)
@@ -43,23 +48,34 @@ class RotorBendingMode(Effect):
 
     def flexible_modes(self, rig: Rig) -> int:
         """How many further modes lie well below half the sample rate; two at the most."""
-        if not isinstance(rig.rotor, FiniteElementRotor | MatrixRotor):
-            return 0
-        rotor = reduced_rotor(with_more_modes(rig.rotor, 2), [b.position for b in rig.bearings])
-        return sum(f < 0.4 * rig.sample_rate for f in rotor.frequencies_rad_s[-2:] / (2.0 * pi))
+        more = further_modes(rig.rotor, 2)
+        found = rotor_of(rig, more).frequencies_rad_s[-more:] if more else ()
+        return sum(w < 2.0 * pi * BELOW * rig.sample_rate for w in found)
+
+    def why_not(self, rig: Rig) -> str:
+        """A rotor without further modes, or with such as no record of this sample rate shows."""
+        if isinstance(rig.rotor, PointMassRotor):
+            return "a point mass does not bend"
+        if not further_modes(rig.rotor, 1):
+            return "the rotor's data hold no bending modes beyond those that its model keeps"
+        try:
+            high = not self.flexible_modes(rig)
+        except RigError as error:
+            return str(error)
+        return f"the bending modes left out lie above {BELOW:g} of the sample rate" if high else ""
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Frequency [Hz], damping ratio and participation of each further mode."""
-        more = self.flexible_modes(rig)
-        if more == 0:
+        if self.why_not(rig):
             return []
-        rotor = reduced_rotor(with_more_modes(rig.rotor, more), [b.position for b in rig.bearings])
-        found = rotor.frequencies_rad_s[-more:] / (2.0 * pi)
+        more = self.flexible_modes(rig)
+        rotor = rotor_of(rig, more)
         given = getattr(rig.rotor, "modal_damping", 0.0)
         likely = given if isinstance(given, float) else next(iter(given[::-1]), 0.0)
-        damping = likely if likely > 0.0 else 0.003
         parameters = []
-        for k, frequency in enumerate(found, start=1):
+        further = zip(rotor.frequencies_rad_s[-more:] / (2.0 * pi), rotor.damping[-more:], strict=True)
+        for k, (frequency, listed) in enumerate(further, start=1):
+            damping = next((ratio for ratio in (float(listed), likely) if ratio > 0.0), 0.003)
             parameters += [
                 EffectParameter(
                     f"frequency_{k}_hz",
@@ -134,13 +150,16 @@ class BendingModeShift(Effect):
     signature = "a narrow peak at a kept bending frequency that changes sign across it"
     source = "Friswell, Penny, Garvey, Lees, Dynamics of Rotating Machines, 2010, chapter 5"
 
+    def why_not(self, rig: Rig) -> str:
+        """A model that keeps no bending modes."""
+        if isinstance(rig.rotor, PointMassRotor):
+            return "a point mass does not bend"
+        return "" if rig.rotor.bending_modes else "the model keeps no bending modes"
+
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Relative shift of the squared frequency, and of the damping [times the critical], of each kept mode."""
-        if rig.rotor.kind == "mass":
-            return []
-        kept = _flexible(rig)
         parameters = []
-        for k in range(1, kept + 1):
+        for k in range(1, rig.rotor.bending_modes + 1):
             parameters += [
                 EffectParameter(
                     f"squared_frequency_{k}",
@@ -163,20 +182,14 @@ class BendingModeShift(Effect):
 
     def attach(self, plant: Plant) -> None:
         """Stiffness and damping beside those of the mode."""
-        n = len(plant.rotor.frequencies_rad_s)
-        first = 2
-        for j in range(_flexible(plant.rig)):
+        n, first = len(plant.rotor.frequencies_rad_s), plant.rotor.rigid_modes
+        for j in range(plant.rig.rotor.bending_modes):
             w = plant.rotor.frequencies_rad_s[first + j]
             for plane in range(plant.rotor.planes):
                 k = plane * n + first + j
                 stiffer = plant.port(self.slot(f"squared_frequency_{j + 1}"), plant[f"eta.{k}"], scale=w**2)
                 damped = plant.port(self.slot(f"damping_{j + 1}"), plant[f"eta_rate.{k}"], scale=2.0 * w)
                 plant.inject(f"modal_force.{k}", -stiffer - damped)
-
-
-def _flexible(rig: Rig) -> int:
-    """Bending modes per plane that the rig's model keeps."""
-    return rig.rotor.flexible_modes if isinstance(rig.rotor, FiniteElementRotor | MatrixRotor) else 0
 
 
 @dataclass(frozen=True)
@@ -189,26 +202,35 @@ class RotorInertiaError(Effect):
     signature = "rigid-body motion at high frequency too large or too small, at every amplitude"
     source = "Friswell, Penny, Garvey, Lees, Dynamics of Rotating Machines, 2010, chapter 3"
 
+    def why_not(self, rig: Rig) -> str:
+        """A rotor whose rigid modes do not tell its mass from its inertia."""
+        if isinstance(rig.rotor, PointMassRotor):
+            return "an error of the mass alone is one of K_i and K_s"
+        given = rotor_of(rig).rigid_modes
+        return "" if given == 2 else f"the rotor has {given} modes of 0 Hz, and not translation and rotation"
+
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Relative errors of transverse inertia and mass; that of the mass shows against the bending modes alone.
 
         Without bending modes a gain common to all modes is one of K_i and K_s.
         """
-        if not isinstance(rig.rotor, FiniteElementRotor | MatrixRotor):
+        if self.why_not(rig):
             return []
         meanings = {"inertia": "relative error d of the transverse inertia", "mass": "relative error d of the mass"}
-        names = ["inertia", "mass"] if rig.rotor.flexible_modes else ["inertia"]
+        names = ["inertia", "mass"] if rig.rotor.bending_modes else ["inertia"]
         return [EffectParameter(name, "1", 0.01, lower=-0.5, upper=1.0, meaning=meanings[name]) for name in names]
 
     def attach(self, plant: Plant) -> None:
         """The force of rotation and translation is divided by 1 + d."""
         n = len(plant.rotor.frequencies_rad_s)
-        modes = {"mass": 0, "inertia": 1}
+        motions = dict(zip(("mass", "inertia"), plant.rotor.rigid_motions(), strict=True))
         for plane in range(plant.rotor.planes):
+            forces = [f"modal_force.{plane * n + k}" for k in range(2)]
             for parameter in self.parameters(plant.rig):
-                k = plane * n + modes[parameter.name]
-                heavier = plant.port(self.slot(parameter.name), plant[f"modal_force.{k}"])
-                plant.inject(f"modal_force.{k}", -heavier)
+                motion = motions[parameter.name]
+                heavier = plant.port(self.slot(parameter.name), combine(motion, [plant[force] for force in forces]))
+                for force, share in zip(forces, motion, strict=True):
+                    plant.inject(force, -share * heavier)
 
 
 @dataclass(frozen=True)
@@ -221,9 +243,18 @@ class GyroscopicCoupling(Effect):
     signature = "forward and backward whirl apart by another amount; one plane answers the other at speed"
     source = "Friswell, Penny, Garvey, Lees, Dynamics of Rotating Machines, 2010, chapter 3"
 
+    def why_not(self, rig: Rig) -> str:
+        """A rotor at rest, or without gyroscopic moments in the model."""
+        if rig.speed <= 0.0:
+            return "the rotor does not turn (speed = 0)"
+        if isinstance(rig.rotor, PointMassRotor):
+            return "a point mass has no gyroscopic moments"
+        given = rotor_of(rig).gyroscopic.any()
+        return "" if given else "the rotor is given without gyroscopic moments (rotor.G or rotor.gyroscopic)"
+
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Relative error."""
-        if rig.speed <= 0.0:
+        if self.why_not(rig):
             return []
         meaning = "relative error d of the gyroscopic moments"
         return [EffectParameter("factor", "1", 0.05, lower=-1.0, upper=5.0, meaning=meaning)]
@@ -256,6 +287,7 @@ class Unbalance(Effect):
     equation = "F_x = m e Omega^2 cos(Omega t + angle), F_y = m e Omega^2 sin(Omega t + angle)"
     signature = "one line at the frequency of rotation, forward whirl, whether excited or not"
     source = "Friswell, Penny, Garvey, Lees, Dynamics of Rotating Machines, 2010, chapter 6"
+    unseen = "no line of the residual turns with the rotor"
 
     z: float | None = None
     reference: int = 0
@@ -263,8 +295,6 @@ class Unbalance(Effect):
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
         """At each likely place, and in two planes; the angle is counted from the axis that shows it most."""
-        if not seen.rig.speed:
-            return ()
         near = [tone for tone in seen.tones if is_synchronous(tone, seen.rig)]
         if not near:
             return ()
@@ -274,6 +304,12 @@ class Unbalance(Effect):
     def positions(self, rig: Rig) -> Sequence[float]:
         """Its place."""
         return [] if self.z is None else [self.z]
+
+    def why_not(self, rig: Rig) -> str:
+        """A rotor at rest, or one that is not known at its place."""
+        if not rig.speed:
+            return "the rotor does not turn (speed = 0)"
+        return "a point mass does not turn" if isinstance(rig.rotor, PointMassRotor) else super().why_not(rig)
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Mass times eccentricity, in phase with the reference and a quarter turn ahead of it [kg m]."""

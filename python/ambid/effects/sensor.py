@@ -10,7 +10,7 @@ import numpy as np
 from ambid.loop.assembly import combine
 from ambid.loop.effect import Effect, EffectParameter, Seen
 from ambid.loop.plant import Plant
-from ambid.rig import FiniteElementRotor, Rig
+from ambid.rig import PointMassRotor, Rig
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,14 @@ class SensorGainError(Effect):
     signature = "rigid-body modes shift between the bearings in one plane, the same at every amplitude"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 3"
 
+    def why_not(self, rig: Rig) -> str:
+        """No two sensors in one plane."""
+        shared = len(rig.bearings) > 1 and set(rig.bearings[0].axes) & set(rig.bearings[1].axes)
+        return "" if shared else "no plane has two sensors, and a gain common to a plane is one of K_i and K_s"
+
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Relative gain of the first bearing's sensor, the second's being its opposite; one per direction."""
-        if len(rig.bearings) < 2:
+        if self.why_not(rig):
             return []
         shared = [axis for axis in rig.bearings[0].axes if axis in rig.bearings[1].axes]
         meaning = "relative gain error g of the first bearing's sensor along"
@@ -72,6 +77,10 @@ class SensorMisalignment(Effect):
     equation = "y_zeta = true y_zeta + a true y_eta, y_eta = true y_eta - a true y_zeta"
     signature = "zeta answers eta with opposite sign to eta answering zeta, in y of one bearing"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 8"
+
+    def why_not(self, rig: Rig) -> str:
+        """Bearings of one axis."""
+        return "" if any(len(b.axes) == 2 for b in rig.bearings) else "no bearing has two axes"
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Angle of each bearing's sensors [rad], counted from zeta to eta."""
@@ -104,9 +113,14 @@ class SensorPositionError(Effect):
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 12"
     step = 1e-3
 
+    def why_not(self, rig: Rig) -> str:
+        """A mass on one axis, or a rotor whose shapes are not known beside the sensors."""
+        point = "a point mass is the same wherever it is read"
+        return point if isinstance(rig.rotor, PointMassRotor) else super().why_not(rig)
+
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Offset of each bearing's sensors [m]."""
-        if not isinstance(rig.rotor, FiniteElementRotor):
+        if isinstance(rig.rotor, PointMassRotor):
             return []
         meaning = "offset dz of the sensors along the shaft, of bearing"
         return [
@@ -116,7 +130,7 @@ class SensorPositionError(Effect):
 
     def positions(self, rig: Rig) -> Sequence[float]:
         """A millimetre to each side of every sensor: their shapes give the slope."""
-        if not isinstance(rig.rotor, FiniteElementRotor):
+        if isinstance(rig.rotor, PointMassRotor):
             return []
         low, high = rig.rotor.span
         return [float(np.clip(b.sensor_position + d, low, high)) for b in rig.bearings for d in (-self.step, self.step)]
@@ -153,8 +167,19 @@ class SamplingSkew(Effect):
     moves_y: bool = False
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
-        """i_c late alone; of a digital controller also y early."""
+        """i_c late alone; of a digital controller also y early, and that alone where the amplifier is ideal."""
+        if seen.rig.amplifier.time_constant == 0.0:
+            return (self,)
         return [SamplingSkew(moves_y) for moves_y in (False, True)[: 1 + seen.rig.controller.is_digital]]
+
+    def why_not(self, rig: Rig) -> str:
+        """Where i_c does not move between samples, and the controller's output has no instants either."""
+        if rig.amplifier.time_constant > 0.0 or self._reads_y_early(rig):
+            return ""
+        return "an ideal amplifier holds i_c over the sample, and an analog controller has no instants"
+
+    def _reads_y_early(self, rig: Rig) -> bool:
+        return self.moves_y or (rig.controller.is_digital and rig.amplifier.time_constant == 0.0)
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """By how much i_c is read late, and y early [s]."""
@@ -171,7 +196,7 @@ class SamplingSkew(Effect):
                     meaning="by how much i_c is read late, d",
                 )
             )
-        if self.moves_y:
+        if self._reads_y_early(rig):
             meaning = "by how much y is read early, e"
             found.append(EffectParameter("displacement_early", "s", 0.02 * sample, upper=sample, meaning=meaning))
         return found
@@ -184,7 +209,7 @@ class SamplingSkew(Effect):
                 first = plant.port(late, plant[f"i_a_rate.{axis}"])
                 second = plant.port(late, plant.port(late, plant[f"i_a_bend.{axis}"]), scale=0.5)
                 plant.inject(f"i_c.{axis}", first + second)
-        if self.moves_y:
+        if self._reads_y_early(plant.rig):
             for axis, z, direction in zip(plant.axes, plant.sensors, plant.directions, strict=True):
                 velocity, acceleration = (plant.at(z, direction, of) for of in ("eta_rate", "eta_bend"))
                 second = plant.port(early, plant.port(early, acceleration), scale=0.5)

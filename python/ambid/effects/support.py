@@ -11,7 +11,7 @@ import numpy as np
 from ambid.effects.places import half_way, likely_places
 from ambid.loop.effect import Effect, EffectParameter, Seen
 from ambid.loop.plant import Plant
-from ambid.rig import FiniteElementRotor, PointMassRotor, Rig
+from ambid.rig import PointMassRotor, Rig
 
 UNBOUNDED = float("inf")
 
@@ -51,9 +51,14 @@ class SealForces(Effect):
         """Its place."""
         return [] if isinstance(rig.rotor, PointMassRotor) else [self.place(rig)]
 
+    def why_not(self, rig: Rig) -> str:
+        """A mass on one axis, or a rotor that is not known at its place."""
+        point = "a point mass has one axis, and no place beside its magnet"
+        return point if isinstance(rig.rotor, PointMassRotor) else super().why_not(rig)
+
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Direct and cross stiffness [N/m], damping [N s/m]."""
-        if not isinstance(rig.rotor, FiniteElementRotor):
+        if isinstance(rig.rotor, PointMassRotor):
             return []
         k = _stiffness(rig)
         return [
@@ -106,12 +111,16 @@ class CouplingStiffness(Effect):
         return [CouplingStiffness(0), CouplingStiffness(1)] if self.end is None else (self,)
 
     def positions(self, rig: Rig) -> Sequence[float]:
-        """Both ends of the shaft."""
-        return list(rig.rotor.span) if isinstance(rig.rotor, FiniteElementRotor) else []
+        """Both ends of the shaft, as far as the rotor is known."""
+        return [] if isinstance(rig.rotor, PointMassRotor) else list(rig.rotor.span)
+
+    def why_not(self, rig: Rig) -> str:
+        """A rotor without ends."""
+        return "a point mass has no drive end" if isinstance(rig.rotor, PointMassRotor) else ""
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Stiffness [N/m] and damping [N s/m] at the drive end."""
-        if not isinstance(rig.rotor, FiniteElementRotor):
+        if self.why_not(rig):
             return []
         k = _stiffness(rig)
         return [

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ambid.arrays import FloatArray
+from ambid.loop.geometry import why_unknown
 from ambid.loop.plant import Plant
 from ambid.record import Record
 from ambid.rig import Rig
@@ -98,6 +99,8 @@ class Effect(ABC):
         Names of simpler effects that this one includes; where one of them does as well, it is named instead.
     plural : bool
         Whether its name is a plural.
+    unseen : str
+        Why it is not tried where it has no `variants`.
     """
 
     name: ClassVar[str]
@@ -107,6 +110,7 @@ class Effect(ABC):
     equation: ClassVar[str] = ""
     contains: ClassVar[tuple[str, ...]] = ()
     plural: ClassVar[bool] = False
+    unseen: ClassVar[str] = "the records show nothing that it could be tried at"
 
     def __post_init__(self) -> None:
         """Take lists, as files hold them, for tuples."""
@@ -122,8 +126,18 @@ class Effect(ABC):
     def attach(self, plant: Plant) -> None:
         """Add states, ports and injections to the plant; ports fill the slots ``<effect>.<parameter>``."""
 
+    def why_not(self, rig: Rig) -> str:
+        """Why the effect is not tried on this rig, such as "the rotor does not turn"; empty where it makes sense.
+
+        By default it is tried where it has parameters, and where the rotor is known at its `positions`.
+        """
+        return why_unknown(rig, self.positions(rig)) if self.parameters(rig) else "it has no parameters on this rig"
+
     def variants(self, seen: Seen) -> Sequence[Effect]:
-        """The effect at each place, frequency or size where it is to be tried; the best of them is ranked."""
+        """The effect at each place, frequency or size where it is to be tried; the best of them is ranked.
+
+        None where the records show nothing of it.
+        """
         return (self,)
 
     def waveform(self, rig: Rig, samples: int, record: Record | None) -> FloatArray:

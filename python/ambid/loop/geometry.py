@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from ambid.arrays import FloatArray
+from ambid.errors import RigError
 from ambid.rig import Rig
-from ambid.rotor import ReducedRotor
+from ambid.rotor import ReducedRotor, reduced_rotor, with_more_modes
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,23 @@ class Geometry:
 
     force: FloatArray
     sensor: FloatArray
+
+
+def rotor_of(rig: Rig, more: int = 0) -> ReducedRotor:
+    """The rotor of a rig, known at its magnets and sensors, with `more` bending modes than the rig's model keeps."""
+    places = [z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)]
+    return reduced_rotor(with_more_modes(rig.rotor, more) if more else rig.rotor, places)
+
+
+def why_unknown(rig: Rig, positions: Iterable[float]) -> str:
+    """Why the rotor's displacement is not known at one of these positions [m]; empty where it is at all."""
+    rotor = rotor_of(rig)
+    try:
+        for z in positions:
+            rotor.shape(z)
+    except RigError as error:
+        return str(error)
+    return ""
 
 
 def axis_angles(rig: Rig) -> FloatArray:

@@ -14,10 +14,11 @@ from ambid.errors import ModelError
 from ambid.loop.assembly import Block, Lft
 from ambid.loop.controller import close_analog
 from ambid.loop.effect import Effect
+from ambid.loop.geometry import rotor_of
 from ambid.loop.plant import Plant
 from ambid.loop.response import frequency_response
 from ambid.rig import Rig
-from ambid.rotor import ReducedRotor, reduced_rotor, with_more_modes
+from ambid.rotor import ReducedRotor
 
 
 class Loop:
@@ -221,9 +222,8 @@ def _block(block: Block, filled_by: dict[str, int]) -> _core._Block:
 
 def open_plant(rig: Rig, effects: Sequence[Effect], watch: Sequence[str] = (), reference: Rig | None = None) -> Lft:
     """The plant with all effects attached; bending modes that effects bring are the last of the rotor."""
-    places = [z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)]
     more = sum(effect.flexible_modes(rig) for effect in effects)
-    rotor = reduced_rotor(with_more_modes(rig.rotor, more) if more else rig.rotor, places)
+    rotor = rotor_of(rig, more)
     for effect in effects:
         for z in effect.positions(rig):
             rotor.shape(z)  # refuses a place that is not known

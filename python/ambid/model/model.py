@@ -203,7 +203,7 @@ class Model:
             raise ModelError(f"{effect.name} is in the model already")
         home = self.home_of(effect)
         if home is None:
-            raise ModelError(f"{effect.name} makes no sense on this rig ({effect.physics})")
+            raise ModelError(f"{effect.name} makes no sense on this rig: {effect.why_not(self.rig)}")
         parameters = [*self.parameters, *of_effect(home, effect, values or {})]
         return Model._of(replace(self.structure, effects=(*self.effects, effect)), parameters)
 

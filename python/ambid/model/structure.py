@@ -47,7 +47,7 @@ class Structure:
 
     def home_of(self, effect: Effect) -> Rig | None:
         """The first operating point where an effect makes sense; None if it does nowhere."""
-        return next((rig for rig in (self.rig, *self.points) if effect.parameters(rig)), None)
+        return next((rig for rig in (self.rig, *self.points) if not effect.why_not(rig)), None)
 
     def usual_parameters(self) -> list[Parameter]:
         """One for every slot of Delta, at the rig's nominal values and typical ones of the effects."""

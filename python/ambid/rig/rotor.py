@@ -109,6 +109,11 @@ class _FlexibleRotor(Spec):
         None, description="a list of measured free-free frequencies in Hz, ascending"
     )
 
+    @property
+    def bending_modes(self) -> int:
+        """Bending modes that the model keeps in each plane."""
+        return self.flexible_modes
+
     @model_validator(mode="after")
     def _enough_values(self) -> "_FlexibleRotor":
         modes = self.flexible_modes
@@ -204,6 +209,10 @@ class MatrixRotor(_FlexibleRotor):
     K: Matrix = Field(description="a square matrix, 4 rows per node")
     G: Matrix | None = Field(None, description="a square matrix, 4 rows per node")
 
+    def __hash__(self) -> int:
+        """Of all but the matrices, which are large; equality compares them too."""
+        return hash((self.node_positions, self.flexible_modes, self.modal_damping, self.bending_frequencies_hz))
+
     @property
     def span(self) -> tuple[float, float]:
         """First and last z of the shaft [m]."""
@@ -253,11 +262,14 @@ class ModalRotor(Spec):
     damping : sequence of float
         n damping ratios.
     positions : sequence of float
-        z of the P points where the shapes are given [m], ascending.
+        z of the P points where the shapes are given [m], ascending; every magnet and sensor is one of them. Missing
+        physics is tried between them too where they lie closer than 0.3 of a half-wave of the highest mode kept.
     shapes : (n, P) array_like
         Mode shapes [1/sqrt(kg)].
     gyroscopic : (n, n) array_like, optional
         Coupling of plane x to plane y, per rad/s of speed.
+    flexible_modes : int, optional
+        Bending modes kept per plane, lowest first, of those listed; all if left out.
     """
 
     kind: Literal["modes"] = "modes"
@@ -268,6 +280,19 @@ class ModalRotor(Spec):
     positions: tuple[Position, ...] = Field(min_length=2, description="a list of two or more positions in m")
     shapes: Matrix = Field(description="one list per mode with its values at the positions, in 1/sqrt(kg)")
     gyroscopic: Matrix | None = Field(None, description="a square matrix, one row per mode")
+    flexible_modes: int | None = Field(
+        None, ge=0, le=100, strict=True, description="a whole number of bending modes, 0 to as many as are listed"
+    )
+
+    @property
+    def bending_modes(self) -> int:
+        """Bending modes that the model keeps in each plane."""
+        return self.listed_bending_modes if self.flexible_modes is None else self.flexible_modes
+
+    @property
+    def listed_bending_modes(self) -> int:
+        """Modes with a frequency, whether the model keeps them or not."""
+        return sum(frequency > 0.0 for frequency in self.frequencies_hz)
 
     @property
     def span(self) -> tuple[float, float]:
@@ -288,6 +313,9 @@ class ModalRotor(Spec):
             problems.append(problem(text, self.shapes, "shapes"))
         if self.gyroscopic is not None:
             problems += _wrong_shapes({"gyroscopic": self.gyroscopic}, modes)
+        if self.bending_modes > self.listed_bending_modes:
+            text = f"expected at most {self.listed_bending_modes}, the modes of frequencies_hz above 0 Hz."
+            problems.append(problem(text, self.flexible_modes, "flexible_modes"))
         refuse(*problems)
         return self
 
@@ -303,6 +331,11 @@ class PointMassRotor(Spec):
 
     kind: Literal["mass"] = "mass"
     mass: Annotated[float, MASS]
+
+    @property
+    def bending_modes(self) -> int:
+        """None: a point mass does not bend."""
+        return 0
 
     @property
     def span(self) -> None:

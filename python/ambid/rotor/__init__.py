@@ -2,6 +2,15 @@
 
 from ambid.rotor.assembly import BeamModel, assemble
 from ambid.rotor.matrices import matrix_model
-from ambid.rotor.modes import ReducedRotor, reduce, reduced_rotor, with_more_modes
+from ambid.rotor.modes import ReducedRotor, further_modes, reduce, reduced_rotor, with_more_modes
 
-__all__ = ["BeamModel", "ReducedRotor", "assemble", "matrix_model", "reduce", "reduced_rotor", "with_more_modes"]
+__all__ = [
+    "BeamModel",
+    "ReducedRotor",
+    "assemble",
+    "further_modes",
+    "matrix_model",
+    "reduce",
+    "reduced_rotor",
+    "with_more_modes",
+]

@@ -19,6 +19,7 @@ from ambid.rotor.matrices import matrix_model
 
 _FREE = 1e-3  # a rigid frequency above this part of the first bending frequency means a rotor that is held
 _SAME_MODE = 2.0  # a measured frequency farther than this factor from the computed one is a mistake of units
+_CLOSE = 0.3  # part of a half-wave of a bending mode between positions: a cubic spline then errs by some 2 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +47,8 @@ class ReducedRotor:
     shapes : ndarray, shape (m, n), or (1, 1) for a point mass
         Lateral displacement of each mode in its plane [1/sqrt(kg)].
     between : bool
-        Whether the positions lie so close that a cubic spline through the shapes holds between them.
+        Whether the positions lie so close that a cubic spline through the shapes holds between them: always those of
+        finite elements; else three of ten of a half-wave of the highest bending mode, or closer.
     planes : int
         2, or 1 for a point mass on one axis.
     """
@@ -60,6 +62,24 @@ class ReducedRotor:
     shapes: FloatArray
     between: bool = False
     planes: int = 2
+
+    @property
+    def rigid_modes(self) -> int:
+        """Modes of zero frequency in each plane; they come first."""
+        return int(np.count_nonzero(self.frequencies_rad_s == 0.0))
+
+    def rigid_motions(self) -> tuple[FloatArray, FloatArray]:
+        """Translation, and rotation about the centre of mass, as combinations of the two rigid modes of a plane.
+
+        Returns
+        -------
+        translation, rotation : ndarray, shape (2,)
+            Orthogonal, of unit length: rigid modes that are given may be any orthogonal mixture of the two.
+        """
+        slopes = np.polynomial.polynomial.polyfit(self.positions, self.shapes[:, :2], 1)[1]
+        rotation = slopes / np.linalg.norm(slopes)
+        rotation[np.abs(rotation) < 1e-12] = 0.0
+        return np.array([rotation[1], -rotation[0]]), rotation
 
     def shape(self, z: float) -> FloatArray:
         """Lateral displacement of each mode at an axial position, identical for both planes.
@@ -94,19 +114,39 @@ class ReducedRotor:
         return CubicSpline(self.positions, self.shapes)
 
 
+def further_modes(rotor: FiniteElementRotor | MatrixRotor | ModalRotor | PointMassRotor, most: int) -> int:
+    """How many bending modes a plane the rotor's data hold beyond those that its model keeps, up to `most`.
+
+    A shaft of sections always has more; matrices have as many as they have freedoms, modes are those of the list.
+    """
+    match rotor:
+        case FiniteElementRotor():
+            return most
+        case MatrixRotor():
+            held = 2 * len(rotor.node_positions) - 2
+        case ModalRotor():
+            held = rotor.listed_bending_modes
+        case PointMassRotor():
+            held = 0
+    return min(most, held - rotor.bending_modes)
+
+
 def with_more_modes(
     rotor: FiniteElementRotor | MatrixRotor | ModalRotor | PointMassRotor, more: int
-) -> FiniteElementRotor | MatrixRotor:
-    """Return the same rotor with further, undamped bending modes in each plane.
+) -> FiniteElementRotor | MatrixRotor | ModalRotor:
+    """Return the same rotor with further bending modes in each plane, undamped but for those of a list.
 
     Raises
     ------
     RigError
-        The rotor is given by its modes or as a mass, and has no others.
+        The rotor's data do not hold so many.
     """
-    if not isinstance(rotor, FiniteElementRotor | MatrixRotor):
-        raise RigError(f"rotor.kind = {rotor.kind!r}: only a rotor of sections or matrices has further bending modes")
-    kept, given = rotor.flexible_modes, rotor.modal_damping
+    if isinstance(rotor, PointMassRotor) or further_modes(rotor, more) < more:
+        raise RigError(f"rotor.kind = {rotor.kind!r}: the rotor has no {more} bending modes beyond those of its model")
+    kept = rotor.bending_modes
+    if isinstance(rotor, ModalRotor):
+        return rotor.model_copy(update={"flexible_modes": kept + more})
+    given = rotor.modal_damping
     damping = [given] * kept if isinstance(given, float) else list(given[:kept])
     return rotor.model_copy(update={"flexible_modes": kept + more, "modal_damping": (*damping, *[0.0] * more)})
 
@@ -145,14 +185,24 @@ def _reduced(
             model = assemble(rotor, nodes_at) if isinstance(rotor, FiniteElementRotor) else matrix_model(rotor)
             reduced = reduce(model, rotor.flexible_modes, rotor.modal_damping, rotor.bending_frequencies_hz)
             if isinstance(rotor, MatrixRotor):
-                reduced = replace(reduced, between=False)  # how close its nodes lie is not ours to say
+                reduced = replace(reduced, between=_lie_close(rotor.node_positions, rotor.flexible_modes))
         case ModalRotor():
             reduced = _given_modes(rotor)
         case PointMassRotor():
             reduced = _point_mass(rotor.mass)
-    for z in nodes_at:
-        reduced.shape(z)
+    if reduced.planes == 2:
+        for z in nodes_at:
+            place_of(z, reduced.positions)
     return reduced
+
+
+def _lie_close(positions: Sequence[float], bending_modes: int) -> bool:
+    """Whether a cubic spline through the shapes at these positions holds between them.
+
+    The half-waves of free-free bending mode k are about ``1/(k + 1/2)`` of the shaft long; rigid modes are straight.
+    """
+    gaps = np.diff(positions)
+    return bending_modes == 0 or bool(gaps.max() * (bending_modes + 0.5) <= _CLOSE * gaps.sum())
 
 
 def reduce(
@@ -277,16 +327,19 @@ def _given_modes(rotor: ModalRotor) -> ReducedRotor:
             f"rotor.frequencies_hz = {list(rotor.frequencies_hz)} has to increase, with the rigid modes (0 Hz) first. "
             "Sort the modes, and with them damping, shapes and gyroscopic."
         )
-    count = len(frequencies)
-    coupling = np.zeros((count, count)) if rotor.gyroscopic is None else np.array(rotor.gyroscopic, dtype=float)
+    count = len(frequencies) - rotor.listed_bending_modes + rotor.bending_modes
+    coupling = np.zeros((count, count))
+    if rotor.gyroscopic is not None:
+        coupling = np.array(rotor.gyroscopic, dtype=float)[:count, :count]
     return ReducedRotor(
-        frequencies_rad_s=frequencies,
-        damping=np.array(rotor.damping, dtype=float),
+        frequencies_rad_s=frequencies[:count],
+        damping=np.array(rotor.damping[:count], dtype=float),
         gyroscopic=np.block([[np.zeros_like(coupling), coupling], [-coupling.T, np.zeros_like(coupling)]]),
         T_R=np.eye(2 * count),
         T_L=np.eye(2 * count),
         positions=np.array(rotor.positions, dtype=float),
-        shapes=np.array(rotor.shapes, dtype=float).T,
+        shapes=np.array(rotor.shapes[:count], dtype=float).T,
+        between=_lie_close(rotor.positions, rotor.bending_modes),
     )
 
 
