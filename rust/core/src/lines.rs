@@ -198,4 +198,31 @@ impl ClosedLoop {
         }
         Ok(found)
     }
+
+    /// What the transient `d` of `length` samples adds in time: the free response from the first sample on.
+    ///
+    /// With `e = (I - A^length)^-1 d sqrt(length)`, it is `C A^k e`; the rest is the periodic response to the inputs of
+    /// those samples. Samples x outputs, row by row.
+    ///
+    /// # Errors
+    /// As [`ClosedLoop::lines`].
+    pub fn free_response(&self, theta: &[f64], d: &[f64], length: usize, samples: usize) -> Result<Vec<f64>> {
+        let ny = self.outputs();
+        let parts = self.on_lines(theta, &[])?;
+        check_len("transient", d.len(), parts.iter().map(OnLines::states).sum())?;
+        let mut y = vec![0.0; samples * ny];
+        let mut at = 0;
+        for part in &parts {
+            let own = &d[at..at + part.states()];
+            at += part.states();
+            let free = match &part.way {
+                Way::Modal(poles) => poles.free_response(own, length, samples),
+                Way::Dense(dense) => dense.free_response(own, length, samples)?,
+            };
+            for (free, y) in free.chunks_exact(part.outputs.len()).zip(y.chunks_exact_mut(ny)) {
+                part.outputs.iter().zip(free).for_each(|(o, free)| y[*o] = *free);
+            }
+        }
+        Ok(y)
+    }
 }

@@ -170,6 +170,20 @@ impl ClosedLoop {
         cube(py, found, [w.len(), self.core.outputs(), self.core.inputs()])
     }
 
+    /// What a transient of `length` samples adds in time: samples x outputs.
+    fn free_response<'py>(
+        &self,
+        py: Python<'py>,
+        theta: PyReadonlyArray1<'py, f64>,
+        d: PyReadonlyArray1<'py, f64>,
+        length: usize,
+        samples: usize,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (theta, d) = (theta.as_slice()?, d.as_slice()?);
+        let y = py.detach(|| self.core.free_response(theta, d, length, samples)).map_err(raise)?;
+        table(py, y, self.core.outputs())
+    }
+
     /// Response and derivatives, whole periods from `first` on added up.
     #[allow(clippy::type_complexity)]
     fn folded<'py>(

@@ -7,6 +7,7 @@ use nalgebra::{Complex, DMatrix, DVector};
 
 use super::Block;
 use crate::discretise::Discrete;
+use crate::error::{Error, Result};
 use crate::lft::balancing;
 
 type C64 = Complex<f64>;
@@ -87,6 +88,29 @@ impl Hessenberg {
         x.column_iter_mut().for_each(|mut column| eliminated.solve(column.as_mut_slice()));
         let g = c.map(C64::from) * x + d.map(C64::from);
         g.transpose().as_slice().to_vec()
+    }
+
+    /// `C A^k e`, see [`crate::ClosedLoop::free_response`].
+    pub fn free_response(&self, d: &[f64], length: usize, samples: usize) -> Result<Vec<f64>> {
+        let Discrete { a, c, .. } = &self.value;
+        let n = a.nrows();
+        let (mut over, mut power, mut left) = (DMatrix::identity(n, n), a.clone(), length);
+        while left > 0 {
+            if left % 2 == 1 {
+                over = &over * &power;
+            }
+            power = &power * &power;
+            left /= 2;
+        }
+        let open = (DMatrix::identity(n, n) - over).lu();
+        let start = DVector::from_column_slice(d) * (length as f64).sqrt();
+        let mut x = open.solve(&start).ok_or(Error::Singular { what: "a transient that never decays" })?;
+        let mut y = Vec::with_capacity(samples * c.nrows());
+        for _ in 0..samples {
+            y.extend((c * &x).iter());
+            x = a * x;
+        }
+        Ok(y)
     }
 }
 

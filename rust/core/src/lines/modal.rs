@@ -161,4 +161,24 @@ impl Poles {
         }
         g
     }
+
+    /// `C A^k e`, see [`crate::ClosedLoop::free_response`].
+    pub fn free_response(&self, d: &[f64], length: usize, samples: usize) -> Vec<f64> {
+        let Residues { mu, c, .. } = &self.value;
+        let (ny, root) = (c.nrows(), (length as f64).sqrt());
+        let d = self.by_pole(d);
+        let mut y = vec![0.0; samples * ny];
+        let upper = self.pairs.iter().map(|(i, _)| (*i, 2.0)).chain(self.reals.iter().map(|i| (*i, 1.0)));
+        for (i, count) in upper {
+            let mut e = d[i] * root * count / (C64::from(1.0) - mu[i].powu(length.min(1 << 30) as u32));
+            for y in y.chunks_exact_mut(ny) {
+                (0..ny).for_each(|o| y[o] += c[(o, i)].re * e.re - c[(o, i)].im * e.im);
+                e *= mu[i];
+                if e.norm_sqr() < f64::MIN_POSITIVE {
+                    break;
+                }
+            }
+        }
+        y
+    }
 }
