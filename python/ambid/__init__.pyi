@@ -7,11 +7,11 @@ from .campaigns import Campaign as Campaign
 from .campaigns import campaign as campaign
 from .checking import Soundness as Soundness
 from .checking import check as check
-from .diagnosis import Comparison as Comparison
+from .noise import Comparison as Comparison
 from .diagnosis import Diagnosis as Diagnosis
 from .diagnosis import Localisation as Localisation
 from .diagnosis import Ranking as Ranking
-from .diagnosis import compare as compare
+from .noise import compare as compare
 from .diagnosis import diagnose as diagnose
 from .diagnosis import localise as localise
 from .diagnosis import rank as rank

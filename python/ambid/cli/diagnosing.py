@@ -71,7 +71,7 @@ def compare_command(
     machine = ambid.Rig.load(rig)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate)
     comparison = ambid.compare(start, loaded)
-    where = _where(start, loaded)
+    where = _where(comparison)
     show(comparison, quiet)
     if where:
         show("\n".join(["", "largest misfit:", *map(_line, where[:MOST_PRINTED])]), quiet)
@@ -101,7 +101,7 @@ def diagnose_command(
     quiet: Quiet = False,
 ) -> None:
     """Name the physics that the model lacks, add it, and watch the misfit fall."""
-    from ambid.diagnosis.procedure import ADEQUATE  # not at the top: --help need not open that room
+    from ambid.noise.comparison import ADEQUATE  # not at the top: --help need not open that room
 
     ambid.plot.check_format(plot)
     require_writable(json_file, save, plot, report)
@@ -141,13 +141,11 @@ def diagnose_command(
         announce([report], quiet)
 
 
-def _where(model: ambid.Model, records: Sequence[ambid.Record]) -> list[Cell]:
-    """Cells with the largest misfit, of the records whose noise is known."""
-    found: list[Cell] = []
-    for record in records:
-        with suppress(RecordError):  # two periods, too short, or no noise
-            found += ambid.localise(model, ambid.Noise(model, [record])).cells
-    return sorted(found, key=lambda cell: -cell.misfit)[:MOST_CELLS]
+def _where(comparison: ambid.Comparison) -> Sequence[Cell]:
+    """Cells with the largest misfit, if the noise is known."""
+    with suppress(RecordError):  # too short, or no noise
+        return ambid.localise(comparison).cells[:MOST_CELLS]
+    return ()
 
 
 def _line(cell: Cell) -> str:

@@ -1,10 +1,10 @@
 """What the model lacks: compare, localise, rank the candidates, add what the data support, and say what was found."""
 
-from ambid.diagnosis.comparison import Comparison, compare
 from ambid.diagnosis.localisation import Localisation, localise
 from ambid.diagnosis.procedure import diagnose
 from ambid.diagnosis.ranking import Candidate, Ranking, rank
 from ambid.diagnosis.result import Diagnosis, Step
+from ambid.noise import Comparison, compare
 
 __all__ = [
     "Candidate",

@@ -13,17 +13,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ambid.arrays import ComplexArray
+from scipy.special import chdtri
+
+from ambid.arrays import ComplexArray, FloatArray
+from ambid.diagnosis.chance import independent_tests
 from ambid.model import Model
-from ambid.noise import Noise
-from ambid.noise.tones import without_tones
+from ambid.noise import Comparison
+from ambid.noise.lines import RecordLines, as_lines
+from ambid.noise.tones import Between
 
 __all__ = ["Change", "largest_change"]
 
 FASTEST = 24
 """Cycles per record up to which changes are looked for."""
-OUTSTANDING = 21.0
-"""Projected power that noise reaches in one of two hundred records: two degrees of freedom, two hundred patterns."""
+RARE = 1e-4
+"""Chance that noise alone is taken for a change of some parameter."""
 
 
 @dataclass(frozen=True)
@@ -52,46 +56,61 @@ class Change:
     power: float
 
 
-def largest_change(model: Model, noise: Noise) -> Change | None:
-    """The change of a parameter of the base model that stands out most, if one does."""
+def largest_change(comparison: Comparison) -> Change | None:
+    """The change of a parameter of the base model that stands out most, if one does.
+
+    The noise is that of the residual of the comparison's own model.
+    """
+    model = comparison.model
     bases = [(k, name) for k, name in enumerate(model.names) if name.startswith(("K_i", "K_s"))]
-    best: Change | None = None
-    for record, whitener, tones in zip(noise.records, noise.whiteners, noise.tones, strict=True):
-        window, p = whitener.window, len(record.channels)
-        if not window.is_periodic:
-            continue  # every line is excited
-        y, slopes = model.sensitivity(record, [k for k, _ in bases])
-        acting = [j for j in range(len(bases)) if slopes[..., j].any()]  # not those of other bias currents
-        slopes = slopes[..., acting]
-        residual = without_tones(record.outputs - y[:, :p], tones, window, record.sample_rate)
-        count = len(window.excited)
-        whitening = whitener.whitening[:count]
-        patterns = whitening @ window.some_lines(slopes[:, :p], whitener.more[:0])
-        energy = np.sum(np.abs(patterns) ** 2, axis=(0, 1))
-        lines = window.lines(residual)
-        per_line = record.sample_rate / window.samples
-        shifts = [d for d in range(1, FASTEST + 1) if d % window.periods]
-        amplitudes = np.array([_projected(lines, whitening, patterns, window.excited, d) for d in shifts]) / energy
-        powers = 2.0 * energy * np.abs(amplitudes) ** 2
-        # a pole that is narrower than a shift spreads its noise over all of them
-        powers /= np.maximum(np.median(powers, axis=0) / (2.0 * np.log(2.0)), 1.0)
+    found: list[Change] = []
+    tried = 0.0
+    for part in comparison.noise.parts:
+        record, window = part.record, part.window.settled
+        # nearer to its own excited line than to the next: a shift further on is one of the next back
+        shifts = np.arange(1, min(FASTEST, (window.periods - 1) // 2) + 1)
+        if not len(shifts):
+            continue  # every line is excited, or the two sides of one are those of the next
+        patterns = _patterns(part, model, [k for k, _ in bases])
+        acting = np.flatnonzero(np.abs(patterns).max(axis=(0, 1)) > 0.0)  # not those of other bias currents
+        patterns = patterns[..., acting]
+        amplitudes, powers = _sideband_powers(part, patterns, shifts)
+        stacked = patterns.reshape(-1, len(acting))
+        tried += len(shifts) * independent_tests([c[:, None] / np.linalg.norm(c) for c in stacked.T])
         k, j = np.unravel_index(np.argmax(powers), powers.shape)
-        if powers[k, j] > OUTSTANDING and (best is None or powers[k, j] > best.power):
-            index, name = bases[acting[j]]
-            relative = 2.0 * float(np.abs(amplitudes[k, j])) / abs(model.theta[index])
-            d = shifts[k]
-            best = Change(record.name, name, d * per_line, d, relative, float(powers[k, j]))
-    return best
+        index, name = bases[acting[j]]
+        relative = 2.0 * float(np.abs(amplitudes[k, j])) / abs(model.theta[index])
+        d, per_line = int(shifts[k]), record.sample_rate / window.samples
+        found.append(Change(record.name, name, d * per_line, d, relative, float(powers[k, j])))
+    best = max(found, key=lambda change: change.power, default=None)
+    return best if best is not None and best.power > chdtri(2, RARE / tried) else None
 
 
-def _projected(
-    lines: ComplexArray, whitening: ComplexArray, patterns: ComplexArray, excited: NDArray[np.intp], d: int
-) -> ComplexArray:
-    """What stands d lines beside the excited ones, on both sides, in the directions of the patterns."""
-    sides = []
-    for shift in (d, -d):
-        at = excited + shift
-        inside = (at > 0) & (at < len(lines))
-        moved = np.where(inside[:, None], lines[np.clip(at, 0, len(lines) - 1)], 0.0)
-        sides.append(np.einsum("kcj,kc->j", patterns.conj(), (whitening @ moved[..., None])[..., 0]))
-    return np.asarray(0.5 * (sides[0] + sides[1].conj()), dtype=np.complex128)
+def _patterns(part: RecordLines, model: Model, free: list[int]) -> ComplexArray:
+    """Whitened derivatives on the excited lines, shape (lines, p, free)."""
+    count, p = len(part.window.excited), len(part.record.channels)
+    slopes = part.slopes(model.at(part.record), free)
+    return as_lines(slopes, p)[:count]
+
+
+def _sideband_powers(
+    part: RecordLines, patterns: ComplexArray, shifts: NDArray[np.intp]
+) -> tuple[ComplexArray, FloatArray]:
+    """Amplitude of each pattern at each shift, and its power in units of noise, both of shape (shifts, patterns)."""
+    between, window = Between.of(part), part.window.settled
+    rate = part.record.sample_rate
+    between = between.without([tone.frequency_hz * window.samples / rate for tone in part.tones])
+    count = len(window.excited)
+    # the lines have been taken back through the loop, each at its own frequency; what is left of S is smooth
+    inner = part.spectrum.inner[:count]
+    amplitudes = np.empty((len(shifts), patterns.shape[2]), dtype=complex)
+    energy = np.sum(np.abs(patterns) ** 2, axis=(0, 1))
+    for k, d in enumerate(shifts):
+        sides = []
+        for shift in (d, -d):
+            at = window.excited + shift
+            inside = (at > 0) & (at < len(between.lines))
+            moved = np.where(inside[:, None], between.lines[np.clip(at, 0, len(between.lines) - 1)], 0.0)
+            sides.append(np.einsum("kcj,kc->j", patterns.conj(), (inner @ moved[..., None])[..., 0]))
+        amplitudes[k] = 0.5 * (sides[0] + sides[1].conj()) / energy
+    return amplitudes, 2.0 * energy * np.abs(amplitudes) ** 2

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ambid.arrays import FloatArray
+from ambid.arrays import ComplexArray, FloatArray
 from ambid.diagnosis.drift import Change, largest_change
 from ambid.diagnosis.ports import Port, needed_at_ports
 from ambid.loop.effect import Tone
-from ambid.model import Model
-from ambid.noise import Noise
+from ambid.noise import Comparison
 from ambid.noise.tones import OUTSTANDING
-from ambid.noise.whitener import channel_lines
 from ambid.noise.window import Window
 from ambid.record import Record
 from ambid.threads import with_one_blas_thread
@@ -153,40 +151,41 @@ class Localisation:
 
 
 @with_one_blas_thread
-def localise(model: Model, noise: Noise) -> Localisation:
+def localise(comparison: Comparison) -> Localisation:
     """Map the misfit of a fitted model.
 
     Parameters
     ----------
-    model : Model
-    noise : Noise
-        Of its records.
+    comparison : Comparison
+
+    Raises
+    ------
+    RecordError
+        If the noise of a record is not known.
     """
-    left = Noise(model, noise.records)
-    tones = tuple(tone for found in left.tones for tone in found)
-    change = largest_change(model, left)
+    left, model, noise = comparison.renewed(), comparison.model, comparison.noise
+    change = largest_change(left)
     misfits = [np.mean(white**2) for white in noise.by_record(noise.residual(model))]
     worst = int(np.argmax(misfits))
-    ports = needed_at_ports(model, noise, worst)
-    found = Localisation((), ports, tones, change, (), np.nan, ())
+    ports = needed_at_ports(comparison, worst)
+    found = Localisation((), ports, left.tones, change, (), np.nan, ())
     maps, growth, cells = [], [], []
-    for record, whitener in zip(noise.records, noise.whiteners, strict=True):
-        channels = tuple(record.channels)
-        simulated = model.response(record)[:, : len(channels)]
-        residual = record.outputs - simulated
-        window, excitation = whitener.window, model.excitation(record)[:, : len(record.axes)]
-        own = _map(record, channels, channel_lines(residual, window, excitation), window)
+    for part in noise.parts:
+        record, window = part.record, part.window
+        residual = part.residual_lines(model.at(record))[: len(window.excited)]
+        power = part.noise_power()[: len(window.excited)]
+        own = _map(record, np.abs(residual) ** 2 / power, window)
         maps.append(own)
         if window.is_periodic and record.point == noise.records[worst].point:
-            growth.append(_growth(record, residual, window.period))
+            growth.append(_growth(record, residual, power, window))
         for b, band in enumerate(zip(own.edges_hz[:-1], own.edges_hz[1:], strict=True)):
-            for channel, misfit in zip(channels, own.misfit[b], strict=True):
+            for channel, misfit in zip(own.channels, own.misfit[b], strict=True):
                 if np.isfinite(misfit):
                     cells.append(
                         Cell(record.name, channel, (float(band[0]), float(band[1])), float(misfit), found.kind)
                     )
-    for record, own_tones in zip(noise.records, left.tones, strict=True):
-        cells += [_tone_cell(record, tone) for tone in own_tones]
+    for part in left.noise.parts:
+        cells += [_tone_cell(part.record, tone) for tone in part.tones]
     if change is not None:
         cells.append(
             Cell(
@@ -194,26 +193,24 @@ def localise(model: Model, noise: Noise) -> Localisation:
             )
         )
     cells.sort(key=lambda cell: -cell.misfit)
-    return Localisation(tuple(maps), ports, tones, change, tuple(growth), _exponent(growth), tuple(cells), worst)
+    return Localisation(tuple(maps), ports, left.tones, change, tuple(growth), _exponent(growth), tuple(cells), worst)
 
 
-def _map(record: Record, channels: tuple[str, ...], alone: FloatArray, window: Window) -> MisfitMap:
+def _map(record: Record, alone: FloatArray, window: Window) -> MisfitMap:
+    """From the power of each excited line and channel over that of its noise."""
     frequency = window.excited * record.sample_rate / window.samples
     edges = np.geomspace(frequency[0], frequency[-1] * 1.0001, BANDS + 1)
-    table = np.full((BANDS, len(channels)), np.nan)
+    table = np.full((BANDS, alone.shape[1]), np.nan)
     for b in range(BANDS):
         inside = (frequency >= edges[b]) & (frequency < edges[b + 1])
         if inside.any():
-            table[b] = np.mean(alone[:, inside] ** 2, axis=(0, 1))
-    return MisfitMap(record.name, channels, edges, record.sample_rate / window.period, table)
+            table[b] = np.mean(alone[inside], axis=0)
+    return MisfitMap(record.name, tuple(record.channels), edges, record.sample_rate / window.period, table)
 
 
-def _growth(record: Record, residual: FloatArray, period: int) -> Growth:
+def _growth(record: Record, residual: ComplexArray, power: FloatArray, window: Window) -> Growth:
     n = len(record.axes)
-    y = residual[period : record.periods * period, :n].reshape(record.periods - 1, period, n)
-    mean = y.mean(axis=0)
-    noise = np.mean((y - mean) ** 2) / max(record.periods - 2, 1)
-    repeats = np.mean((mean - mean.mean(axis=0)) ** 2) - noise
+    repeats = 2.0 * np.sum(np.abs(residual[:, :n]) ** 2 - power[:, :n]) / (n * window.samples)
     amplitude = float(record.i_e.std()) if record.i_e is not None else np.nan
     return Growth(record.name, amplitude, float(np.sqrt(max(repeats, 0.0))))
 

@@ -19,8 +19,8 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.diagnosis.chance import log_chance
 from ambid.loop.effect import Effect, EffectParameter
 from ambid.loop.plant import Plant
-from ambid.model import Model
-from ambid.noise import Noise
+from ambid.noise import Comparison
+from ambid.noise.lines import as_lines
 from ambid.noise.window import Window
 from ambid.rig import Rig
 
@@ -143,38 +143,37 @@ class _Inlets(Effect):
                 plant.inject(f"{signal}.{axis}", plant.input(f"{name}.{axis}"))
 
 
-def needed_at_ports(model: Model, noise: Noise, index: int = 0) -> tuple[Port, ...]:
+def needed_at_ports(comparison: Comparison, index: int = 0) -> tuple[Port, ...]:
     """Every port type with the signal that it would need, best first.
 
     Parameters
     ----------
-    model : Model
-        Fitted; nonlinear effects of it are linearised at rest in the way back to the port.
-    noise : Noise
+    comparison : Comparison
+        Of a fitted model; its nonlinear effects are linearised at rest in the way back to the port.
     index : int
         Of the record that is looked at.
     """
-    record, whitener = noise.records[index], noise.whiteners[index]
-    window, axes, p = whitener.window, len(record.axes), len(record.channels)
-    lines = len(window.excited)
-    whitening = whitener.whitening[:lines]
+    model, part = comparison.model, comparison.noise.parts[index]
+    record, window = part.record, part.window
+    axes, p, lines = len(record.axes), len(record.channels), len(window.excited)
+    whitening = part.spectrum.whitening[:lines]
     here = model.at(record)
     loop = here.watching(WATCHED, [_Inlets()])
     inputs = here.excitation(record)
     quiet = np.hstack([inputs, np.zeros((len(inputs), len(loop.inputs) - inputs.shape[1]))])
     outputs = loop.simulate(model.theta, quiet)
-    periods = window.cut(outputs).reshape(window.periods, window.period, -1).mean(axis=0)
+    settled = window.settled
+    periods = settled.cut(outputs).reshape(settled.periods, settled.period, -1).mean(axis=0)
     against = {name: periods[:, (2 + k) * axes : (3 + k) * axes] for k, name in enumerate(WATCHED)}
     other = _other_axis(model.rig)
     against |= {f"{name}_other": against[name][:, other] for name in ("s", "v")}
 
-    residual, known = noise.jacobian(model, list(range(len(model.names))))
-    residual, known = noise.by_record(residual)[index], noise.by_record(known)[index]
+    residual, known, _ = part.white(here, list(range(len(model.names))))
     size = np.linalg.norm(known, axis=0)
     basis, _ = np.linalg.qr(known[:, size > 0.0] / size[size > 0.0])
-    white = _as_lines(residual - basis @ (basis.T @ residual), p)[:lines]
+    white = as_lines(residual - basis @ (basis.T @ residual), p)[:lines]
     cost = float(np.sum(np.abs(white) ** 2))
-    responses = loop.frequency_response(model.theta, window.excited * record.sample_rate / window.samples)
+    responses = loop.transfer(model.theta, window.points(window.excited))
 
     found = []
     for name, (_, unit, meaning) in PORTS.items():
@@ -225,7 +224,7 @@ def _terms(
 ) -> tuple[Term, ...]:
     found = []
     lines, p, axes = way.shape
-    by_line = np.stack([_as_lines(column, p)[:lines] for column in basis.T], axis=-1)
+    by_line = np.stack([as_lines(column, p)[:lines] for column in basis.T], axis=-1)
     known = _stacked(by_line.reshape(-1, basis.shape[1]))
     residual = _stacked(white.reshape(-1, 1))[:, 0]
     for shape, (kind, function) in TERMS[port].items():
@@ -247,12 +246,6 @@ def _terms(
 def _least_squares(way: ComplexArray, white: ComplexArray) -> ComplexArray:
     """Per line, the input of least norm that explains most of the whitened residual."""
     return (np.linalg.pinv(way, rcond=1e-9) @ white[..., None])[..., 0]
-
-
-def _as_lines(white: FloatArray, p: int) -> ComplexArray:
-    """Whitened numbers as complex lines, shape (lines, p)."""
-    half = len(white) // 2
-    return (white[:half] + 1j * white[half:]).reshape(-1, p)
 
 
 def _stacked(lines: ComplexArray) -> FloatArray:

@@ -16,15 +16,13 @@ from ambid.effects import CATALOGUE, Effect, find
 from ambid.identification import identify
 from ambid.identification.minimum import refit
 from ambid.model import Model
-from ambid.noise import Noise
+from ambid.noise import compare
+from ambid.noise.comparison import ADEQUATE
 from ambid.record import Record
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["diagnose"]
-
-ADEQUATE = 1.10
-"""Largest misfit J/dof of a model that is called adequate, if chance does not bring more on a short record."""
 
 
 @with_one_blas_thread
@@ -100,12 +98,9 @@ def diagnose(
         lost = ", ".join(sorted({name for direction in estimate.directions for name in direction}))
         why = f"the records do not determine {lost}; excite every axis, with more amplitude or over more periods"
         return Diagnosis.uninformative(estimate.model, records, [why], begun)
-    noise = Noise(estimate.model, records)
-    fit = refit(estimate.model, noise)
-    noise = Noise(fit.model, records)
-    fit = refit(fit.model, noise)
+    base = estimate.comparison if estimate.comparison is not None else refit(compare(estimate.model, records))
     task = Task(start, tuple(validate), tuple(catalogue), progress)
-    state, is_stopped = begin(task, fit, noise), False
+    state, is_stopped = begin(task, base), False
     say(state.history[-1].line())
     chain = add_best(task, state, ask) if chosen is None else add_chosen(task, state, chosen)
     try:
@@ -127,5 +122,5 @@ def diagnose(
         validation=task.validate,
         next_experiment=next_experiment(verdict, state.history),
         seconds=time.perf_counter() - begun,
-        notes=tuple(notes(verdict, state.noise)),
+        notes=tuple(notes(verdict, state.fit.noise)),
     )

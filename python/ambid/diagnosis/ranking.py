@@ -23,13 +23,12 @@ from scipy.special import chdtri
 
 from ambid.arrays import FloatArray
 from ambid.diagnosis.chance import independent_tests, log_chance_bounded
-from ambid.diagnosis.comparison import Comparison
 from ambid.effects import CATALOGUE, Effect, Seen
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.minimum import SUBSTEPS
 from ambid.model import Model
 from ambid.model.operating_point import suffix
-from ambid.noise import Noise
+from ambid.noise import Comparison
 from ambid.results import Tabular
 from ambid.threads import with_one_blas_thread
 
@@ -41,8 +40,6 @@ ALPHA = 0.01
 """Chance of a false alarm over the whole catalogue."""
 VISIBLE = 1e-4
 """Chance of a score that counts as visible, for one degree of freedom."""
-UNSETTLED = 0.05
-"""Part of a transient that may be left in the period that a score is computed from."""
 CONFUSABLE = 0.9
 """Two candidates whose freed responses have a larger cosine are called confusable."""
 
@@ -189,7 +186,6 @@ def rank(
     comparison: Comparison,
     catalogue: Sequence[Effect] = CATALOGUE,
     *,
-    noise: Noise | None = None,
     start: Model | None = None,
     progress: Progress = silent,
 ) -> Ranking:
@@ -201,8 +197,6 @@ def rank(
         Of a fitted model with its records.
     catalogue : sequence of Effect
         Effects of your own may be among them.
-    noise : Noise, optional
-        Default: from the model's own residual.
     start : Model, optional
         The same model at other values, where effects are judged that make no stable loop near the fit.
     progress : callable
@@ -213,10 +207,9 @@ def rank(
     Ranking
     """
     model = comparison.model
-    noise = Noise(model, [r.record for r in comparison.records]) if noise is None else noise
-    here = _Point(model, noise)
+    here = _Point(comparison)
     elsewhere: _Point | None = None
-    seen = see(model, noise)
+    seen = see(comparison)
 
     candidates, not_tried = [], {}
     present = {effect.name for effect in model.effects}
@@ -231,7 +224,7 @@ def rank(
         variants = effect.variants(replace(seen, rig=home))
         scored, why = _scored(here, variants, here.cost)
         if variants and not scored and start is not None and start.is_stable:
-            elsewhere = elsewhere or _Point(start, noise)
+            elsewhere = elsewhere or _Point(comparison.of(start))
             found, _ = _scored(elsewhere, variants, here.cost)
             scored = [replace(candidate, from_start=True) for candidate in found]
         if scored:
@@ -248,8 +241,9 @@ def rank(
     return Ranking(tuple(ranked), here.cost / here.dof, not_tried)
 
 
-def see(model: Model, noise: Noise) -> Seen:
+def see(comparison: Comparison) -> Seen:
     """What effects may look at before they are tried."""
+    model, noise = comparison.model, comparison.noise
     watched = ["s", "i_f"] + (["drive"] if model.rig.amplifier.time_constant > 0.0 else [])
     peaks = dict.fromkeys(watched, 0.0)
     n = len(model.rig.axes)
@@ -272,25 +266,28 @@ class _Point:
     ranks as well, a hundred times as fast, and the refit is exact.
     """
 
-    def __init__(self, model: Model, noise: Noise) -> None:
-        self.noise, self.spreads = noise, noise.spreads
-        residual, known = noise.jacobian(model, list(range(len(model.names))))
-        self.basis, _ = np.linalg.qr(known / np.linalg.norm(known, axis=0))
+    def __init__(self, comparison: Comparison) -> None:
+        model, self.noise = comparison.model, comparison.noise
+        self.spreads = self.noise.spreads
+        residual, known = self.noise.jacobian(model, list(range(len(model.names))))
+        self.transients = self.noise.transients(model)
+        self.basis, _ = np.linalg.qr(known / _nonzero(np.linalg.norm(known, axis=0)))
         self.residual = self.freed(residual)
         self.cost = float(self.residual @ self.residual)
-        self.dof = noise.lines - len(model.names)
+        self.dof = comparison.dof
         self.exact, self.linear = model if model.is_linear else model.with_substeps(SUBSTEPS), model
         for effect in model.effects:
             if not model.is_linear and not Model(model.home_of(effect) or model.rig, effects=[effect]).is_linear:
                 self.linear = self.linear.without(effect.name)
         if not self.linear.is_stable:
             self.linear = self.exact
-        self.settling = np.log(1.0 / UNSETTLED) / max(model.decay_rate, 1e-9)
         self._before: dict[int, FloatArray] = {}
 
     def freed(self, signal: FloatArray) -> FloatArray:
-        """What the known parameters cannot absorb of a whitened signal."""
-        return signal - self.basis @ (self.basis.T @ signal)
+        """What neither the known parameters nor the transients can absorb of a whitened signal."""
+        for basis in (self.transients, self.basis):
+            signal = signal - basis @ (basis.T @ signal)
+        return signal
 
     def responses(self, effect: Effect) -> FloatArray:
         """Whitened change of the response by each probe of an effect, shape (lines, probes)."""
@@ -299,12 +296,12 @@ class _Point:
             base, model = self.linear, self.linear.add(effect, probe)
             if not model.is_linear:
                 base, model = self.exact, self.exact.add(effect, probe).with_substeps(SUBSTEPS)
-            changes.append(self.noise.settled_response(model, self.settling) - self._response(base))
+            changes.append(self.noise.response(model) - self._response(base))
         return np.column_stack(changes)
 
     def _response(self, base: Model) -> FloatArray:
         if id(base) not in self._before:
-            self._before[id(base)] = self.noise.settled_response(base, self.settling)
+            self._before[id(base)] = self.noise.response(base)
         return self._before[id(base)]
 
 

@@ -11,8 +11,9 @@ from ambid.diagnosis.ranking import Candidate
 from ambid.diagnosis.state import State, Task, nominal_with_effects_of
 from ambid.effects import Effect
 from ambid.errors import ModelError, UnstableLoopError
-from ambid.identification.minimum import Fit, refit
+from ambid.identification.minimum import criterion, refit
 from ambid.model import Model
+from ambid.noise import Comparison
 
 __all__ = ["Refitted", "alternatives", "is_driven_off", "reconsidered", "refits"]
 
@@ -21,7 +22,7 @@ EQUALLY_GOOD = 9.2
 FAR_OFF = 20.0
 """Misfit J/dof of a base model above which refits start from the rig file's values too."""
 
-Refitted = tuple[Candidate, Fit]
+Refitted = tuple[Candidate, Comparison]
 
 
 def refits(task: Task, state: State, tried: Sequence[Candidate]) -> list[Refitted]:
@@ -39,23 +40,23 @@ def refits(task: Task, state: State, tried: Sequence[Candidate]) -> list[Refitte
         if candidate.from_start or state.fit.cost > FAR_OFF * state.dof or is_driven_off(task, state.fit.model):
             starts.append((nominal_with_effects_of(task, state.fit.model), candidate.start))
         starts.append((state.fit.model, {}))  # typical small values, where the predicted ones make no stable loop
-        ends: list[Fit] = []
+        ends: list[Comparison] = []
         for base, values in starts:
             try:
-                ends.append(refit(base.add(candidate.effect, values), state.noise))
+                ends.append(refit(state.fit.of(base.add(candidate.effect, values))))
             except (UnstableLoopError, ModelError, ValueError):
                 continue
             if ends[-1].cost < state.at_noise or len(ends) == len(starts) - 1:
                 break
         if ends:
             found.append((candidate, min(ends, key=lambda end: end.cost)))
-    return sorted(found, key=lambda pair: pair[1].criterion)
+    return sorted(found, key=lambda pair: criterion(pair[1]))
 
 
 def alternatives(order: Sequence[Refitted]) -> tuple[str, ...]:
     """Names of the candidates that do as well as the best; none that only contains a simpler one of them."""
     best = order[0][1]
-    equal = [candidate.effect for candidate, other in order if other.criterion <= best.criterion + EQUALLY_GOOD]
+    equal = [candidate.effect for candidate, other in order if criterion(other) <= criterion(best) + EQUALLY_GOOD]
     names = {effect.name for effect in equal}
     return tuple(effect.name for effect in equal if not names & set(effect.contains))
 
@@ -70,10 +71,10 @@ def reconsidered(state: State, effect: Effect) -> tuple[State, str]:
             found.append((rival, state.fit))
         elif rival.effect.name not in here:
             try:
-                found.append((rival, refit(rest.add(rival.effect, rival.start), state.noise)))
+                found.append((rival, refit(state.fit.of(rest.add(rival.effect, rival.start)))))
             except (UnstableLoopError, ModelError):
                 continue
-    order = sorted(found, key=lambda pair: pair[1].criterion)
+    order = sorted(found, key=lambda pair: criterion(pair[1]))
     best, fit = order[0]
     sets = state.without_set(effect.name) | {best.effect.name: alternatives(order)}
     return replace(state, fit=fit, sets=sets), best.effect.name

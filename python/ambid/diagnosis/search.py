@@ -11,14 +11,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri
 
-from ambid.diagnosis.comparison import compare
 from ambid.diagnosis.ranking import ALPHA, Candidate, Ranking, rank
 from ambid.diagnosis.rivals import alternatives, is_driven_off, reconsidered, refits
 from ambid.diagnosis.state import State, Task, nominal_with_effects_of, noted
 from ambid.effects import Effect
 from ambid.errors import ModelError, UnstableLoopError
-from ambid.identification.minimum import Fit, refit
-from ambid.noise import Noise
+from ambid.identification.minimum import refit
+from ambid.noise import Comparison
 
 __all__ = ["add_best", "add_chosen", "begin"]
 
@@ -42,9 +41,9 @@ HOPELESS_SHARE = 0.3
 Ask = Callable[[Ranking, Candidate], bool]
 
 
-def begin(task: Task, base: Fit, noise: Noise) -> State:
+def begin(task: Task, base: Comparison) -> State:
     """The first step: the base model with its ranking."""
-    state = State(base=base, reference=base, fit=base, noise=noise)
+    state = State(base=base, reference=base, fit=base)
     return noted(task, state, _ranked(task, state))
 
 
@@ -69,7 +68,7 @@ def add_chosen(task: Task, state: State, chosen: Sequence[Effect]) -> Iterator[S
     """
     for effect in chosen:
         start = nominal_with_effects_of(task, state.fit.model)
-        ranking = rank(compare(state.fit.model, state.noise.records), [effect], noise=state.noise, start=start)
+        ranking = rank(state.fit, [effect], start=start)
         if not ranking.candidates:
             why = ranking.not_tried.get(effect.name, "it is in the model already")
             raise ModelError(f"{effect.name} cannot be added to this model ({why})")
@@ -127,45 +126,36 @@ def _worth_refitting(state: State, ranking: Ranking) -> list[Candidate]:
     return [candidate for candidate in significant if candidate.score >= least][:REFITTED]
 
 
-def _taken(state: State, better: Fit, added: Effect) -> State:
+def _taken(state: State, better: Comparison, added: Effect) -> State:
     """Go on from a better model; what a model that is far off leaves between the excited lines is no noise."""
     fall, reference = state.fit.cost - better.cost, state.reference
     if added.frequencies_hz(better.model.rig):
         own = {p.name.split(".", 1)[1]: p.value for p in better.model.parameters if p.name.startswith(f"{added.name}.")}
-        reference = refit(reference.model.add(added, own), state.noise)
+        reference = refit(reference.of(reference.model.add(added, own)))
     state = replace(state, fit=better, reference=reference)
     if fall <= state.dof:
         return state
-    fit, noise = better, state.noise
+    fit = better
     for _ in range(MOST_RENEWALS):
         before = fit.cost
-        noise = Noise(fit.model, noise.records)
-        fit = refit(fit.model, noise)
+        fit = refit(fit.renewed())
         if abs(fit.cost / before - 1.0) < RENEWED:
             break
-    base, reference = (_judged_again(own, noise) for own in (state.base, reference))
-    return replace(state, fit=fit, noise=noise, base=base, reference=reference)
-
-
-def _judged_again(fit: Fit, noise: Noise) -> Fit:
-    """The same model in another noise."""
-    residual = noise.residual(fit.model)
-    return Fit(fit.model, float(residual @ residual))
+    return replace(state, fit=fit, base=fit.of(state.base.model), reference=fit.of(reference.model))
 
 
 def _ranked(task: Task, state: State) -> Ranking:
     """From the fit, or, where misfit has driven its parameters off, from where the diagnosis began."""
     start = nominal_with_effects_of(task, state.fit.model)
     is_lost = state.fit.cost > LOST * state.dof and is_driven_off(task, state.fit.model) and start.is_stable
-    comparison = compare(start if is_lost else state.fit.model, state.noise.records)
-    return rank(comparison, task.catalogue, noise=state.noise, start=start, progress=task.progress)
+    return rank(state.fit.of(start) if is_lost else state.fit, task.catalogue, start=start, progress=task.progress)
 
 
 def _pruned(task: Task, state: State) -> Iterator[State]:
     """Take out effects that a later one has made needless."""
     for effect in state.added[:-1]:
         try:
-            less = refit(state.fit.model.without(effect.name), state.noise)
+            less = refit(state.fit.of(state.fit.model.without(effect.name)))
         except UnstableLoopError:
             continue  # no loop without it
         degrees = len(state.fit.model.names) - len(less.model.names)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,16 +10,13 @@ import numpy as np
 from ambid.diagnosis.ranking import Candidate, Progress, Ranking
 from ambid.diagnosis.result import Step
 from ambid.effects import Effect
-from ambid.identification.minimum import Fit
 from ambid.model import Model
-from ambid.noise import Noise
+from ambid.noise import Comparison, compare
+from ambid.noise.chance import misfit_bound
 from ambid.noise.fit import fit_percent
 from ambid.record import Record
 
-__all__ = ["SPREAD", "State", "Task", "nominal_with_effects_of", "noted"]
-
-SPREAD = 1.5
-"""Standard deviation of J in units of sqrt(2 dof): the noise spectrum is estimated too."""
+__all__ = ["State", "Task", "nominal_with_effects_of", "noted"]
 
 
 @dataclass(frozen=True)
@@ -48,34 +45,32 @@ class State:
 
     Attributes
     ----------
-    base : Fit
+    base : Comparison
         Without any effect that was added.
-    reference : Fit
+    reference : Comparison
         The base with the disturbances that were added, and nothing else.
-    fit : Fit
+    fit : Comparison
         With all that was added.
-    noise : Noise
-        In which all three are judged.
-    validation_noise : Noise or None
-        Of the records to validate on.
+        All three are judged in one noise.
+    validation : Comparison or None
+        Of the last model with the records to validate on.
     rivals : mapping of str to tuple of Candidate
         What was refitted beside each effect when it was added.
     sets : mapping of str to tuple of str
         Names that do as well as each effect.
     history : tuple of Step
-    hopeless : Fit or None
+    hopeless : Comparison or None
         The best that was tried where nothing leads to an explanation.
     """
 
-    base: Fit
-    reference: Fit
-    fit: Fit
-    noise: Noise
-    validation_noise: Noise | None = None
+    base: Comparison
+    reference: Comparison
+    fit: Comparison
+    validation: Comparison | None = None
     rivals: Mapping[str, tuple[Candidate, ...]] = field(default_factory=dict)
     sets: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     history: tuple[Step, ...] = ()
-    hopeless: Fit | None = None
+    hopeless: Comparison | None = None
 
     @property
     def added(self) -> tuple[Effect, ...]:
@@ -85,12 +80,12 @@ class State:
     @property
     def dof(self) -> int:
         """Degrees of freedom of J."""
-        return self.noise.lines - len(self.fit.model.names)
+        return self.fit.dof
 
     @property
     def at_noise(self) -> float:
         """J up to which a model may be right."""
-        return self.dof + 3.0 * SPREAD * np.sqrt(2.0 * self.dof)
+        return self.dof * misfit_bound(self.dof)
 
     @property
     def fall(self) -> float:
@@ -123,25 +118,26 @@ def noted(
     removed: str | None = None,
 ) -> State:
     """The state with its line in the ledger: fit and misfit, also on the records to validate on."""
-    validation, own = None, state.validation_noise
+    validation, misfit = state.validation, None
     if task.validate:
-        if own is None or removed is None:
-            own = Noise(state.fit.model, task.validate)
-        residual = own.residual(state.fit.model)
-        validation = float(residual @ residual) / own.lines
+        if validation is None or removed is None:
+            validation = compare(state.fit.model, task.validate)
+        else:
+            validation = validation.of(state.fit.model)
+        misfit = validation.cost / (validation.dof + len(validation.model.names))  # nothing was fitted to them
     step = Step(
         effects=tuple(effect.name for effect in state.fit.model.effects),
-        fit_percent=_fits(state.fit.model, state.noise.records),
-        validation_fit_percent=_fits(state.fit.model, task.validate) if task.validate else None,
+        fit_percent=_fits(state.fit),
+        validation_fit_percent=None if validation is None else _fits(validation),
         misfit=state.fit.cost / state.dof,
-        validation_misfit=validation,
+        validation_misfit=misfit,
         predicted_misfit=None if predicted is None else predicted.predicted_misfit,
         ranking=ranking,
         model=state.fit.model,
         removed=removed,
         added=added if predicted is None else predicted.effect.name,
     )
-    return replace(state, validation_noise=own, history=(*state.history, step))
+    return replace(state, validation=validation, history=(*state.history, step))
 
 
 def nominal_with_effects_of(task: Task, model: Model) -> Model:
@@ -149,7 +145,9 @@ def nominal_with_effects_of(task: Task, model: Model) -> Model:
     return model.with_values({p.name: p.value for p in task.nominal.parameters if p.name in model.names})
 
 
-def _fits(model: Model, records: Sequence[Record]) -> dict[str, float]:
+def _fits(comparison: Comparison) -> dict[str, float]:
+    records = [own.record for own in comparison.records]
     channels = [c for c in records[0].channels if all(c in r.channels for r in records)]
-    simulated = [model.response(record) for record in records]
-    return fit_percent(channels, [r.outputs for r in records], simulated)
+    known = [np.isfinite(own.simulated).all(axis=1) for own in comparison.records]
+    measured = [record.outputs[here] for record, here in zip(records, known, strict=True)]
+    return fit_percent(channels, measured, [o.simulated[h] for o, h in zip(comparison.records, known, strict=True)])

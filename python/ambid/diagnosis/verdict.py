@@ -9,10 +9,10 @@ import numpy as np
 
 from ambid.diagnosis.drift import Change, largest_change
 from ambid.diagnosis.localisation import Localisation, localise
-from ambid.diagnosis.state import SPREAD, State, Task
+from ambid.diagnosis.state import State, Task
 from ambid.loop.effect import Tone
 from ambid.model import Model
-from ambid.noise import Noise
+from ambid.noise.chance import SPREAD
 from ambid.noise.tones import OUTSTANDING
 from ambid.record import Record
 
@@ -91,12 +91,12 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
     is_stopped : bool
         Whether a person ended the search before its end.
     """
-    misfit, share = state.fit.cost / state.dof, state.explained
+    misfit, share = state.fit.misfit, state.explained
     effects = tuple(effect.name for effect in state.added)
-    where = localise(state.base.model, state.noise)
-    left = Noise(state.fit.model, state.noise.records) if effects else state.noise
-    change = largest_change(state.fit.model, left) if effects else where.change
-    tones = tuple(tone for own in left.tones for tone in own if tone.power > OUTSTANDING)
+    where = localise(state.base)
+    left = state.fit.renewed() if effects else state.fit
+    change = largest_change(left) if effects else where.change
+    tones = tuple(tone for tone in left.tones if tone.power > OUTSTANDING)
     is_clean = not tones and change is None
     by_share = share > EXPLAINED_SHARE and len(effects) <= MOST_BY_SHARE
     sets = tuple(state.sets[name] for name in effects if len(state.sets.get(name, ())) > 1)
@@ -138,9 +138,9 @@ def _is_at_noise(task: Task, state: State) -> bool:
     """Whether nothing but noise is left; a record of the same amplitude that was kept back adds to the evidence."""
     above = (state.fit.cost - state.dof) / (SPREAD * np.sqrt(2.0 * state.dof))
     kept_back = state.history[-1].validation_misfit
-    if kept_back is None or state.validation_noise is None or _validated(task, state):
+    if kept_back is None or state.validation is None or _validated(task, state):
         return bool(above < BEYOND_NOISE)
-    other = (kept_back - 1.0) * np.sqrt(state.validation_noise.lines / 2.0) / SPREAD
+    other = (kept_back - 1.0) * np.sqrt(state.validation.dof / 2.0) / SPREAD
     return bool(above < BEYOND_NOISE and above + other < BEYOND_NOISE * np.sqrt(2.0))
 
 
@@ -148,14 +148,14 @@ def _others(task: Task, state: State) -> str:
     """What the model was held against beside one amplitude at one operating point."""
     if state.base.model.points:
         return "operating points"
-    amplitudes = _amplitudes(state.noise.records)
+    amplitudes = _amplitudes(state.fit.noise.records)
     differ = max(amplitudes) > (1.0 + OTHER_AMPLITUDE) * min(amplitudes)
     return "amplitudes" if _validated(task, state) or differ else ""
 
 
 def _validated(task: Task, state: State) -> bool:
     """Whether a record to validate on has another amplitude than all others."""
-    own, other = _amplitudes(state.noise.records), _amplitudes(task.validate)
+    own, other = _amplitudes(state.fit.noise.records), _amplitudes(task.validate)
     return any(all(abs(a / b - 1.0) > OTHER_AMPLITUDE for b in own) for a in other)
 
 

@@ -45,9 +45,9 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
             yield f"{verdict.change.parameter} changes during the record"
         if sentence := verdict.where.sentence():
             yield sentence
-    for record, whitener in zip(noise.records, noise.whiteners, strict=True):
-        if not whitener.window.is_periodic:
-            yield f"{record.name}: {WITHOUT_PERIODS}"
+    for part in noise.parts:
+        if not part.window.is_periodic:
+            yield f"{part.record.name}: {WITHOUT_PERIODS}"
     if verdict.is_stopped:
         yield "stopped by Ctrl-C after the steps above: more may be missing, and rivals were not compared"
 

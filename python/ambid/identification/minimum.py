@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from ambid.arrays import FloatArray
 from ambid.identification.problem import LeastSquares
 from ambid.model import Model
-from ambid.noise import Noise
+from ambid.noise import Comparison, Noise
 
-__all__ = ["SUBSTEPS", "Fit", "refit"]
+__all__ = ["SUBSTEPS", "WhitenedProblem", "criterion", "refit"]
 
 SUBSTEPS = 2
 """Steps per sample of nonlinear effects: neither a choice nor a score needs six digits."""
-PENALTY = 4.0
-"""What a parameter costs among candidates: it must lower J by more than chance does in 95 % of all records."""
 
 
-class _WhitenedProblem(LeastSquares):
-    """J as a function of all parameters."""
+class WhitenedProblem(LeastSquares):
+    """J as a function of the free parameters."""
 
-    def __init__(self, model: Model, noise: Noise) -> None:
-        super().__init__(model, list(range(len(model.names))), None)
+    def __init__(
+        self,
+        model: Model,
+        noise: Noise,
+        free: Sequence[int] | None = None,
+        progress: Callable[[int, float], None] | None = None,
+    ) -> None:
+        super().__init__(model, list(range(len(model.names))) if free is None else list(free), progress)
         self.noise, self._near = noise, list[FloatArray]()
 
     def _evaluate(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, float]:
@@ -32,26 +36,18 @@ class _WhitenedProblem(LeastSquares):
         return found.hessian, found.gradient, found.cost
 
 
-@dataclass(frozen=True)
-class Fit:
-    """A model at the minimum of J."""
-
-    model: Model
-    cost: float
-
-    @property
-    def criterion(self) -> float:
-        """J + PENALTY q: fewest parameters win among equals."""
-        return self.cost + PENALTY * len(self.model.names)
-
-
-def refit(model: Model, noise: Noise, most: int = 40) -> Fit:
+def refit(comparison: Comparison, most: int = 40) -> Comparison:
     """Minimise J over all parameters of the model; of nonlinear effects two steps per sample are exact enough."""
-    model = model if model.is_linear else model.with_substeps(SUBSTEPS)
-    problem = _WhitenedProblem(model, noise)
+    model = comparison.model if comparison.model.is_linear else comparison.model.with_substeps(SUBSTEPS)
+    problem = WhitenedProblem(model, comparison.noise)
     lower = np.array([p.lower for p in model.parameters]) / problem.scale
     upper = np.array([p.upper for p in model.parameters]) / problem.scale
     end = problem.descend(model.theta / problem.scale, (lower, upper), most)
     if end.status == "stopped":
         raise KeyboardInterrupt
-    return Fit(model.with_theta(end.theta), end.cost)
+    return comparison.of(model.with_theta(end.theta))
+
+
+def criterion(comparison: Comparison) -> float:
+    """``J + q ln(dof)`` with q parameters (Schwarz): fewest win among equals."""
+    return comparison.cost + float(np.log(comparison.noise.lines)) * len(comparison.model.names)

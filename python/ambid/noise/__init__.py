@@ -1,6 +1,7 @@
 """Noise of the records, and the misfit in units of it: J/dof, which is 1 when the model is right."""
 
 from ambid.noise.ceiling import noise_ceiling
+from ambid.noise.comparison import Comparison, compare
 from ambid.noise.noise import Noise
 
-__all__ = ["Noise", "noise_ceiling"]
+__all__ = ["Comparison", "Noise", "compare", "noise_ceiling"]

@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import irfft, rfft
 from scipy.linalg import eigh
 
 from ambid import _core
@@ -126,6 +127,19 @@ class RecordLines:
         columns = self.whiten(slopes) if own else np.zeros((len(residual), 0))
         return _freed(residual, basis), _freed(columns, basis), basis.shape[1]
 
+    def slopes(self, here: Model, free: Sequence[int]) -> FloatArray:
+        """Whitened derivatives of the settled response by the parameters in `free`, shape (numbers, free)."""
+        if here.is_linear:
+            return self._silent(here).rows(here.loop.core, here.theta, list(free), None, False)[:, :-1]
+        return self.whiten(self._simulated(here, list(free))[1])
+
+    def transients(self, here: Model) -> FloatArray:
+        """An orthonormal basis of what a transient can look like, whitened, shape (numbers, states)."""
+        if here.is_linear:
+            rows = self._silent(here).rows(here.loop.core, here.theta, [], None, True)
+            return orthonormal(rows[:, :-1])
+        return orthonormal(self.whiten(self._basis(here)))
+
     def response(self, here: Model) -> FloatArray:
         """Whitened response of a settled model."""
         if here.is_linear:
@@ -151,6 +165,57 @@ class RecordLines:
         *_, transients, _ = _core.line_equations(core, here.theta, [], [self.data(here)])
         found, _, _ = core.lines(here.theta, [], self.points, self._inputs(here), transients[0], False)
         return self._z - found[:, :p]
+
+    def simulated(self, here: Model) -> FloatArray:
+        """Response in time with the best transient, shape (samples, p), of all samples of the record.
+
+        Beyond the last whole period it goes on with the excitation, but is not known (NaN) where what disturbs the loop
+        need not repeat.
+        """
+        window, p, core = self.window, self.measured.channels, here.loop.core
+        samples = self.record.samples
+        if not here.is_linear:
+            return self._simulated_in_time(here)
+        *_, transients, _ = _core.line_equations(core, here.theta, [], [self.data(here)])
+        y = core.free_response(here.theta, transients[0], window.samples, samples)[:, :p]
+        inputs = here.excitation(self.record)[: window.samples]
+        repeats = core.inputs == len(self.record.axes)
+        length = window.period if repeats else window.samples
+        u = np.ascontiguousarray(rfft(inputs.reshape(-1, length, core.inputs).mean(axis=0), axis=0))
+        points = np.exp(2j * np.pi * np.arange(length // 2 + 1) / length)
+        lines, _, _ = core.lines(here.theta, [], points, u, None, False)
+        steady = irfft(lines[:, :p], n=length, axis=0)
+        if repeats:
+            return np.asarray(y + np.resize(steady, (samples, p)))
+        y[window.samples :] = np.nan
+        y[: window.samples] += steady
+        return np.asarray(y)
+
+    def _simulated_in_time(self, here: Model) -> FloatArray:
+        """The same of a nonlinear model."""
+        window, p, core, theta = self.window, self.measured.channels, here.loop.core, here.theta
+        lines, basis = self._simulated(here, [])[0], self._basis(here)
+        white, columns = self.whiten(self._z - lines), self.whiten(basis)
+        d = np.linalg.lstsq(columns, white, rcond=np.sqrt(OWN))[0]
+        free = core.free_response(theta, d, window.samples, self.record.samples)[:, :p]
+        inputs = np.ascontiguousarray(here.excitation(self.record))
+        if self._starts_at_rest or inputs.shape[1] > len(self.record.axes):
+            return np.asarray(core.simulate(theta, inputs)[:, :p] + free)
+        lead = self._lead(here) * window.period
+        before = np.resize(inputs[: window.period], (lead, inputs.shape[1]))
+        return np.asarray(core.simulate(theta, np.vstack([before, inputs]))[lead:, :p] + free)
+
+    def noise_power(self) -> FloatArray:
+        """Power of the noise of each channel on the judged lines, shape (lines, p), in units of the lines."""
+        inverse = np.linalg.inv(self.spectrum.whitening)
+        own = 2.0 * np.sum(np.abs(inverse) ** 2, axis=2)
+        return np.asarray(own / self.spectrum.spread[:, None])
+
+    @property
+    def alone(self) -> FloatArray:
+        """Hotelling's factor (n_l - 1)/n_l of a channel by itself, of every line, shape (lines, 1)."""
+        share = 1.0 - 1.0 / self.spectrum.spread  # p / n_l
+        return np.asarray(1.0 - share / self.measured.channels)[:, None]
 
     def _silent(self, here: Model) -> _core.LineData:
         """The lines with nothing measured."""
@@ -208,7 +273,8 @@ class RecordLines:
         """The noise, from what follows neither the excitation nor a transient."""
         here, p = self._base, self.measured.channels
         if here.is_linear:
-            residual = self._z - here.loop.core.lines(here.theta, [], self.points, self._inputs(here), None, False)[0][:, :p]
+            response, _, _ = here.loop.core.lines(here.theta, [], self.points, self._inputs(here), None, False)
+            residual = self._z - response[:, :p]
         else:
             residual = self._z - self._simulated(here, [])[0]
         shapes = [np.tile(np.eye(p, dtype=complex), (len(self.points), 1, 1)), back_through_loop(here, self.points, p)]
@@ -244,9 +310,7 @@ class RecordLines:
         if not window.is_periodic or inputs.shape[1] > len(self.record.axes) or len(self.more):
             y, slopes = core.sensitivity(theta, free, inputs)  # what disturbs need not repeat with the excitation
             return tuple(window.some_lines(signal[:, :p], self.more) for signal in (y, slopes))  # type: ignore[return-value]
-        decay = -float(core.poles(theta).real.max())
-        lead = int(np.ceil(np.log(1.0 / SETTLED) / max(decay, 1e-9) * self.record.sample_rate / window.period))
-        lead = max(1, min(lead, window.periods))
+        lead = self._lead(here)
         if at_rest and lead + 1 >= window.periods:
             sums = core.folded(theta, free, inputs, window.first, window.period)
         elif at_rest:
@@ -255,10 +319,16 @@ class RecordLines:
             last = core.folded(theta, free, own, window.first + lead * window.period, window.period)
             sums = tuple(b + (window.periods - lead - 1) * s for b, s in zip(begun, last, strict=True))  # type: ignore[assignment]
         else:
-            own = np.tile(inputs[-window.period :], (lead + 1, 1))
+            own = np.tile(inputs[: window.period], (lead + 1, 1))
             last = core.folded(theta, free, own, lead * window.period, window.period)
             sums = tuple(window.periods * s for s in last)  # type: ignore[assignment]
         return tuple(window.of_period(signal[:, :p]) for signal in sums)  # type: ignore[return-value]
+
+    def _lead(self, here: Model) -> int:
+        """Periods after which a transient of the model does not matter."""
+        decay = max(-float(here.loop.core.poles(here.theta).real.max()), 1e-9)
+        lead = np.ceil(np.log(1.0 / SETTLED) / decay * self.record.sample_rate / self.window.period)
+        return int(np.clip(lead, 1, self.window.periods))
 
 
 def orthonormal(basis: FloatArray) -> FloatArray:
@@ -275,5 +345,6 @@ def _freed(signal: FloatArray, basis: FloatArray) -> FloatArray:
 
 
 def as_lines(white: FloatArray, p: int) -> ComplexArray:
-    """Whitened numbers as complex lines, shape (lines, p)."""
-    return white.reshape(-1, p, 2)[..., 0] + 1j * white.reshape(-1, p, 2)[..., 1]
+    """Whitened numbers, shape (numbers, ...), as complex lines, shape (lines, p, ...)."""
+    pairs = white.reshape(-1, p, 2, *white.shape[1:])
+    return np.asarray(pairs[:, :, 0] + 1j * pairs[:, :, 1])

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from ambid import _core
 from ambid.arrays import FloatArray
@@ -105,6 +106,11 @@ class Noise:
     def response(self, model: Model) -> FloatArray:
         """Whitened response of a settled model; for scores."""
         return np.concatenate([part.response(model.at(part.record)) for part in self.parts])
+
+    def transients(self, model: Model) -> FloatArray:
+        """An orthonormal basis of what transients of a model can look like, whitened, shape (numbers, states)."""
+        own = [part.transients(model.at(part.record)) for part in self.parts]
+        return np.asarray(block_diag(*own))
 
     def jacobian(self, model: Model, free: Sequence[int]) -> tuple[FloatArray, FloatArray]:
         """Whitened residual, and whitened derivative of the response by the parameters in `free`."""

@@ -132,7 +132,8 @@ class Between:
         power = np.abs(hann) ** 2
         power[:: self.window.periods] = 0.0
         is_between = np.arange(len(power)) % self.window.periods != 0
-        beside = convolve1d(power, BESIDE, axis=0) / np.maximum(convolve1d(is_between.astype(float), BESIDE), 1.0)[:, None]
+        counted = np.maximum(convolve1d(is_between.astype(float), BESIDE), 1.0)
+        beside = convolve1d(power, BESIDE, axis=0) / counted[:, None]
         around = beside.copy()
         likely = np.flatnonzero((power > SCREENED * beside).any(axis=1))
         if len(likely):
@@ -185,4 +186,4 @@ class Between:
         near = near[near % self.window.periods != 0]
         off = np.pi * (place - near)
         n = self.window.samples
-        return near, np.sinc((place - near)) / np.sinc((place - near) / n) * np.exp(1j * off * (1.0 - 1.0 / n))
+        return near, np.sinc(place - near) / np.sinc((place - near) / n) * np.exp(1j * off * (1.0 - 1.0 / n))

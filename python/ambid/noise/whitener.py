@@ -43,14 +43,16 @@ class Spectrum:
 
     Attributes
     ----------
+    inner : ndarray, shape (lines, p, p)
+        Inverse of the Cholesky factors of ``S n_l / (n_l - p)``, times the root of two.
     whitening : ndarray, shape (lines, p, p)
-        Inverse of the Cholesky factors of ``S n_l / (n_l - p)``, times the way back through the loop and the root of
-        two.
+        The same behind the way back through the loop.
     spread : ndarray, shape (lines,)
         Variance of whitened noise on the direction of a whitened response, n_l / (n_l - p): where S is by chance too
         small both are large, which J, whose mean is 1 all the same, does not show.
     """
 
+    inner: ComplexArray
     whitening: ComplexArray
     spread: FloatArray
 
@@ -64,13 +66,13 @@ class Spectrum:
             If there is no noise on some channel.
         """
         try:
-            whitening = np.sqrt(2.0) * np.linalg.inv(np.linalg.cholesky(covariance))
+            inner = np.sqrt(2.0) * np.linalg.inv(np.linalg.cholesky(covariance))
         except np.linalg.LinAlgError:
             raise RecordError(
                 "a record holds no noise on some channel, so that there is no misfit in units of it; "
                 "if it was simulated, add noise as `virtual_experiment` does"
             ) from None
-        return cls(whitening @ back, spread)
+        return cls(inner, inner @ back, spread)
 
 
 def between_lines(quiet: ComplexArray, at: FloatArray, judged: FloatArray) -> tuple[ComplexArray, FloatArray]:

@@ -24,7 +24,7 @@ SLOWEST = 8
 
 @dataclass(frozen=True)
 class Window:
-    """The part of a record that counts: its last whole periods, or, with one "period", all of it.
+    """The part of a record that counts: its whole periods, or, with one "period", all of it.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Window:
                 f"{record.path or record.name}: {record.periods} period of the excitation; the misfit in noise units "
                 "needs 2 or more. Record more periods, or load the record without a period."
             )
-        return cls(record.period, record.periods, record.samples - record.periods * record.period)
+        return cls(record.period, record.periods)
 
     @property
     def is_periodic(self) -> bool:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ambid.diagnosis import Comparison, compare
-from ambid.diagnosis.comparison import RecordComparison
 from ambid.errors import InputError
 from ambid.model import Model
+from ambid.noise import Comparison, compare
+from ambid.noise.comparison import RecordComparison
 from ambid.plot.style import BAND, GUIDE, LABEL, MEASURED, SIMULATED, SMALL, check_format, dress, new_figure, shown_in
 from ambid.record import Record
 
@@ -68,7 +68,7 @@ def plot_comparison(
     factor, unit = shown_in(row.unit)
     t = one.record.t[span] * 1e3
     residual = factor * one.residual[span, k]
-    simulated = factor * (one.simulated[:, k] - one.simulated[:, k].mean())[span]
+    simulated = factor * (one.simulated[:, k] - np.nanmean(one.simulated[:, k]))[span]
     above.plot(t, simulated + residual, color=MEASURED, lw=3.6, label="measured")
     above.plot(t, simulated, color=SIMULATED, lw=1.1, label="simulated")
     ceiling = row.noise_ceiling_percent
@@ -112,7 +112,7 @@ def worst_stretch(
     length = min(max(round(seconds * rate), FEWEST), samples)
     first = min(period or samples // 8, samples - length)
     last = max(first, min(first + (period or samples), samples) - length)
-    power = np.concatenate([[0.0], np.cumsum(residual**2)])
+    power = np.concatenate([[0.0], np.cumsum(np.nan_to_num(residual) ** 2)])
     starts = np.arange(first, last + 1)
     begin = int(starts[np.argmax(power[starts + length] - power[starts])])
     return begin / rate, (begin + length) / rate

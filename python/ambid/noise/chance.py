@@ -1,0 +1,20 @@
+"""What chance alone brings."""
+
+from __future__ import annotations
+
+from scipy.special import chdtri
+
+__all__ = ["SPREAD", "misfit_bound"]
+
+SPREAD = 1.5
+"""Standard deviation of J in units of sqrt(2 dof): the noise spectrum is estimated too.
+
+With m unexcited lines to each excited one, it is sqrt(1 + 1/m): 1.41 for two periods."""
+RARE = 1e-3
+"""Chance that the misfit of a right model is above its bound."""
+
+
+def misfit_bound(dof: int, chance: float = RARE) -> float:
+    """J/dof that the right model exceeds with so small a chance: of chi-squared with dof / SPREAD^2 degrees."""
+    own = dof / SPREAD**2
+    return float(chdtri(own, chance) / own)

@@ -1,0 +1,318 @@
+"""The one yardstick J: where and by how much a model misses what was measured.
+
+A `Comparison` holds a model, its records and their noise; all that is judged, fitted, ranked or reported is judged by
+its J.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ambid.arrays import FloatArray
+from ambid.errors import RecordError
+from ambid.loop.effect import Tone
+from ambid.model import Model
+from ambid.noise.chance import misfit_bound
+from ambid.noise.fit import fit_percent, with_average
+from ambid.noise.lines import RecordLines
+from ambid.noise.noise import Noise
+from ambid.record import Record
+from ambid.results import Tabular, plain
+from ambid.threads import with_one_blas_thread
+
+__all__ = ["ADEQUATE", "ChannelComparison", "Comparison", "RecordComparison", "compare"]
+
+ADEQUATE = 1.10
+"""Largest misfit J/dof of a model that is called adequate, if chance does not bring more on a short record."""
+
+
+@dataclass(frozen=True)
+class ChannelComparison:
+    """One channel of one record against the model.
+
+    Attributes
+    ----------
+    channel : str
+        Such as ``y.A_zeta``.
+    unit : str
+    fit_percent, noise_ceiling_percent : float
+        Reached, and reachable by the exact model; NaN without enough periods.
+    residual_rms, noise_rms : float
+        In `unit`, means removed; NaN where the noise is not known.
+    misfit : float
+        J/dof of this channel alone: 1 when nothing is left but noise; NaN where the noise is not known.
+    """
+
+    channel: str
+    unit: str
+    fit_percent: float
+    noise_ceiling_percent: float
+    residual_rms: float
+    noise_rms: float
+    misfit: float
+
+
+@dataclass(frozen=True, repr=False)
+class RecordComparison:
+    """One record against the model.
+
+    Attributes
+    ----------
+    record : Record
+    simulated : ndarray, shape (N, channels)
+        With the transient that the record begins with; NaN after the last whole period where something disturbs the
+        loop that need not repeat.
+    channels : tuple of ChannelComparison
+    misfit : float
+        J/dof of y and i_c judged jointly; NaN where the noise is not known: two periods, too short, or without noise.
+    repeatable_share : float
+        Part of the excited lines' power that is no noise: ``max(0, (J - dof)/J)``.
+    """
+
+    record: Record
+    simulated: FloatArray
+    channels: tuple[ChannelComparison, ...]
+    misfit: float
+    repeatable_share: float
+
+    @property
+    def residual(self) -> FloatArray:
+        """Measured minus simulated, means removed, shape (N, channels)."""
+        left = self.record.outputs - self.simulated
+        return np.asarray(left - np.nanmean(left, axis=0))
+
+
+class Comparison(Tabular):
+    """All records against the model; result of `compare`. Immutable.
+
+    Attributes
+    ----------
+    model : Model
+    noise : Noise
+        Of the records, by the residual of this model or of one before it.
+    """
+
+    def __init__(self, model: Model, records: Sequence[Record], noise: Noise | None = None) -> None:
+        self.model, self._records, self._noise, self._why = model, tuple(records), noise, ""
+        for record in self._records:
+            if record.axes != model.rig.axes:
+                where, rig_axes = record.path or record.name, ", ".join(model.rig.axes)
+                raise RecordError(
+                    f"{where}: axes {', '.join(record.axes)}, the rig has {rig_axes}; load the record with its rig"
+                )
+            model.excitation(record)  # refuses a record without one
+        if noise is None:
+            try:
+                self._noise = Noise(model, self._records)
+            except RecordError as error:  # too short, or without noise: then what is left has no unit
+                self._why = str(error)
+
+    @property
+    def noise(self) -> Noise:
+        """The yardstick.
+
+        Raises
+        ------
+        RecordError
+            If the noise of a record is not known.
+        """
+        if self._noise is None:
+            raise RecordError(self._why)
+        return self._noise
+
+    def of(self, model: Model) -> Comparison:
+        """Another model against the same records in the same noise."""
+        return Comparison(model, self._records, self.noise)
+
+    def renewed(self) -> Comparison:
+        """The same model in the noise that its own residual tells."""
+        return Comparison(self.model, self._records, self.noise.renewed(self.model))
+
+    @cached_property
+    def _judged(self) -> tuple[float, int]:
+        found = self.noise.quadratic(self.model, [])
+        return found.cost, found.fitted
+
+    @property
+    def cost(self) -> float:
+        """J: 2 per complex line and channel when the model is right."""
+        return self._judged[0]
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom of J: judged numbers less parameters and transients."""
+        return self.noise.lines - self._judged[1] - len(self.model.names)
+
+    @property
+    def misfit(self) -> float:
+        """J/dof of all records: 1 when the model is right; NaN where the noise is not known."""
+        return self.cost / self.dof if self._noise is not None else np.nan
+
+    @property
+    def bound(self) -> float:
+        """Misfit up to which the model may be right: `ADEQUATE`, or what chance brings at these degrees of freedom."""
+        return max(ADEQUATE, misfit_bound(self.dof)) if self._noise is not None else np.nan
+
+    @property
+    def is_adequate(self) -> bool:
+        """Whether the misfit is within its bound."""
+        return bool(self.misfit <= self.bound)
+
+    @property
+    def tones(self) -> tuple[Tone, ...]:
+        """What has a frequency of its own in the residual that the noise is from."""
+        return tuple(tone for own in self.noise.tones for tone in own)
+
+    @cached_property
+    def records(self) -> tuple[RecordComparison, ...]:
+        """Every record against the model."""
+        found = []
+        for k, record in enumerate(self._records):
+            part = None if self._noise is None else self._noise.parts[k]
+            found.append(_unjudged(self.model, record) if part is None else _one(self.model, part))
+        return tuple(found)
+
+    @property
+    def worst(self) -> tuple[str, ChannelComparison]:
+        """The record and channel whose residual is largest in units of its noise."""
+        pairs = [(r.record.name, c) for r in self.records for c in r.channels]
+        return max(pairs, key=lambda pair: pair[1].residual_rms / pair[1].noise_rms if pair[1].noise_rms > 0 else 0.0)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data as the command's ``--json`` writes it."""
+        return plain({"records": [_as_dict(record) for record in self.records]})
+
+    def table(self) -> dict[str, list[Any]]:
+        """Channels of all records, a row each."""
+        rows = [(r.record.name, c) for r in self.records for c in r.channels]
+        columns = [f.name for f in fields(ChannelComparison)]
+        return {"record": [name for name, _ in rows]} | {
+            column: [getattr(c, column) for _, c in rows] for column in columns
+        }
+
+    def summary(self) -> list[str]:
+        """Misfit and notes of every record."""
+        return [
+            line
+            for r in self.records
+            for line in (f"{r.record.name}: misfit {r.misfit:.2f} (J/dof, 1 when the model is right)", *r.record.notes)
+        ]
+
+    def __repr__(self) -> str:
+        lines = []
+        for record in self.records:
+            lines += [
+                f"{record.record.name}: misfit {record.misfit:.2f} (J/dof, 1 when the model is right), "
+                f"{100 * record.repeatable_share:.0f} % of the residual on excited lines repeats",
+                f"{'channel':12s} {'fit %':>8s} {'ceiling %':>10s} {'residual rms':>15s} "
+                f"{'noise rms':>13s} {'misfit':>8s}",
+            ]
+            for c in record.channels:
+                factor, unit = (1e6, "um") if c.unit == "m" else (1e3, "mA")
+                lines.append(
+                    f"{c.channel:12s} {c.fit_percent:8.2f} {c.noise_ceiling_percent:10.2f} "
+                    f"{c.residual_rms * factor:12.4g} {unit} {c.noise_rms * factor:10.4g} {unit} {c.misfit:8.2f}"
+                )
+        return "\n".join(lines)
+
+
+@with_one_blas_thread
+def compare(model: Model, records: Record | Sequence[Record]) -> Comparison:
+    """Hold a model against what was measured, in units of the noise.
+
+    Parameters
+    ----------
+    model : Model
+        As it stands; nothing is fitted but the state that each record begins with.
+    records : Record or sequence of Record
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    UnstableLoopError
+        If the model's loop is unstable.
+    RecordError
+        If a record has other axes than the rig, or no excitation.
+    """
+    records = (records,) if isinstance(records, Record) else tuple(records)
+    return Comparison(model.covering(records), records)
+
+
+def _one(model: Model, part: RecordLines) -> RecordComparison:
+    record, here = part.record, model.at(part.record)
+    simulated = part.simulated(here)
+    known = np.isfinite(simulated).all(axis=1)
+    fit = fit_percent(record.channels, [record.outputs[known]], [simulated[known]])
+    residual = part.residual_lines(here)
+    power = part.noise_power()
+    alone = np.mean(np.abs(residual) ** 2 / power * part.alone, axis=0)
+    white, _, fitted = part.white(here, [])
+    free = max(1, part.numbers - fitted)
+    joint = float(white @ white) / free
+    noise = np.sqrt(np.mean(power, axis=0))
+    left = record.outputs[known] - simulated[known]
+    deviation = record.outputs[known].std(axis=0)
+    rows = tuple(
+        ChannelComparison(
+            channel=channel,
+            unit="m" if channel.startswith("y.") else "A",
+            fit_percent=fit[channel],
+            noise_ceiling_percent=float(100.0 * (1.0 - noise[k] / deviation[k])),
+            residual_rms=float(left[:, k].std()),
+            noise_rms=float(noise[k]),
+            misfit=float(alone[k]) * part.numbers / free,
+        )
+        for k, channel in enumerate(record.channels)
+    )
+    return RecordComparison(record, simulated, rows, joint, max(0.0, 1.0 - 1.0 / joint))
+
+
+def _unjudged(model: Model, record: Record) -> RecordComparison:
+    """A record whose noise is not known, against a response from rest."""
+    simulated = model.response(record)[:, : len(record.channels)]
+    fit = fit_percent(record.channels, [record.outputs], [simulated])
+    left = record.outputs - simulated
+    rows = tuple(
+        ChannelComparison(
+            channel=channel,
+            unit="m" if channel.startswith("y.") else "A",
+            fit_percent=fit[channel],
+            noise_ceiling_percent=np.nan,
+            residual_rms=float(left[:, k].std()),
+            noise_rms=np.nan,
+            misfit=np.nan,
+        )
+        for k, channel in enumerate(record.channels)
+    )
+    return RecordComparison(record, simulated, rows, np.nan, np.nan)
+
+
+def _as_dict(record: RecordComparison) -> dict[str, Any]:
+    fit = with_average({c.channel: c.fit_percent for c in record.channels})
+    ceiling = with_average({c.channel: c.noise_ceiling_percent for c in record.channels})
+    return {
+        "record": record.record.name,
+        "fit_percent": fit,
+        "noise_ceiling_percent": ceiling,
+        "misfit": record.misfit,
+        "repeatable_share": record.repeatable_share,
+        "channels": [
+            {
+                "channel": c.channel,
+                "unit": c.unit,
+                "residual_rms": c.residual_rms,
+                "noise_rms": c.noise_rms,
+                "misfit": c.misfit,
+            }
+            for c in record.channels
+        ],
+        "notes": list(record.record.notes),
+    }
