@@ -155,8 +155,14 @@ def _cell(of, controller, periods, damping, speed, bits, size, length, share) ->
     )
 
 
-def made(index: int) -> tuple[Rig, Record, dict]:
-    """Rig and record of that number, and its cell as plain data."""
+def described(index: int) -> dict:
+    """The cell of that number as plain data."""
+    own = cell(index)
+    return asdict(own) | {"nominal": own.nominal, "levels": own.levels()}
+
+
+def made(index: int) -> tuple[Rig, Record]:
+    """Rig and record of that number."""
     own = cell(index)
     bench, random = MACHINES[own.machine], np.random.default_rng([index, 1])
     rig = _rig(own.machine, own.damping, own.speed, own.controller)
@@ -175,8 +181,7 @@ def made(index: int) -> tuple[Rig, Record, dict]:
     if own.bits is not None and own.share is not None:
         more["adc_step"] = 2.0 * gap / 2**own.bits
         more["sensor_noise"] = own.share * more["adc_step"]
-    record = measured(rig, i_e, {}, seed=index, **bench.truth, **more)
-    return rig, record, asdict(own) | {"nominal": own.nominal, "levels": own.levels()}
+    return rig, measured(rig, i_e, {}, seed=index, **bench.truth, **more)
 
 
 @cache

@@ -22,20 +22,20 @@ import numpy as np
 
 from ambid import diagnose
 from benchmarks.grid import Row, read_rows, run_all
-from benchmarks.null_cells import made
+from benchmarks.null_cells import described, made
 from benchmarks.null_report import picture, report, table
 
 
 def run(index: int) -> Row:
     """Diagnose one record."""
-    begun = time.perf_counter()
-    rig, record, cell = made(index)
-    row: Row = {"cell": cell, "samples": record.samples, "period": record.period}
-    row["making"] = time.perf_counter() - begun
-    begun = time.perf_counter()
+    cell, begun = described(index), time.perf_counter()
+    row: Row = {"cell": cell}
     try:
+        rig, record = made(index)
+        row |= {"samples": record.samples, "period": record.period, "making": time.perf_counter() - begun}
+        begun = time.perf_counter()
         found = diagnose(rig, record)
-    except Exception as error:
+    except Exception as error:  # a gate that refuses a good record, too
         return {**row, "verdict": "error", "error": f"{type(error).__name__}: {error}", "effects": [], "p_values": {}}
     seconds = time.perf_counter() - begun
     first = found.history[0] if found.history else None
