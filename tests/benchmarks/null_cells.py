@@ -26,7 +26,9 @@ from hidden.one_axis import ONE_AXIS
 MACHINES: dict[str, Bench] = {"levitator": ONE_AXIS, "bench": BENCHES["bench"], "small": BENCHES["small"], **LONG}
 NOISES = ("white", "first order", "resonant", "quantised")
 PERIODS = (3, 4, 6, 8, 12, 20, 0)
-"""0 is an excitation that never repeats, as long as four periods would be."""
+"""0 is an excitation that never repeats, as long as `WITHOUT` periods would be."""
+WITHOUT, SAMPLES = 4, 200
+"""No record has fewer samples than that."""
 DAMPINGS = (0.001, 0.003, 0.01, 0.05)
 SPEEDS = (0.0, 100.0, 400.0)
 CONTROLLERS = ("analog", "digital")
@@ -135,7 +137,8 @@ def _cell(of, controller, periods, damping, speed, bits, size, length, share) ->
     channels = 2 * len(MACHINES[machine].rig.axes)
     found = [(order, hold) for order, hold in product(ORDERS, HOLDS)]
     freedom = np.array([channels * (2**order - 1) * hold for order, hold in found], dtype=float)
-    allowed = np.flatnonzero((freedom >= LEAST) & (freedom <= MOST))
+    samples = freedom / channels * (periods or WITHOUT)
+    allowed = np.flatnonzero((freedom >= LEAST) & (freedom <= MOST) & (samples >= SAMPLES))
     low, high = np.log(freedom[allowed].min()), np.log(freedom[allowed].max())
     off = np.abs(np.log(freedom[allowed]) - (low + size * (high - low)))
     near = allowed[off <= off.min() + 0.25]  # several orders and holds give about the same length
@@ -170,7 +173,7 @@ def made(index: int) -> tuple[Rig, Record]:
     if own.periods:
         i_e = prbs(own.order, amplitude=bench.amplitude, hold=own.hold, axes=axes, periods=own.periods, seed=index)
     else:
-        chips = random.integers(0, 2, (4 * (2**own.order - 1), axes))
+        chips = random.integers(0, 2, (WITHOUT * (2**own.order - 1), axes))
         i_e = np.repeat(bench.amplitude * (2.0 * chips - 1.0), own.hold, axis=0)
     more: dict = {}
     if own.noise == "first order":
