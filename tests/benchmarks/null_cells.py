@@ -39,8 +39,9 @@ LEAST, MOST = 100, 50_000
 CLASSES = (0, 300, 1000, 3000, 10_000, 10**9)
 SHARES = (0.3, 0.4, 0.5, 0.7, 1.0)
 """Edges of the classes of sensor noise over a step of the converter. What rounding does not forget under noise repeats
-with the period: of an rms of 0.3 steps 0.8 % of the power of the noise, of 0.35 steps 0.2 %, of 0.4 steps 0.04 %, times
-the periods in J/dof of y. Below 0.4 steps and over 20 periods, what is found there is no mere chance."""
+with the period: of white noise of 0.3 steps 0.8 % of the power of all noise, of 0.35 steps 0.2 %, of 0.4 steps 0.04 %,
+times the periods in J/dof of y; noise that goes round the loop makes it less. Over 20 periods of the lowest class, what
+is found may be no mere chance."""
 SAFE = (0.002, 0.003, 0.01)
 """Damping of a mode that the controller would make unstable with less: the first of these that is stable."""
 BLOCK = 140
