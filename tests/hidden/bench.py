@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.signal import lfilter
 
 from ambid.record import Record
 from ambid.rig import Rig
@@ -31,6 +32,8 @@ def simulate(
     seed: int | None,
     sensor_noise: float = 50e-9,
     current_noise: float = 5e-3,
+    colour: tuple[Sequence[float], Sequence[float]] | None = None,
+    adc_step: float = 0.0,
     flexible_modes: int | None = None,
     gravity: float = 0.0,
     warm_up: float | None = None,
@@ -58,6 +61,10 @@ def simulate(
         Of both noises; None is a record without noise.
     sensor_noise, current_noise : float
         Rms of white noise [m, A].
+    colour : tuple of two sequences of float, optional
+        Numerator and denominator, in samples, of a filter that shapes the sensor noise; its rms stays.
+    adc_step : float
+        Step of what reads the displacements [m], for the record and for a digital controller; 0 is none.
     flexible_modes : int, optional
         True number of bending modes per plane; by default the rig's. `rotor_bending_mode` adds to it.
     gravity : float
@@ -90,12 +97,14 @@ def simulate(
         gravity=gravity,
         before=warm / rate,
         seconds=len(i_e) / rate,
+        adc_step=adc_step if rig.controller.is_digital else 0.0,
     )
     random = np.random.default_rng(seed)
     rows = warm + len(i_e) + machine.late
     inputs = np.zeros((rows, 2 * n))
     inputs[warm : warm + len(i_e), :n] = i_e
-    inputs[:, n:] = 0.0 if seed is None else sensor_noise * random.standard_normal((rows, n))
+    white = random.standard_normal((rows, n))
+    inputs[:, n:] = 0.0 if seed is None else sensor_noise * (white if colour is None else coloured(white, *colour))
     controller = rig.controller
     pieces = round(controller.rate(rate) / rate) if controller.is_digital else 1
     piece = 1.0 / rate / pieces
@@ -112,9 +121,17 @@ def simulate(
     if recorded is None or np.any(np.abs(recorded[:, :n]).max(axis=0) > 2.0 * gaps):
         raise MachineFailure(f"{rig.name}: the rotor has left its air gap with {dict(hidden or {})}")
     y, i_c = recorded[: len(i_e), :n], recorded[machine.late :, n:]
+    if adc_step:
+        y = adc_step * np.rint(y / adc_step)
     if seed is not None:
         i_c = i_c + current_noise * random.standard_normal(i_c.shape)
     return Record(name, rate, rig.axes, i_e, y, i_c if with_i_c else None, period=period)
+
+
+def coloured(white: np.ndarray, numerator: Sequence[float], denominator: Sequence[float]) -> np.ndarray:
+    """White noise through a filter, its rms kept; the first rows are still on their way there."""
+    impulse = lfilter(numerator, denominator, np.eye(1, 20_000)[0])
+    return lfilter(numerator, denominator, white, axis=0) / np.linalg.norm(impulse)
 
 
 def measured(rig: Rig, i_e: ArrayLike, hidden: Mapping[str, Mapping[str, object]] | None, **more: object) -> Record:

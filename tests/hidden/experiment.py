@@ -19,11 +19,13 @@ KINDS = {
     "analog": "the bench with its analog PID",
     "digital": "the PID in samples, at twice the rate of the record, with half a sample of delay",
     "other_rotor": "a small spindle recorded at 20 kHz, its bearings tilted against each other",
+    "compressor": "a third rotor at 12.5 kHz with a digital PID, other periods and other noises",
     "gravity": "the rotor hangs in the bearings: currents carry an offset",
     "without_i_c": "currents were not recorded",
     "two_amplitudes": "two records to train on, at full and at half amplitude; validated in between",
     "turning": "the rotor turns and has an unbalance, which is part of the truth",
 }
+MACHINES = {"other_rotor": "small", "compressor": "compressor"}
 SPREAD = 0.03  # of the true K_i, K_s, tau_e from one seed to the next
 
 
@@ -94,7 +96,7 @@ def experiment(
     if kind not in KINDS:
         raise ValueError(f"{kind}: no such kind of experiment; there are {', '.join(KINDS)}")
     names = () if effect is None else (effect,) if isinstance(effect, str) else tuple(effect)
-    at = "small" if kind == "other_rotor" else "bench"
+    at = MACHINES.get(kind, "bench")
     bench = BENCHES[at]
     found = {name: sized(name, size, at) for name in names}
     hidden = {name: dict(one.parameters) for name, one in found.items()}
@@ -132,6 +134,7 @@ def experiment(
             "with_i_c": kind != "without_i_c",
             "period": bench.period,
             "name": name,
+            **bench.noise,
         }
         for number, (name, level) in enumerate((name, level) for name in levels for level in levels[name])
     ]

@@ -34,6 +34,8 @@ class Bench:
         Of the excitation [A].
     middle : float
         z of seal and unbalance [m].
+    sensor_noise, current_noise : float
+        Rms [m, A].
     """
 
     rig: Rig
@@ -45,6 +47,13 @@ class Bench:
     amplitude: float
     middle: float
     order: int = 10
+    sensor_noise: float = 50e-9
+    current_noise: float = 5e-3
+
+    @property
+    def noise(self) -> dict:
+        """Both noises as `bench.simulate` takes them."""
+        return {"sensor_noise": self.sensor_noise, "current_noise": self.current_noise}
 
     @property
     def truth(self) -> dict:
@@ -91,6 +100,19 @@ BENCHES = {
         periods=4,
         amplitude=0.4,
         middle=0.24,
+    ),
+    "compressor": Bench(
+        rig=Rig.load(HERE / "compressor_rig.toml"),
+        K_i=(124.0, 121.0, 126.0, 129.0),
+        K_s=(9.5e5, 9.3e5, 9.4e5, 9.7e5),
+        tau_e=1.2e-4,
+        hold=6,
+        periods=8,
+        amplitude=0.5,
+        middle=0.31,
+        order=9,
+        sensor_noise=120e-9,
+        current_noise=2e-3,
     ),
 }
 

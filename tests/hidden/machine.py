@@ -50,18 +50,19 @@ def build(
     gravity: float,
     before: float,
     seconds: float,
+    adc_step: float = 0.0,
 ) -> Machine:
     """Lay out the machine; parameters as in `bench.simulate`, `before` is the time from its start to t = 0 [s]."""
-    return _Builder(rig, hidden, K_i, K_s, tau_e, before, seconds).build(
+    return _Builder(rig, hidden, K_i, K_s, tau_e, before, seconds, adc_step).build(
         TrueRotor(rig, hidden, flexible_modes), gravity
     )
 
 
 class _Builder:
-    def __init__(self, rig, hidden, K_i, K_s, tau_e, before, seconds) -> None:
+    def __init__(self, rig, hidden, K_i, K_s, tau_e, before, seconds, adc_step) -> None:
         self.rig, self.hidden = rig, hidden
         self.K_i, self.K_s, self.tau_e = K_i, K_s, tau_e
-        self.before, self.seconds = before, seconds
+        self.before, self.seconds, self.adc_step = before, seconds, adc_step
         self.n = len(rig.axes)
         self.of_bearing = [k for k, bearing in enumerate(rig.bearings) for _ in bearing.axes]
         self.net = Network()
@@ -152,7 +153,10 @@ class _Builder:
             y = y + self.net.each("polynomial", [[curve["quadratic"], curve["cubic"]]] * n, y)
         if "sensor_lag" in hidden and hidden["sensor_lag"]["tau"] > 0.0:
             y = self._lag(y, hidden["sensor_lag"]["tau"])
-        return y + self.noise
+        y = y + self.noise
+        if self.adc_step:  # what reads it does so at the start of a piece
+            y = y + self.net.each("quantiser", [[self.adc_step]] * n, y, held=True)
+        return y
 
     def _command(self, y: np.ndarray) -> np.ndarray:
         """Currents that are wanted of the amplifiers."""

@@ -1,16 +1,18 @@
 """How large an effect has to be to be seen: parameters of three sizes, kept in sizes.json.
 
-`python -m hidden.sizes`, run in the folder of the tests, finds them anew. The score of an effect is the rise of J that
-it should cause in a record of the bench: the noise-free difference between the records with and without it, whitened by
-the spectrum of the loop's noise, less what the base parameters K_i, K_s, tau_e can absorb of it. It is summed over the
-excited lines, or over all lines for effects that show elsewhere. It grows about as the square of the size, which
-leads the search to sizes too small and too large; from there on it bisects, in the logarithm of the size.
+`python -m hidden.sizes`, run in the folder of the tests, finds them anew; with names of machines, those of these alone.
+The score of an effect is the rise of J that it should cause in a record of the bench: the noise-free difference between
+the records with and without it, whitened by the spectrum of the loop's noise, less what the base parameters K_i, K_s,
+tau_e can absorb of it. It is summed over the excited lines, or over all lines for effects that show elsewhere. It grows
+about as the square of the size, which leads the search to sizes too small and too large; from there on it bisects, in
+the logarithm of the size.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -105,7 +107,7 @@ def _yardstick(bench: Bench, rig_text: str, on_all_lines: bool) -> _Yardstick:
     rig = type(bench.rig).from_toml(rig_text)
     truth = bench.truth
     still = np.zeros_like(bench.excitation(1.0))
-    noise = [{"rig": rig, "i_e": still, **truth, "seed": seed} for seed in range(NOISE_RECORDS)]
+    noise = [{"rig": rig, "i_e": still, **truth, **bench.noise, "seed": seed} for seed in range(NOISE_RECORDS)]
     power = 0.0
     for record in simulate_all(noise):
         lines = _lines(bench, _signals(record))
@@ -168,18 +170,20 @@ def find(effect: str, target: float, bench: Bench, tolerance: float = 0.1) -> Si
     return best
 
 
-def main() -> None:
-    """Find all sizes and write sizes.json."""
-    found: dict = {}
-    for name, bench in BENCHES.items():
+def main(benches: Sequence[str]) -> None:
+    """Find the sizes of some machines and write them into sizes.json."""
+    stored: dict = json.loads(FILE.read_text())
+    for name in benches:
+        found: dict = {}
         for effect in FAMILIES:
-            sizes = {size: vars(find(effect, target, bench)) for size, target in TARGETS.items()}
-            found.setdefault(name, {})[effect] = sizes
+            sizes = {size: vars(find(effect, target, BENCHES[name])) for size, target in TARGETS.items()}
+            found[effect] = sizes
             print(
                 name, effect, *(f"{size}: {s['score']:.4g} {s['parameters']}" for size, s in sizes.items()), flush=True
             )
-    FILE.write_text(json.dumps(found, indent=1) + "\n")
+        FILE.write_text(json.dumps(stored | {name: found}, indent=1) + "\n")
+        stored[name] = found
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:] or list(BENCHES))
