@@ -38,7 +38,7 @@ def identify_command(
     share: Annotated[list[str], typer.Option(metavar="NAME=MEMBER,...", help="One parameter for several axes.")] = [],  # noqa: B006
     per_axis: Annotated[list[str], typer.Option(metavar="NAME", help="One value per axis, such as tau_e.")] = [],  # noqa: B006
     limits: Annotated[list[str], typer.Option("--bound", metavar="NAME=LOW:HIGH", help="Bounds in SI units.")] = [],  # noqa: B006
-    weight: Annotated[list[str], typer.Option(metavar="CHANNEL=W", help="Weight of y, i_c or a channel.")] = [],  # noqa: B006
+    weight: Annotated[list[str], typer.Option(metavar="eq9|CHANNEL=W", help="eq9 for the paper's weights, or factors on them.")] = [],  # noqa: B006
     starts: Annotated[int, typer.Option(help="Number of starts.")] = 1,
     seed: Annotated[int, typer.Option(help="Of the further starts.")] = 0,
     max_evaluations: Annotated[int, typer.Option(help="Per start.")] = 100,
@@ -69,7 +69,7 @@ def identify_command(
             free=names(free),
             fixed=[text.split("=")[0] for text in fix],
             bounds=dict(bound(text) for text in limits) or None,
-            weights={n: number("--weight", v) for n, v in (assignment("--weight", t, "i_c=0") for t in weight)},
+            weights=_weights(weight),
             starts=starts,
             seed=seed,
             max_evaluations=max_evaluations,
@@ -82,6 +82,14 @@ def identify_command(
     draw(estimate.model, loaded, plot, quiet)
     if estimate.status in UNFINISHED:
         raise typer.Exit(1)
+
+
+def _weights(texts: list[str]) -> str | dict[str, float]:
+    """``likelihood``, ``eq9``, or eq. 9 with factors by channel."""
+    if len(texts) == 1 and "=" not in texts[0]:
+        return texts[0]
+    factors = {n: number("--weight", v) for n, v in (assignment("--weight", t, "i_c=0") for t in texts)}
+    return factors or "likelihood"
 
 
 def static_load_command(

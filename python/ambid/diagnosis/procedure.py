@@ -98,7 +98,7 @@ def diagnose(
         lost = ", ".join(sorted({name for direction in estimate.directions for name in direction}))
         why = f"the records do not determine {lost}; excite every axis, with more amplitude or over more periods"
         return Diagnosis.uninformative(estimate.model, records, [why], begun)
-    base = estimate.comparison if estimate.comparison is not None else refit(compare(estimate.model, records))
+    base = refit(compare(estimate.model, records).renewed()) if not estimate.comparison.is_judged else estimate.comparison
     task = Task(start, tuple(validate), tuple(catalogue), progress)
     state, is_stopped = begin(task, base), False
     say(state.history[-1].line())

@@ -13,7 +13,6 @@ from ambid.effects import Effect
 from ambid.model import Model
 from ambid.noise import Comparison, compare
 from ambid.noise.chance import misfit_bound
-from ambid.noise.fit import fit_percent
 from ambid.record import Record
 
 __all__ = ["State", "Task", "nominal_with_effects_of", "noted"]
@@ -127,8 +126,8 @@ def noted(
         misfit = validation.cost / (validation.dof + len(validation.model.names))  # nothing was fitted to them
     step = Step(
         effects=tuple(effect.name for effect in state.fit.model.effects),
-        fit_percent=_fits(state.fit),
-        validation_fit_percent=None if validation is None else _fits(validation),
+        fit_percent=state.fit.fit_percent,
+        validation_fit_percent=None if validation is None else validation.fit_percent,
         misfit=state.fit.cost / state.dof,
         validation_misfit=misfit,
         predicted_misfit=None if predicted is None else predicted.predicted_misfit,
@@ -143,11 +142,3 @@ def noted(
 def nominal_with_effects_of(task: Task, model: Model) -> Model:
     """The nominal values of the base parameters, the present ones of the effects."""
     return model.with_values({p.name: p.value for p in task.nominal.parameters if p.name in model.names})
-
-
-def _fits(comparison: Comparison) -> dict[str, float]:
-    records = [own.record for own in comparison.records]
-    channels = [c for c in records[0].channels if all(c in r.channels for r in records)]
-    known = [np.isfinite(own.simulated).all(axis=1) for own in comparison.records]
-    measured = [record.outputs[here] for record, here in zip(records, known, strict=True)]
-    return fit_percent(channels, measured, [o.simulated[h] for o, h in zip(comparison.records, known, strict=True)])

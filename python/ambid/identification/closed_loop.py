@@ -10,28 +10,32 @@ import numpy as np
 
 from ambid.arrays import FloatArray
 from ambid.errors import ModelError, RecordError, UnstableLoopError
-from ambid.identification.covariance import score_covariance
+from ambid.identification.covariance import covariance, sandwich
 from ambid.identification.estimate import Estimate, ParameterEstimate
-from ambid.identification.problem import End, Limits, Problem, noise_levels, padded_outputs
+from ambid.identification.minimum import WhitenedProblem
+from ambid.identification.problem import End, LeastSquares, Limits, Problem, noise_levels
 from ambid.model import Model
 from ambid.model.parameter import UNITS
-from ambid.noise.ceiling import pooled_ceiling
-from ambid.noise.colour import loop_noise
-from ambid.noise.fit import fit_percent
+from ambid.noise import Comparison, compare
 from ambid.record import Record
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["identify"]
 
-NORMAL_95 = 1.959964
-"""Half width of a 95 % interval of the normal distribution, in standard errors."""
+LIKELIHOOD, EQ_9 = "likelihood", "eq9"
+MOST_RENEWALS = 2
+"""So often is the noise renewed by the residual of the fit, at the most."""
+RENEWED = 0.02
+"""Relative change of J by renewing the noise that is small enough."""
+MISFIT = (
+    "the misfit is above its bound: physics is missing, and the intervals are widened by what is left; they hold the "
+    "truth only if what is missing does not bend the parameters further"
+)
 STABLE_FACTORS = (0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.5)
 """Where the start is unstable, these multiples of the start values are tried."""
 WHOLLY_UNKNOWN = 1.0
 """A combination of parameters with a relative standard deviation above this is not identifiable."""
-UNSEEN_VARIANCE = 1e6
-"""Relative variance that stands for infinity, for a combination that moves no output."""
 
 
 @with_one_blas_thread
@@ -42,17 +46,19 @@ def identify(
     free: Iterable[str] | None = None,
     fixed: Iterable[str] = (),
     bounds: Mapping[str, tuple[float, float]] | None = None,
-    weights: Mapping[str, float] | None = None,
+    weights: str | Mapping[str, float] = LIKELIHOOD,
     starts: int = 1,
     seed: int = 0,
     max_evaluations: int = 100,
     progress: Callable[[int, float], None] | None = None,
 ) -> Estimate:
-    """Fit the free parameters of a closed-loop model to records by least squares (eq. 9).
+    """Fit the free parameters of a closed-loop model to records.
 
-    The loop is simulated from rest with each record's excitation; the means of the measured and the simulated signals
-    are removed per record and channel, so that gravity and sensor offsets do not matter. Residuals are weighted by the
-    noise of their channel: its scatter over the periods, or, without periods, the residual of a first fit.
+    By default the misfit J of the lines of the spectrum in units of their noise is minimised, which is maximum
+    likelihood; what the rotor did at the first sample is fitted too, so that a record may begin anywhere. With
+    ``weights="eq9"`` it is the paper's least squares in time: the loop is simulated from rest, means are removed per
+    record and channel, and residuals are weighted by the noise of their channel, its scatter over the periods, or,
+    without periods, the residual of a first fit.
 
     Parameters
     ----------
@@ -66,8 +72,10 @@ def identify(
         Names or patterns that keep their start values.
     bounds : mapping of str to (float, float), optional
         By name or pattern, SI units; default positive.
-    weights : mapping of str to float, optional
-        Further factors for the signals ``y`` and ``i_c``, or single channels such as ``y.A_zeta``; 0 leaves them out.
+    weights : str or mapping of str to float
+        ``likelihood`` or ``eq9``; or eq. 9 with further factors for the signals ``y`` and ``i_c``, or single channels
+        such as ``y.A_zeta``; 0 leaves them out. Where the noise on lines is not known, since the record is too short or
+        holds none, it is eq. 9, and a note says so.
     starts : int
         Number of starts; those after the first are spread by about 30 % around it, and the best end counts.
     seed : int
@@ -89,6 +97,8 @@ def identify(
         If a name, bound, weight or record does not fit the model.
     """
     begun = time.perf_counter()
+    if isinstance(weights, str) and weights not in (LIKELIHOOD, EQ_9):
+        raise ModelError(f"weights = {weights!r}; expected {LIKELIHOOD!r}, {EQ_9!r}, or factors by channel")
     for name, number, least in (("starts", starts, 1), ("seed", seed, 0), ("max_evaluations", max_evaluations, 1)):
         if number < least:
             raise ModelError(f"{name} = {number}; expected {least} or more")
@@ -101,15 +111,72 @@ def identify(
     chosen = set(range(len(model.names)) if free is None else model.index(free)) - set(model.index(fixed))
     if not chosen:
         raise ModelError("no parameter is free; leave some out of `fixed`, or name some in `free`")
-    problem = Problem(model, records, sorted(chosen), noise_levels(records), _factors(model, weights), progress)
-    limits = _limits(model, problem.free, bounds)
-    best, notes = _best_of(problem, _starts(model.theta, problem.free, limits, starts, seed), limits, max_evaluations)
+    free_indices = sorted(chosen)
+    limits = _limits(model, free_indices, bounds)
+    origins = _starts(model.theta, free_indices, limits, starts, seed)
+    notes: list[str] = []
+    if weights == LIKELIHOOD:
+        try:
+            return _likeliest(model, records, free_indices, limits, origins, max_evaluations, progress, begun)
+        except RecordError as error:
+            notes.append(f"weights of eq. 9, since the noise on lines is not known: {error}")
+    factors = _factors(model, None if isinstance(weights, str) else weights)
+    problem = Problem(model, records, free_indices, noise_levels(records), factors, progress)
+    best, more = _best_of(problem, origins, limits, max_evaluations)
+    notes += more
     if not all(record.periods >= 3 for record in records):
         # without a scatter over periods the first fit's residual is the noise
         problem = problem.with_noise(problem.residual_rms(best.theta))
-        again, more = _best_of(problem, [best.theta[problem.free]], limits, max_evaluations)
-        best, notes = again, [*notes, *more]
-    return _estimate(problem, best, limits, notes, begun)
+        best, more = _best_of(problem, [best.theta[problem.free]], limits, max_evaluations)
+        notes += more
+    covariance = sandwich(problem, best.theta)
+    return _estimate(problem, best, limits, covariance, compare(model.with_theta(best.theta), records), notes, begun)
+
+
+def _likeliest(
+    model: Model,
+    records: tuple[Record, ...],
+    free: list[int],
+    limits: Limits,
+    origins: list[FloatArray],
+    max_evaluations: int,
+    progress: Callable[[int, float], None] | None,
+    begun: float,
+) -> Estimate:
+    """The fit that minimises J, in the noise that its own residual tells."""
+    stable, notes = _stable(model, free, origins, limits)
+    comparison = Comparison(stable, records)
+    problem = WhitenedProblem(stable, comparison.noise, free, progress)
+    best, more = _best_of(problem, origins if not notes else [stable.theta[free]], limits, max_evaluations)
+    for _ in range(MOST_RENEWALS):
+        if best.status == "stopped":
+            break
+        before = best.cost
+        comparison = comparison.of(model.with_theta(best.theta)).renewed()
+        again = WhitenedProblem(comparison.model, comparison.noise, free, progress)
+        again.evaluations = problem.evaluations
+        problem = again
+        best = problem.descend(best.theta[free] / problem.scale, limits, max_evaluations)
+        if abs(best.cost / before - 1.0) < RENEWED:
+            break
+    comparison = comparison.of(model.with_theta(best.theta))
+    return _estimate(problem, best, limits, covariance(comparison, free), comparison, [*notes, *more], begun)
+
+
+def _stable(
+    model: Model, free: list[int], origins: list[FloatArray], limits: Limits
+) -> tuple[Model, list[str]]:
+    """The model at the first stable start, and what was moved to find one."""
+    scale = np.array([model.parameters[i].scale for i in free])
+    for start in origins:
+        theta = model.theta
+        theta[free] = np.clip(start / scale, *limits) * scale
+        if model.with_theta(theta).is_stable:
+            return model.with_theta(theta), []
+    x, moved = _stable_start(model, free, limits)
+    theta = model.theta
+    theta[free] = x * scale
+    return model.with_theta(theta), [f"the loop is unstable at the start values; started from {moved} of them instead"]
 
 
 def _check_records(model: Model, records: tuple[Record, ...]) -> None:
@@ -165,28 +232,21 @@ def _starts(theta: FloatArray, free: list[int], limits: Limits, count: int, seed
     return [theta[free] * factor for factor in factors]
 
 
-def _best_of(problem: Problem, starts: list[FloatArray], limits: Limits, max_evaluations: int) -> tuple[End, list[str]]:
-    ends, unstable = [], None
+def _best_of(
+    problem: LeastSquares, starts: list[FloatArray], limits: Limits, max_evaluations: int
+) -> tuple[End, list[str]]:
+    ends, notes = [], []
     for start in starts:
         x = np.clip(start / problem.scale, *limits)
         try:
             problem.normal_equations(x)
-        except UnstableLoopError as error:
-            unstable = error
+        except UnstableLoopError:
             continue
         ends.append(problem.descend(x, limits, max_evaluations))
         if ends[-1].status == "stopped":
             break
-    notes = []
     if not ends:
-        found = _stable_start(problem, limits)
-        if found is None:
-            raise UnstableLoopError(
-                f"the closed loop is unstable at the start values ({unstable}), and at all others that were tried "
-                f"around them. Check the controller, the signs and sizes of K_i and K_s, and the time constants in "
-                f"{problem.model.rig.path or 'the rig'}."
-            )
-        x, moved = found
+        x, moved = _stable_start(problem.model, problem.free, limits)
         notes.append(f"the loop is unstable at the start values; started from {moved} of them instead")
         ends.append(problem.descend(x, limits, max_evaluations))
     best = min(ends, key=lambda end: end.cost)
@@ -196,90 +256,77 @@ def _best_of(problem: Problem, starts: list[FloatArray], limits: Limits, max_eva
     return best, notes
 
 
-def _stable_start(problem: Problem, limits: Limits) -> tuple[FloatArray, str] | None:
-    """The nearest start that is stable, among common factors of all K_i, all K_s and all time constants."""
-    kinds = {kind: [k for k, i in enumerate(problem.free) if problem.model.names[i].startswith(kind)] for kind in UNITS}
+def _stable_start(model: Model, free: list[int], limits: Limits) -> tuple[FloatArray, str]:
+    """The nearest start that is stable, among common factors of all K_i, all K_s and all time constants.
+
+    Raises
+    ------
+    UnstableLoopError
+        If there is none.
+    """
+    scale = np.array([model.parameters[i].scale for i in free])
+    kinds = {kind: [k for k, i in enumerate(free) if model.names[i].startswith(kind)] for kind in UNITS}
     factors = product(*((STABLE_FACTORS if members else (1.0,)) for members in kinds.values()))
     for trial in sorted(factors, key=lambda trial: np.sum(np.log(trial) ** 2)):
-        x = problem.model.theta[problem.free] / problem.scale
+        x = model.theta[free] / scale
         for members, factor in zip(kinds.values(), trial, strict=True):
             x[members] *= factor
         x = np.clip(x, *limits)
-        if problem.model.with_theta(problem.theta(x)).is_stable:
+        theta = model.theta
+        theta[free] = x * scale
+        if model.with_theta(theta).is_stable:
             used = [f"{f:g} times {kind}" for (kind, members), f in zip(kinds.items(), trial, strict=True) if members]
             return x, ", ".join(used)
-    return None
+    try:
+        model.loop.simulate(model.theta, np.zeros((1, len(model.loop.inputs))))
+        why = ""
+    except UnstableLoopError as error:
+        why = f" ({error})"
+    raise UnstableLoopError(
+        f"the closed loop is unstable at the start values{why}, and at all others that were tried around them. Check "
+        f"the controller, the signs and sizes of K_i and K_s, and the time constants in {model.rig.path or 'the rig'}."
+    )
 
 
-def _estimate(problem: Problem, end: End, limits: Limits, notes: list[str], begun: float) -> Estimate:
-    model, free = problem.model, problem.free
-    simulated, covariance = _spread(problem, end.theta)
+def _estimate(
+    problem: LeastSquares,
+    end: End,
+    limits: Limits,
+    covariance: FloatArray,
+    comparison: Comparison,
+    notes: list[str],
+    begun: float,
+) -> Estimate:
+    model, free, records = problem.model, problem.free, tuple(own.record for own in comparison.records)
     sizes = np.maximum(np.abs(end.theta[free]), problem.scale)
-    relative = covariance / np.outer(sizes, sizes)
-    directions = _unknown(relative, [model.names[i] for i in free])
+    directions = _unknown(covariance / np.outer(sizes, sizes), [model.names[i] for i in free])
     lost = {name for direction in directions for name in direction}
-    deviation = np.sqrt(np.diag(covariance))
     parameters = {}
     for k, i in enumerate(free):
-        name, value, sd = model.names[i], float(end.theta[i]), float(deviation[k])
-        unit = model.parameters[i].unit
+        name, unit = model.names[i], model.parameters[i].unit
         if name in lost:
             parameters[name] = ParameterEstimate(None, None, None, unit)
             covariance[k, :] = covariance[:, k] = np.nan
         else:
-            interval = (value - NORMAL_95 * sd, value + NORMAL_95 * sd)
-            parameters[name] = ParameterEstimate(value, sd, interval, unit)
+            parameters[name] = ParameterEstimate.normal(float(end.theta[i]), float(np.sqrt(covariance[k, k])), unit)
     if end.status == "at_bound":
         x = end.theta[free] / problem.scale
         touches = (np.abs(x - limits[0]) < 1e-3) | (np.abs(x - limits[1]) < 1e-3)
         at = [model.names[i] for i, touched in zip(free, touches, strict=True) if touched]
         notes = [*notes, f"at a bound: {', '.join(at)}"]
-    records = problem.records
-    channels = [c for c in records[0].channels if all(c in r.channels for r in records)]
+    if comparison.is_judged and not comparison.is_adequate:
+        notes = [*notes, MISFIT]
     return Estimate(
-        model=model.with_values(dict(zip(model.names, end.theta, strict=True))),
+        model=comparison.model,
         parameters=parameters,
         covariance=covariance,
-        fit_percent=fit_percent(channels, [r.outputs for r in records], simulated),
-        noise_ceiling_percent=pooled_ceiling(records, channels),
         status="not_identifiable" if directions else end.status,
         evaluations=problem.evaluations,
         seconds=time.perf_counter() - begun,
-        records=records,
-        simulated=simulated,
+        comparison=comparison,
         directions=directions,
         notes=(*(note for record in records for note in record.notes), *notes),
     )
-
-
-def _spread(problem: Problem, theta: FloatArray) -> tuple[tuple[FloatArray, ...], FloatArray]:
-    """Simulated outputs of each record, and the covariance of the free parameters."""
-    size = len(problem.free)
-    at_end = problem.model.with_theta(theta)
-    hessian, score, simulated = np.zeros((size, size)), np.zeros((size, size)), []
-    for record, weight in zip(problem.records, problem.weights, strict=True):
-        y, jacobian = at_end.sensitivity(record, problem.free)
-        simulated.append(y)
-        used = weight > 0.0
-        residual = (padded_outputs(record) - y)[:, used] * weight[used]
-        jacobian = jacobian[:, used] * (weight[used, None] * problem.scale)
-        residual -= residual.mean(axis=0)
-        jacobian -= jacobian.mean(axis=0)
-        lines = jacobian.reshape(-1, size)
-        hessian += lines.T @ lines
-        way = loop_noise(at_end.at(record), record.samples, len(weight))[:, used][:, :, used] * weight[used, None]
-        score += score_covariance(residual, jacobian, way)
-    # where no output moves, the score does not scatter either, and the sandwich alone would claim perfect knowledge
-    inverse, unseen = _inverse(hessian)
-    relative = inverse @ score @ inverse + UNSEEN_VARIANCE * unseen @ unseen.T
-    return tuple(simulated), relative * np.outer(problem.scale, problem.scale)
-
-
-def _inverse(hessian: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Inverse in the directions that move the outputs, and the directions that do not, shape (free, unseen)."""
-    values, vectors = np.linalg.eigh(hessian)
-    seen = values > values[-1] * 1e-13
-    return (vectors[:, seen] / values[seen]) @ vectors[:, seen].T, vectors[:, ~seen]
 
 
 def _unknown(relative: FloatArray, names: list[str]) -> list[dict[str, float]]:

@@ -1,17 +1,28 @@
-"""Covariance of the estimate although the residual is coloured by the loop: the sandwich in the frequency domain.
+"""Covariance of the estimate: by the noise on lines, and, where misfit is left, by what is left.
 
-Sensor noise goes round the loop, so that the residual r is coloured and its channels are correlated; the textbook
-``sigma^2 (J'J)^-1`` is then wrong. With H = J'WJ and the score s = J'Wr,
+Where the model is right, the inverse of J'J is the covariance of the parameters, but for the spread that the estimated
+noise spectrum adds (`Spectrum.spread`). Where misfit is left it is not: what is missing stands in the residual with
+the same sign on many neighbouring lines. The score of each line, g_l = J_l' r_l, is then summed over bands of lines,
+and
+
+    cov(theta) = H^-1 (sum over bands of g g') H^-1 n / (n - q)
+
+(White 1980; Liang and Zeger 1986 for groups), n bands and q parameters, never less than J/dof times the first. It
+allows for misfit whose parts in different bands are independent, not for one that bends all bands alike.
+
+The weights of eq. 9 know no lines. Sensor noise goes round the loop, so that the residual r is coloured and its
+channels are correlated; the textbook ``sigma^2 (J'J)^-1`` is then wrong. With H = J'WJ and the score s = J'Wr,
 
     cov(theta) = H^-1 cov(s) H^-1,    cov(s) = 1/N sum_f  J_f^H W S_f W J_f,
 
 S_f being the cross-spectrum of the residual, J_f the discrete Fourier transform of the Jacobian (Ljung, System
-Identification, 2nd ed., section 9.5; White 1980 for the sandwich). S_f is a mean over neighbouring lines; since a
-bending mode is narrower than that, the residual is first taken back through the loop, where its noise is smooth.
+Identification, 2nd ed., section 9.5). S_f is a mean over neighbouring lines; since a bending mode is narrower than
+that, the residual is first taken back through the loop, where its noise is smooth.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,9 +30,92 @@ from numpy.typing import NDArray
 from scipy.fft import rfft
 
 from ambid.arrays import FloatArray
+from ambid.identification.problem import Problem, padded_outputs
+from ambid.noise import Comparison
+from ambid.noise.colour import loop_noise
+
+__all__ = ["covariance", "sandwich", "score_covariance"]
+
+UNSEEN_VARIANCE = 1e6
+"""Relative variance that stands for infinity, for a combination that moves no output."""
+BANDS = 40
+"""Bands of lines of each record whose scores count as independent where misfit is left."""
 
 BAND = 21
 """Neighbouring lines over which the spectrum of the residual is averaged."""
+
+
+def covariance(comparison: Comparison, free: Sequence[int]) -> FloatArray:
+    """Covariance of the free parameters of a model at the minimum of J, shape (free, free).
+
+    Combinations that move no output have a variance that stands for infinity.
+    """
+    model, noise = comparison.model, comparison.noise
+    found = noise.quadratic(model, free)
+    scale = np.array([model.parameters[i].scale for i in free])
+    inverse, unseen = _inverse(found.hessian * np.outer(scale, scale))
+    relative = inverse * float(np.mean(noise.spreads))
+    if not comparison.is_adequate:
+        banded = inverse @ _banded(comparison, free, scale) @ inverse
+        relative = _larger(banded, relative * comparison.misfit)
+    relative = relative + UNSEEN_VARIANCE * unseen @ unseen.T
+    return np.asarray(relative * np.outer(scale, scale))
+
+
+def sandwich(problem: Problem, theta: FloatArray) -> FloatArray:
+    """Covariance of the free parameters at the minimum of eq. 9, shape (free, free)."""
+    size = len(problem.free)
+    at_end = problem.model.with_theta(theta)
+    hessian, score = np.zeros((size, size)), np.zeros((size, size))
+    for record, weight in zip(problem.records, problem.weights, strict=True):
+        y, jacobian = at_end.sensitivity(record, problem.free)
+        used = weight > 0.0
+        residual = (padded_outputs(record) - y)[:, used] * weight[used]
+        jacobian = jacobian[:, used] * (weight[used, None] * problem.scale)
+        residual -= residual.mean(axis=0)
+        jacobian -= jacobian.mean(axis=0)
+        lines = jacobian.reshape(-1, size)
+        hessian += lines.T @ lines
+        points = np.exp(2j * np.pi * np.arange(1, record.samples // 2 + 1) / record.samples)
+        way = loop_noise(at_end.at(record), points, len(weight))
+        way = np.concatenate([np.eye(len(weight))[None], way])  # means are removed
+        score += score_covariance(residual, jacobian, way[:, used][:, :, used] * weight[used, None])
+    # where no output moves, the score does not scatter either, and the sandwich alone would claim perfect knowledge
+    inverse, unseen = _inverse(hessian)
+    relative = inverse @ score @ inverse + UNSEEN_VARIANCE * unseen @ unseen.T
+    return np.asarray(relative * np.outer(problem.scale, problem.scale))
+
+
+def _inverse(hessian: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Inverse in the directions that move the outputs, and the directions that do not, shape (free, unseen)."""
+    values, vectors = np.linalg.eigh(hessian)
+    seen = values > values[-1] * 1e-13
+    return (vectors[:, seen] / values[seen]) @ vectors[:, seen].T, vectors[:, ~seen]
+
+
+def _larger(a: FloatArray, b: FloatArray) -> FloatArray:
+    """The smallest covariance of this kind that is not below either: b, and what a has beyond it."""
+    root = np.linalg.cholesky(b + 1e-14 * np.trace(b) * np.eye(len(b)))
+    inner = np.linalg.solve(root, np.linalg.solve(root, a).T)
+    values, vectors = np.linalg.eigh(inner)
+    turned = root @ vectors
+    return np.asarray((turned * np.maximum(values, 1.0)) @ turned.T)
+
+
+def _banded(comparison: Comparison, free: Sequence[int], scale: FloatArray) -> FloatArray:
+    """Sum of g g' over bands of lines, by the scaled parameters."""
+    residual, columns = comparison.noise.jacobian(comparison.model, free)
+    total, bands = np.zeros((len(free), len(free))), 0
+    start = 0
+    for part in comparison.noise.parts:
+        own = slice(start, start + part.numbers)
+        start += part.numbers
+        scores = (columns[own] * scale * residual[own, None]).reshape(len(part.index), -1, len(free)).sum(axis=1)
+        for band in np.array_split(scores, min(BANDS, len(scores))):
+            g = band.sum(axis=0)
+            total += np.outer(g, g)
+            bands += 1
+    return np.asarray(total * bands / max(bands - len(free), 1))
 
 
 def score_covariance(residual: FloatArray, jacobian: FloatArray, way: NDArray[np.complex128]) -> FloatArray:

@@ -10,9 +10,12 @@ import numpy as np
 
 from ambid.arrays import FloatArray
 from ambid.model import Model
+from ambid.noise import Comparison
 from ambid.record import Record
 from ambid.results import Tabular, plain
 
+NORMAL_95 = 1.959964
+"""Half width of a 95 % interval of the normal distribution, in standard errors."""
 STATUS = {
     "converged": "the optimum was found: steps and gradient are below their tolerances",
     "at_bound": "the optimum lies on a bound of the parameters named in the notes; intervals are one-sided there",
@@ -42,6 +45,11 @@ class ParameterEstimate:
     ci95: tuple[float, float] | None
     unit: str
 
+    @classmethod
+    def normal(cls, value: float, std_error: float, unit: str) -> ParameterEstimate:
+        """With the 95 % interval of the normal distribution."""
+        return cls(value, std_error, (value - NORMAL_95 * std_error, value + NORMAL_95 * std_error), unit)
+
     def as_dict(self) -> dict[str, Any]:
         """Plain data, as in JSON."""
         return {
@@ -64,8 +72,6 @@ class Estimate(Tabular):
         Every free parameter.
     covariance : ndarray, shape (free, free)
         Of the free parameters, in the order of `parameters`; NaN where not identifiable.
-    fit_percent, noise_ceiling_percent : dict of str to float
-        Per channel such as ``y.A_zeta``, and ``average`` over y; the ceiling is NaN without enough periods.
     status : str
         One of `STATUS`, which says what it means.
     directions : list of dict
@@ -74,24 +80,76 @@ class Estimate(Tabular):
         Of residual and Jacobian.
     seconds : float
         Wall time.
-    records : tuple of Record
-    simulated : tuple of ndarray, shape (N, outputs)
-        Response of `model` to each record's excitation; columns as ``model.loop.outputs``.
+    comparison : Comparison
+        The model against its records, in the noise that it was fitted in.
     notes : tuple of str
     """
 
     model: Model
     parameters: dict[str, ParameterEstimate]
     covariance: FloatArray
-    fit_percent: dict[str, float]
-    noise_ceiling_percent: dict[str, float]
     status: str
     evaluations: int
     seconds: float
-    records: tuple[Record, ...]
-    simulated: tuple[FloatArray, ...]
+    comparison: Comparison
     directions: list[dict[str, float]] = field(default_factory=list)
     notes: tuple[str, ...] = ()
+
+    @property
+    def records(self) -> tuple[Record, ...]:
+        """That were fitted."""
+        return tuple(own.record for own in self.comparison.records)
+
+    @property
+    def simulated(self) -> tuple[FloatArray, ...]:
+        """Response of `model` in each record's experiment, shape (N, channels), columns as `Record.channels`."""
+        return tuple(own.simulated for own in self.comparison.records)
+
+    @property
+    def fit_percent(self) -> dict[str, float]:
+        """Per channel such as ``y.A_zeta``, and ``average`` over y."""
+        return self.comparison.fit_percent
+
+    @property
+    def noise_ceiling_percent(self) -> dict[str, float]:
+        """Fit that the exact model would reach, likewise; NaN where the noise is not known."""
+        return self.comparison.noise_ceiling_percent
+
+    @property
+    def misfit(self) -> float:
+        """J/dof: 1 when the model is right; NaN where the noise is not known."""
+        return self.comparison.misfit
+
+    @property
+    def misfit_bound(self) -> float:
+        """Misfit up to which a model may be right, see `Comparison.bound`."""
+        return self.comparison.bound
+
+    @property
+    def is_adequate(self) -> bool:
+        """Whether the misfit is within its bound."""
+        return self.comparison.is_adequate
+
+    @property
+    def next(self) -> str:
+        """What to do now."""
+        if not self.comparison.is_judged:
+            return "record three periods or more: without the noise nobody can tell whether the model is right"
+        if self.status == "not_identifiable":
+            return "excite every axis, with more amplitude or over more periods: not all parameters are determined"
+        if self.is_adequate:
+            return "hold the model against a record at another amplitude: ambid compare RIG RECORD --model MODEL"
+        return "name what is missing: ambid diagnose RIG RECORD"
+
+    @property
+    def verdict(self) -> str:
+        """In a sentence, whether the model explains the records."""
+        if not self.comparison.is_judged:
+            return "misfit unknown: the noise of these records is not known"
+        what = f"misfit {self.misfit:.2f}, bound {self.misfit_bound:.2f} (J/dof, 1 when the model is right)"
+        if self.is_adequate:
+            return f"{what}: nothing is missing that these records can show"
+        return f"{what}: physics is missing, however good the fit looks"
 
     @property
     def correlation(self) -> FloatArray:
@@ -107,6 +165,10 @@ class Estimate(Tabular):
             "parameters": {name: p.as_dict() for name, p in self.parameters.items()},
             "fit_percent": plain(self.fit_percent),
             "noise_ceiling_percent": plain(self.noise_ceiling_percent),
+            "misfit": plain(self.misfit),
+            "misfit_bound": plain(self.misfit_bound),
+            "adequate": self.is_adequate,
+            "next": self.next,
             "correlation": {a: {b: plain(correlation[i, j]) for j, b in enumerate(names)} for i, a in enumerate(names)},
             "status": self.status,
             "status_meaning": STATUS[self.status],
@@ -141,6 +203,7 @@ class Estimate(Tabular):
         """Fit, how it ended, and the notes."""
         fit, ceiling = (values.get("average", np.nan) for values in (self.fit_percent, self.noise_ceiling_percent))
         return [
+            self.verdict,
             f"fit {fit:.2f} %, noise ceiling {ceiling:.2f} %",
             f"{self.status}: {STATUS[self.status]}",
             *self.notes,
@@ -159,5 +222,6 @@ class Estimate(Tabular):
         lines += ["", f"{'channel':14s} {'fit %':>8s} {'noise ceiling %':>16s}", "-" * 40]
         for channel, fit in self.fit_percent.items():
             lines.append(f"{channel:14s} {fit:8.2f} {self.noise_ceiling_percent.get(channel, np.nan):16.2f}")
-        lines += ["", f"{self.status}: {STATUS[self.status]} ({self.evaluations} evaluations, {self.seconds:.2f} s)"]
-        return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
+        lines += ["", self.verdict]
+        lines += [f"{self.status}: {STATUS[self.status]} ({self.evaluations} evaluations, {self.seconds:.2f} s)"]
+        return "\n".join([*lines, *(f"note: {note}" for note in self.notes), f"next: {self.next}"])

@@ -159,6 +159,11 @@ class Comparison(Tabular):
         return max(ADEQUATE, misfit_bound(self.dof)) if self._noise is not None else np.nan
 
     @property
+    def is_judged(self) -> bool:
+        """Whether the noise is known."""
+        return self._noise is not None
+
+    @property
     def is_adequate(self) -> bool:
         """Whether the misfit is within its bound."""
         return bool(self.misfit <= self.bound)
@@ -176,6 +181,29 @@ class Comparison(Tabular):
             part = None if self._noise is None else self._noise.parts[k]
             found.append(_unjudged(self.model, record) if part is None else _one(self.model, part))
         return tuple(found)
+
+    @cached_property
+    def fit_percent(self) -> dict[str, float]:
+        """Fit of the channels that all records have, as one long record, and ``average`` over y."""
+        known = [np.isfinite(own.simulated).all(axis=1) for own in self.records]
+        measured = [own.record.outputs[here] for own, here in zip(self.records, known, strict=True)]
+        simulated = [own.simulated[here] for own, here in zip(self.records, known, strict=True)]
+        return fit_percent(self._channels, measured, simulated)
+
+    @cached_property
+    def noise_ceiling_percent(self) -> dict[str, float]:
+        """Fit that the exact model would reach, likewise; NaN where the noise is not known."""
+        noise, total = np.zeros(len(self._channels)), np.zeros(len(self._channels))
+        for own in self.records:
+            n = own.record.samples
+            noise += n * np.array([c.noise_rms for c in own.channels[: len(noise)]]) ** 2
+            total += n * own.record.outputs[:, : len(noise)].var(axis=0)
+        ceiling = 100.0 * (1.0 - np.sqrt(noise / total))
+        return with_average(dict(zip(self._channels, ceiling.tolist(), strict=True)))
+
+    @property
+    def _channels(self) -> list[str]:
+        return [c for c in self._records[0].channels if all(c in record.channels for record in self._records)]
 
     @property
     def worst(self) -> tuple[str, ChannelComparison]:
