@@ -41,7 +41,7 @@ pub use closed_loop::ClosedLoop;
 pub use discretise::Discrete;
 pub use error::{Error, Result};
 pub use lft::{Gain, Lft};
-pub use model::{Controller, Model};
+pub use model::{Controller, GainError, Model};
 pub use realtime::Stepper;
 pub use residual::{Data, Normal, normal_equations};
 
