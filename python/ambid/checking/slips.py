@@ -49,7 +49,7 @@ SLIPS = (-1.0, 1e3, 1e-3, 1e6, 1e-6)
 UNITS = {("y", 1e3): "mm", ("y", 1e6): "um", ("i_e", 1e3): "mA", ("i_c", 1e3): "mA", ("i_c", 1e6): "uA"}
 DOUBTFUL_GAIN, WRONG_GAIN = 0.05, 0.10
 """Relative error of a controller's gain, beyond five standard errors."""
-CONTROLLER_SLIP, EXCITATION_SLIP = (effect.name for effect in (ControllerGainError, ExcitationGainError))
+CONTROLLER_SLIP, EXCITATION_SLIP = ControllerGainError.name, ExcitationGainError.name
 LEAST_SHARE = 0.02
 """Part of i_c that an error of a gain has to be to matter; an integral acts below most lines."""
 
