@@ -23,6 +23,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from ambid.diagnosis import diagnose
+from ambid.effects import slips
 from hidden.experiment import experiment
 from hidden.physics import CATALOGUE, OUTSIDE
 
@@ -137,7 +138,14 @@ def draw(lines: list[dict[str, Any]], path: Path) -> None:
 
     singles = [x for x in lines if len(x["hidden"]) <= 1]
     rows = ["nothing", *CATALOGUE, *OUTSIDE]
-    columns = [*CATALOGUE, "adequate", "none_of_the_candidates", "not_informative", "error"]
+    columns = [
+        *CATALOGUE,
+        *(slip.name for slip in slips.EFFECTS),
+        "adequate",
+        "none_of_the_candidates",
+        "not_informative",
+        "error",
+    ]
     figure = Figure(figsize=(15, 15), layout="constrained")
     ax = figure.add_subplot()
     counts: dict[str, Counter[str]] = defaultdict(Counter)

@@ -69,6 +69,25 @@ def test_a_controller_given_by_its_matrices():
     assert "0.8333 times the [controller] in the rig file" in found.notes[0]
 
 
+def test_a_digital_controller_at_twice_the_rate():
+    digital = {"implementation": "digital", "delay_samples": 1.0, "sample_rate": 2e4}
+    rig = ONE_AXIS.rig.replace(controller=ONE_AXIS.rig.controller.model_copy(update=digital))
+    right = measured(rig, ONE_AXIS.excitation(1.0), {}, seed=1, **ONE_AXIS.truth)
+    found = diagnose(with_gains(rig, derivative=0.7), right)
+    assert found.effects == ("controller_gain_error",), found
+    assert "controller.derivative = 31.5 in the rig file, the data say 45" in found.notes[0]
+
+
+def test_a_slip_beside_physics_and_both_slips_at_once():
+    rig = with_gains(ONE_AXIS.rig, derivative=0.8)
+    found = diagnose(rig, record({"loop_delay": {"seconds": 5e-5}}, 1))
+    assert {"controller_gain_error", "loop_delay"} <= named(found), found
+    right = nothing_hidden("one axis")
+    found = diagnose(rig, replace(right, i_e=1.2 * right.i_e))
+    assert set(found.effects) == {"controller_gain_error", "excitation_gain_error"}, found
+    assert len(found.notes) == 2
+
+
 @pytest.mark.parametrize("machine", MACHINES)
 @pytest.mark.parametrize("factor", [0.8, 1.25])
 def test_a_wrong_scale_of_the_excitation_is_named(machine, factor):
