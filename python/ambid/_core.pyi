@@ -19,6 +19,7 @@ class _DigitalController(TypedDict):
     late: NotRequired[int | None]
     steps: int
     noise: bool
+    errors: NotRequired[Sequence[tuple[int, _Matrix, _Matrix, float]]]
 
 class _Block(TypedDict):
     law: Literal["force_law", "slew_limit", "bouc_wen", "table", "polynomial"]

@@ -29,6 +29,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import ambid
 from ambid import diagnose
+from ambid.effects import slips
 from benchmarks.grid import aligned, markdown, rate_text, read_rows, run_all
 from hidden.experiment import KINDS, experiment
 from hidden.physics import CATALOGUE, OUTSIDE
@@ -190,7 +191,14 @@ def draw(lines: list[dict[str, Any]], path: Path) -> None:
 
     singles = [x for x in lines if len(x["hidden"]) <= 1 and not x.get("removed")]
     rows = ["nothing", *CATALOGUE, *OUTSIDE]
-    columns = [*CATALOGUE, "adequate", "none_of_the_candidates", "not_informative", "error"]
+    columns = [
+        *CATALOGUE,
+        *(slip.name for slip in slips.EFFECTS),
+        "adequate",
+        "none_of_the_candidates",
+        "not_informative",
+        "error",
+    ]
     figure = Figure(figsize=(15, 15), layout="constrained")
     ax = figure.add_subplot()
     counts: dict[str, Counter[str]] = defaultdict(Counter)

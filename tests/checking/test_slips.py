@@ -10,6 +10,7 @@ import pytest
 from ambid.checking import check
 from ambid.excitation import multisine
 from ambid.model import Model
+from ambid.rig.controller import PID_GAINS
 from hidden.experiment import experiment
 from reference.loop_rigs import RIGS
 from virtual import VirtualBench
@@ -42,13 +43,22 @@ def with_gains(rig, **factors):
     return rig.replace(controller=rig.controller.model_copy(update=changed))
 
 
-def only_fault(rig, record):
+def only_fault(rig, record, *, stops=True):
     """The one fault that is found, as text."""
     faults = check(rig, [record]).faults
     assert len(faults) == 1, faults
-    assert faults[0].stops_diagnosis
+    assert faults[0].stops_diagnosis == stops
     assert faults[0].todo
     return f"{faults[0].where}: {faults[0].what}"
+
+
+def wrong_gain(rig, record):
+    """The one fault that is found, which is a matter of degree: a diagnosis ranks it beside the physics."""
+    text = only_fault(rig, record, stops=False)
+    (fault,) = check(rig, [record]).faults
+    assert ("controller_gain_error" in fault.todo) == any(f"{gain} x" in text for gain in PID_GAINS)
+    assert ("excitation_gain_error" in fault.todo) == ("i_e x" in text)
+    return text
 
 
 def warnings_of(rig, *records):
@@ -90,7 +100,7 @@ def test_one_excited_axis_is_enough():
     excitation[:, 1:] = 0.0
     record = replace(Model(rig).virtual_experiment(excitation, seed=1), period=5000)
     assert warnings_of(rig, record, replace(record, i_c=None)) == []
-    assert "derivative x 1.4" in only_fault(with_gains(rig, derivative=0.7), record)
+    assert "derivative x 1.4" in wrong_gain(with_gains(rig, derivative=0.7), record)
 
 
 @pytest.mark.parametrize("amplitude", [0.1, 0.01, 0.001])
@@ -103,7 +113,7 @@ def test_noise_is_no_fault(amplitude):
 
 def test_wrong_gains_of_the_controller_are_told():
     rig, record = bench_experiment()
-    text = only_fault(with_gains(rig, proportional=1.3, derivative=0.7), record)
+    text = wrong_gain(with_gains(rig, proportional=1.3, derivative=0.7), record)
     assert text.startswith("train: controller")
     assert "proportional x 0.769" in text
     assert "derivative x 1.42" in text
@@ -138,7 +148,6 @@ def test_exchanged_bearings_are_a_warning():
         ("y", -1.0, "the sign is opposite"),
         ("i_c", -1.0, "the sign is opposite"),
         ("i_e", -1.0, "the sign is opposite"),
-        ("i_e", 1.3, "i_e x 0.768"),
     ],
 )
 def test_units_and_signs(signal, factor, expected):
@@ -146,6 +155,19 @@ def test_units_and_signs(signal, factor, expected):
     text = only_fault(rig, replace(record, **{signal: factor * getattr(record, signal)}))
     assert expected in text
     assert f"{signal} " in text
+
+
+@pytest.mark.parametrize(("factor", "expected"), [(1.3, "i_e x 0.768"), (0.8, "i_e x 1.25"), (1.25, "i_e x 0.799")])
+def test_a_scale_of_the_excitation_is_a_matter_of_degree(factor, expected):
+    rig, record = bench_experiment()
+    text = wrong_gain(rig, replace(record, i_e=factor * record.i_e))
+    assert expected in text
+    assert "proportional" not in text
+
+
+def test_a_gain_beyond_all_degrees_stops():
+    rig, record = bench_experiment()
+    assert "i_e x 20" in only_fault(rig, replace(record, i_e=0.05 * record.i_e))
 
 
 def test_the_sign_of_one_sensor():
@@ -191,7 +213,10 @@ def test_a_record_of_another_rig():
     small, *_ = experiment(None, kind="other_rotor")
     names = [b.model_copy(update={"name": name}) for b, name in zip(small.bearings, "AB", strict=True)]
     other = small.replace(sample_rate=rig.sample_rate, bearings=names)
-    assert "proportional x 1.89" in only_fault(other, record)
+    gains, machine = check(other, [record]).faults
+    assert "proportional x 1.89" in gains.what
+    assert "i_c as in the nominal machine" in machine.what
+    assert [gains.stops_diagnosis, machine.stops_diagnosis] == [False, True]
     assert "as in the nominal loop" in only_fault(other, replace(record, i_c=None))
     light = rig.replace(bearings=[b.model_copy(update={"force_current": (380.0, 380.0)}) for b in rig.bearings])
     assert any("i_c as in the nominal machine" in fault.what for fault in check(light, [record]).faults)

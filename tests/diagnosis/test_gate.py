@@ -41,10 +41,14 @@ def test_too_few_periods(rig, measured):
     assert "period" in refusal(rig, record)
 
 
-def test_controller_of_another_day(rig, measured):
+def test_controller_of_another_day_is_no_refusal(rig, measured):
     pid = rig.controller
     other = rig.replace(controller=pid.model_copy(update={"proportional": 1.3 * np.asarray(pid.proportional)}))
-    assert "proportional" in refusal(other, loaded(other, measured))
+    assert diagnose(other, loaded(other, measured)).effects == ("controller_gain_error",)
+
+
+def test_sign_of_the_excitation(rig, measured):
+    assert "sign" in refusal(rig, loaded(rig, measured, i_e=-measured.i_e))
 
 
 def test_excitation_of_another_record(rig, measured):

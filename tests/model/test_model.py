@@ -128,7 +128,7 @@ def test_patterns_select_parameters(model, patterns, chosen):
     ("change", "names"),
     [
         (lambda m: m.with_values({"K_x": 1.0}), "K_x: no such parameter"),
-        (lambda m: m.with_values({"tau_e": 0.0}), "tau_e = 0.0: expected a positive number in s"),
+        (lambda m: m.with_values({"tau_e": 0.0}), "tau_e = 0.0: expected 5e-09 to inf in s"),
         (lambda m: m.with_values({"tau_e": np.nan}), "tau_e = nan"),
         (lambda m: m.share("K", ["K_i.A_zeta", "tau_e"]), "units differ"),
         (lambda m: m.share("tau_e", ["K_i.A_*"]), "tau_e: the name of two parameters"),

@@ -25,7 +25,7 @@ from ambid.model import Model
 from ambid.noise.window import Window
 from ambid.record import Record
 from ambid.rig import Controller, PidController, Rig
-from ambid.rig.controller import StateSpace
+from ambid.rig.controller import PID_GAINS, StateSpace
 from ambid.rotor import reduced_rotor
 
 HIGHEST_FREQUENCY = 0.25
@@ -34,7 +34,6 @@ MOST_LINES = 2000
 """Lines that an equation is held against, at most."""
 GAIN_FACTORS = (1.0, 1.05, 0.95, 1.1, 0.9, 1.2, 0.8, 1.4, 0.7)
 """Common factors on all K_i that are tried, nearest first, where the nominal loop is unstable."""
-PID_GAINS = ("proportional", "integral", "derivative")
 
 
 @dataclass(frozen=True)
@@ -203,7 +202,7 @@ def controller_terms(loop: NominalLoop, lines: Lines) -> tuple[ComplexArray, dic
     parts: dict[str, Controller] = {"K": own}
     if isinstance(own, PidController):
         off = dict.fromkeys(PID_GAINS, 0.0)
-        parts = {g: own.model_copy(update={**off, g: getattr(own, g)}) for g in PID_GAINS if np.any(getattr(own, g))}
+        parts = {g: own.model_copy(update={**off, g: getattr(own, g)}) for g in own.gains}
     fed_back = {name: amplifier * _times(loop.controller(f, part), lines.y) for name, part in parts.items()}
     return amplifier * loop.excitation(f)[:, None] * lines.i_e, fed_back
 

@@ -1,7 +1,8 @@
 """Is this rig and are these records sound, before anyone waits for a fit?
 
 What is sought are slips of people: units, signs, columns, files that do not belong together, gains of another day.
-Physics that the rig file does not know is no fault; to find it is the work of a diagnosis.
+Physics that the rig file does not know is no fault; to find it is the work of a diagnosis. A gain that is off by a
+factor may be either: it is told here, and ranked there beside the physics.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ from ambid.checking.equations import (
     moves,
     reordered,
 )
-from ambid.checking.soundness import SEVERITIES, Finding, LoopFigures, RecordFigures, Soundness
+from ambid.checking.soundness import SEVERITIES, Finding, LoopFigures, RecordFigures, Severity, Soundness
+from ambid.effects.slips import LEAST, MOST, ControllerGainError, ExcitationGainError
 from ambid.record import Record
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
@@ -47,6 +49,7 @@ SLIPS = (-1.0, 1e3, 1e-3, 1e6, 1e-6)
 UNITS = {("y", 1e3): "mm", ("y", 1e6): "um", ("i_e", 1e3): "mA", ("i_c", 1e3): "mA", ("i_c", 1e6): "uA"}
 DOUBTFUL_GAIN, WRONG_GAIN = 0.05, 0.10
 """Relative error of a controller's gain, beyond five standard errors."""
+CONTROLLER_SLIP, EXCITATION_SLIP = ControllerGainError.name, ExcitationGainError.name
 LEAST_SHARE = 0.02
 """Part of i_c that an error of a gain has to be to matter; an integral acts below most lines."""
 
@@ -182,7 +185,7 @@ def _record(record: Record, loop: NominalLoop) -> list[Finding]:
         what = f"no line of i_e between its first few and {HIGHEST_FREQUENCY:g} of the sample rate"
         return [*found, Finding("warning", record.name, what, "excite within the bandwidth of the loop")]
     found += _closed_loop(record, loop, lines) if lines.i_c is None else _controller(record, loop, lines)
-    if any(finding.severity == "fault" for finding in found):
+    if any(finding.stops_diagnosis for finding in found if finding.severity == "fault"):
         return found
     return found + _machine(record, loop, lines)
 
@@ -308,9 +311,17 @@ def _gains(record: Record, fit: ControllerFit, scale: FloatArray, judged: NDArra
         over = f" ({own.min():.3g} to {own.max():.3g} over the axes)" if np.ptp(own) > 0.02 else ""
         factors.append(f"{fit.parts[k]} x {np.median(own):.3g}{over}")
     what = f"the recorded i_c follows from i_e and y with {', '.join(factors)} of what rig and record say"
-    todo = "correct [controller], or take the rig file of that day; for i_e, check its scale"
-    severe = bool(excess.max() > WRONG_GAIN)
-    return [Finding("fault" if severe else "warning", f"{record.name}: controller", what, todo, stops_diagnosis=severe)]
+    causes = {
+        EXCITATION_SLIP: ("check the scale of i_e", doubtful == 0),
+        CONTROLLER_SLIP: ("correct [controller], or take the rig file of that day", doubtful > 0),
+    }
+    todos = {slip: todo for slip, (todo, own) in causes.items() if own.any()}
+    todo = f"{'; '.join(todos.values())}; or physics is missing: a diagnosis ranks {' and '.join(todos)} beside it"
+    wrong = excess > WRONG_GAIN
+    is_sought = (scale > 1.0 + LEAST) & (scale < 1.0 + MOST)
+    severity: Severity = "fault" if wrong.any() else "warning"
+    stops = bool(np.any(wrong & ~is_sought))
+    return [Finding(severity, f"{record.name}: controller", what, todo, stops_diagnosis=stops)]
 
 
 def _closed_loop(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:

@@ -28,7 +28,7 @@ class Finding:
     Attributes
     ----------
     severity : {"fault", "warning", "note"}
-        A fault makes every result worthless, a warning makes some doubtful, a note is good to know.
+        A fault makes every result worthless as things stand, a warning makes some doubtful, a note is good to know.
     where : str
         Key of the rig, or record and channel.
     what : str
@@ -211,7 +211,7 @@ class Soundness:
 
     @property
     def faults(self) -> tuple[Finding, ...]:
-        """Findings that make every result worthless."""
+        """Findings that make every result worthless as things stand."""
         return tuple(finding for finding in self.findings if finding.severity == "fault")
 
     @property

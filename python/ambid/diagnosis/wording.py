@@ -8,7 +8,9 @@ import numpy as np
 
 from ambid.diagnosis.result import Step
 from ambid.diagnosis.verdict import Verdict
+from ambid.effects.slips import ControllerGainError, ExcitationGainError
 from ambid.noise import Noise
+from ambid.rig import PidController, Rig
 
 __all__ = ["next_experiment", "notes"]
 
@@ -16,6 +18,9 @@ ENOUGH = 26.0
 """Evidence that tells two effects apart with 95 % certainty."""
 TWINS = 0.999
 """Effects whose freed responses have a larger cosine are the same in this kind of record."""
+CONTROLLER_SLIP, EXCITATION_SLIP = ControllerGainError.name, ExcitationGainError.name
+MINOR = 0.05
+"""Gains whose error is a smaller part of the largest one are not told."""
 WITHOUT_PERIODS = (
     "i_e does not repeat, or not often enough to see it: the noise is what no smooth response to i_e explains, and "
     "neither tones nor drift were looked for"
@@ -36,6 +41,7 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
             f"the effects explain {100 * verdict.share:.1f} % of the excess misfit; J/dof {verdict.misfit:.2f} "
             "remains, since their formulas only approximate this machine"
         )
+    yield from _slips(verdict)
     if verdict.word == "none_of_the_candidates":
         if verdict.tried:
             names, share = ", ".join(verdict.tried), 100 * verdict.tried_share
@@ -50,6 +56,31 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
             yield f"{part.record.name}: {WITHOUT_PERIODS}"
     if verdict.is_stopped:
         yield "stopped by Ctrl-C after the steps above: more may be missing, and rivals were not compared"
+
+
+def _slips(verdict: Verdict) -> Iterator[str]:
+    """That the rig file or the record is wrong, in which key, and the value that the data ask for."""
+    rivals = {name for names in verdict.sets for name in names} - set(verdict.effects)
+    errors = {p.name: p.value for p in verdict.model.parameters}
+    for slip, wrong in ((CONTROLLER_SLIP, "the rig file"), (EXCITATION_SLIP, "i_e of the record")):
+        own = {name.rpartition(".")[2]: e for name, e in errors.items() if name.startswith(f"{slip}.")}
+        if slip in verdict.effects:
+            least = MINOR * max(abs(e) for e in own.values())
+            told = "; ".join(_asked_for(verdict.model.rig, key, e) for key, e in own.items() if abs(e) >= least)
+            yield f"{slip}: {wrong} is wrong, and not the physics of the model; {told}"
+        elif slip in rivals:
+            yield f"{slip}, which does as well, would mean that {wrong} is wrong, and not the physics of the model"
+
+
+def _asked_for(rig: Rig, key: str, error: float) -> str:
+    """A gain as the rig file or the record has it, and as the data ask for."""
+    if key == "scale":
+        return f"the data ask for {1.0 + error:.4g} times the i_e that was recorded"
+    if not isinstance(rig.controller, PidController):
+        return f"the data ask for {1.0 + error:.4g} times the [controller] in the rig file"
+    gains = np.atleast_1d(getattr(rig.controller, key))
+    found, wanted = (", ".join(f"{float(f'{gain:.4g}'):g}" for gain in own) for own in (gains, (1.0 + error) * gains))
+    return f"controller.{key} = {found} in the rig file, the data say {wanted}"
 
 
 def next_experiment(verdict: Verdict, history: Sequence[Step]) -> str:

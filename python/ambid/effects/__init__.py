@@ -1,10 +1,10 @@
-"""The catalogue of physical effects that a model may lack: a file per family, each with its `EFFECTS`."""
+"""The catalogue of physical effects that a model may lack, and of slips: a file per family, each with its `EFFECTS`."""
 
 from collections.abc import Mapping, Sequence
 from inspect import signature
 from typing import Any
 
-from ambid.effects import amplifier, disturbance, magnet, rotor, sensor, support
+from ambid.effects import amplifier, disturbance, magnet, rotor, sensor, slips, support
 from ambid.errors import ModelError
 from ambid.loop.effect import Effect, EffectParameter, Seen
 
@@ -17,6 +17,7 @@ CATALOGUE: tuple[Effect, ...] = (
     *amplifier.EFFECTS,
     *sensor.EFFECTS,
     *disturbance.EFFECTS,
+    *slips.EFFECTS,
 )
 
 

@@ -58,6 +58,22 @@ class Block:
 
 
 @dataclass(frozen=True)
+class GainError:
+    """Relative error of a gain of the controller, or of the excitation that is added to its output.
+
+    Attributes
+    ----------
+    slot : str
+        What the error stands for, such as ``controller_gain_error.proportional``.
+    gain : str
+        One of `Controller.gains`, ``gain`` for all of the controller, or ``excitation``.
+    """
+
+    slot: str
+    gain: str
+
+
+@dataclass(frozen=True)
 class Lft:
     """G with its Delta: ``x' = A x + B [u; w]``, ``[y; z] = C x + D [u; w]``, ``w = Delta z`` (eq. 8, Fig. 3).
 
@@ -75,6 +91,8 @@ class Lft:
         Nonlinear entries, after the linear ones.
     late : str or None
         Slot of a delay [s] after which what enters as a command acts; its inputs are what has arrived.
+    gain_errors : tuple of GainError
+        Of the controller that is to be closed around it.
     """
 
     A: FloatArray
@@ -86,6 +104,7 @@ class Lft:
     ports: tuple[Port, ...]
     blocks: tuple[Block, ...] = ()
     late: str | None = None
+    gain_errors: tuple[GainError, ...] = ()
 
     def closed(self, values: Mapping[str, float]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """A, B, C, D between inputs and outputs, with a value for each slot; without the nonlinear blocks."""

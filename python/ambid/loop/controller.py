@@ -1,17 +1,56 @@
-"""The analog controller, folded into the LFT of the plant."""
+"""The analog controller, folded into the LFT of the plant; errors of the gains of any controller."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.loop.assembly import Lft
+from ambid.loop.assembly import Lft, Port
 from ambid.loop.delay import with_late_commands
+from ambid.loop.plant import EXCITATION
+from ambid.rig import Rig
 
 
-def close_analog(plant: Lft, controller: tuple[FloatArray, FloatArray, FloatArray, FloatArray], *, noise: bool) -> Lft:
+@dataclass(frozen=True)
+class LawError:
+    """What the error e that fills a slot adds to the commands: ``e (-(C x + D y) + excitation i_e)``.
+
+    Attributes
+    ----------
+    slot : str
+    C : ndarray, shape (axes, states of the controller)
+    D : ndarray, shape (axes, axes)
+    excitation : float
+        1 or 0.
+    """
+
+    slot: str
+    C: FloatArray
+    D: FloatArray
+    excitation: float
+
+
+def law_errors(plant: Lft, rig: Rig) -> list[LawError]:
+    """The gain errors of a plant as its rig's controller takes them; gains that it has not are left out."""
+    found = []
+    for error in plant.gain_errors:
+        c, d = rig.controller.part_of(error.gain, len(rig.axes), rig.sample_rate)
+        own = LawError(error.slot, np.ascontiguousarray(c), np.ascontiguousarray(d), float(error.gain == EXCITATION))
+        if own.excitation or c.any() or d.any():
+            found.append(own)
+    return found
+
+
+def close_analog(
+    plant: Lft,
+    controller: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    errors: Sequence[LawError] = (),
+    *,
+    noise: bool,
+) -> Lft:
     """Close ``i_ref = -K (y + n) + i_e`` around the plant.
 
     Parameters
@@ -21,6 +60,8 @@ def close_analog(plant: Lft, controller: tuple[FloatArray, FloatArray, FloatArra
         a command at once. Of a plant with a delay the feedback comes late in it already, and i_e has yet to be delayed.
     controller : tuple of ndarray
         A, B, C, D of K, from y [m] to current [A].
+    errors : sequence of LawError
+        They become further ports.
     noise : bool
         Whether the loop has the sensor noise n of each axis as further inputs; it is part of the output y.
 
@@ -61,4 +102,24 @@ def close_analog(plant: Lft, controller: tuple[FloatArray, FloatArray, FloatArra
         names += tuple(f"n.{axis}" for axis in axes)
     B.append(b_rest[:, further:])
     D.append(d_rest[:, further:])
-    return replace(plant, A=A, B=np.hstack(B), C=C, D=np.hstack(D), inputs=names)
+    closed = replace(plant, A=A, B=np.hstack(B), C=C, D=np.hstack(D), inputs=names)
+    return _with_ports(closed, errors, np.vstack([b_u, np.zeros((control, n))]), d_u) if errors else closed
+
+
+def _with_ports(closed: Lft, errors: Sequence[LawError], b_u: FloatArray, d_u: FloatArray) -> Lft:
+    """A closed loop with a port for each error and axis; the feedback enters it by the columns `b_u` and `d_u`."""
+    n, states, inputs, outputs = d_u.shape[1], len(closed.A), closed.B.shape[1], len(closed.C)
+    z, b, d = np.zeros((0, states + inputs)), np.zeros((states, 0)), np.zeros((outputs, 0))
+    for error in errors:
+        seen = -error.D @ np.hstack([closed.C[:n], closed.D[:n]])
+        seen[:, states - error.C.shape[1] : states] -= error.C
+        seen[:, states : states + n] += error.excitation * np.eye(n)
+        enters = (closed.B[:, :n], closed.D[:, :n]) if error.excitation else (b_u, d_u)
+        z, b, d = np.vstack([z, seen]), np.hstack([b, enters[0]]), np.hstack([d, enters[1]])
+    more, ports = len(z), len(closed.ports)
+    column, row = [len(closed.inputs) + ports] * more, [len(closed.outputs) + ports] * more
+    B = np.insert(closed.B, column, b, axis=1)
+    C = np.insert(closed.C, row, z[:, :states], axis=0)
+    # no displacement follows a command at once, so that no port follows another
+    D = np.insert(np.insert(closed.D, column, d, axis=1), row, np.insert(z[:, states:], column, 0.0, axis=1), axis=0)
+    return replace(closed, B=B, C=C, D=D, ports=(*closed.ports, *(Port(e.slot) for e in errors for _ in range(n))))

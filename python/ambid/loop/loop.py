@@ -12,7 +12,7 @@ from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import ModelError
 from ambid.loop.assembly import Block, Lft
-from ambid.loop.controller import close_analog
+from ambid.loop.controller import close_analog, law_errors
 from ambid.loop.effect import Effect
 from ambid.loop.geometry import rotor_of
 from ambid.loop.plant import Plant
@@ -65,7 +65,7 @@ class Loop:
         parameters: int | None = None,
     ) -> None:
         between = open_plant(rig, effects, watch, reference)
-        matrices = _controller(rig)
+        matrices, errors = _controller(rig), law_errors(between, rig)
         self._is_analog = not rig.controller.is_digital
         late = None if between.late is None else filled_by[between.late]
         controller: _core._DigitalController | None = None
@@ -76,12 +76,13 @@ class Loop:
                 "late": late,
                 "steps": round(rig.controller.rate(rig.sample_rate) / rig.sample_rate),
                 "noise": noise,
+                "errors": [(filled_by[error.slot], error.C, error.D, error.excitation) for error in errors],
             }
             self.lft = between
             self.inputs = tuple(name.replace("i_ref.", "i_e.") for name in between.inputs)
             self.inputs += tuple(f"n.{axis}" for axis in rig.axes) if noise else ()
         else:
-            self.lft = close_analog(between, matrices, noise=noise)
+            self.lft = close_analog(between, matrices, errors, noise=noise)
             self.inputs = self.lft.inputs
             if late is not None:
                 controller = {"matrices": _idle(rig), "delay": 0.0, "late": late, "steps": 1, "noise": False}

@@ -8,10 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from ambid.errors import ModelError
-from ambid.loop.assembly import ZERO, Assembly, Lft, Signal, combine
+from ambid.loop.assembly import ZERO, Assembly, GainError, Lft, Signal, combine
 from ambid.loop.geometry import axis_directions
 from ambid.rig import Rig
 from ambid.rotor import ReducedRotor
+
+EXCITATION = "excitation"
+"""What a `GainError` of i_e is of."""
 
 
 class Plant(Assembly):
@@ -43,6 +46,7 @@ class Plant(Assembly):
         self.rig, self.rotor = rig, rotor
         self.reference = rig
         self.late: str | None = None
+        self.gain_errors: list[GainError] = []
         self.axes = rig.axes
         self.directions = axis_directions(rig)[:, : rotor.planes]
         self.coordinates = len(rotor.frequencies_rad_s) * rotor.planes
@@ -109,6 +113,14 @@ class Plant(Assembly):
             raise ModelError(f"{slot} and {self.late} both delay the commands; keep one of the two")
         self.late = slot
 
+    def scale_controller(self, slot: str, gain: str) -> None:
+        """Let a gain of the controller, or all of it (``gain``), differ by the relative error that fills a slot."""
+        self.gain_errors.append(GainError(slot, gain))
+
+    def scale_excitation(self, slot: str) -> None:
+        """Let the excitation i_e of every axis differ from the record by the relative error that fills a slot."""
+        self.gain_errors.append(GainError(slot, EXCITATION))
+
     def _amplifier(self, axis: str, command: Signal) -> Signal:
         i_ref = self.signal(f"i_ref.{axis}", command)
         amplifier = self.rig.amplifier
@@ -141,7 +153,7 @@ class Plant(Assembly):
     def between_commands_and_outputs(self, more: Sequence[str] = ()) -> Lft:
         """Inputs ``i_ref.<axis>`` and those of effects; outputs y, i_c, then `more` of every axis."""
         outputs = [f"{signal}.{axis}" for signal in ("y", "i_c", *more) for axis in self.axes]
-        return replace(self.lft(outputs), late=self.late)
+        return replace(self.lft(outputs), late=self.late, gain_errors=tuple(self.gain_errors))
 
 
 def base_plant(rig: Rig, rotor: ReducedRotor) -> Lft:

@@ -88,8 +88,6 @@ def read_model(path: Path, rig: Rig | None, catalogue: Sequence[Effect]) -> tupl
 
 def _with_limits(stored: Sequence[Parameter], usual: Sequence[Parameter]) -> list[Parameter]:
     """The stored values, with what physics allows of each."""
-    known = {p.name: p for p in usual}
-    return [
-        replace(known[p.name], value=p.value) if p.name in known and known[p.name].slots == p.slots else p
-        for p in stored
-    ]
+    filling = {slot: p for p in usual for slot in p.slots}
+    alike = [next((filling[slot] for slot in p.slots if slot in filling), p) for p in stored]
+    return [replace(own, name=p.name, value=p.value, slots=p.slots) for own, p in zip(alike, stored, strict=True)]

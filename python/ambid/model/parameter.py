@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
 import numpy as np
@@ -14,6 +14,8 @@ from ambid.rig import Rig
 
 __all__ = ["UNITS", "Parameter", "nominal", "of_effect", "selected", "shared", "split", "to_rig"]
 
+SHORTEST_LAG = 5e-5
+"""Samples that tau_e lasts at least: less is no lag in any record, and overflows."""
 UNITS = {"K_i": "N/A", "K_s": "N/m", "R": "ohm", "tau_e": "s"}
 
 
@@ -86,8 +88,9 @@ def nominal(rig: Rig) -> list[Parameter]:
         for axis, value in zip(rig.axes, values, strict=True)
     ]
     if rig.actuator.time_constant is not None:
-        slots = tuple(f"tau_e.{axis}" for axis in rig.axes)
-        parameters.append(Parameter("tau_e", rig.actuator.time_constant, UNITS["tau_e"], slots))
+        slots, value = tuple(f"tau_e.{axis}" for axis in rig.axes), rig.actuator.time_constant
+        least = min(SHORTEST_LAG / rig.sample_rate, value)
+        parameters.append(Parameter("tau_e", value, UNITS["tau_e"], slots, least))
     return parameters
 
 
@@ -110,7 +113,7 @@ def shared(parameters: Sequence[Parameter], name: str, members: Iterable[str]) -
     if len({parameter.unit for parameter in chosen}) != 1:
         raise ModelError(f"{', '.join(p.name for p in chosen)} cannot be shared: their units differ")
     slots = tuple(slot for parameter in chosen for slot in parameter.slots)
-    one = Parameter(name, float(np.mean([p.value for p in chosen])), chosen[0].unit, slots)
+    one = replace(chosen[0], name=name, value=float(np.mean([p.value for p in chosen])), slots=slots)
     at = parameters.index(chosen[0])
     rest = [p for p in parameters if p not in chosen]
     return [*rest[:at], one, *rest[at:]]
@@ -123,7 +126,7 @@ def split(parameters: Sequence[Parameter], name: str) -> list[Parameter]:
         raise ModelError(f"{name}: every axis has its own {', '.join(p.name for p in chosen)} already")
     found: list[Parameter] = []
     for p in parameters:
-        found += [Parameter(slot, p.value, p.unit, (slot,)) for slot in p.slots] if p in chosen else [p]
+        found += [replace(p, name=slot, slots=(slot,)) for slot in p.slots] if p in chosen else [p]
     return found
 
 

@@ -4,6 +4,7 @@ What is given is K from the displacements y [m] to currents [A]; the loop applie
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -25,6 +26,7 @@ PROPORTIONAL = Range(0.0, 1e9, "A/m", (), _SIGN)
 INTEGRAL = Range(0.0, 1e12, "A/(m s)", (), _SIGN)
 DERIVATIVE = Range(0.0, 1e7, "A s/m", (), _SIGN)
 FILTER_TIME_CONSTANT = Range(1e-7, 0.1, "s", (MILLISECONDS,))
+PID_GAINS = ("proportional", "integral", "derivative")
 
 
 class Controller(Spec, ABC):
@@ -77,6 +79,16 @@ class Controller(Spec, ABC):
         A, B, C, D : ndarray, shapes (n, n), (n, n_axes), (n_axes, n), (n_axes, n_axes)
             In continuous time if analog, otherwise in discrete time at `rate(sample_rate)`.
         """
+
+    @property
+    def gains(self) -> tuple[str, ...]:
+        """Names of the gains that K is linear in, and that are not zero: ``gain`` where only the whole of K is."""
+        return ("gain",)
+
+    def part_of(self, gain: str, n_axes: int, sample_rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """What a gain brings to C and D of `state_space`; ``gain`` is all of them, and one that K has not brings 0."""
+        *_, c, d = self.state_space(n_axes, sample_rate)
+        return (c, d) if gain == "gain" else (0.0 * c, 0.0 * d)
 
     @abstractmethod
     def axis_problems(self, n_axes: int) -> list[InitErrorDetails]:
@@ -167,9 +179,25 @@ class PidController(Controller):
 
     def state_space(self, n_axes: int, sample_rate: float) -> StateSpace:
         """See `Controller.state_space`; one state per axis and gain I, D that is not zero."""
+        return self._with_outputs(PID_GAINS, n_axes, sample_rate)
+
+    @property
+    def gains(self) -> tuple[str, ...]:
+        """See `Controller.gains`."""
+        return tuple(gain for gain in PID_GAINS if np.any(getattr(self, gain)))
+
+    def part_of(self, gain: str, n_axes: int, sample_rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """See `Controller.part_of`."""
+        *_, c, d = self._with_outputs(PID_GAINS if gain == "gain" else (gain,), n_axes, sample_rate)
+        return c, d
+
+    def _with_outputs(self, shown: Sequence[str], n_axes: int, sample_rate: float) -> StateSpace:
+        """The state space with only these gains in C and D."""
         time_constant = 0.0 if self.derivative_time_constant is None else self.derivative_time_constant
-        gains = (self.proportional, self.integral, self.derivative, time_constant)
-        system = _stack([_pid(*axis) for axis in zip(*(np.broadcast_to(g, n_axes) for g in gains), strict=True)])
+        values = (self.proportional, self.integral, self.derivative, time_constant)
+        factors = [float(gain in shown) for gain in PID_GAINS]
+        axes = zip(*(np.broadcast_to(value, n_axes) for value in values), strict=True)
+        system = _stack([_pid(p, i, d, t, factors) for p, i, d, t in axes])
         return _tustin(system, 1.0 / self.rate(sample_rate)) if self.is_digital else system
 
 
@@ -300,16 +328,19 @@ def _stack(systems: list[StateSpace]) -> StateSpace:
     return a, b, c, d
 
 
-def _pid(proportional: float, integral: float, derivative: float, time_constant: float) -> StateSpace:
-    """P + I/s + D s/(T s + 1), the last as D/T - (D/T)/(T s + 1)."""
-    poles, inputs, outputs, feedthrough = [], [], [], proportional
+def _pid(
+    proportional: float, integral: float, derivative: float, time_constant: float, factors: Sequence[float]
+) -> StateSpace:
+    """P + I/s + D s/(T s + 1), the last as D/T - (D/T)/(T s + 1); each gain by a factor, which leaves the states."""
+    of_p, of_i, of_d = factors
+    poles, inputs, outputs, feedthrough = [], [], [], of_p * proportional
     if integral:
-        poles, inputs, outputs = [0.0], [1.0], [integral]
+        poles, inputs, outputs = [0.0], [1.0], [of_i * integral]
     if derivative:
         poles.append(-1.0 / time_constant)
         inputs.append(1.0 / time_constant)
-        outputs.append(-derivative / time_constant)
-        feedthrough += derivative / time_constant
+        outputs.append(-of_d * derivative / time_constant)
+        feedthrough += of_d * derivative / time_constant
     a = np.diag(poles) if poles else np.zeros((0, 0))
     return a, np.reshape(inputs, (-1, 1)), np.reshape(outputs, (1, -1)), np.array([[feedthrough]])
 

@@ -39,7 +39,7 @@ fn controller() -> Controller {
     let b = DMatrix::from_row_slice(2, 1, &[i * SAMPLE, rate * (decay - 1.0)]);
     let c = DMatrix::from_row_slice(1, 2, &[1.0, 1.0]);
     let d = DMatrix::from_element(1, 1, p + i * SAMPLE + rate);
-    Controller { a, b, c, d, delay: 1.0, late: None, steps: 1, noise: false }
+    Controller { delay: 1.0, ..Controller::new(a, b, c, d) }
 }
 
 fn main() -> Result<()> {

@@ -19,10 +19,11 @@ pub struct ClosedLoop {
 }
 
 impl ClosedLoop {
-    /// `parameters` is the length of the parameter vector that the gains, blocks and delay of the model refer to.
+    /// `parameters` is the length of the parameter vector that the gains, blocks, delay and gain errors of the model
+    /// refer to.
     ///
     /// # Errors
-    /// [`crate::Error::Shape`] where a gain, a block or a delay refers to a parameter that does not exist.
+    /// [`crate::Error::Shape`] where one of them refers to a parameter that does not exist.
     pub fn new(model: Model, parameters: usize) -> Result<Self> {
         if let Some(missing) = model.parameters().find(|p| *p >= parameters) {
             check_len("parameter vector", parameters, missing + 1)?;

@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use crate::error::{Error, Result};
 use crate::expm::expm;
 use crate::lft::Closed;
-use crate::model::{Controller, Model};
+use crate::model::{Controller, GainError, Model};
 
 /// `x[k+1] = a x[k] + b u[k]`, `y[k] = c x[k] + d u[k]`; also the derivative of one by a parameter.
 #[derive(Debug, Clone)]
@@ -86,10 +86,7 @@ pub fn discretise(model: &Model, theta: &[f64], free: &[usize]) -> Result<(Discr
             let (a, b) = plant.hold(model.dt, &vec![0.0; free.len()])?;
             Ok(collect(&a, &b, &plant.c, &plant.d))
         }
-        Some(controller) => {
-            let later: Vec<f64> = free.iter().map(|p| f64::from(u8::from(controller.late == Some(*p)))).collect();
-            sampled(&plant, &controller.at(theta, model.dt)?, model.dt, &later)
-        }
+        Some(controller) => sampled(&plant, &controller.at(theta, model.dt)?, model.dt, free),
     }
 }
 
@@ -148,10 +145,9 @@ impl Plant {
 ///
 /// States: plant, controller, and the commands under way (newest first). Within a controller sample the amplifier
 /// sees the command of `whole + 1` samples ago for the fraction of the delay, then that of `whole` samples ago.
-/// Inputs: excitations, further inputs of the plant, noise. `later` is the derivative of the delay, in seconds, by each
-/// parameter.
-fn sampled(plant: &Plant, k: &Controller, dt: f64, later: &[f64]) -> Result<(Discrete, Vec<Discrete>)> {
-    let (np, m) = (plant.a.slopes.len(), k.channels());
+/// Inputs: excitations, further inputs of the plant, noise.
+fn sampled(plant: &Plant, k: &Controller, dt: f64, free: &[usize]) -> Result<(Discrete, Vec<Discrete>)> {
+    let (np, m) = (free.len(), k.channels());
     let at_once = |d: &DMatrix<f64>| d.view((0, 0), (m, m)).iter().any(|x| *x != 0.0);
     if at_once(&plant.d.value) || plant.d.slopes.iter().any(at_once) {
         return Err(Error::Singular { what: "a displacement follows a command at once, through Delta" });
@@ -170,12 +166,24 @@ fn sampled(plant: &Plant, k: &Controller, dt: f64, later: &[f64]) -> Result<(Dis
         out
     };
 
-    // what is read, y + noise, and the fresh command -C_k x_k - D_k (y + noise) + i_e, as rows over states and inputs
+    // derivatives of the delay in seconds, and the law of the controller, by each parameter
+    let later: Vec<f64> = free.iter().map(|p| f64::from(u8::from(k.late == Some(*p)))).collect();
+    let slopes: Vec<_> = free.iter().map(|p| k.slope(*p)).collect();
+    let law = |value: DMatrix<f64>, of: fn(&GainError, usize) -> DMatrix<f64>| {
+        let zero = DMatrix::zeros(value.nrows(), value.ncols());
+        let slopes = slopes.iter().map(|s| s.as_ref().map_or_else(|| zero.clone(), |s| of(s, m)));
+        Dual { slopes: slopes.collect(), value }
+    };
+    let k_c = law(k.c.clone(), |error, _| error.c.clone());
+    let k_d = law(k.d.clone(), |error, _| error.d.clone());
+    let k_e = law(DMatrix::identity(m, m) * k.excitation, |error, m| DMatrix::identity(m, m) * error.excitation);
+
+    // what is read, y + noise, and the fresh command -C_k x_k - D_k (y + noise) + e i_e, as rows over states and inputs
     let noise = |rows: usize| place(rows, inputs, (0, nu), &DMatrix::identity(m, inputs - nu));
     let read_x = plant.c.map(|c| place(m, n, (0, 0), &c.rows(0, m).into_owned()));
     let read_u = plant.d.map(|d| place(m, inputs, (0, 0), &d.rows(0, m).into_owned())).plus(&constant(noise(m)));
-    let fresh_x = read_x.map(|y| -&k.d * y).plus(&constant(place(m, n, (0, nx), &-&k.c)));
-    let fresh_u = read_u.map(|y| -&k.d * y).plus(&constant(DMatrix::identity(m, inputs)));
+    let fresh_x = k_d.times(&read_x).map(|y| -y).plus(&k_c.map(|c| place(m, n, (0, nx), &-c)));
+    let fresh_u = k_d.times(&read_u).map(|y| -y).plus(&k_e.map(|e| place(m, inputs, (0, 0), e)));
     // what acts on the plant: the command of `age` samples ago, and the further inputs
     let further = place(nu, inputs, (m, m), &DMatrix::identity(nu - m, nu - m));
     let acting = |age: usize| -> (Dual, Dual) {
@@ -197,7 +205,7 @@ fn sampled(plant: &Plant, k: &Controller, dt: f64, later: &[f64]) -> Result<(Dis
     let mut plant_u = g2.times(&late.1);
     let mut first = late;
     if in_two {
-        let (a1, g1) = plant.hold(step * fraction, later)?;
+        let (a1, g1) = plant.hold(step * fraction, &later)?;
         first = acting(whole + 1);
         plant_x = a2.times(&a1).map(|a| place(nx, n, (0, 0), a)).plus(&g2.times(&acting(whole).0));
         let a2g1 = a2.times(&g1);

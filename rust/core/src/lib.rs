@@ -44,7 +44,7 @@ pub use discretise::Discrete;
 pub use error::{Error, Result};
 pub use lft::{Gain, Lft};
 pub use lines::LineResponse;
-pub use model::{Controller, Model};
+pub use model::{Controller, GainError, Model};
 pub use realtime::Stepper;
 pub use residual::{Data, Normal, normal_equations};
 pub use whitened::{LineData, LineNormal, line_equations, line_rows};

@@ -8,7 +8,7 @@ use crate::lft::Lft;
 /// Commands that may be under way.
 const MOST_UNDER_WAY: f64 = 1000.0;
 
-/// A digital controller K: `i_ref = -K y + i_e`, computed once a controller sample, held, and delayed.
+/// A digital controller K: `i_ref = -K y + excitation i_e`, computed once a controller sample, held, and delayed.
 ///
 /// It reads the first `b.ncols()` outputs of the plant and drives the first `c.nrows()` inputs; both counts are
 /// equal. The excitation is added before the delay. Further inputs of the plant are held over a sample of the record.
@@ -32,6 +32,23 @@ pub struct Controller {
     pub steps: usize,
     /// True where as many inputs, the last of the loop, are added to the displacements that are read (sensor noise).
     pub noise: bool,
+    /// Gain of the excitation, 1 where it is as recorded.
+    pub excitation: f64,
+    /// By what its gains depend on parameters.
+    pub errors: Vec<GainError>,
+}
+
+/// What a parameter adds to the commands of a digital controller: `theta (-C x - D (y + noise) + excitation i_e)`.
+#[derive(Debug, Clone)]
+pub struct GainError {
+    /// Index into the parameter vector.
+    pub parameter: usize,
+    /// Channels x states.
+    pub c: DMatrix<f64>,
+    /// Channels x channels.
+    pub d: DMatrix<f64>,
+    /// Share of the excitation.
+    pub excitation: f64,
 }
 
 /// A closed loop: an analog one is an LFT alone; a digital one an LFT between commands and outputs, and a controller.
@@ -49,6 +66,11 @@ pub struct Model {
 }
 
 impl Controller {
+    /// At the rate of the record, without delay and noise, its gains known.
+    pub fn new(a: DMatrix<f64>, b: DMatrix<f64>, c: DMatrix<f64>, d: DMatrix<f64>) -> Self {
+        Self { a, b, c, d, delay: 0.0, late: None, steps: 1, noise: false, excitation: 1.0, errors: Vec::new() }
+    }
+
     /// Number of displacements read and of commands given.
     pub fn channels(&self) -> usize {
         self.d.nrows()
@@ -56,19 +78,38 @@ impl Controller {
 
     /// Whether it closes a loop, or delays the excitation alone.
     pub(crate) fn feeds_back(&self) -> bool {
-        self.c.iter().chain(&self.d).any(|x| *x != 0.0)
+        let errors = self.errors.iter().flat_map(|e| e.c.iter().chain(&e.d));
+        self.c.iter().chain(&self.d).chain(errors).any(|x| *x != 0.0)
     }
 
-    /// The same with the whole of its delay at `theta`; `dt` is the sample time of the record in seconds.
+    /// The same with its gains and the whole of its delay at `theta`; `dt` is the sample time of the record in seconds.
     ///
     /// # Errors
     /// [`Error::Singular`] where commands would arrive before they are given, or more than [`MOST_UNDER_WAY`] are.
     pub(crate) fn at(&self, theta: &[f64], dt: f64) -> Result<Self> {
         let delay = self.delay + self.late.map_or(0.0, |late| theta[late] * self.steps as f64 / dt);
         if (0.0..MOST_UNDER_WAY).contains(&delay) {
-            return Ok(Self { delay, ..self.clone() });
+            let mut at = Self { delay, ..self.clone() };
+            for error in &self.errors {
+                let theta = theta[error.parameter];
+                at.c += &error.c * theta;
+                at.d += &error.d * theta;
+                at.excitation += error.excitation * theta;
+            }
+            return Ok(at);
         }
         Err(Error::Singular { what: "the delay of the commands is negative, or 1000 controller samples and more" })
+    }
+
+    /// Derivative of its C, D and gain of the excitation by a parameter; none where they do not depend on it.
+    pub(crate) fn slope(&self, parameter: usize) -> Option<GainError> {
+        let own = self.errors.iter().filter(|error| error.parameter == parameter).cloned();
+        own.reduce(|sum, error| GainError {
+            c: sum.c + error.c,
+            d: sum.d + error.d,
+            excitation: sum.excitation + error.excitation,
+            parameter,
+        })
     }
 
     /// Whole controller samples of the delay, the rest of it in samples, and whether that rest counts though it be 0.
@@ -96,6 +137,20 @@ impl Model {
             for part in [&k.a, &k.b, &k.c, &k.d] {
                 check_finite("controller", part.as_slice())?;
             }
+            check_finite("gain of the excitation", &[k.excitation])?;
+            for GainError { c, d, excitation, .. } in &k.errors {
+                for (what, found, expected) in [
+                    ("gain error C (rows)", c.nrows(), m),
+                    ("gain error C (columns)", c.ncols(), n),
+                    ("gain error D (rows)", d.nrows(), m),
+                    ("gain error D (columns)", d.ncols(), m),
+                ] {
+                    check_len(what, found, expected)?;
+                }
+                check_finite("gain error", c.as_slice())?;
+                check_finite("gain error", d.as_slice())?;
+                check_finite("gain error", &[*excitation])?;
+            }
             for (what, found) in [("plant inputs", lft.inputs()), ("plant outputs", lft.outputs())] {
                 if found < m {
                     let (found, expected) = (found.to_string(), format!("at least the {m} channels of the controller"));
@@ -118,9 +173,13 @@ impl Model {
         self.lft.inputs() + noise
     }
 
-    /// The parameter of every gain, coefficient and delay that has one.
+    /// The parameter of every gain, coefficient, delay and gain error that has one.
     pub fn parameters(&self) -> impl Iterator<Item = usize> {
-        self.lft.parameters().chain(self.controller.iter().filter_map(|k| k.late))
+        let of_controller = |k: &Controller| {
+            let errors: Vec<usize> = k.errors.iter().map(|error| error.parameter).collect();
+            k.late.into_iter().chain(errors)
+        };
+        self.lft.parameters().chain(self.controller.iter().flat_map(of_controller))
     }
 
     /// Number of inputs of the plant that a digital controller drives.

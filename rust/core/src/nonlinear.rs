@@ -41,6 +41,7 @@ const NEUTRAL: f64 = 1.0 + 1e-9;
 pub struct Nonlinear {
     plant: Plant,
     controller: Option<Controller>,
+    free: Vec<usize>,
     dt: f64,
     substeps: Option<usize>,
     inputs: usize,
@@ -58,6 +59,7 @@ impl Nonlinear {
         Ok(Self {
             plant: Plant::new(model, theta, free)?,
             controller,
+            free: free.to_vec(),
             dt: model.dt,
             substeps: model.substeps,
             inputs: model.inputs(),
@@ -101,7 +103,7 @@ impl Nonlinear {
 
     /// The loop at rest with a given number of substeps.
     pub fn start(&self, substeps: usize) -> Result<Run> {
-        Run::new(self.plant.clone(), self.controller.as_ref(), self.dt, substeps)
+        Run::new(self.plant.clone(), self.controller.as_ref(), &self.free, self.dt, substeps)
     }
 
     /// The loop at rest, with as many substeps as the loudest stretch of `u` needs.

@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use crate::lft::Lft;
-use crate::model::{Controller, Model};
+use crate::model::{Controller, GainError, Model};
 
 /// An independent part of a loop, the inputs of the whole that act on it, and the outputs that are its own.
 ///
@@ -66,6 +66,10 @@ pub fn split(model: &Model) -> Vec<Part> {
         sets.join_pattern(&c.b, |i| control + i, |j| output + j);
         sets.join_pattern(&c.c, |i| command + i, |j| control + j);
         sets.join_pattern(&c.d, |i| command + i, |j| output + j);
+        for error in &c.errors {
+            sets.join_pattern(&error.c, |i| command + i, |j| control + j);
+            sets.join_pattern(&error.d, |i| command + i, |j| output + j);
+        }
         for i in 0..m {
             sets.join(command + i, output + i);
         }
@@ -122,11 +126,18 @@ fn part(
         if c.noise {
             inputs.extend(commands.iter().map(|i| nu + i));
         }
+        let error = |error: &GainError| GainError {
+            c: select(&error.c, commands, controls),
+            d: select(&error.d, commands, commands),
+            ..*error
+        };
+        let acts = |e: &GainError| e.excitation != 0.0 || e.c.iter().chain(&e.d).any(|x| *x != 0.0);
         Controller {
             a: select(&c.a, controls, controls),
             b: select(&c.b, controls, commands),
             c: select(&c.c, commands, controls),
             d: select(&c.d, commands, commands),
+            errors: c.errors.iter().map(error).filter(acts).collect(),
             ..*c
         }
     });

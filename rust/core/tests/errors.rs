@@ -3,7 +3,8 @@
 mod common;
 
 use ambid_core::{
-    Block, ClosedLoop, Coefficient, Controller, Data, Error, Gain, Law, Lft, Model, Result, Stepper, normal_equations,
+    Block, ClosedLoop, Coefficient, Controller, Data, Error, Gain, GainError, Law, Lft, Model, Result, Stepper,
+    normal_equations,
 };
 use common::loops::{Problem, lags};
 use common::machine::machine;
@@ -170,16 +171,7 @@ fn models_that_do_not_fit() {
 #[test]
 fn controllers_that_do_not_fit() {
     let zeros = DMatrix::<f64>::zeros;
-    let good = || Controller {
-        a: zeros(2, 2),
-        b: zeros(2, 1),
-        c: zeros(1, 2),
-        d: zeros(1, 1),
-        delay: 0.5,
-        late: None,
-        steps: 1,
-        noise: false,
-    };
+    let good = || Controller { delay: 0.5, ..Controller::new(zeros(2, 2), zeros(2, 1), zeros(1, 2), zeros(1, 1)) };
     let model = |controller| Model::new(lag().model.lft, 0.1, Some(controller));
     assert!(model(good()).is_ok());
     assert!(shape(model(Controller { a: zeros(2, 3), ..good() })));
@@ -191,6 +183,14 @@ fn controllers_that_do_not_fit() {
     assert!(not_finite(model(Controller { delay: -1.0, ..good() })));
     assert!(not_finite(model(Controller { delay: f64::NAN, ..good() })));
     assert!(not_finite(model(Controller { steps: 0, ..good() })));
+    assert!(not_finite(model(Controller { excitation: f64::NAN, ..good() })));
+    let with =
+        |c, d, excitation| model(Controller { errors: vec![GainError { parameter: 0, c, d, excitation }], ..good() });
+    assert!(with(zeros(1, 2), zeros(1, 1), 1.0).is_ok());
+    assert!(shape(with(zeros(1, 3), zeros(1, 1), 1.0)));
+    assert!(shape(with(zeros(1, 2), zeros(2, 1), 1.0)));
+    assert!(not_finite(with(zeros(1, 2).add_scalar(f64::NAN), zeros(1, 1), 1.0)));
+    assert!(not_finite(with(zeros(1, 2), zeros(1, 1), f64::INFINITY)));
     // inputs and outputs beyond those of the controller are the plant's own
     let mut wide = lag().model.lft;
     wide.b = wide.b.insert_column(1, 1.0);
@@ -223,7 +223,7 @@ fn nonlinear() -> Lft {
 fn a_free_gain_from_command_to_displacement() {
     let zeros = DMatrix::<f64>::zeros;
     let (a, b, c, d) = (zeros(0, 0), zeros(0, 1), zeros(1, 0), DMatrix::from_element(1, 1, 0.1));
-    let controller = Controller { a, b, c, d, delay: 0.5, late: None, steps: 1, noise: false };
+    let controller = Controller { delay: 0.5, ..Controller::new(a, b, c, d) };
     let system = ClosedLoop::new(Model::new(nonlinear(), 0.1, Some(controller)).unwrap(), 1).unwrap();
     assert!(system.simulate(&[0.0], &[1.0, 1.0]).is_ok());
     assert!(singular(system.sensitivity(&[0.0], &[0], &[1.0, 1.0])));
@@ -238,7 +238,7 @@ fn a_delay_out_of_reach() {
     let lft = Lft::new(a, b, c, d, vec![]).unwrap();
     let empty = DMatrix::<f64>::zeros;
     let (a, b, c, d) = (empty(0, 0), empty(0, 1), empty(1, 0), empty(1, 1));
-    let controller = Controller { a, b, c, d, delay: 0.5, late: Some(0), steps: 1, noise: false };
+    let controller = Controller { delay: 0.5, late: Some(0), ..Controller::new(a, b, c, d) };
     let system = ClosedLoop::new(Model::new(lft, 0.1, Some(controller)).unwrap(), 1).unwrap();
     assert!(system.simulate(&[0.0], &[1.0]).is_ok());
     assert!(system.simulate(&[-0.05], &[1.0]).is_ok());
@@ -251,16 +251,8 @@ fn a_delay_out_of_reach() {
 #[test]
 fn a_controller_of_nothing() {
     let zeros = DMatrix::<f64>::zeros;
-    let controller = Controller {
-        a: zeros(0, 0),
-        b: zeros(0, 0),
-        c: zeros(0, 0),
-        d: zeros(0, 0),
-        delay: 0.5,
-        late: None,
-        steps: 2,
-        noise: true,
-    };
+    let nothing = Controller::new(zeros(0, 0), zeros(0, 0), zeros(0, 0), zeros(0, 0));
+    let controller = Controller { delay: 0.5, steps: 2, noise: true, ..nothing };
     let system = |controller| ClosedLoop::new(Model::new(nonlinear(), 0.1, controller).unwrap(), 1).unwrap();
     let (idle, analog) = (system(Some(controller)), system(None));
     assert_eq!(idle.sensitivity(&[0.3], &[0], &[1.0, 2.0]), analog.sensitivity(&[0.3], &[0], &[1.0, 2.0]));

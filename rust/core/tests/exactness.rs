@@ -47,6 +47,35 @@ fn random_digital_loops() {
     }
 }
 
+/// Errors of the gains at their values are a controller that has these gains; its excitation is larger by its share.
+#[test]
+fn gain_errors_are_a_controller_with_other_gains() {
+    let (mut random, mut erring) = (Random(17), 0);
+    for (delay, steps) in [(0.0, 1), (0.3, 2), (2.5, 1)] {
+        for i in 0..12 {
+            let p = random.digital_loop(delay, steps);
+            let mut k = p.model.controller.clone().expect("digital");
+            let errors = std::mem::take(&mut k.errors);
+            for error in &errors {
+                let theta = p.theta[error.parameter];
+                k.c += &error.c * theta;
+                k.d += &error.d * theta;
+                k.excitation += error.excitation * theta;
+            }
+            erring += usize::from(!errors.is_empty());
+            let (m, gain) = (k.channels(), std::mem::replace(&mut k.excitation, 1.0));
+            let model = Model::new(p.model.lft.clone(), p.model.dt, Some(k)).expect("consistent");
+            let plain = Problem { model, theta: p.theta.clone() }.system();
+            let mut u = random.signal(SAMPLES * plain.inputs());
+            let y = p.system().simulate(&p.theta, &u).expect("stable");
+            u.chunks_exact_mut(plain.inputs()).for_each(|u| u[..m].iter_mut().for_each(|u| *u *= gain));
+            let error = deviation(&y, &plain.simulate(&p.theta, &u).expect("stable"), plain.outputs());
+            assert!(error < 1e-10, "loop {i}, delay {delay}, {steps} steps: off by {error:.1e}");
+        }
+    }
+    assert!(erring > 10, "{erring} loops with errors");
+}
+
 /// A loop that is closed already, its excitation late by a parameter: its poles are those of the loop alone.
 #[test]
 fn random_analog_loops_with_a_late_excitation() {
@@ -59,7 +88,7 @@ fn random_analog_loops_with_a_late_excitation() {
             let (a, b, c, d) = (empty(0, 0), empty(0, m), empty(m, 0), empty(m, m));
             let theta: Vec<f64> = p.theta.iter().copied().chain([delay * dt]).collect();
             let late = Some(theta.len() - 1);
-            let idle = Controller { a, b, c, d, delay: 0.0, late, steps: 1, noise: false };
+            let idle = Controller { late, ..Controller::new(a, b, c, d) };
             let with = |k| Problem { model: Model::new(lft.clone(), dt, k).expect("consistent"), theta: theta.clone() };
             let (analog, p) = (with(None), with(Some(idle)));
             assert_exact(&p, &mut random, &format!("loop {i}, delay {delay}"));
@@ -80,6 +109,8 @@ fn a_digital_loop_without_feedback_is_the_analog_one() {
             d: &controller.d * 0.0,
             late: None,
             noise: false,
+            excitation: 1.0,
+            errors: vec![],
             ..controller.clone()
         };
         let model = |controller| Model::new(p.model.lft.clone(), p.model.dt, controller).expect("consistent");
@@ -103,8 +134,8 @@ fn a_digital_lag_follows_its_recursion() {
     let empty = DMatrix::<f64>::zeros;
     let (gain, d_gain) = (0.3, DMatrix::from_element(1, 1, 0.3));
     let (delay, steps) = (1.0, 2);
-    let controller =
-        Controller { a: empty(0, 0), b: empty(0, 1), c: empty(1, 0), d: d_gain, delay, late: None, steps, noise: true };
+    let law = Controller::new(empty(0, 0), empty(0, 1), empty(1, 0), d_gain);
+    let controller = Controller { delay, steps, noise: true, ..law };
     let lft = Lft::new(a, b, c, d, vec![]).expect("consistent");
     let p = Problem { model: Model::new(lft, 0.2, Some(controller)).expect("consistent"), theta: vec![] };
     let u = Random(16).signal(3 * 40);

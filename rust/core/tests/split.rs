@@ -107,7 +107,7 @@ fn digital_controllers_split_with_the_plant() {
             m
         };
         let [a, b, c, d] = [0, 1, 2, 3].map(part);
-        let controller = Controller { a, b, c, d, delay: 1.5, late: None, steps: 2, noise: true };
+        let controller = Controller { delay: 1.5, steps: 2, noise: true, ..Controller::new(a, b, c, d) };
         Problem { model: Model::new(plant(), 0.1, Some(controller)).expect("consistent"), theta: vec![] }
     };
     let apart = controlled(usize::MAX);
@@ -127,9 +127,8 @@ fn further_inputs_of_a_digital_loop_keep_their_places() {
     let c = entries(4, 3, &[(0, 0), (1, 1), (2, 0), (3, 2)]);
     let lft = first_orders(b, c, entries(4, 5, &[(0, 3), (2, 2), (3, 3)]));
     let eye = |factor| DMatrix::from_diagonal_element(2, 2, factor);
-    let (delay, steps) = (1.5, 2);
-    let controller =
-        Controller { a: eye(0.3), b: eye(0.1), c: eye(0.2), d: eye(0.3), delay, late: None, steps, noise: true };
+    let law = Controller::new(eye(0.3), eye(0.1), eye(0.2), eye(0.3));
+    let controller = Controller { delay: 1.5, steps: 2, noise: true, ..law };
     let p = Problem { model: Model::new(lft, 0.1, Some(controller)).expect("consistent"), theta: vec![] };
     assert_eq!(p.system().parts(), 3);
     assert_eq!(p.system().inputs(), 7);

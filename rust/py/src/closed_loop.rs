@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ambid_core::{ClosedLoop as Core, Controller, Gain, Lft, Model};
+use ambid_core::{ClosedLoop as Core, Controller, Gain, GainError, Lft, Model};
 use numpy::{Complex64, IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
@@ -26,7 +26,12 @@ pub struct DigitalController<'py> {
     steps: usize,
     #[pyo3(item)]
     noise: bool,
+    #[pyo3(item, default)]
+    errors: Vec<OneError<'py>>,
 }
+
+/// Parameter, C, D, share of the excitation; see `ambid_core::GainError`.
+type OneError<'py> = (usize, Matrix<'py>, Matrix<'py>, f64);
 
 #[pyclass(frozen, module = "ambid._core")]
 pub struct ClosedLoop {
@@ -54,7 +59,15 @@ impl ClosedLoop {
         let controller = controller.map(|k| {
             let (a, b, c, d) = &k.matrices;
             let (a, b, c, d) = (matrix(a), matrix(b), matrix(c), matrix(d));
-            Controller { a, b, c, d, delay: k.delay, late: k.late, steps: k.steps, noise: k.noise }
+            let errors = k.errors.iter();
+            let errors = errors.map(|(parameter, c, d, excitation)| GainError {
+                parameter: *parameter,
+                c: matrix(c),
+                d: matrix(d),
+                excitation: *excitation,
+            });
+            let (delay, late, steps, noise, errors) = (k.delay, k.late, k.steps, k.noise, errors.collect());
+            Controller { delay, late, steps, noise, errors, ..Controller::new(a, b, c, d) }
         });
         let model = Model { substeps, ..Model::new(lft, dt, controller).map_err(raise)? };
         Ok(Self { core: Arc::new(Core::new(model, parameters).map_err(raise)?) })

@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::model::Controller;
+use crate::model::{Controller, GainError};
 use crate::nonlinear::rows::{Weights, accumulate};
 
 /// States and commands come in rows: the value, then its derivative by each free parameter.
@@ -14,6 +14,10 @@ pub struct Control {
     rows: usize,
     /// `[state | read]` to `[command | next state]`.
     weights: Weights,
+    /// Gain of the excitation.
+    excitation: f64,
+    /// Rows of the derivatives by gain errors, and these.
+    errors: Vec<(usize, GainError)>,
     state: Vec<f64>,
     next: Vec<f64>,
     /// Commands, newest first.
@@ -21,8 +25,10 @@ pub struct Control {
 }
 
 impl Control {
-    pub fn new(controller: &Controller, rows: usize) -> Self {
+    /// A controller as [`Controller::at`] gives it, and its derivatives by the parameters in `free`.
+    pub fn new(controller: &Controller, free: &[usize]) -> Self {
         let Controller { a, b, c, d, .. } = controller;
+        let rows = 1 + free.len();
         let (n, m) = (a.nrows(), controller.channels());
         let mut whole = DMatrix::zeros(m + n, n + m);
         for (at, part) in [((0, 0), &-c), ((0, n), &-d), ((m, 0), a), ((m, n), b)] {
@@ -30,6 +36,7 @@ impl Control {
         }
         let weights = Weights::new(n + m, &[whole]);
         let kept = controller.split_delay().0 + 2;
+        let errors = free.iter().enumerate().filter_map(|(j, p)| Some((1 + j, controller.slope(*p)?))).collect();
         Self {
             steps: controller.steps,
             channels: m,
@@ -38,6 +45,8 @@ impl Control {
             next: vec![0.0; rows * weights.columns],
             commands: vec![0.0; kept * rows * m],
             weights,
+            excitation: controller.excitation,
+            errors,
         }
     }
 
@@ -52,9 +61,9 @@ impl Control {
         &self.commands[age * size..][..size]
     }
 
-    /// Computes the next command, `-C x - D (y + noise) + i_e`, and the next state. Rows of y stand `stride` apart.
+    /// Computes the next command, `-C x - D (y + noise) + e i_e`, and the next state. Rows of y stand `stride` apart.
     pub fn update(&mut self, excitation: &[f64], noise: &[f64], y: &[f64], stride: usize) {
-        let Self { channels: m, rows, weights, state, next, commands, .. } = self;
+        let Self { channels: m, rows, weights, state, next, commands, errors, .. } = self;
         let (m, columns, width) = (*m, weights.columns, state.len() / *rows);
         let n = width - m;
         for (state, y) in state.chunks_exact_mut(width).zip(y.chunks(stride)) {
@@ -62,7 +71,15 @@ impl Control {
         }
         state[n..].iter_mut().zip(noise).for_each(|(read, noise)| *read += noise);
         next.fill(0.0);
-        next[..m].copy_from_slice(excitation);
+        next[..m].iter_mut().zip(excitation).for_each(|(next, i_e)| *next = self.excitation * i_e);
+        for (row, error) in errors {
+            let (x, read) = state[..width].split_at(n);
+            for (i, next) in next[*row * columns..][..m].iter_mut().enumerate() {
+                let fed =
+                    |weights: &DMatrix<f64>, by: &[f64]| weights.row(i).iter().zip(by).map(|(w, b)| w * b).sum::<f64>();
+                *next = error.excitation * excitation[i] - fed(&error.c, x) - fed(&error.d, read);
+            }
+        }
         accumulate(*rows, (state, width), weights, (next, columns), columns);
         let older = commands.len() - *rows * m;
         commands.copy_within(..older, *rows * m);

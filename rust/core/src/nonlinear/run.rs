@@ -54,7 +54,13 @@ impl Run {
     ///
     /// # Errors
     /// [`Error::Block`] where there are no substeps, and as [`Scheme::new`].
-    pub fn new(plant: Plant, controller: Option<&Controller>, dt: f64, substeps: usize) -> Result<Self> {
+    pub fn new(
+        plant: Plant,
+        controller: Option<&Controller>,
+        free: &[usize],
+        dt: f64,
+        substeps: usize,
+    ) -> Result<Self> {
         if substeps == 0 {
             return Err(Error::Block { what: "a nonlinear loop needs at least one substep" });
         }
@@ -83,7 +89,7 @@ impl Run {
             held_read: vec![0.0; 4 * layout.read],
             change: vec![0.0; plant.driven + blocks],
         };
-        let control = controller.map(|k| Control::new(k, rows));
+        let control = controller.map(|k| Control::new(k, free));
         Ok(Self { plant, layout, segments, substeps, control, buffers })
     }
 

@@ -18,16 +18,9 @@ impl Problem {
     /// The same plant sampled every `dt`, under a digital proportional controller.
     pub fn under_digital(self, dt: f64, gain: f64, delay: f64) -> Self {
         let m = self.model.lft.inputs();
-        let controller = Controller {
-            a: DMatrix::zeros(0, 0),
-            b: DMatrix::zeros(0, m),
-            c: DMatrix::zeros(m, 0),
-            d: DMatrix::identity(m, m) * gain,
-            delay,
-            late: None,
-            steps: 1,
-            noise: false,
-        };
+        let empty = DMatrix::zeros;
+        let law = Controller::new(empty(0, 0), empty(0, m), empty(m, 0), DMatrix::identity(m, m) * gain);
+        let controller = Controller { delay, ..law };
         let model = Model::new(self.model.lft, dt, Some(controller)).expect("consistent");
         Self { model, theta: self.theta }
     }

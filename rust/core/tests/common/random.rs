@@ -1,6 +1,6 @@
 //! Seeded random numbers and random stable loops.
 
-use ambid_core::{Controller, Gain, Lft, Model};
+use ambid_core::{Controller, Gain, GainError, Lft, Model};
 use nalgebra::DMatrix;
 
 use super::loops::Problem;
@@ -63,6 +63,7 @@ impl Random {
         let (states, share, dt) = (self.pick(&[0, 1, 3]), self.between(0.2, 1.0), 0.1);
         let late = self.pick(&[None, Some(theta.len())]);
         theta.extend(late.map(|_| share * delay * dt / steps as f64));
+        let errors = self.gain_errors(&mut theta, states, channels);
         let controller = Controller {
             a: self.matrix(states, states) * 0.3,
             b: self.matrix(states, channels) * 0.3,
@@ -72,8 +73,26 @@ impl Random {
             late,
             steps,
             noise: self.pick(&[false, true]),
+            excitation: self.between(0.5, 1.5),
+            errors,
         };
         Problem { model: Model::new(lft, dt, Some(controller)).expect("consistent"), theta }
+    }
+
+    /// None, or two that share a parameter and one of another, or of the plant's first.
+    fn gain_errors(&mut self, theta: &mut Vec<f64>, states: usize, channels: usize) -> Vec<GainError> {
+        if self.pick(&[false, true]) {
+            return vec![];
+        }
+        let (first, other) = (theta.len(), self.pick(&[0, theta.len() + 1]));
+        theta.extend((first..=first.max(other)).map(|_| self.between(-0.5, 0.5)));
+        let error = |parameter| GainError {
+            parameter,
+            c: self.matrix(channels, states) * 0.3,
+            d: self.matrix(channels, channels) * 0.3,
+            excitation: self.pick(&[0.0, 1.0]),
+        };
+        [first, first, other].map(error).into()
     }
 
     /// An LFT and parameters that it is stable at; the first `channels` outputs do not follow as many inputs at once.

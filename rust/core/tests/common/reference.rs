@@ -111,9 +111,16 @@ fn digital(
     dt: f64,
     rows: impl Iterator<Item = DVector<C64>>,
 ) -> Vec<C64> {
-    let [ka, kb, kc, kd] = [&k.a, &k.b, &k.c, &k.d].map(|m| m.map(C64::from));
+    let [ka, kb, mut kc, mut kd] = [&k.a, &k.b, &k.c, &k.d].map(|m| m.map(C64::from));
+    let mut excitation = C64::from(k.excitation);
+    for error in &k.errors {
+        let theta = theta[error.parameter];
+        kc += error.c.map(C64::from) * theta;
+        kd += error.d.map(C64::from) * theta;
+        excitation += theta * error.excitation;
+    }
     let (m, all, step) = (k.d.nrows(), plant.b.ncols(), dt / k.steps as f64);
-    let delay = k.late.map_or(C64::from(0.0), |late| theta[late] * (k.steps as f64 / dt)) + k.delay;
+    let delay = k.late.map_or(C64::from(0.0), |late| theta[late] * k.steps as f64 / dt) + k.delay;
     let whole = delay.re as usize;
     let fraction = delay - whole as f64;
     let (early, late) = (plant.hold(fraction * step), plant.hold((-fraction + 1.0) * step));
@@ -129,7 +136,7 @@ fn digital(
             if k.noise {
                 read += u.rows(all, m);
             }
-            commands.push_front(u.rows(0, m) - &kc * &controller - &kd * &read);
+            commands.push_front(u.rows(0, m) * excitation - &kc * &controller - &kd * &read);
             commands.pop_back();
             acting.rows_mut(0, m).copy_from(&commands[at_first]);
             if sample == 0 {

@@ -1,0 +1,127 @@
+"""Wrong gains in a rig file and a wrong scale of i_e are named, beside the physics; physics is not taken for them."""
+
+from dataclasses import replace
+from functools import cache
+
+import pytest
+
+import ambid
+from ambid.diagnosis import diagnose
+from ambid.rig import StateSpaceController
+from hidden.bench import measured
+from hidden.families import BENCHES
+from hidden.one_axis import ONE_AXIS, record
+
+MACHINES = {"one axis": ONE_AXIS, "two bearings": BENCHES["bench"]}
+
+
+@cache
+def nothing_hidden(machine):
+    own = MACHINES[machine]
+    i_e = ambid.prbs(9, amplitude=1.0, hold=4, axes=len(own.rig.axes), periods=4)
+    return measured(own.rig, i_e, {}, seed=1, **own.truth)
+
+
+def with_gains(rig, **factors):
+    changed = {key: factor * getattr(rig.controller, key) for key, factor in factors.items()}
+    return rig.replace(controller=rig.controller.model_copy(update=changed))
+
+
+def named(found):
+    return {*found.effects, *(name for names in found.ambiguous_sets for name in names)}
+
+
+def values(found):
+    return {p.name: p.value for p in found.model.parameters}
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize("gain", ["proportional", "derivative"])
+@pytest.mark.parametrize("factor", [0.7, 1.4])
+def test_a_wrong_gain_of_the_rig_file_is_named(machine, gain, factor):
+    rig = MACHINES[machine].rig
+    found = diagnose(with_gains(rig, **{gain: factor}), nothing_hidden(machine))
+    assert found.verdict == "explained", found
+    assert found.effects == ("controller_gain_error",)
+    assert found.history[0].ranking.candidates[0].effect.name == "controller_gain_error"
+    assert values(found)[f"controller_gain_error.{gain}"] == pytest.approx(1.0 / factor - 1.0, rel=0.01)
+    assert found.history[-1].misfit == pytest.approx(1.0, abs=0.05)
+    own = getattr(rig.controller, gain)
+    (note,) = found.notes
+    assert f"controller.{gain} = {factor * own:g} in the rig file, the data say {own:g}" in note
+    assert note.count("in the rig file") == 1, "gains that are right are not told"
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.2])
+@pytest.mark.parametrize("gain", ["proportional", "integral", "derivative"])
+def test_a_gain_that_is_off_by_less(gain, factor):
+    found = diagnose(with_gains(ONE_AXIS.rig, **{gain: factor}), nothing_hidden("one axis"))
+    assert found.effects == ("controller_gain_error",), found
+    assert values(found)[f"controller_gain_error.{gain}"] == pytest.approx(1.0 / factor - 1.0, rel=0.02)
+
+
+def test_a_controller_given_by_its_matrices():
+    rig = ONE_AXIS.rig
+    A, B, C, D = rig.controller.state_space(1, rig.sample_rate)
+    wrong = StateSpaceController(implementation="analog", A=A, B=B, C=1.2 * C, D=1.2 * D)
+    found = diagnose(rig.replace(controller=wrong), nothing_hidden("one axis"))
+    assert found.effects == ("controller_gain_error",), found
+    assert "0.8333 times the [controller] in the rig file" in found.notes[0]
+
+
+def test_a_digital_controller_at_twice_the_rate():
+    digital = {"implementation": "digital", "delay_samples": 1.0, "sample_rate": 2e4}
+    rig = ONE_AXIS.rig.replace(controller=ONE_AXIS.rig.controller.model_copy(update=digital))
+    right = measured(rig, ONE_AXIS.excitation(1.0), {}, seed=1, **ONE_AXIS.truth)
+    found = diagnose(with_gains(rig, derivative=0.7), right)
+    assert found.effects == ("controller_gain_error",), found
+    assert "controller.derivative = 31.5 in the rig file, the data say 45" in found.notes[0]
+
+
+def test_a_slip_beside_physics_and_both_slips_at_once():
+    rig = with_gains(ONE_AXIS.rig, derivative=0.8)
+    found = diagnose(rig, record({"loop_delay": {"seconds": 5e-5}}, 1))
+    assert {"controller_gain_error", "loop_delay"} <= named(found), found
+    right = nothing_hidden("one axis")
+    found = diagnose(rig, replace(right, i_e=1.2 * right.i_e))
+    assert set(found.effects) == {"controller_gain_error", "excitation_gain_error"}, found
+    assert len(found.notes) == 2
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize("factor", [0.8, 1.25])
+def test_a_wrong_scale_of_the_excitation_is_named(machine, factor):
+    right = nothing_hidden(machine)
+    found = diagnose(MACHINES[machine].rig, replace(right, i_e=factor * right.i_e))
+    assert found.effects == ("excitation_gain_error",), found
+    assert values(found)["excitation_gain_error.scale"] == pytest.approx(1.0 / factor - 1.0, rel=0.01)
+    assert f"{1.0 / factor:.4g} times the i_e that was recorded" in found.notes[0]
+
+
+def test_without_i_c_the_two_slips_are_one():
+    """A common factor on the controller and its inverse on all K_i are a scale of i_e, as far as y goes."""
+    right = nothing_hidden("two bearings")
+    found = diagnose(BENCHES["bench"].rig, replace(right, i_e=1.25 * right.i_e, i_c=None))
+    assert {"excitation_gain_error", "controller_gain_error"} <= named(found), found
+    assert any("would mean that the rig file is wrong" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        {"back_emf": {"coefficient": 10.0}},
+        {"sensor_lag": {"tau": 3e-5}, "loop_delay": {"seconds": 5e-5}},
+        {"amplifier_voltage_limit": {"slew": 4e3}},
+    ],
+    ids=lambda hidden: " and ".join(hidden),
+)
+def test_physics_that_looks_like_wrong_gains_is_named(hidden):
+    found = diagnose(ONE_AXIS.rig, record(hidden, 1))
+    assert set(hidden) <= named(found), found
+
+
+def test_a_slew_limit_at_a_short_hold_passes_the_gate():
+    i_e = ambid.prbs(9, amplitude=1.0, hold=2, periods=4)
+    hidden = {"amplifier_voltage_limit": {"slew": 4e3}}
+    found = diagnose(ONE_AXIS.rig, measured(ONE_AXIS.rig, i_e, hidden, seed=1, **ONE_AXIS.truth))
+    assert "amplifier_voltage_limit" in named(found), found
