@@ -7,11 +7,9 @@ from .campaigns import Campaign as Campaign
 from .campaigns import campaign as campaign
 from .checking import Soundness as Soundness
 from .checking import check as check
-from .noise import Comparison as Comparison
 from .diagnosis import Diagnosis as Diagnosis
 from .diagnosis import Localisation as Localisation
 from .diagnosis import Ranking as Ranking
-from .noise import compare as compare
 from .diagnosis import diagnose as diagnose
 from .diagnosis import localise as localise
 from .diagnosis import rank as rank
@@ -40,7 +38,9 @@ from .interop import to_mat as to_mat
 from .interop import to_scipy as to_scipy
 from .model import Model as Model
 from .model import Parameter as Parameter
+from .noise import Comparison as Comparison
 from .noise import Noise as Noise
+from .noise import compare as compare
 from .noise import noise_ceiling as noise_ceiling
 from .record import ChannelMap as ChannelMap
 from .record import Record as Record

@@ -64,7 +64,7 @@ class Lines:
         """Lines of a record with i_e; the strongest of the excitation where there are many."""
         window, length = None, record.samples
         if record.period is not None and record.periods >= 2:
-            window, length = Window.after_first(record.period, record.periods - 1), record.period
+            window, length = Window.of(record).settled, record.period
 
         def spectrum(signal: FloatArray) -> ComplexArray:
             if window is not None:

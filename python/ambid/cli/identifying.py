@@ -38,7 +38,7 @@ def identify_command(
     share: Annotated[list[str], typer.Option(metavar="NAME=MEMBER,...", help="One parameter for several axes.")] = [],  # noqa: B006
     per_axis: Annotated[list[str], typer.Option(metavar="NAME", help="One value per axis, such as tau_e.")] = [],  # noqa: B006
     limits: Annotated[list[str], typer.Option("--bound", metavar="NAME=LOW:HIGH", help="Bounds in SI units.")] = [],  # noqa: B006
-    weight: Annotated[list[str], typer.Option(metavar="eq9|CHANNEL=W", help="eq9 for the paper's weights, or factors on them.")] = [],  # noqa: B006
+    weight: Annotated[list[str], typer.Option(metavar="eq9|CHANNEL=W", help="eq9, or factors on it.")] = [],  # noqa: B006
     starts: Annotated[int, typer.Option(help="Number of starts.")] = 1,
     seed: Annotated[int, typer.Option(help="Of the further starts.")] = 0,
     max_evaluations: Annotated[int, typer.Option(help="Per start.")] = 100,

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
 from scipy.special import chdtri
 
 from ambid.arrays import ComplexArray, FloatArray
@@ -97,7 +96,8 @@ def _sideband_powers(
     part: RecordLines, patterns: ComplexArray, shifts: NDArray[np.intp]
 ) -> tuple[ComplexArray, FloatArray]:
     """Amplitude of each pattern at each shift, and its power in units of noise, both of shape (shifts, patterns)."""
-    between, window = Between.of(part), part.window.settled
+    window = part.window.settled
+    between = Between.of(part, window.between(window.periods))
     rate = part.record.sample_rate
     between = between.without([tone.frequency_hz * window.samples / rate for tone in part.tones])
     count = len(window.excited)

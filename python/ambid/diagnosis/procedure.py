@@ -5,18 +5,19 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from ambid.checking import check
 from ambid.diagnosis.ranking import Candidate, Progress, Ranking, silent
 from ambid.diagnosis.result import Diagnosis
 from ambid.diagnosis.search import add_best, add_chosen, begin
 from ambid.diagnosis.state import Task
 from ambid.diagnosis.verdict import judged
-from ambid.diagnosis.wording import next_experiment, notes
+from ambid.diagnosis.wording import families, next_experiment, notes
 from ambid.effects import CATALOGUE, Effect, find
-from ambid.identification import identify
-from ambid.identification.minimum import refit
+from ambid.identification import ParameterEstimate, identify
+from ambid.identification.covariance import covariance
 from ambid.model import Model
-from ambid.noise import compare
 from ambid.noise.comparison import ADEQUATE
 from ambid.record import Record
 from ambid.rig import Rig
@@ -98,7 +99,9 @@ def diagnose(
         lost = ", ".join(sorted({name for direction in estimate.directions for name in direction}))
         why = f"the records do not determine {lost}; excite every axis, with more amplitude or over more periods"
         return Diagnosis.uninformative(estimate.model, records, [why], begun)
-    base = refit(compare(estimate.model, records).renewed()) if not estimate.comparison.is_judged else estimate.comparison
+    base = (
+        refit(compare(estimate.model, records).renewed()) if not estimate.comparison.is_judged else estimate.comparison
+    )
     task = Task(start, tuple(validate), tuple(catalogue), progress)
     state, is_stopped = begin(task, base), False
     say(state.history[-1].line())
@@ -111,13 +114,24 @@ def diagnose(
     except KeyboardInterrupt:
         is_stopped = True
     verdict = judged(task, state, tolerance, is_stopped=is_stopped)
+    model = verdict.fit.model.with_substeps(None)
+    spread = covariance(verdict.fit, range(len(model.names)))
     return Diagnosis(
         verdict=verdict.word,
         effects=verdict.effects,
         ambiguous_sets=[list(names) for names in verdict.sets],
         history=list(state.history),
         localisation=verdict.where,
-        model=verdict.model.with_substeps(None),
+        model=model,
+        fit=verdict.fit,
+        kept_back=state.validation,
+        parameters={
+            p.name: ParameterEstimate.normal(p.value, float(error), p.unit)
+            for p, error in zip(model.parameters, np.sqrt(np.diag(spread)), strict=True)
+        },
+        covariance=spread,
+        explained_percent=100.0 * verdict.share if verdict.effects or verdict.tried else np.nan,
+        families=families(verdict, state.history),
         records=records,
         validation=task.validate,
         next_experiment=next_experiment(verdict, state.history),

@@ -10,9 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from ambid.arrays import FloatArray
 from ambid.diagnosis.localisation import Cell, Localisation
 from ambid.diagnosis.ranking import Ranking
+from ambid.identification import ParameterEstimate
 from ambid.model import Model
+from ambid.noise import Comparison
 from ambid.record import Record
 from ambid.results import Tabular, plain
 
@@ -23,6 +26,25 @@ VERDICTS = {
     "none_of_the_candidates": "something is missing that no effect of the catalogue explains; nothing was added",
     "not_informative": "these data cannot decide",
 }
+
+
+@dataclass(frozen=True)
+class Family:
+    """An effect and its near twins in these data.
+
+    Attributes
+    ----------
+    members : tuple of str
+    shared : str
+        The number that all of them agree upon, such as ``a lag of 3 ms``; empty where there is none.
+    """
+
+    members: tuple[str, ...]
+    shared: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data, as in JSON."""
+        return {"members": list(self.members), "shared": self.shared}
 
 
 @dataclass(frozen=True)
@@ -102,6 +124,18 @@ class Diagnosis(Tabular):
     history : list of Step
     localisation : Localisation or None
         Where the base model fails.
+    fit : Comparison or None
+        The last model against the records; None where the diagnosis could not begin.
+    kept_back : Comparison or None
+        The last model that was tried against the records for validation.
+    parameters : dict of str to ParameterEstimate
+        Of the last model, with standard errors and 95 % intervals as `identify` gives them.
+    covariance : ndarray
+        Of all its parameters.
+    explained_percent : float
+        Part of the excess misfit of the base model that the effects explain; NaN where nothing was to explain.
+    families : dict of str to Family
+        Near twins of each named effect.
     model : Model
         The last model.
     records, validation : tuple of Record
@@ -118,6 +152,12 @@ class Diagnosis(Tabular):
     history: list[Step]
     localisation: Localisation | None
     model: Model
+    fit: Comparison | None
+    kept_back: Comparison | None
+    parameters: dict[str, ParameterEstimate]
+    covariance: FloatArray
+    explained_percent: float
+    families: dict[str, Family]
     records: tuple[Record, ...]
     validation: tuple[Record, ...]
     next_experiment: str
@@ -134,6 +174,12 @@ class Diagnosis(Tabular):
             history=[],
             localisation=None,
             model=model,
+            fit=None,
+            kept_back=None,
+            parameters={p.name: ParameterEstimate(p.value, None, None, p.unit) for p in model.parameters},
+            covariance=np.full((len(model.names), len(model.names)), np.nan),
+            explained_percent=np.nan,
+            families={},
             records=tuple(records),
             validation=(),
             next_experiment="first mend what the notes say, then record again",
@@ -170,7 +216,11 @@ class Diagnosis(Tabular):
                     }
                     for c in self.where[:20]
                 ],
-                "parameters": {p.name: {"value": p.value, "unit": p.unit} for p in self.model.parameters},
+                "parameters": {name: p.as_dict() for name, p in self.parameters.items()},
+                "misfit": np.nan if self.fit is None else self.fit.misfit,
+                "misfit_bound": np.nan if self.fit is None else self.fit.bound,
+                "explained_percent": self.explained_percent,
+                "families": {name: family.as_dict() for name, family in self.families.items()},
                 "not_tried": self.not_tried,
                 "next_experiment": self.next_experiment,
                 "seconds": self.seconds,
@@ -198,8 +248,8 @@ class Diagnosis(Tabular):
         return [verdict, *sets, f"next: {self.next_experiment}", *self.notes]
 
     def save(self, path: str | Path) -> None:
-        """Write the last model, for ``--model`` and `Model.load`."""
-        self.model.save(path)
+        """Write the last model with its covariance, for ``--model`` and `Model.load`."""
+        self.model.save(path, self.covariance)
 
     def __repr__(self) -> str:
         named = f": {', '.join(self.effects)}" if self.effects else ""
@@ -208,7 +258,11 @@ class Diagnosis(Tabular):
         lines += ["", *(step.line() for step in self.history)]
         own = [p for p in self.model.parameters if p.typical is not None]
         if own:
-            lines += ["", *(f"{p.name:36s} {p.value:12.5g} {p.unit}" for p in own)]
+            lines += [""]
+            for p in own:
+                error = self.parameters[p.name].std_error
+                spread = "" if error is None or not np.isfinite(error) else f" +- {error:.2g}"
+                lines.append(f"{p.name:36s} {p.value:12.5g}{spread} {p.unit}")
         worst = [cell for cell in self.where[:3] if np.isfinite(cell.misfit)]
         if worst and self.verdict != "adequate":
             lines += ["", "largest misfit of the model at the start:"]

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from ambid.diagnosis.ranking import Candidate, Progress, Ranking
 from ambid.diagnosis.result import Step
 from ambid.effects import Effect

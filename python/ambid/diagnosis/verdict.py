@@ -11,7 +11,7 @@ from ambid.diagnosis.drift import Change, largest_change
 from ambid.diagnosis.localisation import Localisation, localise
 from ambid.diagnosis.state import State, Task
 from ambid.loop.effect import Tone
-from ambid.model import Model
+from ambid.noise import Comparison
 from ambid.noise.chance import SPREAD
 from ambid.noise.tones import OUTSTANDING
 from ambid.record import Record
@@ -40,8 +40,8 @@ class Verdict:
         That explain the misfit, in order.
     sets : tuple of tuple of str
         Effects that these data cannot tell apart.
-    model : Model
-        The last model; the base model where nothing is explained.
+    fit : Comparison
+        Of the last model; of the base model where nothing is explained.
     where : Localisation
         Of the base model.
     misfit : float
@@ -66,7 +66,7 @@ class Verdict:
     word: str
     effects: tuple[str, ...]
     sets: tuple[tuple[str, ...], ...]
-    model: Model
+    fit: Comparison
     where: Localisation
     misfit: float
     tolerance: float
@@ -100,7 +100,7 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
     is_clean = not tones and change is None
     by_share = share > EXPLAINED_SHARE and len(effects) <= MOST_BY_SHARE
     sets = tuple(state.sets[name] for name in effects if len(state.sets.get(name, ())) > 1)
-    model, tried_share = state.fit.model, 0.0
+    fit, tried_share = state.fit, 0.0
     tried: tuple[str, ...] = ()
     if not effects and misfit < max(tolerance, state.at_noise / state.dof) and is_clean:
         word = "adequate"
@@ -114,13 +114,13 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
         tried = tuple(effect.name for effect in best.model.effects[len(state.base.model.effects) :])
         if tried:
             tried_share = (state.base.cost - best.cost) / (state.base.cost - state.dof)
-        model, effects, sets = state.base.model, (), ()
+        fit, effects, sets = state.base, (), ()
     others = _others(task, state)
     return Verdict(
         word,
         effects,
         sets,
-        model,
+        fit,
         where,
         misfit,
         tolerance,

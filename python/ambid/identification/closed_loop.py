@@ -13,10 +13,10 @@ from ambid.errors import ModelError, RecordError, UnstableLoopError
 from ambid.identification.covariance import covariance, sandwich
 from ambid.identification.estimate import Estimate, ParameterEstimate
 from ambid.identification.minimum import WhitenedProblem
-from ambid.identification.problem import End, LeastSquares, Limits, Problem, noise_levels
+from ambid.identification.problem import EXACTLY, End, LeastSquares, Limits, Problem, noise_levels
 from ambid.model import Model
 from ambid.model.parameter import UNITS
-from ambid.noise import Comparison, compare
+from ambid.noise import Comparison, Noise, compare
 from ambid.record import Record
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
@@ -24,10 +24,8 @@ from ambid.threads import with_one_blas_thread
 __all__ = ["identify"]
 
 LIKELIHOOD, EQ_9 = "likelihood", "eq9"
-MOST_RENEWALS = 2
-"""So often is the noise renewed by the residual of the fit, at the most."""
-RENEWED = 0.02
-"""Relative change of J by renewing the noise that is small enough."""
+ROUGHLY = 1e-4
+"""Relative step at which a rough fit is near enough for the noise to be taken from its residual."""
 MISFIT = (
     "the misfit is above its bound: physics is missing, and the intervals are widened by what is left; they hold the "
     "truth only if what is missing does not bend the parameters further"
@@ -145,27 +143,20 @@ def _likeliest(
 ) -> Estimate:
     """The fit that minimises J, in the noise that its own residual tells."""
     stable, notes = _stable(model, free, origins, limits)
-    comparison = Comparison(stable, records)
-    problem = WhitenedProblem(stable, comparison.noise, free, progress)
-    best, more = _best_of(problem, origins if not notes else [stable.theta[free]], limits, max_evaluations)
-    for _ in range(MOST_RENEWALS):
-        if best.status == "stopped":
-            break
-        before = best.cost
-        comparison = comparison.of(model.with_theta(best.theta)).renewed()
-        again = WhitenedProblem(comparison.model, comparison.noise, free, progress)
-        again.evaluations = problem.evaluations
-        problem = again
+    rough = WhitenedProblem(stable, Noise.rough(stable, records), free, progress)
+    best, more = _best_of(rough, origins if not notes else [stable.theta[free]], limits, max_evaluations, ROUGHLY)
+    problem: WhitenedProblem = rough
+    comparison = Comparison(model.with_theta(best.theta), records)
+    comparison.noise  # noqa: B018 - raises where it is not known
+    if best.status != "stopped":
+        problem = WhitenedProblem(comparison.model, comparison.noise, free, progress)
+        problem.evaluations = rough.evaluations
         best = problem.descend(best.theta[free] / problem.scale, limits, max_evaluations)
-        if abs(best.cost / before - 1.0) < RENEWED:
-            break
-    comparison = comparison.of(model.with_theta(best.theta))
+        comparison = comparison.of(model.with_theta(best.theta))
     return _estimate(problem, best, limits, covariance(comparison, free), comparison, [*notes, *more], begun)
 
 
-def _stable(
-    model: Model, free: list[int], origins: list[FloatArray], limits: Limits
-) -> tuple[Model, list[str]]:
+def _stable(model: Model, free: list[int], origins: list[FloatArray], limits: Limits) -> tuple[Model, list[str]]:
     """The model at the first stable start, and what was moved to find one."""
     scale = np.array([model.parameters[i].scale for i in free])
     for start in origins:
@@ -233,7 +224,7 @@ def _starts(theta: FloatArray, free: list[int], limits: Limits, count: int, seed
 
 
 def _best_of(
-    problem: LeastSquares, starts: list[FloatArray], limits: Limits, max_evaluations: int
+    problem: LeastSquares, starts: list[FloatArray], limits: Limits, max_evaluations: int, step: float = EXACTLY
 ) -> tuple[End, list[str]]:
     ends, notes = [], []
     for start in starts:
@@ -242,13 +233,13 @@ def _best_of(
             problem.normal_equations(x)
         except UnstableLoopError:
             continue
-        ends.append(problem.descend(x, limits, max_evaluations))
+        ends.append(problem.descend(x, limits, max_evaluations, step))
         if ends[-1].status == "stopped":
             break
     if not ends:
         x, moved = _stable_start(problem.model, problem.free, limits)
         notes.append(f"the loop is unstable at the start values; started from {moved} of them instead")
-        ends.append(problem.descend(x, limits, max_evaluations))
+        ends.append(problem.descend(x, limits, max_evaluations, step))
     best = min(ends, key=lambda end: end.cost)
     if len(starts) > 1:
         same = sum(end.cost < best.cost * (1.0 + 1e-6) for end in ends)

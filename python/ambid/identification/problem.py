@@ -16,6 +16,9 @@ from ambid.model import Model
 from ambid.noise import noise_ceiling
 from ambid.record import Record
 
+EXACTLY = 1e-8
+"""Relative step at which a descent ends."""
+
 
 class End(NamedTuple):
     """Where a descent ended: all parameters, cost, and a status of `estimate.STATUS`."""
@@ -64,7 +67,7 @@ class LeastSquares(ABC):
                 self.progress(self.evaluations, cost)
         return self._last[1:]
 
-    def descend(self, x: FloatArray, limits: Limits, max_evaluations: int) -> End:
+    def descend(self, x: FloatArray, limits: Limits, max_evaluations: int, step: float = EXACTLY) -> End:
         """Go downhill from x with SciPy's trust-region method; a step into an unstable loop is rejected."""
         self._best = (np.inf, x)
         tiny = 1e-9  # bounds of zero are open: a gain or time constant of zero is no model
@@ -74,7 +77,7 @@ class LeastSquares(ABC):
         try:
             result = least_squares(
                 self._residual, inside, self._jacobian, bounds=bounds, method="trf",
-                xtol=1e-8, ftol=1e-10, gtol=1e-10, max_nfev=max_evaluations,
+                xtol=step, ftol=step**1.25, gtol=step**1.25, max_nfev=max_evaluations,
             )  # fmt: skip
         except KeyboardInterrupt:
             cost, x = self._best

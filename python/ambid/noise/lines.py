@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
 from scipy.linalg import eigh
+from scipy.ndimage import uniform_filter1d
 
 from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
@@ -32,6 +33,11 @@ SETTLED = 1e-3
 """Part of a transient that may be left where a nonlinear model counts as settled."""
 OWN = 1e-10
 """Part of the largest eigenvalue of the transient's Gram matrix below which a direction of it says nothing."""
+
+FEW = 400
+"""Lines that lead a fit near its optimum."""
+ENOUGH = 2000
+"""Unexcited lines that determine a transient well enough to take it out of the noise."""
 
 White = tuple[FloatArray, FloatArray, int]
 """Whitened residual and derivatives, freed from the transient, and how many numbers of that the lines determine."""
@@ -65,6 +71,8 @@ class RecordLines:
     measured : Measured
     tones : sequence of Tone
         The lines around them, and around the frequencies of effects in the model, are judged beside the excited ones.
+    rough : bool
+        Few lines, each channel in the noise that it holds as recorded: good enough to come near an optimum.
 
     Attributes
     ----------
@@ -75,17 +83,19 @@ class RecordLines:
     spectrum : Spectrum
     """
 
-    def __init__(self, model: Model, measured: Measured, tones: Sequence[Tone] = ()) -> None:
+    def __init__(self, model: Model, measured: Measured, tones: Sequence[Tone] = (), *, rough: bool = False) -> None:
         self.measured, self.record, self.window = measured, measured.record, measured.window
         self.tones = tuple(tones)
         self._base = here = model.at(self.record)
         own = [f for effect in here.acting for f in effect.frequencies_hz(here.rig)]
         self.more = self._around([*own, *(tone.frequency_hz for tone in tones)])
-        self.index = np.concatenate([self.window.excited, self.more])
+        self._every = max(1, len(self.window.excited) // FEW) if rough else 1
+        self.index = np.concatenate([self.window.excited, self.more])[:: self._every]
         self.points = self.window.points(self.index)
-        self._z = np.ascontiguousarray(self.window.some_lines(self.record.outputs, self.more))
+        self._z = self._judged(self.record.outputs)
         self._data: dict[tuple[Effect, ...], _core.LineData] = {}  # by the disturbances that drive a model
-        self.spectrum = self._between() if self.window.is_periodic else self._without_periods()
+        way = self._rough if rough else self._between if self.window.is_periodic else self._without_periods
+        self.spectrum = way()
 
     @property
     def numbers(self) -> int:
@@ -123,9 +133,9 @@ class RecordLines:
             return -residual[:, 0], _freed(slopes, orthonormal(basis)) if own else slopes, fitted
         lines, slopes = self._simulated(here, own)
         basis = orthonormal(self.whiten(self._basis(here)))
-        residual = self.whiten(self._z - lines)
-        columns = self.whiten(slopes) if own else np.zeros((len(residual), 0))
-        return _freed(residual, basis), _freed(columns, basis), basis.shape[1]
+        left = self.whiten(self._z - lines)
+        columns = self.whiten(slopes) if own else np.zeros((len(left), 0))
+        return _freed(left, basis), _freed(columns, basis), basis.shape[1]
 
     def slopes(self, here: Model, free: Sequence[int]) -> FloatArray:
         """Whitened derivatives of the settled response by the parameters in `free`, shape (numbers, free)."""
@@ -196,7 +206,7 @@ class RecordLines:
         window, p, core, theta = self.window, self.measured.channels, here.loop.core, here.theta
         lines, basis = self._simulated(here, [])[0], self._basis(here)
         white, columns = self.whiten(self._z - lines), self.whiten(basis)
-        d = np.linalg.lstsq(columns, white, rcond=np.sqrt(OWN))[0]
+        d = np.asarray(np.linalg.lstsq(columns, white, rcond=np.sqrt(OWN))[0])
         free = core.free_response(theta, d, window.samples, self.record.samples)[:, :p]
         inputs = np.ascontiguousarray(here.excitation(self.record))
         if self._starts_at_rest or inputs.shape[1] > len(self.record.axes):
@@ -226,12 +236,25 @@ class RecordLines:
         """Inputs on the judged lines: i_e, then those of disturbances in the model."""
         if here.loop.core.inputs == len(self.record.axes):
             return self._excitation
-        return np.ascontiguousarray(self.window.some_lines(here.excitation(self.record), self.more))
+        return self._judged(here.excitation(self.record))
 
     @cached_property
     def _excitation(self) -> ComplexArray:
-        i_e = self._base.excitation(self.record)[:, : len(self.record.axes)]
-        return np.ascontiguousarray(self.window.some_lines(i_e, self.more))
+        return self._judged(self._base.excitation(self.record)[:, : len(self.record.axes)])
+
+    def _judged(self, signal: FloatArray) -> ComplexArray:
+        """The judged lines of a signal that starts with the record."""
+        return np.ascontiguousarray(self.window.some_lines(signal, self.more)[:: self._every])
+
+    def _rough(self) -> Spectrum:
+        """The noise of each channel by itself, as recorded, transients and all."""
+        window, p = self.window.settled, self.measured.channels
+        index = window.between(1) if window.is_periodic else self.window.excited
+        power = uniform_filter1d(np.abs(self.measured.quiet[index]) ** 2, 2 * HALF_WIDTH + 1, axis=0, mode="nearest")
+        place, judged = index / window.periods, self.index / self.window.periods
+        own = np.stack([np.interp(judged, place, channel) for channel in power.T], axis=1)
+        covariance = (own[:, :, None] * np.eye(p)).astype(complex)
+        return Spectrum.of(covariance, np.tile(np.eye(p, dtype=complex), (len(own), 1, 1)), np.ones(len(own)))
 
     def _basis(self, here: Model) -> ComplexArray:
         """What a unit of each number of the transient adds on the judged lines, shape (lines, p, states)."""
@@ -254,9 +277,11 @@ class RecordLines:
         back = back_through_loop(here, points, p)
         size = np.sqrt(np.median(np.abs((back @ z[..., None])[..., 0]) ** 2, axis=0))
         size[size == 0.0] = 1.0
-        core, inputs = here.loop.core, self._inputs_between(index)
-        data = _core.LineData(core, points, inputs, z, back / size[:, None])
-        *_, transients, _ = _core.line_equations(core, here.theta, [], [data])
+        core, inputs, whitening = here.loop.core, self._inputs_between(index), back / size[:, None]
+        data = _core.LineData(core, points, inputs, z, whitening)
+        few = np.arange(0, len(index), 1 + len(index) // ENOUGH)
+        chosen = _core.LineData(core, points[few], inputs[few], z[few], whitening[few])
+        *_, transients, _ = _core.line_equations(core, here.theta, [], [chosen])
         rows = data.rows(core, here.theta, [], transients[0], False)
         return -as_lines(rows[:, 0], p) * size
 
@@ -309,7 +334,7 @@ class RecordLines:
         inputs = np.ascontiguousarray(here.excitation(self.record)[: window.first + window.samples])
         if not window.is_periodic or inputs.shape[1] > len(self.record.axes) or len(self.more):
             y, slopes = core.sensitivity(theta, free, inputs)  # what disturbs need not repeat with the excitation
-            return tuple(window.some_lines(signal[:, :p], self.more) for signal in (y, slopes))  # type: ignore[return-value]
+            return self._judged(y[:, :p]), self._judged(slopes[:, :p])
         lead = self._lead(here)
         if at_rest and lead + 1 >= window.periods:
             sums = core.folded(theta, free, inputs, window.first, window.period)
@@ -322,7 +347,8 @@ class RecordLines:
             own = np.tile(inputs[: window.period], (lead + 1, 1))
             last = core.folded(theta, free, own, lead * window.period, window.period)
             sums = tuple(window.periods * s for s in last)  # type: ignore[assignment]
-        return tuple(window.of_period(signal[:, :p]) for signal in sums)  # type: ignore[return-value]
+        response, derivatives = (window.of_period(signal[:, :p])[:: self._every] for signal in sums)
+        return response, derivatives
 
     def _lead(self, here: Model) -> int:
         """Periods after which a transient of the model does not matter."""

@@ -47,13 +47,13 @@ class Quadratic:
 class Noise:
     """Noise of y and i_c of several records; the same for all models after.
 
+    Tones of the residual are no noise: the lines around them are judged beside the excited ones.
+
     Parameters
     ----------
     model : Model
         Its loop shapes the noise, and its transient is no noise.
     records : sequence of Record
-    tones : bool
-        Whether lines around tones of the residual are judged too.
 
     Attributes
     ----------
@@ -64,25 +64,33 @@ class Noise:
         Number of real numbers that all whitened residuals have: 2 p per line, summed over the records.
     """
 
-    def __init__(self, model: Model, records: Sequence[Record], *, tones: bool = True) -> None:
-        self._set(model, tuple(Measured(record) for record in records), tones)
+    def __init__(self, model: Model, records: Sequence[Record]) -> None:
+        self._set(model, [Measured(record) for record in records])
 
-    def _set(self, model: Model, measured: Sequence[Measured], tones: bool) -> None:
-        self._measured, self._tones = tuple(measured), tones
-        self.records = tuple(own.record for own in measured)
-        parts = [RecordLines(model, own) for own in measured]
-        if tones:
-            found = [find_tones(model, part) for part in parts]
-            parts = [
-                RecordLines(model, part.measured, own) if own else part for part, own in zip(parts, found, strict=True)
-            ]
+    def _set(self, model: Model, measured: Sequence[Measured]) -> None:
+        parts = []
+        for own in measured:
+            part = RecordLines(model, own)
+            tones = find_tones(model, part)
+            parts.append(RecordLines(model, own, tones) if tones else part)
+        self._take(parts)
+
+    def _take(self, parts: Sequence[RecordLines]) -> None:
         self.parts = tuple(parts)
+        self.records = tuple(part.record for part in parts)
         self.lines = sum(part.numbers for part in parts)
+
+    @classmethod
+    def rough(cls, model: Model, records: Sequence[Record]) -> Noise:
+        """A rough one of few lines, to come near an optimum with."""
+        other = cls.__new__(cls)
+        other._take([RecordLines(model, Measured(record), rough=True) for record in records])
+        return other
 
     def renewed(self, model: Model) -> Noise:
         """The noise of the same records by the residual of another model."""
         other = Noise.__new__(Noise)
-        other._set(model, self._measured, self._tones)
+        other._set(model, [part.measured for part in self.parts])
         return other
 
     @property

@@ -32,8 +32,10 @@ SUSPECTED = 1e-3
 """Chance of the power at a frequency that is suspected from the start, such as that of the mains.
 
 What passes is a candidate, and has yet to be significant by its score, at a chance that is smaller still."""
-SCREENED = 8.0
-"""Power of a line over the mean of those beside it below which no median is asked."""
+SCREENED = 30.0
+"""Power of a line as recorded over the mean of those beside it, below which no line is looked at but the suspects."""
+AROUND = 40
+"""Lines to each side of a suspected frequency that tell what is usual there."""
 MAINS = (50.0, 60.0, 100.0, 120.0)
 """Frequencies of the mains and their first harmonics, which are suspected [Hz]."""
 NEIGHBOURS = 10
@@ -55,13 +57,14 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
     part : RecordLines
         With three settled periods or more; else no tones are found.
     """
-    here, record, window = model.at(part.record), part.record, part.window.settled
+    record, window = part.record, part.window.settled
     if window.periods < 3:
         return ()
-    rate, axes, speed = record.sample_rate, len(record.axes), here.rig.speed
-    between = Between.of(part)
-    per_line = rate / window.samples
-    suspects = [f for f in (speed / (2.0 * np.pi), *MAINS) if 2.0 * per_line < f < 0.45 * rate]
+    here, rate, axes = model.at(record), record.sample_rate, len(record.axes)
+    per_line, turning = rate / window.samples, here.rig.speed / (2.0 * np.pi)
+    suspects = [f for f in (turning, *MAINS) if 2.0 * per_line < f < 0.45 * rate]
+    looked_at = np.concatenate([_outstanding(part), [int(f / per_line) for f in suspects]])
+    between = Between.around(part, looked_at.astype(np.intp))
     found: list[Tone] = []
     while len(found) < MOST:
         line, channel, height = between.loudest()
@@ -78,11 +81,30 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
             suspects = [f for f in suspects if abs(f - frequency) > 2.0 * per_line]
         found.append(Tone(frequency, channel % axes, height))
         between = between.without([frequency / per_line])
-    turning = speed / (2.0 * np.pi)
     if turning in suspects:
         height, channel = between.at(turning / per_line)
         found.append(Tone(turning, channel % axes, height))
     return (*found, *_on_excited_lines(here, part, axes))
+
+
+def _outstanding(part: RecordLines) -> NDArray[np.intp]:
+    """Unexcited lines that, as they were recorded, stand out among those beside them."""
+    window = part.window.settled
+    lines = part.measured.quiet.copy()
+    lines[:: window.periods] = 0.0
+    power = _under_hann(lines, window)
+    is_between = np.arange(len(power)) % window.periods != 0
+    counted = np.maximum(convolve1d(is_between.astype(float), BESIDE), 1.0)
+    stands_out = power > SCREENED * convolve1d(power, BESIDE, axis=0) / counted[:, None]
+    return np.flatnonzero(stands_out.any(axis=1))
+
+
+def _under_hann(lines: ComplexArray, window: Window) -> FloatArray:
+    """Power of unexcited lines under a Hann window."""
+    hann = lines.copy()
+    hann[1:-1] -= 0.5 * (lines[:-2] + lines[2:])
+    hann[:: window.periods] = 0.0
+    return hann.real**2 + hann.imag**2
 
 
 def _on_excited_lines(here: Model, part: RecordLines, axes: int) -> tuple[Tone, ...]:
@@ -90,8 +112,10 @@ def _on_excited_lines(here: Model, part: RecordLines, axes: int) -> tuple[Tone, 
     count, per_line = len(part.window.excited), part.record.sample_rate / part.window.samples
     residual, _, _ = part.white(here, [])
     power = np.abs(as_lines(residual, len(part.record.channels))[:count]) ** 2
-    around = median_filter(power, size=(2 * NEIGHBOURS + 1, 1), mode="nearest") / np.log(2.0)
     beside = convolve1d(power, BESIDE / BESIDE.sum(), axis=0)
+    if (power < ALONE * beside).all():
+        return ()
+    around = median_filter(power, size=(2 * NEIGHBOURS + 1, 1), mode="nearest") / np.log(2.0)
     relative = power / np.maximum(np.maximum(around, beside), 1e-300)
     line, channel = divmod(int(np.argmax(relative)), relative.shape[1])
     if relative[line, channel] < ALONE:
@@ -116,32 +140,36 @@ class Between:
     lines: ComplexArray
 
     @classmethod
-    def of(cls, part: RecordLines) -> Between:
-        """What the base model of the record's noise leaves."""
+    def of(cls, part: RecordLines, index: NDArray[np.intp]) -> Between:
+        """What the base model of the record's noise leaves of some unexcited lines; others are zero."""
         window = part.window.settled
-        index = window.between(window.periods)
         lines = np.zeros((window.samples // 2 + 1, len(part.record.channels)), dtype=complex)
-        lines[index] = part.left_between(index)
+        if len(index):
+            lines[index] = part.left_between(index)
         return cls(window, lines)
+
+    @classmethod
+    def around(cls, part: RecordLines, places: NDArray[np.intp]) -> Between:
+        """The same of the unexcited lines around some lines."""
+        window = part.window.settled
+        near = np.unique(np.add.outer(places, np.arange(-AROUND, AROUND + 1)))
+        inside = (near > 0) & (near < (window.samples + 1) // 2) & (near % window.periods != 0)
+        return cls.of(part, near[inside])
 
     @cached_property
     def power(self) -> FloatArray:
         """Power of the lines under a Hann window over the median of the unexcited ones around, shape (lines, p)."""
-        hann = self.lines.copy()
-        hann[1:-1] -= 0.5 * (self.lines[:-2] + self.lines[2:])
-        power = np.abs(hann) ** 2
-        power[:: self.window.periods] = 0.0
-        is_between = np.arange(len(power)) % self.window.periods != 0
-        counted = np.maximum(convolve1d(is_between.astype(float), BESIDE), 1.0)
-        beside = convolve1d(power, BESIDE, axis=0) / counted[:, None]
-        around = beside.copy()
-        likely = np.flatnonzero((power > SCREENED * beside).any(axis=1))
-        if len(likely):
-            middle = median_filter(power[is_between], size=(2 * NEIGHBOURS + 1, 1), mode="nearest") / np.log(2.0)
-            around[is_between] = np.maximum(middle, beside[is_between])
-        relative = np.where(is_between[:, None] & (around > 0.0), power / np.where(around > 0.0, around, 1.0), 0.0)
+        power = _under_hann(self.lines, self.window)
+        known = np.flatnonzero(power.any(axis=1))
+        relative = np.zeros_like(power)
+        if len(known):
+            own = power[known]
+            middle = median_filter(own, size=(2 * NEIGHBOURS + 1, 1), mode="nearest") / np.log(2.0)
+            counted = np.maximum(convolve1d((power[:, 0] > 0.0).astype(float), BESIDE), 1.0)
+            beside = convolve1d(power, BESIDE, axis=0)[known] / counted[known, None]
+            relative[known] = own / np.maximum(np.maximum(middle, beside), 1e-300)
         relative[:2] = relative[-2:] = 0.0
-        return np.asarray(relative)
+        return relative
 
     def loudest(self) -> tuple[int, int, float]:
         """Line, channel and relative power of the line that stands out most."""

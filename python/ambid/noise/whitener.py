@@ -31,10 +31,10 @@ WIDEST = 60
 """Excited lines to each side that are enough in any case."""
 PER_CHANNEL = 10
 """Unexcited lines per channel that a spectrum of all channels needs, for a spread of 10/9 over exact whitening."""
-TRIED = 5
+TRIED = 9
 """One of so many unexcited lines tells whether noise is that smooth."""
 OUTLYING = 70.0
-"""Power of a line per channel, over its spectrum, above which it is no noise but a tone."""
+"""Power of a channel on a line, over its spectrum, above which it is no noise but a tone."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,8 @@ def between_lines(quiet: ComplexArray, at: FloatArray, judged: FloatArray) -> tu
         flat, smooth = (lines.left_out(sums, tried, _reach(at[tried], narrow, wide, own)) for own in (0.0, SMOOTH))
         part = SMOOTH if smooth >= flat else 0.0  # noise may have narrow peaks of its own
         total, count = sums.around(at, _reach(at, narrow, wide, part))
-        outlying = _squares(quiet, total / count[:, None, None]) > OUTLYING * p
+        own = np.abs(quiet) ** 2 * count[:, None]
+        outlying = (own > OUTLYING * np.einsum("lcc->lc", total).real).any(axis=1)
         if not outlying.any():
             break
         usual = ~outlying
@@ -116,15 +117,6 @@ def between_lines(quiet: ComplexArray, at: FloatArray, judged: FloatArray) -> tu
 
 def _reach(at: FloatArray, narrow: float, wide: float, part: float) -> FloatArray:
     return np.clip(part * at, narrow, wide)
-
-
-def _squares(lines: ComplexArray, spectrum: ComplexArray) -> FloatArray:
-    """Whitened power of each line; zero where some channel holds no noise, which `Spectrum.of` tells."""
-    try:
-        white = np.linalg.solve(np.linalg.cholesky(spectrum), lines[..., None])[..., 0]
-    except np.linalg.LinAlgError:
-        return np.zeros(len(lines))
-    return np.asarray(np.sum(np.abs(white) ** 2, axis=1))
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,7 @@ import numpy as np
 
 from ambid.diagnosis import Diagnosis
 from ambid.errors import InputError
-from ambid.noise.ceiling import pooled_ceiling
 from ambid.plot.style import AXIS_COLOURS, GUIDE, SMALL, dress, misfit_text, new_figure, plain_log
-from ambid.record import Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,7 +51,7 @@ def plot_staircase(diagnosis: Diagnosis, ax: Sequence[Axes] | None = None) -> ND
     missed = [100.0 - s.fit_percent["average"] for s in steps]
     validation = [100.0 - v["average"] if (v := s.validation_fit_percent) is not None else None for s in steps]
     _stairs(right, missed, validation, lambda value: f"{100.0 - value:.2f} %")
-    ceiling = ceiling_of_y(diagnosis.records)
+    ceiling = np.nan if diagnosis.fit is None else diagnosis.fit.noise_ceiling_percent["average"]
     if np.isfinite(ceiling):
         right.axhline(100.0 - ceiling, color=GUIDE, lw=1.2, ls="--", label=f"ceiling of the fit, {ceiling:.2f} %")
     dress(right, title="Missed part of y, 100 % − fit (figures: the fit)", y="[%]", grid="y")
@@ -66,14 +64,6 @@ def plot_staircase(diagnosis: Diagnosis, ax: Sequence[Axes] | None = None) -> ND
         panel.set_xlim(-0.6, len(steps) - 0.4)
         panel.legend(fontsize=SMALL, frameon=False, loc="upper left", bbox_to_anchor=(0.0, -0.08), ncols=2)
     return np.array([left, right])
-
-
-def ceiling_of_y(records: Sequence[Record]) -> float:
-    """Fit of y that the exact model would reach on all records as one [%], mean over the axes.
-
-    NaN where a record has not enough periods.
-    """
-    return pooled_ceiling(records, [f"y.{axis}" for axis in records[0].axes])["average"]
 
 
 def _stairs(ax: Axes, train: Sequence[float], validation: Sequence[float | None], text: Callable[[float], str]) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 
 from ambid.diagnosis import Diagnosis, Localisation, Ranking, Step, compare
 from ambid.effects import Effect
-from ambid.plot.staircase import ceiling_of_y
 from ambid.report import numbers, pictures, words
 from ambid.rig import Rig
 
@@ -46,9 +45,9 @@ def _chapters(diagnosis: Diagnosis) -> dict[str, Any]:
     if first.validation_misfit is not None and last.validation_misfit is not None:
         validation = (first.validation_misfit, last.validation_misfit)
     base = numbers.base_model(diagnosis)
-    before = compare(base, diagnosis.records)
-    after = compare(diagnosis.model, diagnosis.records) if last is not first else None
-    errors = numbers.standard_errors(diagnosis.model, diagnosis.records)
+    before = compare(base, diagnosis.records) if diagnosis.fit is None else diagnosis.fit.of(base)
+    after = diagnosis.fit if last is not first else None
+    errors = numbers.standard_errors(diagnosis)
     where, missing = diagnosis.localisation, diagnosis.verdict != "adequate"
     said = where.sentence() if where is not None and missing else ""
     known = {p.name: p.value for p in first.model.parameters}
@@ -74,7 +73,7 @@ def _figures(diagnosis: Diagnosis, first: Step, last: Step) -> list[dict[str, An
         {
             "name": ", ".join(record.name for record in diagnosis.records),
             "fit": (first.fit_percent["average"], last.fit_percent["average"]),
-            "ceiling": ceiling_of_y(diagnosis.records),
+            "ceiling": numbers.ceiling_of_y(diagnosis.fit),
             "misfit": (first.misfit, last.misfit),
         }
     ]
@@ -82,7 +81,7 @@ def _figures(diagnosis: Diagnosis, first: Step, last: Step) -> list[dict[str, An
         fits = (first.validation_fit_percent["average"], last.validation_fit_percent["average"])
         misfits = (first.validation_misfit, last.validation_misfit)
         rows.append(
-            {"name": "validation", "fit": fits, "ceiling": ceiling_of_y(diagnosis.validation), "misfit": misfits}
+            {"name": "validation", "fit": fits, "ceiling": numbers.ceiling_of_y(diagnosis.kept_back), "misfit": misfits}
         )
     return rows
 

@@ -8,10 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ambid.diagnosis import Diagnosis, Step
-from ambid.identification.minimum import SUBSTEPS
 from ambid.model import Model
-from ambid.noise import Noise
-from ambid.record import Record
+from ambid.noise import Comparison
 from ambid.report.words import quantity
 from ambid.rig import FiniteElementRotor, PointMassRotor, Rig
 from ambid.rotor import assemble, reduced_rotor
@@ -28,21 +26,14 @@ def last_step(diagnosis: Diagnosis) -> Step:
     return next(step for step in reversed(diagnosis.history) if step.effects == names)
 
 
-def standard_errors(model: Model, records: Sequence[Record]) -> dict[str, float]:
-    """Of every parameter, from the whitened Jacobian: ``sqrt(diag((Psi' Psi)^-1))``, times sqrt(J/dof) where that is
-    above 1; NaN where the records do not determine them.
-    """
-    model = model if model.is_linear else model.with_substeps(SUBSTEPS)
-    residual, columns = Noise(model, records).jacobian(model, list(range(len(model.names))))
-    scale = np.array([p.scale for p in model.parameters])
-    scaled = columns * scale
-    try:
-        variance = np.diag(np.linalg.inv(scaled.T @ scaled))
-    except np.linalg.LinAlgError:
-        return dict.fromkeys(model.names, float("nan"))
-    excess = max(1.0, float(residual @ residual) / (len(residual) - len(scale)))
-    errors = scale * np.sqrt(excess * np.where(variance > 0.0, variance, np.nan))
-    return dict(zip(model.names, errors.tolist(), strict=True))
+def ceiling_of_y(comparison: Comparison | None) -> float:
+    """Fit of y that the exact model would reach [%], mean over the axes; NaN where that is not known."""
+    return np.nan if comparison is None else comparison.noise_ceiling_percent["average"]
+
+
+def standard_errors(diagnosis: Diagnosis) -> dict[str, float]:
+    """Of every parameter of the last model; NaN where they are not known."""
+    return {name: np.nan if p.std_error is None else p.std_error for name, p in diagnosis.parameters.items()}
 
 
 @dataclass(frozen=True)
