@@ -99,11 +99,8 @@ def diagnose(
         lost = ", ".join(sorted({name for direction in estimate.directions for name in direction}))
         why = f"the records do not determine {lost}; excite every axis, with more amplitude or over more periods"
         return Diagnosis.uninformative(estimate.model, records, [why], begun)
-    base = (
-        refit(compare(estimate.model, records).renewed()) if not estimate.comparison.is_judged else estimate.comparison
-    )
     task = Task(start, tuple(validate), tuple(catalogue), progress)
-    state, is_stopped = begin(task, base), False
+    state, is_stopped = begin(task, estimate.comparison), False
     say(state.history[-1].line())
     chain = add_best(task, state, ask) if chosen is None else add_chosen(task, state, chosen)
     try:

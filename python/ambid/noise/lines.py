@@ -131,10 +131,9 @@ class RecordLines:
             rows = data.rows(core, theta, own, transients[0], bool(own))
             basis, slopes, residual = np.split(rows, [rows.shape[1] - 1 - len(own), rows.shape[1] - 1], axis=1)
             return -residual[:, 0], _freed(slopes, orthonormal(basis)) if own else slopes, fitted
-        lines, slopes = self._simulated(here, own)
-        basis = orthonormal(self.whiten(self._basis(here)))
-        left = self.whiten(self._z - lines)
-        columns = self.whiten(slopes) if own else np.zeros((len(left), 0))
+        response, derivatives = self._simulated(here, own)
+        basis, left = orthonormal(self.whiten(self._basis(here))), self.whiten(self._z - response)
+        columns = self.whiten(derivatives) if own else np.zeros((len(left), 0))
         return _freed(left, basis), _freed(columns, basis), basis.shape[1]
 
     def slopes(self, here: Model, free: Sequence[int]) -> FloatArray:
