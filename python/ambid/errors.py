@@ -25,5 +25,19 @@ class UnstableLoopError(AmbidError):
     """The simulated closed loop is unstable, so that it has no response to compare."""
 
 
+class Stopped(KeyboardInterrupt):
+    """Ctrl-C during a job that had something to show: passes on like any KeyboardInterrupt.
+
+    Attributes
+    ----------
+    result : object
+        What was done before, such as an `Estimate` or a `Diagnosis`, marked as stopped.
+    """
+
+    def __init__(self, result: object) -> None:
+        super().__init__("stopped by Ctrl-C")
+        self.result = result
+
+
 class IdentificationError(AmbidError):
     """The data and the model were accepted, but the job could not be done."""

@@ -72,6 +72,4 @@ def _identify(start: Model | Rig, records: list[Record], where: Path) -> Estimat
         estimate = identify(start, records)
     except AmbidError as error:
         raise type(error)(f"{where}: {error}") from error
-    if estimate.status == "stopped":
-        raise KeyboardInterrupt  # `identify` ends early where the user asks; a campaign is stopped as a whole
     return estimate

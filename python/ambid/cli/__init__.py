@@ -44,7 +44,7 @@ def _version(version: Annotated[bool, typer.Option("--version", help="Print the 
 
 
 def main() -> None:
-    """Entry point: exit 0 done, 2 bad input, 1 the job could not be done."""
+    """Entry point: exit 0 done, 2 bad input, 1 the job could not be done, 130 stopped."""
     try:
         app()
     except InputError as error:

@@ -26,8 +26,19 @@ from ambid.cli.options import (
     known_effects,
     names,
 )
-from ambid.cli.terminal import announce, confirm, draw, progress, require_terminal, say, show, with_time_left
-from ambid.errors import IdentificationError, InputError, RecordError
+from ambid.cli.terminal import (
+    STOPPED,
+    announce,
+    confirm,
+    draw,
+    progress,
+    require_terminal,
+    say,
+    show,
+    stoppable,
+    with_time_left,
+)
+from ambid.errors import InputError, RecordError, Stopped
 
 if TYPE_CHECKING:
     from ambid.diagnosis.localisation import Cell
@@ -117,7 +128,8 @@ def diagnose_command(
     machine = ambid.Rig.load(rig)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate)
     kept = load_records(machine, validate, period, columns, sample_rate)
-    with progress(quiet or ask, "diagnosing") as told:
+    is_stopped = False
+    with stoppable(), progress(quiet or ask, "diagnosing") as told:
         try:
             found = ambid.diagnose(
                 start,
@@ -129,8 +141,10 @@ def diagnose_command(
                 say=lambda line: say(line, quiet),
                 progress=with_time_left(told),
             )
-        except KeyboardInterrupt:
-            raise IdentificationError("stopped by Ctrl-C before the first step was done; nothing was written") from None
+        except Stopped as stopped:
+            if not isinstance(stopped.result, ambid.Diagnosis):
+                raise  # still in its first fit
+            found, is_stopped = stopped.result, True
     show(found, quiet)
     write_json(found.to_json(), json_file)
     if save is not None:
@@ -139,6 +153,8 @@ def diagnose_command(
     if report is not None:
         ambid.report.write_report(found, report)
         announce([report], quiet)
+    if is_stopped:
+        raise typer.Exit(STOPPED)
 
 
 def _where(comparison: ambid.Comparison) -> Sequence[Cell]:

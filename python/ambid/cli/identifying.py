@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast
 
 import typer
 
@@ -24,9 +25,10 @@ from ambid.cli.options import (
     names,
     number,
 )
-from ambid.cli.terminal import announce, draw, progress, show, stoppable
+from ambid.cli.terminal import STOPPED, announce, draw, progress, show, stoppable
+from ambid.errors import Stopped
 
-UNFINISHED = ("not_identifiable", "max_evaluations", "stopped")
+UNFINISHED = ("not_identifiable", "max_evaluations")
 
 
 def identify_command(
@@ -62,8 +64,9 @@ def identify_command(
         start = start.per_axis(name)
     held = dict(assignment("--fix", text, "tau_e=0.0003") for text in fix if "=" in text)
     start = start.with_values({name: number("--fix", value) for name, value in held.items()})
-    with progress(quiet, "identifying") as report:
-        estimate = ambid.identify(
+    with stoppable(), progress(quiet, "identifying") as report:
+        identified = partial(
+            ambid.identify,
             start,
             loaded,
             free=names(free),
@@ -75,11 +78,17 @@ def identify_command(
             max_evaluations=max_evaluations,
             progress=lambda evaluations, cost: report(f"evaluation {evaluations}, cost {cost:.6g}"),
         )
+        try:
+            estimate = identified()
+        except Stopped as stopped:
+            estimate = cast(ambid.Estimate, stopped.result)
     show(estimate, quiet)
     write_json(estimate.to_json(), json_file)
     if save is not None:
         estimate.save(save)
     draw(estimate.model, loaded, plot, quiet)
+    if estimate.status == "stopped":
+        raise typer.Exit(STOPPED)
     if estimate.status in UNFINISHED:
         raise typer.Exit(1)
 

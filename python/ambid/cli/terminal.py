@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -10,17 +9,21 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import typer
 from rich.console import Console
 from rich.prompt import Confirm
 from rich.text import Text
 
 import ambid
-from ambid.errors import IdentificationError, InputError
+from ambid.errors import InputError
 
 if TYPE_CHECKING:
     from ambid.diagnosis import Candidate
 
 status = Console(stderr=True)
+
+STOPPED = 130
+"""Exit code after Ctrl-C."""
 
 
 def show(result: object, quiet: bool) -> None:
@@ -72,16 +75,12 @@ def with_time_left(report: Callable[[str], None]) -> Callable[[str, int, int], N
 
 @contextmanager
 def stoppable() -> Iterator[None]:
-    """Let Ctrl-C end the whole job: a single fit in it would end early instead, and the job go on with that."""
-
-    def stop(*_: object) -> None:
-        raise IdentificationError("stopped by Ctrl-C before the job was done; no result was written")
-
-    before = signal.signal(signal.SIGINT, stop)
+    """Ctrl-C before anything was done: say so, and end with the code of it."""
     try:
         yield
-    finally:
-        signal.signal(signal.SIGINT, before)
+    except KeyboardInterrupt:
+        print("stopped by Ctrl-C before anything was done; nothing was written", file=sys.stderr)
+        raise typer.Exit(STOPPED) from None
 
 
 def require_terminal(option: str) -> None:

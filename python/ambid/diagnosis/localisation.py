@@ -11,6 +11,7 @@ from ambid.diagnosis.drift import Change, largest_change
 from ambid.diagnosis.ports import Port, needed_at_ports
 from ambid.loop.effect import Tone
 from ambid.noise import Comparison
+from ambid.noise.chance import SPREAD
 from ambid.noise.tones import OUTSTANDING
 from ambid.noise.window import Window
 from ambid.record import Record
@@ -20,6 +21,8 @@ __all__ = ["Cell", "Growth", "Localisation", "MisfitMap", "localise"]
 
 BANDS = 12
 """Bands of the map, of equal ratio in frequency."""
+BEYOND_CHANCE = 3.0
+"""Standard deviations by which a port must explain more than another to be told from it."""
 SHAPED = 0.3
 """Part of the excess misfit that an odd or even shape must explain to give the misfit its kind."""
 
@@ -121,14 +124,38 @@ class Localisation:
     @property
     def kind(self) -> str:
         """linear, odd or even: the manner of what is missing on the excited lines."""
-        terms = [term for port in self.ports[:1] for term in port.terms]
+        terms = [term for port in (self.likely or self.ports)[:1] for term in port.terms]
         return terms[0].kind if terms and terms[0].share > SHAPED else "linear"
+
+    @property
+    def likely(self) -> tuple[Port, ...]:
+        """The port types that what is missing may act at: several where chance can make the difference between them.
+
+        A simple shape that explains more at one of them than any does at the others tells it from them.
+        """
+        known = [port for port in self.ports if np.isfinite(port.misfit)]
+        if not known:
+            return ()
+        least = min(max(port.misfit, 1.0) for port in known)
+        limit = least * (1.0 + BEYOND_CHANCE * SPREAD * np.sqrt(4.0 / known[0].free))
+        close = [port for port in known if port.misfit <= limit]
+        shaped = sorted((port for port in close if port.terms), key=lambda port: -port.terms[0].score)
+        if shaped and shaped[0].terms[0].share > SHAPED:
+            first, *others = (port.terms[0].score for port in shaped)
+            # the residuals of two shapes are no further apart than both are from nothing
+            chance = max((BEYOND_CHANCE * 2.0 * (first**0.5 + other**0.5) for other in others), default=0.0)
+            if all(first - other > chance for other in others):
+                return (shaped[0],)
+        return tuple(close)
 
     def sentence(self) -> str:
         """In words: port, shape and kind of what is missing."""
-        port = self.ports[0]
-        known = np.isfinite(port.misfit)
+        likely = self.likely
+        port, known = (likely or self.ports)[0], len(likely) == 1
         text = f"what is missing acts most likely as a {port.name} ({port.meaning})" if known else ""
+        if len(likely) > 1:
+            names = " or a ".join(own.name for own in likely)
+            text = f"what is missing may act as a {names}: these data do not tell at which of these places"
         if known and port.terms and port.terms[0].share > SHAPED:
             term = port.terms[0]
             size = f"{np.mean(term.coefficients):.3g}"

@@ -110,6 +110,8 @@ class Port:
     misfit : float
         J/dof that is left when this port is given whatever it needs: 1 where the missing physics acts; NaN where the
         port could explain anything, since there are no more channels than axes.
+    free : int
+        Degrees of freedom of that misfit.
     needed : ndarray, shape (N, axes)
         The needed signal over one period, in `unit`, mean over the periods of the record.
     against : dict of str to ndarray, shape (N, axes)
@@ -122,6 +124,7 @@ class Port:
     unit: str
     meaning: str
     misfit: float
+    free: int
     needed: FloatArray
     against: dict[str, FloatArray]
     terms: tuple[Term, ...]
@@ -188,7 +191,7 @@ def needed_at_ports(comparison: Comparison, index: int = 0) -> tuple[Port, ...]:
         full[window.in_period] = spectrum * _seen_share(white - left, 2 * axes)[:, None] * factor
         needed = irfft(full, n=window.period, axis=0)
         terms = _terms(name, against, way, white, cost, basis, window)
-        found.append(Port(name, unit, meaning, misfit, needed, against, terms))
+        found.append(Port(name, unit, meaning, misfit, free, needed, against, terms))
     return tuple(sorted(found, key=_by_misfit_then_shape))
 
 

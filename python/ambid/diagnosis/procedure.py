@@ -15,6 +15,7 @@ from ambid.diagnosis.state import Task
 from ambid.diagnosis.verdict import judged
 from ambid.diagnosis.wording import families, next_experiment, notes
 from ambid.effects import CATALOGUE, Effect, find
+from ambid.errors import Stopped
 from ambid.identification import ParameterEstimate, identify
 from ambid.identification.covariance import covariance
 from ambid.model import Model
@@ -68,7 +69,7 @@ def diagnose(
 
     Notes
     -----
-    Ctrl-C (KeyboardInterrupt) ends the search with the steps that were finished; before the first, it is passed on.
+    Ctrl-C passes on as a KeyboardInterrupt; from the first step on it is `Stopped`, which holds the diagnosis so far.
 
     Raises
     ------
@@ -93,13 +94,11 @@ def diagnose(
     if stops:
         return Diagnosis.uninformative(start, records, stops, begun)
     estimate = identify(start, records)
-    if estimate.status == "stopped":
-        raise KeyboardInterrupt
     if estimate.status == "not_identifiable":
         lost = ", ".join(sorted({name for direction in estimate.directions for name in direction}))
         why = f"the records do not determine {lost}; excite every axis, with more amplitude or over more periods"
         return Diagnosis.uninformative(estimate.model, records, [why], begun)
-    task = Task(start, tuple(validate), tuple(catalogue), progress)
+    task = Task(start, tuple(validate), tuple(catalogue), progress, is_chosen=chosen is not None)
     state, is_stopped = begin(task, estimate.comparison), False
     say(state.history[-1].line())
     chain = add_best(task, state, ask) if chosen is None else add_chosen(task, state, chosen)
@@ -113,7 +112,7 @@ def diagnose(
     verdict = judged(task, state, tolerance, is_stopped=is_stopped)
     model = verdict.fit.model.with_substeps(None)
     spread = covariance(verdict.fit, range(len(model.names)))
-    return Diagnosis(
+    diagnosis = Diagnosis(
         verdict=verdict.word,
         effects=verdict.effects,
         ambiguous_sets=[list(names) for names in verdict.sets],
@@ -135,3 +134,6 @@ def diagnose(
         seconds=time.perf_counter() - begun,
         notes=tuple(notes(verdict, state.fit.noise)),
     )
+    if is_stopped:
+        raise Stopped(diagnosis)
+    return diagnosis

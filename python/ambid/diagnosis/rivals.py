@@ -18,7 +18,9 @@ from ambid.noise import Comparison
 __all__ = ["Refitted", "alternatives", "is_driven_off", "reconsidered", "refits"]
 
 EQUALLY_GOOD = 9.2
-"""Candidates whose J + PENALTY q is within this of the best cannot be told apart (99 % of a chi-squared with 2 dof)."""
+"""Candidates whose criterion is within this of the best cannot be told apart (99 % of a chi-squared with 2 dof)."""
+APART = 2.33
+"""Standard deviations of J1 - J2 that tell two rivals apart: chance brings more in one of a hundred records."""
 FAR_OFF = 20.0
 """Misfit J/dof of a base model above which refits start from the rig file's values too."""
 
@@ -54,9 +56,19 @@ def refits(task: Task, state: State, tried: Sequence[Candidate]) -> list[Refitte
 
 
 def alternatives(order: Sequence[Refitted]) -> tuple[str, ...]:
-    """Names of the candidates that do as well as the best; none that only contains a simpler one of them."""
+    """Names of the candidates that do as well as the best; none that only contains a simpler one of them.
+
+    Rivals are not nested: where two are as good as each other, J1 - J2 has the variance 4 |r1 - r2|^2 of their
+    whitened residuals (Vuong, Econometrica 57 (1989) 307), times J/dof where misfit is left.
+    """
     best = order[0][1]
-    equal = [candidate.effect for candidate, other in order if criterion(other) <= criterion(best) + EQUALLY_GOOD]
+
+    def is_as_good(other: Comparison) -> bool:
+        apart = other.residual - best.residual
+        chance = 2.0 * APART * np.sqrt(float(apart @ apart) * max(1.0, best.misfit))
+        return criterion(other) - criterion(best) <= max(chance, EQUALLY_GOOD)
+
+    equal = [candidate.effect for candidate, other in order if is_as_good(other)]
     names = {effect.name for effect in equal}
     return tuple(effect.name for effect in equal if not names & set(effect.contains))
 

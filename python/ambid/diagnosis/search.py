@@ -85,7 +85,7 @@ def _added(task: Task, state: State, ask: Ask | None) -> Iterator[State]:
     while len(state.added) < MOST_EFFECTS:
         ranking = state.ranking
         tried = _worth_refitting(state, ranking)
-        order = refits(task, state, tried)
+        order = [pair for pair in refits(task, state, tried) if not _rises(task, state, pair[1])]
         if not order:
             return
         candidate, better = order[0]
@@ -105,6 +105,15 @@ def _added(task: Task, state: State, ask: Ask | None) -> Iterator[State]:
         yield state
         for further in _pruned(task, state):
             yield (state := further)
+
+
+def _rises(task: Task, state: State, better: Comparison) -> bool:
+    """Whether a step makes records that were kept back worse, by more than chance and what is left there allow."""
+    if not task.validate or state.validation is None:
+        return False
+    before, after = state.validation, state.validation.of(better.model)
+    degrees = max(1, len(better.model.names) - len(state.fit.model.names))
+    return after.cost - before.cost > chdtri(degrees, ALPHA) * max(1.0, after.misfit)
 
 
 def _worth_refitting(state: State, ranking: Ranking) -> list[Candidate]:

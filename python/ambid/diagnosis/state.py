@@ -28,12 +28,15 @@ class Task:
         Records that are not used for choosing.
     catalogue : tuple of Effect
     progress : callable
+    is_chosen : bool
+        Whether a person has chosen the effects.
     """
 
     nominal: Model
     validate: tuple[Record, ...]
     catalogue: tuple[Effect, ...]
     progress: Progress
+    is_chosen: bool = False
 
 
 @dataclass(frozen=True)

@@ -61,6 +61,8 @@ class Verdict:
     others : str
         What the explanation holds for beside one record: ``operating points``, ``amplitudes`` or nothing.
     is_stopped : bool
+    is_chosen : bool
+        Whether a person has chosen the effects.
     """
 
     word: str
@@ -77,6 +79,12 @@ class Verdict:
     tried_share: float
     others: str
     is_stopped: bool
+    is_chosen: bool
+
+    @property
+    def is_to_the_noise(self) -> bool:
+        """Whether the last model leaves no more than chance, or than is good enough, leaves."""
+        return self.misfit <= max(self.tolerance, self.fit.bound)
 
 
 def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = False) -> Verdict:
@@ -102,7 +110,7 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
     sets = tuple(state.sets[name] for name in effects if len(state.sets.get(name, ())) > 1)
     fit, tried_share = state.fit, 0.0
     tried: tuple[str, ...] = ()
-    if not effects and misfit < max(tolerance, state.at_noise / state.dof) and is_clean:
+    if not effects and misfit <= max(tolerance, state.at_noise / state.dof) and is_clean:
         word = "adequate"
     elif effects and (_is_at_noise(task, state) or by_share) and is_clean:
         word = "ambiguous" if sets else "explained"
@@ -110,6 +118,7 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
         word = "not_informative"
     else:
         word = "none_of_the_candidates"
+    if word == "none_of_the_candidates" and not task.is_chosen:
         best = state.fit if state.hopeless is None else state.hopeless
         tried = tuple(effect.name for effect in best.model.effects[len(state.base.model.effects) :])
         if tried:
@@ -131,6 +140,7 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
         tried_share,
         others,
         is_stopped,
+        task.is_chosen,
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from ambid.diagnosis.localisation import localise
 from ambid.diagnosis.result import Family, Step
 from ambid.diagnosis.verdict import Verdict
 from ambid.effects.slips import ControllerGainError, ExcitationGainError
@@ -36,10 +37,16 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
     noise : Noise
         Of the records.
     """
-    if verdict.word in ("explained", "ambiguous") and verdict.misfit > verdict.tolerance:
+    if verdict.word in ("explained", "ambiguous") and not verdict.is_to_the_noise:
         yield (
-            f"the effects explain {100 * verdict.share:.1f} % of the excess misfit; J/dof {verdict.misfit:.2f} "
-            "remains, since their formulas only approximate this machine"
+            f"in the main only: the effects explain {100 * verdict.share:.1f} % of the excess misfit, but J/dof "
+            f"{verdict.misfit:.2f} remains, above its bound {verdict.fit.bound:.2f}: what is left stands out of the "
+            "noise, since their formulas only approximate this machine or something smaller is missing"
+        )
+    if verdict.is_chosen and verdict.word == "none_of_the_candidates":
+        yield (
+            f"chosen and kept: {', '.join(verdict.effects)}; the data do not confirm that this explains the misfit "
+            f"(J/dof {verdict.misfit:.2f}, bound {verdict.fit.bound:.2f})"
         )
     yield from _slips(verdict)
     if verdict.word == "none_of_the_candidates":
@@ -116,6 +123,13 @@ def next_experiment(verdict: Verdict, history: Sequence[Step]) -> str:
         return "nothing is needed in this band and at this amplitude; a larger one would show nonlinear effects"
     if verdict.word == "ambiguous":
         return "; ".join(_apart(names, history) for names in verdict.sets)
+    if verdict.word == "explained" and not verdict.is_to_the_noise:
+        cell = max(localise(verdict.fit).cells, key=lambda cell: cell.misfit)
+        return (
+            f"what is left is largest in {cell.channel} from {cell.band_hz[0]:.0f} to {cell.band_hz[1]:.0f} Hz "
+            f"({cell.misfit:.1f} times noise): state what is good enough with --tolerance, or record at half the "
+            "amplitude, where formulas of large motion matter less, and diagnose the records together"
+        )
     if verdict.word == "explained":
         if verdict.others == "operating points":
             return "nothing is needed: one model meets the records of all these operating points"

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.errors import ModelError, RecordError, UnstableLoopError
+from ambid.errors import ModelError, RecordError, Stopped, UnstableLoopError
 from ambid.identification.covariance import covariance, sandwich
 from ambid.identification.estimate import Estimate, ParameterEstimate
 from ambid.identification.minimum import WhitenedProblem
@@ -93,6 +93,8 @@ def identify(
         If the loop is unstable at every start.
     InputError
         If a name, bound, weight or record does not fit the model.
+    Stopped
+        At Ctrl-C during a fit, with the best so far; it is a KeyboardInterrupt.
     """
     begun = time.perf_counter()
     if isinstance(weights, str) and weights not in (LIKELIHOOD, EQ_9):
@@ -307,7 +309,7 @@ def _estimate(
         notes = [*notes, f"at a bound: {', '.join(at)}"]
     if comparison.is_judged and not comparison.is_adequate:
         notes = [*notes, MISFIT]
-    return Estimate(
+    estimate = Estimate(
         model=comparison.model,
         parameters=parameters,
         covariance=covariance,
@@ -318,6 +320,9 @@ def _estimate(
         directions=directions,
         notes=(*(note for record in records for note in record.notes), *notes),
     )
+    if end.status == "stopped":
+        raise Stopped(estimate)
+    return estimate
 
 
 def _unknown(relative: FloatArray, names: list[str]) -> list[dict[str, float]]:

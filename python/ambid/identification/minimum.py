@@ -44,7 +44,7 @@ def refit(comparison: Comparison, most: int = 40) -> Comparison:
     upper = np.array([p.upper for p in model.parameters]) / problem.scale
     end = problem.descend(model.theta / problem.scale, (lower, upper), most)
     if end.status == "stopped":
-        raise KeyboardInterrupt
+        raise KeyboardInterrupt from None
     return comparison.of(model.with_theta(end.theta))
 
 

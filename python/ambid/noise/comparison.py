@@ -138,6 +138,11 @@ class Comparison(Tabular):
         found = self.noise.quadratic(self.model, [])
         return found.cost, found.fitted
 
+    @cached_property
+    def residual(self) -> FloatArray:
+        """Whitened measured minus simulated, all records in a row; its sum of squares is J."""
+        return self.noise.residual(self.model)
+
     @property
     def cost(self) -> float:
         """J: 2 per complex line and channel when the model is right."""

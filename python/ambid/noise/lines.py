@@ -140,7 +140,7 @@ class RecordLines:
         """Whitened derivatives of the settled response by the parameters in `free`, shape (numbers, free)."""
         if here.is_linear:
             return self._silent(here).rows(here.loop.core, here.theta, list(free), None, False)[:, :-1]
-        return self.whiten(self._simulated(here, list(free))[1])
+        return self.whiten(self._in_time(here, list(free), at_rest=False)[1])
 
     def transients(self, here: Model) -> FloatArray:
         """An orthonormal basis of what a transient can look like, whitened, shape (numbers, states)."""
@@ -154,7 +154,7 @@ class RecordLines:
         if here.is_linear:
             rows = self._silent(here).rows(here.loop.core, here.theta, [], None, False)
             return rows[:, 0]
-        return self.whiten(self._simulated(here, [])[0])
+        return self.whiten(self._in_time(here, [], at_rest=False)[0])
 
     def whiten(self, lines: ComplexArray) -> FloatArray:
         """Judged lines of shape (lines, p) or (lines, p, q), whitened, as real numbers."""
