@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-import ambid
 from ambid.diagnosis import Candidate, Localisation, Ranking, compare
 from ambid.diagnosis.localisation import Growth, MisfitMap
 from ambid.diagnosis.ports import Port, Term
