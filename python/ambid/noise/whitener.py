@@ -119,10 +119,10 @@ def between_lines(quiet: ComplexArray, at: FloatArray, judged: FloatArray) -> tu
         lines = _Lines(quiet, at, usual)
         way = max(ways, key=lambda way: lines.likelihood(tried[usual[tried]], way))
         power = lines.powers(at, way)
-        outlying = (np.abs(quiet) ** 2 > OUTLYING * power).any(axis=1)
-        if not outlying.any():
+        outlying = np.any(np.abs(quiet) ** 2 > OUTLYING * power, axis=1)
+        if not np.any(outlying):
             break
-        usual = ~outlying
+        usual = np.logical_not(outlying)
     return lines.covariance(judged, way)
 
 
