@@ -137,7 +137,7 @@ class Noise:
             Transients of each record that are close to the best ones, as an earlier call found them.
         """
         place = (tuple(model.at(part.record).loop.core for part in self.parts), model.theta.tobytes())
-        key = (place, tuple(free))
+        key: tuple[object, tuple[int, ...]] = (place, tuple(free))
         if not free:  # J alone, which any of them tells
             key = next((known for known in reversed(self._known) if known[0] == place), key)
         if key not in self._known:
