@@ -103,14 +103,17 @@ def _sideband_powers(
     count = len(window.excited)
     # the lines have been taken back through the loop, each at its own frequency; what is left of S is smooth
     inner = part.spectrum.inner[:count]
-    amplitudes = np.empty((len(shifts), patterns.shape[2]), dtype=complex)
+    sides = np.array([d * side for d in shifts for side in (1, -1)])
+    at = window.excited[:, None] + sides
+    inside = (at > 0) & (at < len(between.lines))
+    moved = np.where(inside[..., None], between.lines[np.clip(at, 0, len(between.lines) - 1)], 0.0)
+    white = np.einsum("kcd,ksd->ksc", inner, moved)
+    # noise with peaks that the spectrum does not follow is louder at some lines, whatever the shift
+    power = np.mean(np.abs(white) ** 2, axis=2) / 2.0
+    others = np.abs(sides)[:, None] != np.abs(sides)
+    louder = np.maximum(1.0, power @ others / np.maximum(inside @ others, 1))
+    white /= np.sqrt(louder)[..., None]
     energy = np.sum(np.abs(patterns) ** 2, axis=(0, 1))
-    for k, d in enumerate(shifts):
-        sides = []
-        for shift in (d, -d):
-            at = window.excited + shift
-            inside = (at > 0) & (at < len(between.lines))
-            moved = np.where(inside[:, None], between.lines[np.clip(at, 0, len(between.lines) - 1)], 0.0)
-            sides.append(np.einsum("kcj,kc->j", patterns.conj(), (inner @ moved[..., None])[..., 0]))
-        amplitudes[k] = 0.5 * (sides[0] + sides[1].conj()) / energy
+    found = np.einsum("kcj,ksc->sj", patterns.conj(), white) / energy
+    amplitudes = 0.5 * (found[0::2] + found[1::2].conj())
     return amplitudes, 2.0 * energy * np.abs(amplitudes) ** 2

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.noise.fit import with_average
 from ambid.record import Record
 
-__all__ = ["noise_ceiling", "pooled_ceiling"]
+__all__ = ["noise_ceiling"]
 
 UNSETTLED = 1.1
 """Scatter of a period too many over that of the later ones; it holds a transient then."""
@@ -52,14 +49,3 @@ def noise_ceiling(record: Record) -> dict[str, float]:
 def _scatter(x: FloatArray) -> float:
     """Of periods (M, N) about their mean, relative to what they hold; free from bias by the mean."""
     return float(np.linalg.norm(x - x.mean(axis=0)) * np.sqrt(len(x) / (len(x) - 1)) / np.linalg.norm(x - x.mean()))
-
-
-def pooled_ceiling(records: Sequence[Record], channels: Sequence[str]) -> dict[str, float]:
-    """Noise ceiling [%] of channels over all records as one long one, and ``average``, see `noise_ceiling`."""
-    missed, total = np.zeros(len(channels)), np.zeros(len(channels))
-    for record in records:
-        ceilings = noise_ceiling(record)
-        power = record.outputs[:, : len(channels)].var(axis=0) * record.samples
-        missed += (1.0 - np.array([ceilings[c] for c in channels]) / 100.0) ** 2 * power
-        total += power
-    return with_average(dict(zip(channels, (100.0 * (1.0 - np.sqrt(missed / total))).tolist(), strict=True)))

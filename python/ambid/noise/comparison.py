@@ -18,7 +18,7 @@ from ambid.errors import RecordError
 from ambid.loop.effect import Tone
 from ambid.model import Model
 from ambid.noise.chance import misfit_bound
-from ambid.noise.fit import fit_percent, with_average
+from ambid.noise.fit import with_average
 from ambid.noise.lines import RecordLines
 from ambid.noise.noise import Noise
 from ambid.record import Record
@@ -42,7 +42,7 @@ class ChannelComparison:
     unit : str
     fit_percent, noise_ceiling_percent : float
         Reached, and reachable by the exact model; NaN without enough periods.
-    residual_rms, noise_rms : float
+    measured_rms, residual_rms, noise_rms : float
         In `unit`, means removed; NaN where the noise is not known.
     misfit : float
         J/dof of this channel alone: 1 when nothing is left but noise; NaN where the noise is not known.
@@ -52,6 +52,7 @@ class ChannelComparison:
     unit: str
     fit_percent: float
     noise_ceiling_percent: float
+    measured_rms: float
     residual_rms: float
     noise_rms: float
     misfit: float
@@ -190,21 +191,21 @@ class Comparison(Tabular):
     @cached_property
     def fit_percent(self) -> dict[str, float]:
         """Fit of the channels that all records have, as one long record, and ``average`` over y."""
-        known = [np.isfinite(own.simulated).all(axis=1) for own in self.records]
-        measured = [own.record.outputs[here] for own, here in zip(self.records, known, strict=True)]
-        simulated = [own.simulated[here] for own, here in zip(self.records, known, strict=True)]
-        return fit_percent(self._channels, measured, simulated)
+        return self._pooled("residual_rms")
 
     @cached_property
     def noise_ceiling_percent(self) -> dict[str, float]:
         """Fit that the exact model would reach, likewise; NaN where the noise is not known."""
-        noise, total = np.zeros(len(self._channels)), np.zeros(len(self._channels))
+        return self._pooled("noise_rms")
+
+    def _pooled(self, missed: str) -> dict[str, float]:
+        power, total = np.zeros(len(self._channels)), np.zeros(len(self._channels))
         for own in self.records:
-            n = own.record.samples
-            noise += n * np.array([c.noise_rms for c in own.channels[: len(noise)]]) ** 2
-            total += n * own.record.outputs[:, : len(noise)].var(axis=0)
-        ceiling = 100.0 * (1.0 - np.sqrt(noise / total))
-        return with_average(dict(zip(self._channels, ceiling.tolist(), strict=True)))
+            rows = own.channels[: len(power)]
+            power += own.record.samples * np.array([getattr(row, missed) for row in rows]) ** 2
+            total += own.record.samples * np.array([row.measured_rms for row in rows]) ** 2
+        percent = 100.0 * (1.0 - np.sqrt(power / total))
+        return with_average(dict(zip(self._channels, percent.tolist(), strict=True)))
 
     @property
     def _channels(self) -> list[str]:
@@ -280,52 +281,44 @@ def compare(model: Model, records: Record | Sequence[Record]) -> Comparison:
 
 
 def _one(model: Model, part: RecordLines) -> RecordComparison:
-    record, here = part.record, model.at(part.record)
-    simulated = part.simulated(here)
-    known = np.isfinite(simulated).all(axis=1)
-    fit = fit_percent(record.channels, [record.outputs[known]], [simulated[known]])
-    residual = part.residual_lines(here)
+    here = model.at(part.record)
     power = part.noise_power()
-    alone = np.mean(np.abs(residual) ** 2 / power * part.alone, axis=0)
+    alone = np.mean(np.abs(part.residual_lines(here)) ** 2 / power * part.alone, axis=0)
     white, _, fitted = part.white(here, [])
     free = max(1, part.numbers - fitted)
     joint = float(white @ white) / free
-    noise = np.sqrt(np.mean(power, axis=0))
-    left = record.outputs[known] - simulated[known]
-    deviation = record.outputs[known].std(axis=0)
-    rows = tuple(
-        ChannelComparison(
-            channel=channel,
-            unit="m" if channel.startswith("y.") else "A",
-            fit_percent=fit[channel],
-            noise_ceiling_percent=float(100.0 * (1.0 - noise[k] / deviation[k])),
-            residual_rms=float(left[:, k].std()),
-            noise_rms=float(noise[k]),
-            misfit=float(alone[k]) * part.numbers / free,
-        )
-        for k, channel in enumerate(record.channels)
-    )
-    return RecordComparison(record, simulated, rows, joint, max(0.0, 1.0 - 1.0 / joint))
+    noise, misfits = np.sqrt(np.mean(power, axis=0)), alone * part.numbers / free
+    return _compared(part.record, part.simulated(here), noise, misfits, joint)
 
 
 def _unjudged(model: Model, record: Record) -> RecordComparison:
     """A record whose noise is not known, against a response from rest."""
-    simulated = model.response(record)[:, : len(record.channels)]
-    fit = fit_percent(record.channels, [record.outputs], [simulated])
-    left = record.outputs - simulated
-    rows = tuple(
-        ChannelComparison(
-            channel=channel,
-            unit="m" if channel.startswith("y.") else "A",
-            fit_percent=fit[channel],
-            noise_ceiling_percent=np.nan,
-            residual_rms=float(left[:, k].std()),
-            noise_rms=np.nan,
-            misfit=np.nan,
+    unknown = np.full(len(record.channels), np.nan)
+    return _compared(record, model.response(record)[:, : len(unknown)], unknown, unknown, np.nan)
+
+
+def _compared(
+    record: Record, simulated: FloatArray, noise_rms: FloatArray, misfits: FloatArray, joint: float
+) -> RecordComparison:
+    rows, axes = [], len(record.axes)
+    for k, channel in enumerate(record.channels):
+        measured = record.y[:, k] if k < axes or record.i_c is None else record.i_c[:, k - axes]
+        left = measured - simulated[:, k]
+        known = np.isfinite(left)
+        residual, deviation = float(left[known].std()), float(measured[known].std())
+        rows.append(
+            ChannelComparison(
+                channel=channel,
+                unit="m" if channel.startswith("y.") else "A",
+                fit_percent=100.0 * (1.0 - residual / deviation),
+                noise_ceiling_percent=100.0 * (1.0 - float(noise_rms[k]) / deviation),
+                measured_rms=deviation,
+                residual_rms=residual,
+                noise_rms=float(noise_rms[k]),
+                misfit=float(misfits[k]),
+            )
         )
-        for k, channel in enumerate(record.channels)
-    )
-    return RecordComparison(record, simulated, rows, np.nan, np.nan)
+    return RecordComparison(record, simulated, tuple(rows), joint, max(0.0, 1.0 - 1.0 / joint))
 
 
 def _as_dict(record: RecordComparison) -> dict[str, Any]:

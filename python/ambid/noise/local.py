@@ -20,6 +20,8 @@ DEGREE = 2
 """Of the polynomials over frequency in the local regression."""
 REGRESSED = 6
 """Lines in a local regression, per number that it fits."""
+TOGETHER = 1024
+"""Regressions that are held in memory at a time."""
 LEAST_WIDTH = 31
 """Lines in a local regression, if more are not needed."""
 
@@ -42,14 +44,16 @@ def beside_excitation(lines: ComplexArray, excitation: ComplexArray) -> ComplexA
     step = max(1, width // 8)
     starts = np.arange(1, count - width, step)
     powers = np.linspace(-1.0, 1.0, width)[:, None] ** np.arange(DEGREE + 1)
-    rows = starts[:, None] + np.arange(width)
-    inputs = np.concatenate([excitation[rows], np.ones((len(starts), width, 1))], axis=2)
-    table = (inputs[..., None] * powers[:, None, :]).reshape(len(starts), width, fitted)
-    size = np.linalg.norm(table, axis=1, keepdims=True)
-    basis, _ = np.linalg.qr(table / np.where(size > 0.0, size, 1.0))
-    own = lines[rows]
-    left = own - basis @ (basis.conj().transpose(0, 2, 1) @ own)
-    spectrum = np.einsum("slc,sld->scd", left, left.conj()) / free
+    spectrum = np.empty((len(starts), p, p), dtype=complex)
+    for first in range(0, len(starts), TOGETHER):
+        rows = starts[first : first + TOGETHER, None] + np.arange(width)
+        inputs = np.concatenate([excitation[rows], np.ones((len(rows), width, 1))], axis=2)
+        table = (inputs[..., None] * powers[:, None, :]).reshape(len(rows), width, fitted)
+        size = np.linalg.norm(table, axis=1, keepdims=True)
+        basis, _ = np.linalg.qr(table / np.where(size > 0.0, size, 1.0))
+        own = lines[rows]
+        left = own - basis @ (basis.conj().transpose(0, 2, 1) @ own)
+        spectrum[first : first + TOGETHER] = np.einsum("slc,sld->scd", left, left.conj()) / free
     spectrum *= (free + fitted * free / (free - p)) / width
     nearest = np.clip(np.round((np.arange(count) - width / 2 - 1) / step), 0, len(starts) - 1).astype(np.intp)
     return np.asarray(spectrum[nearest])

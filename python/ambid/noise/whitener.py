@@ -27,6 +27,8 @@ HALF_WIDTH = 15
 """Excited lines to each side whose unexcited neighbours give the noise spectrum, if they are enough."""
 SMOOTH = 1.0 / 3.0
 """Part of a line's frequency over which noise is flat, once the loop's own shape is taken out of it."""
+NARROWEST = 2
+"""Excited lines to each side that give the power of a single channel, if they are enough."""
 WIDEST = 60
 """Excited lines to each side that are enough in any case."""
 PER_CHANNEL = 10
@@ -76,7 +78,11 @@ class Spectrum:
 
 
 def between_lines(quiet: ComplexArray, at: FloatArray, judged: FloatArray) -> tuple[ComplexArray, FloatArray]:
-    """``S n_l / (n_l - p)`` at the judged lines from unexcited ones, shape (judged, p, p), and n_l / (n_l - p).
+    """The covariance of the noise at the judged lines from unexcited ones, (judged, p, p), and its spread n / (n - q).
+
+    Four ways compete, and the one under which every line is likeliest by those around it is taken: full matrices over
+    a part of the frequency or over a few lines, and, for noise with narrow peaks of its own, powers of single channels
+    over `HALF_WIDTH` or fewer lines with one matrix of correlations for all frequencies.
 
     Parameters
     ----------
@@ -97,62 +103,94 @@ def between_lines(quiet: ComplexArray, at: FloatArray, judged: FloatArray) -> tu
             "excite with a longer period"
         )
     extent = at[-1] - at[0]
-    narrow = min(max(HALF_WIDTH, 0.5 * PER_CHANNEL * p * extent / len(quiet)), 0.5 * extent)
-    wide = min(max(WIDEST, narrow), 0.5 * extent)
-    lines, usual = _Lines(quiet, at), np.ones(len(quiet), dtype=bool)
+    density = len(quiet) / extent
+    half = 0.5 * extent
+    full = min(max(HALF_WIDTH, 0.5 * PER_CHANNEL * p / density), half)
+    single = min(max(NARROWEST, 0.5 * PER_CHANNEL / density), half)
+    ways = [
+        _Way(full, min(max(WIDEST, full), half), SMOOTH),
+        _Way(full, full, 0.0),
+        _Way(min(HALF_WIDTH, half), min(HALF_WIDTH, half), 0.0, factored=True),
+        _Way(single, single, 0.0, factored=True),
+    ]
+    usual = np.ones(len(quiet), dtype=bool)
     tried = np.arange(len(quiet))[::TRIED]
     for _ in range(2):  # the second time without tones
-        sums = lines.summed(usual)
-        flat, smooth = (lines.left_out(sums, tried, _reach(at[tried], narrow, wide, own)) for own in (0.0, SMOOTH))
-        part = SMOOTH if smooth >= flat else 0.0  # noise may have narrow peaks of its own
-        total, count = sums.around(at, _reach(at, narrow, wide, part))
-        own = np.abs(quiet) ** 2 * count[:, None]
-        outlying = (own > OUTLYING * np.einsum("lcc->lc", total).real).any(axis=1)
-        if not outlying.any():
+        lines = _Lines(quiet, at, usual)
+        way = max(ways, key=lambda way: lines.likelihood(tried[usual[tried]], way))
+        power = lines.powers(at, way)
+        outlying = np.any(np.abs(quiet) ** 2 > OUTLYING * power, axis=1)
+        if not np.any(outlying):
             break
-        usual = ~outlying
-    total, count = sums.around(judged, _reach(judged, narrow, wide, part))
-    return np.asarray(total / (count - p)[:, None, None]), count / (count - p)
-
-
-def _reach(at: FloatArray, narrow: float, wide: float, part: float) -> FloatArray:
-    return np.clip(part * at, narrow, wide)
+        usual = np.logical_not(outlying)
+    return lines.covariance(judged, way)
 
 
 @dataclass(frozen=True)
-class _Sums:
-    """Sums of e e^H from the first line on, and how many they hold."""
+class _Way:
+    """How far the lines may be that tell the noise at a place, in excited lines, and what they tell of it."""
 
-    at: FloatArray
-    below: ComplexArray
-    count: FloatArray
+    least: float
+    most: float
+    part: float
+    factored: bool = False
 
-    def around(self, places: FloatArray, reach: FloatArray) -> tuple[ComplexArray, FloatArray]:
-        """Sum and number of lines within reach of each place; near the ends, as many more on the other side."""
+    def reach(self, places: FloatArray) -> FloatArray:
+        return np.clip(self.part * places, self.least, self.most)
+
+
+class _Lines:
+    """Unexcited lines at their places; those that are not used count for nothing."""
+
+    def __init__(self, lines: ComplexArray, at: FloatArray, used: NDArray[np.bool_]) -> None:
+        self.lines, self.at, self.used = lines, at, used
+        self.own = lines[:, :, None] * lines.conj()[:, None, :] * used[:, None, None]
+        p = lines.shape[1]
+        self.below = np.concatenate([np.zeros((1, p, p)), np.cumsum(self.own, axis=0)])
+        self.count = np.concatenate([[0.0], np.cumsum(used)])
+        self._correlations: dict[_Way, ComplexArray] = {}
+
+    def around(self, places: FloatArray, way: _Way) -> tuple[ComplexArray, FloatArray]:
+        """Sum of e e^H over the lines around each place, and their number; near the ends, more on the other side."""
+        reach = way.reach(places)
         middle = np.clip(places, self.at[0] + reach, self.at[-1] - reach)
         low = np.searchsorted(self.at, middle - reach - 1e-9)
         high = np.searchsorted(self.at, middle + reach + 1e-9)
         return self.below[high] - self.below[low], self.count[high] - self.count[low]
 
+    def powers(self, places: FloatArray, way: _Way) -> FloatArray:
+        """Of single channels, shape (places, p)."""
+        total, count = self.around(places, way)
+        return np.einsum("lcc->lc", total).real / count[:, None]
 
-class _Lines:
-    """Unexcited lines at their places, with their own e e^H."""
+    def correlation(self, way: _Way) -> ComplexArray:
+        """Of the channels, over all frequencies."""
+        if way not in self._correlations:
+            root = np.sqrt(np.maximum(self.powers(self.at, way), 1e-300))
+            scaled = self.lines[self.used] / root[self.used]
+            found = scaled.T @ scaled.conj()
+            size = np.sqrt(np.diag(found).real)
+            self._correlations[way] = found / np.outer(size, size)
+        return self._correlations[way]
 
-    def __init__(self, lines: ComplexArray, at: FloatArray) -> None:
-        self.lines, self.at = lines, at
-        self.own = lines[:, :, None] * lines.conj()[:, None, :]
+    def covariance(
+        self, places: FloatArray, way: _Way, left_out: NDArray[np.intp] | None = None
+    ) -> tuple[ComplexArray, FloatArray]:
+        """Covariance at places, by lines around without those left out, and its spread."""
+        total, count = self.around(places, way)
+        if left_out is not None:
+            total, count = total - self.own[left_out], count - 1.0
+        free = np.maximum(count - (1.0 if way.factored else self.lines.shape[1]), 0.5)
+        if not way.factored:
+            return np.asarray(total / free[:, None, None]), count / free
+        root = np.sqrt(np.einsum("lcc->lc", total).real / free[:, None])
+        return np.asarray(root[:, :, None] * self.correlation(way) * root[:, None, :]), count / free
 
-    def summed(self, used: NDArray[np.bool_]) -> _Sums:
-        p = self.lines.shape[1]
-        below = np.concatenate([np.zeros((1, p, p)), np.cumsum(self.own * used[:, None, None], axis=0)])
-        return _Sums(self.at, below, np.concatenate([[0.0], np.cumsum(used)]))
-
-    def left_out(self, sums: _Sums, tried: NDArray[np.intp], reach: FloatArray) -> float:
+    def likelihood(self, tried: NDArray[np.intp], way: _Way) -> float:
         """Logarithm of the likelihood of lines, each by the spectrum of those around, but for a constant (Whittle)."""
-        total, count = sums.around(self.at[tried], reach)
-        spectrum = (total - self.own[tried]) / np.maximum(count - 1.0 - self.lines.shape[1], 1.0)[:, None, None]
+        covariance, _ = self.covariance(self.at[tried], way, tried)
         try:
-            white = np.linalg.solve(np.linalg.cholesky(spectrum), self.lines[tried][..., None])
+            white = np.linalg.solve(np.linalg.cholesky(covariance), self.lines[tried][..., None])
         except np.linalg.LinAlgError:
             return -np.inf  # no noise on some channel
-        return float(-np.sum(np.abs(white) ** 2) - np.sum(np.linalg.slogdet(spectrum)[1]))
+        return float(-np.sum(np.abs(white) ** 2) - np.sum(np.linalg.slogdet(covariance)[1]))
