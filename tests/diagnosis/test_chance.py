@@ -72,6 +72,17 @@ def test_variants_count_as_the_independent_tests_that_they_are():
     assert 1.0 < independent_tests([planes[0], near]) < 2.0
 
 
+def test_tests_on_complex_lines_count_like_tests_on_their_parts():
+    """Whatever the phase of a pattern, which says nothing of how alike two of them are."""
+    rng = np.random.default_rng(1)
+    lines = rng.standard_normal((200, 3)) + 1j * rng.standard_normal((200, 3))
+    columns = [line[:, None] / np.linalg.norm(line) for line in lines.T]
+    turned = [np.exp(1j * angle) * column for angle, column in zip((0.3, 1.9, 2.7), columns, strict=True)]
+    assert independent_tests(columns) == pytest.approx(3.0, abs=0.05)
+    assert independent_tests(turned) == pytest.approx(independent_tests(columns))
+    assert independent_tests([columns[0], 1j * columns[0]]) == pytest.approx(1.0)
+
+
 def test_the_best_of_many_correlated_directions_is_as_likely_as_said():
     """A scan over frequency: the largest of 30 overlapping scores, against the chance that is told."""
     rng = np.random.default_rng(2)
