@@ -18,6 +18,8 @@ type C64 = Complex<f64>;
 
 /// Part of a basis vector's square that must be its own, beside those before it, for it to count.
 const OWN: f64 = 1e-11;
+/// Size of a basis vector, relative to the largest one, at which it is rounding: of a state that is not seen.
+const SEEN: f64 = 1e-13;
 /// Lines whose whitened rows stay in the first-level cache.
 const TOGETHER: usize = 4;
 
@@ -144,7 +146,9 @@ impl Gram {
     fn eliminated(self) -> Eliminated {
         let Self { states, mut moments } = self;
         let size = moments.nrows();
-        let scale: Vec<f64> = (0..states).map(|i| moments[(i, i)].sqrt()).collect();
+        let mut scale: Vec<f64> = (0..states).map(|i| moments[(i, i)].sqrt()).collect();
+        let seen = SEEN * scale.iter().copied().fold(0.0, f64::max);
+        scale.iter_mut().filter(|scale| **scale <= seen).for_each(|scale| *scale = 0.0);
         for (i, scale) in scale.iter().enumerate().filter(|(_, scale)| **scale > 0.0) {
             moments.row_mut(i).unscale_mut(*scale);
             moments.column_mut(i).unscale_mut(*scale);
