@@ -12,6 +12,7 @@
 
 mod dense;
 mod modal;
+mod triangular;
 
 use nalgebra::Complex;
 
@@ -59,7 +60,7 @@ pub(crate) struct OnLines<'a> {
 
 enum Way {
     Modal(modal::Poles),
-    Dense(Box<dense::Hessenberg>),
+    Dense(Box<dense::Dense>),
 }
 
 impl<'a> OnLines<'a> {
@@ -80,7 +81,7 @@ impl<'a> OnLines<'a> {
             None => {
                 let (value, slopes) = discretise(&part.model, theta, &parameters)?;
                 stable(&eigenvalues(&value.a)?, part.model.dt)?;
-                Way::Dense(Box::new(dense::Hessenberg::new(value, slopes)))
+                Way::Dense(Box::new(dense::Dense::new(value, slopes)?))
             }
         };
         Ok(Self { way, inputs: &part.inputs, outputs: &part.outputs, free: own })
@@ -97,7 +98,7 @@ impl<'a> OnLines<'a> {
     fn transfer(&self, w: &[C64]) -> Vec<C64> {
         match &self.way {
             Way::Modal(poles) => w.iter().flat_map(|w| poles.transfer(*w)).collect(),
-            Way::Dense(dense) => w.iter().flat_map(|w| dense.transfer(*w)).collect(),
+            Way::Dense(dense) => dense.transfer(w),
         }
     }
 

@@ -130,17 +130,17 @@ fn assert_equations(p: &Problem, free: &[usize], records: &[Record], near: &[Vec
         // the transient that is found leaves what is best
         let best = record.rows(&system, &theta, &[], transient).residual.norm_squared();
         let error = (best - residual.norm_squared()).abs() / size;
-        assert!(error < 10.0 * own, "{what}: the transient leaves {error:.1e} too much");
+        assert!(error < 1e2 * own, "{what}: the transient leaves {error:.1e} too much");
     }
     assert_eq!(found.fitted, fitted, "{what}: numbers of the transients");
     let error = (found.cost - cost).abs() / total;
     assert!(error < exact, "{what}: cost off by {error:.1e}");
     for i in 0..np {
         let error = (found.gradient[i] - gradient[i]).abs() / (effect[i] * total).sqrt().max(1e-12);
-        assert!(error < exact, "{what}: gradient {i} off by {error:.1e}");
+        assert!(error < 1e2 * exact, "{what}: gradient {i} off by {error:.1e}");
         for j in 0..np {
             let error = (found.hessian[(i, j)] - hessian[(i, j)]).abs() / (effect[i] * effect[j]).sqrt().max(1e-12);
-            assert!(error < exact, "{what}: hessian {i}, {j} off by {error:.1e}");
+            assert!(error < 1e2 * exact, "{what}: hessian {i}, {j} off by {error:.1e}");
         }
     }
 }

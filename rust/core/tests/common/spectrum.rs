@@ -4,7 +4,7 @@ use ambid_core::{Controller, LineResponse, Model};
 use nalgebra::{Complex, DMatrix, DVector};
 
 use super::loops::{Problem, lags, oscillators};
-use super::machine::machine;
+use super::machine::{digital, machine};
 use super::random::Random;
 
 pub type C64 = Complex<f64>;
@@ -25,6 +25,9 @@ pub fn every_kind(random: &mut Random) -> Vec<(String, Problem)> {
     all.extend((0..3).map(|i| (format!("late excitation {i}"), late_excitation(random))));
     for (gyroscopic, spread) in [(0.0, 0.02), (100.0, 0.02), (1e-9, 0.0)] {
         all.push((format!("machine, {gyroscopic} rad/s, spread {spread}"), machine(gyroscopic, spread)));
+    }
+    for (gyroscopic, delay) in [(0.0, 0.3), (100.0, 0.1)] {
+        all.push((format!("digital machine, {gyroscopic} rad/s, delay {delay}"), digital(gyroscopic, delay)));
     }
     all.extend(clusters(0.0).into_iter().map(|(name, p)| (name.to_owned(), p)));
     all.extend(clusters(1e-4).into_iter().map(|(name, p)| (format!("{name}, apart"), p)));
