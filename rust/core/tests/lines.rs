@@ -96,7 +96,8 @@ fn cut_records_of_every_kind() {
 
         // the record in time, from its periodic part and its transient
         let free_part = system.free_response(&p.theta, &d, cut.length, cut.length).expect("stable");
-        let periodic = in_time(&system.lines(&p.theta, &[], &w, &cut.u, &[], false).expect("stable").response, ny, &cut);
+        let periodic =
+            in_time(&system.lines(&p.theta, &[], &w, &cut.u, &[], false).expect("stable").response, ny, &cut);
         for (k, y) in cut.y.iter().enumerate() {
             let error = (y - free_part[k] - periodic[k]).abs() * units[k % ny];
             assert!(error < 1e-9, "{name}: sample {} of the record off by {error:.1e}", k / ny);
