@@ -42,10 +42,13 @@ pub struct LineResponse {
 /// What a part does on a block of lines.
 #[derive(Debug, Default)]
 pub(crate) struct Block {
-    /// Lines x `stride`: the real, then the imaginary parts of outputs x `[value, slopes..]`.
+    /// Lines x `stride`: outputs x `[value, slopes..]`, real parts, and from `half` on imaginary ones.
     pub columns: Vec<f64>,
     pub stride: usize,
-    /// Lines x outputs x states, real parts, then imaginary parts.
+    pub half: usize,
+    /// What a part weights to get there.
+    rows: Vec<f64>,
+    /// Lines x outputs x states, real parts, then imaginary parts; see [`OnLines::of_loop`].
     pub basis: [Vec<f64>; 2],
 }
 
@@ -76,7 +79,7 @@ impl<'a> OnLines<'a> {
         let way = match Modal::new(&part.model, theta, &parameters)? {
             Some(modal) => {
                 stable(&modal.value.mu, part.model.dt)?;
-                Way::Modal(modal::Poles::new(modal))
+                Way::Modal(modal::Poles::new(&modal))
             }
             None => {
                 let (value, slopes) = discretise(&part.model, theta, &parameters)?;
@@ -91,6 +94,13 @@ impl<'a> OnLines<'a> {
         match &self.way {
             Way::Modal(poles) => poles.states(),
             Way::Dense(dense) => dense.states(),
+        }
+    }
+
+    /// Takes what [`OnLines::run`] found of a transient, a row of the basis or a combination, to the numbers of `d`.
+    pub fn of_loop(&self, x: &mut [f64]) {
+        if let Way::Dense(dense) = &self.way {
+            dense.of_loop(x);
         }
     }
 
@@ -153,22 +163,25 @@ impl ClosedLoop {
         for part in &parts {
             let (n, own) = (part.states(), part.outputs.len());
             let d = if d.is_empty() { d } else { &d[at..at + n] };
-            let half = own * (1 + part.free.len());
             for (b, (w, u)) in w.chunks(BLOCK).zip(u.chunks(BLOCK * inputs.max(1))).enumerate() {
                 part.run(w, u, inputs, d, &mut block);
                 for l in 0..w.len() {
                     let row = &block.columns[l * block.stride..];
                     for (i, o) in part.outputs.iter().enumerate() {
                         let place = (b * BLOCK + l) * ny + o;
-                        let number = |k: usize| C64::new(row[k], row[half + k]);
+                        let number = |k: usize| C64::new(row[k], row[block.half + k]);
                         let first = i * (1 + part.free.len());
                         found.response[place] = number(first);
                         for (j, free) in part.free.iter().enumerate() {
                             found.slopes[place * np + free] = number(first + 1 + j);
                         }
-                        for k in (0..n).filter(|_| with_basis) {
-                            let from = (l * own + i) * n + k;
-                            found.basis[place * states + at + k] = C64::new(block.basis[0][from], block.basis[1][from]);
+                        if with_basis {
+                            let from = (l * own + i) * n..(l * own + i + 1) * n;
+                            let mut sides = [&block.basis[0], &block.basis[1]].map(|side| side[from.clone()].to_vec());
+                            sides.iter_mut().for_each(|side| part.of_loop(side));
+                            let to = &mut found.basis[place * states + at..][..n];
+                            let sides = sides[0].iter().zip(&sides[1]);
+                            to.iter_mut().zip(sides).for_each(|(to, (re, im))| *to = C64::new(*re, *im));
                         }
                     }
                 }

@@ -12,14 +12,14 @@ use rayon::prelude::*;
 use crate::closed_loop::ClosedLoop;
 use crate::error::{Error, Result, check_len};
 use crate::lines::{BLOCK, Block, OnLines};
-use crate::product::{LANES, add_gram, dispatch, fused};
+use crate::product::{LANES, Vector, add_gram, dispatch, fma, load, store};
 
 type C64 = Complex<f64>;
 
 /// Part of a basis vector's square that must be its own, beside those before it, for it to count.
 const OWN: f64 = 1e-11;
 /// Size of a basis vector, relative to the largest one, at which it is rounding: of a state that is not seen.
-const SEEN: f64 = 1e-13;
+const SEEN: f64 = 1e-10;
 /// Lines whose whitened rows stay in the first-level cache.
 const TOGETHER: usize = 4;
 
@@ -97,11 +97,11 @@ pub fn line_equations(
     let value = if is_near || free.is_empty() { None } else { Some(system.on_lines(theta, &[])?) };
     let one = |(k, data): (usize, &&LineData)| -> LineNormal {
         let start = match &value {
-            Some(value) => Gram::new(value, 0, data, system.inputs(), &[]).eliminated().transient(),
+            Some(value) => Gram::new(value, 0, data, system.inputs(), &[]).eliminated().transient(value),
             None if is_near => near[k].clone(),
             None => Vec::new(),
         };
-        Gram::new(&parts, free.len(), data, system.inputs(), &start).eliminated().normal(free.len(), start)
+        Gram::new(&parts, free.len(), data, system.inputs(), &start).eliminated().normal(&parts, free.len(), start)
     };
     let each: Vec<LineNormal> = if records.len() > 1 {
         records.par_iter().enumerate().map(one).collect()
@@ -182,7 +182,7 @@ struct Eliminated {
 
 impl Eliminated {
     /// What makes the transient leave least.
-    fn transient(&self) -> Vec<f64> {
+    fn transient(&self, parts: &[OnLines]) -> Vec<f64> {
         let last = self.moments.nrows() - 1;
         let mut d = vec![0.0; self.states];
         for (pivot, row) in self.order.iter().rev() {
@@ -190,11 +190,17 @@ impl Eliminated {
             d[*pivot] = -(row[last] + others) / row[*pivot];
         }
         d.iter_mut().zip(&self.scale).filter(|(_, scale)| **scale > 0.0).for_each(|(d, scale)| *d /= scale);
+        let mut left = &mut d[..];
+        for part in parts {
+            let (own, rest) = left.split_at_mut(part.states());
+            part.of_loop(own);
+            left = rest;
+        }
         d
     }
 
-    fn normal(self, np: usize, start: Vec<f64>) -> LineNormal {
-        let mut transient = self.transient();
+    fn normal(self, parts: &[OnLines], np: usize, start: Vec<f64>) -> LineNormal {
+        let mut transient = self.transient(parts);
         transient.iter_mut().zip(start).for_each(|(d, start)| *d += start);
         let (first, last) = (self.states, self.moments.nrows() - 1);
         LineNormal {
@@ -233,6 +239,12 @@ pub fn line_rows(
         let to = out[line * 2 * data.channels * layout.size..].chunks_exact_mut(layout.size);
         rows.chunks_exact(layout.stride).zip(to).for_each(|(row, to)| to.copy_from_slice(&row[..layout.size]));
     });
+    let mut at = 0;
+    for part in parts.iter().filter(|_| transients) {
+        let n = part.states();
+        out.chunks_exact_mut(layout.size).for_each(|row| part.of_loop(&mut row[at..at + n]));
+        at += n;
+    }
     Ok((out, layout.size))
 }
 
@@ -243,8 +255,7 @@ struct Layout {
     parameters: usize,
     size: usize,
     stride: usize,
-    /// The columns that the transient of each channel's part stands in, and where those of all parts end.
-    ranges: Vec<[Range<usize>; 2]>,
+    stretches: Vec<Stretch>,
 }
 
 impl Layout {
@@ -252,15 +263,23 @@ impl Layout {
         let states = if transients { parts.iter().map(OnLines::states).sum() } else { 0 };
         let size = states + parameters + 1;
         let stride = size.next_multiple_of(LANES);
-        let down = |k: usize| k - k % LANES;
-        let mut ranges = vec![[0..0, down(states)..stride]; channels];
-        let mut at = 0;
-        for part in parts.iter().filter(|_| transients) {
-            let own = down(at)..(at + part.states()).next_multiple_of(LANES).min(down(states));
-            part.outputs.iter().filter(|o| **o < channels).for_each(|o| ranges[*o][0] = own.clone());
-            at += part.states();
+        // vectors of columns, by the channels of the parts whose transients stand in them
+        let mut stretches: Vec<Stretch> = Vec::new();
+        for columns in (0..stride).step_by(LANES).map(|at| at..at + LANES) {
+            let mut at = 0;
+            let mut own: Vec<usize> = Vec::new();
+            for part in parts.iter().filter(|_| transients) {
+                let stands = at < columns.end && at + part.states() > columns.start;
+                own.extend(part.outputs.iter().filter(|o| stands && **o < channels));
+                at += part.states();
+            }
+            let channels = if columns.end > states { (0..channels).collect() } else { own };
+            match stretches.last_mut().filter(|last| last.channels == channels) {
+                Some(last) => last.columns.end = columns.end,
+                None => stretches.push(Stretch { columns, channels }),
+            }
         }
-        Self { channels, states, parameters, size, stride, ranges }
+        Self { channels, states, parameters, size, stride, stretches }
     }
 
     /// Hands the whitened rows of a few lines at a time to `sink`, with the first of these lines.
@@ -288,8 +307,7 @@ impl Layout {
                         raw[2 * c * stride + self.size - 1] -= z.re;
                         raw[(2 * c + 1) * stride + self.size - 1] -= z.im;
                     }
-                    white.fill(0.0);
-                    whiten(&data.whitening[line * p * p..(line + 1) * p * p], &raw, &self.ranges, stride, white);
+                    whiten(&data.whitening[line * p * p..(line + 1) * p * p], &raw, &self.stretches, stride, white);
                 }
                 sink(together, &white[..count * 2 * p * stride]);
             }
@@ -301,7 +319,6 @@ impl Layout {
         let mut at = 0;
         for (part, block) in parts.iter().zip(blocks) {
             let (n, np) = (part.states(), part.free.len());
-            let half = part.outputs.len() * (1 + np);
             let columns = &block.columns[line * block.stride..];
             for (i, channel) in part.outputs.iter().enumerate().filter(|(_, channel)| **channel < self.channels) {
                 for (side, basis) in block.basis.iter().enumerate() {
@@ -310,7 +327,7 @@ impl Layout {
                         let from = (line * part.outputs.len() + i) * n;
                         row[at..at + n].copy_from_slice(&basis[from..from + n]);
                     }
-                    let own = &columns[side * half + i * (1 + np)..];
+                    let own = &columns[side * block.half + i * (1 + np)..];
                     part.free.iter().enumerate().for_each(|(j, free)| row[self.states + free] = own[1 + j]);
                     row[self.states + self.parameters] = own[0];
                 }
@@ -320,26 +337,66 @@ impl Layout {
     }
 }
 
+/// Columns of a stretch in which the same channels are other than zero.
+struct Stretch {
+    columns: Range<usize>,
+    channels: Vec<usize>,
+}
+
+/// Vectors of columns that are whitened together.
+const WIDE: usize = 2;
+
 /// `white = W raw`, real and imaginary parts of every channel below each other.
-fn whiten(w: &[C64], raw: &[f64], ranges: &[[Range<usize>; 2]], stride: usize, white: &mut [f64]) {
-    dispatch!(whiten_any, (w: &[C64], raw: &[f64], ranges: &[[Range<usize>; 2]], stride: usize, white: &mut [f64]));
+fn whiten(w: &[C64], raw: &[f64], stretches: &[Stretch], stride: usize, white: &mut [f64]) {
+    dispatch!(whiten_any, (w: &[C64], raw: &[f64], stretches: &[Stretch], stride: usize, white: &mut [f64]));
 }
 
 #[inline(always)]
-fn whiten_any<const FMA: bool>(w: &[C64], raw: &[f64], ranges: &[[Range<usize>; 2]], stride: usize, white: &mut [f64]) {
-    for (w, white) in w.chunks_exact(ranges.len()).zip(white.chunks_exact_mut(2 * stride)) {
-        let (re, im) = white.split_at_mut(stride);
-        for ((w, raw), ranges) in w.iter().zip(raw.chunks_exact(2 * stride)).zip(ranges) {
-            if w.re == 0.0 && w.im == 0.0 {
-                continue;
+fn whiten_any<const FMA: bool>(w: &[C64], raw: &[f64], stretches: &[Stretch], stride: usize, white: &mut [f64]) {
+    for Stretch { columns, channels } in stretches {
+        let mut at = columns.start;
+        while at + WIDE * LANES <= columns.end {
+            whiten_tile::<FMA, WIDE>(w, raw, channels, stride, at, white);
+            at += WIDE * LANES;
+        }
+        while at < columns.end {
+            whiten_tile::<FMA, 1>(w, raw, channels, stride, at, white);
+            at += LANES;
+        }
+    }
+}
+
+/// V vectors of columns from `at` on, two channels at a time.
+#[inline(always)]
+fn whiten_tile<const FMA: bool, const V: usize>(
+    w: &[C64],
+    raw: &[f64],
+    channels: &[usize],
+    stride: usize,
+    at: usize,
+    white: &mut [f64],
+) {
+    let p = white.len() / (2 * stride);
+    for first in (0..p).step_by(2) {
+        // of an odd number the last channel is its own neighbour
+        let pair = [first, (first + 1).min(p - 1)];
+        let mut sum = [[[[0.0; LANES]; V]; 2]; 2];
+        for c in channels {
+            let from = &raw[2 * c * stride..2 * (c + 1) * stride];
+            let re: [Vector; V] = std::array::from_fn(|v| load(from, at + v * LANES));
+            let im: [Vector; V] = std::array::from_fn(|v| load(from, stride + at + v * LANES));
+            for (sum, to) in sum.iter_mut().zip(pair) {
+                let w = w[to * p + c];
+                for v in 0..V {
+                    sum[0][v] = fma::<FMA>([w.re; LANES], re[v], fma::<FMA>([-w.im; LANES], im[v], sum[0][v]));
+                    sum[1][v] = fma::<FMA>([w.re; LANES], im[v], fma::<FMA>([w.im; LANES], re[v], sum[1][v]));
+                }
             }
-            let (from_re, from_im) = raw.split_at(stride);
-            for range in ranges {
-                let (from_re, from_im) = (&from_re[range.clone()], &from_im[range.clone()]);
-                let (re, im) = (&mut re[range.clone()], &mut im[range.clone()]);
-                for k in 0..from_re.len() {
-                    re[k] = fused::<FMA>(w.re, from_re[k], fused::<FMA>(-w.im, from_im[k], re[k]));
-                    im[k] = fused::<FMA>(w.re, from_im[k], fused::<FMA>(w.im, from_re[k], im[k]));
+        }
+        for (sum, to) in sum.iter().zip(pair) {
+            for (side, sum) in sum.iter().enumerate() {
+                for (v, sum) in sum.iter().enumerate() {
+                    store(white, (2 * to + side) * stride + at + v * LANES, *sum);
                 }
             }
         }

@@ -1,8 +1,8 @@
 //! Lines of a loop whose poles are too clustered for a modal form: elimination in Schur form, a group of lines at a time.
 //!
 //! With `M = w I - A`, `x = M^-1 (B u + w d)` and `Y = C M^-1`: `z = C x + D u`, `dz = Y (dA x + dB u) + dC x + dD u`,
-//! and the basis of the transient is `w Y`, taken back to the states of the loop: other than the Schur form these change
-//! smoothly with the parameters, and a transient of one parameter set is near that of the next.
+//! and the basis of the transient is `w Y`. A transient is told in the states of the loop: other than those of the Schur
+//! form they change smoothly with the parameters, so that it is near that of other parameters.
 
 use nalgebra::linalg::Schur;
 use nalgebra::{Complex, DMatrix, DVector};
@@ -24,8 +24,6 @@ pub struct Dense {
     value: Discrete,
     /// These states times it are the (balanced) ones of the loop.
     q: DMatrix<f64>,
-    /// q'.
-    back: Panels,
     left: Triangular,
     right: Triangular,
     parameters: usize,
@@ -72,9 +70,7 @@ impl Dense {
         slopes.iter().enumerate().for_each(|(j, slope)| put(1 + j, slope, 0));
         let forcing = Panels::new(n + nu, columns, &forcing);
         let (left, right) = (Triangular::new(&value.a), Triangular::reversed(&value.a));
-        // a matrix stored column by column is its transpose row by row
-        let back = Panels::new(n, n, q.as_slice());
-        Ok(Self { value, q, back, left, right, parameters: slopes.len(), forcing, width })
+        Ok(Self { value, q, left, right, parameters: slopes.len(), forcing, width })
     }
 
     pub fn states(&self) -> usize {
@@ -96,6 +92,12 @@ impl Dense {
         self.left.solve(w, c.nrows(), y);
     }
 
+    /// Takes a transient, or a row of the basis, from the states of the Schur form to those of the loop.
+    pub fn of_loop(&self, x: &mut [f64]) {
+        let turned = &self.q * DVector::from_column_slice(x);
+        x.copy_from_slice(turned.as_slice());
+    }
+
     /// A transient in the states of the Schur form.
     fn turned(&self, d: &[f64]) -> Vec<f64> {
         if d.is_empty() { vec![] } else { self.q.tr_mul(&DVector::from_column_slice(d)).as_slice().to_vec() }
@@ -105,7 +107,7 @@ impl Dense {
         let Discrete { a, b, c, .. } = &self.value;
         let (n, nu, ny, np) = (a.nrows(), b.ncols(), c.nrows(), self.parameters);
         let (half, width) = (ny * (1 + np), self.width);
-        block.stride = 2 * half;
+        (block.half, block.stride) = (half, 2 * half);
         block.columns.resize(w.len() * block.stride, 0.0);
         block.basis.iter_mut().for_each(|part| part.resize(w.len() * ny * n, 0.0));
         let d = self.turned(d);
@@ -114,8 +116,6 @@ impl Dense {
         let mut x = vec![0.0; n * 2 * GROUP];
         let mut rows = vec![0.0; 2 * GROUP * depth];
         let mut forced = vec![0.0; 2 * GROUP * self.forcing.stride];
-        let mut turned = vec![0.0; 2 * GROUP * ny * n];
-        let mut basis = vec![0.0; 2 * GROUP * ny * self.back.stride];
         let mut sums = vec![0.0; GROUP * ny * 2 * width];
         let sizes = Sizes { states: if np == 0 { 0 } else { n }, outputs: ny, width };
         for (g, (w, u)) in w.chunks(GROUP).zip(u.chunks(GROUP * nu)).enumerate() {
@@ -140,30 +140,21 @@ impl Dense {
             }
             product(&rows, 2 * GROUP, &self.forcing, &mut forced);
             contract(&y, &forced, &sizes, &mut sums);
-            for l in 0..w.len() {
+            for (l, w) in w.iter().enumerate() {
                 let line = g * GROUP + l;
                 let row = &mut block.columns[line * block.stride..][..block.stride];
                 for (o, sums) in sums[l * ny * 2 * width..].chunks_exact(2 * width).take(ny).enumerate() {
                     row[o * (1 + np)..][..1 + np].copy_from_slice(&sums[..1 + np]);
                     row[half + o * (1 + np)..][..1 + np].copy_from_slice(&sums[width..][..1 + np]);
-                }
-            }
-            // w Y, all real parts and then all imaginary ones
-            for (l, w) in points.iter().enumerate() {
-                for (i, y) in y.chunks_exact(2 * ny * GROUP).enumerate() {
-                    for o in 0..ny {
-                        let (re, im) = (y[2 * o * GROUP + l], y[(2 * o + 1) * GROUP + l]);
-                        turned[(l * ny + o) * n + i] = w.re * re - w.im * im;
-                        turned[((GROUP + l) * ny + o) * n + i] = w.re * im + w.im * re;
+                    let at = (line * ny + o) * n;
+                    let [re, im] = &mut block.basis;
+                    let own = re[at..at + n].iter_mut().zip(&mut im[at..at + n]);
+                    for ((re, im), y) in own.zip(y.chunks_exact(2 * ny * GROUP)) {
+                        let (y_re, y_im) = (y[2 * o * GROUP + l], y[(2 * o + 1) * GROUP + l]);
+                        *re = w.re * y_re - w.im * y_im;
+                        *im = w.re * y_im + w.im * y_re;
                     }
                 }
-            }
-            product(&turned, 2 * GROUP * ny, &self.back, &mut basis);
-            for (to, from) in block.basis.iter_mut().zip(basis.chunks_exact(GROUP * ny * self.back.stride)) {
-                let to = to[g * GROUP * ny * n..].chunks_exact_mut(n);
-                to.zip(from.chunks_exact(self.back.stride))
-                    .take(w.len() * ny)
-                    .for_each(|(to, from)| to.copy_from_slice(&from[..n]));
             }
         }
     }

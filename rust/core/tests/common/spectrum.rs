@@ -123,14 +123,14 @@ impl Rows {
 
 /// Orthonormal columns that span those of a matrix: the one that is most its own first, to a remainder of `smallest`.
 ///
-/// What is 1e-13 of the largest column is rounding, and zero.
+/// What is 1e-10 of the largest column is rounding, and zero.
 /// Returns them with the columns they were taken from, and the least part of a column that was its own.
 pub fn orthonormal(m: &DMatrix<f64>, smallest: f64) -> (DMatrix<f64>, Vec<usize>, f64) {
     let mut left = m.clone();
     let largest = m.column_iter().map(|column| column.norm()).fold(0.0, f64::max);
     for mut column in left.column_iter_mut() {
         let norm = column.norm();
-        column.scale_mut(if norm > 1e-13 * largest { 1.0 / norm } else { 0.0 });
+        column.scale_mut(if norm > 1e-10 * largest { 1.0 / norm } else { 0.0 });
     }
     let mut q = DMatrix::zeros(m.nrows(), 0);
     let (mut taken, mut least) = (Vec::new(), 1.0);
