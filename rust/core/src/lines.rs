@@ -62,7 +62,7 @@ pub(crate) struct OnLines<'a> {
 }
 
 enum Way {
-    Modal(modal::Poles),
+    Modal(Box<modal::Poles>),
     Dense(Box<dense::Dense>),
 }
 
@@ -79,7 +79,7 @@ impl<'a> OnLines<'a> {
         let way = match Modal::new(&part.model, theta, &parameters)? {
             Some(modal) => {
                 stable(&modal.value.mu, part.model.dt)?;
-                Way::Modal(modal::Poles::new(&modal))
+                Way::Modal(Box::new(modal::Poles::new(&modal)))
             }
             None => {
                 let (value, slopes) = discretise(&part.model, theta, &parameters)?;

@@ -2,12 +2,12 @@
 
 mod common;
 
-use ambid_core::{ClosedLoop, Error, LineData, Result, line_equations, line_rows};
+use ambid_core::{ClosedLoop, Error, Gain, Lft, LineData, Model, Result, line_equations, line_rows};
 use common::loops::{Problem, lags};
 use common::machine::{machine, saturating};
 use common::random::Random;
 use common::spectrum::{C64, Rows, every_kind, free_of, least_squares, orthonormal, points, sizes, transform};
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 /// A stretch of a record that began at rest long before it.
 struct Cut {
@@ -178,6 +178,29 @@ fn folded_is_the_sum_over_whole_periods() {
         let (none, _) = system.folded(&p.theta, &free, &u, samples, period).expect("stable");
         assert!(none.iter().all(|y| *y == 0.0), "{name}: no whole period");
     }
+}
+
+/// `y = 3 theta u` has no transient and is its own transfer.
+#[test]
+fn a_loop_without_states() {
+    let (none, d) = (DMatrix::zeros, DMatrix::from_row_slice(2, 2, &[0.0, 3.0, 1.0, 0.0]));
+    let gain = Gain { parameter: 0, scale: 1.0, power: 1 };
+    let lft = Lft::new(none(0, 0), none(0, 2), none(2, 0), d, vec![gain]).expect("consistent");
+    let system = ClosedLoop::new(Model::new(lft, 0.1, None).expect("consistent"), 1).expect("consistent");
+    let w = points(8);
+    let u: Vec<C64> = w.iter().map(|w| w * 2.0).collect();
+    let found = system.lines(&[0.5], &[0], &w, &u, &[], true).expect("stable");
+    assert!(found.basis.is_empty());
+    for ((z, slope), u) in found.response.iter().zip(&found.slopes).zip(&u) {
+        assert!((z - u * 1.5).norm() < 1e-14 && (slope - u * 3.0).norm() < 1e-14);
+    }
+    assert!(system.transfer(&[0.5], &w).expect("stable").iter().all(|g| (g - 1.5).norm() < 1e-14));
+    assert_eq!(system.free_response(&[0.5], &[], 8, 8).expect("stable"), vec![0.0; 8]);
+    let whitening = vec![C64::from(1.0); w.len()];
+    let data = LineData::new(&system, w.clone(), u.clone(), vec![C64::from(0.0); w.len()], whitening).expect("fits");
+    let normal = line_equations(&system, &[0.5], &[0], &[&data], &[]).expect("stable");
+    let squares: f64 = u.iter().map(|u| u.norm_sqr()).sum();
+    assert!((normal.cost - 2.25 * squares).abs() < 1e-13 * squares && normal.fitted == 0);
 }
 
 fn shape<T>(result: Result<T>) -> bool {

@@ -179,6 +179,9 @@ impl Dense {
     pub fn free_response(&self, d: &[f64], length: usize, samples: usize) -> Result<Vec<f64>> {
         let Discrete { a, c, .. } = &self.value;
         let n = a.nrows();
+        if n == 0 {
+            return Ok(vec![0.0; samples * c.nrows()]);
+        }
         let (mut over, mut power, mut left) = (DMatrix::identity(n, n), a.clone(), length);
         while left > 0 {
             if left % 2 == 1 {
