@@ -34,13 +34,17 @@ def cut(record, first, samples):
 
 
 @pytest.mark.parametrize("with_i_c", [True, False], ids=["y and i_c", "y alone"])
-@pytest.mark.parametrize("cut_at", [None, 777], ids=["whole", "cut"])
-def test_estimates_scatter_as_their_standard_errors_say(bench, i_e, with_i_c, cut_at):
+@pytest.mark.parametrize(
+    ("cut_at", "weights"),
+    [(None, "likelihood"), (777, "likelihood"), (None, "eq9")],
+    ids=["whole", "cut", "whole by eq. 9"],
+)
+def test_estimates_scatter_as_their_standard_errors_say(bench, i_e, with_i_c, cut_at, weights):
     """The mean of squares of 40 numbers of unit variance lies between `LEAST` and `MOST`, but for one in 1000."""
     truth, start, found = np.array(list(bench.truth.values())), Model(bench.rig(off=0.02)), []
     for record in bench.records(i_e, range(2000, 2040), period=510):
         part = record if cut_at is None else cut(record, cut_at, 4 * 510)
-        estimate = identify(start, part if with_i_c else replace(part, i_c=None))
+        estimate = identify(start, part if with_i_c else replace(part, i_c=None), weights=weights)
         found.append((values(estimate) - truth) / errors(estimate))
     z = np.array(found)
     assert np.all(np.abs(z.mean(axis=0)) < 4.0 / np.sqrt(len(z)))
