@@ -9,11 +9,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
 from ambid.excitation import prbs
-from ambid.noise.whitener import Whitener
 from ambid.noise.window import Window
 from ambid.record import Record
 from ambid.rig import Rig
 from places import SHARED
+from reference.whitening import Whitening
 
 from .bench import MachineFailure, simulate, simulate_all
 from .experiment import KINDS, experiment
@@ -342,8 +342,7 @@ def test_the_measured_cases_are_reproduced_down_to_their_noise(case):
     true = {name: truth[name] for name in ("K_i", "K_s", "tau_e")}
     clean = simulate(rig, record.i_e, HIDDEN[case], **true, seed=None, warm_up=0.0)
     residual = np.hstack([record.y - clean.y, record.i_c - clean.i_c])
-    window = Window.after_first(record.period, record.periods - 1)
-    white = Whitener.from_residual(residual, window).whiten(residual)
+    white = Whitening.between(residual, Window.of(record).settled).white(residual)
     assert abs(np.mean(white**2) - 1.0) < 0.03
     fit = 100.0 * (1.0 - np.linalg.norm(residual[:, :4], axis=0) / np.linalg.norm(record.y - record.y.mean(0), axis=0))
     assert_allclose(fit, truth["fits"]["train"]["floor_y"], atol=0.02)

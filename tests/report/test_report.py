@@ -144,7 +144,7 @@ def test_base_model_and_last_step(explained):
 
 
 def test_standard_errors_are_those_of_the_scatter(explained):
-    errors = numbers.standard_errors(explained.model, explained.records)
+    errors = numbers.standard_errors(explained)
     truth = ambid.Model(explained.model.rig).add("loop_delay", {"delay": 5e-5})
     off = [
         (p.value - q.value) / errors[p.name] for p, q in zip(explained.model.parameters, truth.parameters, strict=True)

@@ -1,0 +1,87 @@
+"""Parameters that change during a record: seen where they do, and not where nothing changes."""
+
+import numpy as np
+import pytest
+
+import ambid
+from ambid.diagnosis import diagnose
+from ambid.diagnosis.drift import largest_change
+from hidden.bench import simulate
+from hidden.families import BENCHES
+from hidden.one_axis import ONE_AXIS
+
+BENCH = BENCHES["bench"]
+
+
+def measured(own, hidden, seed, *, periods=6, order=9, rig=None, hold=None):
+    rig, hold = rig or own.rig, hold or own.hold
+    i_e = ambid.prbs(order, amplitude=own.amplitude, hold=hold, axes=len(rig.axes), periods=periods, seed=seed)
+    return simulate(rig, i_e, hidden, seed=seed, period=hold * (2**order - 1), **own.truth, **own.noise)
+
+
+def with_light_modes(own):
+    """Bending modes of 0.3 % damping, split by the speed; a digital controller."""
+    rotor = own.rig.rotor.model_copy(update={"modal_damping": 0.003})
+    controller = own.rig.controller.model_copy(update={"implementation": "digital"})
+    return own.rig.replace(rotor=rotor, controller=controller, speed=300.0)
+
+
+@pytest.mark.parametrize("own", [ONE_AXIS, BENCH], ids=["one axis", "two bearings"])
+@pytest.mark.parametrize("fraction", [0.15, -0.05])
+def test_a_force_that_drifts_is_seen_and_its_size_is_right(own, fraction):
+    """A ramp of relative height h stands with an amplitude of h / pi at one cycle per record."""
+    record = measured(own, {"force_current_drift": {"fraction": fraction}}, 1)
+    change = largest_change(ambid.identify(own.rig, record).comparison)
+    assert change is not None
+    assert change.cycles == 1
+    assert change.parameter.startswith("K_")
+    settled = 5 / 6  # of the record
+    if change.parameter.startswith("K_i"):
+        assert change.relative == pytest.approx(abs(fraction) * settled / np.pi, rel=0.4)
+
+
+def test_a_stiffness_that_swings_is_seen_at_its_frequency():
+    record = measured(ONE_AXIS, {"parametric_stiffness": {"stiffness": 4e4, "frequency_hz": 1.4}}, 1, periods=8)
+    change = largest_change(ambid.identify(ONE_AXIS.rig, record).comparison)
+    assert change is not None
+    assert change.cycles == 2
+    assert change.frequency_hz == pytest.approx(1.4, rel=0.01)
+
+
+def test_a_record_of_a_drifting_force_is_not_adequate():
+    found = diagnose(ONE_AXIS.rig, measured(ONE_AXIS, {"force_current_drift": {"fraction": 0.15}}, 1))
+    assert found.verdict != "adequate"
+    assert any("changes during the record" in note for note in found.notes)
+
+
+MACHINES = {
+    "one axis": (ONE_AXIS, {}),
+    "one axis, short periods": (ONE_AXIS, {"order": 7, "hold": 1, "periods": 12}),
+    "two bearings": (BENCH, {}),
+    "two bearings, digital, periods of 1022": (
+        BENCH,
+        {
+            "order": 9,
+            "hold": 2,
+            "periods": 10,
+            "rig": BENCH.rig.replace(controller=BENCH.rig.controller.model_copy(update={"implementation": "digital"})),
+        },
+    ),
+    "light modes, split by speed": (BENCH, {"rig": with_light_modes(BENCH), "periods": 10, "hold": 2}),
+}
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+def test_where_nothing_changes_nothing_is_said(machine):
+    """Noise is taken for a change in one of ten thousand records."""
+    own, settings = MACHINES[machine]
+    for seed in range(8):
+        record = measured(own, {}, seed, **settings)
+        found = ambid.identify(settings.get("rig", own.rig), record)
+        assert found.is_adequate
+        assert largest_change(found.comparison) is None, seed
+
+
+def test_fewer_than_three_settled_periods_say_nothing():
+    record = measured(ONE_AXIS, {"force_current_drift": {"fraction": 0.15}}, 1, periods=3)
+    assert largest_change(ambid.identify(ONE_AXIS.rig, record).comparison) is None

@@ -1,0 +1,159 @@
+"""The fit that minimises J: intervals that hold for whole and for cut records, repeatable to the last bit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.stats import chi2
+
+from ambid.errors import ModelError
+from ambid.identification import identify
+from ambid.model import Model
+from hidden.bench import simulate
+from hidden.families import BENCHES
+from hidden.one_axis import ONE_AXIS
+from virtual import NAMES
+
+LEAST, MOST = chi2.ppf([5e-4, 1 - 5e-4], 40) / 40
+
+
+def values(estimate) -> np.ndarray:
+    return np.array([p.value for p in estimate.parameters.values()])
+
+
+def errors(estimate) -> np.ndarray:
+    return np.array([p.std_error for p in estimate.parameters.values()])
+
+
+def cut(record, first, samples):
+    """A part of a record, which begins in the middle of what happens."""
+    part = slice(first, first + samples)
+    i_c = None if record.i_c is None else record.i_c[part]
+    return replace(record, i_e=record.i_e[part], y=record.y[part], i_c=i_c)
+
+
+@pytest.mark.parametrize("with_i_c", [True, False], ids=["y and i_c", "y alone"])
+@pytest.mark.parametrize("cut_at", [None, 777], ids=["whole", "cut"])
+def test_estimates_scatter_as_their_standard_errors_say(bench, i_e, with_i_c, cut_at):
+    """The mean of squares of 40 numbers of unit variance lies between `LEAST` and `MOST`, but for one in 1000."""
+    truth, start, found = np.array(list(bench.truth.values())), Model(bench.rig(off=0.02)), []
+    for record in bench.records(i_e, range(2000, 2040), period=510):
+        part = record if cut_at is None else cut(record, cut_at, 4 * 510)
+        estimate = identify(start, part if with_i_c else replace(part, i_c=None))
+        found.append((values(estimate) - truth) / errors(estimate))
+    z = np.array(found)
+    assert np.all(np.abs(z.mean(axis=0)) < 4.0 / np.sqrt(len(z)))
+    squares = np.mean(z**2, axis=0)
+    assert np.all((squares > LEAST) & (squares < MOST)), squares
+
+
+@pytest.mark.parametrize("own", [ONE_AXIS, BENCHES["bench"]], ids=["one axis", "two bearings"])
+def test_a_record_cut_anywhere_gives_the_truth_and_a_misfit_of_one(own):
+    axes = own.rig.axes
+    names = [*(f"K_i.{axis}" for axis in axes), *(f"K_s.{axis}" for axis in axes), "tau_e"]
+    truth = dict(zip(names, (*own.K_i, *own.K_s, own.tau_e), strict=True))
+    for seed in range(10):
+        random = np.random.default_rng(100 + seed)
+        whole = simulate(own.rig, own.excitation(own.amplitude), seed=seed, **own.truth, **own.noise, period=own.period)
+        first = int(random.integers(1, own.period))
+        part = cut(whole, first, int(random.integers(2 * own.period, whole.samples - first + 1)))
+        found = identify(own.rig, part)
+        assert found.misfit == pytest.approx(1.0, abs=0.05), (first, part.samples)
+        for name, p in found.parameters.items():
+            assert abs(p.value - truth[name]) < 4.5 * p.std_error, (name, first, part.samples)
+
+
+def test_twice_is_the_same_to_the_last_bit(bench, run):
+    one, other = (identify(bench.rig(off=0.08), run) for _ in range(2))
+    assert_array_equal(values(one), values(other))
+    assert_array_equal(one.covariance, other.covariance)
+    assert (one.misfit, one.evaluations, one.fit_percent) == (other.misfit, other.evaluations, other.fit_percent)
+
+
+def test_it_ends_with_a_verdict_and_what_to_do_next(bench, i_e, run):
+    right = identify(bench.rig(off=0.02), run)
+    assert right.is_adequate
+    assert right.misfit < right.misfit_bound
+    assert "nothing is missing that these records can show" in right.verdict
+    assert "another amplitude" in right.next
+    (slow,) = replace(bench, tau_a=bench.tau_a + 1e-5).records(i_e, [1], period=510)
+    wrong = identify(bench.rig(), slow)
+    assert not wrong.is_adequate
+    assert "physics is missing" in wrong.verdict
+    assert "ambid diagnose" in wrong.next
+    assert any("intervals are widened" in note for note in wrong.notes)
+    for estimate in (right, wrong):
+        content = estimate.to_json()
+        assert (content["misfit"], content["misfit_bound"]) == (estimate.misfit, estimate.misfit_bound)
+        assert (content["adequate"], content["next"]) == (estimate.is_adequate, estimate.next)
+        assert estimate.verdict in repr(estimate)
+        assert f"next: {estimate.next}" in repr(estimate)
+
+
+def test_where_misfit_is_left_the_intervals_are_wider(bench, i_e):
+    (slow,) = replace(bench, tau_a=bench.tau_a + 1e-5).records(i_e, [1], period=510)
+    left = identify(bench.rig(), slow)
+    assert left.misfit > 1.2
+    hessian = left.comparison.noise.quadratic(left.model, range(len(NAMES))).hessian
+    if_nothing_were_missing = np.sqrt(np.diag(np.linalg.inv(hessian)))
+    assert np.all(errors(left) > 0.999 * np.sqrt(left.misfit) * if_nothing_were_missing)
+
+
+def test_it_is_at_the_minimum_of_j(bench, run):
+    found = identify(bench.rig(off=0.05), run)
+    own = found.comparison
+    for k, error in enumerate(errors(found)):
+        for step in (-0.3, 0.3):
+            theta = found.model.theta
+            theta[k] += step * error
+            assert own.of(found.model.with_theta(theta)).cost > own.cost
+
+
+def test_a_start_elsewhere_ends_at_the_same_place(bench, run):
+    """Within a hundredth of a standard error; the noise is that of the residual near the end."""
+    one, other = (identify(bench.rig(off=off), run) for off in (0.02, -0.08))
+    assert_allclose((values(one) - values(other)) / errors(one), 0.0, atol=0.01)
+
+
+EQ_9 = {
+    "K_i.A_zeta": 217.26723656049734,
+    "K_i.A_eta": 224.95099265275135,
+    "K_i.B_zeta": 277.8139802281981,
+    "K_i.B_eta": 284.8905928088693,
+    "K_s.A_zeta": 2396067.309603036,
+    "K_s.A_eta": 2478325.782907838,
+    "K_s.B_zeta": 3127353.14041436,
+    "K_s.B_eta": 3211280.837017445,
+    "tau_e": 0.0002493460694623987,
+}
+"""Of the demo's record, from before J was the yardstick."""
+
+
+def test_weights_of_eq_9_give_what_they_always_gave(demo_rig, demo_record, demo_truth):
+    found = identify(demo_rig, demo_record, weights="eq9")
+    assert_allclose(values(found), [EQ_9[name] for name in NAMES], rtol=1e-6)
+    assert sum(abs(p.value - demo_truth[name]) < 1.96 * p.std_error for name, p in found.parameters.items()) >= 8
+    again = identify(demo_rig, demo_record, weights={"y": 1.0, "i_c": 1.0})
+    assert_array_equal(values(again), values(found))
+
+
+def test_the_likeliest_is_at_least_as_sharp_as_eq_9(demo_estimate, demo_rig, demo_record):
+    assert np.all(errors(demo_estimate) < 1.1 * errors(identify(demo_rig, demo_record, weights="eq9")))
+
+
+def test_wrong_weights(bench, run):
+    with pytest.raises(ModelError, match="weights = 'ml'; expected 'likelihood', 'eq9', or factors by channel"):
+        identify(bench.rig(), run, weights="ml")
+    with pytest.raises(ModelError, match="every channel has weight 0"):
+        identify(bench.rig(), run, weights={"y": 0.0, "i_c": 0.0})
+
+
+def test_where_the_noise_is_not_known_it_is_eq_9_and_a_note_says_so(bench, i_e):
+    (quiet,) = bench.records(i_e[:60], [0])
+    found, plain = (identify(bench.rig(), quiet, weights=weights) for weights in ("likelihood", "eq9"))
+    assert any("weights of eq. 9, since the noise on lines is not known" in note for note in found.notes)
+    assert_array_equal(values(found), values(plain))
+    assert np.isnan(found.misfit)
+    assert "misfit unknown" in found.verdict
+    assert "record three periods" in found.next

@@ -1,0 +1,108 @@
+"""What has a frequency of its own: found where it is, as often as chance allows, and never in pure noise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ambid import Model
+from ambid.noise.lines import Measured, RecordLines
+from ambid.noise.tones import OUTSTANDING, find_tones
+from hidden.bench import simulate
+from hidden.families import BENCHES
+from hidden.one_axis import ONE_AXIS
+
+RATE = ONE_AXIS.rig.sample_rate
+NAMES = ("K_i.A_zeta", "K_s.A_zeta", "tau_e")
+EXACT = Model(ONE_AXIS.rig).with_values(dict(zip(NAMES, (*ONE_AXIS.K_i, *ONE_AXIS.K_s, ONE_AXIS.tau_e), strict=True)))
+LINE = RATE / (3 * ONE_AXIS.period)
+"""From one line to the next in the three settled periods [Hz]."""
+
+
+def hummed(*hums, seed=1):
+    """A record whose command current has hums of these frequencies [Hz] and amplitudes [A]."""
+    i_e = ONE_AXIS.excitation(ONE_AXIS.amplitude)
+    hum = sum((a * np.cos(2.0 * np.pi * f / RATE * np.arange(len(i_e)) + 0.7) for f, a in hums), np.zeros(len(i_e)))
+    made = simulate(ONE_AXIS.rig, i_e + hum[:, None], seed=seed, period=ONE_AXIS.period, **ONE_AXIS.truth)
+    return replace(made, i_e=i_e)
+
+
+def found(record, model=EXACT):
+    return find_tones(model, RecordLines(model, Measured(record)))
+
+
+@pytest.mark.parametrize("own", [ONE_AXIS, BENCHES["bench"]], ids=["one axis", "two bearings"])
+def test_pure_noise_has_no_tone(own):
+    """Of 30 records; the mains is suspected from the start, and may come up once in a hundred records."""
+    axes = own.rig.axes
+    names = [*(f"K_i.{axis}" for axis in axes), *(f"K_s.{axis}" for axis in axes), "tau_e"]
+    exact = Model(own.rig).with_values(dict(zip(names, (*own.K_i, *own.K_s, own.tau_e), strict=True)))
+    i_e = own.excitation(own.amplitude)
+    tones = []
+    for seed in range(30):
+        tones.append(found(simulate(own.rig, i_e, seed=seed, period=own.period, **own.truth, **own.noise), exact))
+    assert not any(tone.power > OUTSTANDING for own in tones for tone in own)
+    assert sum(map(len, tones)) <= 1
+
+
+@pytest.mark.parametrize(("line", "amplitude"), [(31.37, 0.05), (601.72, 0.2), (1234.61, 0.2)])
+def test_a_hum_between_lines_is_found_to_a_thousandth_of_a_line(line, amplitude):
+    """Noise alone moves hums of these sizes by less than half of that."""
+    for seed in range(5):
+        (tone,) = found(hummed((line * LINE, amplitude), seed=seed))
+        assert tone.power > OUTSTANDING
+        assert tone.frequency_hz / LINE == pytest.approx(line, abs=1e-3)
+
+
+@pytest.mark.parametrize("amplitude", [0.02, 0.2])
+def test_a_hum_is_told_once(amplitude):
+    for seed in range(5):
+        (tone,) = found(hummed((200.5 * LINE, amplitude), seed=seed))
+        assert tone.frequency_hz / LINE == pytest.approx(200.5, abs=0.05)
+
+
+def test_two_hums_are_found_strongest_first():
+    tones = found(hummed((100.4 * LINE, 0.02), (140.3 * LINE, 0.01)))
+    assert [tone.frequency_hz / LINE for tone in tones] == pytest.approx([100.4, 140.3], abs=0.02)
+    assert tones[0].power > tones[1].power > OUTSTANDING
+
+
+def test_two_hums_next_to_each_other_are_two():
+    tones = sorted(tone.frequency_hz / LINE for tone in found(hummed((100.4 * LINE, 0.02), (108.7 * LINE, 0.02))))
+    assert tones == pytest.approx([100.4, 108.7], abs=0.02)
+
+
+def test_a_hum_on_an_excited_line_is_found_there():
+    (tone,) = found(hummed((150 * LINE, 0.05)))
+    assert tone.frequency_hz / LINE == pytest.approx(150.0, abs=0.3)
+
+
+def test_the_mains_is_suspected_and_found_where_it_is_small():
+    """A tenth of what stands out by itself; and named by its own frequency, no nearby one."""
+    sizes = []
+    for seed in range(5):
+        sizes += [tone for tone in found(hummed((50.0, 5e-4), seed=seed)) if abs(tone.frequency_hz - 50.0) < LINE]
+    assert len(sizes) == 5
+
+
+def test_a_turning_rotor_has_a_tone_at_its_speed_however_small():
+    hz = 7.4 * 3 * LINE
+    rig = ONE_AXIS.rig.replace(speed=2.0 * np.pi * hz)
+    still = hummed()
+    (tone,) = found(still, Model(rig).with_values({p.name: p.value for p in EXACT.parameters}))
+    assert tone.frequency_hz == pytest.approx(hz)
+    assert not found(still)
+
+
+@pytest.mark.parametrize("line", [30.66, 100.4])
+def test_a_hum_is_no_noise(line):
+    """The noise of the excited lines is, but for a few percent, that of the same record without the hum."""
+    with_hum, without = (RecordLines(EXACT, Measured(r)) for r in (hummed((line * LINE, 0.02)), hummed()))
+    assert np.median(with_hum.noise_power() / without.noise_power()) == pytest.approx(1.0, abs=0.02)
+    assert np.max(with_hum.noise_power() / without.noise_power()) < 1.25
+
+
+def test_two_settled_periods_tell_no_tones():
+    short = hummed((100.4 * LINE, 0.02))
+    part = slice(0, 2 * ONE_AXIS.period)
+    assert found(replace(short, i_e=short.i_e[part], y=short.y[part], i_c=short.i_c[part])) == ()
