@@ -34,6 +34,8 @@ SETTLED = 1e-3
 OWN = 1e-10
 """Part of the largest eigenvalue of the transient's Gram matrix below which a direction of it says nothing."""
 
+REMEMBERED = 8
+"""Models whose transients are kept."""
 FEW = 400
 """Lines that lead a fit near its optimum."""
 ENOUGH = 2000
@@ -94,6 +96,7 @@ class RecordLines:
         self.points = self.window.points(self.index)
         self._z = self._judged(self.record.outputs)
         self._data: dict[tuple[Effect, ...], _core.LineData] = {}  # by the disturbances that drive a model
+        self._transients: dict[tuple[_core.ClosedLoop, bytes], tuple[FloatArray, int]] = {}
         way = self._rough if rough else self._between if self.window.is_periodic else self._without_periods
         self.spectrum = way()
 
@@ -115,6 +118,20 @@ class RecordLines:
             self._data[drives] = _core.LineData(here.loop.core, self.points, inputs, self._z, whitening)
         return self._data[drives]
 
+    def transient(self, here: Model) -> tuple[FloatArray, int]:
+        """The best transient of a linear model, and how many numbers of it the lines determine."""
+        key = (here.loop.core, here.theta.tobytes())
+        if key not in self._transients:
+            *_, transients, fitted = _core.line_equations(here.loop.core, here.theta, [], [self.data(here)])
+            self.remember(here, transients[0], fitted)
+        return self._transients[key]
+
+    def remember(self, here: Model, transient: FloatArray, fitted: int) -> None:
+        """Keep a transient that was found along the way, and the last few before it."""
+        self._transients[here.loop.core, here.theta.tobytes()] = (transient, fitted)
+        while len(self._transients) > REMEMBERED:
+            self._transients.pop(next(iter(self._transients)))
+
     def white(self, here: Model, free: Sequence[int]) -> White:
         """Residual at the best transient, and derivatives by the parameters in `free`, both freed from the transient.
 
@@ -126,9 +143,8 @@ class RecordLines:
         """
         core, theta, own = here.loop.core, here.theta, list(free)
         if here.is_linear:
-            data = self.data(here)
-            *_, transients, fitted = _core.line_equations(core, theta, [], [data])
-            rows = data.rows(core, theta, own, transients[0], bool(own))
+            transient, fitted = self.transient(here)
+            rows = self.data(here).rows(core, theta, own, transient, bool(own))
             basis, slopes, residual = np.split(rows, [rows.shape[1] - 1 - len(own), rows.shape[1] - 1], axis=1)
             return -residual[:, 0], _freed(slopes, orthonormal(basis)) if own else slopes, fitted
         response, derivatives = self._simulated(here, own)
@@ -171,8 +187,8 @@ class RecordLines:
             white, columns = self.whiten(left), self.whiten(basis)
             d = np.linalg.lstsq(columns, white, rcond=np.sqrt(OWN))[0]
             return np.asarray(left - basis @ d)
-        *_, transients, _ = _core.line_equations(core, here.theta, [], [self.data(here)])
-        found, _, _ = core.lines(here.theta, [], self.points, self._inputs(here), transients[0], False)
+        transient, _ = self.transient(here)
+        found, _, _ = core.lines(here.theta, [], self.points, self._inputs(here), transient, False)
         return self._z - found[:, :p]
 
     def simulated(self, here: Model) -> FloatArray:
@@ -185,8 +201,8 @@ class RecordLines:
         samples = self.record.samples
         if not here.is_linear:
             return self._simulated_in_time(here)
-        *_, transients, _ = _core.line_equations(core, here.theta, [], [self.data(here)])
-        y = core.free_response(here.theta, transients[0], window.samples, samples)[:, :p]
+        transient, _ = self.transient(here)
+        y = core.free_response(here.theta, transient, window.samples, samples)[:, :p]
         inputs = here.excitation(self.record)[: window.samples]
         repeats = core.inputs == len(self.record.axes)
         length = window.period if repeats else window.samples

@@ -12,7 +12,7 @@ from ambid import _core
 from ambid.arrays import FloatArray
 from ambid.loop.effect import Tone
 from ambid.model import Model
-from ambid.noise.lines import Measured, RecordLines
+from ambid.noise.lines import REMEMBERED, Measured, RecordLines
 from ambid.noise.tones import find_tones
 from ambid.record import Record
 
@@ -79,6 +79,7 @@ class Noise:
         self.parts = tuple(parts)
         self.records = tuple(part.record for part in parts)
         self.lines = sum(part.numbers for part in parts)
+        self._known: dict[tuple[object, tuple[int, ...]], Quadratic] = {}
 
     @classmethod
     def rough(cls, model: Model, records: Sequence[Record]) -> Noise:
@@ -135,6 +136,17 @@ class Noise:
         near : sequence of ndarray
             Transients of each record that are close to the best ones, as an earlier call found them.
         """
+        place = (tuple(model.at(part.record).loop.core for part in self.parts), model.theta.tobytes())
+        key: tuple[object, tuple[int, ...]] = (place, tuple(free))
+        if not free:  # J alone, which any of them tells
+            key = next((known for known in reversed(self._known) if known[0] == place), key)
+        if key not in self._known:
+            self._known[key] = self._quadratic(model, free, near)
+            while len(self._known) > REMEMBERED:
+                self._known.pop(next(iter(self._known)))
+        return self._known[key]
+
+    def _quadratic(self, model: Model, free: Sequence[int], near: Sequence[FloatArray]) -> Quadratic:
         size, cost, fitted = len(free), 0.0, 0
         hessian, gradient = np.zeros((size, size)), np.zeros(size)
         transients = [np.zeros(0)] * len(self.parts)
@@ -154,4 +166,5 @@ class Noise:
             cost, fitted = cost + found[2], fitted + found[4]
             for (k, _), transient in zip(members, found[3], strict=True):
                 transients[k] = transient
+                self.parts[k].remember(model.at(self.parts[k].record), transient, found[4] // len(members))
         return Quadratic(hessian, gradient, cost, fitted, transients)

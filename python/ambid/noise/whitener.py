@@ -183,6 +183,9 @@ class _Lines:
         free = np.maximum(count - (1.0 if way.factored else self.lines.shape[1]), 0.5)
         if not way.factored:
             return np.asarray(total / free[:, None, None]), count / free
+        # the correlations come from all lines, though no more than those
+        everything = float(self.count[-1])
+        free *= max(1.0 - self.lines.shape[1] / everything, 0.05)
         root = np.sqrt(np.einsum("lcc->lc", total).real / free[:, None])
         return np.asarray(root[:, :, None] * self.correlation(way) * root[:, None, :]), count / free
 
