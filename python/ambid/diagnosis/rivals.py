@@ -11,7 +11,7 @@ from ambid.diagnosis.ranking import Candidate
 from ambid.diagnosis.state import State, Task, nominal_with_effects_of
 from ambid.effects import Effect
 from ambid.errors import ModelError, UnstableLoopError
-from ambid.identification.minimum import criterion, refit
+from ambid.identification.minimum import ROUGHLY, criterion, refit
 from ambid.model import Model
 from ambid.noise import Comparison
 
@@ -45,7 +45,7 @@ def refits(task: Task, state: State, tried: Sequence[Candidate]) -> list[Refitte
         ends: list[Comparison] = []
         for base, values in starts:
             try:
-                ends.append(refit(state.fit.of(base.add(candidate.effect, values))))
+                ends.append(refit(state.fit.of(base.add(candidate.effect, values)), step=ROUGHLY))
             except (UnstableLoopError, ModelError, ValueError):
                 continue
             if ends[-1].cost < state.at_noise or len(ends) == len(starts) - 1:
@@ -83,12 +83,13 @@ def reconsidered(state: State, effect: Effect) -> tuple[State, str]:
             found.append((rival, state.fit))
         elif rival.effect.name not in here:
             try:
-                found.append((rival, refit(state.fit.of(rest.add(rival.effect, rival.start)))))
+                found.append((rival, refit(state.fit.of(rest.add(rival.effect, rival.start)), step=ROUGHLY)))
             except (UnstableLoopError, ModelError):
                 continue
     order = sorted(found, key=lambda pair: criterion(pair[1]))
     best, fit = order[0]
     sets = state.without_set(effect.name) | {best.effect.name: alternatives(order)}
+    fit = fit if best.effect.name == effect.name else refit(fit)
     return replace(state, fit=fit, sets=sets), best.effect.name
 
 

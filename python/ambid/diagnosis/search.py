@@ -16,7 +16,7 @@ from ambid.diagnosis.rivals import alternatives, is_driven_off, reconsidered, re
 from ambid.diagnosis.state import State, Task, nominal_with_effects_of, noted
 from ambid.effects import Effect
 from ambid.errors import ModelError, UnstableLoopError
-from ambid.identification.minimum import refit
+from ambid.identification.minimum import ROUGHLY, refit
 from ambid.noise import Comparison
 
 __all__ = ["add_best", "add_chosen", "begin"]
@@ -137,6 +137,7 @@ def _worth_refitting(state: State, ranking: Ranking) -> list[Candidate]:
 
 def _taken(state: State, better: Comparison, added: Effect) -> State:
     """Go on from a better model; what a model that is far off leaves between the excited lines is no noise."""
+    better = refit(better)
     fall, reference = state.fit.cost - better.cost, state.reference
     if added.frequencies_hz(better.model.rig):
         own = {p.name.split(".", 1)[1]: p.value for p in better.model.parameters if p.name.startswith(f"{added.name}.")}
@@ -164,11 +165,11 @@ def _pruned(task: Task, state: State) -> Iterator[State]:
     """Take out effects that a later one has made needless."""
     for effect in state.added[:-1]:
         try:
-            less = refit(state.fit.of(state.fit.model.without(effect.name)))
+            less = refit(state.fit.of(state.fit.model.without(effect.name)), step=ROUGHLY)
         except UnstableLoopError:
             continue  # no loop without it
         degrees = len(state.fit.model.names) - len(less.model.names)
         if less.cost - state.fit.cost < chdtri(degrees, ALPHA):
-            state = replace(state, fit=less, sets=state.without_set(effect.name))
+            state = replace(state, fit=refit(less), sets=state.without_set(effect.name))
             state = noted(task, state, _ranked(task, state), removed=effect.name)
             yield state

@@ -12,7 +12,7 @@ from ambid.arrays import FloatArray
 from ambid.errors import ModelError, RecordError, Stopped, UnstableLoopError
 from ambid.identification.covariance import covariance, sandwich
 from ambid.identification.estimate import Estimate, ParameterEstimate
-from ambid.identification.minimum import WhitenedProblem
+from ambid.identification.minimum import ROUGHLY, WhitenedProblem
 from ambid.identification.problem import EXACTLY, End, LeastSquares, Limits, Problem, noise_levels
 from ambid.model import Model
 from ambid.model.parameter import UNITS
@@ -24,8 +24,6 @@ from ambid.threads import with_one_blas_thread
 __all__ = ["identify"]
 
 LIKELIHOOD, EQ_9 = "likelihood", "eq9"
-ROUGHLY = 1e-4
-"""Relative step at which a rough fit is near enough for the noise to be taken from its residual."""
 MISFIT = (
     "the misfit is above its bound: physics is missing, and the intervals are widened by what is left; they hold the "
     "truth only if what is missing does not bend the parameters further"

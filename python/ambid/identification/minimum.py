@@ -7,12 +7,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.identification.problem import LeastSquares
+from ambid.identification.problem import EXACTLY, LeastSquares
 from ambid.model import Model
 from ambid.noise import Comparison, Noise
 
-__all__ = ["SUBSTEPS", "WhitenedProblem", "criterion", "refit"]
+__all__ = ["ROUGHLY", "SUBSTEPS", "WhitenedProblem", "criterion", "refit"]
 
+ROUGHLY = 1e-4
+"""Relative step at which a fit is near enough to be judged among others."""
 SUBSTEPS = 2
 """Steps per sample of nonlinear effects: neither a choice nor a score needs six digits."""
 
@@ -36,13 +38,22 @@ class WhitenedProblem(LeastSquares):
         return found.hessian, found.gradient, found.cost
 
 
-def refit(comparison: Comparison, most: int = 40) -> Comparison:
-    """Minimise J over all parameters of the model; of nonlinear effects two steps per sample are exact enough."""
+def refit(comparison: Comparison, most: int = 40, step: float = EXACTLY) -> Comparison:
+    """Minimise J over all parameters of the model; of nonlinear effects two steps per sample are exact enough.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    most : int
+        Evaluations.
+    step : float
+        Relative step at which the descent ends; `ROUGHLY` tells rivals from each other.
+    """
     model = comparison.model if comparison.model.is_linear else comparison.model.with_substeps(SUBSTEPS)
     problem = WhitenedProblem(model, comparison.noise)
     lower = np.array([p.lower for p in model.parameters]) / problem.scale
     upper = np.array([p.upper for p in model.parameters]) / problem.scale
-    end = problem.descend(model.theta / problem.scale, (lower, upper), most)
+    end = problem.descend(model.theta / problem.scale, (lower, upper), most, step)
     if end.status == "stopped":
         raise KeyboardInterrupt from None
     return comparison.of(model.with_theta(end.theta))

@@ -2,8 +2,8 @@
 
 A linear model is exact on lines, whatever part of an experiment the record holds: what its states were at the first
 sample is the transient d, real numbers that are fitted with every model. A nonlinear one is simulated in time, from a
-settled start or, if the record itself begins so, from rest, and transformed; the transient of its linearisation takes
-up what is left.
+settled start or, if the record itself begins so, from rest, and transformed; the transient of the model that the noise
+is from, linearised at rest, takes up what is left.
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ class RecordLines:
             basis, slopes, residual = np.split(rows, [rows.shape[1] - 1 - len(own), rows.shape[1] - 1], axis=1)
             return -residual[:, 0], _freed(slopes, orthonormal(basis)) if own else slopes, fitted
         response, derivatives = self._simulated(here, own)
-        basis, left = orthonormal(self.whiten(self._basis(here))), self.whiten(self._z - response)
+        basis, left = self._own_transients, self.whiten(self._z - response)
         columns = self.whiten(derivatives) if own else np.zeros((len(left), 0))
         return _freed(left, basis), _freed(columns, basis), basis.shape[1]
 
@@ -163,7 +163,7 @@ class RecordLines:
         if here.is_linear:
             rows = self._silent(here).rows(here.loop.core, here.theta, [], None, True)
             return orthonormal(rows[:, :-1])
-        return orthonormal(self.whiten(self._basis(here)))
+        return self._own_transients
 
     def response(self, here: Model) -> FloatArray:
         """Whitened response of a settled model."""
@@ -182,7 +182,7 @@ class RecordLines:
         """Residual on the judged lines at the best transient, not whitened, shape (lines, p)."""
         core, p = here.loop.core, self.measured.channels
         if not here.is_linear:
-            lines, basis = self._simulated(here, [])[0], self._basis(here)
+            lines, basis = self._simulated(here, [])[0], self._basis
             left = self._z - lines
             white, columns = self.whiten(left), self.whiten(basis)
             d = np.linalg.lstsq(columns, white, rcond=np.sqrt(OWN))[0]
@@ -219,10 +219,10 @@ class RecordLines:
     def _simulated_in_time(self, here: Model) -> FloatArray:
         """The same of a nonlinear model."""
         window, p, core, theta = self.window, self.measured.channels, here.loop.core, here.theta
-        lines, basis = self._simulated(here, [])[0], self._basis(here)
-        white, columns = self.whiten(self._z - lines), self.whiten(basis)
+        lines, base = self._simulated(here, [])[0], self._base
+        white, columns = self.whiten(self._z - lines), self.whiten(self._basis)
         d = np.asarray(np.linalg.lstsq(columns, white, rcond=np.sqrt(OWN))[0])
-        free = core.free_response(theta, d, window.samples, self.record.samples)[:, :p]
+        free = base.loop.core.free_response(base.theta, d, window.samples, self.record.samples)[:, :p]
         inputs = np.ascontiguousarray(here.excitation(self.record))
         if self._starts_at_rest or inputs.shape[1] > len(self.record.axes):
             return np.asarray(core.simulate(theta, inputs)[:, :p] + free)
@@ -271,11 +271,16 @@ class RecordLines:
         covariance = (own[:, :, None] * np.eye(p)).astype(complex)
         return Spectrum.of(covariance, np.tile(np.eye(p, dtype=complex), (len(own), 1, 1)), np.ones(len(own)))
 
-    def _basis(self, here: Model) -> ComplexArray:
-        """What a unit of each number of the transient adds on the judged lines, shape (lines, p, states)."""
-        core = here.loop.core
+    @cached_property
+    def _basis(self) -> ComplexArray:
+        """What each number of a transient of the noise's own model adds on the judged lines, (lines, p, states)."""
+        core = self._base.loop.core
         nothing = np.zeros((len(self.points), core.inputs), dtype=complex)
-        return core.lines(here.theta, [], self.points, nothing)[2][:, : self.measured.channels]
+        return core.lines(self._base.theta, [], self.points, nothing)[2][:, : self.measured.channels]
+
+    @cached_property
+    def _own_transients(self) -> FloatArray:
+        return orthonormal(self.whiten(self._basis))
 
     def _between(self) -> Spectrum:
         """The noise, from lines that are not excited."""
@@ -351,18 +356,15 @@ class RecordLines:
             y, slopes = core.sensitivity(theta, free, inputs)  # what disturbs need not repeat with the excitation
             return self._judged(y[:, :p]), self._judged(slopes[:, :p])
         lead = self._lead(here)
-        if at_rest and lead + 1 >= window.periods:
-            sums = core.folded(theta, free, inputs, window.first, window.period)
-        elif at_rest:
-            own = inputs[: window.first + (lead + 1) * window.period]
-            begun = core.folded(theta, free, own, window.first, window.period)
-            last = core.folded(theta, free, own, window.first + lead * window.period, window.period)
-            sums = tuple(b + (window.periods - lead - 1) * s for b, s in zip(begun, last, strict=True))  # type: ignore[assignment]
+        if at_rest:
+            periods = min(lead + 1, window.periods)
+            own = inputs[: window.first + periods * window.period]
+            repeated = window.periods - periods + 1.0
+            y, slopes = core.folded(theta, free, own, window.first, window.period, repeated)
         else:
             own = np.tile(inputs[: window.period], (lead + 1, 1))
-            last = core.folded(theta, free, own, lead * window.period, window.period)
-            sums = tuple(window.periods * s for s in last)  # type: ignore[assignment]
-        response, derivatives = (window.of_period(signal[:, :p])[:: self._every] for signal in sums)
+            y, slopes = core.folded(theta, free, own, lead * window.period, window.period, float(window.periods))
+        response, derivatives = (window.of_period(signal[:, :p])[:: self._every] for signal in (y, slopes))
         return response, derivatives
 
     def _lead(self, here: Model) -> int:

@@ -95,10 +95,12 @@ impl ClosedLoop {
     /// As [`ClosedLoop::simulate`].
     pub fn sensitivity(&self, theta: &[f64], free: &[usize], u: &[f64]) -> Result<(Vec<f64>, Vec<f64>)> {
         let samples = u.len().checked_div(self.inputs()).unwrap_or(0);
-        self.folded(theta, free, u, 0, samples)
+        self.folded(theta, free, u, 0, samples, 1.0)
     }
 
     /// The same, whole periods of `period` samples from `first` on added up: period x outputs (x `free`).
+    ///
+    /// The last period counts `last` times, as if it repeated.
     ///
     /// # Errors
     /// As [`ClosedLoop::simulate`].
@@ -109,6 +111,7 @@ impl ClosedLoop {
         u: &[f64],
         first: usize,
         period: usize,
+        last: f64,
     ) -> Result<(Vec<f64>, Vec<f64>)> {
         let (ny, np) = (self.outputs(), free.len());
         let samples = u.len().checked_div(self.inputs()).unwrap_or(0);
@@ -125,15 +128,16 @@ impl ClosedLoop {
                 while at < stop {
                     let place = (at - first) % period;
                     let own = (stop - at).min(period - place);
+                    let weight = if at + period >= end { last } else { 1.0 };
                     let rows = || block[(at - from) * stride..].chunks_exact(stride).take(own);
                     for (i, o) in prepared.outputs.iter().enumerate() {
                         for (row, y) in rows().zip(y[place * ny..].chunks_exact_mut(ny)) {
-                            y[*o] += row[i * width];
+                            y[*o] += weight * row[i * width];
                         }
                         for (j, free) in prepared.free.iter().enumerate() {
                             let (source, target) = (i * width + 1 + j, o * np + free);
                             for (row, slopes) in rows().zip(jacobian[place * ny * np..].chunks_exact_mut(ny * np)) {
-                                slopes[target] += row[source];
+                                slopes[target] += weight * row[source];
                             }
                         }
                     }

@@ -197,8 +197,9 @@ impl ClosedLoop {
         table(py, y, self.core.outputs())
     }
 
-    /// Response and derivatives, whole periods from `first` on added up.
-    #[allow(clippy::type_complexity)]
+    /// Response and derivatives, whole periods from `first` on added up, the last one `last` times.
+    #[allow(clippy::type_complexity, clippy::too_many_arguments)]
+    #[pyo3(signature = (theta, free, u, first, period, last=1.0))]
     fn folded<'py>(
         &self,
         py: Python<'py>,
@@ -207,9 +208,10 @@ impl ClosedLoop {
         u: PyReadonlyArray2<'py, f64>,
         first: usize,
         period: usize,
+        last: f64,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>)> {
         let (theta, u) = (theta.as_slice()?, signal("excitation", &u, self.core.inputs())?);
-        let (y, jacobian) = py.detach(|| self.core.folded(theta, &free, u, first, period)).map_err(raise)?;
+        let (y, jacobian) = py.detach(|| self.core.folded(theta, &free, u, first, period, last)).map_err(raise)?;
         let outputs = self.core.outputs();
         Ok((table(py, y, outputs)?, cube(py, jacobian, [period, outputs, free.len()])?))
     }
