@@ -3,16 +3,18 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use ambid_core::{Data, Stepper, normal_equations};
+use ambid_core::{Data, LineData, Stepper, line_equations, normal_equations};
+use nalgebra::Complex;
 
 #[path = "../tests/common/mod.rs"]
 mod common;
 
 use common::loops::Problem;
-use common::machine::{machine, saturating};
+use common::machine::{digital, machine, saturating};
 use common::random::Random;
 
 const SAMPLES: usize = 20_000;
+const LINES: usize = 2557;
 const REPEATS: usize = 15;
 
 /// Prints median and minimum of the time of `run`, which covers `samples` samples.
@@ -58,7 +60,38 @@ fn measure_loop(name: &str, p: &Problem) {
     });
 }
 
+/// The same on lines; every channel is whitened with every other.
+fn measure_lines(name: &str, p: &Problem) {
+    let (system, free) = (p.system(), p.free());
+    let (nu, ny) = (system.inputs(), system.outputs());
+    let mut random = Random(2);
+    let mut numbers = |count: usize| -> Vec<Complex<f64>> {
+        (0..count).map(|_| Complex::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0))).collect()
+    };
+    let w: Vec<_> = (0..LINES).map(|l| Complex::from_polar(1.0, 0.001 + 0.5 * l as f64 / LINES as f64)).collect();
+    let u = numbers(LINES * nu);
+    let z = system.lines(&p.theta, &[], &w, &u, &[], false).expect("stable").response;
+    let data = LineData::new(&system, w.clone(), u, z, numbers(LINES * ny * ny)).expect("consistent");
+    let equations = |near: &[Vec<f64>]| line_equations(&system, &p.theta, &free, &[&data], near).expect("stable");
+    let near = equations(&[]).transients;
+    measure(&format!("{name}: equations, transient known"), LINES, || {
+        black_box(equations(&near));
+    });
+    measure(&format!("{name}: equations"), LINES, || {
+        black_box(equations(&[]));
+    });
+    measure(&format!("{name}: transient"), LINES, || {
+        black_box(line_equations(&system, &p.theta, &[], &[&data], &[]).expect("stable"));
+    });
+}
+
 fn main() {
+    println!("{:<44} {:>7} {:>11} {:>11} {:>11}", "", "lines", "median ms", "minimum ms", "ns/line");
+    measure_lines("two planes at rest", &machine(0.0, 0.02));
+    measure_lines("gyroscopically coupled", &machine(100.0, 0.02));
+    measure_lines("double poles (dense)", &machine(1e-9, 0.0));
+    measure_lines("digital, delay a parameter", &digital(0.0, 0.3));
+    measure_lines("digital, delay a parameter, coupled", &digital(100.0, 0.3));
     println!("{:<44} {:>7} {:>11} {:>11} {:>11}", "", "samples", "median ms", "minimum ms", "ns/sample");
     measure_loop("two planes at rest", &machine(0.0, 0.02));
     measure_loop("gyroscopically coupled", &machine(100.0, 0.02));

@@ -12,6 +12,7 @@
 
 mod dense;
 mod modal;
+mod triangular;
 
 use nalgebra::Complex;
 
@@ -41,10 +42,13 @@ pub struct LineResponse {
 /// What a part does on a block of lines.
 #[derive(Debug, Default)]
 pub(crate) struct Block {
-    /// Lines x `stride`: the real, then the imaginary parts of outputs x `[value, slopes..]`.
+    /// Lines x `stride`: outputs x `[value, slopes..]`, real parts, and from `half` on imaginary ones.
     pub columns: Vec<f64>,
     pub stride: usize,
-    /// Lines x outputs x states, real parts, then imaginary parts.
+    pub half: usize,
+    /// What a part weights to get there.
+    rows: Vec<f64>,
+    /// Lines x outputs x states, real parts, then imaginary parts; see [`OnLines::of_loop`].
     pub basis: [Vec<f64>; 2],
 }
 
@@ -58,8 +62,8 @@ pub(crate) struct OnLines<'a> {
 }
 
 enum Way {
-    Modal(modal::Poles),
-    Dense(Box<dense::Hessenberg>),
+    Modal(Box<modal::Poles>),
+    Dense(Box<dense::Dense>),
 }
 
 impl<'a> OnLines<'a> {
@@ -75,12 +79,12 @@ impl<'a> OnLines<'a> {
         let way = match Modal::new(&part.model, theta, &parameters)? {
             Some(modal) => {
                 stable(&modal.value.mu, part.model.dt)?;
-                Way::Modal(modal::Poles::new(modal))
+                Way::Modal(Box::new(modal::Poles::new(&modal)))
             }
             None => {
                 let (value, slopes) = discretise(&part.model, theta, &parameters)?;
                 stable(&eigenvalues(&value.a)?, part.model.dt)?;
-                Way::Dense(Box::new(dense::Hessenberg::new(value, slopes)))
+                Way::Dense(Box::new(dense::Dense::new(value, slopes)?))
             }
         };
         Ok(Self { way, inputs: &part.inputs, outputs: &part.outputs, free: own })
@@ -93,11 +97,18 @@ impl<'a> OnLines<'a> {
         }
     }
 
+    /// Takes what [`OnLines::run`] found of a transient, a row of the basis or a combination, to the numbers of `d`.
+    pub fn of_loop(&self, x: &mut [f64]) {
+        if let Way::Dense(dense) = &self.way {
+            dense.of_loop(x);
+        }
+    }
+
     /// Lines x outputs x inputs of this part.
     fn transfer(&self, w: &[C64]) -> Vec<C64> {
         match &self.way {
             Way::Modal(poles) => w.iter().flat_map(|w| poles.transfer(*w)).collect(),
-            Way::Dense(dense) => w.iter().flat_map(|w| dense.transfer(*w)).collect(),
+            Way::Dense(dense) => dense.transfer(w),
         }
     }
 
@@ -152,22 +163,25 @@ impl ClosedLoop {
         for part in &parts {
             let (n, own) = (part.states(), part.outputs.len());
             let d = if d.is_empty() { d } else { &d[at..at + n] };
-            let half = own * (1 + part.free.len());
             for (b, (w, u)) in w.chunks(BLOCK).zip(u.chunks(BLOCK * inputs.max(1))).enumerate() {
                 part.run(w, u, inputs, d, &mut block);
                 for l in 0..w.len() {
                     let row = &block.columns[l * block.stride..];
                     for (i, o) in part.outputs.iter().enumerate() {
                         let place = (b * BLOCK + l) * ny + o;
-                        let number = |k: usize| C64::new(row[k], row[half + k]);
+                        let number = |k: usize| C64::new(row[k], row[block.half + k]);
                         let first = i * (1 + part.free.len());
                         found.response[place] = number(first);
                         for (j, free) in part.free.iter().enumerate() {
                             found.slopes[place * np + free] = number(first + 1 + j);
                         }
-                        for k in (0..n).filter(|_| with_basis) {
-                            let from = (l * own + i) * n + k;
-                            found.basis[place * states + at + k] = C64::new(block.basis[0][from], block.basis[1][from]);
+                        if with_basis {
+                            let from = (l * own + i) * n..(l * own + i + 1) * n;
+                            let mut sides = [&block.basis[0], &block.basis[1]].map(|side| side[from.clone()].to_vec());
+                            sides.iter_mut().for_each(|side| part.of_loop(side));
+                            let to = &mut found.basis[place * states + at..][..n];
+                            let sides = sides[0].iter().zip(&sides[1]);
+                            to.iter_mut().zip(sides).for_each(|(to, (re, im))| *to = C64::new(*re, *im));
                         }
                     }
                 }

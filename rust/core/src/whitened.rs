@@ -4,22 +4,23 @@
 //! imaginary parts are rows of `[T | dz | r]`. From the Gram matrix of these rows the transient is eliminated, so that
 //! what is left is least squares in the parameters alone, exact at the best transient.
 
-use std::ops::Range;
+mod rows;
 
 use nalgebra::{Complex, DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::closed_loop::ClosedLoop;
 use crate::error::{Error, Result, check_len};
-use crate::lines::{BLOCK, Block, OnLines};
-use crate::product::{LANES, add_gram, dispatch, fused};
+use crate::lines::OnLines;
+use crate::product::add_gram;
+use rows::Layout;
 
 type C64 = Complex<f64>;
 
 /// Part of a basis vector's square that must be its own, beside those before it, for it to count.
 const OWN: f64 = 1e-11;
-/// Lines whose whitened rows stay in the first-level cache.
-const TOGETHER: usize = 4;
+/// Size of a basis vector, relative to the largest one, at which it is rounding: of a state that is not seen.
+const SEEN: f64 = 1e-10;
 
 /// Measured lines of a record.
 #[derive(Debug, Clone)]
@@ -95,11 +96,11 @@ pub fn line_equations(
     let value = if is_near || free.is_empty() { None } else { Some(system.on_lines(theta, &[])?) };
     let one = |(k, data): (usize, &&LineData)| -> LineNormal {
         let start = match &value {
-            Some(value) => Gram::new(value, 0, data, system.inputs(), &[]).eliminated().transient(),
+            Some(value) => Gram::new(value, 0, data, system.inputs(), &[]).eliminated().transient(value),
             None if is_near => near[k].clone(),
             None => Vec::new(),
         };
-        Gram::new(&parts, free.len(), data, system.inputs(), &start).eliminated().normal(free.len(), start)
+        Gram::new(&parts, free.len(), data, system.inputs(), &start).eliminated().normal(&parts, free.len(), start)
     };
     let each: Vec<LineNormal> = if records.len() > 1 {
         records.par_iter().enumerate().map(one).collect()
@@ -144,7 +145,9 @@ impl Gram {
     fn eliminated(self) -> Eliminated {
         let Self { states, mut moments } = self;
         let size = moments.nrows();
-        let scale: Vec<f64> = (0..states).map(|i| moments[(i, i)].sqrt()).collect();
+        let mut scale: Vec<f64> = (0..states).map(|i| moments[(i, i)].sqrt()).collect();
+        let seen = SEEN * scale.iter().copied().fold(0.0, f64::max);
+        scale.iter_mut().filter(|scale| **scale <= seen).for_each(|scale| *scale = 0.0);
         for (i, scale) in scale.iter().enumerate().filter(|(_, scale)| **scale > 0.0) {
             moments.row_mut(i).unscale_mut(*scale);
             moments.column_mut(i).unscale_mut(*scale);
@@ -178,7 +181,7 @@ struct Eliminated {
 
 impl Eliminated {
     /// What makes the transient leave least.
-    fn transient(&self) -> Vec<f64> {
+    fn transient(&self, parts: &[OnLines]) -> Vec<f64> {
         let last = self.moments.nrows() - 1;
         let mut d = vec![0.0; self.states];
         for (pivot, row) in self.order.iter().rev() {
@@ -186,11 +189,17 @@ impl Eliminated {
             d[*pivot] = -(row[last] + others) / row[*pivot];
         }
         d.iter_mut().zip(&self.scale).filter(|(_, scale)| **scale > 0.0).for_each(|(d, scale)| *d /= scale);
+        let mut left = &mut d[..];
+        for part in parts {
+            let (own, rest) = left.split_at_mut(part.states());
+            part.of_loop(own);
+            left = rest;
+        }
         d
     }
 
-    fn normal(self, np: usize, start: Vec<f64>) -> LineNormal {
-        let mut transient = self.transient();
+    fn normal(self, parts: &[OnLines], np: usize, start: Vec<f64>) -> LineNormal {
+        let mut transient = self.transient(parts);
         transient.iter_mut().zip(start).for_each(|(d, start)| *d += start);
         let (first, last) = (self.states, self.moments.nrows() - 1);
         LineNormal {
@@ -229,115 +238,11 @@ pub fn line_rows(
         let to = out[line * 2 * data.channels * layout.size..].chunks_exact_mut(layout.size);
         rows.chunks_exact(layout.stride).zip(to).for_each(|(row, to)| to.copy_from_slice(&row[..layout.size]));
     });
+    let mut at = 0;
+    for part in parts.iter().filter(|_| transients) {
+        let n = part.states();
+        out.chunks_exact_mut(layout.size).for_each(|row| part.of_loop(&mut row[at..at + n]));
+        at += n;
+    }
     Ok((out, layout.size))
-}
-
-/// Where everything stands in a row `[T | dz | r]`.
-struct Layout {
-    channels: usize,
-    states: usize,
-    parameters: usize,
-    size: usize,
-    stride: usize,
-    /// The columns that the transient of each channel's part stands in, and where those of all parts end.
-    ranges: Vec<[Range<usize>; 2]>,
-}
-
-impl Layout {
-    fn new(parts: &[OnLines], parameters: usize, channels: usize, transients: bool) -> Self {
-        let states = if transients { parts.iter().map(OnLines::states).sum() } else { 0 };
-        let size = states + parameters + 1;
-        let stride = size.next_multiple_of(LANES);
-        let down = |k: usize| k - k % LANES;
-        let mut ranges = vec![[0..0, down(states)..stride]; channels];
-        let mut at = 0;
-        for part in parts.iter().filter(|_| transients) {
-            let own = down(at)..(at + part.states()).next_multiple_of(LANES).min(down(states));
-            part.outputs.iter().filter(|o| **o < channels).for_each(|o| ranges[*o][0] = own.clone());
-            at += part.states();
-        }
-        Self { channels, states, parameters, size, stride, ranges }
-    }
-
-    /// Hands the whitened rows of a few lines at a time to `sink`, with the first of these lines.
-    fn walk(&self, parts: &[OnLines], data: &LineData, inputs: usize, d: &[f64], sink: &mut impl FnMut(usize, &[f64])) {
-        let (p, stride) = (self.channels, self.stride);
-        let mut blocks: Vec<Block> = parts.iter().map(|_| Block::default()).collect();
-        let mut raw = vec![0.0; 2 * p * stride];
-        let mut white = vec![0.0; TOGETHER * 2 * p * stride];
-        for first in (0..data.w.len()).step_by(BLOCK) {
-            let lines = first..(first + BLOCK).min(data.w.len());
-            let u = &data.u[first * inputs..lines.end * inputs];
-            let mut at = 0;
-            for (part, block) in parts.iter().zip(&mut blocks) {
-                let n = part.states();
-                let own = if d.is_empty() { d } else { &d[at..at + n] };
-                part.run(&data.w[lines.clone()], u, inputs, own, block);
-                at += n;
-            }
-            for together in lines.clone().step_by(TOGETHER) {
-                let count = TOGETHER.min(lines.end - together);
-                for (line, white) in (together..together + count).zip(white.chunks_exact_mut(2 * p * stride)) {
-                    raw.fill(0.0);
-                    self.lay_out(parts, &blocks, line - first, &mut raw);
-                    for (c, z) in data.z[line * p..(line + 1) * p].iter().enumerate() {
-                        raw[2 * c * stride + self.size - 1] -= z.re;
-                        raw[(2 * c + 1) * stride + self.size - 1] -= z.im;
-                    }
-                    white.fill(0.0);
-                    whiten(&data.whitening[line * p * p..(line + 1) * p * p], &raw, &self.ranges, stride, white);
-                }
-                sink(together, &white[..count * 2 * p * stride]);
-            }
-        }
-    }
-
-    /// One line before whitening and without what was measured.
-    fn lay_out(&self, parts: &[OnLines], blocks: &[Block], line: usize, raw: &mut [f64]) {
-        let mut at = 0;
-        for (part, block) in parts.iter().zip(blocks) {
-            let (n, np) = (part.states(), part.free.len());
-            let half = part.outputs.len() * (1 + np);
-            let columns = &block.columns[line * block.stride..];
-            for (i, channel) in part.outputs.iter().enumerate().filter(|(_, channel)| **channel < self.channels) {
-                for (side, basis) in block.basis.iter().enumerate() {
-                    let row = &mut raw[(2 * channel + side) * self.stride..][..self.stride];
-                    if self.states > 0 {
-                        let from = (line * part.outputs.len() + i) * n;
-                        row[at..at + n].copy_from_slice(&basis[from..from + n]);
-                    }
-                    let own = &columns[side * half + i * (1 + np)..];
-                    part.free.iter().enumerate().for_each(|(j, free)| row[self.states + free] = own[1 + j]);
-                    row[self.states + self.parameters] = own[0];
-                }
-            }
-            at += n;
-        }
-    }
-}
-
-/// `white = W raw`, real and imaginary parts of every channel below each other.
-fn whiten(w: &[C64], raw: &[f64], ranges: &[[Range<usize>; 2]], stride: usize, white: &mut [f64]) {
-    dispatch!(whiten_any, (w: &[C64], raw: &[f64], ranges: &[[Range<usize>; 2]], stride: usize, white: &mut [f64]));
-}
-
-#[inline(always)]
-fn whiten_any<const FMA: bool>(w: &[C64], raw: &[f64], ranges: &[[Range<usize>; 2]], stride: usize, white: &mut [f64]) {
-    for (w, white) in w.chunks_exact(ranges.len()).zip(white.chunks_exact_mut(2 * stride)) {
-        let (re, im) = white.split_at_mut(stride);
-        for ((w, raw), ranges) in w.iter().zip(raw.chunks_exact(2 * stride)).zip(ranges) {
-            if w.re == 0.0 && w.im == 0.0 {
-                continue;
-            }
-            let (from_re, from_im) = raw.split_at(stride);
-            for range in ranges {
-                let (from_re, from_im) = (&from_re[range.clone()], &from_im[range.clone()]);
-                let (re, im) = (&mut re[range.clone()], &mut im[range.clone()]);
-                for k in 0..from_re.len() {
-                    re[k] = fused::<FMA>(w.re, from_re[k], fused::<FMA>(-w.im, from_im[k], re[k]));
-                    im[k] = fused::<FMA>(w.re, from_im[k], fused::<FMA>(w.im, from_re[k], im[k]));
-                }
-            }
-        }
-    }
 }

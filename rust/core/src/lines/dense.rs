@@ -1,31 +1,51 @@
-//! Lines of a loop whose poles are too clustered for a modal form: elimination in Hessenberg form, line by line.
+//! Lines of a loop whose poles are too clustered for a modal form: elimination in Schur form, a group of lines at a time.
 //!
 //! With `M = w I - A`, `x = M^-1 (B u + w d)` and `Y = C M^-1`: `z = C x + D u`, `dz = Y (dA x + dB u) + dC x + dD u`,
-//! and the basis of the transient is `w Y`.
+//! and the basis of the transient is `w Y`. A transient is told in the states of the loop: other than those of the Schur
+//! form they change smoothly with the parameters, so that it is near that of other parameters.
 
+use nalgebra::linalg::Schur;
 use nalgebra::{Complex, DMatrix, DVector};
 
 use super::Block;
+use super::triangular::{GROUP, Triangular};
 use crate::discretise::Discrete;
 use crate::error::{Error, Result};
 use crate::lft::balancing;
+use crate::product::{LANES, Panels, Vector, dispatch, fma, load, product, store};
 
 type C64 = Complex<f64>;
 
-/// A loop whose A is zero below its first subdiagonal.
-pub struct Hessenberg {
+/// Iterations per state after which a Schur form is given up.
+const ITERATIONS: usize = 100;
+
+/// A loop in states in which its A is triangular but for blocks of two on the diagonal.
+pub struct Dense {
     value: Discrete,
-    slopes: Vec<Discrete>,
+    /// These states times it are the (balanced) ones of the loop.
+    q: DMatrix<f64>,
+    left: Triangular,
+    right: Triangular,
+    parameters: usize,
+    /// `[x | u]` to `[0, dA_j x + dB_j u ..]` of every state, then `[C x + D u, dC_j x + dD_j u ..]` of every output;
+    /// each takes `width` columns. Without parameters there is nothing of the states.
+    forcing: Panels,
+    width: usize,
 }
 
-impl Hessenberg {
-    pub fn new(mut value: Discrete, mut slopes: Vec<Discrete>) -> Self {
+impl Dense {
+    /// # Errors
+    /// [`Error::Singular`] where the poles do not converge.
+    pub fn new(mut value: Discrete, mut slopes: Vec<Discrete>) -> Result<Self> {
         let t = balancing(&value.a);
-        let n = t.len();
         value.rescale(&t);
         slopes.iter_mut().for_each(|slope| slope.rescale(&t));
+        let (n, nu, ny) = (t.len(), value.b.ncols(), value.c.nrows());
+        let mut q = DMatrix::identity(n, n);
         if n > 1 {
-            let (q, h) = value.a.clone().hessenberg().unpack();
+            let schur = Schur::try_new(value.a.clone(), f64::EPSILON, ITERATIONS * n);
+            let (turned, a) = schur.ok_or(Error::Singular { what: "the poles did not converge" })?.unpack();
+            q = turned;
             let turn = |m: &mut Discrete| {
                 m.a = q.tr_mul(&m.a) * &q;
                 m.b = q.tr_mul(&m.b);
@@ -33,67 +53,135 @@ impl Hessenberg {
             };
             slopes.iter_mut().for_each(turn);
             turn(&mut value);
-            value.a = h;
+            value.a = a;
         }
-        Self { value, slopes }
+        let width = (1 + slopes.len()).next_multiple_of(LANES);
+        let states = if slopes.is_empty() { 0 } else { n };
+        let columns = (states + ny) * width;
+        let mut forcing = vec![0.0; (n + nu) * columns];
+        let mut put = |j: usize, of: &Discrete, from: usize| {
+            let all = of.stacked();
+            for (i, row) in all.row_iter().enumerate().skip(from) {
+                let at = (i + states - n) * width + j;
+                row.iter().enumerate().for_each(|(k, x)| forcing[k * columns + at] = *x);
+            }
+        };
+        put(0, &value, n);
+        slopes.iter().enumerate().for_each(|(j, slope)| put(1 + j, slope, 0));
+        let forcing = Panels::new(n + nu, columns, &forcing);
+        let (left, right) = (Triangular::new(&value.a), Triangular::reversed(&value.a));
+        Ok(Self { value, q, left, right, parameters: slopes.len(), forcing, width })
     }
 
     pub fn states(&self) -> usize {
         self.value.a.nrows()
     }
 
+    /// At most [`GROUP`] points, filled up with one that is no pole.
+    fn group(w: &[C64]) -> [C64; GROUP] {
+        std::array::from_fn(|l| w.get(l).copied().unwrap_or(C64::from(2.0)))
+    }
+
+    /// `Y` on a group of lines: states x outputs x `[real, imaginary]` x lines.
+    fn left(&self, w: &[C64; GROUP], y: &mut [f64]) {
+        let c = &self.value.c;
+        for (place, y) in y.chunks_exact_mut(2 * GROUP).enumerate() {
+            y[..GROUP].fill(c[(place % c.nrows(), place / c.nrows())]);
+            y[GROUP..].fill(0.0);
+        }
+        self.left.solve(w, c.nrows(), y);
+    }
+
+    /// Takes a transient, or a row of the basis, from the states of the Schur form to those of the loop.
+    pub fn of_loop(&self, x: &mut [f64]) {
+        let turned = &self.q * DVector::from_column_slice(x);
+        x.copy_from_slice(turned.as_slice());
+    }
+
+    /// A transient in the states of the Schur form.
+    fn turned(&self, d: &[f64]) -> Vec<f64> {
+        if d.is_empty() { vec![] } else { self.q.tr_mul(&DVector::from_column_slice(d)).as_slice().to_vec() }
+    }
+
     pub fn run(&self, w: &[C64], u: &[C64], d: &[f64], block: &mut Block) {
-        let Discrete { a, b, c, d: through } = &self.value;
-        let (n, nu, ny, np) = (a.nrows(), b.ncols(), c.nrows(), self.slopes.len());
-        let half = ny * (1 + np);
-        block.stride = 2 * half;
-        block.columns.clear();
+        let Discrete { a, b, c, .. } = &self.value;
+        let (n, nu, ny, np) = (a.nrows(), b.ncols(), c.nrows(), self.parameters);
+        let (half, width) = (ny * (1 + np), self.width);
+        (block.half, block.stride) = (half, 2 * half);
         block.columns.resize(w.len() * block.stride, 0.0);
-        block.basis.iter_mut().for_each(|part| {
-            part.clear();
-            part.resize(w.len() * ny * n, 0.0);
-        });
-        for (l, (w, u)) in w.iter().zip(u.chunks_exact(nu)).enumerate() {
-            let u = DVector::from_column_slice(u);
-            let eliminated = Eliminated::new(a, *w);
-            let mut x = times(b, &u);
-            d.iter().enumerate().for_each(|(i, d)| x[i] += w * d);
-            eliminated.solve(x.as_mut_slice());
-            let mut y = c.transpose().map(C64::from);
-            y.column_iter_mut().for_each(|mut row| eliminated.solve_transposed(row.as_mut_slice()));
-            let z = times(c, &x) + times(through, &u);
-            let row = &mut block.columns[l * block.stride..][..block.stride];
-            let mut put = |k: usize, x: C64| (row[k], row[half + k]) = (x.re, x.im);
-            (0..ny).for_each(|o| put(o * (1 + np), z[o]));
-            for (j, s) in self.slopes.iter().enumerate() {
-                let forced = times(&s.a, &x) + times(&s.b, &u);
-                let dz = y.tr_mul(&forced) + times(&s.c, &x) + times(&s.d, &u);
-                (0..ny).for_each(|o| put(o * (1 + np) + 1 + j, dz[o]));
+        block.basis.iter_mut().for_each(|part| part.resize(w.len() * ny * n, 0.0));
+        let d = self.turned(d);
+        let depth = n + nu;
+        let mut y = vec![0.0; n * ny * 2 * GROUP];
+        let mut x = vec![0.0; n * 2 * GROUP];
+        let mut rows = vec![0.0; 2 * GROUP * depth];
+        let mut forced = vec![0.0; 2 * GROUP * self.forcing.stride];
+        let mut sums = vec![0.0; GROUP * ny * 2 * width];
+        let sizes = Sizes { states: if np == 0 { 0 } else { n }, outputs: ny, width };
+        for (g, (w, u)) in w.chunks(GROUP).zip(u.chunks(GROUP * nu)).enumerate() {
+            let points = Self::group(w);
+            self.left(&points, &mut y);
+            for (i, x) in x.chunks_exact_mut(2 * GROUP).enumerate() {
+                let state = n - 1 - i;
+                for (l, w) in w.iter().enumerate() {
+                    let own = d.get(state).map_or(C64::from(0.0), |d| w * d);
+                    let forced = (0..nu).fold(own, |sum, j| sum + u[l * nu + j] * b[(state, j)]);
+                    (x[l], x[GROUP + l]) = (forced.re, forced.im);
+                }
             }
-            for o in 0..ny {
-                for i in 0..n {
-                    let t = w * y[(i, o)];
-                    let at = (l * ny + o) * n + i;
-                    (block.basis[0][at], block.basis[1][at]) = (t.re, t.im);
+            self.right.solve(&points, 1, &mut x);
+            for l in 0..w.len() {
+                for (side, row) in [l, GROUP + l].into_iter().enumerate() {
+                    let row = &mut rows[row * depth..(row + 1) * depth];
+                    (0..n).for_each(|i| row[i] = x[(2 * (n - 1 - i) + side) * GROUP + l]);
+                    let u = &u[l * nu..(l + 1) * nu];
+                    (0..nu).for_each(|j| row[n + j] = if side == 0 { u[j].re } else { u[j].im });
+                }
+            }
+            product(&rows, 2 * GROUP, &self.forcing, &mut forced);
+            contract(&y, &forced, &sizes, &mut sums);
+            for (l, w) in w.iter().enumerate() {
+                let line = g * GROUP + l;
+                let row = &mut block.columns[line * block.stride..][..block.stride];
+                for (o, sums) in sums[l * ny * 2 * width..].chunks_exact(2 * width).take(ny).enumerate() {
+                    row[o * (1 + np)..][..1 + np].copy_from_slice(&sums[..1 + np]);
+                    row[half + o * (1 + np)..][..1 + np].copy_from_slice(&sums[width..][..1 + np]);
+                    let at = (line * ny + o) * n;
+                    let [re, im] = &mut block.basis;
+                    let own = re[at..at + n].iter_mut().zip(&mut im[at..at + n]);
+                    for ((re, im), y) in own.zip(y.chunks_exact(2 * ny * GROUP)) {
+                        let (y_re, y_im) = (y[2 * o * GROUP + l], y[(2 * o + 1) * GROUP + l]);
+                        *re = w.re * y_re - w.im * y_im;
+                        *im = w.re * y_im + w.im * y_re;
+                    }
                 }
             }
         }
     }
 
-    /// Outputs x inputs at a point, row by row.
-    pub fn transfer(&self, w: C64) -> Vec<C64> {
-        let Discrete { a, b, c, d } = &self.value;
-        let eliminated = Eliminated::new(a, w);
-        let mut x = b.map(C64::from);
-        x.column_iter_mut().for_each(|mut column| eliminated.solve(column.as_mut_slice()));
-        let g = c.map(C64::from) * x + d.map(C64::from);
-        g.transpose().as_slice().to_vec()
+    /// Lines x outputs x inputs.
+    pub fn transfer(&self, w: &[C64]) -> Vec<C64> {
+        let Discrete { b, c, d, .. } = &self.value;
+        let (n, nu, ny) = (self.states(), b.ncols(), c.nrows());
+        let mut y = vec![0.0; n * ny * 2 * GROUP];
+        let mut g = Vec::with_capacity(w.len() * ny * nu);
+        for w in w.chunks(GROUP) {
+            self.left(&Self::group(w), &mut y);
+            for (l, o, a) in (0..w.len() * ny * nu).map(|k| (k / nu / ny, k / nu % ny, k % nu)) {
+                let y = |i: usize| C64::new(y[2 * (i * ny + o) * GROUP + l], y[(2 * (i * ny + o) + 1) * GROUP + l]);
+                g.push((0..n).fold(C64::from(d[(o, a)]), |sum, i| sum + y(i) * b[(i, a)]));
+            }
+        }
+        g
     }
 
     /// `C A^k e`, see [`crate::ClosedLoop::free_response`].
     pub fn free_response(&self, d: &[f64], length: usize, samples: usize) -> Result<Vec<f64>> {
         let Discrete { a, c, .. } = &self.value;
         let n = a.nrows();
+        if n == 0 {
+            return Ok(vec![0.0; samples * c.nrows()]);
+        }
         let (mut over, mut power, mut left) = (DMatrix::identity(n, n), a.clone(), length);
         while left > 0 {
             if left % 2 == 1 {
@@ -103,7 +191,7 @@ impl Hessenberg {
             left /= 2;
         }
         let open = (DMatrix::identity(n, n) - over).lu();
-        let start = DVector::from_column_slice(d) * (length as f64).sqrt();
+        let start = DVector::from_vec(self.turned(d)) * (length as f64).sqrt();
         let mut x = open.solve(&start).ok_or(Error::Singular { what: "a transient that never decays" })?;
         let mut y = Vec::with_capacity(samples * c.nrows());
         for _ in 0..samples {
@@ -114,70 +202,49 @@ impl Hessenberg {
     }
 }
 
-fn times(m: &DMatrix<f64>, x: &DVector<C64>) -> DVector<C64> {
-    let (re, im) = (x.map(|x| x.re), x.map(|x| x.im));
-    (m * re).zip_map(&(m * im), C64::new)
+/// Sizes of what [`contract`] sums over.
+struct Sizes {
+    states: usize,
+    outputs: usize,
+    width: usize,
 }
 
-/// `P (w I - H) = L U` with exchanges of neighbouring rows only.
-struct Eliminated {
-    /// U, column by column.
-    upper: DMatrix<C64>,
-    factors: Vec<C64>,
-    exchanged: Vec<bool>,
+/// On a group of lines, `sum_i Y_oi F_i + F_o` over those states that `forced` has, F_o standing behind them.
+///
+/// `y` is states x outputs x `[real, imaginary]` x lines; `forced` is `[real, imaginary]` x lines x states and outputs
+/// x `width`; `sums` is lines x outputs x `[real, imaginary]` x `width`.
+fn contract(y: &[f64], forced: &[f64], sizes: &Sizes, sums: &mut [f64]) {
+    dispatch!(contract_any, (y: &[f64], forced: &[f64], sizes: &Sizes, sums: &mut [f64]));
 }
 
-impl Eliminated {
-    fn new(h: &DMatrix<f64>, w: C64) -> Self {
-        let n = h.nrows();
-        let mut m = h.map(|x| C64::from(-x));
-        (0..n).for_each(|i| m[(i, i)] += w);
-        let (mut factors, mut exchanged) = (Vec::with_capacity(n), Vec::with_capacity(n));
-        for k in 0..n.saturating_sub(1) {
-            let exchange = m[(k + 1, k)].norm_sqr() > m[(k, k)].norm_sqr();
-            if exchange {
-                (k..n).for_each(|j| m.swap((k, j), (k + 1, j)));
-            }
-            let factor = if m[(k, k)] == C64::from(0.0) { C64::from(0.0) } else { m[(k + 1, k)] / m[(k, k)] };
-            for j in k..n {
-                let above = m[(k, j)];
-                m[(k + 1, j)] -= factor * above;
-            }
-            factors.push(factor);
-            exchanged.push(exchange);
-        }
-        Self { upper: m, factors, exchanged }
-    }
+/// Outputs that are summed up side by side.
+const TOGETHER: usize = 4;
 
-    fn solve(&self, x: &mut [C64]) {
-        for (k, (factor, exchanged)) in self.factors.iter().zip(&self.exchanged).enumerate() {
-            if *exchanged {
-                x.swap(k, k + 1);
-            }
-            let above = x[k];
-            x[k + 1] -= factor * above;
-        }
-        for j in (0..x.len()).rev() {
-            x[j] /= self.upper[(j, j)];
-            let own = x[j];
-            for (x, u) in x[..j].iter_mut().zip(self.upper.column(j).iter()) {
-                *x -= u * own;
-            }
-        }
-    }
-
-    /// Solves `(w I - H)^T y = c`.
-    fn solve_transposed(&self, y: &mut [C64]) {
-        for j in 0..y.len() {
-            let column = self.upper.column(j);
-            let sum: C64 = column.iter().zip(&y[..j]).map(|(u, y)| u * y).sum();
-            y[j] = (y[j] - sum) / column[j];
-        }
-        for (k, (factor, exchanged)) in self.factors.iter().zip(&self.exchanged).enumerate().rev() {
-            let below = y[k + 1];
-            y[k] -= factor * below;
-            if *exchanged {
-                y.swap(k, k + 1);
+#[inline(always)]
+fn contract_any<const FMA: bool>(y: &[f64], forced: &[f64], sizes: &Sizes, sums: &mut [f64]) {
+    let Sizes { states, outputs, width } = *sizes;
+    let (re, im) = forced.split_at(forced.len() / 2);
+    let stride = (states + outputs) * width;
+    let lines = re.chunks_exact(stride).zip(im.chunks_exact(stride)).zip(sums.chunks_exact_mut(outputs * 2 * width));
+    for (l, ((re, im), sums)) in lines.enumerate() {
+        for at in (0..width).step_by(LANES) {
+            for first in (0..outputs).step_by(TOGETHER) {
+                let all: [usize; TOGETHER] = std::array::from_fn(|k| (first + k).min(outputs - 1));
+                let mut sum: [[Vector; 2]; TOGETHER] =
+                    all.map(|o| [re, im].map(|part| load(part, (states + o) * width + at)));
+                let states = re.chunks_exact(width).zip(im.chunks_exact(width)).take(states);
+                for ((re, im), y) in states.zip(y.chunks_exact(outputs * 2 * GROUP)) {
+                    let (re, im) = (load(re, at), load(im, at));
+                    for (o, sum) in all.iter().zip(&mut sum) {
+                        let (y_re, y_im) = (y[2 * o * GROUP + l], y[(2 * o + 1) * GROUP + l]);
+                        sum[0] = fma::<FMA>([y_re; LANES], re, fma::<FMA>([-y_im; LANES], im, sum[0]));
+                        sum[1] = fma::<FMA>([y_re; LANES], im, fma::<FMA>([y_im; LANES], re, sum[1]));
+                    }
+                }
+                for (o, sum) in all.iter().zip(sum) {
+                    store(sums, 2 * o * width + at, sum[0]);
+                    store(sums, (2 * o + 1) * width + at, sum[1]);
+                }
             }
         }
     }

@@ -2,149 +2,147 @@
 //!
 //! With `f_i = 1 / (w - mu_i)`, `s_i = w f_i d_i` and `p_i = f_i b_i u + s_i`,
 //! `z = sum_i c_i p_i + D u` and `dz = sum_i (dc_i p_i + c_i f_i (db_i u + dmu_i p_i)) + dD u`.
+//!
+//! The poles of a pair have conjugate weights k: what they add of any g is `k g+ + k* g-`, in real weights
+//! `Re k (g+ + g-) + Im k i (g+ - g-)`.
 
 use nalgebra::Complex;
 
 use super::Block;
 use crate::modal::{Modal, Residues};
-use crate::product::{Panels, ROW_MULTIPLE, product};
+use crate::product::{Panels, ROW_MULTIPLE, dispatch, product};
 
 type C64 = Complex<f64>;
 
-/// Poles in the order of the transient's numbers, and the weights of what is summed.
+/// Poles in the order of the upper ones of pairs, real ones, and the lower ones of pairs.
 pub struct Poles {
     value: Residues,
-    /// Upper and lower pole of every pair, which has two numbers of the transient; then real ones, which have one.
-    pairs: Vec<(usize, usize)>,
-    reals: Vec<usize>,
-    /// `[f_i u_a.., s_i.., f_i p_i.., u_a..]`, real parts and then imaginary ones, to columns, likewise.
+    pairs: usize,
+    reals: usize,
+    mu: Split,
+    /// Inputs after each other, each with the numbers of all poles.
+    b: Split,
+    /// Outputs after each other, each with the numbers of the upper and of the real poles.
+    c: Split,
+    /// `[f u_a.., s, f p, u_a..]`, each in the terms of the heading, to outputs x `[value, slopes..]`.
     weights: Panels,
     depth: usize,
     has_slopes: bool,
 }
 
+/// Real and imaginary parts of complex numbers.
+#[derive(Default)]
+struct Split {
+    re: Vec<f64>,
+    im: Vec<f64>,
+}
+
+impl FromIterator<C64> for Split {
+    fn from_iter<I: IntoIterator<Item = C64>>(numbers: I) -> Self {
+        let (re, im) = numbers.into_iter().map(|x| (x.re, x.im)).unzip();
+        Self { re, im }
+    }
+}
+
+/// `value` and `slopes` with the poles in another order.
+fn reordered(of: &Residues, order: &[usize]) -> Residues {
+    let mu = order.iter().map(|i| of.mu[*i]).collect();
+    Residues { mu, b: of.b.select_rows(order), c: of.c.select_columns(order), d: of.d.clone() }
+}
+
 impl Poles {
-    pub fn new(modal: Modal) -> Self {
-        let Modal { value, slopes } = modal;
-        let (n, nu, ny, np) = (value.mu.len(), value.b.ncols(), value.c.nrows(), slopes.len());
-        let columns = ny * (1 + np);
-        let depth = n * (nu + 2) + nu;
-        let mut weights = vec![0.0; 2 * depth * 2 * columns];
-        let mut put = |row: usize, column: usize, x: C64| {
-            let (own, other) = (row * 2 * columns, (depth + row) * 2 * columns);
-            weights[own + column] = x.re;
-            weights[own + columns + column] = x.im;
-            weights[other + column] = -x.im;
-            weights[other + columns + column] = x.re;
+    pub fn new(modal: &Modal) -> Self {
+        let mu = &modal.value.mu;
+        let (n, np) = (mu.len(), modal.slopes.len());
+        let those = |of: fn(f64) -> bool| (0..n).filter(move |i| of(mu[*i].im));
+        let upper: Vec<usize> = those(|im| im > 0.0).collect();
+        let lower = |i: &usize| {
+            let far = |j: &usize| (mu[*j] - mu[*i].conj()).norm();
+            those(|im| im < 0.0).min_by(|a, b| far(a).total_cmp(&far(b))).expect("complex poles come as pairs")
         };
+        let order: Vec<usize> =
+            upper.iter().copied().chain(those(|im| im == 0.0)).chain(upper.iter().map(lower)).collect();
+        let value = reordered(&modal.value, &order);
+        let (pairs, own) = (upper.len(), n - upper.len());
+        let (nu, ny) = (value.b.ncols(), value.c.nrows());
+        let (columns, depth) = (ny * (1 + np), n * (nu + 2) + nu);
+        let mut weights = vec![0.0; depth * columns];
+        let all: Vec<Residues> = modal.slopes.iter().map(|slope| reordered(slope, &order)).collect();
         for o in 0..ny {
             let first = o * (1 + np);
-            for i in 0..n {
-                let c = value.c[(o, i)];
-                put(n * nu + i, first, c);
-                for a in 0..nu {
-                    put(i * nu + a, first, c * value.b[(i, a)]);
+            // of what stands at `from` on: sums and differences of pairs, then real poles
+            let mut put = |from: usize, i: usize, column: usize, x: C64| {
+                if i < pairs {
+                    weights[(from + i) * columns + column] = x.re;
+                    weights[(from + pairs + i) * columns + column] = x.im;
+                } else {
+                    weights[(from + pairs + i) * columns + column] = x.re;
                 }
-                for (j, s) in slopes.iter().enumerate() {
+            };
+            for i in 0..own {
+                let c = value.c[(o, i)];
+                put(n * nu, i, first, c);
+                (0..nu).for_each(|a| put(n * a, i, first, c * value.b[(i, a)]));
+                for (j, s) in all.iter().enumerate() {
                     let column = first + 1 + j;
-                    put(n * nu + i, column, s.c[(o, i)]);
-                    put(n * (nu + 1) + i, column, c * s.mu[i]);
-                    for a in 0..nu {
-                        put(i * nu + a, column, s.c[(o, i)] * value.b[(i, a)] + c * s.b[(i, a)]);
-                    }
+                    put(n * nu, i, column, s.c[(o, i)]);
+                    put(n * (nu + 1), i, column, c * s.mu[i]);
+                    (0..nu).for_each(|a| put(n * a, i, column, s.c[(o, i)] * value.b[(i, a)] + c * s.b[(i, a)]));
                 }
             }
             for a in 0..nu {
-                put(n * (nu + 2) + a, first, C64::from(value.d[(o, a)]));
-                for (j, s) in slopes.iter().enumerate() {
-                    put(n * (nu + 2) + a, first + 1 + j, C64::from(s.d[(o, a)]));
-                }
+                let row = (n * (nu + 2) + a) * columns;
+                weights[row + first] = value.d[(o, a)];
+                all.iter().enumerate().for_each(|(j, s)| weights[row + first + 1 + j] = s.d[(o, a)]);
             }
         }
-        let weights = Panels::new(2 * depth, 2 * columns, &weights);
-        let mu = &value.mu;
-        let lower = |i: usize| {
-            let far = |j: &usize| (mu[*j] - mu[i].conj()).norm();
-            let lower = (0..n).filter(|j| mu[*j].im < 0.0);
-            lower.min_by(|a, b| far(a).total_cmp(&far(b))).expect("complex poles come as pairs")
-        };
-        let pairs = (0..n).filter(|i| mu[*i].im > 0.0).map(|i| (i, lower(i))).collect();
-        let reals = (0..n).filter(|i| value.mu[*i].im == 0.0).collect();
-        Self { value, pairs, reals, weights, depth, has_slopes: np > 0 }
+        Self {
+            pairs,
+            reals: own - pairs,
+            mu: value.mu.iter().copied().collect(),
+            b: value.b.iter().copied().collect(),
+            c: (0..ny * own).map(|k| value.c[(k / own, k % own)]).collect(),
+            weights: Panels::new(depth, columns, &weights),
+            value,
+            depth,
+            has_slopes: np > 0,
+        }
     }
 
-    /// Numbers of the transient.
+    /// Numbers of the transient: of pairs the real parts, then the imaginary ones; then those of real poles.
     pub fn states(&self) -> usize {
-        2 * self.pairs.len() + self.reals.len()
+        2 * self.pairs + self.reals
     }
 
     /// The transient of every pole from its real numbers: `d_i = x + i y` of a pair, conjugate for the lower pole.
-    fn by_pole(&self, d: &[f64]) -> Vec<C64> {
-        let mu = &self.value.mu;
-        let mut own = vec![C64::from(0.0); mu.len()];
+    fn by_pole(&self, d: &[f64]) -> Split {
         if d.is_empty() {
-            return own;
+            return std::iter::repeat_n(C64::from(0.0), self.states()).collect();
         }
-        for (k, (upper, lower)) in self.pairs.iter().enumerate() {
-            own[*upper] = C64::new(d[2 * k], d[2 * k + 1]);
-            own[*lower] = own[*upper].conj();
-        }
-        for (k, i) in self.reals.iter().enumerate() {
-            own[*i] = C64::from(d[2 * self.pairs.len() + k]);
-        }
-        own
+        let pairs = self.pairs;
+        let upper = (0..pairs).map(|k| C64::new(d[k], d[pairs + k]));
+        let reals = d[2 * pairs..].iter().map(|d| C64::from(*d));
+        upper.clone().chain(reals).chain(upper.map(|d| d.conj())).collect()
     }
 
     pub fn run(&self, w: &[C64], u: &[C64], d: &[f64], block: &mut Block) {
-        let Residues { mu, b, c, .. } = &self.value;
-        let (n, nu, ny, states) = (mu.len(), b.ncols(), c.nrows(), self.states());
+        let (n, nu, ny) = (self.states(), self.value.b.ncols(), self.value.c.nrows());
         let d = self.by_pole(d);
-        let padded = w.len().next_multiple_of(ROW_MULTIPLE);
-        let width = 2 * self.depth;
-        let mut rows = vec![0.0; padded * width];
-        block.basis.iter_mut().for_each(|part| {
-            part.clear();
-            part.resize(w.len() * ny * states, 0.0);
-        });
-        let mut f = vec![C64::from(0.0); n];
-        for (l, (w, u)) in w.iter().zip(u.chunks_exact(nu)).enumerate() {
-            let row = &mut rows[l * width..(l + 1) * width];
-            let mut set = |at: usize, x: C64| (row[at], row[self.depth + at]) = (x.re, x.im);
-            for i in 0..n {
-                f[i] = (w - mu[i]).inv();
-                let s = w * f[i] * d[i];
-                let mut p = s;
-                for (a, u) in u.iter().enumerate() {
-                    let fu = f[i] * u;
-                    p += b[(i, a)] * fu;
-                    set(i * nu + a, fu);
-                }
-                set(n * nu + i, s);
-                if self.has_slopes {
-                    set(n * (nu + 1) + i, f[i] * p);
-                }
-            }
-            u.iter().enumerate().for_each(|(a, u)| set(n * (nu + 2) + a, *u));
+        let padded = (2 * w.len()).next_multiple_of(ROW_MULTIPLE);
+        block.rows.clear();
+        block.rows.resize(padded * self.depth, 0.0);
+        block.basis.iter_mut().for_each(|part| part.resize(w.len() * ny * n, 0.0));
+        let mut terms = Terms { f: Split::zero(n), p: Split::zero(n), g: Split::zero(n), other: Split::zero(n) };
+        for (l, (w, u)) in w.iter().zip(u.chunks_exact(nu.max(1))).enumerate() {
+            let row = &mut block.rows[2 * l * self.depth..][..2 * self.depth];
             let [re, im] = &mut block.basis;
-            let wf = |i: usize| w * f[i];
-            let upper: Vec<(C64, C64)> = self.pairs.iter().map(|(i, j)| (wf(*i), wf(*j))).collect();
-            for o in 0..ny {
-                let own = (l * ny + o) * states..(l * ny + o + 1) * states;
-                let (re, im) = (&mut re[own.clone()], &mut im[own]);
-                for (k, ((i, _), (upper, lower))) in self.pairs.iter().zip(&upper).enumerate() {
-                    let (upper, lower) = (c[(o, *i)] * upper, c[(o, *i)].conj() * lower);
-                    (re[2 * k], im[2 * k]) = (upper.re + lower.re, upper.im + lower.im);
-                    (re[2 * k + 1], im[2 * k + 1]) = (lower.im - upper.im, upper.re - lower.re);
-                }
-                for (k, i) in self.reals.iter().enumerate() {
-                    let x = c[(o, *i)] * wf(*i);
-                    (re[2 * self.pairs.len() + k], im[2 * self.pairs.len() + k]) = (x.re, x.im);
-                }
-            }
+            let own = l * ny * n..(l + 1) * ny * n;
+            line(self, *w, u, &d, &mut terms, row, [&mut re[own.clone()], &mut im[own]]);
         }
-        block.stride = self.weights.stride;
-        block.columns.resize(padded * block.stride, 0.0);
-        product(&rows, w.len(), &self.weights, &mut block.columns);
+        block.half = self.weights.stride;
+        block.stride = 2 * block.half;
+        block.columns.resize(padded * block.half, 0.0);
+        product(&block.rows, padded, &self.weights, &mut block.columns);
     }
 
     /// Outputs x inputs at a point, row by row.
@@ -168,9 +166,10 @@ impl Poles {
         let (ny, root) = (c.nrows(), (length as f64).sqrt());
         let d = self.by_pole(d);
         let mut y = vec![0.0; samples * ny];
-        let upper = self.pairs.iter().map(|(i, _)| (*i, 2.0)).chain(self.reals.iter().map(|i| (*i, 1.0)));
-        for (i, count) in upper {
-            let mut e = d[i] * root * count / (C64::from(1.0) - mu[i].powu(length.min(1 << 30) as u32));
+        for i in 0..self.pairs + self.reals {
+            let count = if i < self.pairs { 2.0 } else { 1.0 };
+            let over = C64::from(1.0) - mu[i].powu(length.min(1 << 30) as u32);
+            let mut e = C64::new(d.re[i], d.im[i]) * root * count / over;
             for y in y.chunks_exact_mut(ny) {
                 (0..ny).for_each(|o| y[o] += c[(o, i)].re * e.re - c[(o, i)].im * e.im);
                 e *= mu[i];
@@ -181,4 +180,130 @@ impl Poles {
         }
         y
     }
+}
+
+/// What one line needs of every pole, for one line after the other.
+struct Terms {
+    f: Split,
+    p: Split,
+    g: Split,
+    /// `w f` in the terms of the heading, then s.
+    other: Split,
+}
+
+impl Split {
+    fn zero(n: usize) -> Self {
+        Self { re: vec![0.0; n], im: vec![0.0; n] }
+    }
+}
+
+/// One line: its two rows of what is weighted, real parts and then imaginary ones, and its basis.
+fn line(of: &Poles, w: C64, u: &[C64], d: &Split, terms: &mut Terms, row: &mut [f64], basis: [&mut [f64]; 2]) {
+    dispatch!(
+        line_any,
+        (of: &Poles, w: C64, u: &[C64], d: &Split, terms: &mut Terms, row: &mut [f64], basis: [&mut [f64]; 2])
+    );
+}
+
+#[inline(always)]
+fn line_any<const FMA: bool>(
+    of: &Poles,
+    w: C64,
+    u: &[C64],
+    d: &Split,
+    terms: &mut Terms,
+    row: &mut [f64],
+    [basis_re, basis_im]: [&mut [f64]; 2],
+) {
+    let (n, pairs) = (of.states(), of.pairs);
+    let own = pairs + of.reals;
+    let Terms { f, p, g, other } = terms;
+    let (row_re, row_im) = row.split_at_mut(of.depth);
+    {
+        let (mu_re, mu_im, re, im) = (&of.mu.re[..n], &of.mu.im[..n], &mut f.re[..n], &mut f.im[..n]);
+        for i in 0..n {
+            let (x, y) = (w.re - mu_re[i], w.im - mu_im[i]);
+            let inverse = 1.0 / (x * x + y * y);
+            (re[i], im[i]) = (x * inverse, -y * inverse);
+        }
+    }
+    p.re.fill(0.0);
+    p.im.fill(0.0);
+    for (a, u) in u.iter().enumerate() {
+        scaled(*u, f, g);
+        let at = a * n..(a + 1) * n;
+        fold(g, pairs, own, &mut row_re[at.clone()], &mut row_im[at.clone()]);
+        add_product(&of.b.re[at.clone()], &of.b.im[at], g, p);
+    }
+    scaled(w, f, g);
+    fold(g, pairs, own, &mut other.re, &mut other.im);
+    let outputs = of.c.re.chunks_exact(own).zip(of.c.im.chunks_exact(own));
+    for ((c_re, c_im), (to_re, to_im)) in outputs.zip(basis_re.chunks_exact_mut(n).zip(basis_im.chunks_exact_mut(n))) {
+        for (from, to) in [(&other.re, to_re), (&other.im, to_im)] {
+            let (sum, difference) = (&from[..pairs], &from[pairs..2 * pairs]);
+            let (real, rest) = to.split_at_mut(pairs);
+            let (imaginary, reals) = rest.split_at_mut(pairs);
+            let (re, im) = (&c_re[..pairs], &c_im[..pairs]);
+            for k in 0..pairs {
+                real[k] = re[k] * sum[k] + im[k] * difference[k];
+                imaginary[k] = re[k] * difference[k] - im[k] * sum[k];
+            }
+            let rest = c_re[pairs..].iter().zip(&from[2 * pairs..]);
+            reals.iter_mut().zip(rest).for_each(|(to, (c, from))| *to = c * from);
+        }
+    }
+    let (at_s, at_p) = (n * u.len(), n * (u.len() + 1));
+    other.re.fill(0.0);
+    other.im.fill(0.0);
+    add_product(&d.re, &d.im, g, other);
+    fold(other, pairs, own, &mut row_re[at_s..at_s + n], &mut row_im[at_s..at_s + n]);
+    add_product(&d.re, &d.im, g, p);
+    if of.has_slopes {
+        g.re.fill(0.0);
+        g.im.fill(0.0);
+        add_product(&p.re, &p.im, f, g);
+        fold(g, pairs, own, &mut row_re[at_p..at_p + n], &mut row_im[at_p..at_p + n]);
+    }
+    for (a, u) in u.iter().enumerate() {
+        (row_re[at_p + n + a], row_im[at_p + n + a]) = (u.re, u.im);
+    }
+}
+
+/// `g = z f`.
+#[inline(always)]
+fn scaled(z: C64, f: &Split, g: &mut Split) {
+    let n = f.re.len();
+    let (f_re, f_im, re, im) = (&f.re[..n], &f.im[..n], &mut g.re[..n], &mut g.im[..n]);
+    for i in 0..n {
+        re[i] = z.re * f_re[i] - z.im * f_im[i];
+        im[i] = z.re * f_im[i] + z.im * f_re[i];
+    }
+}
+
+/// `p += b g`.
+#[inline(always)]
+fn add_product(b_re: &[f64], b_im: &[f64], g: &Split, p: &mut Split) {
+    let n = b_re.len();
+    let (g_re, g_im, re, im) = (&g.re[..n], &g.im[..n], &mut p.re[..n], &mut p.im[..n]);
+    for i in 0..n {
+        re[i] += b_re[i] * g_re[i] - b_im[i] * g_im[i];
+        im[i] += b_re[i] * g_im[i] + b_im[i] * g_re[i];
+    }
+}
+
+/// Sums and differences of pairs, then what real poles add, as in the module's heading.
+#[inline(always)]
+fn fold(g: &Split, pairs: usize, own: usize, re: &mut [f64], im: &mut [f64]) {
+    let (up_re, up_im) = (&g.re[..pairs], &g.im[..pairs]);
+    let (low_re, low_im) = (&g.re[own..own + pairs], &g.im[own..own + pairs]);
+    let (sum_re, rest_re) = re.split_at_mut(pairs);
+    let (sum_im, rest_im) = im.split_at_mut(pairs);
+    let (turned_re, real_re) = rest_re.split_at_mut(pairs);
+    let (turned_im, real_im) = rest_im.split_at_mut(pairs);
+    for k in 0..pairs {
+        (sum_re[k], sum_im[k]) = (up_re[k] + low_re[k], up_im[k] + low_im[k]);
+        (turned_re[k], turned_im[k]) = (low_im[k] - up_im[k], up_re[k] - low_re[k]);
+    }
+    real_re.copy_from_slice(&g.re[pairs..own]);
+    real_im.copy_from_slice(&g.im[pairs..own]);
 }

@@ -2,7 +2,7 @@
 //!
 //! Axes are `A_zeta, A_eta, B_zeta, B_eta`; the parameters `K_i` of each axis, `K_s` of each axis, and `tau_e`.
 
-use ambid_core::{Block, Coefficient, Curve, Gain, Law, Lft, Model};
+use ambid_core::{Block, Coefficient, Controller, Curve, Gain, Law, Lft, Model};
 use nalgebra::DMatrix;
 
 use super::loops::Problem;
@@ -79,6 +79,42 @@ pub fn machine(gyroscopic: f64, spread: f64) -> Problem {
     theta.push(4e-4);
     let lft = Lft::new(a, b, c, d, (0..gains).map(entry).collect()).expect("consistent");
     Problem { model: Model::new(lft, 1e-4, None).expect("consistent"), theta }
+}
+
+/// The machine under a digital PID at twice the rate of the record, its delay a tenth parameter.
+///
+/// The further inputs are noise; outputs are the displacements of the four axes.
+pub fn digital(gyroscopic: f64, delay: f64) -> Problem {
+    let Problem { model, mut theta } = machine(gyroscopic, 0.02);
+    let lft = &model.lft;
+    let plant: Vec<usize> = (0..2 * PLANE).filter(|i| !matches!(i % PLANE, 7 | 8 | 10 | 11)).collect();
+    let rows: Vec<usize> = (0..AXES).chain(2 * AXES..5 * AXES).collect();
+    let a = lft.a.select_rows(&plant).select_columns(&plant);
+    let (b, d) = (lft.b.select_rows(&plant), lft.d.select_rows(&rows));
+    let mut c = lft.c.select_rows(&rows).select_columns(&plant);
+    // the amplifiers get the command itself
+    for port in 3 * AXES..4 * AXES {
+        (0..plant.len()).filter(|i| plant[*i] % PLANE < 6).for_each(|i| c[(port, i)] = 0.0);
+    }
+    let dt = model.dt;
+    let (step, empty) = (dt / 2.0, DMatrix::zeros(2 * AXES, 2 * AXES));
+    let held = (-step / FILTER).exp();
+    let mut law = Controller::new(
+        empty,
+        DMatrix::zeros(2 * AXES, AXES),
+        DMatrix::zeros(AXES, 2 * AXES),
+        DMatrix::identity(AXES, AXES) * (PROPORTIONAL + DERIVATIVE / FILTER),
+    );
+    for axis in 0..AXES {
+        let (integral, filter) = (2 * axis, 2 * axis + 1);
+        (law.a[(integral, integral)], law.b[(integral, axis)]) = (1.0, step);
+        (law.a[(filter, filter)], law.b[(filter, axis)]) = (held, 1.0 - held);
+        (law.c[(axis, integral)], law.c[(axis, filter)]) = (INTEGRAL, -DERIVATIVE / FILTER);
+    }
+    let controller = Controller { steps: 2, noise: true, late: Some(theta.len()), ..law };
+    theta.push(delay * step);
+    let lft = Lft::new(a, b, c, d, lft.gains.clone()).expect("consistent");
+    Problem { model: Model::new(lft, dt, Some(controller)).expect("consistent"), theta }
 }
 
 /// The machine with a force law on its first `axes` axes; the strength is one more parameter.

@@ -5,6 +5,7 @@ pub mod loops;
 pub mod machine;
 pub mod random;
 pub mod reference;
+pub mod spectrum;
 
 /// Largest error of a response, relative to the largest value of its output.
 ///
