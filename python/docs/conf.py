@@ -11,7 +11,7 @@ project = "ambid"
 author = "the authors of ambid"
 release = version = ambid.__version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc", "pages", "mathml"]
-exclude_patterns = ["_ext"]
+exclude_patterns = ["_ext", "calibration/*"]
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 3
 default_role = "py:obj"

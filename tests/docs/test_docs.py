@@ -17,6 +17,7 @@ sys.path.append(str(DOCS / "_ext"))
 import blocks  # noqa: E402
 import catalogue  # noqa: E402
 import interface  # noqa: E402
+import pages  # noqa: E402
 import plant  # noqa: E402
 import records  # noqa: E402
 import rig_file  # noqa: E402
@@ -33,7 +34,8 @@ def text(page):
 
 
 SAID = {
-    "first_hour.md": r"sound: .*average +99\.17 .*misfit 45\..*explained: loop_delay.*tau_e 0\.00025.*0\.00025 2e-05",
+    "first_hour.md": r"sound: .*average +99\.13 .*misfit 61\..*explained: loop_delay.*tau_e 0\.00025.*0\.00025 2e-05",
+    "results.md": r"misfit_bound adequate next.*nothing is missing.*next: .*ambid compare.*: True.*converged",
     "excitation.md": r"556 Hz, 1\.9 Hz wide.*order 11, hold 2: 4094.*delay': '\d\.\d+e-07'.*crest factor 1\.9",
     "rig_file.md": r"is it in millimetres\? Write 0\.000515.*did you mean bias_current",
     "records.md": r"4 periods of 4094.*step,z,F_x,F_y.*ch5:1e-06 True",
@@ -152,6 +154,31 @@ def test_every_effect_is_told_and_drawn(effect, the_catalogue):
     assert "``" in part.partition("**Equation.**")[2].partition("**Parameters.**")[0]
     for p in effect.parameters(BENCH):
         assert re.search(rf"\| `{p.name}`\s+\| \S.* \|", part), "a parameter without a meaning"
+
+
+def test_tables_and_pictures_of_benchmarks_are_taken_where_they_are(tmp_path):
+    asked = "% measured: calibration/nulls.md\n\n% measured: calibration/nulls.png\n"
+    assert pages.with_measured(asked, tmp_path) == f"{pages.NOT_YET}\n\n\n"
+    (tmp_path / "calibration").mkdir()
+    (tmp_path / "calibration" / "nulls.md").write_text("| a |\n| --- |\n")
+    (tmp_path / "calibration" / "nulls.png").touch()
+    told = pages.with_measured(asked, tmp_path)
+    assert told == "| a |\n| --- |\n\n![Nulls](calibration/nulls.png)\n"
+
+
+def test_every_figure_in_the_folder_is_on_the_page():
+    for path in (DOCS / "calibration").glob("*.*"):
+        assert f"% measured: calibration/{path.name}" in text("calibration.md"), path
+
+
+def test_every_key_of_the_results_is_told():
+    rig = ambid.Rig.load(DATA / "rig.toml")
+    record = ambid.Record.load(DATA / "prbs.mat", rig)
+    of_identify, of_diagnose = text("results.md").partition("## `identify`")[2].split("## `diagnose`")
+    estimate = ambid.identify(rig, record)
+    diagnosis = ambid.Diagnosis.uninformative(estimate.model, [record], [], 0.0)
+    for told, result in ((of_identify, estimate), (of_diagnose, diagnosis)):
+        assert [key for key in result.to_json() if f"`{key}`" not in told] == []
 
 
 def test_rooms_and_plant():

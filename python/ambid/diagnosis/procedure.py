@@ -47,7 +47,8 @@ def diagnose(
     model : Model or Rig
         Start; a rig means its nominal values.
     records : Record or sequence of Record
-        Three or more periods each, at any amplitudes, and at any operating points (`Record.at`).
+        Of two or more periods each (four for tones and drift), or with an excitation that never repeats; at any
+        amplitudes, and at any operating points (`Record.at`).
     validate : sequence of Record
         Not used for choosing; best at another amplitude.
     effects : sequence of str or Effect, optional

@@ -72,7 +72,7 @@ class Candidate:
     from_start : bool
         Whether it was judged at the values that the diagnosis started from, no stable loop with it being near the fit.
     spread : float
-        What chance brings of a fall of J per degree of freedom: a little more than 1, see `Whitener`.
+        What chance brings of a fall of J per degree of freedom: a little more than 1, see `Spectrum`.
     one_sided : int
         So many of the degrees of freedom can only have one sign.
     variants : float

@@ -60,5 +60,5 @@ def refit(comparison: Comparison, most: int = 40, step: float = EXACTLY) -> Comp
 
 
 def criterion(comparison: Comparison) -> float:
-    """``J + q ln(dof)`` with q parameters (Schwarz): fewest win among equals."""
+    """``J + q ln N`` with q parameters and N numbers judged (Schwarz): fewest win among equals."""
     return comparison.cost + float(np.log(comparison.noise.lines)) * len(comparison.model.names)

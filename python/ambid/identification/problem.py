@@ -16,6 +16,8 @@ from ambid.model import Model
 from ambid.noise import noise_ceiling
 from ambid.record import Record
 
+STUCK = 0.1
+"""Part of the cost whose promised fall says that a descent has not ended at an optimum."""
 EXACTLY = 1e-8
 """Relative step at which a descent ends."""
 
@@ -66,6 +68,11 @@ class LeastSquares(ABC):
             if self.progress is not None:
                 self.progress(self.evaluations, cost)
         return self._last[1:]
+
+    def is_stuck(self, theta: FloatArray) -> bool:
+        """Whether a step that a quadratic form promises much of is barred: the loop is unstable further on."""
+        hessian, gradient, cost = self.normal_equations(theta[self.free] / self.scale)
+        return bool(gradient @ np.linalg.lstsq(hessian, gradient, rcond=1e-12)[0] > STUCK * cost)
 
     def descend(self, x: FloatArray, limits: Limits, max_evaluations: int, step: float = EXACTLY) -> End:
         """Go downhill from x with SciPy's trust-region method; a step into an unstable loop is rejected."""

@@ -123,7 +123,7 @@ class RecordLines:
         key = (here.loop.core, here.theta.tobytes())
         if key not in self._transients:
             *_, transients, fitted = _core.line_equations(here.loop.core, here.theta, [], [self.data(here)])
-            self.remember(here, transients[0], fitted)
+            self.remember(here, transients[0], fitted[0])
         return self._transients[key]
 
     def remember(self, here: Model, transient: FloatArray, fitted: int) -> None:

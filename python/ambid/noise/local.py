@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ambid.arrays import ComplexArray
+from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
 
 __all__ = ["beside_excitation", "likelier_beside_excitation"]
@@ -22,15 +22,25 @@ REGRESSED = 6
 """Lines in a local regression, per number that it fits."""
 TOGETHER = 1024
 """Regressions that are held in memory at a time."""
+SMOOTH = 1.0 / 3.0
+"""Part of a line's number over which the power of noise is even."""
+NARROWEST, WIDEST = 8, 40
+"""Lines to each side that the power around a line is taken from, at the least and at the most."""
 LEAST_WIDTH = 31
 """Lines in a local regression, if more are not needed."""
 
 
-def beside_excitation(lines: ComplexArray, excitation: ComplexArray) -> ComplexArray:
+def beside_excitation(lines: ComplexArray, excitation: ComplexArray) -> tuple[ComplexArray, FloatArray]:
     """S at every line from what a local regression on the excitation and on a transient leaves, shape (lines, p, p).
 
     With q numbers fitted to m lines, the noise has nu = m - q degrees of freedom. A line is one of those that S was
     estimated from, but for the part q / m of it that was fitted; that part alone needs Hotelling's factor.
+
+    Returns
+    -------
+    ndarray, shape (lines, p, p)
+    ndarray, shape (lines, p)
+        Power of the noise of every line and channel by itself.
     """
     count, p = lines.shape
     fitted = (excitation.shape[1] + 1) * (DEGREE + 1)
@@ -42,11 +52,14 @@ def beside_excitation(lines: ComplexArray, excitation: ComplexArray) -> ComplexA
             "excitations; record for longer, or excite periodically"
         )
     step = max(1, width // 8)
-    starts = np.arange(1, count - width, step)
+    starts = np.arange(0, count - width + 1, step)
     powers = np.linspace(-1.0, 1.0, width)[:, None] ** np.arange(DEGREE + 1)
     spectrum = np.empty((len(starts), p, p), dtype=complex)
+    own_power = np.empty((count, p))
+    nearest = np.clip(np.round((np.arange(count) - width / 2) / step), 0, len(starts) - 1).astype(np.intp)
     for first in range(0, len(starts), TOGETHER):
-        rows = starts[first : first + TOGETHER, None] + np.arange(width)
+        own_starts = starts[first : first + TOGETHER]
+        rows = own_starts[:, None] + np.arange(width)
         inputs = np.concatenate([excitation[rows], np.ones((len(rows), width, 1))], axis=2)
         table = (inputs[..., None] * powers[:, None, :]).reshape(len(rows), width, fitted)
         size = np.linalg.norm(table, axis=1, keepdims=True)
@@ -54,17 +67,46 @@ def beside_excitation(lines: ComplexArray, excitation: ComplexArray) -> ComplexA
         own = lines[rows]
         left = own - basis @ (basis.conj().transpose(0, 2, 1) @ own)
         spectrum[first : first + TOGETHER] = np.einsum("slc,sld->scd", left, left.conj()) / free
+        here = np.flatnonzero((nearest >= first) & (nearest < first + len(rows)))
+        at = nearest[here] - first
+        place = np.clip(here - own_starts[at], 0, width - 1)
+        own_power[here] = np.abs(left[at, place]) ** 2 * width / free
     spectrum *= (free + fitted * free / (free - p)) / width
-    nearest = np.clip(np.round((np.arange(count) - width / 2 - 1) / step), 0, len(starts) - 1).astype(np.intp)
-    return np.asarray(spectrum[nearest])
+    return np.asarray(spectrum[nearest]), own_power
 
 
 def likelier_beside_excitation(
     lines: ComplexArray, excitation: ComplexArray, shapes: Sequence[ComplexArray]
 ) -> tuple[ComplexArray, ComplexArray]:
-    """S at every line behind the shape, (lines, p, p), under which the lines are likeliest, and that shape."""
-    tried = [(beside_excitation((back @ lines[..., None])[..., 0], excitation), back) for back in shapes]
-    return max(tried, key=lambda one: _likelihood(*one))
+    """S at every line behind the shape, (lines, p, p), under which the lines are likeliest, and that shape.
+
+    Noise whose power changes within a regression, as near a peak or towards zero frequency, is made even first: each
+    shape is also tried with the power of the lines around taken out of every channel.
+    """
+    best: tuple[float, ComplexArray, ComplexArray] | None = None
+    for back in shapes:
+        behind = (back @ lines[..., None])[..., 0]
+        spectrum, power = beside_excitation(behind, excitation)
+        level, numbers = _level(power)
+        even = back / np.sqrt(level)[:, :, None]
+        flat, _ = beside_excitation(behind / np.sqrt(level), excitation)
+        for shape, own, cost in ((back, spectrum, 0.0), (even, flat, numbers)):
+            likely = _likelihood(own, shape) - cost
+            if best is None or likely > best[0]:
+                best = (likely, own, shape)
+    assert best is not None, "there is a shape"
+    return best[1], best[2]
+
+
+def _level(power: FloatArray) -> tuple[FloatArray, float]:
+    """Power around every line, shape (lines, p), and how many numbers that is."""
+    count, p = power.shape
+    place = np.arange(count)
+    reach = np.clip((SMOOTH * place).astype(np.intp), NARROWEST, WIDEST)
+    low, high = np.maximum(place - reach, 0), np.minimum(place + reach + 1, count)
+    below = np.concatenate([np.zeros((1, p)), np.cumsum(power, axis=0)])
+    level = (below[high] - below[low]) / (high - low)[:, None]
+    return np.maximum(level, 1e-300), float(p * np.sum(1.0 / (high - low)))
 
 
 def _likelihood(spectrum: ComplexArray, shape: ComplexArray) -> float:

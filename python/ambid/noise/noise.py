@@ -163,8 +163,8 @@ class Noise:
             start = [near[k] for k, _ in members] if near else []
             found = _core.line_equations(core, model.theta, list(free), [data for _, data in members], start)
             hessian, gradient = hessian + found[0], gradient + found[1]
-            cost, fitted = cost + found[2], fitted + found[4]
-            for (k, _), transient in zip(members, found[3], strict=True):
+            cost, fitted = cost + found[2], fitted + sum(found[4])
+            for (k, _), transient, numbers in zip(members, found[3], found[4], strict=True):
                 transients[k] = transient
-                self.parts[k].remember(model.at(self.parts[k].record), transient, found[4] // len(members))
+                self.parts[k].remember(model.at(self.parts[k].record), transient, numbers)
         return Quadratic(hessian, gradient, cost, fitted, transients)

@@ -1,9 +1,9 @@
 """The noise of a record on the lines that are judged, from lines that are not excited.
 
 The residual on unexcited lines, its transient taken out, is taken back through the loop, e = H^-1 R, so that its noise
-is smooth over frequency. S(l), the p x p cross-spectrum of e, is the mean of e e^H over the n_l unexcited lines around,
-within a third of the frequency, though 60 excited lines to each side at most; or within 15, if the lines themselves
-are likelier by that. What is judged is then
+is smooth over frequency. S(l), the p x p cross-spectrum of e, is the mean of e e^H over the n_l unexcited lines around:
+how many, and whether full matrices or powers of single channels with one matrix of correlations, is what makes every
+line likeliest by those around it (`between_lines`). What is judged is then
 
     J = 2 sum over l of ((n_l - p) / n_l) R^H (H S H^H)^-1 R
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ambid.diagnosis import Diagnosis
+from ambid.noise.comparison import ADEQUATE
 from ambid.plot.style import misfit_text
 
 PREFIXED = re.compile(r"(s|m|N|A|Hz|rad)(?=$|[ /])")
@@ -19,19 +20,25 @@ SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 GLOSSARY = {
     "fit": "Share of a channel that the simulation meets: 100 (1 − ‖y − ŷ‖ / ‖y − mean y‖), each mean removed; "
     "“fit of y” is the average over the displacements.",
-    "ceiling": "The fit that a perfect model would reach on this record; noise, which does not repeat from period to "
-    "period, takes the rest. A transient that lasts longer than the first periods counts as noise here: then the fit "
-    "can lie above it.",
+    "ceiling": "The fit that the exact model would reach on this record; noise takes the rest. What a record begins "
+    "with, its transient, is fitted with every model and is no noise.",
     "misfit": "J/dof: power of what repeats in the residual of y and i_c, in units of their noise. 1 is a model that "
-    "is right, up to 1.1 counts as adequate, on a short record up to what chance brings; a fit close to its ceiling "
-    "can hide a misfit of 10.",
+    "is right; a fit close to its ceiling can hide a misfit of 60.",
+    "bound": f"Misfit up to which a model may be right: {ADEQUATE:.2f}, or on a short record what chance brings.",
+    "interval": "95 % confidence. Where the misfit is above its bound it is widened by what is left, and may still "
+    "miss the truth: what is missing bends the parameters.",
     "score": "Fall of J that adding an effect would bring, predicted without refitting, beyond what the known "
     "parameters could absorb.",
     "p value": "How likely chance alone would reach such a score if the effect were absent.",
     "port": "Place in the loop where something may act: force at the magnets, current at the amplifiers, displacement "
-    "at the sensors, or the reading of the current.",
+    "at the sensors, or the reading of the current. One is named only where it explains more than the others beyond "
+    "chance.",
+    "in the main only": "The effects explain nearly all of the excess misfit, and what is left is above the bound: "
+    "their formulas only approximate this machine, or something smaller is missing.",
+    "slip": "An error of the rig file or the record that is ranked beside the physics: other gains of the controller, "
+    "another scale of i_e.",
     "confusable": "Two effects whose responses look alike to more than 90 % in these data, after refitting the rest.",
-    "validation": "Records that were used neither for fitting nor for choosing.",
+    "validation": "Records that no parameter was fitted to; a step that makes them worse, beyond chance, is not taken.",
 }
 
 

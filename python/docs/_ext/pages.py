@@ -5,6 +5,7 @@ In the text of a page stand
 - ``% generated: NAME``, for what the module NAME of this folder generates;
 - ``{{package.NAME}}``, for the value of a constant, such as ``{{diagnosis.ALPHA}}``;
 - ``% output`` below a block of code, for what it prints (``% output 12`` for its first 12 lines);
+- ``% measured: calibration/nulls.md``, for a table or picture that a benchmark has left in that file, if it has;
 - ``](drawn/fit.png)``, for a picture that a block of the page, or what was generated for it, has drawn.
 """
 
@@ -28,6 +29,8 @@ log = logging.getLogger(__name__)
 
 GENERATED = re.compile(r"^% generated: (\w+)$", re.MULTILINE)
 CONSTANT = re.compile(r"\{\{(\w+)\.(\w+)\}\}")
+MEASURED = re.compile(r"^% measured: (\S+)$", re.MULTILINE)
+NOT_YET = "*Not measured with this version yet.*"
 OUTPUT = re.compile(r"\n% output ?(\d*)$", re.MULTILINE)
 
 
@@ -38,6 +41,7 @@ def fill(app: Sphinx, page: str, source: list[str]) -> None:
     drawn.mkdir(parents=True)
     try:
         text = with_output(source[0], page, drawn)
+        text = with_measured(text, Path(app.srcdir))
         text = CONSTANT.sub(lambda found: value_text(found[1], found[2]), text)
         text = GENERATED.sub(lambda found: importlib.import_module(found[1]).generate(drawn), text)
     except (RuntimeError, KeyError) as error:
@@ -59,6 +63,20 @@ def with_output(text: str, page: str, folder: Path) -> str:
             parts.append("\n\n```text\n" + "\n".join(shown) + "\n```\n")
             done = asked.end()
     return "".join([*parts, text[done:]])
+
+
+def with_measured(text: str, folder: Path) -> str:
+    """Put tables and pictures of benchmarks where the page asks for them; where there is no table, say so."""
+
+    def found(asked: re.Match[str]) -> str:
+        path = folder / asked[1]
+        is_table = path.suffix == ".md"
+        if not path.exists():
+            return NOT_YET if is_table else ""
+        title = path.stem.replace("_", " ").capitalize()
+        return path.read_text(encoding="utf-8").strip() if is_table else f"![{title}]({asked[1]})"
+
+    return MEASURED.sub(found, text)
 
 
 def _always(app: Sphinx, env: BuildEnvironment, added: set[str], changed: set[str], removed: set[str]) -> Iterable[str]:

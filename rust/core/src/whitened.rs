@@ -22,6 +22,9 @@ const OWN: f64 = 1e-11;
 /// Size of a basis vector, relative to the largest one, at which it is rounding: of a state that is not seen.
 const SEEN: f64 = 1e-10;
 
+/// Part of the sum of squares by which a transient near the best one may raise it.
+const FAR: f64 = 1e-3;
+
 /// Measured lines of a record.
 #[derive(Debug, Clone)]
 pub struct LineData {
@@ -44,8 +47,8 @@ pub struct LineNormal {
     pub cost: f64,
     /// The transient of each record.
     pub transients: Vec<Vec<f64>>,
-    /// Numbers of the transients that the lines determine.
-    pub fitted: usize,
+    /// How many numbers of it the lines determine.
+    pub fitted: Vec<usize>,
 }
 
 impl LineData {
@@ -95,12 +98,18 @@ pub fn line_equations(
     let is_near = near.len() == records.len() && near.iter().all(|d| d.len() == states);
     let value = if is_near || free.is_empty() { None } else { Some(system.on_lines(theta, &[])?) };
     let one = |(k, data): (usize, &&LineData)| -> LineNormal {
-        let start = match &value {
+        let mut start = match &value {
             Some(value) => Gram::new(value, 0, data, system.inputs(), &[]).eliminated().transient(value),
             None if is_near => near[k].clone(),
             None => Vec::new(),
         };
-        Gram::new(&parts, free.len(), data, system.inputs(), &start).eliminated().normal(&parts, free.len(), start)
+        let mut found = Gram::new(&parts, free.len(), data, system.inputs(), &start).eliminated();
+        if is_near && !free.is_empty() && found.is_far() {
+            let more = found.transient(&parts);
+            start.iter_mut().zip(more).for_each(|(d, more)| *d += more);
+            found = Gram::new(&parts, free.len(), data, system.inputs(), &start).eliminated();
+        }
+        found.normal(&parts, free.len(), start)
     };
     let each: Vec<LineNormal> = if records.len() > 1 {
         records.par_iter().enumerate().map(one).collect()
@@ -113,13 +122,13 @@ pub fn line_equations(
         gradient: DVector::zeros(np),
         cost: 0.0,
         transients: Vec::with_capacity(each.len()),
-        fitted: 0,
+        fitted: Vec::with_capacity(each.len()),
     };
     for own in each {
         total.hessian += own.hessian;
         total.gradient += own.gradient;
         total.cost += own.cost;
-        total.fitted += own.fitted;
+        total.fitted.extend(own.fitted);
         total.transients.extend(own.transients);
     }
     Ok(total)
@@ -145,6 +154,7 @@ impl Gram {
     fn eliminated(self) -> Eliminated {
         let Self { states, mut moments } = self;
         let size = moments.nrows();
+        let before = moments[(size - 1, size - 1)];
         let mut scale: Vec<f64> = (0..states).map(|i| moments[(i, i)].sqrt()).collect();
         let seen = SEEN * scale.iter().copied().fold(0.0, f64::max);
         scale.iter_mut().filter(|scale| **scale <= seen).for_each(|scale| *scale = 0.0);
@@ -167,7 +177,7 @@ impl Gram {
             }
             order.push((pivot, row));
         }
-        Eliminated { states, moments, scale, order }
+        Eliminated { states, moments, before, scale, order }
     }
 }
 
@@ -175,11 +185,19 @@ impl Gram {
 struct Eliminated {
     states: usize,
     moments: DMatrix<f64>,
+    /// r'r before.
+    before: f64,
     scale: Vec<f64>,
     order: Vec<(usize, Vec<f64>)>,
 }
 
 impl Eliminated {
+    /// Whether the transient that was started from is too far from the best one for the derivatives to be its own.
+    fn is_far(&self) -> bool {
+        let last = self.moments.nrows() - 1;
+        self.before - self.moments[(last, last)] > FAR * self.moments[(last, last)]
+    }
+
     /// What makes the transient leave least.
     fn transient(&self, parts: &[OnLines]) -> Vec<f64> {
         let last = self.moments.nrows() - 1;
@@ -207,7 +225,7 @@ impl Eliminated {
             gradient: self.moments.view((first, last), (np, 1)).column(0).into_owned(),
             cost: self.moments[(last, last)].max(0.0),
             transients: vec![transient],
-            fitted: self.order.len(),
+            fitted: vec![self.order.len()],
         }
     }
 }

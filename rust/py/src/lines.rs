@@ -60,7 +60,7 @@ pub fn line_equations<'py>(
     free: Vec<usize>,
     records: Vec<Bound<'py, LineData>>,
     near: Vec<Vec<f64>>,
-) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, f64, Vec<Bound<'py, PyArray1<f64>>>, usize)> {
+) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, f64, Vec<Bound<'py, PyArray1<f64>>>, Vec<usize>)> {
     let theta = theta.as_slice()?;
     let records: Vec<&Core> = records.iter().map(|r| &r.get().core).collect();
     let normal = py.detach(|| core(&system.core, theta, &free, &records, &near)).map_err(raise)?;
