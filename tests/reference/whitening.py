@@ -27,10 +27,9 @@ class Whitening:
     @classmethod
     def beside(cls, residual: np.ndarray, excitation: np.ndarray, window: Window) -> "Whitening":
         at = window.excited
-        covariance = beside_excitation(window.lines(residual)[at], window.lines(excitation)[at])
-        return cls(
-            window, Spectrum.of(covariance, np.tile(np.eye(len(covariance[0])), (len(at), 1, 1)), np.ones(len(at)))
-        )
+        covariance, _ = beside_excitation(window.lines(residual)[at], window.lines(excitation)[at])
+        unshaped = np.tile(np.eye(covariance.shape[1]), (len(at), 1, 1))
+        return cls(window, Spectrum.of(covariance, unshaped, np.ones(len(at))))
 
     def white(self, signal: np.ndarray) -> np.ndarray:
         """Real and imaginary parts by line and channel; of shape (numbers,) or (numbers, q) for q signals."""
