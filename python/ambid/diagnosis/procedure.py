@@ -16,8 +16,8 @@ from ambid.diagnosis.verdict import judged
 from ambid.diagnosis.wording import families, next_experiment, notes
 from ambid.effects import CATALOGUE, Effect, find
 from ambid.errors import Stopped
-from ambid.identification import ParameterEstimate, identify
-from ambid.identification.covariance import covariance
+from ambid.identification import Estimate, ParameterEstimate, identify
+from ambid.identification.covariance import covariance, undetermined
 from ambid.model import Model
 from ambid.noise.comparison import ADEQUATE
 from ambid.record import Record
@@ -95,7 +95,7 @@ def diagnose(
     if stops:
         return Diagnosis.uninformative(start, records, stops, begun)
     estimate = identify(start, records)
-    if estimate.status == "not_identifiable":
+    if estimate.status == "not_identifiable" and _is_lost_at(start, estimate):
         lost = ", ".join(sorted({name for direction in estimate.directions for name in direction}))
         why = f"the records do not determine {lost}; excite every axis, with more amplitude or over more periods"
         return Diagnosis.uninformative(estimate.model, records, [why], begun)
@@ -138,3 +138,12 @@ def diagnose(
     if is_stopped:
         raise Stopped(diagnosis)
     return diagnosis
+
+
+def _is_lost_at(start: Model, estimate: Estimate) -> bool:
+    """Whether parameters are not determined at their start either; misfit may have driven them where nothing is."""
+    if estimate.is_adequate or not start.is_stable:
+        return True
+    free = range(len(start.names))
+    at_start = estimate.comparison.of(start)
+    return bool(undetermined(covariance(at_start, free), start, free))

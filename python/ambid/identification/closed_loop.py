@@ -10,7 +10,7 @@ import numpy as np
 
 from ambid.arrays import FloatArray
 from ambid.errors import ModelError, RecordError, Stopped, UnstableLoopError
-from ambid.identification.covariance import covariance, sandwich
+from ambid.identification.covariance import covariance, sandwich, undetermined
 from ambid.identification.estimate import Estimate, ParameterEstimate
 from ambid.identification.minimum import ROUGHLY, WhitenedProblem
 from ambid.identification.problem import EXACTLY, End, LeastSquares, Limits, Problem, noise_levels
@@ -30,8 +30,6 @@ MISFIT = (
 )
 STABLE_FACTORS = (0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.5)
 """Where the start is unstable, these multiples of the start values are tried."""
-WHOLLY_UNKNOWN = 1.0
-"""A combination of parameters with a relative standard deviation above this is not identifiable."""
 
 
 @with_one_blas_thread
@@ -143,10 +141,10 @@ def _likeliest(
 ) -> Estimate:
     """The fit that minimises J, in the noise that its own residual tells."""
     stable, notes = _stable(model, free, origins, limits)
-    rough = WhitenedProblem(stable, Noise.rough(stable, records), free, progress)
+    rough = WhitenedProblem(model, Noise.rough(stable, records), free, progress)  # x in units of the limits
     best, more = _best_of(rough, origins if not notes else [stable.theta[free]], limits, max_evaluations, ROUGHLY)
     if best.status != "stopped" and rough.is_stuck(best.theta):  # at the edge of stability; eq. 9 goes another way
-        timed = Problem(stable, records, free, noise_levels(records), _factors(model, None), progress)
+        timed = Problem(model, records, free, noise_levels(records), _factors(model, None), progress)
         other, further = _best_of(timed, origins, limits, max_evaluations, ROUGHLY)
         again = rough.descend(other.theta[free] / rough.scale, limits, max_evaluations, ROUGHLY)
         best, more = min((best, more), (again, further), key=lambda pair: pair[0].cost)
@@ -154,7 +152,7 @@ def _likeliest(
     comparison = Comparison(model.with_theta(best.theta), records)
     comparison.noise  # noqa: B018 - raises where it is not known
     if best.status != "stopped":
-        problem = WhitenedProblem(comparison.model, comparison.noise, free, progress)
+        problem = WhitenedProblem(model, comparison.noise, free, progress)
         problem.evaluations = rough.evaluations
         best = problem.descend(best.theta[free] / problem.scale, limits, max_evaluations)
         comparison = comparison.of(model.with_theta(best.theta))
@@ -294,8 +292,7 @@ def _estimate(
     begun: float,
 ) -> Estimate:
     model, free, records = problem.model, problem.free, tuple(own.record for own in comparison.records)
-    sizes = np.maximum(np.abs(end.theta[free]), problem.scale)
-    directions = _unknown(covariance / np.outer(sizes, sizes), [model.names[i] for i in free])
+    directions = undetermined(covariance, comparison.model, free)
     lost = {name for direction in directions for name in direction}
     parameters = {}
     for k, i in enumerate(free):
@@ -326,14 +323,3 @@ def _estimate(
     if end.status == "stopped":
         raise Stopped(estimate)
     return estimate
-
-
-def _unknown(relative: FloatArray, names: list[str]) -> list[dict[str, float]]:
-    """Combinations of parameters, as relative changes, that the records do not determine."""
-    values, vectors = np.linalg.eigh(relative)
-    unknown = vectors[:, np.sqrt(np.maximum(values, 0.0)) > WHOLLY_UNKNOWN]
-    found = []
-    for vector in unknown.T:
-        vector = vector / vector[np.argmax(np.abs(vector))]
-        found.append({name: float(v) for name, v in zip(names, vector, strict=True) if abs(v) > 0.05})
-    return found

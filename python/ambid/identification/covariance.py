@@ -31,13 +31,16 @@ from scipy.fft import rfft
 
 from ambid.arrays import FloatArray
 from ambid.identification.problem import Problem, padded_outputs
+from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.colour import loop_noise
 
-__all__ = ["covariance", "sandwich", "score_covariance"]
+__all__ = ["covariance", "sandwich", "score_covariance", "undetermined"]
 
 UNSEEN_VARIANCE = 1e6
 """Relative variance that stands for infinity, for a combination that moves no output."""
+WHOLLY_UNKNOWN = 1.0
+"""A combination of parameters with a relative standard deviation above this is not identifiable."""
 BANDS = 40
 """Bands of lines of each record whose scores count as independent where misfit is left."""
 
@@ -60,6 +63,26 @@ def covariance(comparison: Comparison, free: Sequence[int]) -> FloatArray:
         relative = _larger(banded, relative * comparison.misfit)
     relative = relative + UNSEEN_VARIANCE * unseen @ unseen.T
     return np.asarray(relative * np.outer(scale, scale))
+
+
+def undetermined(covariance: FloatArray, model: Model, free: Sequence[int]) -> list[dict[str, float]]:
+    """Combinations of parameters, as relative changes, that the records do not determine.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (free, free)
+    model : Model
+        At the values that the covariance belongs to.
+    free : sequence of int
+    """
+    own = [model.parameters[i] for i in free]
+    sizes = np.array([max(abs(p.value), p.scale) for p in own])
+    values, vectors = np.linalg.eigh(covariance / np.outer(sizes, sizes))
+    found = []
+    for vector in vectors[:, np.sqrt(np.maximum(values, 0.0)) > WHOLLY_UNKNOWN].T:
+        vector = vector / vector[np.argmax(np.abs(vector))]
+        found.append({p.name: float(v) for p, v in zip(own, vector, strict=True) if abs(v) > 0.05})
+    return found
 
 
 def sandwich(problem: Problem, theta: FloatArray) -> FloatArray:

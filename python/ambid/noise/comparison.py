@@ -318,7 +318,7 @@ def _compared(
                 misfit=float(misfits[k]),
             )
         )
-    return RecordComparison(record, simulated, tuple(rows), joint, max(0.0, 1.0 - 1.0 / joint))
+    return RecordComparison(record, simulated, tuple(rows), joint, float(np.maximum(0.0, 1.0 - 1.0 / joint)))
 
 
 def _as_dict(record: RecordComparison) -> dict[str, Any]:

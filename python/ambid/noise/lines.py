@@ -23,7 +23,8 @@ from ambid.loop.effect import Effect, Tone
 from ambid.model import Model
 from ambid.noise.colour import back_through_loop
 from ambid.noise.local import likelier_beside_excitation
-from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, Spectrum, between_lines
+from ambid.noise.wave import wave_between
+from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, Spectrum, between_lines, require_noise
 from ambid.noise.window import Window
 from ambid.record import Record
 
@@ -288,12 +289,16 @@ class RecordLines:
         index = window.between(max(2, -(-PER_CHANNEL * p // (2 * HALF_WIDTH))))
         residual = self.left_between(index)
         covariance, spread = between_lines(residual, index / window.periods, self.index / self.window.periods)
-        return Spectrum.of(covariance, back_through_loop(here, self.points, p), spread)
+        back = back_through_loop(here, self.points, p)
+        require_noise(covariance, back, self._z)
+        return Spectrum.of(covariance, back, spread)
 
     def left_between(self, index: NDArray[np.intp]) -> ComplexArray:
         """What is noise on unexcited lines of the settled periods, taken back through the loop, shape (lines, p)."""
         window, p, here = self.window.settled, self.measured.channels, self._base
         points, z = window.points(index), np.ascontiguousarray(self.measured.quiet[index])
+        for tone in self.tones:
+            z = z - wave_between(self.measured.quiet, window, tone.frequency_hz / self.record.sample_rate, index)
         back = back_through_loop(here, points, p)
         size = np.sqrt(np.median(np.abs((back @ z[..., None])[..., 0]) ** 2, axis=0))
         size[size == 0.0] = 1.0
@@ -317,14 +322,20 @@ class RecordLines:
     def _without_periods(self) -> Spectrum:
         """The noise, from what follows neither the excitation nor a transient."""
         here, p = self._base, self.measured.channels
-        if here.is_linear:
-            response, _, _ = here.loop.core.lines(here.theta, [], self.points, self._inputs(here), None, False)
-            residual = self._z - response[:, :p]
-        else:
-            residual = self._z - self._simulated(here, [])[0]
         shapes = [np.tile(np.eye(p, dtype=complex), (len(self.points), 1, 1)), back_through_loop(here, self.points, p)]
-        covariance, back = likelier_beside_excitation(residual, self._excitation, shapes)
-        return Spectrum.of(covariance, back, np.ones(len(self.points)))
+        if not here.is_linear:
+            residual = self._z - self._simulated(here, [])[0]
+            covariance, back = likelier_beside_excitation(residual, self._excitation, shapes)
+            return Spectrum.of(covariance, back, np.ones(len(self.points)))
+        core, inputs, transient = here.loop.core, self._inputs(here), None
+        for _ in range(2):  # the first time with a transient that is as smooth as it may be
+            response, _, _ = core.lines(here.theta, [], self.points, inputs, transient, False)
+            covariance, back = likelier_beside_excitation(self._z - response[:, :p], self._excitation, shapes)
+            require_noise(covariance, back, self._z)
+            spectrum = Spectrum.of(covariance, back, np.ones(len(self.points)))
+            data = _core.LineData(core, self.points, inputs, self._z, spectrum.whitening)
+            transient = _core.line_equations(core, here.theta, [], [data])[3][0]
+        return spectrum
 
     def _around(self, frequencies_hz: Sequence[float]) -> NDArray[np.intp]:
         """The unexcited lines next to frequencies."""

@@ -13,13 +13,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import convolve1d, median_filter
-from scipy.optimize import minimize_scalar
 from scipy.special import chdtrc
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.loop.effect import Tone
 from ambid.model import Model
 from ambid.noise.lines import RecordLines, as_lines
+from ambid.noise.wave import refined_frequency, wave_between
 from ambid.noise.window import Window
 
 __all__ = ["Between", "Tone", "find_tones"]
@@ -42,8 +42,6 @@ NEIGHBOURS = 10
 """Lines to each side for the median."""
 BESIDE = np.array([1.0] * 6 + [0.0] * 5 + [1.0] * 6)
 """Lines to each side for the mean: next to a tone, but within the width of a pole."""
-SPILLED = 200
-"""Lines to each side that a tone spills into; further out it has less than a millionth of its power."""
 MOST = 8
 """Tones that are told of a record."""
 
@@ -77,7 +75,7 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
             suspects.remove(frequency)
             height, channel = between.at(frequency / per_line)
         else:
-            frequency = between.refined(line) * per_line
+            frequency = refined_frequency(part.measured.quiet, window, line) * per_line
             suspects = [f for f in suspects if abs(f - frequency) > 2.0 * per_line]
         found.append(Tone(frequency, channel % axes, height))
         between = between.without([frequency / per_line])
@@ -189,29 +187,10 @@ class Between:
         nearest = min(near, key=lambda k: abs(k - line))
         return float(chdtrc(2 * self.power.shape[1], 2.0 * self.power[nearest].sum()))
 
-    def refined(self, line: int) -> float:
-        """Place whose sine and cosine explain most of all channels, within a line to each side."""
-        scaled = self.lines / np.sqrt(np.mean(np.abs(self.lines) ** 2, axis=0))
-
-        def explained(place: float) -> float:
-            near, shape = self._shape(place)
-            return -float(np.sum(np.abs(shape.conj() @ scaled[near]) ** 2) / np.sum(np.abs(shape) ** 2))
-
-        found = minimize_scalar(explained, bounds=(line - 1.0, line + 1.0), method="bounded", options={"xatol": 1e-5})
-        return float(found.x)
-
     def without(self, places: Sequence[float]) -> Between:
-        """The same less what the least squares of waves at these places find."""
+        """The same less what the least squares of waves at these places find in the lines nearest to each."""
         lines = self.lines.copy()
+        known = np.flatnonzero(lines.any(axis=1))
         for place in places:
-            near, shape = self._shape(place)
-            lines[near] -= np.outer(shape, shape.conj() @ lines[near] / np.sum(np.abs(shape) ** 2))
+            lines[known] -= wave_between(lines, self.window, place / self.window.samples, known)
         return Between(self.window, lines)
-
-    def _shape(self, place: float) -> tuple[NDArray[np.intp], ComplexArray]:
-        """Unexcited lines around a place, and what a wave of unit amplitude is there (Dirichlet's kernel)."""
-        near = np.arange(max(1, round(place) - SPILLED), min(len(self.lines) - 1, round(place) + SPILLED + 1))
-        near = near[near % self.window.periods != 0]
-        off = np.pi * (place - near)
-        n = self.window.samples
-        return near, np.sinc(place - near) / np.sinc((place - near) / n) * np.exp(1j * off * (1.0 - 1.0 / n))

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
 
-__all__ = ["PER_CHANNEL", "Spectrum", "between_lines"]
+__all__ = ["PER_CHANNEL", "Spectrum", "between_lines", "require_noise"]
 
 HALF_WIDTH = 15
 """Excited lines to each side whose unexcited neighbours give the noise spectrum, if they are enough."""
@@ -35,6 +35,12 @@ PER_CHANNEL = 10
 """Unexcited lines per channel that a spectrum of all channels needs, for a spread of 10/9 over exact whitening."""
 TRIED = 9
 """One of so many unexcited lines tells whether noise is that smooth."""
+SILENT = (
+    "a record holds no noise on some channel, so that there is no misfit in units of it; if it was simulated, add "
+    "noise as `virtual_experiment` does"
+)
+ROUNDING = 1e-20
+"""Power of noise over that of the signal below which it is rounding."""
 OUTLYING = 70.0
 """Power of a channel on a line, over its spectrum, above which it is no noise but a tone."""
 
@@ -70,11 +76,21 @@ class Spectrum:
         try:
             inner = np.sqrt(2.0) * np.linalg.inv(np.linalg.cholesky(covariance))
         except np.linalg.LinAlgError:
-            raise RecordError(
-                "a record holds no noise on some channel, so that there is no misfit in units of it; "
-                "if it was simulated, add noise as `virtual_experiment` does"
-            ) from None
+            raise RecordError(SILENT) from None
         return cls(inner, inner @ back, spread)
+
+
+def require_noise(covariance: ComplexArray, back: ComplexArray, recorded: ComplexArray) -> None:
+    """Refuse noise that is nothing but rounding, beside the lines that were recorded.
+
+    Raises
+    ------
+    RecordError
+        If a channel holds no more.
+    """
+    signal = np.sum(np.abs((back @ recorded[..., None])[..., 0]) ** 2, axis=0)
+    if (np.einsum("lcc->c", covariance).real < ROUNDING * signal).any():
+        raise RecordError(SILENT)
 
 
 def between_lines(quiet: ComplexArray, at: FloatArray, judged: FloatArray) -> tuple[ComplexArray, FloatArray]:
