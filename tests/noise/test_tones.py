@@ -46,12 +46,12 @@ def test_pure_noise_has_no_tone(own):
 
 
 @pytest.mark.parametrize(("line", "amplitude"), [(31.37, 0.05), (601.72, 0.2), (1234.61, 0.2)])
-def test_a_hum_between_lines_is_found_to_a_thousandth_of_a_line(line, amplitude):
+def test_a_hum_between_lines_is_found_to_two_thousandths_of_a_line(line, amplitude):
     """Noise alone moves hums of these sizes by less than half of that."""
     for seed in range(5):
         (tone,) = found(hummed((line * LINE, amplitude), seed=seed))
         assert tone.power > OUTSTANDING
-        assert tone.frequency_hz / LINE == pytest.approx(line, abs=1e-3)
+        assert tone.frequency_hz / LINE == pytest.approx(line, abs=2e-3)
 
 
 @pytest.mark.parametrize("amplitude", [0.02, 0.2])

@@ -97,7 +97,7 @@ def _sideband_powers(
 ) -> tuple[ComplexArray, FloatArray]:
     """Amplitude of each pattern at each shift, and its power in units of noise, both of shape (shifts, patterns)."""
     window = part.window.settled
-    between = Between.of(part, window.between(window.periods))  # without the tones
+    between = Between.of(part, window.between(window.periods), part.tones)
     count = len(window.excited)
     # the lines have been taken back through the loop, each at its own frequency; what is left of S is smooth
     inner = part.spectrum.inner[:count]

@@ -23,7 +23,7 @@ from ambid.loop.effect import Effect, Tone
 from ambid.model import Model
 from ambid.noise.colour import back_through_loop
 from ambid.noise.local import likelier_beside_excitation
-from ambid.noise.wave import wave_between
+from ambid.noise.wave import waves_between
 from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, Spectrum, between_lines, require_noise
 from ambid.noise.window import Window
 from ambid.record import Record
@@ -287,18 +287,18 @@ class RecordLines:
         """The noise, from lines that are not excited."""
         window, p, here = self.window.settled, self.measured.channels, self._base
         index = window.between(max(2, -(-PER_CHANNEL * p // (2 * HALF_WIDTH))))
-        residual = self.left_between(index)
+        residual = self.left_between(index, self.tones)
         covariance, spread = between_lines(residual, index / window.periods, self.index / self.window.periods)
         back = back_through_loop(here, self.points, p)
         require_noise(covariance, back, self._z)
         return Spectrum.of(covariance, back, spread)
 
-    def left_between(self, index: NDArray[np.intp]) -> ComplexArray:
-        """What is noise on unexcited lines of the settled periods, taken back through the loop, shape (lines, p)."""
+    def left_between(self, index: NDArray[np.intp], tones: Sequence[Tone] = ()) -> ComplexArray:
+        """What model and tones leave of unexcited lines of the settled periods, back through the loop, (lines, p)."""
         window, p, here = self.window.settled, self.measured.channels, self._base
         points, z = window.points(index), np.ascontiguousarray(self.measured.quiet[index])
-        for tone in self.tones:
-            z = z - wave_between(self.measured.quiet, window, tone.frequency_hz / self.record.sample_rate, index)
+        places = [tone.frequency_hz * window.samples / self.record.sample_rate for tone in tones]
+        z = z - waves_between(self.measured.quiet, window, places, index)
         back = back_through_loop(here, points, p)
         size = np.sqrt(np.median(np.abs((back @ z[..., None])[..., 0]) ** 2, axis=0))
         size[size == 0.0] = 1.0

@@ -7,7 +7,7 @@ lines of its spectrum, far above the running median of its neighbours.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +19,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.loop.effect import Tone
 from ambid.model import Model
 from ambid.noise.lines import RecordLines, as_lines
-from ambid.noise.wave import refined_frequency, wave_between
+from ambid.noise.wave import refined_places
 from ambid.noise.window import Window
 
 __all__ = ["Between", "Tone", "find_tones"]
@@ -61,12 +61,12 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
     here, rate, axes = model.at(record), record.sample_rate, len(record.axes)
     per_line, turning = rate / window.samples, here.rig.speed / (2.0 * np.pi)
     suspects = [f for f in (turning, *MAINS) if 2.0 * per_line < f < 0.45 * rate]
-    looked_at = np.concatenate([_outstanding(part), [int(f / per_line) for f in suspects]])
-    between = Between.around(part, looked_at.astype(np.intp))
+    looked_at = np.concatenate([_outstanding(part), [int(f / per_line) for f in suspects]]).astype(np.intp)
+    between = Between.around(part, looked_at)
     found: list[Tone] = []
     while len(found) < MOST:
         line, channel, height = between.loudest()
-        frequency = line * per_line
+        places = [tone.frequency_hz / per_line for tone in found]
         if height < OUTSTANDING:
             likely = {f: between.chance(f / per_line) for f in suspects}
             frequency = min(likely, key=likely.__getitem__, default=0.0)
@@ -75,14 +75,16 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
             suspects.remove(frequency)
             height, channel = between.at(frequency / per_line)
         else:
-            frequency = refined_frequency(part.measured.quiet, window, line) * per_line
+            *places, place = refined_places(part.measured.quiet, window, [*places, float(line)])
+            found = [replace(tone, frequency_hz=own * per_line) for tone, own in zip(found, places, strict=True)]
+            frequency = place * per_line
             suspects = [f for f in suspects if abs(f - frequency) > 2.0 * per_line]
         found.append(Tone(frequency, channel % axes, height))
-        between = between.without([frequency / per_line])
+        between = Between.around(part, looked_at, found)
     if turning in suspects:
         height, channel = between.at(turning / per_line)
         found.append(Tone(turning, channel % axes, height))
-    return (*found, *_on_excited_lines(here, part, axes))
+    return (*found, *_on_excited_lines(here, part, axes, found))
 
 
 def _outstanding(part: RecordLines) -> NDArray[np.intp]:
@@ -105,11 +107,13 @@ def _under_hann(lines: ComplexArray, window: Window) -> FloatArray:
     return hann.real**2 + hann.imag**2
 
 
-def _on_excited_lines(here: Model, part: RecordLines, axes: int) -> tuple[Tone, ...]:
+def _on_excited_lines(here: Model, part: RecordLines, axes: int, found: Sequence[Tone]) -> tuple[Tone, ...]:
     """A tone that falls on an excited line: that line alone stands out among its neighbours."""
     count, per_line = len(part.window.excited), part.record.sample_rate / part.window.samples
     residual, _, _ = part.white(here, [])
     power = np.abs(as_lines(residual, len(part.record.channels))[:count]) ** 2
+    for tone in found:  # what it spills is not told again
+        power[np.abs(part.window.excited * per_line - tone.frequency_hz) < part.window.periods * per_line] = 0.0
     beside = convolve1d(power, BESIDE / BESIDE.sum(), axis=0)
     if (power < ALONE * beside).all():
         return ()
@@ -138,21 +142,21 @@ class Between:
     lines: ComplexArray
 
     @classmethod
-    def of(cls, part: RecordLines, index: NDArray[np.intp]) -> Between:
-        """What the base model of the record's noise leaves of some unexcited lines; others are zero."""
+    def of(cls, part: RecordLines, index: NDArray[np.intp], tones: Sequence[Tone] = ()) -> Between:
+        """What the base model of the record's noise, and tones, leave of some unexcited lines; others are zero."""
         window = part.window.settled
         lines = np.zeros((window.samples // 2 + 1, len(part.record.channels)), dtype=complex)
         if len(index):
-            lines[index] = part.left_between(index)
+            lines[index] = part.left_between(index, tones)
         return cls(window, lines)
 
     @classmethod
-    def around(cls, part: RecordLines, places: NDArray[np.intp]) -> Between:
+    def around(cls, part: RecordLines, places: NDArray[np.intp], tones: Sequence[Tone] = ()) -> Between:
         """The same of the unexcited lines around some lines."""
         window = part.window.settled
         near = np.unique(np.add.outer(places, np.arange(-AROUND, AROUND + 1)))
         inside = (near > 0) & (near < (window.samples + 1) // 2) & (near % window.periods != 0)
-        return cls.of(part, near[inside])
+        return cls.of(part, near[inside], tones)
 
     @cached_property
     def power(self) -> FloatArray:
@@ -186,11 +190,3 @@ class Between:
             return 1.0
         nearest = min(near, key=lambda k: abs(k - line))
         return float(chdtrc(2 * self.power.shape[1], 2.0 * self.power[nearest].sum()))
-
-    def without(self, places: Sequence[float]) -> Between:
-        """The same less what the least squares of waves at these places find in the lines nearest to each."""
-        lines = self.lines.copy()
-        known = np.flatnonzero(lines.any(axis=1))
-        for place in places:
-            lines[known] -= wave_between(lines, self.window, place / self.window.samples, known)
-        return Between(self.window, lines)

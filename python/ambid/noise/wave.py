@@ -1,7 +1,8 @@
-"""What a wave of one frequency is on the lines of a record."""
+"""What waves of single frequencies are on the lines of a record."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,14 +12,16 @@ from scipy.optimize import minimize_scalar
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.noise.window import Window
 
-__all__ = ["refined_frequency", "wave_between"]
+__all__ = ["refined_places", "waves_between"]
 
 NEAR = 15
 """Lines to each side of a wave that tell its amplitude and its frequency."""
+POLISHED = 2
+"""So often is every frequency refined beside those of the others."""
 
 
-def refined_frequency(quiet: ComplexArray, window: Window, place: float) -> float:
-    """Place between lines whose wave explains most of all channels, within a line to each side.
+def refined_places(quiet: ComplexArray, window: Window, places: Sequence[float]) -> list[float]:
+    """Places between lines whose waves explain most of all channels, each within a line of where it was.
 
     Parameters
     ----------
@@ -26,48 +29,67 @@ def refined_frequency(quiet: ComplexArray, window: Window, place: float) -> floa
         As they were recorded.
     window : Window
         That they are of.
-    place : float
-        In lines.
+    places : sequence of float
+        In lines; the last one to a line, the others refined before.
     """
-    near = _unexcited_near(window, place)
-    lines = quiet[near]
-    scaled = lines / np.sqrt(np.median(np.abs(lines) ** 2, axis=0) + 1e-300)
+    found = list(places)
+    for _ in range(POLISHED if len(found) > 1 else 1):
+        for k in reversed(range(len(found))):
+            others = [other for other in found if other != found[k] and abs(other - found[k]) < 2 * NEAR]
+            found[k] = _refined(quiet, window, found[k], others)
+    return found
 
-    def left(at: float) -> float:
-        table, rows = _table_near(window, at, near), _rows(scaled)
+
+def _refined(quiet: ComplexArray, window: Window, place: float, others: list[float]) -> float:
+    near = _near(window, [place, *others])
+    rows = _rows(quiet[near])
+    rows = rows[:, rows.any(axis=0)]
+
+    def left(at: float) -> float:  # the likelihood of channels whose noise is not known
+        table = _table_near(window, [at, *others], near)
         rest = rows - table @ np.linalg.lstsq(table, rows, rcond=None)[0]
-        return float(np.sum(rest**2))
+        return float(np.sum(np.log(np.sum(rest**2, axis=0))))
 
     found = minimize_scalar(left, bounds=(place - 1.0, place + 1.0), method="bounded", options={"xatol": 1e-7})
     return float(found.x)
 
 
-def wave_between(quiet: ComplexArray, window: Window, cycles: float, index: NDArray[np.intp]) -> ComplexArray:
-    """The wave of so many cycles per sample, by the unexcited lines nearest to it, on some lines, shape (index, p)."""
-    place = cycles * window.samples
-    near = _unexcited_near(window, place)
-    amplitudes = np.linalg.lstsq(_table_near(window, place, near), _rows(quiet[near]), rcond=None)[0]
-    both = _table(window, place, index) @ amplitudes[:2]
+def waves_between(
+    quiet: ComplexArray, window: Window, places: Sequence[float], index: NDArray[np.intp]
+) -> ComplexArray:
+    """The waves at these places, by the unexcited lines nearest to them, on other lines, shape (index, p)."""
+    if not len(places):
+        return np.zeros((len(index), quiet.shape[1]), dtype=complex)
+    near = _near(window, places)
+    amplitudes = np.linalg.lstsq(_table_near(window, places, near), _rows(quiet[near]), rcond=None)[0]
+    both = _table(window, places, index) @ amplitudes[: 2 * len(places)]
     return np.asarray(both[: len(index)] + 1j * both[len(index) :])
 
 
-def _unexcited_near(window: Window, place: float) -> NDArray[np.intp]:
-    near = np.arange(max(1, round(place) - NEAR), min((window.samples - 1) // 2, round(place) + NEAR) + 1)
-    return near[near % window.periods != 0]
+def _near(window: Window, places: Sequence[float]) -> NDArray[np.intp]:
+    """The unexcited lines near any of the places."""
+    around = np.unique(np.add.outer(np.round(places).astype(np.intp), np.arange(-NEAR, NEAR + 1)))
+    return around[(around > 0) & (around <= (window.samples - 1) // 2) & (around % window.periods != 0)]
 
 
-def _table_near(window: Window, place: float, near: NDArray[np.intp]) -> FloatArray:
-    """The same, and what transients leave beside them: a complex number and its slope."""
-    smooth = np.stack([np.ones(len(near)), (near - place) / NEAR], axis=1)
-    nothing = np.zeros_like(smooth)
-    return np.hstack([_table(window, place, near), np.vstack([smooth, nothing]), np.vstack([nothing, smooth])])
+def _table_near(window: Window, places: Sequence[float], near: NDArray[np.intp]) -> FloatArray:
+    """The waves, and what transients leave beside each of them: a complex number and its slope."""
+    parts = [_table(window, places, near)]
+    for place in places:
+        own = np.abs(near - round(place)) <= NEAR
+        smooth = np.stack([own, own * (near - place) / NEAR], axis=1)
+        nothing = np.zeros_like(smooth)
+        parts += [np.vstack([smooth, nothing]), np.vstack([nothing, smooth])]
+    return np.hstack(parts)
 
 
-def _table(window: Window, place: float, index: NDArray[np.intp]) -> FloatArray:
-    """Cosine and sine of unit amplitude on lines; real, then imaginary parts."""
-    n = window.samples
-    up, down = _kernel(place - index, n), _kernel(-place - index, n)
-    waves = np.stack([up + down, 1j * (up - down)], axis=1)
+def _table(window: Window, places: Sequence[float], index: NDArray[np.intp]) -> FloatArray:
+    """Cosine and sine of unit amplitude of each place on lines; real, then imaginary parts."""
+    n, columns = window.samples, []
+    for place in places:
+        up, down = _kernel(place - index, n), _kernel(-place - index, n)
+        columns += [up + down, 1j * (up - down)]
+    waves = np.stack(columns, axis=1)
     return np.asarray(np.concatenate([waves.real, waves.imag]))
 
 
