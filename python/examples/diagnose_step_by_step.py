@@ -14,7 +14,7 @@ fit, misfit = estimate.fit_percent["average"], comparison.records[0].misfit
 print(f"fit {fit:.1f} %, but the residual has {misfit:.0f} times the power of noise")
 
 # Where does it fail? In frequency and channel, and in which manner.
-where = ambid.localise(estimate.model, ambid.Noise(estimate.model, [train]))
+where = ambid.localise(comparison)
 print(where.sentence())
 
 # Which effect does the residual ask for? Nothing is refitted for this.

@@ -17,7 +17,7 @@ from ambid.diagnosis.wording import families, next_experiment, notes
 from ambid.effects import CATALOGUE, Effect, find
 from ambid.errors import Stopped
 from ambid.identification import Estimate, ParameterEstimate, identify
-from ambid.identification.covariance import covariance, undetermined
+from ambid.identification.covariance import covariance, lost
 from ambid.model import Model
 from ambid.noise.comparison import ADEQUATE
 from ambid.record import Record
@@ -96,8 +96,8 @@ def diagnose(
         return Diagnosis.uninformative(start, records, stops, begun)
     estimate = identify(start, records)
     if estimate.status == "not_identifiable" and _is_lost_at(start, estimate):
-        lost = ", ".join(sorted({name for direction in estimate.directions for name in direction}))
-        why = f"the records do not determine {lost}; excite every axis, with more amplitude or over more periods"
+        names = ", ".join(sorted({name for direction in estimate.directions for name in direction}))
+        why = f"the records do not determine {names}; excite every axis, with more amplitude or over more periods"
         return Diagnosis.uninformative(estimate.model, records, [why], begun)
     task = Task(start, tuple(validate), tuple(catalogue), progress, is_chosen=chosen is not None)
     state, is_stopped = begin(task, estimate.comparison), False
@@ -144,6 +144,4 @@ def _is_lost_at(start: Model, estimate: Estimate) -> bool:
     """Whether parameters are not determined at their start either; misfit may have driven them where nothing is."""
     if estimate.is_adequate or not start.is_stable:
         return True
-    free = range(len(start.names))
-    at_start = estimate.comparison.of(start)
-    return bool(undetermined(covariance(at_start, free), start, free))
+    return bool(lost(estimate.comparison.of(start), range(len(start.names))))

@@ -10,7 +10,7 @@ import numpy as np
 
 from ambid.arrays import FloatArray
 from ambid.errors import ModelError, RecordError, Stopped, UnstableLoopError
-from ambid.identification.covariance import covariance, sandwich, undetermined
+from ambid.identification.covariance import covariance, lost, sandwich, undetermined
 from ambid.identification.estimate import Estimate, ParameterEstimate
 from ambid.identification.minimum import ROUGHLY, WhitenedProblem
 from ambid.identification.problem import EXACTLY, End, LeastSquares, Limits, Problem, noise_levels
@@ -125,8 +125,9 @@ def identify(
         problem = problem.with_noise(problem.residual_rms(best.theta))
         best, more = _best_of(problem, [best.theta[problem.free]], limits, max_evaluations)
         notes += more
-    covariance = sandwich(problem, best.theta)
-    return _estimate(problem, best, limits, covariance, compare(model.with_theta(best.theta), records), notes, begun)
+    found, at_end = sandwich(problem, best.theta), model.with_theta(best.theta)
+    directions = undetermined(found, at_end, free_indices)
+    return _estimate(problem, best, limits, found, directions, compare(at_end, records), notes, begun)
 
 
 def _likeliest(
@@ -156,7 +157,8 @@ def _likeliest(
         problem.evaluations = rough.evaluations
         best = problem.descend(best.theta[free] / problem.scale, limits, max_evaluations)
         comparison = comparison.of(model.with_theta(best.theta))
-    return _estimate(problem, best, limits, covariance(comparison, free), comparison, [*notes, *more], begun)
+    found, directions = covariance(comparison, free), lost(comparison, free)
+    return _estimate(problem, best, limits, found, directions, comparison, [*notes, *more], begun)
 
 
 def _stable(model: Model, free: list[int], origins: list[FloatArray], limits: Limits) -> tuple[Model, list[str]]:
@@ -287,17 +289,17 @@ def _estimate(
     end: End,
     limits: Limits,
     covariance: FloatArray,
+    directions: list[dict[str, float]],
     comparison: Comparison,
     notes: list[str],
     begun: float,
 ) -> Estimate:
     model, free, records = problem.model, problem.free, tuple(own.record for own in comparison.records)
-    directions = undetermined(covariance, comparison.model, free)
-    lost = {name for direction in directions for name in direction}
+    unknown = {name for direction in directions for name in direction}
     parameters = {}
     for k, i in enumerate(free):
         name, unit = model.names[i], model.parameters[i].unit
-        if name in lost:
+        if name in unknown:
             parameters[name] = ParameterEstimate(None, None, None, unit)
             covariance[k, :] = covariance[:, k] = np.nan
         else:

@@ -35,12 +35,14 @@ from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.colour import loop_noise
 
-__all__ = ["covariance", "sandwich", "score_covariance", "undetermined"]
+__all__ = ["covariance", "lost", "sandwich", "score_covariance", "undetermined"]
 
 UNSEEN_VARIANCE = 1e6
 """Relative variance that stands for infinity, for a combination that moves no output."""
 WHOLLY_UNKNOWN = 1.0
 """A combination of parameters with a relative standard deviation above this is not identifiable."""
+DOUBTFUL = 0.05
+"""Relative standard deviation above which it is asked what the excitation alone determines."""
 BANDS = 40
 """Bands of lines of each record whose scores count as independent where misfit is left."""
 
@@ -53,16 +55,34 @@ def covariance(comparison: Comparison, free: Sequence[int]) -> FloatArray:
 
     Combinations that move no output have a variance that stands for infinity.
     """
-    model, noise = comparison.model, comparison.noise
-    found = noise.quadratic(model, free)
-    scale = np.array([model.parameters[i].scale for i in free])
-    inverse, unseen = _inverse(found.hessian * np.outer(scale, scale))
-    relative = inverse * float(np.mean(noise.spreads))
+    scale = _scale(comparison, free)
+    inverse, unseen = _inverse(comparison.noise.quadratic(comparison.model, free).hessian * np.outer(scale, scale))
+    relative = inverse * float(np.mean(comparison.noise.spreads))
     if not comparison.is_adequate:
         banded = inverse @ _banded(comparison, free, scale) @ inverse
         relative = _larger(banded, relative * comparison.misfit)
     relative = relative + UNSEEN_VARIANCE * unseen @ unseen.T
     return np.asarray(relative * np.outer(scale, scale))
+
+
+def lost(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float]]:
+    """Combinations of the free parameters that the excitation of the records does not determine, see `undetermined`.
+
+    Judged by the noise alone, whatever misfit is left. What a transient of noise tells of a loop counts for nothing.
+    """
+    model, scale = comparison.model, _scale(comparison, free)
+    hessian = comparison.noise.quadratic(model, free).hessian * np.outer(scale, scale)
+    inverse, unseen = _inverse(hessian)
+    own = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
+    if np.sqrt(np.diag(own).max(initial=0.0)) > DOUBTFUL:
+        slopes = comparison.noise.slopes(model, free) * scale
+        inverse, unseen = _inverse(slopes.T @ slopes)
+        own = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
+    return undetermined(own * np.outer(scale, scale), model, free)
+
+
+def _scale(comparison: Comparison, free: Sequence[int]) -> FloatArray:
+    return np.array([comparison.model.parameters[i].scale for i in free])
 
 
 def undetermined(covariance: FloatArray, model: Model, free: Sequence[int]) -> list[dict[str, float]]:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 
 from ambid.arrays import ComplexArray
+from ambid.errors import UnstableLoopError
 from ambid.model import Model
 
 __all__ = ["back_through_loop", "loop_noise"]
@@ -29,7 +32,8 @@ def loop_noise(model: Model, points: ComplexArray, channels: int) -> ComplexArra
     axes = len(model.rig.axes)
     sensors = [k for k, name in enumerate(loop.inputs) if name.startswith("n.")]
     way = np.tile(np.eye(channels, dtype=complex), (len(points), 1, 1))
-    way[:, :, :axes] = loop.transfer(model.theta, points)[:, :channels, sensors]
+    with suppress(UnstableLoopError):  # at the edge of stability no shape is of help
+        way[:, :, :axes] = loop.transfer(model.theta, points)[:, :channels, sensors]
     return way
 
 

@@ -116,6 +116,15 @@ class Noise:
         """Whitened response of a settled model; for scores."""
         return np.concatenate([part.response(model.at(part.record)) for part in self.parts])
 
+    def slopes(self, model: Model, free: Sequence[int]) -> FloatArray:
+        """Whitened derivatives of the settled response, freed from what transients can take over."""
+        found = []
+        for part in self.parts:
+            here = model.at(part.record)
+            basis, own = part.transients(here), part.slopes(here, free)
+            found.append(own - basis @ (basis.T @ own))
+        return np.vstack(found)
+
     def transients(self, model: Model) -> FloatArray:
         """An orthonormal basis of what transients of a model can look like, whitened, shape (numbers, states)."""
         own = [part.transients(model.at(part.record)) for part in self.parts]

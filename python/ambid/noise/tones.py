@@ -112,6 +112,9 @@ def _on_excited_lines(here: Model, part: RecordLines, axes: int, found: Sequence
     count, per_line = len(part.window.excited), part.record.sample_rate / part.window.samples
     residual, _, _ = part.white(here, [])
     power = np.abs(as_lines(residual, len(part.record.channels))[:count]) ** 2
+    poles, spacing = here.poles(), part.window.periods * per_line
+    for pole in poles[np.abs(poles.real) < np.pi * spacing]:  # a mode that is narrower than the lines are apart
+        power[np.abs(part.window.excited * per_line - abs(pole.imag) / (2.0 * np.pi)) < spacing] = 0.0
     for tone in found:  # what it spills is not told again
         power[np.abs(part.window.excited * per_line - tone.frequency_hz) < part.window.periods * per_line] = 0.0
     beside = convolve1d(power, BESIDE / BESIDE.sum(), axis=0)

@@ -133,7 +133,8 @@ def between_lines(quiet: ComplexArray, at: FloatArray, judged: FloatArray) -> tu
     tried = np.arange(len(quiet))[::TRIED]
     for _ in range(2):  # the second time without tones
         lines = _Lines(quiet, at, usual)
-        way = max(ways, key=lambda way: lines.likelihood(tried[usual[tried]], way))
+        # single channels know nothing of how mixtures of them go together: only where that is clearly likelier
+        way = max(ways, key=lambda way: lines.likelihood(tried[usual[tried]], way) - p * p * way.factored)
         power = lines.powers(at, way)
         outlying = np.any(np.abs(quiet) ** 2 > OUTLYING * power, axis=1)
         if not np.any(outlying):
