@@ -28,6 +28,10 @@ MISFIT = (
     "the misfit is above its bound: physics is missing, and the intervals are widened by what is left; they hold the "
     "truth only if what is missing does not bend the parameters further"
 )
+MOST_RENEWALS = 3
+"""So often is the noise of a record without periods taken from the residual again, at the most."""
+RENEWED = 0.01
+"""Relative change of J by that which is small enough."""
 STABLE_FACTORS = (0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.5)
 """Where the start is unstable, these multiples of the start values are tried."""
 
@@ -152,11 +156,19 @@ def _likeliest(
     problem: WhitenedProblem = rough
     comparison = Comparison(model.with_theta(best.theta), records)
     comparison.noise  # noqa: B018 - raises where it is not known
-    if best.status != "stopped":
+    # without periods the noise is known no better than the model: it is taken from the residual once more
+    is_periodic = all(part.window.is_periodic for part in comparison.noise.parts)
+    for again in range(1 if is_periodic else 1 + MOST_RENEWALS):
+        if best.status == "stopped":
+            break
+        comparison = comparison.renewed() if again else comparison
+        evaluations, before = problem.evaluations, best.cost
         problem = WhitenedProblem(model, comparison.noise, free, progress)
-        problem.evaluations = rough.evaluations
+        problem.evaluations = evaluations
         best = problem.descend(best.theta[free] / problem.scale, limits, max_evaluations)
         comparison = comparison.of(model.with_theta(best.theta))
+        if again and abs(best.cost / before - 1.0) < RENEWED:
+            break
     found, directions = covariance(comparison, free), lost(comparison, free)
     return _estimate(problem, best, limits, found, directions, comparison, [*notes, *more], begun)
 

@@ -18,7 +18,7 @@ from ambid.record import Record
 
 __all__ = ["Window"]
 
-SLOWEST = 8
+SLOWEST = 1
 """Cycles per record below which a record without periods is not judged: there stands what drifts."""
 
 

@@ -124,10 +124,14 @@ impl Plant {
     /// `exp(A t)` and the integral of `exp(A s) B` over 0..t; `longer` holds the derivative of t by each parameter.
     fn hold(&self, t: f64, longer: &[f64]) -> Result<(Dual, Dual)> {
         let (n, m) = self.b.value.shape();
+        // inputs far larger than the states change: the exponential is linear in them, and need not square for them
+        let size = |column: f64| if column > 1.0 && column.is_finite() { column.log2().ceil().exp2() } else { 1.0 };
+        let sizes: Vec<f64> = self.b.value.column_iter().map(|column| size(column.lp_norm(1) * t)).collect();
         let stacked = |a: &DMatrix<f64>, b: &DMatrix<f64>, t: f64| {
             let mut block = DMatrix::zeros(n + m, n + m);
             block.view_mut((0, 0), (n, n)).copy_from(&(a * t));
             block.view_mut((0, n), (n, m)).copy_from(&(b * t));
+            sizes.iter().enumerate().for_each(|(j, size)| block.column_mut(n + j).unscale_mut(*size));
             block
         };
         let moved = (self.a.slopes.iter().zip(&self.b.slopes)).map(|(a, b)| stacked(a, b, t));
@@ -136,7 +140,11 @@ impl Plant {
         let (value, slopes) = expm(&value(t), &directions)?;
         let whole = Dual { value, slopes };
         let a = whole.map(|e| e.view((0, 0), (n, n)).into_owned());
-        let b = whole.map(|e| e.view((0, n), (n, m)).into_owned());
+        let b = whole.map(|e| {
+            let mut b = e.view((0, n), (n, m)).into_owned();
+            sizes.iter().enumerate().for_each(|(j, size)| b.column_mut(j).scale_mut(*size));
+            b
+        });
         Ok((a, b))
     }
 }
