@@ -55,7 +55,7 @@ def run(index: int) -> Row:
         "candidates": len(candidates),
         "p_values": p_values,
         "tone": "periodic_disturbance" in named or any("a tone at" in note for note in notes),
-        "drift": any("changes during" in note for note in notes),
+        "drift": any("change during" in note for note in notes),
         "notes": notes,
         "seconds": seconds,
     }

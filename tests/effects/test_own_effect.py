@@ -101,7 +101,7 @@ def test_it_is_ranked_first_and_takes_the_error_to_the_ceiling(experiment_with, 
     assert found.effects == (own.name,)
     first, last = found.history[0], found.history[-1]
     assert first.misfit > 1.1
-    assert last.misfit == pytest.approx(1.0, abs=0.05)
+    assert last.misfit == pytest.approx(1.0, abs=0.08)  # three standard deviations
     assert last.validation_misfit == pytest.approx(1.0, abs=0.1)
     ceiling = ambid.compare(found.model, train).records[0].channels
     assert all(c.fit_percent > c.noise_ceiling_percent - 0.1 for c in ceiling)

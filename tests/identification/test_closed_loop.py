@@ -269,12 +269,11 @@ def test_offsets_do_not_matter(start, run, estimate):
 
 
 def test_a_record_without_period(bench, start, run, estimate):
-    """Weights come from the residual of a first fit; the ceiling is unknown."""
+    """The noise is what no smooth response to i_e explains; its spectrum rests on fewer lines at each frequency."""
     found = identify(start, replace(run, period=None))
     assert held(found, bench.truth) >= 7
-    assert_allclose(errors(found), errors(estimate), rtol=0.2)
-    assert np.isnan(found.noise_ceiling_percent["average"])
-    assert found.to_json()["noise_ceiling_percent"]["average"] is None
+    assert_allclose(errors(found), errors(estimate), rtol=0.3)
+    assert found.noise_ceiling_percent["average"] == pytest.approx(estimate.noise_ceiling_percent["average"], abs=0.1)
 
 
 def test_nothing_given_is_changed(bench, i_e):

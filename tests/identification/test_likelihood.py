@@ -154,7 +154,7 @@ def test_wrong_weights(bench, run):
 
 
 def test_where_the_noise_is_not_known_it_is_eq_9_and_a_note_says_so(bench, i_e):
-    (quiet,) = bench.records(i_e[:60], [0])
+    (quiet,) = bench.records(i_e[:40], [0])
     found, plain = (identify(bench.rig(), quiet, weights=weights) for weights in ("likelihood", "eq9"))
     assert any("weights of eq. 9, since the noise on lines is not known" in note for note in found.notes)
     assert_array_equal(values(found), values(plain))

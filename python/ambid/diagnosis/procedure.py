@@ -15,7 +15,7 @@ from ambid.diagnosis.state import Task
 from ambid.diagnosis.verdict import judged
 from ambid.diagnosis.wording import families, next_experiment, notes
 from ambid.effects import CATALOGUE, Effect, find
-from ambid.errors import Stopped
+from ambid.errors import RigError, Stopped
 from ambid.identification import Estimate, ParameterEstimate, identify
 from ambid.identification.covariance import covariance, lost
 from ambid.model import Model
@@ -90,7 +90,11 @@ def diagnose(
     start = start.covering(records)
     for record in validate:
         start.at(record)  # refuses one at a bias current that no other record has
-    findings = check(start.to_rig(), (*records, *validate)).findings
+    try:
+        rig = start.to_rig()
+    except RigError:  # a fit has driven its values beyond what a rig file may hold
+        rig = start.rig
+    findings = check(rig, (*records, *validate)).findings
     stops = [f"{finding.where}: {finding.what}; {finding.todo}" for finding in findings if finding.stops_diagnosis]
     if stops:
         return Diagnosis.uninformative(start, records, stops, begun)

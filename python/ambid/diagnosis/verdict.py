@@ -22,6 +22,9 @@ MOST_BY_SHARE = 2
 """So many effects may be called an explanation by the share that they explain; more must reach the noise."""
 EXPLAINED_SHARE = 0.985
 """Part of the excess misfit that a set of effects must explain where its own formulas are approximations."""
+OVERTURNS = 200.0
+"""Power of a change during a record that overturns a verdict; what has none stays below 65, and one of 15 % in K_i has
+2e5. Smaller ones are told beside it."""
 BEYOND_NOISE = 3.0
 """Standard deviations of J above its degrees of freedom that are more than noise."""
 OTHER_AMPLITUDE = 0.2
@@ -105,7 +108,7 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
     left = state.fit.renewed() if effects else state.fit
     change = largest_change(left) if effects else where.change
     tones = tuple(tone for tone in left.tones if tone.power > OUTSTANDING)
-    is_clean = not tones and change is None
+    is_clean = not tones and (change is None or change.power < OVERTURNS)
     by_share = share > EXPLAINED_SHARE and len(effects) <= MOST_BY_SHARE
     sets = tuple(state.sets[name] for name in effects if len(state.sets.get(name, ())) > 1)
     fit, tried_share = state.fit, 0.0

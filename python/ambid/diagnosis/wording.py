@@ -54,10 +54,13 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
             names, share = ", ".join(verdict.tried), 100 * verdict.tried_share
             yield f"best tried: {names}, which explains {share:.0f} % of the excess misfit; not added"
         yield from (f"a tone at {tone.frequency_hz:.2f} Hz is left" for tone in verdict.tones)
-        if verdict.change is not None:
-            yield f"{verdict.change.parameter} changes during the record"
         if sentence := verdict.where.sentence():
             yield sentence
+    if (change := verdict.change) is not None:
+        yield (
+            f"{change.parameter} seems to change during {change.record}, by {100 * change.relative:.2g} % at "
+            f"{change.frequency_hz:.3g} Hz ({change.power:.0f} in units of noise, 2 where nothing changes)"
+        )
     for part in noise.parts:
         if not part.window.is_periodic:
             yield f"{part.record.name}: {WITHOUT_PERIODS}"

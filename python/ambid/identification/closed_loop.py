@@ -151,8 +151,8 @@ def _likeliest(
     if best.status != "stopped" and rough.is_stuck(best.theta):  # at the edge of stability; eq. 9 goes another way
         timed = Problem(model, records, free, noise_levels(records), _factors(model, None), progress)
         other, further = _best_of(timed, origins, limits, max_evaluations, ROUGHLY)
-        again = rough.descend(other.theta[free] / rough.scale, limits, max_evaluations, ROUGHLY)
-        best, more = min((best, more), (again, further), key=lambda pair: pair[0].cost)
+        second = rough.descend(other.theta[free] / rough.scale, limits, max_evaluations, ROUGHLY)
+        best, more = min((best, more), (second, further), key=lambda pair: pair[0].cost)
     problem: WhitenedProblem = rough
     comparison = Comparison(model.with_theta(best.theta), records)
     comparison.noise  # noqa: B018 - raises where it is not known

@@ -32,6 +32,7 @@ from scipy.fft import rfft
 from ambid.arrays import FloatArray
 from ambid.identification.problem import Problem, padded_outputs
 from ambid.model import Model
+from ambid.model.parameter import nominal
 from ambid.noise import Comparison
 from ambid.noise.colour import loop_noise
 
@@ -96,7 +97,8 @@ def undetermined(covariance: FloatArray, model: Model, free: Sequence[int]) -> l
     free : sequence of int
     """
     own = [model.parameters[i] for i in free]
-    sizes = np.array([max(abs(p.value), p.scale) for p in own])
+    usual = {p.name: p.value for p in nominal(model.rig)}  # misfit may have driven a parameter to nothing
+    sizes = np.array([max(abs(p.value), p.scale, usual.get(p.name, 0.0)) for p in own])
     values, vectors = np.linalg.eigh(covariance / np.outer(sizes, sizes))
     found = []
     for vector in vectors[:, np.sqrt(np.maximum(values, 0.0)) > WHOLLY_UNKNOWN].T:
