@@ -18,7 +18,9 @@ from ambid.effects import CATALOGUE, Effect, find
 from ambid.errors import RigError, Stopped
 from ambid.identification import Estimate, ParameterEstimate, identify
 from ambid.identification.covariance import covariance, lost
+from ambid.identification.minimum import refit
 from ambid.model import Model
+from ambid.model.parameter import nominal
 from ambid.noise.comparison import ADEQUATE
 from ambid.record import Record
 from ambid.rig import Rig
@@ -103,8 +105,11 @@ def diagnose(
         names = ", ".join(sorted({name for direction in estimate.directions for name in direction}))
         why = f"the records do not determine {names}; excite every axis, with more amplitude or over more periods"
         return Diagnosis.uninformative(estimate.model, records, [why], begun)
-    task = Task(start, tuple(validate), tuple(catalogue), progress, is_chosen=chosen is not None)
-    state, is_stopped = begin(task, estimate.comparison), False
+    task = Task(_nominal(start), tuple(validate), tuple(catalogue), progress, is_chosen=chosen is not None)
+    base = estimate.comparison
+    if not base.is_adequate and not all(part.window.is_periodic for part in base.noise.parts):
+        base = refit(base)  # `identify` did not trust the weights, as physics is missing
+    state, is_stopped = begin(task, base), False
     say(state.history[-1].line())
     chain = add_best(task, state, ask) if chosen is None else add_chosen(task, state, chosen)
     try:
@@ -142,6 +147,13 @@ def diagnose(
     if is_stopped:
         raise Stopped(diagnosis)
     return diagnosis
+
+
+def _nominal(start: Model) -> Model:
+    """The start with the values of its rig file, if they make a stable loop: a fit before may have been driven off."""
+    own = {p.name: p.value for p in nominal(start.rig) if p.name in start.names}
+    told = start.with_values(own)
+    return told if told.is_stable else start
 
 
 def _is_lost_at(start: Model, estimate: Estimate) -> bool:

@@ -148,10 +148,7 @@ def _taken(state: State, better: Comparison, added: Effect) -> State:
     fit = better
     for _ in range(MOST_RENEWALS):
         before = fit.cost
-        try:
-            fit = refit(fit.renewed())
-        except UnstableLoopError:
-            break  # linearised at rest it is unstable, and shapes no noise; that of the model before stays
+        fit = refit(fit.renewed())
         if abs(fit.cost / before - 1.0) < RENEWED:
             break
     return replace(state, fit=fit, base=fit.of(state.base.model), reference=fit.of(reference.model))

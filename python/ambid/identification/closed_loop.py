@@ -121,7 +121,23 @@ def identify(
         except RecordError as error:
             notes.append(f"weights of eq. 9, since the noise on lines is not known: {error}")
     factors = _factors(model, None if isinstance(weights, str) else weights)
-    problem = Problem(model, records, free_indices, noise_levels(records), factors, progress)
+    return _in_time(model, records, free_indices, limits, origins, factors, max_evaluations, progress, begun, notes)
+
+
+def _in_time(
+    model: Model,
+    records: tuple[Record, ...],
+    free: list[int],
+    limits: Limits,
+    origins: list[FloatArray],
+    factors: FloatArray,
+    max_evaluations: int,
+    progress: Callable[[int, float], None] | None,
+    begun: float,
+    notes: list[str],
+) -> Estimate:
+    """The fit of eq. 9."""
+    problem = Problem(model, records, free, noise_levels(records), factors, progress)
     best, more = _best_of(problem, origins, limits, max_evaluations)
     notes += more
     if not all(record.periods >= 3 for record in records):
@@ -130,7 +146,7 @@ def identify(
         best, more = _best_of(problem, [best.theta[problem.free]], limits, max_evaluations)
         notes += more
     found, at_end = sandwich(problem, best.theta), model.with_theta(best.theta)
-    directions = undetermined(found, at_end, free_indices)
+    directions = undetermined(found, at_end, free)
     return _estimate(problem, best, limits, found, directions, compare(at_end, records), notes, begun)
 
 
@@ -148,7 +164,8 @@ def _likeliest(
     stable, notes = _stable(model, free, origins, limits)
     rough = WhitenedProblem(model, Noise.rough(stable, records), free, progress)  # x in units of the limits
     best, more = _best_of(rough, origins if not notes else [stable.theta[free]], limits, max_evaluations, ROUGHLY)
-    if best.status != "stopped" and rough.is_stuck(best.theta):  # at the edge of stability; eq. 9 goes another way
+    if best.status == "at_bound" or (best.status != "stopped" and rough.is_stuck(best.theta)):
+        # driven to a bound, or to the edge of stability: eq. 9 goes another way
         timed = Problem(model, records, free, noise_levels(records), _factors(model, None), progress)
         other, further = _best_of(timed, origins, limits, max_evaluations, ROUGHLY)
         second = rough.descend(other.theta[free] / rough.scale, limits, max_evaluations, ROUGHLY)
@@ -169,6 +186,19 @@ def _likeliest(
         comparison = comparison.of(model.with_theta(best.theta))
         if again and abs(best.cost / before - 1.0) < RENEWED:
             break
+    if not is_periodic and best.status != "stopped" and not comparison.is_adequate:
+        return _in_time(
+            model,
+            records,
+            free,
+            limits,
+            origins,
+            _factors(model, None),
+            max_evaluations,
+            progress,
+            begun,
+            ["weights of eq. 9: physics is missing, and without periods the noise cannot be told from what is missing"],
+        )
     found, directions = covariance(comparison, free), lost(comparison, free)
     return _estimate(problem, best, limits, found, directions, comparison, [*notes, *more], begun)
 

@@ -56,7 +56,7 @@ def covariance(comparison: Comparison, free: Sequence[int]) -> FloatArray:
 
     Combinations that move no output have a variance that stands for infinity.
     """
-    scale = _scale(comparison, free)
+    scale = _sizes(comparison.model, free)
     inverse, unseen = _inverse(comparison.noise.quadratic(comparison.model, free).hessian * np.outer(scale, scale))
     relative = inverse * float(np.mean(comparison.noise.spreads))
     if not comparison.is_adequate:
@@ -71,7 +71,7 @@ def lost(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float]]:
 
     Judged by the noise alone, whatever misfit is left. What a transient of noise tells of a loop counts for nothing.
     """
-    model, scale = comparison.model, _scale(comparison, free)
+    model, scale = comparison.model, _sizes(comparison.model, free)
     hessian = comparison.noise.quadratic(model, free).hessian * np.outer(scale, scale)
     inverse, unseen = _inverse(hessian)
     own = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
@@ -82,8 +82,11 @@ def lost(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float]]:
     return undetermined(own * np.outer(scale, scale), model, free)
 
 
-def _scale(comparison: Comparison, free: Sequence[int]) -> FloatArray:
-    return np.array([comparison.model.parameters[i].scale for i in free])
+def _sizes(model: Model, free: Sequence[int]) -> FloatArray:
+    """What is large for each parameter; misfit may have driven it to nothing, so that the rig's value counts too."""
+    usual = {p.name: p.value for p in nominal(model.rig)}
+    own = [model.parameters[i] for i in free]
+    return np.array([max(abs(p.value), p.scale, usual.get(p.name, 0.0)) for p in own])
 
 
 def undetermined(covariance: FloatArray, model: Model, free: Sequence[int]) -> list[dict[str, float]]:
@@ -97,8 +100,7 @@ def undetermined(covariance: FloatArray, model: Model, free: Sequence[int]) -> l
     free : sequence of int
     """
     own = [model.parameters[i] for i in free]
-    usual = {p.name: p.value for p in nominal(model.rig)}  # misfit may have driven a parameter to nothing
-    sizes = np.array([max(abs(p.value), p.scale, usual.get(p.name, 0.0)) for p in own])
+    sizes = _sizes(model, free)
     values, vectors = np.linalg.eigh(covariance / np.outer(sizes, sizes))
     found = []
     for vector in vectors[:, np.sqrt(np.maximum(values, 0.0)) > WHOLLY_UNKNOWN].T:

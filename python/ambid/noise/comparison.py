@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.errors import RecordError
+from ambid.errors import RecordError, UnstableLoopError
 from ambid.loop.effect import Tone
 from ambid.model import Model
 from ambid.noise.chance import misfit_bound
@@ -131,8 +131,14 @@ class Comparison(Tabular):
         return Comparison(model, self._records, self.noise)
 
     def renewed(self) -> Comparison:
-        """The same model in the noise that its own residual tells."""
-        return Comparison(self.model, self._records, self.noise.renewed(self.model))
+        """The same model in the noise that its own residual tells.
+
+        A nonlinear model whose loop is unstable at rest shapes no noise: there that of the model before stays.
+        """
+        try:
+            return Comparison(self.model, self._records, self.noise.renewed(self.model))
+        except UnstableLoopError:
+            return self
 
     @cached_property
     def _judged(self) -> tuple[float, int]:
