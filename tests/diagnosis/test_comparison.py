@@ -99,7 +99,7 @@ def test_two_periods_are_enough(exact, run):
 
 
 def test_of_too_short_a_record_only_the_fit_is_known(exact, run):
-    brief = {signal: getattr(run, signal)[:60] for signal in ("i_e", "y", "i_c")}
+    brief = {signal: getattr(run, signal)[:40] for signal in ("i_e", "y", "i_c")}
     comparison = compare(exact, replace(run, **brief, period=None))
     (record,) = comparison.records
     assert not comparison.is_judged

@@ -22,8 +22,8 @@ MOST_BY_SHARE = 2
 """So many effects may be called an explanation by the share that they explain; more must reach the noise."""
 EXPLAINED_SHARE = 0.985
 """Part of the excess misfit that a set of effects must explain where its own formulas are approximations."""
-OVERTURNS = 200.0
-"""Power of a change during a record that overturns a verdict; what has none stays below 65, and one of 15 % in K_i has
+OVERTURNS = 65.0
+"""Power of a change during a record that overturns a verdict: what has none stays below it, and one of 15 % in K_i has
 2e5. Smaller ones are told beside it."""
 BEYOND_NOISE = 3.0
 """Standard deviations of J above its degrees of freedom that are more than noise."""

@@ -35,6 +35,8 @@ SETTLED = 1e-3
 OWN = 1e-10
 """Part of the largest eigenvalue of the transient's Gram matrix below which a direction of it says nothing."""
 
+NEUTRAL = 1e-6
+"""Rate of decay below which a loop does not return to rest [1/s]."""
 REMEMBERED = 8
 """Models whose transients are kept."""
 FEW = 400
@@ -89,7 +91,7 @@ class RecordLines:
     def __init__(self, model: Model, measured: Measured, tones: Sequence[Tone] = (), *, rough: bool = False) -> None:
         self.measured, self.record, self.window = measured, measured.record, measured.window
         self.tones = tuple(tones)
-        self._base = here = model.at(self.record)
+        self._base = here = _shaping(model.at(self.record))
         own = [f for effect in here.acting for f in effect.frequencies_hz(here.rig)]
         self.more = self._around([*own, *(tone.frequency_hz for tone in tones)])
         self._every = max(1, len(self.window.excited) // FEW) if rough else 1
@@ -383,6 +385,16 @@ class RecordLines:
         decay = max(-float(here.loop.core.poles(here.theta).real.max()), 1e-9)
         lead = np.ceil(np.log(1.0 / SETTLED) / decay * self.record.sample_rate / self.window.period)
         return int(np.clip(lead, 1, self.window.periods))
+
+
+def _shaping(here: Model) -> Model:
+    """What shapes the noise of a model: itself, or, where its nonlinear effects make rest neutral, what it is else."""
+    if here.is_linear or here.decay_rate > NEUTRAL:
+        return here
+    for effect in here.effects:
+        if not Model(here.rig, effects=[effect]).is_linear:
+            here = here.without(effect.name)
+    return here
 
 
 def orthonormal(basis: FloatArray) -> FloatArray:
