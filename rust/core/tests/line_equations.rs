@@ -161,13 +161,13 @@ fn assert_equations(p: &Problem, free: &[usize], records: &[Record], near: &[Vec
     }
 }
 
-/// A transient of each record, a little off the best one, but near enough to be started from.
+/// A transient of each record, a tenth off the best one.
 fn any_near(p: &Problem, records: &[Record]) -> Vec<Vec<f64>> {
     let system = p.system();
     let data: Vec<LineData> = records.iter().map(|r| r.data(&system)).collect();
     let data: Vec<&LineData> = data.iter().collect();
     let mut near = line_equations(&system, &p.theta, &[], &data, &[]).expect("stable").transients;
-    near.iter_mut().flatten().for_each(|d| *d *= 1.0 - 1e-7);
+    near.iter_mut().flatten().for_each(|d| *d *= 0.9);
     near
 }
 
@@ -192,22 +192,6 @@ fn of_some_parameters_in_any_order() {
     let near = any_near(&p, &records);
     assert_equations(&p, &[8, 2], &records, &near, 1e-10, "two of nine");
     assert_equations(&p, &[3], &records, &[], 1e-10, "one of nine");
-}
-
-/// Derivatives at a transient that is not near would be those of another point.
-#[test]
-fn a_transient_that_is_far_is_left_for_the_best_one() {
-    let mut random = Random(57);
-    let p = machine(0.0, 0.02);
-    let record = Record::new(&p, &mut random, 97, 8);
-    let (system, free) = (p.system(), p.free());
-    let data = record.data(&system);
-    let found = |near: &[Vec<f64>]| line_equations(&system, &p.theta, &free, &[&data], near).expect("stable");
-    let best = found(&[]);
-    let far = best.transients[0].iter().map(|d| d * 3.0).collect();
-    let other = found(&[far]);
-    assert!((&best.gradient - &other.gradient).norm() < 1e-6 * best.gradient.norm());
-    assert!((&best.hessian - &other.hessian).norm() < 1e-6 * best.hessian.norm());
 }
 
 /// Two equal states, and one that is not seen, are one number of the transient fewer.
