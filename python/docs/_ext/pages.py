@@ -17,15 +17,14 @@ import re
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
-
-from sphinx.application import Sphinx
-from sphinx.environment import BuildEnvironment
-from sphinx.util import logging
+from typing import TYPE_CHECKING
 
 from blocks import run
 from thresholds import value_text
 
-log = logging.getLogger(__name__)
+if TYPE_CHECKING:  # what finds the places on a page is tested where there is no Sphinx
+    from sphinx.application import Sphinx
+    from sphinx.environment import BuildEnvironment
 
 GENERATED = re.compile(r"^% generated: (\w+)$", re.MULTILINE)
 CONSTANT = re.compile(r"\{\{(\w+)\.(\w+)\}\}")
@@ -45,7 +44,9 @@ def fill(app: Sphinx, page: str, source: list[str]) -> None:
         text = CONSTANT.sub(lambda found: value_text(found[1], found[2]), text)
         text = GENERATED.sub(lambda found: importlib.import_module(found[1]).generate(drawn), text)
     except (RuntimeError, KeyError) as error:
-        log.warning("%s", error, location=page)
+        from sphinx.util import logging  # not at the top: the tests of pages do without Sphinx
+
+        logging.getLogger(__name__).warning("%s", error, location=page)
         return
     source[0] = text.replace("](drawn/", f"]({os.path.relpath(drawn, app.srcdir)}/")
 

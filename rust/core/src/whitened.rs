@@ -22,6 +22,9 @@ const OWN: f64 = 1e-11;
 /// Size of a basis vector, relative to the largest one, at which it is rounding: of a state that is not seen.
 const SEEN: f64 = 1e-10;
 
+/// Part of the sum of squares by which a transient near the best one may raise it.
+const FAR: f64 = 1e-3;
+
 /// Measured lines of a record.
 #[derive(Debug, Clone)]
 pub struct LineData {
@@ -95,12 +98,17 @@ pub fn line_equations(
     let is_near = near.len() == records.len() && near.iter().all(|d| d.len() == states);
     let value = if is_near || free.is_empty() { None } else { Some(system.on_lines(theta, &[])?) };
     let one = |(k, data): (usize, &&LineData)| -> LineNormal {
-        let start = match &value {
+        let mut start = match &value {
             Some(value) => Gram::new(value, 0, data, system.inputs(), &[]).eliminated().transient(value),
             None if is_near => near[k].clone(),
             None => Vec::new(),
         };
-        let found = Gram::new(&parts, free.len(), data, system.inputs(), &start).eliminated();
+        let mut found = Gram::new(&parts, free.len(), data, system.inputs(), &start).eliminated();
+        if is_near && !free.is_empty() && found.is_far() {
+            let more = found.transient(&parts);
+            start.iter_mut().zip(more).for_each(|(d, more)| *d += more);
+            found = Gram::new(&parts, free.len(), data, system.inputs(), &start).eliminated();
+        }
         found.normal(&parts, free.len(), start)
     };
     let each: Vec<LineNormal> = if records.len() > 1 {
@@ -146,6 +154,7 @@ impl Gram {
     fn eliminated(self) -> Eliminated {
         let Self { states, mut moments } = self;
         let size = moments.nrows();
+        let before = moments[(size - 1, size - 1)];
         let mut scale: Vec<f64> = (0..states).map(|i| moments[(i, i)].sqrt()).collect();
         let seen = SEEN * scale.iter().copied().fold(0.0, f64::max);
         scale.iter_mut().filter(|scale| **scale <= seen).for_each(|scale| *scale = 0.0);
@@ -168,7 +177,7 @@ impl Gram {
             }
             order.push((pivot, row));
         }
-        Eliminated { states, moments, scale, order }
+        Eliminated { states, moments, before, scale, order }
     }
 }
 
@@ -176,11 +185,19 @@ impl Gram {
 struct Eliminated {
     states: usize,
     moments: DMatrix<f64>,
+    /// r'r before.
+    before: f64,
     scale: Vec<f64>,
     order: Vec<(usize, Vec<f64>)>,
 }
 
 impl Eliminated {
+    /// Whether the transient that was started from is too far from the best one for the derivatives to be its own.
+    fn is_far(&self) -> bool {
+        let last = self.moments.nrows() - 1;
+        self.before - self.moments[(last, last)] > FAR * self.moments[(last, last)]
+    }
+
     /// What makes the transient leave least.
     fn transient(&self, parts: &[OnLines]) -> Vec<f64> {
         let last = self.moments.nrows() - 1;
