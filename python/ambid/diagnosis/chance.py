@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy.special import chdtrc, comb, gammaln, logsumexp
 
@@ -32,12 +30,17 @@ def log_chance_bounded(fall: float, degrees: int, one_sided: int) -> float:
     return float(logsumexp(chances, b=ways))
 
 
-def independent_tests(bases: Sequence[FloatArray] | Sequence[ComplexArray]) -> float:
-    """How many independent tests the best of these subspaces is, from the eigenvalues of their correlation.
+def independent_tests(correlation: FloatArray | ComplexArray, subspaces: int) -> float:
+    """How many independent tests the best of some subspaces is, from the eigenvalues of their correlation.
 
     Galwey, Genetic Epidemiology 33 (2009) 559: ``(sum sqrt(lambda))^2 / sum lambda``, here over the mean dimension.
+
+    Parameters
+    ----------
+    correlation : ndarray, shape (directions, directions)
+        Inner products of orthonormal bases of all subspaces, side by side.
+    subspaces : int
     """
-    all_of_them = np.hstack(bases)
-    roots = np.sqrt(np.maximum(np.linalg.eigvalsh(all_of_them.conj().T @ all_of_them), 0.0))
-    count = roots.sum() ** 2 / np.sum(roots**2) * len(bases) / all_of_them.shape[1]
-    return float(np.clip(count, 1.0, len(bases)))
+    roots = np.sqrt(np.maximum(np.linalg.eigvalsh(correlation), 0.0))
+    count = roots.sum() ** 2 / np.sum(roots**2) * subspaces / len(correlation)
+    return float(np.clip(count, 1.0, subspaces))

@@ -75,7 +75,8 @@ def largest_change(comparison: Comparison) -> Change | None:
         patterns = patterns[..., acting]
         amplitudes, powers = _sideband_powers(part, patterns, shifts)
         stacked = patterns.reshape(-1, len(acting))
-        tried += len(shifts) * independent_tests([c[:, None] / np.linalg.norm(c) for c in stacked.T])
+        unit = stacked / np.linalg.norm(stacked, axis=0)
+        tried += len(shifts) * independent_tests(unit.conj().T @ unit, len(acting))
         k, j = np.unravel_index(np.argmax(powers), powers.shape)
         index, name = bases[acting[j]]
         relative = 2.0 * float(np.abs(amplitudes[k, j])) / abs(model.theta[index])
@@ -88,7 +89,7 @@ def largest_change(comparison: Comparison) -> Change | None:
 def _patterns(part: RecordLines, model: Model, free: list[int]) -> ComplexArray:
     """Whitened derivatives on the excited lines, shape (lines, p, free)."""
     count, p = len(part.window.excited), len(part.record.channels)
-    slopes = part.slopes(model.at(part.record), free)
+    slopes, _ = part.settled(model.at(part.record), free)
     return as_lines(slopes, p)[:count]
 
 

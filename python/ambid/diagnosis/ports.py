@@ -171,7 +171,7 @@ def needed_at_ports(comparison: Comparison, index: int = 0) -> tuple[Port, ...]:
     other = _other_axis(model.rig)
     against |= {f"{name}_other": against[name][:, other] for name in ("s", "v")}
 
-    residual, known, _ = part.white(here, list(range(len(model.names))))
+    residual, known, *_ = part.white(here, list(range(len(model.names))))
     size = np.linalg.norm(known, axis=0)
     basis, _ = np.linalg.qr(known[:, size > 0.0] / size[size > 0.0])
     white = as_lines(residual - basis @ (basis.T @ residual), p)[:lines]

@@ -40,6 +40,8 @@ ALPHA = 0.01
 """Chance of a false alarm over the whole catalogue."""
 VISIBLE = 1e-4
 """Chance of a score that counts as visible, for one degree of freedom."""
+OWN = 1e-12
+"""Part of the largest eigenvalue of probes' Gram matrix below which a direction is that of other probes."""
 CONFUSABLE = 0.9
 """Two candidates whose freed responses have a larger cosine are called confusable."""
 
@@ -269,10 +271,11 @@ class _Point:
     def __init__(self, comparison: Comparison) -> None:
         model, self.noise = comparison.model, comparison.noise
         self.spreads = self.noise.spreads
-        residual, known = self.noise.jacobian(model, list(range(len(model.names))))
-        self.transients = self.noise.transients(model)
+        own = self.noise.white(model, list(range(len(model.names))))
+        self.transients = [white.transients for white in own]
+        known = np.vstack([white.slopes for white in own])
         self.basis, _ = np.linalg.qr(known / _nonzero(np.linalg.norm(known, axis=0)))
-        self.residual = self.freed(residual)
+        self.residual = self.freed(np.concatenate([white.residual for white in own])[:, None])[:, 0]
         self.cost = float(self.residual @ self.residual)
         self.dof = comparison.dof
         self.exact, self.linear = model if model.is_linear else model.with_substeps(SUBSTEPS), model
@@ -283,41 +286,56 @@ class _Point:
             self.linear = self.exact
         self._before: dict[int, FloatArray] = {}
 
-    def freed(self, signal: FloatArray) -> FloatArray:
-        """What neither the known parameters nor the transients can absorb of a whitened signal."""
-        for basis in (self.transients, self.basis):
-            signal = signal - basis @ (basis.T @ signal)
-        return signal
+    def freed(self, columns: FloatArray) -> FloatArray:
+        """What neither the transients nor the known parameters can absorb of whitened columns, which it overwrites."""
+        for own, basis in zip(self.noise.by_record(columns), self.transients, strict=True):
+            own -= basis @ (basis.T @ own)
+        columns -= self.basis @ (self.basis.T @ columns)
+        return columns
 
-    def responses(self, effect: Effect) -> FloatArray:
-        """Whitened change of the response by each probe of an effect, shape (lines, probes)."""
+    def responses(self, effect: Effect) -> list[FloatArray]:
+        """Whitened change of the response by each probe of an effect."""
         changes = []
         for probe in effect.probes(self.exact.home_of(effect) or self.exact.rig):
             base, model = self.linear, self.linear.add(effect, probe)
             if not model.is_linear:
                 base, model = self.exact, self.exact.add(effect, probe).with_substeps(SUBSTEPS)
-            changes.append(self.noise.response(model) - self._response(base))
-        return np.column_stack(changes)
+            changes.append(self.noise.departure(model) - self._departure(base))
+        return changes
 
-    def _response(self, base: Model) -> FloatArray:
+    def _departure(self, base: Model) -> FloatArray:
         if id(base) not in self._before:
-            self._before[id(base)] = self.noise.response(base)
+            self._before[id(base)] = self.noise.departure(base)
         return self._before[id(base)]
 
 
 def _scored(point: _Point, variants: Sequence[Effect], cost: float) -> tuple[list[Candidate], str]:
     """The variants of an effect that can be judged at a point, and why others cannot; scores are falls from `cost`."""
-    scored, bases, why = [], [], ""
+    tried, changes, why = [], [], ""
     for variant in variants:
         try:
-            change = point.freed(point.responses(variant))
+            changes.append(point.responses(variant))
+            tried.append(variant)
         except (UnstableLoopError, ModelError) as error:
             why = str(error)
-            continue
-        basis, triangle = np.linalg.qr(change / _nonzero(np.linalg.norm(change, axis=0)))
-        scored.append(_score(point, variant, change, basis, triangle, cost))
-        bases.append(basis)
-    independent = independent_tests(bases) if len(bases) > 1 else 1.0
+    if not tried:
+        return [], why
+    ends = np.cumsum([len(own) for own in changes])
+    columns = point.freed(np.column_stack([column for own in changes for column in own]))
+    changes.clear()
+    size = np.sqrt(np.einsum("ij,ij->j", columns, columns))
+    columns /= _nonzero(size)
+    gram, called_for = columns.T @ columns, columns.T @ point.residual
+    scored, bases = [], []
+    for variant, first, end in zip(tried, [0, *ends], ends, strict=False):
+        own = slice(first, end)
+        subspace = _Subspace(columns[:, own], size[own], gram[own, own], called_for[own])
+        scored.append(_score(point, variant, subspace, cost))
+        bases.append((own, subspace.turned))
+    independent = 1.0
+    if len(bases) > 1:
+        between = [[one.T @ gram[i, j] @ other for j, other in bases] for i, one in bases]
+        independent = independent_tests(np.block(between), len(bases))
     return [replace(candidate, variants=independent) for candidate in scored], why
 
 
@@ -325,34 +343,53 @@ def _nonzero(size: FloatArray) -> FloatArray:
     return np.where(size > 0.0, size, 1.0)
 
 
-def _score(
-    point: _Point, effect: Effect, change: FloatArray, basis: FloatArray, triangle: FloatArray, cost: float
-) -> Candidate:
-    """The score of an effect whose freed change has columns of `basis` times `triangle` times their norms."""
-    rig, residual = point.exact.home_of(effect) or point.exact.rig, point.residual
-    size = np.linalg.norm(change, axis=0)
-    seen = _nonzero(size)
+class _Subspace:
+    """What an effect can add to the residual: freed columns of norm one, and an orthonormal basis of them.
+
+    Attributes
+    ----------
+    columns : ndarray, shape (numbers, probes)
+    size : ndarray, shape (probes,)
+        Norms that the columns had.
+    turned : ndarray, shape (probes, degrees)
+        Columns times it are the basis.
+    triangle : ndarray, shape (degrees, probes)
+        The basis times it are the columns.
+    called_for : ndarray, shape (degrees,)
+        The residual in the basis.
+    """
+
+    def __init__(self, columns: FloatArray, size: FloatArray, gram: FloatArray, called_for: FloatArray) -> None:
+        self.columns, self.size = columns, size
+        values, vectors = np.linalg.eigh(gram)
+        kept = values > OWN * values[-1]
+        roots, vectors = np.sqrt(values[kept]), vectors[:, kept]
+        self.turned, self.triangle = vectors / roots, roots[:, None] * vectors.T
+        self.called_for = self.turned.T @ called_for
+
+
+def _score(point: _Point, effect: Effect, of: _Subspace, cost: float) -> Candidate:
+    """The score of an effect from what it can add."""
+    rig, seen = point.exact.home_of(effect) or point.exact.rig, _nonzero(of.size)
     low, high = effect.amplitudes(rig)
-    called_for = basis.T @ residual
-    solved = np.linalg.lstsq(triangle, called_for, rcond=1e-6)
-    free, degrees = np.asarray(solved[0]), max(1, int(solved[2]))
+    free, degrees = of.turned @ of.called_for, max(1, len(of.called_for))
     if len(free) == 1:
         free = np.clip(free, low * seen, high * seen)
     elif not ((low * seen <= free) & (free <= high * seen)).all():
-        free = lsq_linear(triangle, called_for, bounds=(low * seen, high * seen)).x
-    amplitudes = free / seen
-    left = called_for - triangle @ free
-    fall = max(0.0, float(called_for @ called_for - left @ left) - max(point.cost - cost, 0.0))
-    spread = float(np.mean(point.spreads @ basis**2))
-    direction = change @ amplitudes
+        free = lsq_linear(of.triangle, of.called_for, bounds=(low * seen, high * seen)).x
+    left = of.called_for - of.triangle @ free
+    fall = max(0.0, float(of.called_for @ of.called_for - left @ left) - max(point.cost - cost, 0.0))
+    basis = of.columns @ of.turned
+    spread = float(np.einsum("i,ij,ij->", point.spreads, basis, basis)) / degrees if basis.size else 1.0
+    direction = of.columns @ free
     norm = float(np.linalg.norm(direction))
     return Candidate(
         effect=effect,
         score=fall,
         degrees=degrees,
-        start=effect.start(rig, amplitudes.tolist()),
+        start=effect.start(rig, (free / seen).tolist()),
         predicted_misfit=(cost - fall) / (point.dof - degrees),
-        smallest_visible=_smallest_visible(effect.probes(rig), size),
+        smallest_visible=_smallest_visible(effect.probes(rig), of.size),
         direction=direction / norm if norm > 0.0 else direction,
         spread=spread,
         one_sided=int(np.sum(low == 0.0)),

@@ -290,7 +290,7 @@ def _one(model: Model, part: RecordLines) -> RecordComparison:
     here = model.at(part.record)
     power = part.noise_power()
     alone = np.mean(np.abs(part.residual_lines(here)) ** 2 / power * part.alone, axis=0)
-    white, _, fitted = part.white(here, [])
+    white, _, fitted, _ = part.white(here, [])
     free = max(1, part.numbers - fitted)
     joint = float(white @ white) / free
     noise, misfits = np.sqrt(np.mean(power, axis=0)), alone * part.numbers / free

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,7 @@ from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, Spectrum, between_line
 from ambid.noise.window import Window
 from ambid.record import Record
 
-__all__ = ["Measured", "RecordLines", "White", "as_lines", "orthonormal"]
+__all__ = ["Measured", "RecordLines", "White", "as_lines", "freed"]
 
 SETTLED = 1e-3
 """Part of a transient that may be left where a nonlinear model counts as settled."""
@@ -44,8 +45,26 @@ FEW = 400
 ENOUGH = 2000
 """Unexcited lines that determine a transient well enough to take it out of the noise."""
 
-White = tuple[FloatArray, FloatArray, int]
-"""Whitened residual and derivatives, freed from the transient, and how many numbers of that the lines determine."""
+
+class White(NamedTuple):
+    """A whitened record against a model, freed from the transient.
+
+    Attributes
+    ----------
+    residual : ndarray, shape (numbers,)
+        Measured minus simulated.
+    slopes : ndarray, shape (numbers, free)
+        Derivatives of the response.
+    fitted : int
+        How many numbers of the transient the lines determine.
+    transients : ndarray, shape (numbers, states)
+        An orthonormal basis of what a transient can look like; of a linear model only where derivatives are asked for.
+    """
+
+    residual: FloatArray
+    slopes: FloatArray
+    fitted: int
+    transients: FloatArray
 
 
 class Measured:
@@ -149,31 +168,26 @@ class RecordLines:
             transient, fitted = self.transient(here)
             rows = self.data(here).rows(core, theta, own, transient, bool(own))
             basis, slopes, residual = np.split(rows, [rows.shape[1] - 1 - len(own), rows.shape[1] - 1], axis=1)
-            return -residual[:, 0], _freed(slopes, orthonormal(basis)) if own else slopes, fitted
+            basis = orthonormal(basis)
+            return White(-residual[:, 0], freed(slopes, basis), fitted, basis)
         response, derivatives = self._simulated(here, own)
         basis, left = self._own_transients, self.whiten(self._z - response)
         columns = self.whiten(derivatives) if own else np.zeros((len(left), 0))
-        return _freed(left, basis), _freed(columns, basis), basis.shape[1]
+        return White(freed(left, basis), freed(columns, basis), basis.shape[1], basis)
 
-    def slopes(self, here: Model, free: Sequence[int]) -> FloatArray:
-        """Whitened derivatives of the settled response by the parameters in `free`, shape (numbers, free)."""
-        if here.is_linear:
-            return self._silent(here).rows(here.loop.core, here.theta, list(free), None, False)[:, :-1]
-        return self.whiten(self._in_time(here, list(free), at_rest=False)[1])
+    def settled(self, here: Model, free: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+        """Whitened derivatives of the settled response by the parameters in `free`, and a basis of transients."""
+        if not here.is_linear:
+            return self.whiten(self._in_time(here, list(free), at_rest=False)[1]), self._own_transients
+        rows = self.data(here).rows(here.loop.core, here.theta, list(free), None, True)
+        basis, slopes, _ = np.split(rows, [rows.shape[1] - 1 - len(free), rows.shape[1] - 1], axis=1)
+        return slopes, orthonormal(basis)
 
-    def transients(self, here: Model) -> FloatArray:
-        """An orthonormal basis of what a transient can look like, whitened, shape (numbers, states)."""
+    def departure(self, here: Model) -> FloatArray:
+        """Whitened response of a settled model less what was measured; of two models the difference is one of both."""
         if here.is_linear:
-            rows = self._silent(here).rows(here.loop.core, here.theta, [], None, True)
-            return orthonormal(rows[:, :-1])
-        return self._own_transients
-
-    def response(self, here: Model) -> FloatArray:
-        """Whitened response of a settled model."""
-        if here.is_linear:
-            rows = self._silent(here).rows(here.loop.core, here.theta, [], None, False)
-            return rows[:, 0]
-        return self.whiten(self._in_time(here, [], at_rest=False)[0])
+            return self.data(here).rows(here.loop.core, here.theta, [], None, False)[:, 0]
+        return self.whiten(self._in_time(here, [], at_rest=False)[0] - self._z)
 
     def whiten(self, lines: ComplexArray) -> FloatArray:
         """Judged lines of shape (lines, p) or (lines, p, q), whitened, as real numbers."""
@@ -244,11 +258,6 @@ class RecordLines:
         """Hotelling's factor (n_l - 1)/n_l of a channel by itself, of every line, shape (lines, 1)."""
         share = 1.0 - 1.0 / self.spectrum.spread  # p / n_l
         return np.asarray(1.0 - share / self.measured.channels)[:, None]
-
-    def _silent(self, here: Model) -> _core.LineData:
-        """The lines with nothing measured."""
-        nothing = np.zeros_like(self._z)
-        return _core.LineData(here.loop.core, self.points, self._inputs(here), nothing, self.spectrum.whitening)
 
     def _inputs(self, here: Model) -> ComplexArray:
         """Inputs on the judged lines: i_e, then those of disturbances in the model."""
@@ -399,6 +408,8 @@ def _shaping(here: Model) -> Model:
 
 def orthonormal(basis: FloatArray) -> FloatArray:
     """An orthonormal basis of the columns, without directions that are nearly those of others."""
+    if not basis.shape[1]:
+        return basis
     size = np.linalg.norm(basis, axis=0)
     scaled = basis[:, size > 0.0] / size[size > 0.0]
     values, vectors = eigh(scaled.T @ scaled)
@@ -406,7 +417,8 @@ def orthonormal(basis: FloatArray) -> FloatArray:
     return np.asarray(scaled @ (vectors[:, kept] / np.sqrt(values[kept])))
 
 
-def _freed(signal: FloatArray, basis: FloatArray) -> FloatArray:
+def freed(signal: FloatArray, basis: FloatArray) -> FloatArray:
+    """What an orthonormal basis cannot take over."""
     return np.asarray(signal - basis @ (basis.T @ signal))
 
 

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from ambid import _core
 from ambid.arrays import FloatArray
 from ambid.loop.effect import Tone
 from ambid.model import Model
-from ambid.noise.lines import REMEMBERED, Measured, RecordLines
+from ambid.noise.lines import REMEMBERED, Measured, RecordLines, White, freed
 from ambid.noise.tones import find_tones
 from ambid.record import Record
 
@@ -110,30 +109,24 @@ class Noise:
 
     def residual(self, model: Model) -> FloatArray:
         """Whitened measured minus simulated, all records in a row; its sum of squares is J."""
-        return np.concatenate([part.white(model.at(part.record), [])[0] for part in self.parts])
+        return np.concatenate([own.residual for own in self.white(model, [])])
 
-    def response(self, model: Model) -> FloatArray:
-        """Whitened response of a settled model; for scores."""
-        return np.concatenate([part.response(model.at(part.record)) for part in self.parts])
+    def departure(self, model: Model) -> FloatArray:
+        """Whitened response of a settled model less what was measured; of two models the difference is one of both."""
+        return np.concatenate([part.departure(model.at(part.record)) for part in self.parts])
 
     def slopes(self, model: Model, free: Sequence[int]) -> FloatArray:
         """Whitened derivatives of the settled response, freed from what transients can take over."""
-        found = []
-        for part in self.parts:
-            here = model.at(part.record)
-            basis, own = part.transients(here), part.slopes(here, free)
-            found.append(own - basis @ (basis.T @ own))
-        return np.vstack(found)
+        return np.vstack([freed(*part.settled(model.at(part.record), free)) for part in self.parts])
 
-    def transients(self, model: Model) -> FloatArray:
-        """An orthonormal basis of what transients of a model can look like, whitened, shape (numbers, states)."""
-        own = [part.transients(model.at(part.record)) for part in self.parts]
-        return np.asarray(block_diag(*own))
+    def white(self, model: Model, free: Sequence[int]) -> list[White]:
+        """Every record against a model, with the derivatives by the parameters in `free`."""
+        return [part.white(model.at(part.record), free) for part in self.parts]
 
     def jacobian(self, model: Model, free: Sequence[int]) -> tuple[FloatArray, FloatArray]:
         """Whitened residual, and whitened derivative of the response by the parameters in `free`."""
-        found = [part.white(model.at(part.record), free) for part in self.parts]
-        return np.concatenate([residual for residual, _, _ in found]), np.vstack([columns for _, columns, _ in found])
+        found = self.white(model, free)
+        return np.concatenate([own.residual for own in found]), np.vstack([own.slopes for own in found])
 
     def quadratic(self, model: Model, free: Sequence[int], near: Sequence[FloatArray] = ()) -> Quadratic:
         """J about a model; small whatever the length of the records.
@@ -165,7 +158,7 @@ class Noise:
             if here.is_linear:
                 own.setdefault(here.loop.core, []).append((k, part.data(here)))
                 continue
-            residual, columns, states = part.white(here, free)
+            residual, columns, states, _ = part.white(here, free)
             hessian, gradient = hessian + columns.T @ columns, gradient - columns.T @ residual
             cost, fitted = cost + float(residual @ residual), fitted + states
         for core, members in own.items():

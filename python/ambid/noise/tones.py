@@ -110,7 +110,7 @@ def _under_hann(lines: ComplexArray, window: Window) -> FloatArray:
 def _on_excited_lines(here: Model, part: RecordLines, axes: int, found: Sequence[Tone]) -> tuple[Tone, ...]:
     """A tone that falls on an excited line: that line alone stands out among its neighbours."""
     count, per_line = len(part.window.excited), part.record.sample_rate / part.window.samples
-    residual, _, _ = part.white(here, [])
+    residual = part.white(here, []).residual
     power = np.abs(as_lines(residual, len(part.record.channels))[:count]) ** 2
     poles, spacing = here.poles(), part.window.periods * per_line
     for pole in poles[np.abs(poles.real) < np.pi * spacing]:  # a mode that is narrower than the lines are apart

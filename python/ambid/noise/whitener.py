@@ -13,6 +13,7 @@ with Hotelling's factor (Pintelon and Schoukens, System Identification: A Freque
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
+from ambid.noise.envelope import Envelope
 
 __all__ = ["PER_CHANNEL", "Spectrum", "between_lines", "require_noise"]
 
@@ -98,7 +100,8 @@ def between_lines(quiet: ComplexArray, at: FloatArray, judged: FloatArray) -> tu
 
     Four ways compete, and the one under which every line is likeliest by those around it is taken: full matrices over
     a part of the frequency or over a few lines, and, for noise with narrow peaks of its own, powers of single channels
-    over `HALF_WIDTH` or fewer lines with one matrix of correlations for all frequencies.
+    over `HALF_WIDTH` or fewer lines with one matrix of correlations for all frequencies. Each is tried with the lines as
+    they are, and with an `Envelope` of every channel taken out of them.
 
     Parameters
     ----------
@@ -133,13 +136,24 @@ def between_lines(quiet: ComplexArray, at: FloatArray, judged: FloatArray) -> tu
     tried = np.arange(len(quiet))[::TRIED]
     for _ in range(2):  # the second time without tones
         lines = _Lines(quiet, at, usual)
-        # single channels know nothing of how mixtures of them go together: only where that is clearly likelier
-        way = max(ways, key=lambda way: lines.likelihood(tried[usual[tried]], way) - p * p * way.factored)
+        way, likelihood = lines.likeliest(ways, tried[usual[tried]])
         power = lines.powers(at, way)
         outlying = np.any(np.abs(quiet) ** 2 > OUTLYING * power, axis=1)
         if not np.any(outlying):
             break
         usual = np.logical_not(outlying)
+    nyquist = at[0] + at[-1]
+    envelope = Envelope(quiet[usual], np.pi * at[usual] / nyquist)
+    if envelope.orders.any():
+        root = envelope.root(np.pi * at / nyquist)
+        flat = _Lines(quiet / root, at, usual)
+        some = tried[usual[tried]]
+        other, likelier = flat.likeliest(ways, some)
+        likelier -= 2.0 * float(np.sum(np.log(root[some]))) + float(np.sum(envelope.orders)) * len(some) / len(quiet)
+        if likelier > likelihood:
+            covariance, spread = flat.covariance(judged, other)
+            shape = envelope.root(np.pi * judged / nyquist)
+            return covariance * shape[:, :, None] * shape[:, None, :], spread
     return lines.covariance(judged, way)
 
 
@@ -205,6 +219,16 @@ class _Lines:
         free *= max(1.0 - self.lines.shape[1] / everything, 0.05)
         root = np.sqrt(np.einsum("lcc->lc", total).real / free[:, None])
         return np.asarray(root[:, :, None] * self.correlation(way) * root[:, None, :]), count / free
+
+    def likeliest(self, ways: Sequence[_Way], tried: NDArray[np.intp]) -> tuple[_Way, float]:
+        """The way that makes lines likeliest, and the logarithm of their likelihood.
+
+        Single channels know nothing of how mixtures of them go together: only where that is clearly likelier.
+        """
+        p = self.lines.shape[1]
+        found = [self.likelihood(tried, way) - p * p * way.factored for way in ways]
+        best = int(np.argmax(found))
+        return ways[best], found[best]
 
     def likelihood(self, tried: NDArray[np.intp], way: _Way) -> float:
         """Logarithm of the likelihood of lines, each by the spectrum of those around, but for a constant (Whittle)."""
