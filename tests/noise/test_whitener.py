@@ -76,11 +76,15 @@ def test_noise_of_mixed_channels_has_a_misfit_of_one(periods, beside, bias):
     assert abs(np.mean(misfits) - 1.0) < bias + 4.0 * np.std(misfits) / np.sqrt(30)
 
 
-def test_whitening_does_not_depend_on_units_or_mixing():
+def test_whitening_does_not_depend_on_units_and_hardly_on_mixing():
+    """Every channel has an envelope of its own, so that mixed ones are not quite the same noise."""
     window, noise = Window(1000, 4, 1000), coloured(4, 1)
-    mixed = noise @ np.array([[1.0, 0.3, 0.0], [0.0, 1e-6, 0.0], [0.5, 0.0, 1e3]])
-    own, other = (np.sum(Whitening.between(r, window).white(r) ** 2) for r in (noise, mixed))
-    assert_allclose(own, other, rtol=1e-4)
+    mixed = noise @ np.array([[1.0, 0.3, 0.0], [0.0, 1.0, 0.0], [0.5, 0.0, 1.0]])
+    own, scaled, other = (
+        np.sum(Whitening.between(r, window).white(r) ** 2) for r in (noise, noise * [1.0, 1e-6, 1e3], mixed)
+    )
+    assert_allclose(own, scaled, rtol=1e-9)
+    assert_allclose(own, other, rtol=0.03)
 
 
 def test_a_repeated_residual_adds_its_own_power():

@@ -28,6 +28,8 @@ OUTSTANDING = 70.0
 """Power of a tone over that around it; noise alone reaches 40 in a few of a hundred records of 60 000 lines."""
 ALONE = 200.0
 """Power of a tone on an excited line over that of its neighbours; a pole is wider than one line."""
+NOISE = 2.0
+"""Mean power of whitened noise on a line."""
 SUSPECTED = 1e-3
 """Chance of the power at a frequency that is suspected from the start, such as that of the mains.
 
@@ -42,6 +44,8 @@ NEIGHBOURS = 10
 """Lines to each side for the median."""
 BESIDE = np.array([1.0] * 6 + [0.0] * 5 + [1.0] * 6)
 """Lines to each side for the mean: next to a tone, but within the width of a pole."""
+BARELY = 0.05
+"""Part of a line from an excited one within which a wave leaves next to nothing between them, as a transient does."""
 MOST = 8
 """Tones that are told of a record."""
 
@@ -62,29 +66,35 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
     per_line, turning = rate / window.samples, here.rig.speed / (2.0 * np.pi)
     suspects = [f for f in (turning, *MAINS) if 2.0 * per_line < f < 0.45 * rate]
     looked_at = np.concatenate([_outstanding(part), [int(f / per_line) for f in suspects]]).astype(np.intp)
-    between = Between.around(part, looked_at)
+    between, hidden = Between.around(part, looked_at), _at_narrow_modes(here, window.samples // 2 + 1, per_line, 1)
     found: list[Tone] = []
     while len(found) < MOST:
-        line, channel, height = between.loudest()
-        places = [tone.frequency_hz / per_line for tone in found]
+        line, channel, height = between.loudest(hidden)
         if height < OUTSTANDING:
-            likely = {f: between.chance(f / per_line) for f in suspects}
-            frequency = min(likely, key=likely.__getitem__, default=0.0)
-            if not likely or likely[frequency] > SUSPECTED:
-                break
-            suspects.remove(frequency)
-            height, channel = between.at(frequency / per_line)
-        else:
-            *places, place = refined_places(part.measured.quiet, window, [*places, float(line)])
-            found = [replace(tone, frequency_hz=own * per_line) for tone, own in zip(found, places, strict=True)]
-            frequency = place * per_line
-            suspects = [f for f in suspects if abs(f - frequency) > 2.0 * per_line]
-        found.append(Tone(frequency, channel % axes, height))
+            break
+        places = [tone.frequency_hz / per_line for tone in found]
+        *places, place = refined_places(part.measured.quiet, window, [*places, float(line)])
+        if abs(place - window.periods * round(place / window.periods)) < BARELY:
+            hidden |= np.abs(np.arange(len(hidden)) - line) <= 2
+            continue
+        found = [replace(tone, frequency_hz=own * per_line) for tone, own in zip(found, places, strict=True)]
+        found.append(Tone(place * per_line, channel % axes, height))
         between = Between.around(part, looked_at, found)
-    if turning in suspects:
-        height, channel = between.at(turning / per_line)
-        found.append(Tone(turning, channel % axes, height))
+    for frequency in sorted(suspects, key=lambda f: between.chance(f / per_line)):
+        is_likely = frequency == turning or between.chance(frequency / per_line) < SUSPECTED
+        if is_likely and all(abs(frequency - tone.frequency_hz) > 2.0 * per_line for tone in found):
+            height, channel = between.at(frequency / per_line)
+            found.append(Tone(frequency, channel % axes, height))
     return (*found, *_on_excited_lines(here, part, axes, found))
+
+
+def _at_narrow_modes(here: Model, count: int, spacing: float, beyond: int) -> NDArray[np.bool_]:
+    """Lines next to modes that are narrower than lines are apart: noise that moves such a mode looks like a tone."""
+    at, hidden = spacing * np.arange(count), np.zeros(count, dtype=bool)
+    poles = here.poles()
+    for pole in poles[np.abs(poles.real) < np.pi * spacing]:
+        hidden |= np.abs(at - abs(pole.imag) / (2.0 * np.pi)) < (1 + beyond) * spacing
+    return hidden
 
 
 def _outstanding(part: RecordLines) -> NDArray[np.intp]:
@@ -112,16 +122,16 @@ def _on_excited_lines(here: Model, part: RecordLines, axes: int, found: Sequence
     count, per_line = len(part.window.excited), part.record.sample_rate / part.window.samples
     residual = part.white(here, []).residual
     power = np.abs(as_lines(residual, len(part.record.channels))[:count]) ** 2
-    poles, spacing = here.poles(), part.window.periods * per_line
-    for pole in poles[np.abs(poles.real) < np.pi * spacing]:  # a mode that is narrower than the lines are apart
-        power[np.abs(part.window.excited * per_line - abs(pole.imag) / (2.0 * np.pi)) < spacing] = 0.0
+    spacing = part.window.periods * per_line
+    power[_at_narrow_modes(here, (part.window.period + 1) // 2, spacing, 0)[part.window.in_period]] = 0.0
     for tone in found:  # what it spills is not told again
         power[np.abs(part.window.excited * per_line - tone.frequency_hz) < part.window.periods * per_line] = 0.0
     beside = convolve1d(power, BESIDE / BESIDE.sum(), axis=0)
     if (power < ALONE * beside).all():
         return ()
     around = median_filter(power, size=(2 * NEIGHBOURS + 1, 1), mode="nearest") / np.log(2.0)
-    relative = power / np.maximum(np.maximum(around, beside), 1e-300)
+    # lines that the transient has been fitted to hold less than noise
+    relative = power / np.maximum(np.maximum(around, beside), NOISE)
     line, channel = divmod(int(np.argmax(relative)), relative.shape[1])
     if relative[line, channel] < ALONE:
         return ()
@@ -176,10 +186,11 @@ class Between:
         relative[:2] = relative[-2:] = 0.0
         return relative
 
-    def loudest(self) -> tuple[int, int, float]:
-        """Line, channel and relative power of the line that stands out most."""
-        line, channel = divmod(int(np.argmax(self.power)), self.power.shape[1])
-        return line, channel, float(self.power[line, channel])
+    def loudest(self, hidden: NDArray[np.bool_]) -> tuple[int, int, float]:
+        """Line, channel and relative power of the line that stands out most, of those that are not hidden."""
+        power = np.where(hidden[:, None], 0.0, self.power)
+        line, channel = divmod(int(np.argmax(power)), power.shape[1])
+        return line, channel, float(power[line, channel])
 
     def at(self, line: float) -> tuple[float, int]:
         """Relative power at a place between lines, and the channel where it is largest."""
