@@ -102,7 +102,7 @@ def test_the_best_of_many_correlated_directions_is_as_likely_as_said():
         assert 0.6 * told < np.mean(best > score) < 1.4 * told
 
 
-def test_noise_with_a_narrow_peak_of_its_own_is_judged_by_near_lines():
+def test_noise_with_a_narrow_peak_of_its_own_is_judged_by_the_peak():
     """A response that lies in the peak is weighed by the noise there, not by the mean over a wide band."""
     window = Window(1500, 3, 1500)
     rng = np.random.default_rng(8)
@@ -122,6 +122,6 @@ def test_noise_with_a_narrow_peak_of_its_own_is_judged_by_near_lines():
             squares.append((seen @ whitening.white(residual)) ** 2)
             told.append(whitening.spreads @ seen**2)
         ratios[name] = np.mean(squares) / np.mean(told), np.median(told)
-    assert ratios["white"][1] < 1.01 < ratios["peak"][1]  # wide, narrow
-    assert ratios["white"][0] == pytest.approx(1.0, abs=0.35)
-    assert ratios["peak"][0] == pytest.approx(1.2, abs=0.5)
+    for ratio, told in ratios.values():
+        assert 1.0 < told < 1.2
+        assert ratio == pytest.approx(1.0, abs=0.4)  # three standard errors of 150 squares

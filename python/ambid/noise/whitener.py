@@ -100,8 +100,8 @@ def between_lines(quiet: ComplexArray, at: FloatArray, judged: FloatArray) -> tu
 
     Four ways compete, and the one under which every line is likeliest by those around it is taken: full matrices over
     a part of the frequency or over a few lines, and, for noise with narrow peaks of its own, powers of single channels
-    over `HALF_WIDTH` or fewer lines with one matrix of correlations for all frequencies. Each is tried with the lines as
-    they are, and with an `Envelope` of every channel taken out of them.
+    over `HALF_WIDTH` or fewer lines with one matrix of correlations for all frequencies. Each is tried with the lines
+    as they are, and with an `Envelope` of every channel taken out of them.
 
     Parameters
     ----------
