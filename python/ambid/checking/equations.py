@@ -30,6 +30,9 @@ from ambid.rotor import reduced_rotor
 
 HIGHEST_FREQUENCY = 0.25
 """Lines up to this part of the sample rate count."""
+BLURRED = 16
+"""Lowest line that counts of a record without periods: below it are what drifts, and a window that blurs an integral's
+1/f by more than a hundredth."""
 MOST_LINES = 2000
 """Lines that an equation is held against, at most."""
 GAIN_FACTORS = (1.0, 1.05, 0.95, 1.1, 0.9, 1.2, 0.8, 1.4, 0.7)
@@ -75,8 +78,7 @@ class Lines:
         index = np.arange(1, len(i_e) + 1)
         frequency = index * record.sample_rate / length
         power = np.linalg.norm(i_e, axis=1)
-        # without periods the lowest lines hold what drifts
-        usable = (index >= (5 if window is None else 1)) & (frequency < HIGHEST_FREQUENCY * record.sample_rate)
+        usable = (index >= (BLURRED if window is None else 1)) & (frequency < HIGHEST_FREQUENCY * record.sample_rate)
         kept = np.flatnonzero(usable & (power > 1e-3 * power.max()))
         kept = np.sort(kept[np.argsort(power[kept])[-MOST_LINES:]])
         i_c = None if record.i_c is None else spectrum(record.i_c)[kept]
