@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares, linear_sum_assignment
 
 from ambid.arrays import ComplexArray, FloatArray
+from ambid.loop.mode import moved_by_worst
 from ambid.loop.plant import base_plant
 from ambid.loop.response import frequency_response
 from ambid.model import Model
@@ -99,6 +100,8 @@ class NominalLoop:
         does. K_i is taken with this factor in `closed` and `poles`, not in `machine`.
     nominal_poles, poles : ndarray
         Of the nominal closed loop, and of the one with `gain_factor` [1/s], slowest first.
+    moved_by_worst : str
+        What the slowest of the nominal poles moves.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -107,6 +110,7 @@ class NominalLoop:
         self.rotor = reduced_rotor(rig.rotor, places)
         nominal = Model(rig)
         self.nominal_poles = nominal.poles()
+        self.moved_by_worst = moved_by_worst(nominal.loop.state_space(nominal.theta)[0], self.rotor)
         self.gain_factor: float | None = None
         self.poles = self.nominal_poles
         for factor in GAIN_FACTORS:

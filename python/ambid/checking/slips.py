@@ -97,7 +97,8 @@ def _stability(loop: NominalLoop) -> list[Finding]:
     if loop.gain_factor == 1.0:
         return []
     worst = loop.nominal_poles[0]
-    what = f"the nominal closed loop is unstable: pole {worst.real:+.3g} 1/s at {abs(worst.imag) / (2 * np.pi):.3g} Hz"
+    at = f"{abs(worst.imag) / (2 * np.pi):.3g} Hz"
+    what = f"the nominal closed loop is unstable: a pole at {at} grows with {worst.real:.3g} 1/s; {loop.moved_by_worst}"
     if loop.gain_factor is None:
         return [
             _fault(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import lru_cache
 
 import numpy as np
@@ -10,11 +11,12 @@ from numpy.typing import ArrayLike
 
 from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
-from ambid.errors import ModelError
+from ambid.errors import ModelError, UnstableLoopError
 from ambid.loop.assembly import Block, Lft
 from ambid.loop.controller import close_analog, law_errors
 from ambid.loop.effect import Effect
 from ambid.loop.geometry import rotor_of
+from ambid.loop.mode import moved_by_worst
 from ambid.loop.plant import Plant
 from ambid.loop.response import frequency_response
 from ambid.rig import Rig
@@ -87,6 +89,7 @@ class Loop:
             if late is not None:
                 controller = {"matrices": _idle(rig), "delay": 0.0, "late": late, "steps": 1, "noise": False}
         self.outputs = self.lft.outputs
+        self._rotor = rotor_of(rig, _further_modes(rig, effects))
         self.sample_time = 1.0 / rig.sample_rate
         gains = [(filled_by[port.slot], port.scale, port.power) for port in self.lft.ports]
         self._filled_by = filled_by
@@ -119,7 +122,9 @@ class Loop:
         UnstableLoopError
             If the loop is unstable at `theta`.
         """
-        return self.core.simulate(_vector(theta), _signal(u))
+        values, inputs = _vector(theta), _signal(u)
+        with self.telling_the_mode(values):
+            return self.core.simulate(values, inputs)
 
     def sensitivity(self, theta: ArrayLike, u: ArrayLike, free: Sequence[int]) -> tuple[FloatArray, FloatArray]:
         """Response and its exact derivative by the parameters in `free`.
@@ -139,7 +144,20 @@ class Loop:
         for index in free:
             if not 0 <= index < self.parameters:
                 raise ModelError(f"free parameter {index} is not one of the {self.parameters}, which count from 0")
-        return self.core.sensitivity(_vector(theta), list(free), _signal(u))
+        values, inputs = _vector(theta), _signal(u)
+        with self.telling_the_mode(values):
+            return self.core.sensitivity(values, list(free), inputs)
+
+    @contextmanager
+    def telling_the_mode(self, theta: FloatArray) -> Iterator[None]:
+        """Let the error of an unstable loop say what the growing pole moves."""
+        try:
+            yield
+        except UnstableLoopError as error:
+            sampled = self.core.discrete(theta)[0]
+            if np.abs(np.linalg.eigvals(sampled)).max() <= 1.0:  # a nonlinear response that leaves all bounds
+                raise
+            raise UnstableLoopError(f"{error}; {moved_by_worst(sampled, self._rotor)}") from None
 
     def poles(self, theta: ArrayLike) -> np.ndarray:
         """Poles of the closed loop [1/s], shape (states,), slowest first."""
@@ -223,7 +241,7 @@ def _block(block: Block, filled_by: dict[str, int]) -> _core._Block:
 
 def open_plant(rig: Rig, effects: Sequence[Effect], watch: Sequence[str] = (), reference: Rig | None = None) -> Lft:
     """The plant with all effects attached; bending modes that effects bring are the last of the rotor."""
-    more = sum(effect.flexible_modes(rig) for effect in effects)
+    more = _further_modes(rig, effects)
     rotor = rotor_of(rig, more)
     for effect in effects:
         for z in effect.positions(rig):
@@ -233,6 +251,11 @@ def open_plant(rig: Rig, effects: Sequence[Effect], watch: Sequence[str] = (), r
     for effect in effects:
         effect.attach(built)
     return built.between_commands_and_outputs(watch)
+
+
+def _further_modes(rig: Rig, effects: Sequence[Effect]) -> int:
+    """Bending modes that effects bring."""
+    return sum(effect.flexible_modes(rig) for effect in effects)
 
 
 @lru_cache(maxsize=32)

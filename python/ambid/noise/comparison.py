@@ -283,7 +283,9 @@ def compare(model: Model, records: Record | Sequence[Record]) -> Comparison:
         If a record has other axes than the rig, or no excitation.
     """
     records = (records,) if isinstance(records, Record) else tuple(records)
-    return Comparison(model.covering(records), records)
+    model = model.covering(records)
+    with model.loop.telling_the_mode(model.theta):
+        return Comparison(model, records)
 
 
 def _one(model: Model, part: RecordLines) -> RecordComparison:
