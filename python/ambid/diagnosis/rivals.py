@@ -27,16 +27,18 @@ FAR_OFF = 20.0
 Refitted = tuple[Candidate, Comparison]
 
 
-def refits(task: Task, state: State, tried: Sequence[Candidate]) -> list[Refitted]:
+def refits(task: Task, state: State, tried: Sequence[Candidate], *, whatever_promised: bool = False) -> list[Refitted]:
     """Each candidate added and refitted, the best first.
 
-    They start from the predicted values; where the base model is far off, from the rig file's too.
+    They start from the predicted values; where the base model is far off, from the rig file's too. One that promises
+    far too little is passed over, but for those `whatever_promised`.
     """
     found: list[Refitted] = []
     for done, candidate in enumerate(tried):
         task.progress(f"refitting {candidate.effect.name}", done, len(tried))
         best = min((other.cost for _, other in found), default=np.inf)
-        if best < state.at_noise and state.fit.cost - 2.0 * candidate.score > best + EQUALLY_GOOD:
+        is_enough = whatever_promised or state.fit.cost - 2.0 * candidate.score <= best + EQUALLY_GOOD
+        if best < state.at_noise and not is_enough:
             continue  # even twice the predicted fall would not do
         starts = [(state.fit.model, candidate.start)]
         if candidate.from_start or state.fit.cost > FAR_OFF * state.dof or is_driven_off(task, state.fit.model):
@@ -59,14 +61,15 @@ def alternatives(order: Sequence[Refitted]) -> tuple[str, ...]:
     """Names of the candidates that do as well as the best; none that only contains a simpler one of them.
 
     Rivals are not nested: where two are as good as each other, J1 - J2 has the variance 4 |r1 - r2|^2 of their
-    whitened residuals (Vuong, Econometrica 57 (1989) 307), times J/dof where misfit is left.
+    whitened residuals (Vuong, Econometrica 57 (1989) 307), times J/dof where misfit is left. That one takes more
+    parameters to say the same puts it behind, but is no evidence against it.
     """
     best = order[0][1]
 
     def is_as_good(other: Comparison) -> bool:
         apart = other.residual - best.residual
         chance = 2.0 * APART * np.sqrt(float(apart @ apart) * max(1.0, best.misfit))
-        return criterion(other) - criterion(best) <= max(chance, EQUALLY_GOOD)
+        return min(criterion(other) - criterion(best), other.cost - best.cost) <= max(chance, EQUALLY_GOOD)
 
     equal = [candidate.effect for candidate, other in order if is_as_good(other)]
     names = {effect.name for effect in equal}

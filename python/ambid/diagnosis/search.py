@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from ambid.diagnosis.ranking import ALPHA, Candidate, Ranking, rank
-from ambid.diagnosis.rivals import alternatives, is_driven_off, reconsidered, refits
+from ambid.diagnosis.rivals import Refitted, alternatives, is_driven_off, reconsidered, refits
 from ambid.diagnosis.state import State, Task, nominal_with_effects_of, noted
 from ambid.effects import Effect
 from ambid.errors import ModelError, UnstableLoopError
@@ -86,15 +86,18 @@ def _added(task: Task, state: State, ask: Ask | None) -> Iterator[State]:
         ranking = state.ranking
         tried = _worth_refitting(state, ranking)
         order = [pair for pair in refits(task, state, tried) if not _rises(task, state, pair[1])]
+        if not order or _is_hopeless(state, order[0][1]):
+            order = _beyond_scores(task, state, tried) or order
         if not order:
             return
         candidate, better = order[0]
         fall = state.fit.cost - better.cost
-        if candidate.chance_of(min(fall, candidate.score)) > np.log(ALPHA / len(ranking.candidates)):
+        promised = max(fall, candidate.score) if better.cost < state.at_noise < state.fit.cost else candidate.score
+        if candidate.chance_of(min(fall, promised)) > np.log(ALPHA / len(ranking.candidates)):
             return  # the refit brings less than the score promised
         if ask is not None and not ask(ranking, candidate):
             return
-        if state.fit.cost > state.at_noise and fall < HOPELESS_SHARE * (state.fit.cost - state.dof):
+        if _is_hopeless(state, better):
             yield replace(state, hopeless=better)
             return
         state = _taken(state, better, candidate.effect)
@@ -105,6 +108,26 @@ def _added(task: Task, state: State, ask: Ask | None) -> Iterator[State]:
         yield state
         for further in _pruned(task, state):
             yield (state := further)
+
+
+def _is_hopeless(state: State, better: Comparison) -> bool:
+    """Whether far more than noise is left, and a step explains little of it."""
+    excess = state.fit.cost - state.dof
+    return state.fit.cost > state.at_noise and state.fit.cost - better.cost < HOPELESS_SHARE * excess
+
+
+def _beyond_scores(task: Task, state: State, tried: Sequence[Candidate]) -> list[Refitted]:
+    """The linear candidates that explain everything once they are refitted, whatever their scores say.
+
+    A score is a derivative where the effect is absent: beside parameters that a large lag or delay has driven off, it
+    may be nothing or have the wrong sign.
+    """
+    if state.fit.cost < state.at_noise:
+        return []
+    model = state.fit.model
+    others = [c for c in state.ranking.candidates if c not in tried and model.add(c.effect, c.start).is_linear]
+    found = refits(task, state, others, whatever_promised=True)
+    return [pair for pair in found if pair[1].cost < state.at_noise and not _rises(task, state, pair[1])]
 
 
 def _rises(task: Task, state: State, better: Comparison) -> bool:

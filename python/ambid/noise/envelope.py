@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ambid.arrays import ComplexArray, FloatArray
+from ambid.arrays import FloatArray
 
 __all__ = ["Envelope"]
 
@@ -23,7 +23,8 @@ class Envelope:
 
     Parameters
     ----------
-    lines : ndarray, shape (lines, p)
+    power : ndarray, shape (lines, p)
+        Of every line.
     angle : ndarray, shape (lines,)
         Their frequency, evenly over 0 .. pi [rad/sample].
 
@@ -32,29 +33,29 @@ class Envelope:
     orders : ndarray of int, shape (p,)
     """
 
-    def __init__(self, lines: ComplexArray, angle: FloatArray) -> None:
-        count, p = lines.shape
+    def __init__(self, power: FloatArray, angle: FloatArray) -> None:
+        count, p = power.shape
         highest = max(0, min(HIGHEST, count // LINES_PER_ORDER))
-        moments = np.cos(np.arange(highest + 1)[:, None] * angle) @ np.abs(lines) ** 2 / count
+        moments = np.cos(np.arange(highest + 1)[:, None] * angle) @ power / count
         self._coefficients = np.zeros((highest + 1, p))
         self._coefficients[0] = 1.0
-        self._power = moments[0].copy()
+        self._innovation = moments[0].copy()
         self.orders = np.zeros(p, dtype=np.intp)
         # of complex lines the logarithm of the likelihood is -count log(power), but for a constant
-        best = 2.0 * count * np.log(np.maximum(self._power, 1e-300))
-        a, power = self._coefficients.copy(), moments[0].copy()
+        best = 2.0 * count * np.log(np.maximum(moments[0], 1e-300))
+        a, left = self._coefficients.copy(), moments[0].copy()
         for order in range(1, highest + 1):  # Levinson's recursion, all channels at once
-            reflection = -np.einsum("kc,kc->c", a[:order], moments[order:0:-1]) / np.maximum(power, 1e-300)
+            reflection = -np.einsum("kc,kc->c", a[:order], moments[order:0:-1]) / np.maximum(left, 1e-300)
             a[: order + 1] += reflection * a[order::-1]
-            power = power * (1.0 - reflection**2)
-            criterion = 2.0 * count * np.log(np.maximum(power, 1e-300)) + order * np.log(count)
+            left = left * (1.0 - reflection**2)
+            criterion = 2.0 * count * np.log(np.maximum(left, 1e-300)) + order * np.log(count)
             better = criterion < best
             best = np.where(better, criterion, best)
             self._coefficients[:, better] = a[:, better]
-            self._power = np.where(better, power, self._power)
+            self._innovation = np.where(better, left, self._innovation)
             self.orders[better] = order
 
     def root(self, angle: FloatArray) -> FloatArray:
         """Root of the spectra at frequencies, shape (lines, p)."""
         turns = np.exp(-1j * np.arange(len(self._coefficients))[:, None] * angle)
-        return np.asarray(np.sqrt(self._power) / np.abs(turns.T @ self._coefficients))
+        return np.asarray(np.sqrt(self._innovation) / np.abs(turns.T @ self._coefficients))

@@ -13,6 +13,7 @@ import numpy as np
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
+from ambid.noise.envelope import Envelope
 
 __all__ = ["beside_excitation", "likelier_beside_excitation"]
 
@@ -20,6 +21,8 @@ DEGREE = 2
 """Of the polynomials over frequency in the local regression."""
 REGRESSED = 6
 """Lines in a local regression, per number that it fits."""
+ENOUGH = 3
+"""Free lines in a regression, per channel: with fewer S is known too badly for J to be 1 when the model is right."""
 TOGETHER = 1024
 """Regressions that are held in memory at a time."""
 SMOOTH = 1.0 / 3.0
@@ -46,7 +49,7 @@ def beside_excitation(lines: ComplexArray, excitation: ComplexArray) -> tuple[Co
     fitted = (excitation.shape[1] + 1) * (DEGREE + 1)
     width = min(max(LEAST_WIDTH, REGRESSED * fitted), count - 2)
     free = width - fitted
-    if free <= p:
+    if free < ENOUGH * p:
         raise RecordError(
             f"{count} lines are too few to tell the noise of {p} channels from what follows {excitation.shape[1]} "
             "excitations; record for longer, or excite periodically"
@@ -81,16 +84,17 @@ def likelier_beside_excitation(
     """S at every line behind the shape, (lines, p, p), under which the lines are likeliest, and that shape.
 
     Noise whose power changes within a regression, as near a peak or towards zero frequency, is made even first: each
-    shape is also tried with the power of the lines around taken out of every channel.
+    shape is also tried with the power of the lines around, or a smooth `Envelope`, taken out of every channel.
     """
     best: tuple[float, ComplexArray, ComplexArray] | None = None
     for back in shapes:
         behind = (back @ lines[..., None])[..., 0]
         spectrum, power = beside_excitation(behind, excitation)
-        level, numbers = _level(power)
-        even = back / np.sqrt(level)[:, :, None]
-        flat, _ = beside_excitation(behind / np.sqrt(level), excitation)
-        for shape, own, cost in ((back, spectrum, 0.0), (even, flat, numbers)):
+        ways = [(back, spectrum, 0.0)]
+        for root, numbers in (_around(power), _envelope(power)):
+            flat, _ = beside_excitation(behind / root, excitation)
+            ways.append((back / root[:, :, None], flat, numbers))
+        for shape, own, cost in ways:
             likely = _likelihood(own, shape) - cost
             if best is None or likely > best[0]:
                 best = (likely, own, shape)
@@ -98,15 +102,22 @@ def likelier_beside_excitation(
     return best[1], best[2]
 
 
-def _level(power: FloatArray) -> tuple[FloatArray, float]:
-    """Power around every line, shape (lines, p), and how many numbers that is."""
+def _envelope(power: FloatArray) -> tuple[FloatArray, float]:
+    """Root of the envelope of the power at every line, shape (lines, p), and how many numbers that is."""
+    angle = np.pi * np.arange(1, len(power) + 1) / (len(power) + 1)
+    envelope = Envelope(power, angle)
+    return envelope.root(angle), float(np.sum(envelope.orders))
+
+
+def _around(power: FloatArray) -> tuple[FloatArray, float]:
+    """Root of the power around every line, shape (lines, p), and how many numbers that is."""
     count, p = power.shape
     place = np.arange(count)
     reach = np.clip((SMOOTH * place).astype(np.intp), NARROWEST, WIDEST)
     low, high = np.maximum(place - reach, 0), np.minimum(place + reach + 1, count)
     below = np.concatenate([np.zeros((1, p)), np.cumsum(power, axis=0)])
     level = (below[high] - below[low]) / (high - low)[:, None]
-    return np.maximum(level, 1e-300), float(p * np.sum(1.0 / (high - low)))
+    return np.sqrt(np.maximum(level, 1e-300)), float(p * np.sum(1.0 / (high - low)))
 
 
 def _likelihood(spectrum: ComplexArray, shape: ComplexArray) -> float:

@@ -143,7 +143,7 @@ def between_lines(quiet: ComplexArray, at: FloatArray, judged: FloatArray) -> tu
             break
         usual = np.logical_not(outlying)
     nyquist = at[0] + at[-1]
-    envelope = Envelope(quiet[usual], np.pi * at[usual] / nyquist)
+    envelope = Envelope(np.abs(quiet[usual]) ** 2, np.pi * at[usual] / nyquist)
     if envelope.orders.any():
         root = envelope.root(np.pi * at / nyquist)
         flat = _Lines(quiet / root, at, usual)
