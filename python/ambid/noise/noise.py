@@ -170,6 +170,9 @@ class Noise:
             cost, fitted = cost + float(residual @ residual), fitted + states
         for core, members in own.items():
             start = [near[k] for k, _ in members] if near else []
+            best = [self.parts[k].known_transient(model.at(self.parts[k].record)) for k, _ in members]
+            if all(own is not None for own in best):
+                start = [own for own in best if own is not None]
             found = _core.line_equations(core, model.theta, list(free), [data for _, data in members], start)
             hessian, gradient = hessian + found[0], gradient + found[1]
             cost, fitted = cost + found[2], fitted + sum(found[4])

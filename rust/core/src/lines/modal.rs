@@ -13,6 +13,9 @@ use crate::product::{Panels, ROW_MULTIPLE, dispatch, product};
 
 type C64 = Complex<f64>;
 
+/// Part of its first square at which what a pole adds to a free response is rounding.
+const GONE: f64 = 1e-44;
+
 /// Poles in the order of the upper ones of pairs, real ones, and the lower ones of pairs.
 pub struct Poles {
     value: Residues,
@@ -187,10 +190,11 @@ impl Poles {
             let count = if i < self.pairs { 2.0 } else { 1.0 };
             let over = C64::from(1.0) - mu[i].powu(length.min(1 << 30) as u32);
             let mut e = C64::new(d.re[i], d.im[i]) * root * count / over;
+            let least = e.norm_sqr() * GONE;
             for y in y.chunks_exact_mut(ny) {
                 (0..ny).for_each(|o| y[o] += c[(o, i)].re * e.re - c[(o, i)].im * e.im);
                 e *= mu[i];
-                if e.norm_sqr() < f64::MIN_POSITIVE {
+                if e.norm_sqr() <= least {
                     break;
                 }
             }
@@ -255,7 +259,7 @@ fn line_any<const FMA: bool>(
     basis: [&mut [f64]; 2],
 ) {
     let (n, pairs) = (of.states(), of.pairs);
-    let (own, inputs) = (pairs + of.reals, u.len());
+    let own = pairs + of.reals;
     let Terms { f, p, g } = terms;
     let (row_re, row_im) = row.split_at_mut(of.depth);
     inverses(of, w, f);
@@ -264,14 +268,15 @@ fn line_any<const FMA: bool>(
         add_scaled(*u, &of.b.re[a * n..(a + 1) * n], &of.b.im[a * n..(a + 1) * n], g);
     }
     multiplied(f, g, p);
-    let mut put = |at: usize, g: &Split| fold(g, pairs, own, &mut row_re[at..at + n], &mut row_im[at..at + n]);
-    put(0, p);
+    fold(p, pairs, own, &mut row_re[..n], &mut row_im[..n]);
     if of.has_slopes {
         multiplied(f, p, g);
-        put(n + inputs, g);
+        let at = n + u.len();
+        fold(g, pairs, own, &mut row_re[at..at + n], &mut row_im[at..at + n]);
         for (a, u) in u.iter().enumerate() {
             scaled(*u, f, g);
-            put(n * (2 + a) + inputs, g);
+            let at = at + n * (1 + a);
+            fold(g, pairs, own, &mut row_re[at..at + n], &mut row_im[at..at + n]);
         }
     }
     for (a, u) in u.iter().enumerate() {
