@@ -125,7 +125,7 @@ class RecordLines:
         """The best transient of a linear model, and how many numbers of it the lines determine."""
         key = (here.loop.core, here.theta.tobytes())
         if key not in self._transients:
-            *_, transients, fitted = _core.line_equations(here.loop.core, here.theta, [], [self.data(here)])
+            *_, transients, _, fitted = _core.line_equations(here.loop.core, here.theta, [], [self.data(here)])
             self.remember(here, transients[0], fitted[0])
         return self._transients[key]
 
@@ -314,7 +314,7 @@ class RecordLines:
         chosen = _core.LineData(
             core, *(np.ascontiguousarray(own[few]) for own in (points, inputs, z)), back[few] / size[:, None]
         )
-        *_, transients, _ = _core.line_equations(core, here.theta, [], [chosen])
+        *_, transients, _, _ = _core.line_equations(core, here.theta, [], [chosen])
         response, _, _ = core.lines(here.theta, [], points, inputs, transients[0], False)
         return _core.through(back, z - response[:, :p])
 
