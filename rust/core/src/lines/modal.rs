@@ -53,6 +53,33 @@ fn reordered(of: &Residues, order: &[usize]) -> Residues {
     Residues { mu, b: of.b.select_rows(order), c: of.c.select_columns(order), d: of.d.clone() }
 }
 
+/// Gives the largest weight of every pole no phase, nor its derivatives, so that a transient changes smoothly with the
+/// parameters; the lower poles of pairs follow the upper ones.
+fn turn(value: &mut Residues, slopes: &mut [Residues], pairs: usize) {
+    let (ny, own) = (value.c.nrows(), value.mu.len() - pairs);
+    for i in 0..own {
+        let size = |o: &usize| value.c[(*o, i)].norm() * (ny + o) as f64; // of two that are alike always the same one
+        let Some(largest) = (0..ny).max_by(|a, b| size(a).total_cmp(&size(b))) else { return };
+        let norm = value.c[(largest, i)].norm();
+        if norm == 0.0 {
+            continue;
+        }
+        let phase = value.c[(largest, i)].unscale(norm);
+        let lower = (i < pairs).then_some((own + i, phase.conj()));
+        for (i, phase) in [(i, phase)].into_iter().chain(lower) {
+            for part in slopes.iter_mut().chain([&mut *value]) {
+                part.c.column_mut(i).iter_mut().for_each(|c| *c *= phase.conj());
+                part.b.row_mut(i).iter_mut().for_each(|b| *b *= phase);
+            }
+            for slope in slopes.iter_mut() {
+                let rate = C64::new(0.0, slope.c[(largest, i)].im / norm);
+                slope.c.column_mut(i).iter_mut().zip(&value.c.column(i)).for_each(|(x, c)| *x -= rate * c);
+                slope.b.row_mut(i).iter_mut().zip(&value.b.row(i)).for_each(|(x, b)| *x += rate * b);
+            }
+        }
+    }
+}
+
 /// The weight of one pole, or of the pair whose upper one it is, among rows of sums, differences and real poles.
 fn weigh(weights: &mut [f64], pairs: usize, i: usize, place: impl Fn(usize) -> usize, x: C64) {
     if i < pairs {
@@ -68,20 +95,23 @@ impl Poles {
         let mu = &modal.value.mu;
         let (n, np) = (mu.len(), modal.slopes.len());
         let those = |of: fn(f64) -> bool| (0..n).filter(move |i| of(mu[*i].im));
-        let upper: Vec<usize> = those(|im| im > 0.0).collect();
+        let mut upper: Vec<usize> = those(|im| im > 0.0).collect();
+        let mut real: Vec<usize> = those(|im| im == 0.0).collect();
+        upper.sort_by(|i, j| mu[*i].im.total_cmp(&mu[*j].im));
+        real.sort_by(|i, j| mu[*i].re.total_cmp(&mu[*j].re));
         let lower = |i: &usize| {
             let far = |j: &usize| (mu[*j] - mu[*i].conj()).norm();
             those(|im| im < 0.0).min_by(|a, b| far(a).total_cmp(&far(b))).expect("complex poles come as pairs")
         };
-        let order: Vec<usize> =
-            upper.iter().copied().chain(those(|im| im == 0.0)).chain(upper.iter().map(lower)).collect();
-        let value = reordered(&modal.value, &order);
+        let order: Vec<usize> = upper.iter().copied().chain(real).chain(upper.iter().map(lower)).collect();
+        let mut value = reordered(&modal.value, &order);
+        let mut all: Vec<Residues> = modal.slopes.iter().map(|slope| reordered(slope, &order)).collect();
+        turn(&mut value, &mut all, upper.len());
         let (pairs, own) = (upper.len(), n - upper.len());
         let (nu, ny) = (value.b.ncols(), value.c.nrows());
         let columns = ny * (1 + np);
         let depth = n + nu + if np > 0 { n * (1 + nu) } else { 0 };
         let mut weights = vec![0.0; depth * columns];
-        let all: Vec<Residues> = modal.slopes.iter().map(|slope| reordered(slope, &order)).collect();
         for o in 0..ny {
             let first = o * (1 + np);
             // of what stands at `from` on: sums and differences of pairs, then real poles
