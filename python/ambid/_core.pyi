@@ -6,7 +6,20 @@ from typing import Literal, NotRequired, TypedDict, final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ClosedLoop", "Data", "LineData", "Stepper", "line_equations", "normal_equations"]
+__all__ = [
+    "ClosedLoop",
+    "Data",
+    "LineData",
+    "Scatter",
+    "Stepper",
+    "inverses",
+    "line_equations",
+    "normal_equations",
+    "through",
+    "way_back",
+    "whitening",
+    "whittle",
+]
 
 _Vector = NDArray[np.float64]
 _Matrix = NDArray[np.float64]
@@ -81,6 +94,13 @@ class LineData:
     ) -> _Matrix: ...
 
 @final
+class Scatter:
+    def __new__(cls, lines: _Lines, used: NDArray[np.bool_]) -> Scatter: ...
+    def between(
+        self, low: NDArray[np.uintp], high: NDArray[np.uintp], left_out: NDArray[np.uintp] | None = None
+    ) -> _Lines: ...
+
+@final
 class Stepper:
     def __new__(cls, system: ClosedLoop, theta: _Vector) -> Stepper: ...
     def step(self, u: _Vector) -> _Vector: ...
@@ -92,4 +112,9 @@ def normal_equations(
 ) -> tuple[_Matrix, _Vector, _Vector]: ...
 def line_equations(
     system: ClosedLoop, theta: _Vector, free: list[int], records: list[LineData], near: Sequence[_Vector] = ...
-) -> tuple[_Matrix, _Vector, float, list[_Vector], list[int]]: ...
+) -> tuple[_Matrix, _Vector, float, list[_Vector], list[_Matrix], list[int]]: ...
+def whitening(covariance: _Lines, back: _Lines) -> tuple[_Lines, _Lines]: ...
+def whittle(covariance: _Lines, lines: _Lines) -> float: ...
+def inverses(matrices: _Lines) -> _Lines: ...
+def through(matrices: _Lines, lines: _Lines) -> _Lines: ...
+def way_back(system: ClosedLoop, theta: _Vector, w: _Lines, inputs: list[int], channels: int) -> _Lines: ...

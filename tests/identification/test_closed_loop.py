@@ -238,7 +238,7 @@ def test_an_axis_that_nothing_moves_is_not_identifiable(bench, start, i_e):
 
 
 def test_evaluations_that_run_out(start, run, estimate):
-    found = identify(start, run, max_evaluations=2)
+    found = identify(start, run, max_evaluations=1)
     assert found.status == "max_evaluations"
     assert found.evaluations < estimate.evaluations
     assert found.fit_percent["average"] < estimate.fit_percent["average"]

@@ -22,13 +22,14 @@ class Whitening:
         quiet = window.lines(residual)[index]
         judged = window.excited / window.periods
         covariance, spread = between_lines(quiet, index / window.periods, judged)
-        return cls(window, Spectrum.of(covariance, np.tile(np.eye(quiet.shape[1]), (len(judged), 1, 1)), spread))
+        unshaped = np.tile(np.eye(quiet.shape[1], dtype=complex), (len(judged), 1, 1))
+        return cls(window, Spectrum.of(covariance, unshaped, spread))
 
     @classmethod
     def beside(cls, residual: np.ndarray, excitation: np.ndarray, window: Window) -> "Whitening":
         at = window.excited
         covariance, _ = beside_excitation(window.lines(residual)[at], window.lines(excitation)[at])
-        unshaped = np.tile(np.eye(covariance.shape[1]), (len(at), 1, 1))
+        unshaped = np.tile(np.eye(covariance.shape[1], dtype=complex), (len(at), 1, 1))
         return cls(window, Spectrum.of(covariance, unshaped, np.ones(len(at))))
 
     def white(self, signal: np.ndarray) -> np.ndarray:

@@ -171,8 +171,8 @@ def _likeliest(
         second = rough.descend(other.theta[free] / rough.scale, limits, max_evaluations, ROUGHLY)
         best, more = min((best, more), (second, further), key=lambda pair: pair[0].cost)
     problem: WhitenedProblem = rough
-    comparison = Comparison(model.with_theta(best.theta), records)
-    comparison.noise  # noqa: B018 - raises where it is not known
+    at = model.with_theta(best.theta)
+    comparison = Comparison(at, records, rough.noise.renewed(at))
     # without periods the noise is known no better than the model: it is taken from the residual once more
     is_periodic = all(part.window.is_periodic for part in comparison.noise.parts)
     for again in range(1 if is_periodic else 1 + MOST_RENEWALS):

@@ -9,7 +9,7 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.identification.problem import EXACTLY, LeastSquares
 from ambid.model import Model
-from ambid.noise import Comparison, Noise
+from ambid.noise import Comparison, Noise, Quadratic
 
 __all__ = ["ROUGHLY", "SUBSTEPS", "WhitenedProblem", "criterion", "refit"]
 
@@ -30,11 +30,16 @@ class WhitenedProblem(LeastSquares):
         progress: Callable[[int, float], None] | None = None,
     ) -> None:
         super().__init__(model, list(range(len(model.names))) if free is None else list(free), progress)
-        self.noise, self._near = noise, list[FloatArray]()
+        self.noise = noise
+        self._before: tuple[FloatArray, Quadratic] | None = None
 
     def _evaluate(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-        found = self.noise.quadratic(self.model.with_theta(theta), self.free, self._near)
-        self._near = found.transients
+        near = list[FloatArray]()
+        if self._before is not None:  # transients change with the parameters
+            step, before = theta[self.free] - self._before[0][self.free], self._before[1]
+            near = [d + step @ slope for d, slope in zip(before.transients, before.transient_slopes, strict=True)]
+        found = self.noise.quadratic(self.model.with_theta(theta), self.free, near)
+        self._before = (theta, found)
         return found.hessian, found.gradient, found.cost
 
 

@@ -30,6 +30,14 @@ class End(NamedTuple):
     status: str
 
 
+class _Arrived(Exception):
+    """What is left to gain is less than a descent looks for."""
+
+    def __init__(self, end: End) -> None:
+        super().__init__()
+        self.end = end
+
+
 Limits = tuple[FloatArray, FloatArray]
 
 
@@ -45,6 +53,7 @@ class LeastSquares(ABC):
         self.scale = np.array([model.parameters[i].scale for i in free])
         self.evaluations = 0
         self._best: tuple[float, FloatArray] = (np.inf, self.scale)
+        self._gain = 0.0
         self._last: tuple[bytes, FloatArray, FloatArray, float] | None = None
 
     @abstractmethod
@@ -76,7 +85,7 @@ class LeastSquares(ABC):
 
     def descend(self, x: FloatArray, limits: Limits, max_evaluations: int, step: float = EXACTLY) -> End:
         """Go downhill from x with SciPy's trust-region method; a step into an unstable loop is rejected."""
-        self._best = (np.inf, x)
+        self._best, self._gain = (np.inf, x), step**1.5
         tiny = 1e-9  # bounds of zero are open: a gain or time constant of zero is no model
         bounds = (np.where(limits[0] == 0.0, tiny, limits[0]), limits[1])
         margin = 1e-12 * np.maximum(1.0, np.abs(x))
@@ -86,6 +95,8 @@ class LeastSquares(ABC):
                 self._residual, inside, self._jacobian, bounds=bounds, method="trf",
                 xtol=step, ftol=step**1.25, gtol=step**1.25, max_nfev=max_evaluations,
             )  # fmt: skip
+        except _Arrived as arrived:
+            return arrived.end
         except KeyboardInterrupt:
             cost, x = self._best
             return End(self.theta(x), cost, "stopped")
@@ -101,7 +112,11 @@ class LeastSquares(ABC):
             return np.full(len(x) + 1, np.inf)
 
     def _jacobian(self, x: FloatArray) -> FloatArray:
-        return self._short(x)[1]
+        short, jacobian = self._short(x)
+        cost = float(short @ short)
+        if short[:-1] @ short[:-1] < self._gain * cost:  # what a step would still gain, bounds or not
+            raise _Arrived(End(self.theta(x), cost, "converged"))
+        return jacobian
 
     def _short(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         hessian, gradient, cost = self.normal_equations(x)

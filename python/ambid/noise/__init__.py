@@ -2,6 +2,6 @@
 
 from ambid.noise.ceiling import noise_ceiling
 from ambid.noise.comparison import Comparison, compare
-from ambid.noise.noise import Noise
+from ambid.noise.noise import Noise, Quadratic
 
-__all__ = ["Comparison", "Noise", "compare", "noise_ceiling"]
+__all__ = ["Comparison", "Noise", "Quadratic", "compare", "noise_ceiling"]

@@ -6,8 +6,10 @@ from contextlib import suppress
 
 import numpy as np
 
+from ambid import _core
 from ambid.arrays import ComplexArray
 from ambid.errors import UnstableLoopError
+from ambid.loop.loop import Loop
 from ambid.model import Model
 
 __all__ = ["back_through_loop", "loop_noise"]
@@ -28,19 +30,23 @@ def loop_noise(model: Model, points: ComplexArray, channels: int) -> ComplexArra
     channels : int
         Of y and i_c, or of y alone.
     """
-    loop = model.with_noise_inputs()
-    axes = len(model.rig.axes)
-    sensors = [k for k, name in enumerate(loop.inputs) if name.startswith("n.")]
+    loop, sensors = _with_sensors(model)
     way = np.tile(np.eye(channels, dtype=complex), (len(points), 1, 1))
     with suppress(UnstableLoopError):  # at the edge of stability no shape is of help
-        way[:, :, :axes] = loop.transfer(model.theta, points)[:, :channels, sensors]
+        way[:, :, : len(sensors)] = loop.transfer(model.theta, points)[:, :channels, sensors]
     return way
 
 
 def back_through_loop(model: Model, points: ComplexArray, channels: int) -> ComplexArray:
     """The inverse of `loop_noise`."""
-    way, axes = loop_noise(model, points, channels), len(model.rig.axes)
-    back = np.linalg.inv(way[:, :axes, :axes])
-    way[:, axes:, :axes] = -way[:, axes:, :axes] @ back
-    way[:, :axes, :axes] = back
-    return way
+    loop, sensors = _with_sensors(model)
+    try:
+        return _core.way_back(loop.core, model.theta, points, sensors, channels)
+    except UnstableLoopError:
+        return np.tile(np.eye(channels, dtype=complex), (len(points), 1, 1))
+
+
+def _with_sensors(model: Model) -> tuple[Loop, list[int]]:
+    """The loop with inputs for noise, and which of them are that of the sensors."""
+    loop = model.with_noise_inputs()
+    return loop, [k for k, name in enumerate(loop.inputs) if name.startswith("n.")]

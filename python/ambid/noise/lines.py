@@ -144,9 +144,14 @@ class RecordLines:
         """The best transient of a linear model, and how many numbers of it the lines determine."""
         key = (here.loop.core, here.theta.tobytes())
         if key not in self._transients:
-            *_, transients, fitted = _core.line_equations(here.loop.core, here.theta, [], [self.data(here)])
+            *_, transients, _, fitted = _core.line_equations(here.loop.core, here.theta, [], [self.data(here)])
             self.remember(here, transients[0], fitted[0])
         return self._transients[key]
+
+    def known_transient(self, here: Model) -> FloatArray | None:
+        """The best transient, if it was found before."""
+        found = self._transients.get((here.loop.core, here.theta.tobytes()))
+        return None if found is None else found[0]
 
     def remember(self, here: Model, transient: FloatArray, fitted: int) -> None:
         """Keep a transient that was found along the way, and the last few before it."""
@@ -249,7 +254,7 @@ class RecordLines:
 
     def noise_power(self) -> FloatArray:
         """Power of the noise of each channel on the judged lines, shape (lines, p), in units of the lines."""
-        inverse = np.linalg.inv(self.spectrum.whitening)
+        inverse = _core.inverses(self.spectrum.whitening)
         own = 2.0 * np.sum(np.abs(inverse) ** 2, axis=2)
         return np.asarray(own / self.spectrum.spread[:, None])
 
@@ -311,15 +316,16 @@ class RecordLines:
         places = [tone.frequency_hz * window.samples / self.record.sample_rate for tone in tones]
         z = z - waves_between(self.measured.quiet, window, places, index)
         back = back_through_loop(here, points, p)
-        size = np.sqrt(np.median(np.abs((back @ z[..., None])[..., 0]) ** 2, axis=0))
+        size = np.sqrt(np.median(np.abs(_core.through(back, z)) ** 2, axis=0))
         size[size == 0.0] = 1.0
-        core, inputs, whitening = here.loop.core, self._inputs_between(index), back / size[:, None]
-        data = _core.LineData(core, points, inputs, z, whitening)
-        few = np.arange(0, len(index), 1 + len(index) // ENOUGH)
-        chosen = _core.LineData(core, points[few], inputs[few], z[few], whitening[few])
-        *_, transients, _ = _core.line_equations(core, here.theta, [], [chosen])
-        rows = data.rows(core, here.theta, [], transients[0], False)
-        return -as_lines(rows[:, 0], p) * size
+        core, inputs = here.loop.core, self._inputs_between(index)
+        few = slice(None, None, 1 + len(index) // ENOUGH)
+        chosen = _core.LineData(
+            core, *(np.ascontiguousarray(own[few]) for own in (points, inputs, z)), back[few] / size[:, None]
+        )
+        *_, transients, _, _ = _core.line_equations(core, here.theta, [], [chosen])
+        response, _, _ = core.lines(here.theta, [], points, inputs, transients[0], False)
+        return _core.through(back, z - response[:, :p])
 
     def _inputs_between(self, index: NDArray[np.intp]) -> ComplexArray:
         """Inputs on unexcited lines of the settled periods; nothing where they repeat to the last bit."""

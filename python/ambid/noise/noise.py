@@ -34,6 +34,8 @@ class Quadratic:
         Numbers of the transients that the lines determine; so many degrees of freedom are theirs.
     transients : list of ndarray
         Of each record; empty for a nonlinear model.
+    transient_slopes : list of ndarray
+        How they change with the parameters, shape (free, numbers of the transient).
     """
 
     hessian: FloatArray
@@ -41,6 +43,7 @@ class Quadratic:
     cost: float
     fitted: int
     transients: list[FloatArray]
+    transient_slopes: list[FloatArray]
 
 
 class Noise:
@@ -151,7 +154,7 @@ class Noise:
     def _quadratic(self, model: Model, free: Sequence[int], near: Sequence[FloatArray]) -> Quadratic:
         size, cost, fitted = len(free), 0.0, 0
         hessian, gradient = np.zeros((size, size)), np.zeros(size)
-        transients = [np.zeros(0)] * len(self.parts)
+        transients, turning = [np.zeros(0)] * len(self.parts), [np.zeros((size, 0))] * len(self.parts)
         own: dict[_core.ClosedLoop, list[tuple[int, _core.LineData]]] = {}
         for k, part in enumerate(self.parts):
             here = model.at(part.record)
@@ -163,10 +166,13 @@ class Noise:
             cost, fitted = cost + float(residual @ residual), fitted + states
         for core, members in own.items():
             start = [near[k] for k, _ in members] if near else []
+            best = [self.parts[k].known_transient(model.at(self.parts[k].record)) for k, _ in members]
+            if all(own is not None for own in best):
+                start = [own for own in best if own is not None]
             found = _core.line_equations(core, model.theta, list(free), [data for _, data in members], start)
             hessian, gradient = hessian + found[0], gradient + found[1]
-            cost, fitted = cost + found[2], fitted + sum(found[4])
-            for (k, _), transient, numbers in zip(members, found[3], found[4], strict=True):
-                transients[k] = transient
+            cost, fitted = cost + found[2], fitted + sum(found[5])
+            for (k, _), transient, slopes, numbers in zip(members, *found[3:], strict=True):
+                transients[k], turning[k] = transient, slopes
                 self.parts[k].remember(model.at(self.parts[k].record), transient, numbers)
-        return Quadratic(hessian, gradient, cost, fitted, transients)
+        return Quadratic(hessian, gradient, cost, fitted, transients, turning)

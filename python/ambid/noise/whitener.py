@@ -19,8 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
-from ambid.errors import RecordError
+from ambid.errors import ModelError, RecordError
 from ambid.noise.envelope import Envelope
 
 __all__ = ["PER_CHANNEL", "Spectrum", "between_lines", "require_noise"]
@@ -76,10 +77,10 @@ class Spectrum:
             If there is no noise on some channel.
         """
         try:
-            inner = np.sqrt(2.0) * np.linalg.inv(np.linalg.cholesky(covariance))
-        except np.linalg.LinAlgError:
+            inner, whitening = _core.whitening(covariance, back)
+        except ModelError:
             raise RecordError(SILENT) from None
-        return cls(inner, inner @ back, spread)
+        return cls(inner, whitening, spread)
 
 
 def require_noise(covariance: ComplexArray, back: ComplexArray, recorded: ComplexArray) -> None:
@@ -90,7 +91,7 @@ def require_noise(covariance: ComplexArray, back: ComplexArray, recorded: Comple
     RecordError
         If a channel holds no more.
     """
-    signal = np.sum(np.abs((back @ recorded[..., None])[..., 0]) ** 2, axis=0)
+    signal = np.sum(np.abs(_core.through(back, recorded)) ** 2, axis=0)
     if (np.einsum("lcc->c", covariance).real < ROUNDING * signal).any():
         raise RecordError(SILENT)
 
@@ -138,7 +139,7 @@ def between_lines(quiet: ComplexArray, at: FloatArray, judged: FloatArray) -> tu
         lines = _Lines(quiet, at, usual)
         way, likelihood = lines.likeliest(ways, tried[usual[tried]])
         power = lines.powers(at, way)
-        outlying = np.any(np.abs(quiet) ** 2 > OUTLYING * power, axis=1)
+        outlying = np.any(quiet.real**2 + quiet.imag**2 > OUTLYING * power, axis=1)
         if not np.any(outlying):
             break
         usual = np.logical_not(outlying)
@@ -175,24 +176,25 @@ class _Lines:
 
     def __init__(self, lines: ComplexArray, at: FloatArray, used: NDArray[np.bool_]) -> None:
         self.lines, self.at, self.used = lines, at, used
-        self.own = lines[:, :, None] * lines.conj()[:, None, :] * used[:, None, None]
-        p = lines.shape[1]
-        self.below = np.concatenate([np.zeros((1, p, p)), np.cumsum(self.own, axis=0)])
+        self.scatter = _core.Scatter(lines, used)
+        power = (lines.real**2 + lines.imag**2) * used[:, None]
+        self.below = np.concatenate([np.zeros((1, lines.shape[1])), np.cumsum(power, axis=0)])
         self.count = np.concatenate([[0.0], np.cumsum(used)])
         self._correlations: dict[_Way, ComplexArray] = {}
 
-    def around(self, places: FloatArray, way: _Way) -> tuple[ComplexArray, FloatArray]:
-        """Sum of e e^H over the lines around each place, and their number; near the ends, more on the other side."""
+    def around(self, places: FloatArray, way: _Way) -> tuple[NDArray[np.uintp], NDArray[np.uintp]]:
+        """First and last of the lines around each place; near the ends, more on the other side."""
         reach = way.reach(places)
         middle = np.clip(places, self.at[0] + reach, self.at[-1] - reach)
         low = np.searchsorted(self.at, middle - reach - 1e-9)
         high = np.searchsorted(self.at, middle + reach + 1e-9)
-        return self.below[high] - self.below[low], self.count[high] - self.count[low]
+        return low.astype(np.uintp), high.astype(np.uintp)
 
     def powers(self, places: FloatArray, way: _Way) -> FloatArray:
         """Of single channels, shape (places, p)."""
-        total, count = self.around(places, way)
-        return np.einsum("lcc->lc", total).real / count[:, None]
+        low, high = self.around(places, way)
+        count = self.count[high] - self.count[low]
+        return np.asarray((self.below[high] - self.below[low]) / count[:, None])
 
     def correlation(self, way: _Way) -> ComplexArray:
         """Of the channels, over all frequencies."""
@@ -208,9 +210,9 @@ class _Lines:
         self, places: FloatArray, way: _Way, left_out: NDArray[np.intp] | None = None
     ) -> tuple[ComplexArray, FloatArray]:
         """Covariance at places, by lines around without those left out, and its spread."""
-        total, count = self.around(places, way)
-        if left_out is not None:
-            total, count = total - self.own[left_out], count - 1.0
+        low, high = self.around(places, way)
+        total = self.scatter.between(low, high, None if left_out is None else left_out.astype(np.uintp))
+        count = self.count[high] - self.count[low] - (0.0 if left_out is None else 1.0)
         free = np.maximum(count - (1.0 if way.factored else self.lines.shape[1]), 0.5)
         if not way.factored:
             return np.asarray(total / free[:, None, None]), count / free
@@ -234,7 +236,6 @@ class _Lines:
         """Logarithm of the likelihood of lines, each by the spectrum of those around, but for a constant (Whittle)."""
         covariance, _ = self.covariance(self.at[tried], way, tried)
         try:
-            white = np.linalg.solve(np.linalg.cholesky(covariance), self.lines[tried][..., None])
-        except np.linalg.LinAlgError:
+            return _core.whittle(covariance, self.lines[tried])
+        except ModelError:
             return -np.inf  # no noise on some channel
-        return float(-np.sum(np.abs(white) ** 2) - np.sum(np.linalg.slogdet(covariance)[1]))

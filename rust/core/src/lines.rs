@@ -48,8 +48,15 @@ pub(crate) struct Block {
     pub half: usize,
     /// What a part weights to get there.
     rows: Vec<f64>,
-    /// Lines x outputs x states, real parts, then imaginary parts; see [`OnLines::of_loop`].
+    with_basis: bool,
+    /// Lines x outputs x states, real parts, then imaginary parts; see [`OnLines::of_loop`]. Empty if not asked for.
     pub basis: [Vec<f64>; 2],
+}
+
+impl Block {
+    pub fn new(with_basis: bool) -> Self {
+        Self { with_basis, ..Self::default() }
+    }
 }
 
 /// A part of a loop at one parameter set.
@@ -107,7 +114,7 @@ impl<'a> OnLines<'a> {
     /// Lines x outputs x inputs of this part.
     fn transfer(&self, w: &[C64]) -> Vec<C64> {
         match &self.way {
-            Way::Modal(poles) => w.iter().flat_map(|w| poles.transfer(*w)).collect(),
+            Way::Modal(poles) => poles.transfer(w),
             Way::Dense(dense) => dense.transfer(w),
         }
     }
@@ -159,7 +166,7 @@ impl ClosedLoop {
             slopes: vec![zero; w.len() * ny * np],
             basis: vec![zero; if with_basis { w.len() * ny * states } else { 0 }],
         };
-        let (mut at, mut block) = (0, Block::default());
+        let (mut at, mut block) = (0, Block::new(with_basis));
         for part in &parts {
             let (n, own) = (part.states(), part.outputs.len());
             let d = if d.is_empty() { d } else { &d[at..at + n] };

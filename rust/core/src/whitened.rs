@@ -47,6 +47,8 @@ pub struct LineNormal {
     pub cost: f64,
     /// The transient of each record.
     pub transients: Vec<Vec<f64>>,
+    /// How it changes with each parameter of `free`: free x numbers of the transient.
+    pub transient_slopes: Vec<Vec<f64>>,
     /// How many numbers of it the lines determine.
     pub fitted: Vec<usize>,
 }
@@ -95,33 +97,34 @@ pub fn line_equations(
     for data in records {
         check_len("inputs of a record on lines", data.u.len(), data.w.len() * system.inputs())?;
     }
+    let np = free.len();
     let is_near = near.len() == records.len() && near.iter().all(|d| d.len() == states);
     let value = if is_near || free.is_empty() { None } else { Some(system.on_lines(theta, &[])?) };
     let one = |(k, data): (usize, &&LineData)| -> LineNormal {
         let mut start = match &value {
-            Some(value) => Gram::new(value, 0, data, system.inputs(), &[]).eliminated().transient(value),
+            Some(value) => Gram::new(value, 0, data, system.inputs(), &[]).eliminated().transient(value, 0),
             None if is_near => near[k].clone(),
             None => Vec::new(),
         };
-        let mut found = Gram::new(&parts, free.len(), data, system.inputs(), &start).eliminated();
+        let mut found = Gram::new(&parts, np, data, system.inputs(), &start).eliminated();
         if is_near && !free.is_empty() && found.is_far() {
-            let more = found.transient(&parts);
+            let more = found.transient(&parts, np);
             start.iter_mut().zip(more).for_each(|(d, more)| *d += more);
-            found = Gram::new(&parts, free.len(), data, system.inputs(), &start).eliminated();
+            found = Gram::new(&parts, np, data, system.inputs(), &start).eliminated();
         }
-        found.normal(&parts, free.len(), start)
+        found.normal(&parts, np, start)
     };
     let each: Vec<LineNormal> = if records.len() > 1 {
         records.par_iter().enumerate().map(one).collect()
     } else {
         records.iter().enumerate().map(one).collect()
     };
-    let np = free.len();
     let mut total = LineNormal {
         hessian: DMatrix::zeros(np, np),
         gradient: DVector::zeros(np),
         cost: 0.0,
         transients: Vec::with_capacity(each.len()),
+        transient_slopes: Vec::with_capacity(each.len()),
         fitted: Vec::with_capacity(each.len()),
     };
     for own in each {
@@ -130,6 +133,7 @@ pub fn line_equations(
         total.cost += own.cost;
         total.fitted.extend(own.fitted);
         total.transients.extend(own.transients);
+        total.transient_slopes.extend(own.transient_slopes);
     }
     Ok(total)
 }
@@ -198,9 +202,9 @@ impl Eliminated {
         self.before - self.moments[(last, last)] > FAR * self.moments[(last, last)]
     }
 
-    /// What makes the transient leave least.
-    fn transient(&self, parts: &[OnLines]) -> Vec<f64> {
-        let last = self.moments.nrows() - 1;
+    /// The transient that leaves least of a column: of `dz` by one parameter, or, behind these, of `r`.
+    fn transient(&self, parts: &[OnLines], column: usize) -> Vec<f64> {
+        let last = self.states + column;
         let mut d = vec![0.0; self.states];
         for (pivot, row) in self.order.iter().rev() {
             let others: f64 = row[..self.states].iter().zip(&d).map(|(m, d)| m * d).sum();
@@ -217,7 +221,8 @@ impl Eliminated {
     }
 
     fn normal(self, parts: &[OnLines], np: usize, start: Vec<f64>) -> LineNormal {
-        let mut transient = self.transient(parts);
+        let slopes = (0..np).flat_map(|j| self.transient(parts, j)).collect();
+        let mut transient = self.transient(parts, np);
         transient.iter_mut().zip(start).for_each(|(d, start)| *d += start);
         let (first, last) = (self.states, self.moments.nrows() - 1);
         LineNormal {
@@ -225,6 +230,7 @@ impl Eliminated {
             gradient: self.moments.view((first, last), (np, 1)).column(0).into_owned(),
             cost: self.moments[(last, last)].max(0.0),
             transients: vec![transient],
+            transient_slopes: vec![slopes],
             fitted: vec![self.order.len()],
         }
     }

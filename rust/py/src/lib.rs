@@ -5,6 +5,7 @@ mod blocks;
 mod closed_loop;
 mod errors;
 mod lines;
+mod noise;
 mod residual;
 mod stepper;
 
@@ -16,6 +17,8 @@ mod _core {
     use crate::closed_loop::ClosedLoop;
     #[pymodule_export]
     use crate::lines::{LineData, line_equations};
+    #[pymodule_export]
+    use crate::noise::{Scatter, inverses, through, way_back, whitening, whittle};
     #[pymodule_export]
     use crate::residual::{Data, normal_equations};
     #[pymodule_export]

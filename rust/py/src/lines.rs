@@ -1,7 +1,9 @@
 //! `LineData` and `line_equations`: measured lines of the spectrum against a loop.
 
 use ambid_core::{LineData as Core, line_equations as core, line_rows};
-use numpy::{Complex64, IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use numpy::{
+    Complex64, IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
+};
 use pyo3::prelude::*;
 
 use crate::arrays::{from_matrix, signal, table};
@@ -60,11 +62,24 @@ pub fn line_equations<'py>(
     free: Vec<usize>,
     records: Vec<Bound<'py, LineData>>,
     near: Vec<Vec<f64>>,
-) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, f64, Vec<Bound<'py, PyArray1<f64>>>, Vec<usize>)> {
+) -> PyResult<(
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    f64,
+    Vec<Bound<'py, PyArray1<f64>>>,
+    Vec<Bound<'py, PyArray2<f64>>>,
+    Vec<usize>,
+)> {
     let theta = theta.as_slice()?;
     let records: Vec<&Core> = records.iter().map(|r| &r.get().core).collect();
     let normal = py.detach(|| core(&system.core, theta, &free, &records, &near)).map_err(raise)?;
     let gradient = normal.gradient.as_slice().to_vec().into_pyarray(py);
+    let states: Vec<usize> = normal.transients.iter().map(Vec::len).collect();
     let transients = normal.transients.into_iter().map(|d| d.into_pyarray(py)).collect();
-    Ok((from_matrix(py, &normal.hessian)?, gradient, normal.cost, transients, normal.fitted))
+    let slopes = normal.transient_slopes.into_iter().zip(states).map(|(slopes, states)| {
+        let parameters = free.len();
+        PyArray1::from_vec(py, slopes).reshape([parameters, states])
+    });
+    let slopes = slopes.collect::<PyResult<_>>()?;
+    Ok((from_matrix(py, &normal.hessian)?, gradient, normal.cost, transients, slopes, normal.fitted))
 }

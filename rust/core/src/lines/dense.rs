@@ -109,7 +109,8 @@ impl Dense {
         let (half, width) = (ny * (1 + np), self.width);
         (block.half, block.stride) = (half, 2 * half);
         block.columns.resize(w.len() * block.stride, 0.0);
-        block.basis.iter_mut().for_each(|part| part.resize(w.len() * ny * n, 0.0));
+        let basis = if block.with_basis { w.len() * ny * n } else { 0 };
+        block.basis.iter_mut().for_each(|part| part.resize(basis, 0.0));
         let d = self.turned(d);
         let depth = n + nu;
         let mut y = vec![0.0; n * ny * 2 * GROUP];
@@ -146,6 +147,9 @@ impl Dense {
                 for (o, sums) in sums[l * ny * 2 * width..].chunks_exact(2 * width).take(ny).enumerate() {
                     row[o * (1 + np)..][..1 + np].copy_from_slice(&sums[..1 + np]);
                     row[half + o * (1 + np)..][..1 + np].copy_from_slice(&sums[width..][..1 + np]);
+                    if basis == 0 {
+                        continue;
+                    }
                     let at = (line * ny + o) * n;
                     let [re, im] = &mut block.basis;
                     let own = re[at..at + n].iter_mut().zip(&mut im[at..at + n]);

@@ -53,7 +53,7 @@ impl Layout {
         sink: &mut impl FnMut(usize, &[f64]),
     ) {
         let (p, stride) = (self.channels, self.stride);
-        let mut blocks: Vec<Block> = parts.iter().map(|_| Block::default()).collect();
+        let mut blocks: Vec<Block> = parts.iter().map(|_| Block::new(self.states > 0)).collect();
         let mut raw = vec![0.0; 2 * p * stride];
         let mut white = vec![0.0; TOGETHER * 2 * p * stride];
         for first in (0..data.w.len()).step_by(BLOCK) {

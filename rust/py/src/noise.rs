@@ -1,0 +1,93 @@
+//! `Scatter`, and what is done with the small matrices of noise on lines.
+
+use ambid_core::{Scatter as Core, noise};
+use numpy::{
+    Complex64, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+
+use crate::arrays::{cube, signal, table};
+use crate::closed_loop::ClosedLoop;
+use crate::errors::raise;
+
+type Matrices<'py> = Bound<'py, PyArray3<Complex64>>;
+
+#[pyclass(frozen, module = "ambid._core")]
+pub struct Scatter {
+    core: Core,
+    channels: usize,
+}
+
+#[pymethods]
+impl Scatter {
+    #[new]
+    fn new(lines: PyReadonlyArray2<'_, Complex64>, used: PyReadonlyArray1<'_, bool>) -> PyResult<Self> {
+        let channels = lines.shape()[1];
+        let core = Core::new(signal("lines", &lines, channels)?, channels, used.as_slice()?).map_err(raise)?;
+        Ok(Self { core, channels })
+    }
+
+    #[pyo3(signature = (low, high, left_out=None))]
+    fn between<'py>(
+        &self,
+        py: Python<'py>,
+        low: PyReadonlyArray1<'py, usize>,
+        high: PyReadonlyArray1<'py, usize>,
+        left_out: Option<PyReadonlyArray1<'py, usize>>,
+    ) -> PyResult<Matrices<'py>> {
+        let left_out = left_out.as_ref().map(|own| own.as_slice()).transpose()?;
+        let found = self.core.between(low.as_slice()?, high.as_slice()?, left_out).map_err(raise)?;
+        cube(py, found, [low.len(), self.channels, self.channels])
+    }
+}
+
+#[pyfunction]
+pub fn whitening<'py>(
+    py: Python<'py>,
+    covariance: PyReadonlyArray3<'py, Complex64>,
+    back: PyReadonlyArray3<'py, Complex64>,
+) -> PyResult<(Matrices<'py>, Matrices<'py>)> {
+    let p = covariance.shape()[2];
+    let (inner, both) =
+        noise::whitening(signal("covariance", &covariance, p)?, signal("way back", &back, p)?, p).map_err(raise)?;
+    let shape = [covariance.shape()[0], p, p];
+    Ok((cube(py, inner, shape)?, cube(py, both, shape)?))
+}
+
+#[pyfunction]
+pub fn whittle(covariance: PyReadonlyArray3<'_, Complex64>, lines: PyReadonlyArray2<'_, Complex64>) -> PyResult<f64> {
+    let p = lines.shape()[1];
+    noise::whittle(signal("covariance", &covariance, p)?, signal("lines", &lines, p)?, p).map_err(raise)
+}
+
+#[pyfunction]
+pub fn inverses<'py>(py: Python<'py>, matrices: PyReadonlyArray3<'py, Complex64>) -> PyResult<Matrices<'py>> {
+    let n = matrices.shape()[2];
+    let found = noise::inverses(signal("matrices", &matrices, n)?, n).map_err(raise)?;
+    cube(py, found, [matrices.shape()[0], n, n])
+}
+
+#[pyfunction]
+pub fn through<'py>(
+    py: Python<'py>,
+    matrices: PyReadonlyArray3<'py, Complex64>,
+    lines: PyReadonlyArray2<'py, Complex64>,
+) -> PyResult<Bound<'py, PyArray2<Complex64>>> {
+    let n = lines.shape()[1];
+    let found = noise::through(signal("matrices", &matrices, n)?, signal("lines", &lines, n)?, n).map_err(raise)?;
+    table(py, found, n)
+}
+
+#[pyfunction]
+pub fn way_back<'py>(
+    py: Python<'py>,
+    system: &ClosedLoop,
+    theta: PyReadonlyArray1<'py, f64>,
+    w: PyReadonlyArray1<'py, Complex64>,
+    inputs: Vec<usize>,
+    channels: usize,
+) -> PyResult<Matrices<'py>> {
+    let (theta, w) = (theta.as_slice()?, w.as_slice()?);
+    let found = py.detach(|| noise::way_back(&system.core, theta, w, &inputs, channels)).map_err(raise)?;
+    cube(py, found, [w.len(), channels, channels])
+}
