@@ -89,7 +89,7 @@ def largest_change(comparison: Comparison) -> Change | None:
 def _patterns(part: RecordLines, model: Model, free: list[int]) -> ComplexArray:
     """Whitened derivatives on the excited lines, shape (lines, p, free)."""
     count, p = len(part.window.excited), len(part.record.channels)
-    slopes, _ = part.settled(model.at(part.record), free)
+    slopes = part.slopes(model.at(part.record), free)
     return as_lines(slopes, p)[:count]
 
 

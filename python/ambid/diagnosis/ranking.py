@@ -14,6 +14,7 @@ Self and Liang, J. Am. Stat. Assoc. 82 (1987) 605, case 9.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -293,15 +294,27 @@ class _Point:
         columns -= self.basis @ (self.basis.T @ columns)
         return columns
 
-    def responses(self, effect: Effect) -> list[FloatArray]:
-        """Whitened change of the response by each probe of an effect."""
+    def responses(self, effect: Effect) -> FloatArray:
+        """Whitened change of the response by each probe of an effect, shape (numbers, probes).
+
+        Of a linear effect whose probes move a parameter each, it is the derivative where the effect is absent.
+        """
+        probes = effect.probes(self.exact.home_of(effect) or self.exact.rig)
+        moved = [[name for name, value in probe.items() if value] for probe in probes]
+        if len(probes) > 1 and all(len(names) == 1 for names in moved):
+            with suppress(ModelError):  # a parameter that stands in a denominator
+                absent = self.linear.add(effect, dict.fromkeys(probes[0], 0.0))
+                if absent.is_linear:
+                    free = [absent.names.index(effect.slot(name)) for (name,) in moved]
+                    sizes = [probe[name] for probe, (name,) in zip(probes, moved, strict=True)]
+                    return np.asarray(self.noise.slopes(absent, free) * sizes)
         changes = []
-        for probe in effect.probes(self.exact.home_of(effect) or self.exact.rig):
+        for probe in probes:
             base, model = self.linear, self.linear.add(effect, probe)
             if not model.is_linear:
                 base, model = self.exact, self.exact.add(effect, probe).with_substeps(SUBSTEPS)
             changes.append(self.noise.departure(model) - self._departure(base))
-        return changes
+        return np.column_stack(changes)
 
     def _departure(self, base: Model) -> FloatArray:
         if id(base) not in self._before:
@@ -320,8 +333,8 @@ def _scored(point: _Point, variants: Sequence[Effect], cost: float) -> tuple[lis
             why = str(error)
     if not tried:
         return [], why
-    ends = np.cumsum([len(own) for own in changes])
-    columns = point.freed(np.column_stack([column for own in changes for column in own]))
+    ends = np.cumsum([own.shape[1] for own in changes])
+    columns = point.freed(np.hstack(changes))
     changes.clear()
     size = np.sqrt(np.einsum("ij,ij->j", columns, columns))
     columns /= _nonzero(size)

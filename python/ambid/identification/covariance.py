@@ -35,6 +35,7 @@ from ambid.model import Model
 from ambid.model.parameter import nominal
 from ambid.noise import Comparison
 from ambid.noise.colour import loop_noise
+from ambid.noise.lines import freed
 
 __all__ = ["covariance", "lost", "sandwich", "score_covariance", "undetermined"]
 
@@ -76,7 +77,9 @@ def lost(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float]]:
     inverse, unseen = _inverse(hessian)
     own = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
     if np.sqrt(np.diag(own).max(initial=0.0)) > DOUBTFUL:
-        slopes = comparison.noise.slopes(model, free) * scale
+        own = comparison.noise.by_record(comparison.noise.slopes(model, free) * scale)
+        transients = comparison.noise.transients(model)
+        slopes = np.vstack([freed(columns, basis) for columns, basis in zip(own, transients, strict=True)])
         inverse, unseen = _inverse(slopes.T @ slopes)
         own = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
     return undetermined(own * np.outer(scale, scale), model, free)

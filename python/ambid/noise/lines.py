@@ -180,13 +180,17 @@ class RecordLines:
         columns = self.whiten(derivatives) if own else np.zeros((len(left), 0))
         return White(freed(left, basis), freed(columns, basis), basis.shape[1], basis)
 
-    def settled(self, here: Model, free: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-        """Whitened derivatives of the settled response by the parameters in `free`, and a basis of transients."""
+    def slopes(self, here: Model, free: Sequence[int]) -> FloatArray:
+        """Whitened derivatives of the settled response by the parameters in `free`, shape (numbers, free)."""
         if not here.is_linear:
-            return self.whiten(self._in_time(here, list(free), at_rest=False)[1]), self._own_transients
-        rows = self.data(here).rows(here.loop.core, here.theta, list(free), None, True)
-        basis, slopes, _ = np.split(rows, [rows.shape[1] - 1 - len(free), rows.shape[1] - 1], axis=1)
-        return slopes, orthonormal(basis)
+            return self.whiten(self._in_time(here, list(free), at_rest=False)[1])
+        return self.data(here).rows(here.loop.core, here.theta, list(free), None, False)[:, :-1]
+
+    def transients(self, here: Model) -> FloatArray:
+        """An orthonormal basis of what a transient can look like, whitened, shape (numbers, states)."""
+        if not here.is_linear:
+            return self._own_transients
+        return orthonormal(self.data(here).rows(here.loop.core, here.theta, [], None, True)[:, :-1])
 
     def departure(self, here: Model) -> FloatArray:
         """Whitened response of a settled model less what was measured; of two models the difference is one of both."""

@@ -11,7 +11,7 @@ from ambid import _core
 from ambid.arrays import FloatArray
 from ambid.loop.effect import Tone
 from ambid.model import Model
-from ambid.noise.lines import REMEMBERED, Measured, RecordLines, White, freed
+from ambid.noise.lines import REMEMBERED, Measured, RecordLines, White
 from ambid.noise.tones import find_tones
 from ambid.record import Record
 
@@ -119,8 +119,12 @@ class Noise:
         return np.concatenate([part.departure(model.at(part.record)) for part in self.parts])
 
     def slopes(self, model: Model, free: Sequence[int]) -> FloatArray:
-        """Whitened derivatives of the settled response, freed from what transients can take over."""
-        return np.vstack([freed(*part.settled(model.at(part.record), free)) for part in self.parts])
+        """Whitened derivatives of the settled response by the parameters in `free`."""
+        return np.vstack([part.slopes(model.at(part.record), free) for part in self.parts])
+
+    def transients(self, model: Model) -> list[FloatArray]:
+        """Of each record an orthonormal basis of what a transient can look like, whitened."""
+        return [part.transients(model.at(part.record)) for part in self.parts]
 
     def white(self, model: Model, free: Sequence[int]) -> list[White]:
         """Every record against a model, with the derivatives by the parameters in `free`."""
