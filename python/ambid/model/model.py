@@ -16,7 +16,7 @@ from ambid.model.experiment import inputs_of, simulated, virtual_experiment
 from ambid.model.file import read_model, write_model
 from ambid.model.operating_point import further_points, nominal_of_points, parameters_at
 from ambid.model.parameter import Parameter, of_effect, selected, shared, split, to_rig
-from ambid.model.structure import Structure
+from ambid.model.structure import Structure, require_allowed
 from ambid.record import Record
 from ambid.rig import Rig
 
@@ -63,8 +63,12 @@ class Model:
 
     def _set(self, structure: Structure, parameters: tuple[Parameter, ...]) -> None:
         structure.require_filled(parameters)
+        self._take(structure, parameters)
+
+    def _take(self, structure: Structure, parameters: tuple[Parameter, ...]) -> None:
         self.structure, self.parameters = structure, parameters
         self._loops: dict[Rig | None, Loop] = {}  # of other operating points, and of this one: None
+        self._noisy: list[Loop] = []  # the one with noise inputs, once it is compiled
 
     @classmethod
     def _of(cls, structure: Structure, parameters: Sequence[Parameter]) -> Model:
@@ -121,7 +125,13 @@ class Model:
 
     def with_theta(self, theta: ArrayLike) -> Model:
         """Return the model with other values of all parameters, in the order of `names`."""
-        return self.with_values(dict(zip(self.names, np.asarray(theta, dtype=np.float64), strict=True)))
+        values = np.asarray(theta, dtype=np.float64).tolist()
+        changed = tuple(replace(p, value=value) for p, value in zip(self.parameters, values, strict=True))
+        require_allowed(changed)
+        model = Model.__new__(Model)
+        model._take(self.structure, changed)
+        model._loops, model._noisy = self._loops, self._noisy  # compiled loops do not hold values
+        return model
 
     def excitation(self, record: Record) -> NDArray[np.float64]:
         """Inputs of the loop during a record, shape (N, inputs): i_e, then those of disturbances in the model.
@@ -268,7 +278,9 @@ class Model:
 
     def with_noise_inputs(self) -> Loop:
         """The loop with sensor noise as a further input of each axis."""
-        return self.structure.compiled(self.parameters, noise=True)
+        if not self._noisy:
+            self._noisy.append(self.structure.compiled(self.parameters, noise=True))
+        return self._noisy[0]
 
     def with_substeps(self, substeps: int | None) -> Model:
         """Return the model with a number of steps per sample of its own for nonlinear effects."""
@@ -387,5 +399,5 @@ class Model:
     def _with_parameters(self, parameters: Sequence[Parameter]) -> Model:
         model = Model._of(self.structure, parameters)
         if [p.slots for p in model.parameters] == [p.slots for p in self.parameters]:
-            model._loops = self._loops  # compiled loops do not hold values
+            model._loops, model._noisy = self._loops, self._noisy  # compiled loops do not hold values
         return model

@@ -94,8 +94,19 @@ class Structure:
         if any(wrong.values()):
             found = "; ".join(f"{', '.join(slots)}: {what}" for what, slots in wrong.items() if slots)
             raise ModelError(f"{found}; give every parameter a name of its own, and each of the rig's values just once")
-        for parameter in parameters:
-            low, high = parameter.lower, parameter.upper
-            if not (np.isfinite(parameter.value) and low <= parameter.value <= high and parameter.scale > 0.0):
-                allowed = "a positive number" if (low, high) == (0.0, np.inf) else f"{low:g} to {high:g}"
-                raise ModelError(f"{parameter.name} = {parameter.value}: expected {allowed} in {parameter.unit}")
+        require_allowed(parameters)
+
+
+def require_allowed(parameters: Sequence[Parameter]) -> None:
+    """Refuse values that are not allowed.
+
+    Raises
+    ------
+    ModelError
+        Naming the parameter.
+    """
+    for parameter in parameters:
+        low, high = parameter.lower, parameter.upper
+        if not (np.isfinite(parameter.value) and low <= parameter.value <= high and parameter.scale > 0.0):
+            allowed = "a positive number" if (low, high) == (0.0, np.inf) else f"{low:g} to {high:g}"
+            raise ModelError(f"{parameter.name} = {parameter.value}: expected {allowed} in {parameter.unit}")

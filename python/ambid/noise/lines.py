@@ -323,10 +323,8 @@ class RecordLines:
         size = np.sqrt(np.median(np.abs(_core.through(back, z)) ** 2, axis=0))
         size[size == 0.0] = 1.0
         core, inputs = here.loop.core, self._inputs_between(index)
-        few = slice(None, None, 1 + len(index) // ENOUGH)
-        chosen = _core.LineData(
-            core, *(np.ascontiguousarray(own[few]) for own in (points, inputs, z)), back[few] / size[:, None]
-        )
+        few = np.arange(0, len(index), 1 + len(index) // ENOUGH)
+        chosen = _core.LineData(core, points[few], inputs[few], z[few], back[few] / size[:, None])
         *_, transients, _, _ = _core.line_equations(core, here.theta, [], [chosen])
         response, _, _ = core.lines(here.theta, [], points, inputs, transients[0], False)
         return _core.through(back, z - response[:, :p])

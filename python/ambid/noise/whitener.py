@@ -215,7 +215,7 @@ class _Lines:
         count = self.count[high] - self.count[low] - (0.0 if left_out is None else 1.0)
         free = np.maximum(count - (1.0 if way.factored else self.lines.shape[1]), 0.5)
         if not way.factored:
-            return np.asarray(total / free[:, None, None]), count / free
+            return np.asarray(total * (1.0 / free)[:, None, None]), count / free
         # the correlations come from all lines, though no more than those
         everything = float(self.count[-1])
         free *= max(1.0 - self.lines.shape[1] / everything, 0.05)
