@@ -36,6 +36,8 @@ BLURRED = 16
 1/f by more than a hundredth."""
 MOST_LINES = 2000
 """Lines that an equation is held against, at most."""
+MOST_HELD = 8
+"""States of a controller up to which what they held is fitted."""
 GAIN_FACTORS = (1.0, 1.05, 0.95, 1.1, 0.9, 1.2, 0.8, 1.4, 0.7)
 """Common factors on all K_i that are tried, nearest first, where the nominal loop is unstable."""
 
@@ -54,6 +56,7 @@ class Lines:
         Number of each line among those of `window` samples; the first is 1.
     window : int
         Samples of one period, or of the record without periods.
+    whole_periods : bool
     """
 
     frequency_hz: FloatArray
@@ -62,6 +65,7 @@ class Lines:
     i_c: ComplexArray | None
     index: NDArray[np.intp]
     window: int
+    whole_periods: bool
 
     @classmethod
     def of(cls, record: Record) -> Lines:
@@ -83,7 +87,8 @@ class Lines:
         kept = np.flatnonzero(usable & (power > 1e-3 * power.max()))
         kept = np.sort(kept[np.argsort(power[kept])[-MOST_LINES:]])
         i_c = None if record.i_c is None else spectrum(record.i_c)[kept]
-        return cls(frequency[kept], i_e[kept], spectrum(record.y)[kept], i_c, index[kept], length)
+        y = spectrum(record.y)[kept]
+        return cls(frequency[kept], i_e[kept], y, i_c, index[kept], length, window is not None)
 
 
 class NominalLoop:
@@ -217,9 +222,11 @@ def fit_controller(loop: NominalLoop, lines: Lines) -> ControllerFit:
     """Scale i_e and the gains of the controller so that i_c follows, axis by axis.
 
     The amplifier may differ from the known one by a delay and by two coefficients of its denominator, so that a slower
-    amplifier, one of second order, a delay of the loop or a skew of the sampling is not taken for a wrong gain.
+    amplifier, one of second order, a delay of the loop or a skew of the sampling is not taken for a wrong gain. What
+    the controller still held at the first sample, and noise has changed by the last, is fitted beside it.
     """
     excited, fed_back = controller_terms(loop, lines)
+    held = _held_by_controller(loop, lines)
     s, tau = 2j * np.pi * lines.frequency_hz, loop.rig.amplifier.time_constant
     step = 1.0 / (2.0 * np.pi * lines.frequency_hz.max())
     scale, error, share, missed = [], [], [], []
@@ -228,13 +235,14 @@ def fit_controller(loop: NominalLoop, lines: Lines) -> ControllerFit:
         target, parts = np.asarray(lines.i_c)[:, axis], terms.shape[1]
 
         def residual(x: FloatArray, terms: ComplexArray = terms, target: ComplexArray = target) -> FloatArray:
-            *scales, delay, lag, second = x
+            scales, (delay, lag, second), still = np.split(x, [terms.shape[1], terms.shape[1] + 3])
             amplifier = (1.0 + s * tau) / (1.0 + s * (tau + lag * step) + second * (s * step) ** 2)
-            followed = np.einsum("lp,p->l", terms, scales) * amplifier * np.exp(-s * delay * step)
+            followed = (terms @ scales) * amplifier * np.exp(-s * delay * step) + held @ still
             return _stacked(followed - target) / np.linalg.norm(target)
 
-        start, *_ = np.linalg.lstsq(_stacked(terms), _stacked(target), rcond=None)
-        end = least_squares(residual, np.concatenate([start, np.zeros(3)]), method="lm", x_scale="jac")
+        start, *_ = np.linalg.lstsq(_stacked(np.hstack([terms, held])), _stacked(target), rcond=None)
+        first = np.concatenate([start[:parts], np.zeros(3), start[parts:]])
+        end = least_squares(residual, first, method="lm", x_scale="jac")
         _, singular, directions = np.linalg.svd(end.jac, full_matrices=False)
         spread = directions.T / np.maximum(singular, 1e-12 * singular[0])
         noise = 2.0 * end.cost / (len(end.fun) - len(end.x))
@@ -243,6 +251,23 @@ def fit_controller(loop: NominalLoop, lines: Lines) -> ControllerFit:
         share.append(np.linalg.norm(terms, axis=0) / np.linalg.norm(target))
         missed.append(np.sqrt(2.0 * end.cost))
     return ControllerFit(("i_e", *fed_back), *(np.array(rows) for rows in (scale, error, share, missed)))
+
+
+def _held_by_controller(loop: NominalLoop, lines: Lines) -> ComplexArray:
+    """What a unit in each state of one axis' controller leaves on lines of whole periods, (lines, states).
+
+    A controller of many states is taken to forget them soon; beside a window of the whole record nothing is left.
+    """
+    own, rate = loop.rig.controller, loop.rig.sample_rate
+    a, *_ = own.state_space(1 if isinstance(own, PidController) else loop.axes, rate)
+    if not lines.whole_periods or not 0 < len(a) <= MOST_HELD:
+        return np.zeros((len(lines.frequency_hz), 0), dtype=complex)
+    poles = np.linalg.eigvals(a)
+    poles = poles ** (own.rate(rate) / rate) if own.is_digital else np.exp(poles / rate)
+    w = np.exp(2j * np.pi * lines.frequency_hz / rate)[:, None]
+    left = loop.amplifier(lines.frequency_hz)[:, None] * w / (w - poles[poles.imag >= 0.0])
+    turned = 1j * left[:, poles[poles.imag >= 0.0].imag > 0.0]
+    return np.asarray(np.hstack([left, turned]))
 
 
 def controller_missed(loop: NominalLoop, lines: Lines) -> float:

@@ -77,9 +77,9 @@ def lost(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float]]:
     inverse, unseen = _inverse(hessian)
     own = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
     if np.sqrt(np.diag(own).max(initial=0.0)) > DOUBTFUL:
-        own = comparison.noise.by_record(comparison.noise.slopes(model, free) * scale)
-        transients = comparison.noise.transients(model)
-        slopes = np.vstack([freed(columns, basis) for columns, basis in zip(own, transients, strict=True)])
+        of_records = comparison.noise.by_record(comparison.noise.slopes(model, free) * scale)
+        bases = comparison.noise.transients(model)
+        slopes = np.vstack([freed(columns, basis) for columns, basis in zip(of_records, bases, strict=True)])
         inverse, unseen = _inverse(slopes.T @ slopes)
         own = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
     return undetermined(own * np.outer(scale, scale), model, free)
