@@ -64,7 +64,8 @@ class InTime:
         if not free and key in self._known:
             return self._known[key], np.zeros((*self._known[key].shape, 0), dtype=complex)
         response, slopes = self._lines(here, free, at_rest=at_rest)
-        self._known[key] = response
+        if not free or here.structure.substeps is not None:  # else derivatives choose the substeps too
+            self._known[key] = response
         while len(self._known) > REMEMBERED:
             self._known.pop(next(iter(self._known)))
         return response, slopes

@@ -354,8 +354,9 @@ class RecordLines:
         """Whether the record is nearer to a response from rest than to a settled one."""
         if not self.window.is_periodic:
             return True
-        left = [self.whiten(self._z - self._in_time.lines(here, [], at_rest=at_rest)[0]) for at_rest in (False, True)]
-        return float(left[1] @ left[1]) < float(left[0] @ left[0])
+        responses = self._in_time.change(here), self._in_time.lines(here, [], at_rest=True)[0]
+        settled, from_rest = (float(np.linalg.norm(self.whiten(self._z - response))) for response in responses)
+        return from_rest < settled
 
 
 def _shaping(here: Model) -> Model:
