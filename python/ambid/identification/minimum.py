@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ambid.arrays import FloatArray
+from ambid.errors import UnstableLoopError
 from ambid.identification.problem import EXACTLY, LeastSquares
 from ambid.model import Model
 from ambid.noise import Comparison, Noise, Quadratic
@@ -15,6 +16,8 @@ __all__ = ["ROUGHLY", "SUBSTEPS", "WhitenedProblem", "criterion", "refit"]
 
 ROUGHLY = 1e-4
 """Relative step at which a fit is near enough to be judged among others."""
+HIDDEN = 0.5
+"""Whitened difference of two responses that moves no parameter by more than so many standard errors."""
 SUBSTEPS = 2
 """Steps per sample of nonlinear effects: neither a choice nor a score needs six digits."""
 
@@ -46,6 +49,8 @@ class WhitenedProblem(LeastSquares):
 def refit(comparison: Comparison, most: int = 40, step: float = EXACTLY) -> Comparison:
     """Minimise J over all parameters of the model; of nonlinear effects two steps per sample are exact enough.
 
+    Roughly, one is, where the noise hides the difference.
+
     Parameters
     ----------
     comparison : Comparison
@@ -55,13 +60,23 @@ def refit(comparison: Comparison, most: int = 40, step: float = EXACTLY) -> Comp
         Relative step at which the descent ends; `ROUGHLY` tells rivals from each other.
     """
     model = comparison.model if comparison.model.is_linear else comparison.model.with_substeps(SUBSTEPS)
-    problem = WhitenedProblem(model, comparison.noise)
+    coarse = model.with_substeps(1)
+    is_rough = step >= ROUGHLY and not model.is_linear and _is_hidden(comparison.noise, model, coarse)
+    problem = WhitenedProblem(coarse if is_rough else model, comparison.noise)
     lower = np.array([p.lower for p in model.parameters]) / problem.scale
     upper = np.array([p.upper for p in model.parameters]) / problem.scale
     end = problem.descend(model.theta / problem.scale, (lower, upper), most, step)
     if end.status == "stopped":
         raise KeyboardInterrupt from None
     return comparison.of(model.with_theta(end.theta))
+
+
+def _is_hidden(noise: Noise, model: Model, other: Model) -> bool:
+    """Whether the responses of two models differ by less than the noise shows."""
+    try:
+        return float(np.linalg.norm(noise.departure(model) - noise.response(other))) < HIDDEN
+    except UnstableLoopError:
+        return False
 
 
 def criterion(comparison: Comparison) -> float:

@@ -23,6 +23,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.loop.effect import Effect, Tone
 from ambid.model import Model
 from ambid.noise.colour import back_through_loop
+from ambid.noise.in_time import InTime
 from ambid.noise.local import likelier_beside_excitation
 from ambid.noise.wave import waves_between
 from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, Spectrum, between_lines, require_noise
@@ -31,8 +32,6 @@ from ambid.record import Record
 
 __all__ = ["Measured", "RecordLines", "White", "as_lines", "freed"]
 
-SETTLED = 1e-3
-"""Part of a transient that may be left where a nonlinear model counts as settled."""
 OWN = 1e-10
 """Part of the largest eigenvalue of the transient's Gram matrix below which a direction of it says nothing."""
 
@@ -117,6 +116,7 @@ class RecordLines:
         self.index = np.concatenate([self.window.excited, self.more])[:: self._every]
         self.points = self.window.points(self.index)
         self._z = self._judged(self.record.outputs)
+        self._in_time = InTime(self.record, self.window, self._judged, 0 if len(self.more) else self._every)
         self._data: dict[tuple[Effect, ...], _core.LineData] = {}  # by the disturbances that drive a model
         self._transients: dict[tuple[_core.ClosedLoop, bytes], tuple[FloatArray, int]] = {}
         way = self._rough if rough else self._between if self.window.is_periodic else self._without_periods
@@ -183,7 +183,7 @@ class RecordLines:
     def slopes(self, here: Model, free: Sequence[int]) -> FloatArray:
         """Whitened derivatives of the settled response by the parameters in `free`, shape (numbers, free)."""
         if not here.is_linear:
-            return self.whiten(self._in_time(here, list(free), at_rest=False)[1])
+            return self.whiten(self._in_time.lines(here, list(free), at_rest=False)[1])
         return self.data(here).rows(here.loop.core, here.theta, list(free), None, False)[:, :-1]
 
     def transients(self, here: Model) -> FloatArray:
@@ -196,7 +196,7 @@ class RecordLines:
         """Whitened response of a settled model less what was measured; of two models the difference is one of both."""
         if here.is_linear:
             return self.data(here).rows(here.loop.core, here.theta, [], None, False)[:, 0]
-        return self.whiten(self._in_time(here, [], at_rest=False)[0] - self._z)
+        return self.whiten(self._in_time.change(here) - self._z)
 
     def whiten(self, lines: ComplexArray) -> FloatArray:
         """Judged lines of shape (lines, p) or (lines, p, q), whitened, as real numbers."""
@@ -244,17 +244,12 @@ class RecordLines:
 
     def _simulated_in_time(self, here: Model) -> FloatArray:
         """The same of a nonlinear model."""
-        window, p, core, theta = self.window, self.measured.channels, here.loop.core, here.theta
+        window, p = self.window, self.measured.channels
         lines, base = self._simulated(here, [])[0], self._base
         white, columns = self.whiten(self._z - lines), self.whiten(self._basis)
         d = np.asarray(np.linalg.lstsq(columns, white, rcond=np.sqrt(OWN))[0])
         free = base.loop.core.free_response(base.theta, d, window.samples, self.record.samples)[:, :p]
-        inputs = np.ascontiguousarray(here.excitation(self.record))
-        if self._starts_at_rest or inputs.shape[1] > len(self.record.axes):
-            return np.asarray(core.simulate(theta, inputs)[:, :p] + free)
-        lead = self._lead(here) * window.period
-        before = np.resize(inputs[: window.period], (lead, inputs.shape[1]))
-        return np.asarray(core.simulate(theta, np.vstack([before, inputs]))[lead:, :p] + free)
+        return np.asarray(self._in_time.samples(here, at_rest=bool(self._starts_at_rest)) + free)
 
     def noise_power(self) -> FloatArray:
         """Power of the noise of each channel on the judged lines, shape (lines, p), in units of the lines."""
@@ -368,7 +363,7 @@ class RecordLines:
         """Judged lines of a nonlinear model's response and of its derivatives, simulated in time."""
         if self._starts_at_rest is None:
             self._starts_at_rest = self._begins_at_rest(here)
-        return self._in_time(here, free, at_rest=self._starts_at_rest)
+        return self._in_time.lines(here, free, at_rest=self._starts_at_rest)
 
     _starts_at_rest: bool | None = None
 
@@ -376,32 +371,9 @@ class RecordLines:
         """Whether the record is nearer to a response from rest than to a settled one."""
         if not self.window.is_periodic:
             return True
-        left = [self.whiten(self._z - self._in_time(here, [], at_rest=at_rest)[0]) for at_rest in (False, True)]
-        return float(left[1] @ left[1]) < float(left[0] @ left[0])
-
-    def _in_time(self, here: Model, free: list[int], *, at_rest: bool) -> tuple[ComplexArray, ComplexArray]:
-        window, p, core, theta = self.window, self.measured.channels, here.loop.core, here.theta
-        inputs = np.ascontiguousarray(here.excitation(self.record)[: window.first + window.samples])
-        if not window.is_periodic or inputs.shape[1] > len(self.record.axes) or len(self.more):
-            y, slopes = core.sensitivity(theta, free, inputs)  # what disturbs need not repeat with the excitation
-            return self._judged(y[:, :p]), self._judged(slopes[:, :p])
-        lead = self._lead(here)
-        if at_rest:
-            periods = min(lead + 1, window.periods)
-            own = inputs[: window.first + periods * window.period]
-            repeated = window.periods - periods + 1.0
-            y, slopes = core.folded(theta, free, own, window.first, window.period, repeated)
-        else:
-            own = np.tile(inputs[: window.period], (lead + 1, 1))
-            y, slopes = core.folded(theta, free, own, lead * window.period, window.period, float(window.periods))
-        response, derivatives = (window.of_period(signal[:, :p])[:: self._every] for signal in (y, slopes))
-        return response, derivatives
-
-    def _lead(self, here: Model) -> int:
-        """Periods after which a transient of the model does not matter."""
-        decay = max(-float(here.loop.core.poles(here.theta).real.max()), 1e-9)
-        lead = np.ceil(np.log(1.0 / SETTLED) / decay * self.record.sample_rate / self.window.period)
-        return int(np.clip(lead, 1, self.window.periods))
+        responses = self._in_time.change(here), self._in_time.lines(here, [], at_rest=True)[0]
+        settled, from_rest = (float(np.linalg.norm(self.whiten(self._z - response))) for response in responses)
+        return from_rest < settled
 
 
 def _shaping(here: Model) -> Model:

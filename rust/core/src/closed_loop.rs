@@ -1,6 +1,9 @@
 //! The noun that callers hold: a closed loop, split into its independent parts.
 
+use std::borrow::Cow;
+
 use nalgebra::Complex;
+use rayon::prelude::*;
 
 use crate::discretise::{Discrete, discretise};
 use crate::error::{Result, check_finite, check_len};
@@ -9,6 +12,7 @@ use crate::modal;
 use crate::model::Model;
 use crate::nonlinear::Nonlinear;
 use crate::split::{Part, split};
+use crate::steady::from_steady_state;
 
 /// A closed loop of any number of bearings, axes, modes and parameters.
 #[derive(Debug, Clone)]
@@ -117,35 +121,53 @@ impl ClosedLoop {
         let samples = u.len().checked_div(self.inputs()).unwrap_or(0);
         check_len("excitation", u.len(), samples * self.inputs())?;
         check_finite("excitation", u)?;
-        let end = first + samples.saturating_sub(first).checked_div(period).unwrap_or(0) * period;
+        let fold =
+            Fold { first, period, periods: samples.saturating_sub(first).checked_div(period).unwrap_or(0), last };
+        let prepared = self.prepare(theta, free)?;
+        let one = |part: &Prepared| part.folded(u, self.inputs(), fold);
+        let sums: Result<Vec<Vec<f64>>> = if prepared.len() > 1 {
+            prepared.par_iter().map(one).collect()
+        } else {
+            prepared.iter().map(one).collect()
+        };
         let mut y = vec![0.0; period * ny];
         let mut jacobian = vec![0.0; period * ny * np];
-        for prepared in self.prepare(theta, free)? {
-            let width = 1 + prepared.free.len();
-            prepared.run(u, self.inputs(), &mut |from, count, block, stride| {
-                // stretches of the block that lie in one period
-                let (mut at, stop) = (from.max(first), (from + count).min(end));
-                while at < stop {
-                    let place = (at - first) % period;
-                    let own = (stop - at).min(period - place);
-                    let weight = if at + period >= end { last } else { 1.0 };
-                    let rows = || block[(at - from) * stride..].chunks_exact(stride).take(own);
-                    for (i, o) in prepared.outputs.iter().enumerate() {
-                        for (row, y) in rows().zip(y[place * ny..].chunks_exact_mut(ny)) {
-                            y[*o] += weight * row[i * width];
-                        }
-                        for (j, free) in prepared.free.iter().enumerate() {
-                            let (source, target) = (i * width + 1 + j, o * np + free);
-                            for (row, slopes) in rows().zip(jacobian[place * ny * np..].chunks_exact_mut(ny * np)) {
-                                slopes[target] += weight * row[source];
-                            }
-                        }
-                    }
-                    at += own;
+        for (part, sum) in prepared.iter().zip(sums?) {
+            let width = 1 + part.free.len();
+            for (k, row) in sum.chunks_exact((part.outputs.len() * width).max(1)).enumerate() {
+                for (o, own) in part.outputs.iter().zip(row.chunks_exact(width)) {
+                    y[k * ny + o] = own[0];
+                    let slopes = &mut jacobian[(k * ny + o) * np..][..np];
+                    part.free.iter().zip(&own[1..]).for_each(|(free, slope)| slopes[*free] = *slope);
                 }
-            })?;
+            }
         }
         Ok((y, jacobian))
+    }
+
+    /// One period of the response to an excitation that repeats every `period` samples: the last one of `u`.
+    ///
+    /// It starts from the steady state of the loop linearised at rest, so that a nonlinear loop needs less of a lead
+    /// than from rest, and a linear one none.
+    ///
+    /// # Errors
+    /// As [`ClosedLoop::simulate`], and [`crate::Error::Shape`] where `u` is shorter than a period.
+    pub fn settled(&self, theta: &[f64], u: &[f64], period: usize) -> Result<Vec<f64>> {
+        self.check(theta, &[])?;
+        let (inputs, ny) = (self.inputs(), self.outputs());
+        let samples = u.len().checked_div(inputs).unwrap_or(0);
+        check_len("excitation", u.len(), samples.max(period) * inputs)?;
+        check_finite("excitation", u)?;
+        let mut y = vec![0.0; period * ny];
+        for part in self.parts.iter().filter(|p| !p.inputs.is_empty()) {
+            let own = columns(u, inputs, &part.inputs);
+            let found = from_steady_state(&part.model, theta, &own, period)?;
+            let last = found.chunks_exact(part.outputs.len().max(1)).skip(samples - period);
+            for (y, found) in y.chunks_exact_mut(ny).zip(last) {
+                part.outputs.iter().zip(found).for_each(|(o, found)| y[*o] = *found);
+            }
+        }
+        Ok(y)
     }
 
     /// Every part at `theta`, with the derivatives by those of `free` that act on it.
@@ -167,6 +189,15 @@ impl ClosedLoop {
         }
         Ok(())
     }
+}
+
+/// Whole periods from `first` on that are added up, the last one `last` times.
+#[derive(Clone, Copy)]
+struct Fold {
+    first: usize,
+    period: usize,
+    periods: usize,
+    last: f64,
 }
 
 /// One part, ready to run.
@@ -196,16 +227,39 @@ impl<'a> Prepared<'a> {
     /// # Errors
     /// [`crate::Error::Diverged`] and [`crate::Error::Unresolved`] of a nonlinear part.
     pub fn run(&self, u: &[f64], inputs: usize, sink: &mut impl FnMut(usize, usize, &[f64], usize)) -> Result<()> {
-        if self.inputs.len() == inputs {
-            return self.path.run(u, sink);
-        }
-        let own_inputs = self.inputs.len();
-        let mut own = vec![0.0; u.len() / inputs * own_inputs];
-        for (own, u) in own.chunks_exact_mut(own_inputs).zip(u.chunks_exact(inputs)) {
-            own.iter_mut().zip(self.inputs).for_each(|(own, i)| *own = u[*i]);
-        }
-        self.path.run(&own, sink)
+        self.path.run(&columns(u, inputs, self.inputs), sink)
     }
+
+    /// The sum of its rows of outputs, each followed by its derivatives, over the periods.
+    fn folded(&self, u: &[f64], inputs: usize, fold: Fold) -> Result<Vec<f64>> {
+        let Fold { first, period, periods, last } = fold;
+        let (columns, end) = (self.outputs.len() * (1 + self.free.len()), first + periods * period);
+        let mut sum = vec![0.0; period * columns];
+        self.run(u, inputs, &mut |from, count, block, stride| {
+            // stretches of the block that lie in one period
+            let (mut at, stop) = (from.max(first), (from + count).min(end));
+            while at < stop {
+                let place = (at - first) % period;
+                let own = (stop - at).min(period - place);
+                let weight = if at + period >= end { last } else { 1.0 };
+                let rows = block[(at - from) * stride..].chunks_exact(stride).take(own);
+                for (row, sum) in rows.zip(sum[place * columns..].chunks_exact_mut(columns)) {
+                    sum.iter_mut().zip(row).for_each(|(sum, value)| *sum += weight * value);
+                }
+                at += own;
+            }
+        })?;
+        Ok(sum)
+    }
+}
+
+/// Some of the columns of a table that has `all`.
+fn columns<'a>(table: &'a [f64], all: usize, some: &[usize]) -> Cow<'a, [f64]> {
+    if some.len() == all {
+        return Cow::Borrowed(table);
+    }
+    let rows = table.chunks_exact(all);
+    Cow::Owned(rows.flat_map(|row| some.iter().map(|i| row[*i])).collect())
 }
 
 /// The two ways to a response.

@@ -78,16 +78,23 @@ impl Dual {
 /// [`Error::Singular`] where Delta cannot be closed, the exponential overflows, or a displacement that a digital
 /// controller reads follows its command at once.
 pub fn discretise(model: &Model, theta: &[f64], free: &[usize]) -> Result<(Discrete, Vec<Discrete>)> {
+    let (value, slopes, _) = discretise_scaled(model, theta, free)?;
+    Ok((value, slopes))
+}
+
+/// The same, and how much smaller the states of the plant are than those of the model.
+pub fn discretise_scaled(model: &Model, theta: &[f64], free: &[usize]) -> Result<(Discrete, Vec<Discrete>, Vec<f64>)> {
     let mut closed = model.lft.close_at_rest(theta)?;
-    closed.balance();
+    let sizes = closed.balance();
     let plant = Plant::new(model, &closed, theta, free);
-    match &model.controller {
+    let (value, slopes) = match &model.controller {
         None => {
             let (a, b) = plant.hold(model.dt, &vec![0.0; free.len()])?;
-            Ok(collect(&a, &b, &plant.c, &plant.d))
+            collect(&a, &b, &plant.c, &plant.d)
         }
-        Some(controller) => sampled(&plant, &controller.at(theta, model.dt)?, model.dt, free),
-    }
+        Some(controller) => sampled(&plant, &controller.at(theta, model.dt)?, model.dt, free)?,
+    };
+    Ok((value, slopes, sizes))
 }
 
 /// The closed continuous plant with its derivatives.

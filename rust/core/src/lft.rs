@@ -230,10 +230,11 @@ fn add_product(target: &mut DMatrix<f64>, left: &DMatrix<f64>, right: &DMatrix<f
 }
 
 impl Closed {
-    /// Scales the states by powers of two so that rows and columns of A are of like size.
+    /// Scales the states by powers of two so that rows and columns of A are of like size; says how much smaller they
+    /// became.
     ///
     /// The response stays the same to the last bit; matrix exponentials and eigenvectors gain digits.
-    pub fn balance(&mut self) {
+    pub fn balance(&mut self) -> Vec<f64> {
         let t = balancing(&self.a);
         let n = t.len();
         for j in 0..n {
@@ -247,6 +248,7 @@ impl Closed {
             self.c_y.column_mut(i).scale_mut(*t);
             self.c_z.column_mut(i).scale_mut(*t);
         }
+        t
     }
 }
 

@@ -37,6 +37,7 @@ mod product;
 mod realtime;
 mod residual;
 mod split;
+mod steady;
 mod whitened;
 
 pub use block::{Block, Coefficient, Curve, Law, Table};

@@ -84,10 +84,7 @@ impl Nonlinear {
     /// # Errors
     /// [`Error::Diverged`], [`Error::Unresolved`].
     pub fn run(&self, u: &[f64], sink: &mut impl FnMut(usize, usize, &[f64], usize)) -> Result<()> {
-        let mut run = match self.substeps {
-            Some(substeps) => self.start(substeps)?,
-            None => self.resolved(u)?,
-        };
+        let mut run = self.ready(u)?;
         let columns = self.columns();
         let mut block = vec![0.0; BLOCK * columns];
         for (i, u) in u.chunks(BLOCK * self.inputs).enumerate() {
@@ -99,6 +96,21 @@ impl Nonlinear {
             sink(i * BLOCK, count, &block, columns);
         }
         Ok(())
+    }
+
+    /// The response to `u`, samples x outputs, from a state of the loop linearised at rest on; see [`Run::place`].
+    ///
+    /// # Errors
+    /// As [`Nonlinear::run`].
+    pub fn run_from(&self, state: &[f64], u: &[f64]) -> Result<Vec<f64>> {
+        let mut run = self.ready(u)?;
+        run.place(state);
+        self.response(&mut run, u)
+    }
+
+    /// The loop at rest, with the substeps that are given or that `u` needs.
+    fn ready(&self, u: &[f64]) -> Result<Run> {
+        self.substeps.map_or_else(|| self.resolved(u), |substeps| self.start(substeps))
     }
 
     /// The loop at rest with a given number of substeps.

@@ -134,6 +134,12 @@ fn blocks_without_strength_leave_digital_loops_alone() {
             }
             let off = deviation(&stepped, &y, system.outputs());
             assert!(off < 1e-10, "{what}: steps off by {off:.1e}");
+            let settled = |p: &Problem, u: &[f64]| p.system().settled(&p.theta, u, 100).expect("stable");
+            let expected = settled(&p, &u);
+            for found in [settled(&p, &u.repeat(2)), settled(&dull, &u), settled(&dull, &u.repeat(2))] {
+                let off = deviation(&found, &expected, system.outputs());
+                assert!(off < 1e-7, "{what}: steady state off by {off:.1e}");
+            }
         }
     }
 }
@@ -161,4 +167,25 @@ fn divergence_is_an_error() {
     let system = p.system();
     let found = system.simulate(&p.theta, &excitation(&system, 1e9));
     assert!(matches!(found, Err(Error::Diverged { .. })), "{found:?}");
+}
+
+/// The steady state of the linearised loop is nearer to that of the loop than rest is.
+#[test]
+fn a_periodic_response_starts_from_the_linear_steady_state() {
+    for axes in [2, 4] {
+        let p = saturating(0.0, axes, Some(2));
+        let system = p.system();
+        let (ny, u) = (system.outputs(), excitation(&system, 2.0));
+        let last = |u: &[f64]| {
+            let y = system.simulate(&p.theta, u).expect("stable");
+            y[y.len() - SAMPLES * ny..].to_vec()
+        };
+        let expected = last(&u.repeat(12));
+        for periods in [1, 2] {
+            let u = u.repeat(periods);
+            let off = deviation(&system.settled(&p.theta, &u, SAMPLES).expect("stable"), &expected, ny);
+            let from_rest = deviation(&last(&u), &expected, ny);
+            assert!(off < 0.02 * from_rest, "{axes} axes: off by {off:.1e}, from rest by {from_rest:.1e}");
+        }
+    }
 }

@@ -197,6 +197,19 @@ impl ClosedLoop {
         table(py, y, self.core.outputs())
     }
 
+    /// The last period of the response to an excitation that repeats, from the steady state of the linearised loop on.
+    fn settled<'py>(
+        &self,
+        py: Python<'py>,
+        theta: PyReadonlyArray1<'py, f64>,
+        u: PyReadonlyArray2<'py, f64>,
+        period: usize,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (theta, u) = (theta.as_slice()?, signal("excitation", &u, self.core.inputs())?);
+        let y = py.detach(|| self.core.settled(theta, u, period)).map_err(raise)?;
+        table(py, y, self.core.outputs())
+    }
+
     /// Response and derivatives, whole periods from `first` on added up, the last one `last` times.
     #[allow(clippy::type_complexity, clippy::too_many_arguments)]
     #[pyo3(signature = (theta, free, u, first, period, last=1.0))]

@@ -51,7 +51,9 @@ impl Shape {
     }
 
     fn power(&self, x: f64) -> f64 {
-        x * (1.0 + (self.sigma * x).powf(self.n)).powf(-1.0 / self.n)
+        // logarithms and exponentials: a power costs more than both
+        let q = (self.n * (self.sigma * x).ln()).exp();
+        x * ((1.0 + q).ln() * (-1.0 / self.n)).exp()
     }
 
     /// B of both magnets with its derivatives.
@@ -97,12 +99,14 @@ fn tanh_flux(x: f64, sigma: f64, t: f64) -> Flux {
 }
 
 fn power_flux(x: f64, sigma: f64, n: f64) -> Flux {
-    let q = (sigma * x).powf(n);
-    let (root, log) = ((1.0 + q).powf(-1.0 / n), (1.0 + q).ln());
+    let ln_x = (sigma * x).ln();
+    let q = (n * ln_x).exp();
+    let log = (1.0 + q).ln();
+    let root = (-log / n).exp();
     let share = q / (1.0 + q);
     let value = x * root;
     let by_sigma = if q > 0.0 { -value * share / sigma } else { 0.0 };
-    let by_n = if q > 0.0 { value * (log / (n * n) - share * (sigma * x).ln() / n) } else { 0.0 };
+    let by_n = if q > 0.0 { value * (log / (n * n) - share * ln_x / n) } else { 0.0 };
     Flux { value, by_x: root / (1.0 + q), by_shape: [by_sigma, by_n] }
 }
 

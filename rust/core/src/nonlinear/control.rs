@@ -55,6 +55,17 @@ impl Control {
         self.commands.fill(0.0);
     }
 
+    /// From this state on, which the commands before follow, newest first; derivatives stay as they are.
+    pub fn place(&mut self, state: &[f64]) {
+        let width = self.state.len() / self.rows;
+        let (own, commands) = state.split_at(width - self.channels);
+        self.state[..own.len()].copy_from_slice(own);
+        let size = self.rows * self.channels;
+        for (kept, command) in self.commands.chunks_exact_mut(size).zip(commands.chunks(self.channels)) {
+            kept[..command.len()].copy_from_slice(command);
+        }
+    }
+
     /// The command of `age` controller samples ago, in rows.
     pub fn command(&self, age: usize) -> &[f64] {
         let size = self.rows * self.channels;

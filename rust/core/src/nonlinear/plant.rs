@@ -10,6 +10,8 @@ use crate::model::Model;
 #[derive(Debug, Clone)]
 pub struct Plant {
     pub a: DMatrix<f64>,
+    /// How much smaller the states are than those of the model.
+    pub sizes: Vec<f64>,
     pub b: DMatrix<f64>,
     pub c_y: DMatrix<f64>,
     pub c_z: DMatrix<f64>,
@@ -59,7 +61,7 @@ impl Plant {
     pub fn new(model: &Model, theta: &[f64], free: &[usize]) -> Result<Self> {
         let lft = &model.lft;
         let mut closed = lft.close(theta)?;
-        closed.balance();
+        let sizes = closed.balance();
         let (nu, ny, nq) = (lft.inputs(), lft.outputs(), lft.signals());
         let row = |parameter: usize| free.iter().position(|f| *f == parameter).map(|j| 1 + j);
         let (ports, gains): (Vec<usize>, Vec<FreeGain>) = lft
@@ -86,6 +88,7 @@ impl Plant {
             d_z,
             d_g: closed.d_zu.select_rows(&ports),
             a: closed.a,
+            sizes,
             inputs: nu,
             driven: model.commands(),
             blocks,

@@ -103,6 +103,16 @@ impl Run {
         }
     }
 
+    /// From a state of the loop linearised at rest on: that of the plant, of the controller, then the commands before.
+    pub fn place(&mut self, state: &[f64]) {
+        let (plant, rest) = state.split_at(self.plant.sizes.len());
+        let own = self.buffers.last[self.layout.x..].iter_mut();
+        own.zip(plant.iter().zip(&self.plant.sizes)).for_each(|(own, (x, size))| *own = x / size);
+        if let Some(control) = &mut self.control {
+            control.place(rest);
+        }
+    }
+
     /// One sample: `y` becomes the outputs of this instant, each followed by its derivatives; `u` is held.
     pub fn sample(&mut self, u: &[f64], y: &mut [f64]) {
         sample(self, u, y);

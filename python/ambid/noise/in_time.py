@@ -1,0 +1,125 @@
+"""The response of a nonlinear model to the excitation of one record, simulated in time and transformed.
+
+The periodic steady state is what remains after a lead of so many periods that a start from rest is forgotten. What is
+left of it looks like a transient of the loop linearised at rest, which is fitted with every model. From the steady
+state of that loop the lead is shorter; exact enough where responses are compared. Where the record itself begins at
+rest, its first periods are simulated as they were, until they repeat.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ambid import _core
+from ambid.arrays import ComplexArray, FloatArray
+from ambid.model import Model
+from ambid.noise.window import Window
+from ambid.record import Record
+
+__all__ = ["InTime"]
+
+SETTLED = 1e-3
+"""Part of a transient that may be left where a nonlinear model that started from rest counts as settled."""
+NEARLY = 0.1
+"""The same where it started from the steady state of the linearised loop, and likes are compared."""
+REMEMBERED = 8
+"""Responses that are kept."""
+
+Lines = tuple[ComplexArray, ComplexArray]
+"""Judged lines of a response, shape (lines, p), and of its derivatives, shape (lines, p, free)."""
+
+
+class _Key(NamedTuple):
+    core: _core.ClosedLoop
+    theta: bytes
+    at_rest: bool
+
+
+class InTime:
+    """Simulates nonlinear models over one record.
+
+    Parameters
+    ----------
+    record : Record
+    window : Window
+    judged : callable
+        The judged lines of a signal that starts with the record.
+    every : int
+        Of the excited lines so many make one that is judged; 0 where there are others beside them.
+    """
+
+    def __init__(
+        self, record: Record, window: Window, judged: Callable[[FloatArray], ComplexArray], every: int
+    ) -> None:
+        self.record, self.window, self.judged, self.every = record, window, judged, every
+        self.channels = len(record.channels)
+        self._known: dict[_Key, ComplexArray] = {}
+
+    def lines(self, here: Model, free: list[int], *, at_rest: bool) -> Lines:
+        """Judged lines of the response, from rest or settled, and of its derivatives by the parameters in `free`."""
+        key = _Key(here.loop.core, here.theta.tobytes(), at_rest)
+        if not free and key in self._known:
+            return self._known[key], np.zeros((*self._known[key].shape, 0), dtype=complex)
+        response, slopes = self._lines(here, free, at_rest=at_rest)
+        if not free or here.structure.substeps is not None:  # else derivatives choose the substeps too
+            self._known[key] = response
+        while len(self._known) > REMEMBERED:
+            self._known.pop(next(iter(self._known)))
+        return response, slopes
+
+    def change(self, here: Model) -> ComplexArray:
+        """Judged lines of the settled response, for comparison with that of a like model: after a short lead."""
+        lead = self._samples_until(here, NEARLY)
+        if not self._repeats(here) or lead >= self.window.samples:
+            return self.lines(here, [], at_rest=False)[0]
+        period = self.window.period
+        inputs = np.take(self._inputs(here)[:period], np.arange(-lead, period), axis=0, mode="wrap")
+        return self._of_period(self.window.periods * here.loop.core.settled(here.theta, inputs, period))
+
+    def samples(self, here: Model, *, at_rest: bool) -> FloatArray:
+        """The response in all samples of the record, shape (samples, p)."""
+        inputs = np.ascontiguousarray(here.excitation(self.record))
+        if at_rest or inputs.shape[1] > len(self.record.axes):
+            return here.loop.core.simulate(here.theta, inputs)[:, : self.channels]
+        lead = self._lead(here) * self.window.period
+        before = np.resize(inputs[: self.window.period], (lead, inputs.shape[1]))
+        return here.loop.core.simulate(here.theta, np.vstack([before, inputs]))[lead:, : self.channels]
+
+    def _lines(self, here: Model, free: list[int], *, at_rest: bool) -> Lines:
+        window, core, theta = self.window, here.loop.core, here.theta
+        inputs = self._inputs(here)
+        if not self._repeats(here):
+            y, slopes = core.sensitivity(theta, free, inputs)
+            return self.judged(y[:, : self.channels]), self.judged(slopes[:, : self.channels])
+        lead = self._lead(here)
+        if at_rest:
+            periods = min(lead + 1, window.periods)
+            own = inputs[: window.first + periods * window.period]
+            repeated = window.periods - periods + 1.0
+            y, slopes = core.folded(theta, free, own, window.first, window.period, repeated)
+        else:
+            own = np.tile(inputs[: window.period], (lead + 1, 1))
+            y, slopes = core.folded(theta, free, own, lead * window.period, window.period, float(window.periods))
+        return self._of_period(y), self._of_period(slopes)
+
+    def _repeats(self, here: Model) -> bool:
+        """Whether all that acts on the loop repeats with the excitation."""
+        return self.window.is_periodic and here.loop.core.inputs == len(self.record.axes) and self.every > 0
+
+    def _inputs(self, here: Model) -> FloatArray:
+        return np.ascontiguousarray(here.excitation(self.record)[: self.window.first + self.window.samples])
+
+    def _of_period(self, folded: FloatArray) -> ComplexArray:
+        return self.window.of_period(folded[:, : self.channels])[:: self.every]
+
+    def _lead(self, here: Model) -> int:
+        """Periods from rest after which a transient of the model does not matter."""
+        return int(np.clip(-(-self._samples_until(here, SETTLED) // self.window.period), 1, self.window.periods))
+
+    def _samples_until(self, here: Model, left: float) -> int:
+        """Samples after which so much of a transient is left; no more than the record has."""
+        decay = max(-float(here.loop.core.poles(here.theta).real.max()), 1e-9)
+        return int(min(np.ceil(np.log(1.0 / left) / decay * self.record.sample_rate), self.window.samples))

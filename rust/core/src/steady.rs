@@ -1,0 +1,64 @@
+//! The steady state of a loop whose excitation repeats, linearised at rest, and the response from there on.
+
+use nalgebra::{DMatrix, DVector, DVectorView};
+
+use crate::discretise::{Discrete, discretise_scaled};
+use crate::error::Result;
+use crate::linear::stable;
+use crate::modal;
+use crate::model::Model;
+use crate::nonlinear::Nonlinear;
+
+/// Part that a direction of the state changes by over a period, relative to the most, below which it does not decay.
+const NEUTRAL: f64 = 1e-9;
+
+/// Response (samples x outputs) to `u`, whose first `period` samples repeat, from the steady state of the linearised
+/// loop on; from rest where that has none.
+///
+/// # Errors
+/// As [`crate::ClosedLoop::simulate`].
+pub fn from_steady_state(model: &Model, theta: &[f64], u: &[f64], period: usize) -> Result<Vec<f64>> {
+    let inputs = model.inputs();
+    let (discrete, _, sizes) = discretise_scaled(model, theta, &[])?;
+    let state = steady_state(&discrete, &u[..period * inputs]);
+    if model.lft.blocks.is_empty() {
+        let mu: Vec<_> = modal::poles(model, theta)?.into_iter().map(|pole| (pole * model.dt).exp()).collect();
+        stable(&mu, model.dt)?;
+        return Ok(follow(&discrete, state, u));
+    }
+    let mut state: Vec<f64> = state.iter().copied().collect();
+    state.iter_mut().zip(sizes).for_each(|(x, size)| *x *= size);
+    Nonlinear::stable(model, theta, &[])?.run_from(&state, u)
+}
+
+/// The state at the beginning of a period of inputs that repeats, at rest where a direction of it does not decay.
+fn steady_state(discrete: &Discrete, u: &[f64]) -> DVector<f64> {
+    let n = discrete.a.nrows();
+    let (mut state, mut next, inputs) = (DVector::zeros(n), DVector::zeros(n), discrete.b.ncols());
+    for u in u.chunks_exact(inputs) {
+        next.gemv(1.0, &discrete.a, &state, 0.0);
+        next.gemv(1.0, &discrete.b, &DVectorView::from_slice(u, inputs), 1.0);
+        std::mem::swap(&mut state, &mut next);
+    }
+    let over_period = discrete.a.pow((u.len() / inputs) as u32);
+    let parts = (DMatrix::identity(n, n) - over_period).svd(true, true);
+    let size = |pick: fn(f64, f64) -> f64| parts.singular_values.iter().copied().reduce(pick).unwrap_or(1.0);
+    let settled = if size(f64::min) > NEUTRAL * size(f64::max) { parts.solve(&state, 0.0).ok() } else { None };
+    settled.unwrap_or_else(|| DVector::zeros(n))
+}
+
+/// The response of a linear loop from a state on.
+fn follow(discrete: &Discrete, mut state: DVector<f64>, u: &[f64]) -> Vec<f64> {
+    let (inputs, mut next, mut y) = (discrete.b.ncols(), state.clone(), DVector::zeros(discrete.c.nrows()));
+    let mut out = Vec::with_capacity(u.len() / inputs * y.len());
+    for u in u.chunks_exact(inputs) {
+        let u = DVectorView::from_slice(u, inputs);
+        y.gemv(1.0, &discrete.c, &state, 0.0);
+        y.gemv(1.0, &discrete.d, &u, 1.0);
+        out.extend(y.iter());
+        next.gemv(1.0, &discrete.a, &state, 0.0);
+        next.gemv(1.0, &discrete.b, &u, 1.0);
+        std::mem::swap(&mut state, &mut next);
+    }
+    out
+}

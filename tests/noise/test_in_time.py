@@ -1,0 +1,50 @@
+"""A nonlinear response in time: the steady state after a short lead is that after a long one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from ambid import Model, compare, prbs
+from ambid.noise.in_time import InTime
+from hidden.one_axis import ONE_AXIS
+
+PERIOD = 1020
+
+
+@pytest.fixture(scope="module")
+def judged():
+    """A saturating model, the lines of a record of it, and its response in time."""
+    model = Model(ONE_AXIS.rig).add("force_nonlinearity")
+    i_e = prbs(8, amplitude=1.0, hold=4, periods=4)
+    record = replace(model.virtual_experiment(i_e, sensor_noise=5e-8, current_noise=5e-3, seed=1), period=PERIOD)
+    (part,) = compare(model, record).noise.parts
+    return model.at(record), part, InTime(part.record, part.window, part._judged, 1)
+
+
+def test_a_start_from_the_linear_steady_state_is_as_good_as_a_long_lead(judged):
+    """Beside what transients take over, by far less than a unit of the noise."""
+    here, part, in_time = judged
+    inputs = np.tile(here.excitation(part.record)[:PERIOD], (20, 1))
+    folded, _ = here.loop.core.folded(here.theta, [], inputs, 19 * PERIOD, PERIOD, 4.0)
+    long = part.whiten(part.window.of_period(folded[:, : in_time.channels]))
+    basis = part.transients(here)
+    for near in (in_time.change(here), in_time.lines(here, [], at_rest=False)[0]):
+        left = part.whiten(near) - long
+        assert np.linalg.norm(left - basis @ (basis.T @ left)) < 0.05
+    linear = here.without("force_nonlinearity").response(part.record)[-PERIOD:]
+    assert np.linalg.norm(part.whiten(part.window.of_period(4.0 * linear)) - long) > 10.0
+
+
+def test_a_response_does_not_depend_on_those_before(judged):
+    own, part, in_time = judged
+    here = own.with_substeps(2)
+    free = list(range(len(here.names)))
+    with_slopes, slopes = in_time.lines(here, free, at_rest=True)
+    known, none = in_time.lines(here, [], at_rest=True)
+    fresh, _ = InTime(part.record, part.window, part._judged, 1).lines(here, free, at_rest=True)
+    assert (slopes.shape[2], none.shape[2]) == (len(free), 0)
+    assert_array_equal(known, with_slopes)
+    assert_array_equal(fresh, with_slopes)
+    assert not np.array_equal(in_time.lines(here, [], at_rest=False)[0], known)
