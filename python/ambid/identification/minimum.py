@@ -74,7 +74,7 @@ def refit(comparison: Comparison, most: int = 40, step: float = EXACTLY) -> Comp
 def _is_hidden(noise: Noise, model: Model, other: Model) -> bool:
     """Whether the responses of two models differ by less than the noise shows."""
     try:
-        return float(np.linalg.norm(noise.departure(model) - noise.response(other))) < HIDDEN
+        return float(np.linalg.norm(noise.departure(model) - noise.departure(other))) < HIDDEN
     except UnstableLoopError:
         return False
 
