@@ -255,12 +255,12 @@ class RecordLines:
         """Power of the noise of each channel on the judged lines, shape (lines, p), in units of the lines."""
         inverse = _core.inverses(self.spectrum.whitening)
         own = 2.0 * np.sum(np.abs(inverse) ** 2, axis=2)
-        return np.asarray(own / self.spectrum.spread[:, None])
+        return np.asarray(own / self.spectrum.raised[:, None])
 
     @property
     def alone(self) -> FloatArray:
         """Hotelling's factor (n_l - 1)/n_l of a channel by itself, of every line, shape (lines, 1)."""
-        share = 1.0 - 1.0 / self.spectrum.spread  # p / n_l
+        share = 1.0 - 1.0 / self.spectrum.raised  # p / n_l
         return np.asarray(1.0 - share / self.measured.channels)[:, None]
 
     def _inputs(self, here: Model) -> ComplexArray:
@@ -339,14 +339,14 @@ class RecordLines:
         shapes = [np.tile(np.eye(p, dtype=complex), (len(self.points), 1, 1)), back_through_loop(here, self.points, p)]
         if not here.is_linear:
             residual = self._z - self._simulated(here, [])[0]
-            covariance, back = likelier_beside_excitation(residual, self._excitation, shapes)
-            return Spectrum.of(covariance, back, np.ones(len(self.points)))
+            found = likelier_beside_excitation(residual, self._excitation, shapes)
+            return Spectrum.of(*found, np.ones(len(self.points)))
         core, inputs, transient = here.loop.core, self._inputs(here), None
         for _ in range(2):  # the first time with a transient that is as smooth as it may be
             response, _, _ = core.lines(here.theta, [], self.points, inputs, transient, False)
-            covariance, back = likelier_beside_excitation(self._z - response[:, :p], self._excitation, shapes)
-            require_noise(covariance, back, self._z)
-            spectrum = Spectrum.of(covariance, back, np.ones(len(self.points)))
+            found = likelier_beside_excitation(self._z - response[:, :p], self._excitation, shapes)
+            require_noise(*found[:2], self._z)
+            spectrum = Spectrum.of(*found, np.ones(len(self.points)))
             data = _core.LineData(core, self.points, inputs, self._z, spectrum.whitening)
             transient = _core.line_equations(core, here.theta, [], [data])[3][0]
         return spectrum

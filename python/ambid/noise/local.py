@@ -33,7 +33,7 @@ LEAST_WIDTH = 31
 """Lines in a local regression, if more are not needed."""
 
 
-def beside_excitation(lines: ComplexArray, excitation: ComplexArray) -> tuple[ComplexArray, FloatArray]:
+def beside_excitation(lines: ComplexArray, excitation: ComplexArray) -> tuple[ComplexArray, FloatArray, float]:
     """S at every line from what a local regression on the excitation and on a transient leaves, shape (lines, p, p).
 
     With q numbers fitted to m lines, the noise has nu = m - q degrees of freedom. A line is one of those that S was
@@ -44,6 +44,8 @@ def beside_excitation(lines: ComplexArray, excitation: ComplexArray) -> tuple[Co
     ndarray, shape (lines, p, p)
     ndarray, shape (lines, p)
         Power of the noise of every line and channel by itself.
+    float
+        See `Spectrum.spread`: what a smooth gain makes of the excitation has no part in S.
     """
     count, p = lines.shape
     fitted = (excitation.shape[1] + 1) * (DEGREE + 1)
@@ -74,14 +76,14 @@ def beside_excitation(lines: ComplexArray, excitation: ComplexArray) -> tuple[Co
         at = nearest[here] - first
         place = np.clip(here - own_starts[at], 0, width - 1)
         own_power[here] = np.abs(left[at, place]) ** 2 * width / free
-    spectrum *= (free + fitted * free / (free - p)) / width
-    return np.asarray(spectrum[nearest]), own_power
+    factor = (free + fitted * free / (free - p)) / width
+    return np.asarray(factor * spectrum[nearest]), own_power, free / (free - p) / factor
 
 
 def likelier_beside_excitation(
     lines: ComplexArray, excitation: ComplexArray, shapes: Sequence[ComplexArray]
-) -> tuple[ComplexArray, ComplexArray]:
-    """S at every line behind the shape, (lines, p, p), under which the lines are likeliest, and that shape.
+) -> tuple[ComplexArray, ComplexArray, FloatArray]:
+    """S at every line behind the shape, (lines, p, p), under which the lines are likeliest, that shape, and the spread.
 
     Noise whose power changes within a regression, as near a peak or towards zero frequency, is made even first: each
     shape is also tried with the power of the lines around, or a smooth `Envelope`, taken out of every channel.
@@ -89,17 +91,17 @@ def likelier_beside_excitation(
     best: tuple[float, ComplexArray, ComplexArray] | None = None
     for back in shapes:
         behind = (back @ lines[..., None])[..., 0]
-        spectrum, power = beside_excitation(behind, excitation)
+        spectrum, power, spread = beside_excitation(behind, excitation)
         ways = [(back, spectrum, 0.0)]
         for root, numbers in (_around(power), _envelope(power)):
-            flat, _ = beside_excitation(behind / root, excitation)
+            flat, *_ = beside_excitation(behind / root, excitation)
             ways.append((back / root[:, :, None], flat, numbers))
         for shape, own, cost in ways:
             likely = _likelihood(own, shape) - cost
             if best is None or likely > best[0]:
                 best = (likely, own, shape)
     assert best is not None, "there is a shape"
-    return best[1], best[2]
+    return best[1], best[2], np.full(len(lines), spread)
 
 
 def _envelope(power: FloatArray) -> tuple[FloatArray, float]:

@@ -12,7 +12,7 @@ from ambid.arrays import FloatArray
 from ambid.loop.effect import Tone
 from ambid.model import Model
 from ambid.noise.lines import REMEMBERED, Measured, RecordLines, White
-from ambid.noise.tones import find_tones
+from ambid.noise.tones import confirmed, find_tones
 from ambid.record import Record
 
 __all__ = ["Noise", "Quadratic"]
@@ -73,8 +73,11 @@ class Noise:
         parts = []
         for own in measured:
             part = RecordLines(model, own)
-            tones = find_tones(model, part)
-            parts.append(RecordLines(model, own, tones) if tones else part)
+            if tones := find_tones(model, part):
+                part = RecordLines(model, own, tones)
+                if (kept := confirmed(part)) != tones:
+                    part = RecordLines(model, own, kept)
+            parts.append(part)
         self._take(parts)
 
     def _take(self, parts: Sequence[RecordLines]) -> None:

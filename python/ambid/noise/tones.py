@@ -22,12 +22,14 @@ from ambid.noise.lines import RecordLines, as_lines
 from ambid.noise.wave import refined_places
 from ambid.noise.window import Window
 
-__all__ = ["Between", "Tone", "find_tones"]
+__all__ = ["Between", "Tone", "confirmed", "find_tones"]
 
 OUTSTANDING = 70.0
 """Power of a tone over that around it; noise alone reaches 40 in a few of a hundred records of 60 000 lines."""
 ALONE = 200.0
 """Power of a tone on an excited line over that of its neighbours; a pole is wider than one line."""
+UNDER_HANN = 1.5
+"""Power of a line of noise under a Hann window, over that without."""
 NOISE = 2.0
 """Mean power of whitened noise on a line."""
 SUSPECTED = 1e-3
@@ -86,6 +88,25 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
             height, channel = between.at(frequency / per_line)
             found.append(Tone(frequency, channel % axes, height))
     return (*found, *_on_excited_lines(here, part, axes, found))
+
+
+def confirmed(part: RecordLines) -> tuple[Tone, ...]:
+    """The tones of a record's lines that stand out of the noise which is left without them.
+
+    Under a peak of noise a single line may be as loud beside its neighbours; without it the peak is still there.
+    """
+    window = part.window.settled
+    per_line = part.record.sample_rate / window.samples
+
+    def stands_out(tone: Tone) -> bool:
+        place = tone.frequency_hz / per_line
+        is_between = abs(place - window.periods * round(place / window.periods)) >= BARELY
+        if tone.power < OUTSTANDING or not is_between:
+            return True  # suspected, or judged on its excited line
+        around = Between.around(part, np.array([int(place)]))
+        return around.over_spectrum(place) > OUTSTANDING
+
+    return tuple(tone for tone in part.tones if stands_out(tone))
 
 
 def _at_narrow_modes(here: Model, count: int, spacing: float, beyond: int) -> NDArray[np.bool_]:
@@ -149,10 +170,13 @@ class Between:
     window : Window
     lines : ndarray, shape (M N / 2 + 1, p)
         Taken back through the loop, so that noise is smooth over frequency.
+    inner : ndarray, shape (excited lines, p, p)
+        What whitens them, see `Spectrum`.
     """
 
     window: Window
     lines: ComplexArray
+    inner: ComplexArray
 
     @classmethod
     def of(cls, part: RecordLines, index: NDArray[np.intp], tones: Sequence[Tone] = ()) -> Between:
@@ -161,7 +185,7 @@ class Between:
         lines = np.zeros((window.samples // 2 + 1, len(part.record.channels)), dtype=complex)
         if len(index):
             lines[index] = part.left_between(index, tones)
-        return cls(window, lines)
+        return cls(window, lines, part.spectrum.inner[: len(part.window.excited)])
 
     @classmethod
     def around(cls, part: RecordLines, places: NDArray[np.intp], tones: Sequence[Tone] = ()) -> Between:
@@ -185,6 +209,13 @@ class Between:
             relative[known] = own / np.maximum(np.maximum(middle, beside), 1e-300)
         relative[:2] = relative[-2:] = 0.0
         return relative
+
+    def over_spectrum(self, place: float) -> float:
+        """Largest power of the lines next to a place, under a Hann window, over that of the noise by the spectrum."""
+        near = np.arange(max(int(place) - 1, 1), min(int(place) + 3, len(self.lines) - 1))
+        excited = int(np.clip(round(place / self.window.periods) - self.window.lowest, 0, len(self.inner) - 1))
+        level = 2.0 * np.sum(np.abs(np.linalg.inv(self.inner[excited])) ** 2, axis=1)
+        return float(np.max(_under_hann(self.lines, self.window)[near] / (UNDER_HANN * level), initial=0.0))
 
     def loudest(self, hidden: NDArray[np.bool_]) -> tuple[int, int, float]:
         """Line, channel and relative power of the line that stands out most, of those that are not hidden."""

@@ -61,15 +61,20 @@ class Spectrum:
     spread : ndarray, shape (lines,)
         Variance of whitened noise on the direction of a whitened response, n_l / (n_l - p): where S is by chance too
         small both are large, which J, whose mean is 1 all the same, does not show.
+    raised : ndarray, shape (lines,)
+        What stands in place of S over S itself, in the mean: n_l / (n_l - p), so that J has a mean of 1.
     """
 
     inner: ComplexArray
     whitening: ComplexArray
     spread: FloatArray
+    raised: FloatArray
 
     @classmethod
-    def of(cls, covariance: ComplexArray, back: ComplexArray, spread: FloatArray) -> Spectrum:
-        """From the covariance of the lines that `back` has been applied to.
+    def of(
+        cls, covariance: ComplexArray, back: ComplexArray, spread: FloatArray, raised: FloatArray | None = None
+    ) -> Spectrum:
+        """From the covariance of the lines that `back` has been applied to; it is raised by its spread, unless told.
 
         Raises
         ------
@@ -80,7 +85,7 @@ class Spectrum:
             inner, whitening = _core.whitening(covariance, back)
         except ModelError:
             raise RecordError(SILENT) from None
-        return cls(inner, whitening, spread)
+        return cls(inner, whitening, spread, spread if raised is None else raised)
 
 
 def require_noise(covariance: ComplexArray, back: ComplexArray, recorded: ComplexArray) -> None:

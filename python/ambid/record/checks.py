@@ -189,8 +189,9 @@ def _clipped(values: NDArray[np.float64]) -> tuple[float, float]:
         share = float(at.mean())
         in_runs = bool(np.any(at[:-2] & at[1:-1] & at[2:]))
         # A coarse converter also repeats its extreme values, but hardly more often than the level next to them:
-        # at most 2.4 times for a sine.
-        if share > CLIPPED_SHARE and in_runs and at.sum() > 3 * np.sum(values == inward(values[~at])):
+        # at most 2.4 times for a sine, and in a short record by three standard deviations of the counts more.
+        count, next_to_it = int(at.sum()), 3 * int(np.sum(values == inward(values[~at])))
+        if share > CLIPPED_SHARE and in_runs and count - next_to_it > 3.0 * np.sqrt(count + 3 * next_to_it):
             return share, float(level)
     return 0.0, 0.0
 
