@@ -279,10 +279,8 @@ class _Point:
         self.residual = self.freed(np.concatenate([white.residual for white in own])[:, None])[:, 0]
         self.cost = float(self.residual @ self.residual)
         self.dof = comparison.dof
-        self.exact, self.linear = model if model.is_linear else model.with_substeps(SUBSTEPS), model
-        for effect in model.effects:
-            if not model.is_linear and not Model(model.home_of(effect) or model.rig, effects=[effect]).is_linear:
-                self.linear = self.linear.without(effect.name)
+        self.exact = model if model.is_linear else model.with_substeps(SUBSTEPS)
+        self.linear = model.without_nonlinear()
         if not self.linear.is_stable:
             self.linear = self.exact
         self._before: dict[int, FloatArray] = {}

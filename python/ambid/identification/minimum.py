@@ -23,7 +23,7 @@ SUBSTEPS = 2
 
 
 class WhitenedProblem(LeastSquares):
-    """J as a function of the free parameters."""
+    """J as a function of the free parameters; `roughly` with derivatives that are near enough, see `Noise`."""
 
     def __init__(
         self,
@@ -31,9 +31,11 @@ class WhitenedProblem(LeastSquares):
         noise: Noise,
         free: Sequence[int] | None = None,
         progress: Callable[[int, float], None] | None = None,
+        *,
+        roughly: bool = False,
     ) -> None:
         super().__init__(model, list(range(len(model.names))) if free is None else list(free), progress)
-        self.noise = noise
+        self.noise, self.roughly = noise, roughly
         self._before: tuple[FloatArray, Quadratic] | None = None
 
     def _evaluate(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, float]:
@@ -41,7 +43,7 @@ class WhitenedProblem(LeastSquares):
         if self._before is not None:  # transients change with the parameters
             step, before = theta[self.free] - self._before[0][self.free], self._before[1]
             near = [d + step @ slope for d, slope in zip(before.transients, before.transient_slopes, strict=True)]
-        found = self.noise.quadratic(self.model.with_theta(theta), self.free, near)
+        found = self.noise.quadratic(self.model.with_theta(theta), self.free, near, roughly=self.roughly)
         self._before = (theta, found)
         return found.hessian, found.gradient, found.cost
 
@@ -60,9 +62,10 @@ def refit(comparison: Comparison, most: int = 40, step: float = EXACTLY) -> Comp
         Relative step at which the descent ends; `ROUGHLY` tells rivals from each other.
     """
     model = comparison.model if comparison.model.is_linear else comparison.model.with_substeps(SUBSTEPS)
-    coarse = model.with_substeps(1)
-    is_rough = step >= ROUGHLY and not model.is_linear and _is_hidden(comparison.noise, model, coarse)
-    problem = WhitenedProblem(coarse if is_rough else model, comparison.noise)
+    coarse, roughly = model.with_substeps(1), step >= ROUGHLY and not model.is_linear
+    is_coarse = roughly and _is_hidden(comparison.noise, model, coarse)
+    roughly = roughly and model.without_nonlinear().is_stable
+    problem = WhitenedProblem(coarse if is_coarse else model, comparison.noise, roughly=roughly)
     lower = np.array([p.lower for p in model.parameters]) / problem.scale
     upper = np.array([p.upper for p in model.parameters]) / problem.scale
     end = problem.descend(model.theta / problem.scale, (lower, upper), most, step)

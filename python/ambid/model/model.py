@@ -16,7 +16,7 @@ from ambid.model.experiment import inputs_of, simulated, virtual_experiment
 from ambid.model.file import read_model, write_model
 from ambid.model.operating_point import further_points, nominal_of_points, parameters_at
 from ambid.model.parameter import Parameter, of_effect, selected, shared, split, to_rig
-from ambid.model.structure import Structure, require_allowed
+from ambid.model.structure import Structure, is_nonlinear, require_allowed
 from ambid.record import Record
 from ambid.rig import Rig
 
@@ -100,6 +100,15 @@ class Model:
     def is_linear(self) -> bool:
         """Whether no effect of the model is nonlinear."""
         return not self.loop.lft.blocks
+
+    def without_nonlinear(self) -> Model:
+        """Return the model without its nonlinear effects."""
+        model = self
+        for effect in self.effects:
+            home = self.home_of(effect)
+            if home is not None and not self.is_linear and is_nonlinear(home, effect):
+                model = model.without(effect.name)
+        return model
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from ambid.errors import ModelError
 from ambid.loop.effect import Effect
-from ambid.loop.loop import Loop
+from ambid.loop.loop import Loop, open_plant
 from ambid.model.operating_point import nominal_of_points
 from ambid.model.parameter import Parameter, nominal, of_effect
 from ambid.rig import Rig
 
-__all__ = ["Structure"]
+__all__ = ["Structure", "is_nonlinear"]
 
 
 @dataclass(frozen=True)
@@ -110,3 +111,9 @@ def require_allowed(parameters: Sequence[Parameter]) -> None:
         if not (np.isfinite(parameter.value) and low <= parameter.value <= high and parameter.scale > 0.0):
             allowed = "a positive number" if (low, high) == (0.0, np.inf) else f"{low:g} to {high:g}"
             raise ModelError(f"{parameter.name} = {parameter.value}: expected {allowed} in {parameter.unit}")
+
+
+@lru_cache(maxsize=256)
+def is_nonlinear(rig: Rig, effect: Effect) -> bool:
+    """Whether an effect has nonlinear blocks on this rig."""
+    return bool(open_plant(rig, [effect]).blocks)

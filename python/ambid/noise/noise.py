@@ -84,7 +84,7 @@ class Noise:
         self.parts = tuple(parts)
         self.records = tuple(part.record for part in parts)
         self.lines = sum(part.numbers for part in parts)
-        self._known: dict[tuple[object, tuple[int, ...]], Quadratic] = {}
+        self._known: dict[tuple[object, tuple[int, ...], bool], Quadratic] = {}
 
     @classmethod
     def rough(cls, model: Model, records: Sequence[Record]) -> Noise:
@@ -138,7 +138,9 @@ class Noise:
         found = self.white(model, free)
         return np.concatenate([own.residual for own in found]), np.vstack([own.slopes for own in found])
 
-    def quadratic(self, model: Model, free: Sequence[int], near: Sequence[FloatArray] = ()) -> Quadratic:
+    def quadratic(
+        self, model: Model, free: Sequence[int], near: Sequence[FloatArray] = (), *, roughly: bool = False
+    ) -> Quadratic:
         """J about a model; small whatever the length of the records.
 
         Parameters
@@ -147,18 +149,20 @@ class Noise:
         free : sequence of int
         near : sequence of ndarray
             Transients of each record that are close to the best ones, as an earlier call found them.
+        roughly : bool
+            See `RecordLines.white`.
         """
         place = (tuple(model.at(part.record).loop.core for part in self.parts), model.theta.tobytes())
-        key: tuple[object, tuple[int, ...]] = (place, tuple(free))
+        key: tuple[object, tuple[int, ...], bool] = (place, tuple(free), roughly)
         if not free:  # J alone, which any of them tells
             key = next((known for known in reversed(self._known) if known[0] == place), key)
         if key not in self._known:
-            self._known[key] = self._quadratic(model, free, near)
+            self._known[key] = self._quadratic(model, free, near, roughly)
             while len(self._known) > REMEMBERED:
                 self._known.pop(next(iter(self._known)))
         return self._known[key]
 
-    def _quadratic(self, model: Model, free: Sequence[int], near: Sequence[FloatArray]) -> Quadratic:
+    def _quadratic(self, model: Model, free: Sequence[int], near: Sequence[FloatArray], roughly: bool) -> Quadratic:
         size, cost, fitted = len(free), 0.0, 0
         hessian, gradient = np.zeros((size, size)), np.zeros(size)
         transients, turning = [np.zeros(0)] * len(self.parts), [np.zeros((size, 0))] * len(self.parts)
@@ -168,7 +172,7 @@ class Noise:
             if here.is_linear:
                 own.setdefault(here.loop.core, []).append((k, part.data(here)))
                 continue
-            residual, columns, states, _ = part.white(here, free)
+            residual, columns, states, _ = part.white(here, free, roughly=roughly)
             hessian, gradient = hessian + columns.T @ columns, gradient - columns.T @ residual
             cost, fitted = cost + float(residual @ residual), fitted + states
         for core, members in own.items():
