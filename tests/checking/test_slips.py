@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from ambid.checking import check
-from ambid.excitation import multisine
+from ambid.excitation import multisine, prbs
 from ambid.model import Model
 from ambid.rig.controller import PID_GAINS
+from hidden.bench import simulate
 from hidden.experiment import experiment
+from hidden.families import BENCHES
 from reference.loop_rigs import RIGS
 from virtual import VirtualBench
 
@@ -320,3 +322,13 @@ def test_figures_of_the_loop():
     S = np.abs(1 / (1 + K * G))
     assert figures.peak_sensitivity == pytest.approx(S.max(), rel=1e-3)
     assert figures.peak_sensitivity_hz == pytest.approx(f[S.argmax()], rel=0.02)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_short_record_does_not_tell_the_integral(seed):
+    """Two periods of 127 samples after the first: what noise has left in the integral is no wrong gain."""
+    own = BENCHES["small"]
+    i_e = prbs(7, amplitude=own.amplitude, hold=1, axes=len(own.rig.axes), periods=3)
+    resonant = [1.0], [1.0, -2.0 * 0.98 * np.cos(0.8), 0.98**2]
+    record = simulate(own.rig, i_e, seed=seed, period=127, colour=resonant, **own.truth, **own.noise)
+    assert not [finding for finding in check(own.rig, [record]).findings if "follows from" in finding.what]

@@ -49,6 +49,21 @@ def test_two_at_once(pair):
     assert set(pair) <= named(diagnose(rig, train))
 
 
+def test_a_large_lag_is_found_although_its_score_is_nothing():
+    """The base fit takes it for a longer tau_e; where it is absent its derivative then has the wrong sign."""
+    rig, train, validate, _ = experiment(("sensor_lag",), "large", 101, kind="compressor")
+    found = diagnose(rig, train, validate=validate)
+    assert "sensor_lag" in named(found), found
+    assert found.history[-1].misfit == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_short_lag_that_acts_like_a_delay_is_not_called_a_delay_alone():
+    """Half a microsecond, at 12.5 kHz: one parameter says it as well as two, which is no evidence against the two."""
+    rig, train, validate, _ = experiment(("amplifier_bandwidth",), "clear", 500, kind="compressor")
+    found = diagnose(rig, train, validate=validate)
+    assert {"loop_delay", "amplifier_bandwidth"} <= named(found), found
+
+
 def test_a_large_unbalance_does_not_hide_what_has_no_name():
     rig, train, _, _ = experiment("cubic_bearing_force", "clear", 101, kind="turning")
     found = diagnose(rig, train)

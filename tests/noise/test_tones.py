@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ambid import Model, Noise
+from ambid import Model, Noise, prbs
 from ambid.noise.lines import Measured, RecordLines
 from ambid.noise.tones import OUTSTANDING, find_tones
 from hidden.bench import simulate
@@ -43,6 +43,19 @@ def test_pure_noise_has_no_tone(own):
         tones.append(found(simulate(own.rig, i_e, seed=seed, period=own.period, **own.truth, **own.noise), exact))
     assert not any(tone.power > OUTSTANDING for own in tones for tone in own)
     assert sum(map(len, tones)) <= 1
+
+
+def test_a_peak_of_noise_is_no_tone():
+    """As wide as two lines, and 30 dB high: single lines of it stand far above those beside."""
+    own = BENCHES["bench"]
+    axes = own.rig.axes
+    names = [*(f"K_i.{axis}" for axis in axes), *(f"K_s.{axis}" for axis in axes), "tau_e"]
+    exact = Model(own.rig).with_values(dict(zip(names, (*own.K_i, *own.K_s, own.tau_e), strict=True)))
+    i_e = prbs(7, amplitude=own.amplitude, hold=1, axes=len(axes), periods=6)
+    for seed in range(20):
+        colour = [1.0], [1.0, -2.0 * 0.98 * np.cos(0.5 + 0.05 * seed), 0.98**2]
+        record = simulate(own.rig, i_e, seed=seed, period=127, colour=colour, **own.truth, **own.noise)
+        assert not any(tone.power > OUTSTANDING for tone in Noise(exact, [record]).tones[0])
 
 
 @pytest.mark.parametrize(("line", "amplitude"), [(31.37, 0.05), (601.72, 0.2), (1234.61, 0.2)])

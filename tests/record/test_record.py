@@ -134,6 +134,17 @@ def test_stated_notes(tmp_path):
     assert Record.from_arrays(**keywords, rig=RIG, period=2 * PERIOD).notes[0].startswith("2 whole periods")
 
 
+def test_a_few_equal_extremes_of_a_short_record_are_not_clipping():
+    """A slow channel of a few levels: five samples at the top, one on the level below."""
+    keywords = measured(seed=0)
+    y = np.round(keywords["y"][:240] / 1e-6) * 1e-6
+    top = y[:, 0].max()
+    y[:, 0] = np.minimum(y[:, 0], top - 2e-6)
+    y[100:105, 0], y[105, 0] = top, top - 1e-6
+    short = {key: value[:240] if np.ndim(value) else value for key, value in keywords.items() if key != "y"}
+    Record.from_arrays(**short, y=y, rig=RIG)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_coarse_converters_are_not_clipped(seed):
     """Signals of few levels also stand at their extremes; that is resolution, not clipping."""
