@@ -18,6 +18,8 @@ type C64 = Complex<f64>;
 
 /// Iterations per state after which a Schur form is given up.
 const ITERATIONS: usize = 100;
+/// How many roundings of the diagonal count as zero beside it: what does not converge with one does so with a few.
+const LOOSE: [f64; 4] = [1.0, 8.0, 64.0, 512.0];
 
 /// A loop in states in which its A is triangular but for blocks of two on the diagonal.
 pub struct Dense {
@@ -43,7 +45,8 @@ impl Dense {
         let (n, nu, ny) = (t.len(), value.b.ncols(), value.c.nrows());
         let mut q = DMatrix::identity(n, n);
         if n > 1 {
-            let schur = Schur::try_new(value.a.clone(), f64::EPSILON, ITERATIONS * n);
+            let schur = |loose: &f64| Schur::try_new(value.a.clone(), loose * f64::EPSILON, ITERATIONS * n);
+            let schur = LOOSE.iter().find_map(schur);
             let (turned, a) = schur.ok_or(Error::Singular { what: "the poles did not converge" })?.unpack();
             q = turned;
             let turn = |m: &mut Discrete| {
