@@ -65,7 +65,8 @@ def turning(folder: Path) -> None:
     from hidden.families import BENCHES
 
     bench = BENCHES["bench"]
-    rotor = bench.rig.rotor.model_copy(update={"flexible_modes": 3, "modal_damping": 0.003})
+    own = {"flexible_modes": 3, "modal_damping": 0.003, "bending_frequencies_hz": None}
+    rotor = bench.rig.rotor.model_copy(update=own)
     rig = bench.rig.replace(rotor=rotor, speed=300.0)
     i_e = prbs(11, amplitude=bench.amplitude, hold=2, axes=4, periods=10, seed=1)
     record = measured(rig, i_e, {}, seed=1, **bench.truth, **bench.noise)

@@ -25,7 +25,7 @@ from ambid.model import Model
 from ambid.noise.colour import back_through_loop
 from ambid.noise.in_time import InTime
 from ambid.noise.local import likelier_beside_excitation
-from ambid.noise.wave import waves_between
+from ambid.noise.wave import OUTSTANDING, waves_between
 from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, Spectrum, between_lines, require_noise
 from ambid.noise.window import Window
 from ambid.record import Record
@@ -41,6 +41,8 @@ REMEMBERED = 8
 """Models whose transients are kept."""
 FEW = 400
 """Lines that lead a fit near its optimum."""
+LEFT = 0.2
+"""Part of a line's noise that counts as left beside the transient, at the least."""
 ENOUGH = 2000
 """Unexcited lines that determine a transient well enough to take it out of the noise."""
 
@@ -319,10 +321,16 @@ class RecordLines:
         return Spectrum.of(covariance, back, spread)
 
     def left_between(self, index: NDArray[np.intp], tones: Sequence[Tone] = ()) -> ComplexArray:
-        """What model and tones leave of unexcited lines of the settled periods, back through the loop, (lines, p)."""
+        """What model and tones leave of unexcited lines of the settled periods, back through the loop, (lines, p).
+
+        Of few lines the transient takes part of the noise with it, most of the lowest one: they are raised to what they
+        would hold without.
+        """
         window, p, here = self.window.settled, self.measured.channels, self._base
         points, z = window.points(index), np.ascontiguousarray(self.measured.quiet[index])
-        places = [tone.frequency_hz * window.samples / self.record.sample_rate for tone in tones]
+        # what a weak one spills is less than what fitting it to noise would
+        loud = [tone.frequency_hz for tone in tones if tone.power > OUTSTANDING]
+        places = [frequency * window.samples / self.record.sample_rate for frequency in loud]
         z = z - waves_between(self.measured.quiet, window, places, index)
         back = back_through_loop(here, points, p)
         size = np.sqrt(np.median(np.abs(_core.through(back, z)) ** 2, axis=0))
@@ -332,7 +340,12 @@ class RecordLines:
         chosen = _core.LineData(core, points[few], inputs[few], z[few], back[few] / size[:, None])
         *_, transients, _, _ = _core.line_equations(core, here.theta, [], [chosen])
         response, _, _ = core.lines(here.theta, [], points, inputs, transients[0], False)
-        return _core.through(back, z - response[:, :p])
+        left = _core.through(back, z - response[:, :p])
+        if len(few) < len(index):
+            return left
+        basis = orthonormal(chosen.rows(core, here.theta, [], None, True)[:, :-1])
+        taken = np.sum(basis**2, axis=1).reshape(-1, p, 2).mean(axis=2)
+        return np.asarray(left / np.sqrt(np.maximum(1.0 - taken, LEFT)))
 
     def _inputs_between(self, index: NDArray[np.intp]) -> ComplexArray:
         """Inputs on unexcited lines of the settled periods; nothing where they repeat to the last bit."""

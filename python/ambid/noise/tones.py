@@ -19,13 +19,11 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.loop.effect import Tone
 from ambid.model import Model
 from ambid.noise.lines import RecordLines, as_lines
-from ambid.noise.wave import refined_places
+from ambid.noise.wave import OUTSTANDING, refined_places
 from ambid.noise.window import Window
 
-__all__ = ["Between", "Tone", "confirmed", "find_tones"]
+__all__ = ["OUTSTANDING", "Between", "Tone", "confirmed", "find_tones"]
 
-OUTSTANDING = 70.0
-"""Power of a tone over that around it; noise alone reaches 40 in a few of a hundred records of 60 000 lines."""
 ALONE = 200.0
 """Power of a tone on an excited line over that of its neighbours; a pole is wider than one line."""
 UNDER_HANN = 1.5
