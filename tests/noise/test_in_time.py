@@ -48,3 +48,16 @@ def test_a_response_does_not_depend_on_those_before(judged):
     assert_array_equal(known, with_slopes)
     assert_array_equal(fresh, with_slopes)
     assert not np.array_equal(in_time.lines(here, [], at_rest=False)[0], known)
+
+
+def test_derivatives_of_a_response_that_need_not_repeat_come_in_groups(judged, monkeypatch):
+    """As many at a time as memory holds; one at a time they are the same."""
+    here, part, _ = judged
+    here = here.with_substeps(2)
+    free = list(range(len(here.names)))
+    in_time = InTime(part.record, part.window, part._judged, 0)
+    response, slopes = in_time.lines(here, free, at_rest=True)
+    monkeypatch.setattr("ambid.noise.in_time.AT_A_TIME", 1)
+    alone, one_by_one = InTime(part.record, part.window, part._judged, 0).lines(here, free, at_rest=True)
+    np.testing.assert_allclose(alone, response, rtol=1e-9)
+    np.testing.assert_allclose(one_by_one, slopes, rtol=1e-9)

@@ -25,6 +25,8 @@ SETTLED = 1e-3
 """Part of a transient that may be left where a nonlinear model that started from rest counts as settled."""
 NEARLY = 0.1
 """The same where it started from the steady state of the linearised loop, and likes are compared."""
+AT_A_TIME = 30_000_000
+"""Numbers of derivatives over all samples that are held at a time."""
 REMEMBERED = 8
 """Responses that are kept."""
 
@@ -92,8 +94,7 @@ class InTime:
         window, core, theta = self.window, here.loop.core, here.theta
         inputs = self._inputs(here)
         if not self._repeats(here):
-            y, slopes = core.sensitivity(theta, free, inputs)
-            return self.judged(y[:, : self.channels]), self.judged(slopes[:, : self.channels])
+            return self._one_by_one(here, free, inputs)
         lead = self._lead(here)
         if at_rest:
             periods = min(lead + 1, window.periods)
@@ -104,6 +105,18 @@ class InTime:
             own = np.tile(inputs[: window.period], (lead + 1, 1))
             y, slopes = core.folded(theta, free, own, lead * window.period, window.period, float(window.periods))
         return self._of_period(y), self._of_period(slopes)
+
+    def _one_by_one(self, here: Model, free: list[int], inputs: FloatArray) -> Lines:
+        """Of a response that need not repeat, with so many derivatives at a time as fit into memory."""
+        core, theta = here.loop.core, here.theta
+        together = max(1, AT_A_TIME // (inputs.shape[0] * core.outputs))
+        response, found = None, []
+        for first in range(0, max(1, len(free)), together):
+            y, slopes = core.sensitivity(theta, free[first : first + together], inputs)
+            response = self.judged(y[:, : self.channels]) if response is None else response
+            found.append(self.judged(slopes[:, : self.channels]))
+        assert response is not None, "there is a group"
+        return response, np.concatenate(found, axis=2)
 
     def _repeats(self, here: Model) -> bool:
         """Whether all that acts on the loop repeats with the excitation."""
