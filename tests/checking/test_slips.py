@@ -252,12 +252,12 @@ def test_too_few_periods(periods, stops):
     assert [f.stops_diagnosis for f in soundness.findings if "period" in f.what] == ([] if stops is None else [stops])
 
 
-def test_a_slow_transient_is_told():
+def test_a_slow_transient_is_nothing_to_tell():
+    """It is fitted with every model, even where it outlasts half of the periods."""
     rig, _ = bench_experiment()
     excitation = multisine(500, rms=0.05, band_hz=(20.0, 1500.0), sample_rate=1e4, axes=4, periods=20)
     record = replace(Model(rig).virtual_experiment(excitation, seed=1), period=500)
-    (finding,) = [f for f in check(rig, [record]).findings if "slowest pole" in f.what]
-    assert "steady state begins after 10" in finding.todo
+    assert not [finding for finding in check(rig, [record]).findings if finding.where.startswith(record.name)]
 
 
 def test_travel_and_bias_current():

@@ -181,7 +181,7 @@ def _foreign(record: Record, rig: Rig) -> list[Finding]:
 def _record(record: Record, loop: NominalLoop) -> list[Finding]:
     lines = Lines.of(record)
     found = [Finding("warning", record.name, note, "noted on loading; see that it is meant") for note in record.notes]
-    found += [*_travel(record, loop.rig), *_periods(record), *_transient(record, loop)]
+    found += [*_travel(record, loop.rig), *_periods(record)]
     if not len(lines.index):
         what = f"no line of i_e between its first few and {HIGHEST_FREQUENCY:g} of the sample rate"
         return [*found, Finding("warning", record.name, what, "excite within the bandwidth of the loop")]
@@ -233,19 +233,6 @@ def _periods(record: Record) -> list[Finding]:
         return [Finding("warning", record.name, what, todo)]
     what = f"{record.periods} periods of the excitation: no misfit in units of the noise, and no diagnosis"
     return [Finding("warning", record.name, what, todo, stops_diagnosis=True)]
-
-
-def _transient(record: Record, loop: NominalLoop) -> list[Finding]:
-    """The transient is over when the first period is, which is left out."""
-    if loop.gain_factor != 1.0 or not record.period:
-        return []
-    periods = -loop.poles.real.max() * record.period / record.sample_rate
-    if periods >= 1.0:
-        return []
-    what = f"the slowest pole, {loop.poles.real.max():.3g} 1/s, outlasts the first period by far: "
-    what += f"{100 * np.exp(-periods):.0f} % of the transient is left in the second"
-    todo = f"use longer periods; the steady state begins after {np.ceil(3.0 / periods):.0f} of these"
-    return [Finding("warning", record.name, what, todo)]
 
 
 def _controller(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
