@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
 from ambid.noise.envelope import Envelope
@@ -23,8 +24,8 @@ REGRESSED = 6
 """Lines in a local regression, per number that it fits."""
 ENOUGH = 3
 """Free lines in a regression, per channel: with fewer S is known too badly for J to be 1 when the model is right."""
-TOGETHER = 1024
-"""Regressions that are held in memory at a time."""
+TOGETHER = 4_000_000
+"""Numbers of regressions that are held in memory at a time."""
 SMOOTH = 1.0 / 3.0
 """Part of a line's number over which the power of noise is even."""
 NARROWEST, WIDEST = 8, 40
@@ -33,21 +34,28 @@ LEAST_WIDTH = 31
 """Lines in a local regression, if more are not needed."""
 
 
-def beside_excitation(lines: ComplexArray, excitation: ComplexArray) -> tuple[ComplexArray, FloatArray, float]:
-    """S at every line from what a local regression on the excitation and on a transient leaves, shape (lines, p, p).
+Found = tuple[ComplexArray, FloatArray, float]
+"""S of every line, the power of the noise of every line and channel by itself, and the spread, see `Spectrum`."""
+
+
+def beside_excitation(several: Sequence[ComplexArray], excitation: ComplexArray) -> list[Found]:
+    """S at every line from what a local regression on the excitation and on a transient leaves, of several residuals.
 
     With q numbers fitted to m lines, the noise has nu = m - q degrees of freedom. A line is one of those that S was
-    estimated from, but for the part q / m of it that was fitted; that part alone needs Hotelling's factor.
+    estimated from, but for the part q / m of it that was fitted; that part alone needs Hotelling's factor. What a
+    smooth gain makes of the excitation has no part in S: along it, the spread is that of independent noise.
+
+    Parameters
+    ----------
+    several : sequence of ndarray, shape (lines, p)
+    excitation : ndarray, shape (lines, axes)
 
     Returns
     -------
-    ndarray, shape (lines, p, p)
-    ndarray, shape (lines, p)
-        Power of the noise of every line and channel by itself.
-    float
-        See `Spectrum.spread`: what a smooth gain makes of the excitation has no part in S.
+    list of tuple
+        Of each residual: S, shape (lines, p, p); power, shape (lines, p); spread.
     """
-    count, p = lines.shape
+    count, p = several[0].shape
     fitted = (excitation.shape[1] + 1) * (DEGREE + 1)
     width = min(max(LEAST_WIDTH, REGRESSED * fitted), count - 2)
     free = width - fitted
@@ -59,25 +67,34 @@ def beside_excitation(lines: ComplexArray, excitation: ComplexArray) -> tuple[Co
     step = max(1, width // 8)
     starts = np.arange(0, count - width + 1, step)
     powers = np.linspace(-1.0, 1.0, width)[:, None] ** np.arange(DEGREE + 1)
-    spectrum = np.empty((len(starts), p, p), dtype=complex)
-    own_power = np.empty((count, p))
+    spectra = [np.empty((len(starts), p, p), dtype=complex) for _ in several]
+    own_power = [np.empty((count, p)) for _ in several]
     nearest = np.clip(np.round((np.arange(count) - width / 2) / step), 0, len(starts) - 1).astype(np.intp)
-    for first in range(0, len(starts), TOGETHER):
-        own_starts = starts[first : first + TOGETHER]
+    together = max(1, TOGETHER // (width * max(fitted, p * len(several))))
+    for first in range(0, len(starts), together):
+        own_starts = starts[first : first + together]
         rows = own_starts[:, None] + np.arange(width)
-        inputs = np.concatenate([excitation[rows], np.ones((len(rows), width, 1))], axis=2)
-        table = (inputs[..., None] * powers[:, None, :]).reshape(len(rows), width, fitted)
-        size = np.linalg.norm(table, axis=1, keepdims=True)
-        basis, _ = np.linalg.qr(table / np.where(size > 0.0, size, 1.0))
-        own = lines[rows]
-        left = own - basis @ (basis.conj().transpose(0, 2, 1) @ own)
-        spectrum[first : first + TOGETHER] = np.einsum("slc,sld->scd", left, left.conj()) / free
         here = np.flatnonzero((nearest >= first) & (nearest < first + len(rows)))
         at = nearest[here] - first
         place = np.clip(here - own_starts[at], 0, width - 1)
-        own_power[here] = np.abs(left[at, place]) ** 2 * width / free
+        own = np.concatenate([lines[rows] for lines in several], axis=2)
+        left = _beside(own, excitation[rows], powers)
+        for k, (spectrum, power) in enumerate(zip(spectra, own_power, strict=True)):
+            mine = left[:, :, k * p : (k + 1) * p]
+            spectrum[first : first + together] = mine.transpose(0, 2, 1) @ mine.conj() / free
+            power[here] = np.abs(mine[at, place]) ** 2 * width / free
     factor = (free + fitted * free / (free - p)) / width
-    return np.asarray(factor * spectrum[nearest]), own_power, free / (free - p) / factor
+    spread = free / (free - p) / factor
+    return [(factor * spectrum[nearest], power, spread) for spectrum, power in zip(spectra, own_power, strict=True)]
+
+
+def _beside(own: ComplexArray, excitation: ComplexArray, powers: FloatArray) -> ComplexArray:
+    """What regressions, shape (regressions, lines, channels), leave that follows neither excitation nor transient."""
+    inputs = np.concatenate([excitation, np.ones((*excitation.shape[:2], 1))], axis=2)
+    table = (inputs[..., None] * powers[:, None, :]).reshape(*excitation.shape[:2], -1)
+    size = np.linalg.norm(table, axis=1, keepdims=True)
+    basis, _ = np.linalg.qr(table / np.where(size > 0.0, size, 1.0))
+    return np.asarray(own - basis @ (basis.conj().transpose(0, 2, 1) @ own))
 
 
 def likelier_beside_excitation(
@@ -88,20 +105,19 @@ def likelier_beside_excitation(
     Noise whose power changes within a regression, as near a peak or towards zero frequency, is made even first: each
     shape is also tried with the power of the lines around, or a smooth `Envelope`, taken out of every channel.
     """
-    best: tuple[float, ComplexArray, ComplexArray] | None = None
-    for back in shapes:
-        behind = (back @ lines[..., None])[..., 0]
-        spectrum, power, spread = beside_excitation(behind, excitation)
-        ways = [(back, spectrum, 0.0)]
-        for root, numbers in (_around(power), _envelope(power)):
-            flat, *_ = beside_excitation(behind / root, excitation)
-            ways.append((back / root[:, :, None], flat, numbers))
-        for shape, own, cost in ways:
-            likely = _likelihood(own, shape) - cost
-            if best is None or likely > best[0]:
-                best = (likely, own, shape)
-    assert best is not None, "there is a shape"
-    return best[1], best[2], np.full(len(lines), spread)
+    behind = [_core.through(back, lines) for back in shapes]
+    plain = beside_excitation(behind, excitation)
+    ways = [(back, own, 0.0) for back, (own, _, _) in zip(shapes, plain, strict=True)]
+    even = [
+        (back, lines, root, numbers)
+        for back, lines, (_, power, _) in zip(shapes, behind, plain, strict=True)
+        for root, numbers in (_around(power), _envelope(power))
+    ]
+    flat = beside_excitation([lines / root for _, lines, root, _ in even], excitation)
+    for (back, _, root, numbers), (own, _, _) in zip(even, flat, strict=True):
+        ways.append((back / root[:, :, None], own, numbers))
+    shape, own, _ = max(ways, key=lambda way: _likelihood(way[1], way[0]) - way[2])
+    return own, shape, np.full(len(lines), plain[0][2])
 
 
 def _envelope(power: FloatArray) -> tuple[FloatArray, float]:
