@@ -68,7 +68,7 @@ REMOVED: dict[str, tuple[str, ...]] = {
     "amplifier_voltage_limit": (),
     "loop_delay": ("sensor_lag", "amplifier_bandwidth", "eddy_currents", "sampling_skew"),
     "sensor_gain_error": ("sensor_position_error",),
-    "back_emf": (),
+    "back_emf": ("controller_gain_error",),
 }
 """Effects that are taken out of the catalogue, and what looks like them and goes too."""
 Job = tuple[tuple[str, ...], str, int, str, bool]
