@@ -10,7 +10,8 @@ from ambid import Model, compare, identify, prbs
 from ambid.diagnosis import rank
 from ambid.effects import find
 from ambid.noise.chance import misfit_bound
-from ambid.noise.lines import Measured, RecordLines
+from ambid.noise.lines import RecordLines
+from ambid.noise.measured import Measured
 from hidden.bench import simulate
 from hidden.long import LONG
 from hidden.one_axis import ONE_AXIS

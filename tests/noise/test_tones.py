@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from ambid import Model, Noise, prbs
-from ambid.noise.lines import Measured, RecordLines
+from ambid.noise.lines import RecordLines
+from ambid.noise.measured import Measured
 from ambid.noise.tones import OUTSTANDING, find_tones
 from hidden.bench import simulate
 from hidden.families import BENCHES

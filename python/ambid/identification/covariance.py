@@ -35,7 +35,7 @@ from ambid.model import Model
 from ambid.model.parameter import nominal
 from ambid.noise import Comparison
 from ambid.noise.colour import loop_noise
-from ambid.noise.lines import freed
+from ambid.noise.transients import freed
 
 __all__ = ["covariance", "lost", "sandwich", "score_covariance", "undetermined"]
 

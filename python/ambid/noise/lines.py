@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
-from scipy.linalg import eigh
 from scipy.ndimage import uniform_filter1d
 
 from ambid import _core
@@ -25,15 +24,12 @@ from ambid.model import Model
 from ambid.noise.colour import back_through_loop
 from ambid.noise.in_time import InTime
 from ambid.noise.local import likelier_beside_excitation
-from ambid.noise.wave import OUTSTANDING, waves_between
+from ambid.noise.measured import Measured
+from ambid.noise.transients import OWN, freed, orthonormal
+from ambid.noise.unexcited import Unexcited
 from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, Spectrum, between_lines, require_noise
-from ambid.noise.window import Window
-from ambid.record import Record
 
-__all__ = ["Measured", "RecordLines", "White", "as_lines", "freed"]
-
-OWN = 1e-10
-"""Part of the largest eigenvalue of the transient's Gram matrix below which a direction of it says nothing."""
+__all__ = ["RecordLines", "White", "as_lines"]
 
 NEUTRAL = 1e-6
 """Rate of decay below which a loop does not return to rest [1/s]."""
@@ -41,10 +37,6 @@ REMEMBERED = 8
 """Models whose transients are kept."""
 FEW = 400
 """Lines that lead a fit near its optimum."""
-LEFT = 0.2
-"""Part of a line's noise that counts as left beside the transient, at the least."""
-ENOUGH = 2000
-"""Unexcited lines that determine a transient well enough to take it out of the noise."""
 
 
 class White(NamedTuple):
@@ -68,24 +60,6 @@ class White(NamedTuple):
     transients: FloatArray
 
 
-class Measured:
-    """A record in the frequency domain, before any model.
-
-    Parameters
-    ----------
-    record : Record
-    """
-
-    def __init__(self, record: Record) -> None:
-        self.record, self.window = record, Window.of(record)
-        self.channels = len(record.channels)
-
-    @cached_property
-    def quiet(self) -> ComplexArray:
-        """All lines of y and i_c over the periods that noise is taken from, shape (lines, p)."""
-        return self.window.settled.lines(self.record.outputs)
-
-
 class RecordLines:
     """The judged lines of one record, and their noise, which stays the same for all models after.
 
@@ -105,6 +79,8 @@ class RecordLines:
         Judged lines: the excited ones, then others.
     points : ndarray of complex
         The same as points of the unit circle.
+    unexcited : Unexcited
+        The lines that the noise is taken from.
     spectrum : Spectrum
     """
 
@@ -112,6 +88,7 @@ class RecordLines:
         self.measured, self.record, self.window = measured, measured.record, measured.window
         self.tones = tuple(tones)
         self._base = here = _shaping(model.at(self.record))
+        self.unexcited = Unexcited(here, measured)
         own = [f for effect in here.acting for f in effect.frequencies_hz(here.rig)]
         self.more = self._around([*own, *(tone.frequency_hz for tone in tones)])
         self._every = max(1, len(self.window.excited) // FEW) if rough else 1
@@ -314,47 +291,11 @@ class RecordLines:
         """The noise, from lines that are not excited."""
         window, p, here = self.window.settled, self.measured.channels, self._base
         index = window.between(max(2, -(-PER_CHANNEL * p // (2 * HALF_WIDTH))))
-        residual = self.left_between(index, self.tones)
+        residual = self.unexcited.left(index, self.tones)
         covariance, spread = between_lines(residual, index / window.periods, self.index / self.window.periods)
         back = back_through_loop(here, self.points, p)
         require_noise(covariance, back, self._z)
         return Spectrum.of(covariance, back, spread)
-
-    def left_between(self, index: NDArray[np.intp], tones: Sequence[Tone] = ()) -> ComplexArray:
-        """What model and tones leave of unexcited lines of the settled periods, back through the loop, (lines, p).
-
-        Of few lines the transient takes part of the noise with it, most of the lowest one: they are raised to what they
-        would hold without.
-        """
-        window, p, here = self.window.settled, self.measured.channels, self._base
-        points, z = window.points(index), np.ascontiguousarray(self.measured.quiet[index])
-        # what a weak one spills is less than what fitting it to noise would
-        loud = [tone.frequency_hz for tone in tones if tone.power > OUTSTANDING]
-        places = [frequency * window.samples / self.record.sample_rate for frequency in loud]
-        z = z - waves_between(self.measured.quiet, window, places, index)
-        back = back_through_loop(here, points, p)
-        size = np.sqrt(np.median(np.abs(_core.through(back, z)) ** 2, axis=0))
-        size[size == 0.0] = 1.0
-        core, inputs = here.loop.core, self._inputs_between(index)
-        few = np.arange(0, len(index), 1 + len(index) // ENOUGH)
-        chosen = _core.LineData(core, points[few], inputs[few], z[few], back[few] / size[:, None])
-        *_, transients, _, _ = _core.line_equations(core, here.theta, [], [chosen])
-        response, _, _ = core.lines(here.theta, [], points, inputs, transients[0], False)
-        left = _core.through(back, z - response[:, :p])
-        if len(few) < len(index):
-            return left
-        basis = orthonormal(chosen.rows(core, here.theta, [], None, True)[:, :-1])
-        taken = np.sum(basis**2, axis=1).reshape(-1, p, 2).mean(axis=2)
-        return np.asarray(left / np.sqrt(np.maximum(1.0 - taken, LEFT)))
-
-    def _inputs_between(self, index: NDArray[np.intp]) -> ComplexArray:
-        """Inputs on unexcited lines of the settled periods; nothing where they repeat to the last bit."""
-        window = self.window.settled
-        inputs = self._base.excitation(self.record)
-        part = window.cut(inputs).reshape(window.periods, -1)
-        if (part == part[0]).all():
-            return np.zeros((len(index), inputs.shape[1]), dtype=complex)
-        return np.ascontiguousarray(window.lines(inputs)[index])
 
     def _without_periods(self) -> Spectrum:
         """The noise, from what follows neither the excitation nor a transient."""
@@ -402,22 +343,6 @@ class RecordLines:
 def _shaping(here: Model) -> Model:
     """What shapes the noise of a model: itself, or, where its nonlinear effects make rest neutral, what it is else."""
     return here if here.is_linear or here.decay_rate > NEUTRAL else here.without_nonlinear()
-
-
-def orthonormal(basis: FloatArray) -> FloatArray:
-    """An orthonormal basis of the columns, without directions that are nearly those of others."""
-    if not basis.shape[1]:
-        return basis
-    size = np.linalg.norm(basis, axis=0)
-    scaled = basis[:, size > 0.0] / size[size > 0.0]
-    values, vectors = eigh(scaled.T @ scaled)
-    kept = values > OWN * values.max(initial=0.0)
-    return np.asarray(scaled @ (vectors[:, kept] / np.sqrt(values[kept])))
-
-
-def freed(signal: FloatArray, basis: FloatArray) -> FloatArray:
-    """What an orthonormal basis cannot take over."""
-    return np.asarray(signal - basis @ (basis.T @ signal))
 
 
 def as_lines(white: FloatArray, p: int) -> ComplexArray:

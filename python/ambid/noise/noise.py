@@ -11,7 +11,8 @@ from ambid import _core
 from ambid.arrays import FloatArray
 from ambid.loop.effect import Tone
 from ambid.model import Model
-from ambid.noise.lines import REMEMBERED, Measured, RecordLines, White
+from ambid.noise.lines import REMEMBERED, RecordLines, White
+from ambid.noise.measured import Measured
 from ambid.noise.tones import confirmed, find_tones
 from ambid.record import Record
 

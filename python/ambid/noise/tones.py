@@ -182,7 +182,7 @@ class Between:
         window = part.window.settled
         lines = np.zeros((window.samples // 2 + 1, len(part.record.channels)), dtype=complex)
         if len(index):
-            lines[index] = part.left_between(index, tones)
+            lines[index] = part.unexcited.left(index, tones)
         return cls(window, lines, part.spectrum.inner[: len(part.window.excited)])
 
     @classmethod

@@ -1,0 +1,73 @@
+"""What a model leaves of the lines that are not excited: noise, and what has a frequency of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambid import _core
+from ambid.arrays import ComplexArray
+from ambid.loop.effect import Tone
+from ambid.model import Model
+from ambid.noise.colour import back_through_loop
+from ambid.noise.measured import Measured
+from ambid.noise.transients import orthonormal
+from ambid.noise.wave import OUTSTANDING, waves_between
+
+__all__ = ["Unexcited"]
+
+LEFT = 0.2
+"""Part of a line's noise that counts as left beside the transient, at the least."""
+ENOUGH = 2000
+"""Unexcited lines that determine a transient well enough to take it out of the noise."""
+
+
+class Unexcited:
+    """The unexcited lines of the settled periods of a record, behind the loop of a model.
+
+    Parameters
+    ----------
+    base : Model
+        At the operating point of the record.
+    measured : Measured
+    """
+
+    def __init__(self, base: Model, measured: Measured) -> None:
+        self.base, self.measured, self.window = base, measured, measured.window.settled
+
+    def left(self, index: NDArray[np.intp], tones: Sequence[Tone] = ()) -> ComplexArray:
+        """What model and tones leave of unexcited lines of the settled periods, back through the loop, (lines, p).
+
+        Of few lines the transient takes part of the noise with it, most of the lowest one: they are raised to what they
+        would hold without.
+        """
+        window, p, here = self.window, self.measured.channels, self.base
+        points, z = window.points(index), np.ascontiguousarray(self.measured.quiet[index])
+        # what a weak one spills is less than what fitting it to noise would
+        loud = [tone.frequency_hz for tone in tones if tone.power > OUTSTANDING]
+        places = [frequency * window.samples / self.measured.record.sample_rate for frequency in loud]
+        z = z - waves_between(self.measured.quiet, window, places, index)
+        back = back_through_loop(here, points, p)
+        size = np.sqrt(np.median(np.abs(_core.through(back, z)) ** 2, axis=0))
+        size[size == 0.0] = 1.0
+        core, inputs = here.loop.core, self._inputs(index)
+        few = np.arange(0, len(index), 1 + len(index) // ENOUGH)
+        chosen = _core.LineData(core, points[few], inputs[few], z[few], back[few] / size[:, None])
+        *_, transients, _, _ = _core.line_equations(core, here.theta, [], [chosen])
+        response, _, _ = core.lines(here.theta, [], points, inputs, transients[0], False)
+        left = _core.through(back, z - response[:, :p])
+        if len(few) < len(index):
+            return left
+        basis = orthonormal(chosen.rows(core, here.theta, [], None, True)[:, :-1])
+        taken = np.sum(basis**2, axis=1).reshape(-1, p, 2).mean(axis=2)
+        return np.asarray(left / np.sqrt(np.maximum(1.0 - taken, LEFT)))
+
+    def _inputs(self, index: NDArray[np.intp]) -> ComplexArray:
+        """Inputs on unexcited lines of the settled periods; nothing where they repeat to the last bit."""
+        window, inputs = self.window, self.base.excitation(self.measured.record)
+        part = window.cut(inputs).reshape(window.periods, -1)
+        if (part == part[0]).all():
+            return np.zeros((len(index), inputs.shape[1]), dtype=complex)
+        return np.ascontiguousarray(window.lines(inputs)[index])
