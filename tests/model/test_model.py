@@ -94,6 +94,15 @@ def test_changes_make_new_models(model):
     assert_array_equal(model.theta[2:8], other.theta[2:8])
 
 
+def test_nonlinear_effects_are_left_out_and_linear_ones_stay(model):
+    both = model.add("loop_delay", {"delay": 2e-5}).add("force_nonlinearity")
+    linear = both.without_nonlinear()
+    assert [effect.name for effect in linear.effects] == ["loop_delay"]
+    assert linear.is_linear
+    assert not both.is_linear
+    assert linear.without_nonlinear().names == linear.names
+
+
 def test_shared_values_start_from_their_mean(model, i_e):
     shared = model.share("K_i.A", ["K_i.A_*"])
     assert shared.names == ("K_i.A", *NAMES[2:])

@@ -61,3 +61,17 @@ def test_derivatives_of_a_response_that_need_not_repeat_come_in_groups(judged, m
     alone, one_by_one = InTime(part.record, part.window, part._judged, 0).lines(here, free, at_rest=True)
     np.testing.assert_allclose(alone, response, rtol=1e-9)
     np.testing.assert_allclose(one_by_one, slopes, rtol=1e-9)
+
+
+def test_rough_derivatives_lead_to_the_same_minimum(judged):
+    """All but those of the nonlinear effect are the linear model's: nearly parallel to the exact ones."""
+    here, part, _ = judged
+    here = here.with_substeps(2)
+    free = list(range(len(here.names)))
+    exact, rough = part.white(here, free), part.white(here, free, roughly=True)
+    assert_array_equal(rough.residual, exact.residual)
+    alike = np.sum(exact.slopes * rough.slopes, axis=0)
+    alike /= np.linalg.norm(exact.slopes, axis=0) * np.linalg.norm(rough.slopes, axis=0)
+    assert alike.min() > 0.95
+    own = [name.startswith("force_nonlinearity") for name in here.names]
+    np.testing.assert_allclose(rough.slopes[:, own], exact.slopes[:, own], atol=1e-6 * np.abs(exact.slopes).max())
