@@ -23,7 +23,7 @@ impl Response {
     /// # Errors
     /// [`Error::Unstable`] where a pole does not decay; else as [`Modal::new`].
     pub fn new(model: &Model, theta: &[f64], free: &[usize]) -> Result<Self> {
-        if let Some(modal) = Modal::new(model, theta, free)? {
+        if let Some(modal) = Modal::new(model, theta, free, false)? {
             stable(&modal.value.mu, model.dt)?;
             return Ok(Self::Modal(kernel(&modal)));
         }

@@ -76,14 +76,14 @@ enum Way {
 impl<'a> OnLines<'a> {
     /// # Errors
     /// [`Error::Unstable`] where a pole does not decay; else as [`ClosedLoop::poles`].
-    fn new(part: &'a Part, theta: &[f64], free: &[usize]) -> Result<Self> {
+    fn new(part: &'a Part, theta: &[f64], free: &[usize], values_only: bool) -> Result<Self> {
         let acts = |parameter: usize| part.model.parameters().any(|p| p == parameter);
         let own: Vec<usize> = (0..free.len()).filter(|j| acts(free[*j])).collect();
         let parameters: Vec<usize> = own.iter().map(|j| free[*j]).collect();
         if !part.model.lft.blocks.is_empty() && !own.is_empty() {
             return Err(Error::Singular { what: "a nonlinear loop has no derivatives on lines" });
         }
-        let way = match Modal::new(&part.model, theta, &parameters)? {
+        let way = match Modal::new(&part.model, theta, &parameters, values_only)? {
             Some(modal) => {
                 stable(&modal.value.mu, part.model.dt)?;
                 Way::Modal(Box::new(modal::Poles::new(&modal)))
@@ -131,10 +131,12 @@ impl<'a> OnLines<'a> {
 
 impl ClosedLoop {
     /// Every part on lines, with the derivatives by those of `free` that act on it.
-    pub(crate) fn on_lines(&self, theta: &[f64], free: &[usize]) -> Result<Vec<OnLines<'_>>> {
+    ///
+    /// Transients are told in states that depend on the way which is taken: not where there are `values_only`.
+    pub(crate) fn on_lines(&self, theta: &[f64], free: &[usize], values_only: bool) -> Result<Vec<OnLines<'_>>> {
         self.check(theta, free)?;
         let parts = self.each_part().iter().filter(|p| !p.inputs.is_empty());
-        parts.map(|part| OnLines::new(part, theta, free)).collect()
+        parts.map(|part| OnLines::new(part, theta, free, values_only)).collect()
     }
 
     /// The response at points `w` of the unit circle to inputs `u` (lines x inputs) and a transient `d`.
@@ -155,7 +157,7 @@ impl ClosedLoop {
     ) -> Result<LineResponse> {
         let (ny, np, inputs) = (self.outputs(), free.len(), self.inputs());
         check_len("inputs on lines", u.len(), w.len() * inputs)?;
-        let parts = self.on_lines(theta, free)?;
+        let parts = self.on_lines(theta, free, free.is_empty() && d.is_empty() && !with_basis)?;
         let states: usize = parts.iter().map(OnLines::states).sum();
         if !d.is_empty() {
             check_len("transient", d.len(), states)?;
@@ -205,7 +207,7 @@ impl ClosedLoop {
     pub fn transfer(&self, theta: &[f64], w: &[C64]) -> Result<Vec<C64>> {
         let (ny, nu) = (self.outputs(), self.inputs());
         let mut found = vec![C64::from(0.0); w.len() * ny * nu];
-        for part in self.on_lines(theta, &[])? {
+        for part in self.on_lines(theta, &[], true)? {
             let own = part.transfer(w);
             let inner = part.outputs.len() * part.inputs.len();
             for (own, found) in own.chunks_exact(inner).zip(found.chunks_exact_mut(ny * nu)) {
@@ -229,7 +231,7 @@ impl ClosedLoop {
     /// As [`ClosedLoop::lines`].
     pub fn free_response(&self, theta: &[f64], d: &[f64], length: usize, samples: usize) -> Result<Vec<f64>> {
         let ny = self.outputs();
-        let parts = self.on_lines(theta, &[])?;
+        let parts = self.on_lines(theta, &[], false)?;
         check_len("transient", d.len(), parts.iter().map(OnLines::states).sum())?;
         let mut y = vec![0.0; samples * ny];
         let mut at = 0;

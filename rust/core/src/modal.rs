@@ -34,6 +34,8 @@ pub struct Modal {
 
 /// Condition of the eigenvectors up to which ten digits of the response remain.
 const MAX_CONDITION: f64 = 1e5;
+/// What may be left of the equation of the eigenvectors, relative to the largest pole, for nine digits of the response.
+const MAX_LEFT_OVER: f64 = 1e-12;
 /// Condition per pole, divided by the smallest gap between poles, up to which nine digits of the derivatives remain.
 ///
 /// Measured on clustered loops of 2 to 24 poles: the loss is up to 2.5e-15 times this ratio.
@@ -44,22 +46,24 @@ const MAX_LOSS_SAMPLED: f64 = 1e4;
 impl Modal {
     /// The modal form, or `None` where poles are so clustered or defective that it would lose digits.
     ///
+    /// Of `values_only`, neither derivatives nor transients, clustered poles lose none, as long as the vectors hold.
+    ///
     /// # Errors
     /// As [`crate::lft::Lft::close`] and [`discretise`].
-    pub fn new(model: &Model, theta: &[f64], free: &[usize]) -> Result<Option<Self>> {
+    pub fn new(model: &Model, theta: &[f64], free: &[usize], values_only: bool) -> Result<Option<Self>> {
         if model.controller.is_none() {
             let mut closed = model.lft.close_at_rest(theta)?;
             closed.balance();
-            return Ok(Self::analog(model, &closed, theta, free));
+            return Ok(Self::analog(model, &closed, theta, free, values_only));
         }
         let (mut value, mut slopes) = discretise(model, theta, free)?;
         let t = balancing(&value.a);
         slopes.iter_mut().chain([&mut value]).for_each(|part| part.rescale(&t));
-        Ok(Self::sampled(&value, &slopes))
+        Ok(Self::sampled(&value, &slopes, values_only))
     }
 
-    fn analog(model: &Model, closed: &Closed, theta: &[f64], free: &[usize]) -> Option<Self> {
-        let basis = Eigen::new(&closed.a, 0.0, MAX_LOSS_ANALOG)?;
+    fn analog(model: &Model, closed: &Closed, theta: &[f64], free: &[usize], values_only: bool) -> Option<Self> {
+        let basis = Eigen::new(&closed.a, 0.0, (!values_only).then_some(MAX_LOSS_ANALOG))?;
         let (dt, gains) = (model.dt, &model.lft.gains);
         let b = basis.left_times(&closed.b_u);
         let c = basis.times_right(&closed.c_y);
@@ -99,8 +103,8 @@ impl Modal {
         Some(Self { value, slopes })
     }
 
-    fn sampled(value: &Discrete, slopes: &[Discrete]) -> Option<Self> {
-        let basis = Eigen::new(&value.a, 1.0, MAX_LOSS_SAMPLED)?;
+    fn sampled(value: &Discrete, slopes: &[Discrete], values_only: bool) -> Option<Self> {
+        let basis = Eigen::new(&value.a, 1.0, (!values_only).then_some(MAX_LOSS_SAMPLED))?;
         let b = basis.left_times(&value.b);
         let c = basis.times_right(&value.c);
         let slopes = slopes.iter().map(|s| {
@@ -154,8 +158,9 @@ struct Eigen {
 }
 
 impl Eigen {
-    /// `rest` is the pole of a state that stays as it is: 0 of a continuous, 1 of a sampled loop.
-    fn new(a: &DMatrix<f64>, rest: f64, max_loss: f64) -> Option<Self> {
+    /// `rest` is the pole of a state that stays as it is: 0 of a continuous, 1 of a sampled loop. For derivatives,
+    /// which have a `max_loss`, poles need to lie apart; without them it is enough that the vectors are what they are.
+    fn new(a: &DMatrix<f64>, rest: f64, max_loss: Option<f64>) -> Option<Self> {
         let n = a.nrows();
         let matrix = faer::Mat::from_fn(n, n, |i, j| a[(i, j)]);
         let eigen = matrix.eigen().ok()?;
@@ -170,7 +175,11 @@ impl Eigen {
         }
         let w = v.clone().try_inverse()?;
         let condition = v.norm() * w.norm();
-        let reliable = condition < MAX_CONDITION && condition < max_loss * n as f64 * gap(&lambda, rest);
+        let holds = || match max_loss {
+            Some(max_loss) => condition < max_loss * n as f64 * gap(&lambda, rest),
+            None => left_over(a, &lambda, &v, &w) < MAX_LEFT_OVER,
+        };
+        let reliable = condition < MAX_CONDITION && holds();
         reliable.then_some(Self { lambda, v, w })
     }
 
@@ -188,6 +197,16 @@ impl Eigen {
             if m == i { C64::from(0.0) } else { t[(m, i)] / (self.lambda[i] - self.lambda[m]) }
         })
     }
+}
+
+/// Largest number of `W (A V - V diag(lambda))`, relative to the largest pole.
+fn left_over(a: &DMatrix<f64>, lambda: &[C64], v: &DMatrix<C64>, w: &DMatrix<C64>) -> f64 {
+    let mut left = complex_real(&v.transpose(), &a.transpose()).transpose();
+    for (j, pole) in lambda.iter().enumerate() {
+        left.column_mut(j).axpy(-pole, &v.column(j), C64::from(1.0));
+    }
+    let size = lambda.iter().map(|pole| pole.norm()).fold(f64::MIN_POSITIVE, f64::max);
+    (w * left).iter().map(|x| x.norm()).fold(0.0, f64::max) / size
 }
 
 fn complex_real(z: &DMatrix<C64>, m: &DMatrix<f64>) -> DMatrix<C64> {

@@ -92,14 +92,14 @@ pub fn line_equations(
     records: &[&LineData],
     near: &[Vec<f64>],
 ) -> Result<LineNormal> {
-    let parts = system.on_lines(theta, free)?;
+    let parts = system.on_lines(theta, free, false)?;
     let states: usize = parts.iter().map(OnLines::states).sum();
     for data in records {
         check_len("inputs of a record on lines", data.u.len(), data.w.len() * system.inputs())?;
     }
     let np = free.len();
     let is_near = near.len() == records.len() && near.iter().all(|d| d.len() == states);
-    let value = if is_near || free.is_empty() { None } else { Some(system.on_lines(theta, &[])?) };
+    let value = if is_near || free.is_empty() { None } else { Some(system.on_lines(theta, &[], false)?) };
     let one = |(k, data): (usize, &&LineData)| -> LineNormal {
         let mut start = match &value {
             Some(value) => Gram::new(value, 0, data, system.inputs(), &[]).eliminated().transient(value, 0),
@@ -250,7 +250,7 @@ pub fn line_rows(
     d: &[f64],
     transients: bool,
 ) -> Result<(Vec<f64>, usize)> {
-    let parts = system.on_lines(theta, free)?;
+    let parts = system.on_lines(theta, free, free.is_empty() && d.is_empty() && !transients)?;
     let states: usize = parts.iter().map(OnLines::states).sum();
     check_len("inputs of a record on lines", data.u.len(), data.w.len() * system.inputs())?;
     if !d.is_empty() {

@@ -6,7 +6,9 @@ use ambid_core::{ClosedLoop, Error, Gain, Lft, LineData, Model, Result, line_equ
 use common::loops::{Problem, lags};
 use common::machine::{machine, saturating};
 use common::random::Random;
-use common::spectrum::{C64, Rows, every_kind, free_of, least_squares, orthonormal, points, sizes, transform};
+use common::spectrum::{
+    C64, Rows, clusters, every_kind, free_of, least_squares, orthonormal, points, sizes, transform,
+};
 use nalgebra::{DMatrix, DVector};
 
 /// A stretch of a record that began at rest long before it.
@@ -296,6 +298,25 @@ fn nonlinear_loops_are_linearised_at_rest() {
             let sum: C64 = (0..samples).map(|k| C64::from_polar(1e7, -w.arg() * k as f64) * y[k * ny + o]).sum();
             let error = (sum - found[l * ny + o]).norm() / size[o];
             assert!(error < 1e-5, "line {l}, output {o}: off by {error:.1e}");
+        }
+    }
+}
+
+/// Without derivatives and transients poles may lie as close as they like: it is the response of the other way.
+#[test]
+fn values_alone_of_clustered_poles() {
+    let mut random = Random(47);
+    for gap in std::iter::once(0.0).chain((0..20).map(|i| 10_f64.powf(-10.0 + 0.5 * f64::from(i)))) {
+        for (name, p) in clusters(gap) {
+            let (system, w) = (p.system(), points(200));
+            let u: Vec<C64> = (0..w.len() * system.inputs()).map(|_| C64::from(random.between(-1.0, 1.0))).collect();
+            let of = |with_basis| system.lines(&p.theta, &[], &w, &u, &[], with_basis).expect("stable").response;
+            let (alone, beside) = (of(false), of(true));
+            let size = sizes(&beside, system.outputs());
+            for (i, (a, b)) in alone.iter().zip(&beside).enumerate() {
+                let off = (a - b).norm() / size[i % system.outputs()];
+                assert!(off < 1e-9, "{name}, gap {gap:.1e}: off by {off:.1e}");
+            }
         }
     }
 }
