@@ -27,6 +27,8 @@ NEARLY = 0.1
 """The same where it started from the steady state of the linearised loop, and likes are compared."""
 AT_A_TIME = 30_000_000
 """Numbers of derivatives over all samples that are held at a time."""
+NEUTRAL = 1e-6
+"""Rate of decay below which a state does not return to rest [1/s]."""
 REMEMBERED = 8
 """Responses that are kept."""
 
@@ -75,7 +77,7 @@ class InTime:
     def change(self, here: Model) -> ComplexArray:
         """Judged lines of the settled response, for comparison with that of a like model: after a short lead."""
         lead = self._samples_until(here, NEARLY)
-        if not self._repeats(here) or lead >= self.window.samples:
+        if not self._repeats(here) or lead >= self.window.samples or here.decay_rate < NEUTRAL:
             return self.lines(here, [], at_rest=False)[0]
         period = self.window.period
         inputs = np.take(self._inputs(here)[:period], np.arange(-lead, period), axis=0, mode="wrap")
@@ -133,6 +135,10 @@ class InTime:
         return int(np.clip(-(-self._samples_until(here, SETTLED) // self.window.period), 1, self.window.periods))
 
     def _samples_until(self, here: Model, left: float) -> int:
-        """Samples after which so much of a transient is left; no more than the record has."""
-        decay = max(-float(here.loop.core.poles(here.theta).real.max()), 1e-9)
+        """Samples after which so much of a transient is left; no more than the record has.
+
+        What stays as it is, such as the flux of a hysteresis, is none.
+        """
+        rates = -here.loop.core.poles(here.theta).real
+        decay = float(np.min(rates[rates > NEUTRAL], initial=np.inf))
         return int(min(np.ceil(np.log(1.0 / left) / decay * self.record.sample_rate), self.window.samples))

@@ -22,7 +22,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.loop.effect import Effect, Tone
 from ambid.model import Model
 from ambid.noise.colour import back_through_loop
-from ambid.noise.in_time import InTime
+from ambid.noise.in_time import NEUTRAL, InTime
 from ambid.noise.local import likelier_beside_excitation
 from ambid.noise.measured import Measured
 from ambid.noise.transients import OWN, freed, orthonormal
@@ -31,8 +31,6 @@ from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, Spectrum, between_line
 
 __all__ = ["RecordLines", "White", "as_lines"]
 
-NEUTRAL = 1e-6
-"""Rate of decay below which a loop does not return to rest [1/s]."""
 REMEMBERED = 8
 """Models whose transients are kept."""
 FEW = 400
