@@ -30,6 +30,10 @@ MISFIT = (
 )
 MOST_RENEWALS = 3
 """So often is the noise of a record without periods taken from the residual again, at the most."""
+AT_EDGE = 1e-3
+"""Rate of decay below which a fit has run into the edge of stability, where no record can have been made [1/s]."""
+OTHER_STARTS = 13
+"""Starts around the rig's values that are tried from there: half of them may be unstable."""
 RENEWED = 0.01
 """Relative change of J by that which is small enough."""
 STABLE_FACTORS = (0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.5)
@@ -170,6 +174,10 @@ def _likeliest(
         other, further = _best_of(timed, origins, limits, max_evaluations, ROUGHLY)
         second = rough.descend(other.theta[free] / rough.scale, limits, max_evaluations, ROUGHLY)
         best, more = min((best, more), (second, further), key=lambda pair: pair[0].cost)
+    if best.status != "stopped" and model.with_theta(best.theta).decay_rate < AT_EDGE:
+        around = _starts(model.theta, free, limits, OTHER_STARTS, 0, spread=0.1)
+        second, further = _best_of(rough, around, limits, max_evaluations, ROUGHLY)
+        best, more = min((best, more), (second, further), key=lambda pair: pair[0].cost)
     problem: WhitenedProblem = rough
     at = model.with_theta(best.theta)
     comparison = Comparison(at, records, rough.noise.renewed(at))
@@ -264,9 +272,11 @@ def _limits(model: Model, free: list[int], bounds: Mapping[str, tuple[float, flo
     return lower[free] / scale, upper[free] / scale
 
 
-def _starts(theta: FloatArray, free: list[int], limits: Limits, count: int, seed: int) -> list[FloatArray]:
+def _starts(
+    theta: FloatArray, free: list[int], limits: Limits, count: int, seed: int, spread: float = 0.3
+) -> list[FloatArray]:
     random = np.random.default_rng(seed)
-    factors = [np.ones(len(free)), *np.exp(0.3 * random.standard_normal((count - 1, len(free))))]
+    factors = [np.ones(len(free)), *np.exp(spread * random.standard_normal((count - 1, len(free))))]
     return [theta[free] * factor for factor in factors]
 
 
