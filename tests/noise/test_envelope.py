@@ -66,3 +66,16 @@ def test_a_covariance_scales_as_the_lines():
     own, _ = between_lines(lines, at, at[::4])
     turned, _ = between_lines(2.0 * lines, at, at[::4])
     np.testing.assert_allclose(turned, 4.0 * own)
+
+
+def test_it_says_how_sure_it_is():
+    """The scatter of the logarithm over records, at the peak; beside it, lines of a short record leak and scatter more."""
+    random = [Envelope(power(noise(RESONANT, 256, seed, 1)), np.pi * np.arange(1, 128) / 128) for seed in range(200)]
+    known = [envelope for envelope in random if envelope.orders[0] == 2]
+    assert len(known) > 100
+    at = np.array([0.3, 0.7, 1.5])
+    scatter = np.var([2.0 * np.log(envelope.root(at)[:, 0]) for envelope in known], axis=0)
+    told = np.mean([envelope.variance(at)[:, 0] for envelope in known], axis=0)
+    assert np.sqrt(scatter[1] / told[1]) == pytest.approx(1.0, abs=0.25)
+    assert told[1] > 3.0 * told[[0, 2]].max()
+    assert (np.sqrt(scatter / told) < 2.5).all()

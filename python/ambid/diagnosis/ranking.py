@@ -37,8 +37,8 @@ __all__ = ["Candidate", "Ranking", "rank"]
 
 Progress = Callable[[str, int, int], None]
 
-ALPHA = 0.01
-"""Chance of a false alarm over the whole catalogue."""
+ALPHA = 0.005
+"""Chance of a false alarm over the whole catalogue: half of the 1 % that all tests of a diagnosis may have together."""
 VISIBLE = 1e-4
 """Chance of a score that counts as visible, for one degree of freedom."""
 OWN = 1e-12
@@ -152,7 +152,7 @@ class Ranking(Tabular):
 
     @property
     def significant(self) -> tuple[Candidate, ...]:
-        """Candidates whose score is no chance, at 1 % over the whole catalogue."""
+        """Candidates whose score is no chance, at `ALPHA` over the whole catalogue."""
         level = ALPHA / max(1, len(self.candidates))
         return tuple(c for c in self.candidates if c.p_value < level)
 

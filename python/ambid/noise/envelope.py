@@ -34,6 +34,7 @@ class Envelope:
     """
 
     def __init__(self, power: FloatArray, angle: FloatArray) -> None:
+        self._angle = angle
         count, p = power.shape
         highest = max(0, min(HIGHEST, count // LINES_PER_ORDER))
         moments = np.cos(np.arange(highest + 1)[:, None] * angle) @ power / count
@@ -59,3 +60,17 @@ class Envelope:
         """Root of the spectra at frequencies, shape (lines, p)."""
         turns = np.exp(-1j * np.arange(len(self._coefficients))[:, None] * angle)
         return np.asarray(np.sqrt(self._innovation) / np.abs(turns.T @ self._coefficients))
+
+    def variance(self, angle: FloatArray) -> FloatArray:
+        """Of the logarithm of the spectra at frequencies, since the coefficients were fitted, shape (lines, p)."""
+        found = np.zeros((len(angle), len(self.orders)))
+        for channel, order in enumerate(self.orders):
+            slopes, fitted = (self._slopes(at, channel, int(order)) for at in (angle, self._angle))
+            found[:, channel] = np.einsum("la,ab,lb->l", slopes, np.linalg.pinv(fitted.T @ fitted), slopes)
+        return found
+
+    def _slopes(self, angle: FloatArray, channel: int, order: int) -> FloatArray:
+        """Derivatives of the logarithm of a spectrum by its coefficients."""
+        turns = np.exp(-1j * np.arange(order + 1)[:, None] * angle)
+        whole = turns.T @ self._coefficients[: order + 1, channel]
+        return np.column_stack([np.ones(len(angle)), *(-2.0 * (turns[1:] / whole).real)])

@@ -158,8 +158,10 @@ def between_lines(quiet: ComplexArray, at: FloatArray, judged: FloatArray) -> tu
         likelier -= 2.0 * float(np.sum(np.log(root[some]))) + float(np.sum(envelope.orders)) * len(some) / len(quiet)
         if likelier > likelihood:
             covariance, spread = flat.covariance(judged, other)
-            shape = envelope.root(np.pi * judged / nyquist)
-            return covariance * shape[:, :, None] * shape[:, None, :], spread
+            angle = np.pi * judged / nyquist
+            unsure = 1.0 + envelope.variance(angle)
+            shape = envelope.root(angle) * np.sqrt(unsure)
+            return covariance * shape[:, :, None] * shape[:, None, :], spread * unsure.mean(axis=1)
     return lines.covariance(judged, way)
 
 
