@@ -69,7 +69,7 @@ def test_a_covariance_scales_as_the_lines():
 
 
 def test_it_says_how_sure_it_is():
-    """The scatter of the logarithm over records, at the peak; beside it, lines of a short record leak and scatter more."""
+    """The scatter of the logarithm over records, at the peak; beside it a short record leaks, and scatters more."""
     random = [Envelope(power(noise(RESONANT, 256, seed, 1)), np.pi * np.arange(1, 128) / 128) for seed in range(200)]
     known = [envelope for envelope in random if envelope.orders[0] == 2]
     assert len(known) > 100
