@@ -118,9 +118,9 @@ def test_diagnose_starts_from_a_model_with_effects(here, command):
     ambid.Model(ambid.Rig.load(here[0])).add("loop_delay").save("m.json")
     result = command("diagnose", *here, "--model", "m.json", "--json", "-", "--quiet")
     assert result.code == 0
-    history = json.loads(result.out)["history"]
-    assert history[0]["effects"] == ["loop_delay"]
-    assert history[0]["misfit"] == pytest.approx(1.0, abs=0.1)
+    found = json.loads(result.out)
+    assert found["history"][0]["effects"] == ["loop_delay"]
+    assert 0.8 < found["history"][0]["misfit"] < found["misfit_bound"]
 
 
 def test_a_person_chooses_the_effects(here, command):
