@@ -344,7 +344,7 @@ def _scored(point: _Point, variants: Sequence[Effect], cost: float) -> tuple[lis
         scored.append(_score(point, variant, subspace, cost))
         bases.append((own, subspace.turned))
     independent = 1.0
-    if len(bases) > 1:
+    if len(bases) > 1 and gram.any():  # else no variant is felt at all
         between = [[one.T @ gram[i, j] @ other for j, other in bases] for i, one in bases]
         independent = independent_tests(np.block(between), len(bases))
     return [replace(candidate, variants=independent) for candidate in scored], why
