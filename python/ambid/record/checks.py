@@ -18,6 +18,10 @@ LARGEST_CURRENT_RMS = 100.0  # A; larger than any bearing's, and reached at once
 GAPS_OF_TRAVEL = 10.0  # |y| beyond this many air gaps is not in metres
 CLIPPED_SHARE = 0.01
 """Part of the samples at an extreme value above which a channel is clipped."""
+LONGEST_STANDSTILL = 50
+"""Samples at one value from which on a channel may have hung, if that is also `UNUSUAL` times as long as usual."""
+UNUSUAL = 5.0
+"""What a coarse converter reads of a slow signal stands still, too: but not here and there so much longer."""
 
 
 def order_of_axes(where: str, found: tuple[str, ...], wanted: tuple[str, ...], of: str) -> list[int]:
@@ -58,6 +62,21 @@ def require_alive(where: str, channel: str, values: NDArray[np.float64]) -> None
     if np.ptp(values) == 0:
         raise RecordError(
             f"{where}: {channel} is constant at {values[0]:.6g}: a dead or unplugged sensor; repair it and record again"
+        )
+
+
+def require_moving(where: str, channel: str, values: NDArray[np.float64]) -> None:
+    """Refuse a channel that stands still for a while, as a sensor or card does that hangs."""
+    ends = np.flatnonzero(np.diff(values))
+    lengths = np.diff(np.concatenate([[-1], ends, [len(values) - 1]]))
+    k = int(np.argmax(lengths))
+    others = np.repeat(lengths, lengths)[np.repeat(lengths, lengths) < lengths[k]]
+    usual = float(np.quantile(others, 0.99)) if len(others) else float(lengths[k])
+    if lengths[k] >= LONGEST_STANDSTILL and lengths[k] > UNUSUAL * usual:
+        first = int(lengths[:k].sum()) + 1
+        raise RecordError(
+            f"{where}: {channel} stands still at {values[first - 1]:.6g} in rows {first} to {first + lengths[k] - 1}: "
+            "a sensor or card that hung; cut the record before or after, or record again"
         )
 
 

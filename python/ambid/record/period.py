@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["find_period"]
+from ambid.arrays import FloatArray
+
+__all__ = ["find_period", "mismatches"]
 
 
 def find_period(i_e: ArrayLike, *, tolerance: float = 1e-3) -> int | None:
@@ -32,15 +34,7 @@ def find_period(i_e: ArrayLike, *, tolerance: float = 1e-3) -> int | None:
     x = x.reshape(samples, -1)
     if samples < 2 or not np.any(np.ptp(x, axis=0)):
         return None
-    x = x - x.mean(axis=0)
-    rms = np.sqrt(np.mean(x**2, axis=0))
-    x = x[:, rms > 1e-3 * rms.max()] / rms[rms > 1e-3 * rms.max()]
-    lags = np.arange(1, samples // 2 + 1)
-    spectrum = np.fft.rfft(x, n=2 * samples, axis=0)
-    correlation = np.fft.irfft(np.abs(spectrum) ** 2, n=2 * samples, axis=0)[lags]
-    energy = np.cumsum(x**2, axis=0)
-    overlap = energy[samples - 1 - lags] + energy[-1] - energy[lags - 1]
-    mismatch = np.sqrt(np.clip(2 - 4 * correlation / overlap, 0, None).max(axis=1))
+    lags, mismatch = mismatches(x)
     # Without a mean, a signal is uncorrelated with itself somewhere in every period: the search starts there, past the
     # lags at which a slow signal merely resembles itself, and ends where it is lost again.
     unlike = np.flatnonzero(mismatch >= 1.0)
@@ -55,3 +49,20 @@ def find_period(i_e: ArrayLike, *, tolerance: float = 1e-3) -> int | None:
         return None
     end = unlike[np.searchsorted(unlike, good[0])] if unlike[-1] > good[0] else len(lags)
     return int(lags[good[0] + np.argmin(mismatch[good[0] : end])])
+
+
+def mismatches(x: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
+    """Relative rms mismatch of a signal (N, axes) with itself at every lag up to N // 2, the worst of the axes.
+
+    An axis whose rms is below 1e-3 of the largest does not count.
+    """
+    samples = len(x)
+    x = x - x.mean(axis=0)
+    rms = np.sqrt(np.mean(x**2, axis=0))
+    x = x[:, rms > 1e-3 * rms.max()] / rms[rms > 1e-3 * rms.max()]
+    lags = np.arange(1, samples // 2 + 1)
+    spectrum = np.fft.rfft(x, n=2 * samples, axis=0)
+    correlation = np.fft.irfft(np.abs(spectrum) ** 2, n=2 * samples, axis=0)[lags]
+    energy = np.cumsum(x**2, axis=0)
+    overlap = energy[samples - 1 - lags] + energy[-1] - energy[lags - 1]
+    return lags, np.sqrt(np.clip(2 - 4 * correlation / overlap, 0, None).max(axis=1))

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ambid.errors import RecordError
 from ambid.record import checks
 from ambid.record.channel_map import ChannelMap
+from ambid.record.mending import mended_excitation, mended_outputs
 from ambid.record.period import find_period
 from ambid.record.raw import SIGNALS, raw_record
 from ambid.record.readers import read
@@ -214,6 +215,7 @@ class Record:
                 checks.require_ampere(where, channel, values)
             if not channel.startswith("i_e."):
                 checks.require_alive(where, channel, values)
+                checks.require_moving(where, channel, values)
         more = checks.notes_on_clipping(where, record.axes, record.y, record.i_c)
         if record.i_c is None:
             more.append(WITHOUT_I_C)
@@ -330,7 +332,11 @@ class Record:
         found = find_period(i_e) if record is self else record.period
         if self.period and found and self.period % found:
             notes.append(f"a period of {self.period} samples was stated, but i_e repeats after {found}")
-        record = replace(record, period=record.period or found)
+        record, more = replace(record, period=record.period or found), []
+        if record.period is None:
+            record, more = mended_excitation(record)
+        record, spikes = mended_outputs(record)
+        notes += [*more, *spikes]
         if record.periods < 3:
             count = f"{record.periods} whole periods" if record.period else "no period"
             notes.append(f"{count} of i_e found: the noise ceiling needs 3, and is not estimated")

@@ -1,0 +1,182 @@
+"""Where a logged excitation of several periods does not repeat: single wrong samples, and samples lost or repeated.
+
+The period is found from the parts that repeat. A sample that differs from those a period before and after it, which
+agree, is wrong; where all that follows comes earlier or later by whole samples, rows were lost or repeated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambid.arrays import FloatArray
+from ambid.record.period import mismatches
+
+__all__ = ["Repeats", "Step", "repeats"]
+
+BLOCKS = 40
+"""Stretches of a record by which a lag is judged."""
+CLEAN_SHARE = 0.3
+"""Part of the stretches that must repeat: one loss spoils a period, which is half of what can be compared in three."""
+ALIKE = 0.3
+"""Relative rms mismatch up to which stretches repeat: 20 % of noise on i_e. What never repeats has 1.4."""
+WORTH_A_LOOK = 1.15
+"""The same over all of a record at a lag that is looked at more closely."""
+LOOKED_AT = 12
+"""Lags that are looked at more closely."""
+OUTLIER = 8.0
+"""Robust standard deviations of the noise of i_e beyond which a sample does not repeat; chance has none in 1e14."""
+ROUNDING = 1e-6
+"""Part of the rms of i_e that counts as rounding of a logged one."""
+MOST_LOST = 50
+"""Rows that are lost or repeated at one place, at most."""
+MOST_WRONG = 20
+"""Wrong samples that are taken for single ones, at most; more are another excitation."""
+SPOILT = 0.4
+"""Part of the share of samples that differ from the next one, at which a stretch does not repeat: rows were lost."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """Rows lost, or repeated if negative, at a row counted from 0; the place is known to a hold of the excitation."""
+
+    row: int
+    lost: int
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """How an excitation repeats.
+
+    Attributes
+    ----------
+    period : int
+        In samples.
+    wrong : ndarray of int, shape (k, 2)
+        Row and axis of single wrong samples.
+    steps : tuple of Step
+    """
+
+    period: int
+    wrong: NDArray[np.intp]
+    steps: tuple[Step, ...]
+
+
+def repeats(i_e: FloatArray) -> Repeats | None:
+    """How an excitation repeats that does not do so throughout; None where no period explains most of it.
+
+    Parameters
+    ----------
+    i_e : ndarray, shape (N, axes)
+    """
+    x = np.asarray(i_e, dtype=np.float64)
+    low, high = np.quantile(x, [0.005, 0.995], axis=0)
+    kept = high > low
+    x = np.clip(x, low, high)[:, kept]
+    if x.shape[1] == 0:
+        return None
+    x = (x - x.mean(axis=0)) / x.std(axis=0)
+    tried = []
+    for period in _candidates(x):
+        steps = _steps(x, period)
+        if steps is not None and (wrong := _wrong(np.asarray(i_e), period, steps)) is not None:
+            tried.append(Repeats(period, wrong, steps))
+    return min(tried, key=lambda own: (len(own.steps), own.period), default=None)
+
+
+def _candidates(x: FloatArray) -> list[int]:
+    """Lags at which enough stretches repeat as well as at any."""
+    lags, mismatch = mismatches(x)
+    unlike = np.flatnonzero(mismatch >= 1.0)
+    if not unlike.size:
+        return []
+    inner = np.arange(unlike[0] + 1, len(lags) - 1)
+    dips = inner[(mismatch[inner] <= mismatch[inner - 1]) & (mismatch[inner] <= mismatch[inner + 1])]
+    dips = dips[mismatch[dips] < WORTH_A_LOOK]
+    dips = dips[np.argsort(mismatch[dips])[:LOOKED_AT]]
+    found = [(int(lags[k]), _of_stretches(x, int(lags[k]))) for k in dips]
+    best = min((own for _, own in found), default=np.inf)
+    return [lag for lag, own in found if own <= min(ALIKE, 1.5 * best + 0.01)]
+
+
+def _of_stretches(x: FloatArray, lag: int) -> float:
+    """Relative rms mismatch that the better stretches have at a lag."""
+    apart = np.mean((x[lag:] - x[:-lag]) ** 2, axis=1)
+    return float(np.sqrt(np.quantile([part.mean() for part in np.array_split(apart, BLOCKS)], CLEAN_SHARE)))
+
+
+def _apart(x: FloatArray, lag: int) -> FloatArray:
+    """Largest difference over the axes between samples and those of a lag later."""
+    return np.asarray(np.abs(x[lag:] - x[:-lag]).max(axis=1))
+
+
+def _steps(x: FloatArray, period: int) -> tuple[Step, ...] | None:
+    """Where rows are lost or repeated; None where stretches that do not repeat have another cause."""
+    found: list[Step] = []
+    apart = _apart(x, period)
+    noise = np.quantile([np.median(part) for part in np.array_split(apart, BLOCKS)], CLEAN_SHARE) / 0.6745
+    tolerance = max(OUTLIER * noise, ROUNDING)
+    differs = apart > tolerance
+    least = SPOILT * float(np.mean(_apart(x, 1) > tolerance))
+    length = max(16, period // 4)
+    share = np.convolve(differs, np.ones(length) / length, mode="same")
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], share > least, [False]]).astype(int)))
+    for first, end in edges.reshape(-1, 2):
+        own = np.flatnonzero(differs[first:end]) + first
+        inside = np.arange(own[0], own[-1] + 1)
+        if len(inside) < length // 2:
+            continue  # a single wrong sample, or a few
+        tried = [j for j in range(-MOST_LOST, MOST_LOST + 1) if j]
+        shares = []
+        for j in tried:
+            at = inside[(inside + period - j < len(x)) & (inside + period - j >= 0)]
+            near = np.abs(x[at + period - j] - x[at]).max(axis=1, initial=0.0) <= tolerance
+            shares.append(1.0 - float(np.mean(near)) if len(at) else 1.0)
+        best = int(np.argmin(shares))
+        if shares[best] > least:
+            return None
+        # what is lost at a row changes what is compared with it from a period before on
+        row = int(own[-1]) + 1 if end < len(differs) else int(own[0]) + period
+        if found and found[-1].lost == tried[best] and row - found[-1].row < period:
+            found.pop()  # the same, with a stretch between in which the excitation stands still
+        found.append(Step(row, tried[best]))
+    return tuple(found)
+
+
+def _wrong(i_e: FloatArray, period: int, steps: tuple[Step, ...]) -> NDArray[np.intp] | None:
+    """Rows and axes of single wrong samples; None if there are too many of them."""
+    found = []
+    for axis, x in enumerate(i_e.T):
+        apart = x[period:] - x[:-period]
+        noise = 1.4826 * float(np.median(np.abs(apart)))
+        differs = np.abs(apart) > max(OUTLIER * noise, ROUNDING * float(x.std()))
+        for step in steps:
+            differs[max(0, step.row - period - MOST_LOST) : step.row + MOST_LOST] = False
+        later = np.flatnonzero(differs)
+        own = {int(k) for k in later} | {int(k) + period for k in later}
+        own = {k for k in own if _is_odd(x, differs, k, period)}
+        found += [(k, axis) for k in sorted(own)]
+        if len(found) > MOST_WRONG:
+            return None
+    return np.array(found, dtype=np.intp).reshape(-1, 2)
+
+
+def _is_odd(x: FloatArray, differs: NDArray[np.bool_], k: int, period: int) -> bool:
+    """Whether it is this sample that differs from its neighbours in phase, and not one of them."""
+    neighbours = [j for j in (k - period, k + period) if 0 <= j < len(x)]
+    if not all(differs[min(j, k)] for j in neighbours):
+        return False
+    if len(neighbours) > 1:
+        return True
+    (other,) = neighbours
+    further = 2 * other - k
+    if 0 <= further < len(x):
+        return not differs[min(other, further)]
+    return _beside_itself(x, k) >= _beside_itself(x, other)  # only two have this phase
+
+
+def _beside_itself(x: FloatArray, k: int) -> float:
+    """By how much a sample is off the line between those before and after it."""
+    return float(abs(x[k] - 0.5 * (x[max(k - 1, 0)] + x[min(k + 1, len(x) - 1)])))
