@@ -16,7 +16,7 @@ from itertools import permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares, linear_sum_assignment
+from scipy.optimize import linear_sum_assignment
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.loop.mode import moved_by_worst
@@ -36,8 +36,6 @@ BLURRED = 16
 1/f by more than a hundredth."""
 MOST_LINES = 2000
 """Lines that an equation is held against, at most."""
-MOST_HELD = 8
-"""States of a controller up to which what they held is fitted."""
 GAIN_FACTORS = (1.0, 1.05, 0.95, 1.1, 0.9, 1.2, 0.8, 1.4, 0.7)
 """Common factors on all K_i that are tried, nearest first, where the nominal loop is unstable."""
 
@@ -146,12 +144,37 @@ class NominalLoop:
         A digital controller holds its output over a sample. `controller` stands for the rig's, such as a part of it.
         """
         own = controller or self.rig.controller
-        system = own.state_space(self.axes, self.rig.sample_rate)
+        response = self.sampled(frequency_hz, own)
         if not own.is_digital:
+            return response
+        path = _hold(frequency_hz, own.rate(self.rig.sample_rate)) * self._delay(frequency_hz)
+        return response * path[:, None, None]
+
+    def sampled(self, frequency_hz: FloatArray, controller: Controller) -> ComplexArray:
+        """K alone [A/m], of a digital controller from sample to sample, shape (lines, axes, axes)."""
+        rate = self.rig.sample_rate
+        system = controller.state_space(self.axes, rate)
+        if not controller.is_digital:
             return frequency_response(system, 2j * np.pi * frequency_hz)
-        rate = own.rate(self.rig.sample_rate)
-        path = _hold(frequency_hz, rate) * self._delay(frequency_hz)
-        return frequency_response(system, np.exp(2j * np.pi * frequency_hz / rate)) * path[:, None, None]
+        return frequency_response(system, np.exp(2j * np.pi * frequency_hz / controller.rate(rate)))
+
+    def paths(
+        self, frequency_hz: FloatArray, *, more_delay: float = 0.0, more_lag: float = 0.0
+    ) -> tuple[ComplexArray, ComplexArray]:
+        """A d h, from samples of i_e to those of i_c, and A d, or A d h of a digital controller, from K y to them.
+
+        What is held passes delay and amplifier with all its images, to first order exactly. Either may have
+        `more_delay` and `more_lag` [s]; a current that is read late has a negative delay.
+        """
+        own, rate, amplifier = self.rig.controller, self.rig.sample_rate, self.rig.amplifier
+        tau = max(0.0, amplifier.time_constant + more_lag)
+        delay = own.delay_samples / own.rate(rate) + more_delay
+        over = 1.0 / (amplifier.resistance or 1.0)
+        of_i_e = over * held_lag(frequency_hz, rate, tau, delay)
+        if own.is_digital:
+            return of_i_e, over * held_lag(frequency_hz, own.rate(rate), tau, delay)
+        s = 2j * np.pi * frequency_hz
+        return of_i_e, np.asarray(over * np.exp(-s * delay) / (1.0 + s * tau))
 
     def excitation(self, frequency_hz: FloatArray) -> ComplexArray:
         """d h, from the samples of i_e to what the amplifier is asked for, shape (lines,)."""
@@ -183,91 +206,21 @@ class NominalLoop:
         return np.exp(-2j * np.pi * frequency_hz * own.delay_samples / own.rate(self.rig.sample_rate))
 
 
-@dataclass(frozen=True)
-class ControllerFit:
-    """By which factors the controller's equation holds best on each axis.
-
-    Attributes
-    ----------
-    parts : tuple of str
-        ``i_e``, then the gains of a PID, or ``K`` of any other controller.
-    scale, std_error : ndarray, shape (axes, parts)
-        1 where the record is as the rig says.
-    share : ndarray, shape (axes, parts)
-        Rms of each part over that of i_c.
-    missed : ndarray, shape (axes,)
-        Part of i_c, by rms, that is left unexplained.
-    """
-
-    parts: tuple[str, ...]
-    scale: FloatArray
-    std_error: FloatArray
-    share: FloatArray
-    missed: FloatArray
-
-
-def controller_terms(loop: NominalLoop, lines: Lines) -> tuple[ComplexArray, dict[str, ComplexArray]]:
-    """A d h i_e, and A d K y of every gain of the controller, each (lines, axes) [A]."""
-    f, own = lines.frequency_hz, loop.rig.controller
-    amplifier = loop.amplifier(f)[:, None]
+def commanded(loop: NominalLoop, lines: Lines) -> dict[str, ComplexArray]:
+    """What every gain of the controller makes of y, before delay, hold and amplifier, each (lines, axes) [A]."""
+    own = loop.rig.controller
     parts: dict[str, Controller] = {"K": own}
     if isinstance(own, PidController):
         off = dict.fromkeys(PID_GAINS, 0.0)
         parts = {g: own.model_copy(update={**off, g: getattr(own, g)}) for g in own.gains}
-    fed_back = {name: amplifier * _times(loop.controller(f, part), lines.y) for name, part in parts.items()}
-    return amplifier * loop.excitation(f)[:, None] * lines.i_e, fed_back
+    return {name: _times(loop.sampled(lines.frequency_hz, part), lines.y) for name, part in parts.items()}
 
 
-def fit_controller(loop: NominalLoop, lines: Lines) -> ControllerFit:
-    """Scale i_e and the gains of the controller so that i_c follows, axis by axis.
-
-    The amplifier may differ from the known one by a delay and by two coefficients of its denominator, so that a slower
-    amplifier, one of second order, a delay of the loop or a skew of the sampling is not taken for a wrong gain. What
-    the controller still held at the first sample, and noise has changed by the last, is fitted beside it.
-    """
-    excited, fed_back = controller_terms(loop, lines)
-    held = _held_by_controller(loop, lines)
-    s, tau = 2j * np.pi * lines.frequency_hz, loop.rig.amplifier.time_constant
-    step = 1.0 / (2.0 * np.pi * lines.frequency_hz.max())
-    scale, error, share, missed = [], [], [], []
-    for axis in range(loop.axes):
-        terms = np.column_stack([excited[:, axis], *(-term[:, axis] for term in fed_back.values())])
-        target, parts = np.asarray(lines.i_c)[:, axis], terms.shape[1]
-
-        def residual(x: FloatArray, terms: ComplexArray = terms, target: ComplexArray = target) -> FloatArray:
-            scales, (delay, lag, second), still = np.split(x, [terms.shape[1], terms.shape[1] + 3])
-            amplifier = (1.0 + s * tau) / (1.0 + s * (tau + lag * step) + second * (s * step) ** 2)
-            followed = (terms @ scales) * amplifier * np.exp(-s * delay * step) + held @ still
-            return _stacked(followed - target) / np.linalg.norm(target)
-
-        start, *_ = np.linalg.lstsq(_stacked(np.hstack([terms, held])), _stacked(target), rcond=None)
-        first = np.concatenate([start[:parts], np.zeros(3), start[parts:]])
-        end = least_squares(residual, first, method="lm", x_scale="jac")
-        _, singular, directions = np.linalg.svd(end.jac, full_matrices=False)
-        spread = directions.T / np.maximum(singular, 1e-12 * singular[0])
-        noise = 2.0 * end.cost / (len(end.fun) - len(end.x))
-        scale.append(end.x[:parts])
-        error.append(np.sqrt(noise * np.sum(spread**2, axis=1))[:parts])
-        share.append(np.linalg.norm(terms, axis=0) / np.linalg.norm(target))
-        missed.append(np.sqrt(2.0 * end.cost))
-    return ControllerFit(("i_e", *fed_back), *(np.array(rows) for rows in (scale, error, share, missed)))
-
-
-def _held_by_controller(loop: NominalLoop, lines: Lines) -> ComplexArray:
-    """What a unit in each state of one axis' controller leaves on lines of whole periods, (lines, states).
-
-    A controller of many states is taken to forget them soon; beside a window of the whole record nothing is left.
-    """
-    own, rate = loop.rig.controller, loop.rig.sample_rate
-    a, *_ = own.state_space(1 if isinstance(own, PidController) else loop.axes, rate)
-    if not lines.whole_periods or not 0 < len(a) <= MOST_HELD:
-        return np.zeros((len(lines.frequency_hz), 0), dtype=complex)
-    poles = np.linalg.eigvals(a)
-    poles = poles ** (own.rate(rate) / rate) if own.is_digital else np.exp(poles / rate)
-    w = np.exp(2j * np.pi * lines.frequency_hz / rate)[:, None]
-    left = loop.amplifier(lines.frequency_hz)[:, None] * w / (w - poles[poles.imag >= 0.0])
-    turned = 1j * left[:, poles[poles.imag >= 0.0].imag > 0.0]
-    return np.asarray(np.hstack([left, turned]))
+def controller_terms(loop: NominalLoop, lines: Lines) -> tuple[ComplexArray, dict[str, ComplexArray]]:
+    """A d h i_e, and A d K y of every gain of the controller, each (lines, axes) [A]."""
+    of_i_e, of_y = loop.paths(lines.frequency_hz)
+    fed_back = {name: of_y[:, None] * own for name, own in commanded(loop, lines).items()}
+    return of_i_e[:, None] * lines.i_e, fed_back
 
 
 def controller_missed(loop: NominalLoop, lines: Lines) -> float:
@@ -404,9 +357,19 @@ def _hold(frequency_hz: FloatArray, rate: float) -> ComplexArray:
     return np.sinc(frequency_hz / rate) * np.exp(-1j * np.pi * frequency_hz / rate)
 
 
+def held_lag(frequency_hz: FloatArray, rate: float, tau: float, delay: float) -> ComplexArray:
+    """From samples that are held, delayed by [s], to samples of what a first-order lag makes of them; exact.
+
+    The step response 1 - exp(-t/tau) sampled at k/rate - delay, differenced: ``z^-l (g z^-1 + e (1 - a) z^-2 / (1 - a
+    z^-1))`` with l whole samples of delay, a = exp(-1/(rate tau)), e = exp(-(1 - rest)/(rate tau)), g = 1 - e.
+    """
+    back = np.exp(-2j * np.pi * frequency_hz / rate)
+    if tau == 0.0:
+        return np.asarray(back ** np.ceil(delay * rate - 1e-9))
+    whole = np.floor(delay * rate + 1e-9)
+    a, e = np.exp(-1.0 / (rate * tau)), np.exp(-(1.0 - max(0.0, delay * rate - whole)) / (rate * tau))
+    return np.asarray(back**whole * ((1.0 - e) * back + e * (1.0 - a) * back**2 / (1.0 - a * back)))
+
+
 def _times(response: ComplexArray, signal: ComplexArray) -> ComplexArray:
     return (response @ signal[..., None])[..., 0]
-
-
-def _stacked(values: ComplexArray) -> FloatArray:
-    return np.concatenate([values.real, values.imag])

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.arrays import FloatArray
+from ambid.checking.clocks import Clock, out_of_step
+from ambid.checking.controller import ControllerFit, fit_controller, read_late
 from ambid.checking.equations import (
     HIGHEST_FREQUENCY,
-    ControllerFit,
     Lines,
     NominalLoop,
     best_order,
@@ -27,7 +28,6 @@ from ambid.checking.equations import (
     correlation,
     exchanged_axes,
     expected_displacement,
-    fit_controller,
     gain_of,
     moves,
     reordered,
@@ -47,7 +47,7 @@ UNEXPLAINED = 0.4
 SLIPS = (-1.0, 1e3, 1e-3, 1e6, 1e-6)
 """Factors by which a sign or a unit goes wrong."""
 UNITS = {("y", 1e3): "mm", ("y", 1e6): "um", ("i_e", 1e3): "mA", ("i_c", 1e3): "mA", ("i_c", 1e6): "uA"}
-DOUBTFUL_GAIN, WRONG_GAIN = 0.05, 0.10
+DOUBTFUL_GAIN, WRONG_GAIN = 0.02, 0.10
 """Relative error of a controller's gain, beyond five standard errors."""
 CONTROLLER_SLIP, EXCITATION_SLIP = ControllerGainError.name, ExcitationGainError.name
 LEAST_SHARE = 0.02
@@ -181,7 +181,7 @@ def _foreign(record: Record, rig: Rig) -> list[Finding]:
 def _record(record: Record, loop: NominalLoop) -> list[Finding]:
     lines = Lines.of(record)
     found = [Finding("warning", record.name, note, "noted on loading; see that it is meant") for note in record.notes]
-    found += [*_travel(record, loop.rig), *_periods(record)]
+    found += [*_travel(record, loop.rig), *_periods(record), *_clocks(record)]
     if not len(lines.index):
         what = f"no line of i_e between its first few and {HIGHEST_FREQUENCY:g} of the sample rate"
         return [*found, Finding("warning", record.name, what, "excite within the bandwidth of the loop")]
@@ -235,6 +235,40 @@ def _periods(record: Record) -> list[Finding]:
     return [Finding("warning", record.name, what, todo, stops_diagnosis=True)]
 
 
+def _clocks(record: Record) -> list[Finding]:
+    """y keeps in step with the excitation."""
+    found, todo = [], "cut the record there, or record again: what comes after belongs to another instant"
+    for own in out_of_step(record):
+        if isinstance(own, Clock):
+            what = f"runs {1e6 * abs(own.fast):.3g} ppm {'slower' if own.fast < 0.0 else 'faster'} than that of i_e: "
+            what += f"{abs(own.fast) * record.samples:.2g} samples over the record"
+            clock = "give all cards one clock, or resample y and i_c to that of i_e"
+            found.append(_fault(f"{record.name}: y", f"the clock of y {what}", clock))
+            continue
+        count = f"{abs(own.samples)} sample{'s' if abs(own.samples) > 1 else ''}"
+        what = f"{count} {'lost' if own.samples > 0 else 'repeated'} near row {own.row + 1}, and not of i_e"
+        found.append(_fault(f"{record.name}: y.{record.axes[own.axis]}", what, todo))
+    return found
+
+
+def _instants(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
+    """y, i_c and i_e are read when the file says."""
+    found = read_late(loop, lines)
+    if found is None:
+        return []
+    late = np.flatnonzero(found.seconds)
+    seconds, axes = float(np.median(found.seconds[late])), ", ".join(record.axes[k] for k in late)
+    samples = abs(seconds) * record.sample_rate
+    how = f"{samples:.3g} sample{'' if samples <= 1.0 else 's'} ({1e6 * abs(seconds):.3g} us)"
+    how += f" {'late' if seconds > 0.0 else 'early'}"
+    if np.abs(found.current[late] + found.seconds[late]).max() < 0.2 * abs(seconds):
+        what, todo = f"i_e was logged {how} against y and i_c", "move i_e, or give its card the trigger of the others"
+        return [_fault(f"{record.name}: i_e on {axes}", what, todo)]
+    what = f"read {how} against i_e, by the controller's equation with its nominal gains or any others"
+    todo = "move y by that time, or give all cards one trigger; a controller that is not the rig's may be a cause, too"
+    return [_fault(f"{record.name}: y on {axes}", what, todo)]
+
+
 def _controller(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
     """i_c follows from i_e and y through the controller."""
     missed = controller_missed(loop, lines)
@@ -251,6 +285,8 @@ def _controller(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding
     for slip in dict.fromkeys(slip for slip in slips if slip is not None):
         axes = ", ".join(axis for axis, own in zip(record.axes, slips, strict=True) if own == slip)
         found.append(_slipped(f"{record.name}: {slip[0]} on {axes}", *slip, "the controller's equation"))
+    if not found:
+        found += _instants(record, loop, lines)
     judged = moving & [slip is None for slip in slips]
     # a factor on all of i_c is R of a voltage-driven coil, which is fitted
     known = np.ones_like(fit.scale) if loop.rig.amplifier.resistance is None else fit.scale[:, :1]

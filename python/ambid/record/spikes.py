@@ -36,11 +36,11 @@ def without_spikes(x: FloatArray, period: int) -> tuple[FloatArray, NDArray[np.i
     -------
     cleaned : ndarray, shape (N,)
     rows : ndarray of int
-        Of the samples that were replaced; none where they are more than `MOST`, or not single.
+        Of the samples that were replaced; none where they are more than `MOST`, beside each other, or a period apart.
     """
     rows: list[int] = []
     while (row := _worst(_apart(x, period, rows), rows)) is not None:
-        if len(rows) == MOST:
+        if len(rows) == MOST or row % period in {known % period for known in rows}:
             return x, np.zeros(0, dtype=np.intp)
         rows.append(row)
     found = np.unique(rows).astype(np.intp)

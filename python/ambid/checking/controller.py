@@ -1,0 +1,258 @@
+"""The controller's equation fitted to a record, axis by axis: factors of its gains and of i_e, and when y was read.
+
+    i_c = A' d' (h i_e - exp(-s l) K y) + what the controller held at the first sample
+
+The amplifier A' and the delay d' may differ from the known ones by two coefficients and a time, so that a slower
+amplifier, one of second order, a delay of the loop or a skew of the sampling is not taken for a wrong gain. l is by how
+much y was read late.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ambid.arrays import ComplexArray, FloatArray
+from ambid.checking.equations import Lines, NominalLoop, commanded, controller_terms
+from ambid.rig import PidController
+
+__all__ = ["ControllerFit", "Late", "fit_controller", "read_late"]
+
+MOST_HELD = 8
+"""States of a controller up to which what they held is fitted."""
+TURN = 1e-4
+"""Part of a unit of time by which derivatives of the paths are differenced."""
+SURE = 100.0
+"""Fall of the sum of squares, in units of what is left, by an instant of y: ten standard errors."""
+LEAST_LATE = 0.05
+"""Part of a sample by which y must be late to be told; an amplifier that the equation only knows nearly brings 0.03."""
+
+
+@dataclass(frozen=True)
+class ControllerFit:
+    """By which factors the controller's equation holds best on each axis.
+
+    Attributes
+    ----------
+    parts : tuple of str
+        ``i_e``, then the gains of a PID, or ``K`` of any other controller.
+    scale, std_error : ndarray, shape (axes, parts)
+        1 where the record is as the rig says.
+    share : ndarray, shape (axes, parts)
+        Rms of each part over that of i_c.
+    missed : ndarray, shape (axes,)
+        Part of i_c, by rms, that is left unexplained.
+    """
+
+    parts: tuple[str, ...]
+    scale: FloatArray
+    std_error: FloatArray
+    share: FloatArray
+    missed: FloatArray
+
+
+@dataclass(frozen=True)
+class Late:
+    """When y was read on each axis, shape (axes,) each [s].
+
+    Attributes
+    ----------
+    seconds, std_error : ndarray
+        By how much y was read late against i_e; 0 where it was not.
+    current : ndarray
+        By how much i_c comes late against i_e; what the controller's and the amplifier's delays leave to explain.
+    """
+
+    seconds: FloatArray
+    std_error: FloatArray
+    current: FloatArray
+
+
+def fit_controller(loop: NominalLoop, lines: Lines) -> ControllerFit:
+    """Scale i_e and the gains of the controller so that i_c follows, axis by axis; see the head of this file."""
+    excited, fed_back = controller_terms(loop, lines)
+    scale, error, share, missed = [], [], [], []
+    for equation in _equations(loop, lines):
+        x, spread, left = equation.solved()
+        k, parts = equation.axis, 1 + len(fed_back)
+        terms = np.column_stack([excited[:, k], *(own[:, k] for own in fed_back.values())])
+        scale.append(x[:parts])
+        error.append(spread[:parts])
+        share.append(np.linalg.norm(terms, axis=0) / equation.size)
+        missed.append(np.sqrt(left))
+    return ControllerFit(("i_e", *fed_back), *(np.array(rows) for rows in (scale, error, share, missed)))
+
+
+def read_late(loop: NominalLoop, lines: Lines) -> Late | None:
+    """By how much y was read late against i_e; None where no instant of its own explains i_c much better.
+
+    Other gains and what a moving coil induces must not explain it better, for the unknowns that they take. An axis that
+    is not late has 0.
+    """
+    seconds, errors, current = np.zeros((3, loop.axes))
+    for k, equation in enumerate(_equations(loop, lines)):
+        numbers = 2 * len(lines.frequency_hz)
+        timed = replace(equation, has_factors=False, has_instant=True)
+        x, spread, left = timed.solved()
+        late = x[-1] * equation.step
+        *_, without = replace(timed, has_instant=False).solved()
+        if abs(late) < LEAST_LATE / loop.rig.sample_rate or (without / left - 1.0) * numbers < SURE:
+            continue
+        *_, otherwise = replace(equation, induces=True).solved()
+        spent = equation.of_y.shape[1] + 1  # its unknowns beyond those with an instant
+        if (left / otherwise - 1.0) * numbers > spent * np.log(numbers):
+            x, spread, left = replace(equation, has_instant=True).solved()  # wrong gains, and late as well?
+            late = x[-1] * equation.step
+            if abs(late) < LEAST_LATE / loop.rig.sample_rate or (otherwise / left - 1.0) * numbers < SURE:
+                continue
+        seconds[k], errors[k], current[k] = late, spread[-1] * equation.step, x[-4] * equation.step
+    return Late(seconds, errors, current) if seconds.any() else None
+
+
+def _equations(loop: NominalLoop, lines: Lines) -> list[_Equation]:
+    """That of every axis."""
+    f, of_y = lines.frequency_hz, commanded(loop, lines)
+    held, i_c = _held_by_controller(loop, lines), np.asarray(lines.i_c)
+    step = 1.0 / (2.0 * np.pi * f.max())
+
+    def paths(delay: float, lag: float) -> tuple[ComplexArray, ComplexArray]:
+        return loop.paths(f, more_delay=delay * step, more_lag=lag * step)
+
+    return [
+        _Equation(
+            axis=k,
+            i_e=lines.i_e[:, k],
+            of_y=-np.column_stack([own[:, k] for own in of_y.values()]),
+            motion=2j * np.pi * f * lines.y[:, k] * np.linalg.norm(i_c[:, k]) / np.linalg.norm(f * lines.y[:, k]),
+            held=held / np.linalg.norm(held, axis=0),
+            i_c=i_c[:, k],
+            paths=paths,
+            step=step,
+            s=2j * np.pi * f * step,
+            tau=loop.rig.amplifier.time_constant / step,
+        )
+        for k in range(loop.axes)
+    ]
+
+
+@dataclass(frozen=True)
+class _Equation:
+    """The equation of one axis.
+
+    Unknowns are the factors of i_e and of what the gains make of y, that of what motion induces, what was held; then
+    delay, lag, the second coefficient of the amplifier, and how late y was read, in units of `step`, the shortest time
+    that the lines show.
+    """
+
+    axis: int
+    i_e: ComplexArray
+    of_y: ComplexArray
+    motion: ComplexArray
+    held: ComplexArray
+    i_c: ComplexArray
+    paths: Callable[[float, float], tuple[ComplexArray, ComplexArray]]
+    step: float
+    s: ComplexArray
+    tau: float
+    has_factors: bool = True
+    has_instant: bool = False
+    induces: bool = False
+
+    @property
+    def size(self) -> float:
+        """Norm of i_c."""
+        return float(np.linalg.norm(self.i_c))
+
+    def solved(self) -> tuple[FloatArray, FloatArray, float]:
+        """Unknowns, their standard errors, and the square of the part of i_c that is left."""
+        first = np.concatenate([np.ones(1 + self.of_y.shape[1]), np.zeros(1 + self.held.shape[1] + 4)])
+        free = np.flatnonzero(
+            np.concatenate(
+                [
+                    np.full(1 + self.of_y.shape[1], self.has_factors),
+                    [self.induces],
+                    np.full(self.held.shape[1], True),
+                    [True, True, True, self.has_instant],
+                ]
+            )
+        )
+
+        def whole(x: FloatArray) -> FloatArray:
+            out = first.copy()
+            out[free] = x
+            return out
+
+        end = least_squares(
+            lambda x: self._residual(whole(x)),
+            first[free],
+            lambda x: self._jacobian(whole(x))[:, free],
+            method="lm",
+            x_scale="jac",
+            ftol=1e-9,
+            xtol=1e-6,
+        )
+        size = np.linalg.norm(end.jac, axis=0)
+        _, singular, directions = np.linalg.svd(end.jac / size, full_matrices=False)
+        spread = np.sum((directions.T / np.maximum(singular, 1e-12 * singular[0])) ** 2, axis=1)
+        noise = 2.0 * end.cost / (len(end.fun) - len(end.x))
+        errors = np.zeros(len(first))
+        errors[free] = np.sqrt(noise * spread) / size
+        return whole(end.x), errors, 2.0 * float(end.cost)
+
+    def _residual(self, x: FloatArray) -> FloatArray:
+        """What i_c is missed by, relative to it; real parts, then imaginary ones."""
+        return _stacked(sum(self._parts(x, self.paths(x[-4], x[-3]))) - self.i_c) / self.size
+
+    def _parts(self, x: FloatArray, paths: tuple[ComplexArray, ComplexArray]) -> tuple[ComplexArray, ...]:
+        """i_c by i_e, by y, and by what was held."""
+        gains = self.of_y.shape[1]
+        lag, second, late = x[-3:]
+        more = 1.0 / (1.0 + second * self.s**2 / (1.0 + self.s * max(0.0, self.tau + lag)))
+        seen = np.exp(-self.s * late)
+        by_y = self.of_y @ x[1 : 1 + gains] + self.motion * x[1 + gains]
+        return more * paths[0] * self.i_e * x[0], more * paths[1] * seen * by_y, self.held @ x[2 + gains : -4]
+
+    def _jacobian(self, x: FloatArray) -> FloatArray:
+        """Derivatives of the residual; by delay and lag they are differences of the paths."""
+        paths, (lag, second, late) = self.paths(x[-4], x[-3]), x[-3:]
+        by_i_e, by_y, _ = self._parts(x, paths)
+        pole = 1.0 + self.s * max(0.0, self.tau + lag)
+        more, seen = 1.0 / (1.0 + second * self.s**2 / pole), np.exp(-self.s * late)
+        columns = [more * paths[0] * self.i_e]
+        columns += [more * paths[1] * seen * own for own in (*self.of_y.T, self.motion)]
+        columns += list(self.held.T)
+        gains = self.of_y.shape[1]
+        y = self.of_y @ x[1 : 1 + gains] + self.motion * x[1 + gains]
+        for turn in ((TURN, 0.0), (0.0, TURN)):
+            up, down = (self.paths(x[-4] + sign * turn[0], x[-3] + sign * turn[1]) for sign in (1.0, -1.0))
+            of_i_e, of_y = ((a - b) / (2.0 * TURN) for a, b in zip(up, down, strict=True))
+            columns.append(more * (of_i_e * self.i_e * x[0] + of_y * seen * y))
+        moved = by_i_e + by_y
+        columns[-1] += more * second * self.s**3 / pole**2 * moved
+        columns.append(-more * self.s**2 / pole * moved)
+        columns.append(-self.s * by_y)
+        return _stacked(np.column_stack(columns)) / self.size
+
+
+def _held_by_controller(loop: NominalLoop, lines: Lines) -> ComplexArray:
+    """What a unit in each state of one axis' controller leaves on lines of whole periods, (lines, states).
+
+    A controller of many states is taken to forget them soon; beside a window of the whole record nothing is left.
+    """
+    own, rate = loop.rig.controller, loop.rig.sample_rate
+    a, *_ = own.state_space(1 if isinstance(own, PidController) else loop.axes, rate)
+    if not lines.whole_periods or not 0 < len(a) <= MOST_HELD:
+        return np.zeros((len(lines.frequency_hz), 0), dtype=complex)
+    poles = np.linalg.eigvals(a)
+    poles = poles ** (own.rate(rate) / rate) if own.is_digital else np.exp(poles / rate)
+    w = np.exp(2j * np.pi * lines.frequency_hz / rate)[:, None]
+    left = loop.amplifier(lines.frequency_hz)[:, None] * w / (w - poles[poles.imag >= 0.0])
+    turned = 1j * left[:, poles[poles.imag >= 0.0].imag > 0.0]
+    return np.asarray(np.hstack([left, turned]))
+
+
+def _stacked(values: ComplexArray) -> FloatArray:
+    return np.concatenate([values.real, values.imag])
