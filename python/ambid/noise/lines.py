@@ -292,8 +292,18 @@ class RecordLines:
         residual = self.unexcited.left(index, self.tones)
         covariance, spread = between_lines(residual, index / window.periods, self.index / self.window.periods)
         back = back_through_loop(here, self.points, p)
+        covariance = self._with_rounding(covariance, back)
         require_noise(covariance, back, self._z)
         return Spectrum.of(covariance, back, spread)
+
+    def _with_rounding(self, covariance: ComplexArray, back: ComplexArray) -> ComplexArray:
+        """The noise with what the converters round, which a digital controller acts on, too."""
+        rounding = self.measured.rounding
+        way = np.array(back)
+        if self._base.rig.controller.is_digital:
+            axes = len(self.record.axes)
+            way[:, :, :axes] = np.eye(self.measured.channels)[:, :axes]
+        return np.asarray(covariance + (way * rounding) @ way.conj().transpose(0, 2, 1))
 
     def _without_periods(self) -> Spectrum:
         """The noise, from what follows neither the excitation nor a transient."""

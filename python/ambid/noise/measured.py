@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from functools import cached_property
 
-from ambid.arrays import ComplexArray
+import numpy as np
+
+from ambid.arrays import ComplexArray, FloatArray
+from ambid.noise.converter import repeated_rounding
 from ambid.noise.window import Window
 from ambid.record import Record
 
@@ -27,3 +30,16 @@ class Measured:
     def quiet(self) -> ComplexArray:
         """All lines of y and i_c over the periods that noise is taken from, shape (lines, p)."""
         return self.window.settled.lines(self.record.outputs)
+
+    @cached_property
+    def rounding(self) -> FloatArray:
+        """Power that rounding by the converters adds to the judged lines of each channel, shape (p,)."""
+        settled, quiet = self.window.settled, self.quiet
+        if settled.is_periodic:
+            quiet = quiet[settled.between(1)]
+            power = np.median(np.abs(quiet) ** 2, axis=0) / np.log(2.0)
+        else:
+            power = np.full(self.channels, np.inf)  # then what is left of excited lines tells all of it
+        columns = self.record.outputs.T
+        own = [repeated_rounding(x, float(noise)) for x, noise in zip(columns, power, strict=True)]
+        return self.window.periods * np.array(own)
