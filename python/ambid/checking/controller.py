@@ -27,6 +27,8 @@ TURN = 1e-4
 """Part of a unit of time by which derivatives of the paths are differenced."""
 SURE = 100.0
 """Fall of the sum of squares, in units of what is left, by an instant of y: ten standard errors."""
+FEWEST = 30
+"""Lines clear of noise that tell when y was read."""
 LEAST_LATE = 0.05
 """Part of a sample by which y must be late to be told; an amplifier that the equation only knows nearly brings 0.03."""
 
@@ -90,8 +92,13 @@ def read_late(loop: NominalLoop, lines: Lines) -> Late | None:
     """By how much y was read late against i_e; None where no instant of its own explains i_c much better.
 
     Other gains and what a moving coil induces must not explain it better, for the unknowns that they take. An axis that
-    is not late has 0.
+    is not late has 0. Only lines of a periodic record that are clear of noise count: noise of a sensor that is held
+    over its sample passes an analog controller half a sample late.
     """
+    clear = lines.clear
+    if clear is None or np.count_nonzero(clear) < FEWEST:
+        return None
+    lines = lines.some(clear)
     seconds, errors, current = np.zeros((3, loop.axes))
     for k, equation in enumerate(_equations(loop, lines)):
         numbers = 2 * len(lines.frequency_hz)
@@ -195,6 +202,7 @@ class _Equation:
             xtol=1e-6,
         )
         size = np.linalg.norm(end.jac, axis=0)
+        size[size == 0.0] = 1.0
         _, singular, directions = np.linalg.svd(end.jac / size, full_matrices=False)
         spread = np.sum((directions.T / np.maximum(singular, 1e-12 * singular[0])) ** 2, axis=1)
         noise = 2.0 * end.cost / (len(end.fun) - len(end.x))

@@ -16,6 +16,7 @@ from itertools import permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 from scipy.optimize import linear_sum_assignment
 
 from ambid.arrays import ComplexArray, FloatArray
@@ -34,8 +35,14 @@ HIGHEST_FREQUENCY = 0.25
 BLURRED = 16
 """Lowest line that counts of a record without periods: below it are what drifts, and a window that blurs an integral's
 1/f by more than a hundredth."""
-MOST_LINES = 2000
+CLEAR = 30.0
+"""Power of an excited line over that of noise from which on it is clear of it."""
+AROUND = 31
+"""Unexcited lines that tell the power of noise at a line."""
+MOST_LINES = 1000
 """Lines that an equation is held against, at most."""
+SHORTEST_LAG = 0.01
+"""Samples that a lag of the amplifier lasts at least, where it is fitted."""
 GAIN_FACTORS = (1.0, 1.05, 0.95, 1.1, 0.9, 1.2, 0.8, 1.4, 0.7)
 """Common factors on all K_i that are tried, nearest first, where the nominal loop is unstable."""
 
@@ -55,6 +62,8 @@ class Lines:
     window : int
         Samples of one period, or of the record without periods.
     whole_periods : bool
+    clear : ndarray of bool, shape (lines,), or None
+        Which of them y fills by far more than noise on every axis that moves; None where there are no periods to tell.
     """
 
     frequency_hz: FloatArray
@@ -64,6 +73,13 @@ class Lines:
     index: NDArray[np.intp]
     window: int
     whole_periods: bool
+    clear: NDArray[np.bool_] | None = None
+
+    def some(self, kept: NDArray[np.bool_]) -> Lines:
+        """Some of the lines."""
+        i_c = None if self.i_c is None else self.i_c[kept]
+        own = (self.frequency_hz[kept], self.i_e[kept], self.y[kept], i_c, self.index[kept])
+        return Lines(*own, self.window, self.whole_periods, None if self.clear is None else self.clear[kept])
 
     @classmethod
     def of(cls, record: Record) -> Lines:
@@ -86,7 +102,18 @@ class Lines:
         kept = np.sort(kept[np.argsort(power[kept])[-MOST_LINES:]])
         i_c = None if record.i_c is None else spectrum(record.i_c)[kept]
         y = spectrum(record.y)[kept]
-        return cls(frequency[kept], i_e[kept], y, i_c, index[kept], length, window is not None)
+        clear = None if window is None else _clear_of_noise(window, record.y, y, kept)
+        return cls(frequency[kept], i_e[kept], y, i_c, index[kept], length, window is not None, clear)
+
+
+def _clear_of_noise(
+    window: Window, signal: FloatArray, excited: ComplexArray, kept: NDArray[np.intp]
+) -> NDArray[np.bool_]:
+    """Which excited lines stand above the unexcited ones around them, on every axis that moves."""
+    between = window.between(1)
+    noise = uniform_filter1d(np.abs(window.lines(signal)[between]) ** 2, AROUND, axis=0, mode="nearest")
+    here = np.minimum(np.searchsorted(between, window.excited[kept]), len(between) - 1)
+    return np.asarray((np.abs(excited) ** 2 > CLEAR * noise[here])[:, moves(excited)].all(axis=1))
 
 
 class NominalLoop:
@@ -167,7 +194,9 @@ class NominalLoop:
         `more_delay` and `more_lag` [s]; a current that is read late has a negative delay.
         """
         own, rate, amplifier = self.rig.controller, self.rig.sample_rate, self.rig.amplifier
-        tau = max(0.0, amplifier.time_constant + more_lag)
+        tau = amplifier.time_constant
+        if tau > 0.0:
+            tau = max(SHORTEST_LAG / rate, tau + more_lag)
         delay = own.delay_samples / own.rate(rate) + more_delay
         over = 1.0 / (amplifier.resistance or 1.0)
         of_i_e = over * held_lag(frequency_hz, rate, tau, delay)

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri
 
+from ambid.diagnosis.confirmation import stands
 from ambid.diagnosis.ranking import ALPHA, Candidate, Ranking, rank
 from ambid.diagnosis.rivals import Refitted, alternatives, is_driven_off, reconsidered, refits
 from ambid.diagnosis.state import State, Task, nominal_with_effects_of, noted
@@ -85,7 +86,7 @@ def _added(task: Task, state: State, ask: Ask | None) -> Iterator[State]:
     while len(state.added) < MOST_EFFECTS:
         ranking = state.ranking
         tried = _worth_refitting(state, ranking)
-        order = [pair for pair in refits(task, state, tried) if not _rises(task, state, pair[1])]
+        order = [pair for pair in refits(task, state, tried) if _explains(task, state, pair)]
         if not order or _is_hopeless(state, order[0][1]):
             order = _beyond_scores(task, state, tried) or order
         if not order:
@@ -95,6 +96,8 @@ def _added(task: Task, state: State, ask: Ask | None) -> Iterator[State]:
         promised = max(fall, candidate.score) if better.cost < state.at_noise < state.fit.cost else candidate.score
         if candidate.chance_of(min(fall, promised)) > np.log(ALPHA / len(ranking.candidates)):
             return  # the refit brings less than the score promised
+        if not state.added and state.fit.is_adequate and not stands(task, state, order[0]):
+            return  # nothing was missing, and the rest of the evidence knows nothing of it
         if ask is not None and not ask(ranking, candidate):
             return
         if _is_hopeless(state, better):
@@ -127,7 +130,14 @@ def _beyond_scores(task: Task, state: State, tried: Sequence[Candidate]) -> list
     model = state.fit.model
     others = [c for c in state.ranking.candidates if c not in tried and model.add(c.effect, c.start).is_linear]
     found = refits(task, state, others, whatever_promised=True)
-    return [pair for pair in found if pair[1].cost < state.at_noise and not _rises(task, state, pair[1])]
+    return [pair for pair in found if pair[1].cost < state.at_noise and _explains(task, state, pair)]
+
+
+def _explains(task: Task, state: State, pair: Refitted) -> bool:
+    """Whether a refitted candidate stays within what physics allows and makes no record worse that was kept back."""
+    candidate, better = pair
+    own = (p for p in better.model.parameters if p.name.startswith(f"{candidate.effect.name}."))
+    return not any(p.is_at_limit for p in own) and not _rises(task, state, better)
 
 
 def _rises(task: Task, state: State, better: Comparison) -> bool:

@@ -16,6 +16,8 @@ __all__ = ["UNITS", "Parameter", "nominal", "of_effect", "selected", "shared", "
 
 SHORTEST_LAG = 5e-5
 """Samples that tau_e lasts at least: less is no lag in any record, and overflows."""
+NEARLY = 0.999
+"""Part of a limit that counts as all of it: optimisers stop a little before."""
 UNITS = {"K_i": "N/A", "K_s": "N/m", "R": "ohm", "tau_e": "s"}
 
 
@@ -50,6 +52,14 @@ class Parameter:
     def scale(self) -> float:
         """A positive number of the parameter's own size."""
         return self.value if self.typical is None else max(abs(self.value), self.typical)
+
+    @property
+    def is_at_limit(self) -> bool:
+        """Whether a size that is 0 where an effect is absent has grown as far as physics allows."""
+        if not self.lower <= 0.0 <= self.upper:
+            return False
+        limit = self.upper if self.value > 0.0 else self.lower
+        return bool(self.value != 0.0 and np.isfinite(limit) and abs(self.value) >= NEARLY * abs(limit))
 
 
 def of_effect(rig: Rig, effect: Effect, values: Mapping[str, float]) -> list[Parameter]:

@@ -244,6 +244,10 @@ class Record:
         name = self.name if self.point is not None else f"{self.name} ({rig.name})"
         return replace(self, name=name, point=rig)
 
+    def rows(self, first: int, end: int) -> Record:
+        """The same record from sample `first` up to `end`, counted from 0."""
+        return self._with_signals({name: own[first:end] for name, own in self._signals.items()})
+
     @property
     def samples(self) -> int:
         """Number of samples N."""
@@ -285,8 +289,7 @@ class Record:
         InputError
             If the format needs a package that is not installed.
         """
-        present = {name: array for name in SIGNALS if (array := getattr(self, name)) is not None}
-        write(Path(path), self.sample_rate, self.axes, present)
+        write(Path(path), self.sample_rate, self.axes, self._signals)
 
     def __repr__(self) -> str:
         signals = " ".join(signal for signal in SIGNALS if getattr(self, signal) is not None)
@@ -296,10 +299,19 @@ class Record:
             f"{signals} on {', '.join(self.axes)}; {len(self.notes)} notes)"
         )
 
+    @property
+    def _signals(self) -> dict[str, NDArray[np.float64]]:
+        """What was recorded, by name."""
+        return {name: own for name in SIGNALS if (own := getattr(self, name)) is not None}
+
+    def _with_signals(self, signals: Mapping[str, NDArray[np.float64]]) -> Record:
+        """The same record with other arrays of what was recorded."""
+        own = {name: signals.get(name) for name in ("i_e", "i_c", "i_ref")}
+        return replace(self, y=signals["y"], i_e=own["i_e"], i_c=own["i_c"], i_ref=own["i_ref"])
+
     def _columns(self) -> Iterator[tuple[str, NDArray[np.float64]]]:
-        for signal in SIGNALS:
-            if (array := getattr(self, signal)) is not None:
-                yield from ((f"{signal}.{axis}", array[:, j]) for j, axis in enumerate(self.axes))
+        for signal, array in self._signals.items():
+            yield from ((f"{signal}.{axis}", array[:, j]) for j, axis in enumerate(self.axes))
 
     def _in_order_of(self, axes: tuple[str, ...]) -> Record:
         """The same record with its columns in the rig's order."""
@@ -332,11 +344,13 @@ class Record:
         found = find_period(i_e) if record is self else record.period
         if self.period and found and self.period % found:
             notes.append(f"a period of {self.period} samples was stated, but i_e repeats after {found}")
-        record, more = replace(record, period=record.period or found), []
+        record = replace(record, period=record.period or found)
         if record.period is None:
-            record, more = mended_excitation(record)
-        record, spikes = mended_outputs(record)
-        notes += [*more, *spikes]
+            signals, period, more = mended_excitation(record._signals, record.axes)
+            record, notes = replace(record._with_signals(signals), period=period), [*notes, *more]
+        if record.period is not None and record.periods >= 3:
+            signals, more = mended_outputs(record._signals, record.axes, record.period)
+            record, notes = record._with_signals(signals) if more else record, [*notes, *more]
         if record.periods < 3:
             count = f"{record.periods} whole periods" if record.period else "no period"
             notes.append(f"{count} of i_e found: the noise ceiling needs 3, and is not estimated")

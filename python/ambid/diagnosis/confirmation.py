@@ -1,0 +1,67 @@
+"""Does an effect that is found where the base model is adequate stand elsewhere, too?
+
+What is local in a record, such as a burst, a standstill or a wrong sample, can look like physics: but not on records
+that were kept back, or, where there are none, on each half of those that it was found on.
+"""
+
+from __future__ import annotations
+
+from scipy.special import chdtri
+
+from ambid.diagnosis.rivals import Refitted
+from ambid.diagnosis.state import State, Task
+from ambid.errors import RecordError, UnstableLoopError
+from ambid.identification.minimum import ROUGHLY, refit
+from ambid.noise import Comparison
+from ambid.record import Record
+
+__all__ = ["stands"]
+
+CHANCE = 0.05
+"""Chance of the fall of J that each piece of other evidence must show: what is just significant on a whole record shows
+half of its score on each half, and passes 95 % where that score is 15."""
+LEAST_PERIODS = 2
+"""Periods of a half that is judged."""
+LEAST_SAMPLES = 500
+"""Samples of a half without periods that is judged."""
+
+
+def stands(task: Task, state: State, pair: Refitted) -> bool:
+    """Whether other evidence shows the effect; where there is none, it is taken as it is.
+
+    Parameters
+    ----------
+    task, state : Task, State
+        The base model is adequate.
+    pair : tuple of Candidate and Comparison
+        What is to be added, and the refitted model.
+    """
+    candidate, better = pair
+    if state.validation is not None:
+        fall = state.validation.cost - state.validation.of(better.model).cost
+        return bool(fall > chdtri(candidate.degrees, CHANCE))
+    halves = [_halves(record) for record in state.fit.noise.records]
+    if not all(halves):
+        return True
+    for k in (0, 1):
+        try:
+            base = refit(Comparison(state.fit.model, [half[k] for half in halves]), step=ROUGHLY)
+            fall = base.cost - refit(base.of(better.model), step=ROUGHLY).cost
+        except (RecordError, UnstableLoopError):
+            continue  # too short to be judged
+        if fall < chdtri(candidate.degrees, CHANCE):
+            return False
+    return True
+
+
+def _halves(record: Record) -> tuple[Record, ...]:
+    """Both halves of a record, of whole periods; nothing where they are too short."""
+    if record.period is None:
+        middle = record.samples // 2
+        if middle < LEAST_SAMPLES:
+            return ()
+    else:
+        if record.periods < 2 * LEAST_PERIODS:
+            return ()
+        middle = record.periods // 2 * record.period
+    return record.rows(0, middle), record.rows(middle, record.samples)
