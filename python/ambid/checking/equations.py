@@ -199,10 +199,14 @@ class NominalLoop:
             tau = max(SHORTEST_LAG / rate, tau + more_lag)
         delay = own.delay_samples / own.rate(rate) + more_delay
         over = 1.0 / (amplifier.resistance or 1.0)
-        of_i_e = over * held_lag(frequency_hz, rate, tau, delay)
-        if own.is_digital:
-            return of_i_e, over * held_lag(frequency_hz, own.rate(rate), tau, delay)
         s = 2j * np.pi * frequency_hz
+        more = (
+            np.exp(-s * more_delay) if tau == 0.0 else 1.0
+        )  # what an ideal amplifier holds has no slope to move along
+        delay_held = delay if tau > 0.0 else delay - more_delay
+        of_i_e = over * more * held_lag(frequency_hz, rate, tau, delay_held)
+        if own.is_digital:
+            return of_i_e, over * more * held_lag(frequency_hz, own.rate(rate), tau, delay_held)
         return of_i_e, np.asarray(over * np.exp(-s * delay) / (1.0 + s * tau))
 
     def excitation(self, frequency_hz: FloatArray) -> ComplexArray:

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.arrays import FloatArray
-from ambid.checking.clocks import Clock, out_of_step
-from ambid.checking.controller import ControllerFit, fit_controller, read_late
+from ambid.checking.controller import ControllerFit, fit_controller
 from ambid.checking.equations import (
     HIGHEST_FREQUENCY,
     Lines,
@@ -32,6 +31,8 @@ from ambid.checking.equations import (
     moves,
     reordered,
 )
+from ambid.checking.instants import slips_of_clocks, slips_of_instants
+from ambid.checking.rig_slips import slips_of_rig
 from ambid.checking.soundness import SEVERITIES, Finding, LoopFigures, RecordFigures, Severity, Soundness
 from ambid.effects.slips import LEAST, MOST, ControllerGainError, ExcitationGainError
 from ambid.record import Record
@@ -74,7 +75,7 @@ def check(rig: Rig, records: Sequence[Record] = ()) -> Soundness:
     figures = LoopFigures.of(loops[rig])
     findings, described = [], []
     for own, loop in loops.items():
-        of_rig = [*_stability(loop), *_magnets(own), *_nodes(loop), *_rate(own, LoopFigures.of(loop))]
+        of_rig = slips_of_rig(loop)
         findings += of_rig if own == rig else [replace(f, where=f"{own.path or own.name}: {f.where}") for f in of_rig]
     for record in records:
         own = rig if record.point is None else record.point
@@ -88,100 +89,26 @@ def check(rig: Rig, records: Sequence[Record] = ()) -> Soundness:
     return Soundness(rig.name, machine, figures, tuple(described), tuple(ordered))
 
 
-def _fault(where: str, what: str, todo: str) -> Finding:
-    return Finding("fault", where, what, todo, stops_diagnosis=True)
-
-
-def _stability(loop: NominalLoop) -> list[Finding]:
-    """The nominal closed loop is stable, or nearly so."""
-    if loop.gain_factor == 1.0:
-        return []
-    worst = loop.nominal_poles[0]
-    at = f"{abs(worst.imag) / (2 * np.pi):.3g} Hz"
-    what = f"the nominal closed loop is unstable: a pole at {at} grows with {worst.real:.3g} 1/s; {loop.moved_by_worst}"
-    if loop.gain_factor is None:
-        return [
-            _fault(
-                "controller",
-                f"{what}, and no common factor on K_i from 0.7 to 1.4 helps",
-                "check the controller's sign (i_ref = -(K y) + i_e), gains and delay, and the sizes of K_i and K_s",
-            )
-        ]
-    return [
-        Finding(
-            "warning",
-            "bearing.force_current",
-            f"{what}; it is stable with all K_i x {loop.gain_factor:g}, which is taken here",
-            "check the nominal K_i and K_s; identification starts from a stable point nearby",
-        )
-    ]
-
-
-def _magnets(rig: Rig) -> list[Finding]:
-    """K_s s0 = K_i i0 for a pair of ideal magnets."""
-    found = []
-    for bearing in rig.bearings:
-        for axis, k_i, k_s in zip(bearing.axis_names, bearing.force_current, bearing.force_displacement, strict=True):
-            ratio = k_s * bearing.air_gap / (k_i * bearing.bias_current)
-            if not 0.5 <= ratio <= 2.0:
-                found.append(
-                    Finding(
-                        "warning",
-                        f"bearing.{axis}",
-                        f"K_s s0 / (K_i i0) = {ratio:.2g}, 1 for ideal magnets",
-                        "check air_gap, bias_current, force_current and force_displacement",
-                    )
-                )
-    return found
-
-
-def _nodes(loop: NominalLoop) -> list[Finding]:
-    """Bending modes within reach that have a node between a magnet and its sensors."""
-    hz, found = loop.rotor.frequencies_rad_s / (2.0 * np.pi), []
-    for bearing in loop.rig.bearings:
-        sign = loop.rotor.shape(bearing.position) * loop.rotor.shape(bearing.sensor_position)
-        for f in hz[(hz > 0.0) & (hz < 0.4 * loop.rig.sample_rate) & (sign < 0.0)]:
-            found.append(
-                Finding(
-                    "note",
-                    f"bearing.{bearing.name}.sensor_position",
-                    f"the bending mode at {f:.4g} Hz has a node between magnet and sensors, which turns its sign",
-                    "check both positions; if they are right, the derivative of the controller drives this mode",
-                )
-            )
-    return found
-
-
-def _rate(rig: Rig, figures: LoopFigures) -> list[Finding]:
-    """The sample rate leaves room for the modes and the loop."""
-    found, todo = [], "sample faster"
-    if high := [f for f in figures.bending_hz if f > 0.4 * rig.sample_rate]:
-        what = f"{rig.sample_rate:g} Hz is little for the bending mode at {high[0]:.4g} Hz, expected 2.5 times that"
-        found.append(Finding("warning", "sample_rate", what, f"{todo}, or keep fewer flexible_modes"))
-    if rig.sample_rate < 10.0 * figures.bandwidth_hz:
-        what = f"{rig.sample_rate:g} Hz is little for a loop with a bandwidth of {figures.bandwidth_hz:.3g} Hz"
-        found.append(Finding("warning", "sample_rate", f"{what}, expected 10 times that", todo))
-    return found
-
-
 def _foreign(record: Record, rig: Rig) -> list[Finding]:
     """The record has the rig's axes and rate, and an excitation; nothing else can be checked without."""
     todo = "load the record with its rig"
     if record.axes != rig.axes:
-        return [_fault(record.name, f"axes {', '.join(record.axes)}, the rig has {', '.join(rig.axes)}", todo)]
+        return [Finding.fault(record.name, f"axes {', '.join(record.axes)}, the rig has {', '.join(rig.axes)}", todo)]
     if abs(record.sample_rate / rig.sample_rate - 1.0) > 1e-6:
-        return [_fault(record.name, f"{record.sample_rate:g} Hz, the rig samples at {rig.sample_rate:g} Hz", todo)]
+        return [
+            Finding.fault(record.name, f"{record.sample_rate:g} Hz, the rig samples at {rig.sample_rate:g} Hz", todo)
+        ]
     if record.i_e is None:
-        return [_fault(record.name, "i_e was not logged", f"{todo}, whose controller rebuilds it")]
+        return [Finding.fault(record.name, "i_e was not logged", f"{todo}, whose controller rebuilds it")]
     if not np.any(np.ptp(record.i_e, axis=0)):
-        return [_fault(record.name, "i_e is constant on every axis: no excitation", "excite the loop")]
+        return [Finding.fault(record.name, "i_e is constant on every axis: no excitation", "excite the loop")]
     return []
 
 
 def _record(record: Record, loop: NominalLoop) -> list[Finding]:
     lines = Lines.of(record)
     found = [Finding("warning", record.name, note, "noted on loading; see that it is meant") for note in record.notes]
-    found += [*_travel(record, loop.rig), *_periods(record), *_clocks(record)]
+    found += [*_travel(record, loop.rig), *_periods(record), *slips_of_clocks(record)]
     if not len(lines.index):
         what = f"no line of i_e between its first few and {HIGHEST_FREQUENCY:g} of the sample rate"
         return [*found, Finding("warning", record.name, what, "excite within the bandwidth of the loop")]
@@ -199,10 +126,10 @@ def _travel(record: Record, rig: Rig) -> list[Finding]:
     j, k = int(np.argmax(rms / gap)), int(np.argmin(rms))
     if rms[j] > gap[j]:
         what = f"rms {rms[j]:.3g} m, the air gap is {gap[j]:g} m: it looks like mm or um"
-        return [_fault(f"{record.name}: y.{record.axes[j]}", what, "give metres")]
+        return [Finding.fault(f"{record.name}: y.{record.axes[j]}", what, "give metres")]
     if rms[k] < 1e-12:
         what = f"rms {rms[k]:.3g} m, less than any sensor resolves"
-        return [_fault(f"{record.name}: y.{record.axes[k]}", what, "give metres")]
+        return [Finding.fault(f"{record.name}: y.{record.axes[k]}", what, "give metres")]
     y = np.abs(record.y).max(axis=0)
     j = int(np.argmax(y / gap))
     if y[j] > 0.5 * gap[j]:
@@ -235,47 +162,15 @@ def _periods(record: Record) -> list[Finding]:
     return [Finding("warning", record.name, what, todo, stops_diagnosis=True)]
 
 
-def _clocks(record: Record) -> list[Finding]:
-    """y keeps in step with the excitation."""
-    found, todo = [], "cut the record there, or record again: what comes after belongs to another instant"
-    for own in out_of_step(record):
-        if isinstance(own, Clock):
-            what = f"runs {1e6 * abs(own.fast):.3g} ppm {'slower' if own.fast < 0.0 else 'faster'} than that of i_e: "
-            what += f"{abs(own.fast) * record.samples:.2g} samples over the record"
-            clock = "give all cards one clock, or resample y and i_c to that of i_e"
-            found.append(_fault(f"{record.name}: y", f"the clock of y {what}", clock))
-            continue
-        count = f"{abs(own.samples)} sample{'s' if abs(own.samples) > 1 else ''}"
-        what = f"{count} {'lost' if own.samples > 0 else 'repeated'} near row {own.row + 1}, and not of i_e"
-        found.append(_fault(f"{record.name}: y.{record.axes[own.axis]}", what, todo))
-    return found
-
-
-def _instants(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
-    """y, i_c and i_e are read when the file says."""
-    found = read_late(loop, lines)
-    if found is None:
-        return []
-    late = np.flatnonzero(found.seconds)
-    seconds, axes = float(np.median(found.seconds[late])), ", ".join(record.axes[k] for k in late)
-    samples = abs(seconds) * record.sample_rate
-    how = f"{samples:.3g} sample{'' if samples <= 1.0 else 's'} ({1e6 * abs(seconds):.3g} us)"
-    how += f" {'late' if seconds > 0.0 else 'early'}"
-    if np.abs(found.current[late] + found.seconds[late]).max() < 0.2 * abs(seconds):
-        what, todo = f"i_e was logged {how} against y and i_c", "move i_e, or give its card the trigger of the others"
-        return [_fault(f"{record.name}: i_e on {axes}", what, todo)]
-    what = f"read {how} against i_e, by the controller's equation with its nominal gains or any others"
-    todo = "move y by that time, or give all cards one trigger; a controller that is not the rig's may be a cause, too"
-    return [_fault(f"{record.name}: y on {axes}", what, todo)]
-
-
 def _controller(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
     """i_c follows from i_e and y through the controller."""
     missed = controller_missed(loop, lines)
     signal, order, left = reordered(loop, lines)
     if missed > UNEXPLAINED and left < 0.5 * missed:
         what = f"i_c is missed by {100 * missed:.0f} % as the columns are named, by {100 * left:.0f} % with "
-        return [_fault(f"{record.name}: {signal}", what + _renamed(record, order), f"put right the axes of {signal}")]
+        return [
+            Finding.fault(f"{record.name}: {signal}", what + _renamed(record, order), f"put right the axes of {signal}")
+        ]
     fit = fit_controller(loop, lines)
     moving = moves(np.asarray(lines.i_c))
     if np.median(fit.missed[moving]) > UNEXPLAINED:
@@ -286,7 +181,7 @@ def _controller(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding
         axes = ", ".join(axis for axis, own in zip(record.axes, slips, strict=True) if own == slip)
         found.append(_slipped(f"{record.name}: {slip[0]} on {axes}", *slip, "the controller's equation"))
     if not found:
-        found += _instants(record, loop, lines)
+        found += slips_of_instants(record, loop, lines)
     judged = moving & [slip is None for slip in slips]
     # a factor on all of i_c is R of a voltage-driven coil, which is fitted
     known = np.ones_like(fit.scale) if loop.rig.amplifier.resistance is None else fit.scale[:, :1]
@@ -315,10 +210,12 @@ def _slip(scale: FloatArray, error: FloatArray) -> tuple[str, float] | None:
 def _slipped(where: str, signal: str, factor: float, by: str) -> Finding:
     if factor < 0.0:
         todo = "turn the sign of the channel" + (", or that of the controller in the rig" if signal == "y" else "")
-        return _fault(where, f"the sign is opposite to what {by} calls for", todo)
+        return Finding.fault(where, f"the sign is opposite to what {by} calls for", todo)
     size = f"{factor:g} times too large" if factor > 1.0 else f"{1.0 / factor:g} times too small"
     unit = UNITS.get((signal, factor))
-    return _fault(where, f"{size} for {by}" + (f": it looks like {unit}" if unit else ""), "give SI units, A and m")
+    return Finding.fault(
+        where, f"{size} for {by}" + (f": it looks like {unit}" if unit else ""), "give SI units, A and m"
+    )
 
 
 def _gains(record: Record, fit: ControllerFit, scale: FloatArray, judged: NDArray[np.bool_]) -> list[Finding]:
@@ -373,15 +270,17 @@ def _excitation(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding
     order = best_order(wanted, given)
     if (renamed := correlation(wanted, given[:, order])) > ALIKE:
         what = f"{as_named}, by {renamed:.2f} with {_renamed(record, order)}"
-        return [_fault(where, what, "put right the axes of i_e, or of y")]
+        return [Finding.fault(where, what, "put right the axes of i_e, or of y")]
     shift, height = best_shift(wanted, given, lines)
     if height > ALIKE:
         late = f"{abs(shift)} samples ({abs(1e3 * shift / record.sample_rate):.4g} ms)"
         what = f"{as_named}, by {height:.2f} when it is moved by {late} to {'later' if shift > 0 else 'earlier'} times"
-        return [_fault(where, what, "line up i_e with y; it may be that of another record with the same sequence")]
+        return [
+            Finding.fault(where, what, "line up i_e with y; it may be that of another record with the same sequence")
+        ]
     if alike > 5.0 * chance(wanted, given):
         return [partly]
-    return [_fault(where, f"{as_named}: it seems to belong to another record", "give the i_e of this record")]
+    return [Finding.fault(where, f"{as_named}: it seems to belong to another record", "give the i_e of this record")]
 
 
 def _machine(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:

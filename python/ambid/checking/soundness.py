@@ -44,6 +44,11 @@ class Finding:
     todo: str
     stops_diagnosis: bool = False
 
+    @classmethod
+    def fault(cls, where: str, what: str, todo: str) -> Finding:
+        """One that stops a diagnosis."""
+        return cls("fault", where, what, todo, stops_diagnosis=True)
+
 
 @dataclass(frozen=True)
 class LoopFigures:

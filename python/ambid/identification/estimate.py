@@ -210,7 +210,8 @@ class Estimate(Tabular):
         ]
 
     def __repr__(self) -> str:
-        lines = [f"{'parameter':14s} {'value':>13s} {'std error':>11s}   95 % interval", "-" * 70]
+        lines = [] if self.is_adequate or not self.comparison.is_judged else [self.verdict, ""]
+        lines += [f"{'parameter':14s} {'value':>13s} {'std error':>11s}   95 % interval", "-" * 70]
         for name, p in self.parameters.items():
             if p.value is None or p.ci95 is None:
                 lines.append(f"{name:14s} {'not identifiable from these records':>40s}")

@@ -13,6 +13,7 @@ from scipy.special import fdtrc, stdtrit
 from ambid.arrays import FloatArray
 from ambid.errors import IdentificationError, RigError
 from ambid.identification.estimate import ParameterEstimate
+from ambid.identification.static_slips import exchanged_bearings, notes_on_nominal, require_units
 from ambid.loop.geometry import axis_angles, axis_directions, modal_geometry
 from ambid.record import StaticLoading
 from ambid.record.checks import order_of_axes
@@ -172,6 +173,15 @@ def static_load(
     lines = [_fit_line(force[:, j], current[:, j], of) for j in range(len(rig.axes))]
     for axis, line in zip(rig.axes, lines, strict=True):
         _require_slope(_names(loadings), axis, line)
+    k_i = np.array([1.0 / line.slope for line in lines])
+    require_units(_names(loadings), rig, k_i)
+
+    def fitted(order: list[int]) -> tuple[FloatArray, float]:
+        others = [_fit_line(force[:, j], current[:, k], of) for j, k in enumerate(order)]
+        left = float(sum(line.residual @ line.residual for line in others))
+        return np.array([1.0 / line.slope for line in others]), left
+
+    notes += [*notes_on_nominal(rig, k_i), *exchanged_bearings(rig, fitted)]
     residuals = np.stack([line.residual / line.slope for line in lines], axis=1)
     notes += _scatter_notes(rig, lines)
     for j, axis in enumerate(rig.axes):
