@@ -210,6 +210,10 @@ class _Equation:
         errors[free] = np.sqrt(noise * spread) / size
         return whole(end.x), errors, 2.0 * float(end.cost)
 
+    def _lag(self, more: float) -> float:
+        """That of the amplifier, which is none below zero where it is known to have one."""
+        return max(0.0, self.tau + more) if self.tau > 0.0 else more
+
     def _residual(self, x: FloatArray) -> FloatArray:
         """What i_c is missed by, relative to it; real parts, then imaginary ones."""
         return _stacked(sum(self._parts(x, self.paths(x[-4], x[-3]))) - self.i_c) / self.size
@@ -218,7 +222,7 @@ class _Equation:
         """i_c by i_e, by y, and by what was held."""
         gains = self.of_y.shape[1]
         lag, second, late = x[-3:]
-        more = 1.0 / (1.0 + second * self.s**2 / (1.0 + self.s * max(0.0, self.tau + lag)))
+        more = 1.0 / (1.0 + second * self.s**2 / (1.0 + self.s * self._lag(lag)))
         seen = np.exp(-self.s * late)
         by_y = self.of_y @ x[1 : 1 + gains] + self.motion * x[1 + gains]
         return more * paths[0] * self.i_e * x[0], more * paths[1] * seen * by_y, self.held @ x[2 + gains : -4]
@@ -227,7 +231,7 @@ class _Equation:
         """Derivatives of the residual; by delay and lag they are differences of the paths."""
         paths, (lag, second, late) = self.paths(x[-4], x[-3]), x[-3:]
         by_i_e, by_y, _ = self._parts(x, paths)
-        pole = 1.0 + self.s * max(0.0, self.tau + lag)
+        pole = 1.0 + self.s * self._lag(lag)
         more, seen = 1.0 / (1.0 + second * self.s**2 / pole), np.exp(-self.s * late)
         columns = [more * paths[0] * self.i_e]
         columns += [more * paths[1] * seen * own for own in (*self.of_y.T, self.motion)]

@@ -99,7 +99,8 @@ class Lines:
         power = np.linalg.norm(i_e, axis=1)
         usable = (index >= (BLURRED if window is None else 1)) & (frequency < HIGHEST_FREQUENCY * record.sample_rate)
         kept = np.flatnonzero(usable & (power > 1e-3 * power.max()))
-        kept = np.sort(kept[np.argsort(power[kept])[-MOST_LINES:]])
+        own = -(-MOST_LINES // i_e.shape[1])  # of every axis: each may be excited on lines of its own
+        kept = np.unique(kept[np.argsort(np.abs(i_e[kept]), axis=0)[-own:]])
         i_c = None if record.i_c is None else spectrum(record.i_c)[kept]
         y = spectrum(record.y)[kept]
         clear = None if window is None else _clear_of_noise(window, record.y, y, kept)
@@ -198,7 +199,7 @@ class NominalLoop:
         if tau > 0.0:
             tau = max(SHORTEST_LAG / rate, tau + more_lag)
         delay = own.delay_samples / own.rate(rate) + more_delay
-        over = 1.0 / (amplifier.resistance or 1.0)
+        over = np.asarray(1.0 / (amplifier.resistance or 1.0), np.complex128)
         s = 2j * np.pi * frequency_hz
         more = (
             np.exp(-s * more_delay) if tau == 0.0 else 1.0
