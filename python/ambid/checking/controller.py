@@ -192,6 +192,9 @@ class _Equation:
             out[free] = x
             return out
 
+        linear = free[free < len(first) - 4]
+        still = self._jacobian(first)[:, linear]
+        first[linear] -= np.linalg.lstsq(still, self._residual(first), rcond=None)[0]
         end = least_squares(
             lambda x: self._residual(whole(x)),
             first[free],
