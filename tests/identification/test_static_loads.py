@@ -267,3 +267,26 @@ def test_campaign(bias, low, high):
     assert np.all((low < excess) & (excess < high))
     assert sum("falls by" in note for note in estimate.notes) == 4
     assert 1.0 < estimate.residual_newton < 4.0
+
+
+@pytest.mark.parametrize(("factor", "expected"), [(1e-3, "F in kN"), (1e3, "F in mN"), (1e-6, "F in MN")])
+def test_forces_in_other_units_are_refused(factor, expected):
+    one = loaded()
+    with pytest.raises(IdentificationError, match=expected):
+        static_load(RIGID, StaticLoading(one.name, one.axes, one.z, factor * one.force, one.i_c))
+
+
+def test_exchanged_bearings_are_told():
+    apart = np.tile([0.25, 0.6], 26)
+    for z, expected in ((0.43, "currents taken as those of B, A"), (apart, "times better as those of B, A")):
+        one = loaded(z=z)
+        swapped = StaticLoading(one.name, one.axes, one.z, one.force, one.i_c[:, [2, 3, 0, 1]])
+        assert any(expected in note for note in static_load(RIGID, swapped).notes), static_load(RIGID, swapped).notes
+        assert not any("as those of" in note for note in static_load(RIGID, one).notes)
+
+
+def test_a_value_far_from_the_nominal_one_is_told():
+    a, b = RIGID.bearings
+    rig = RIGID.replace(bearings=(a.model_copy(update={"force_current": (100.0, 200.0)}), b))
+    (note,) = (note for note in static_load(rig, loaded()).notes if "times the rig's" in note)
+    assert note.startswith("K_i.A_zeta = 216.9 N/A is 2.2 times the rig's 100 N/A")

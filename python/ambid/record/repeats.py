@@ -34,6 +34,8 @@ MOST_LOST = 50
 """Rows that are lost or repeated at one place, at most."""
 MOST_WRONG = 20
 """Wrong samples that are taken for single ones, at most; more are another excitation."""
+A_STEP = 2 * MOST_LOST
+"""Samples by which a period may be longer that needs a step less: all periods but one are then still compared."""
 SPOILT = 0.4
 """Part of the share of samples that differ from the next one, at which a stretch does not repeat: rows were lost."""
 
@@ -83,7 +85,7 @@ def repeats(i_e: FloatArray) -> Repeats | None:
         steps = _steps(x, period)
         if steps is not None and (wrong := _wrong(np.asarray(i_e), period, steps)) is not None:
             tried.append(Repeats(period, wrong, steps))
-    return min(tried, key=lambda own: (len(own.steps), own.period), default=None)
+    return min(tried, key=lambda own: own.period + A_STEP * len(own.steps) + len(own.wrong), default=None)
 
 
 def _candidates(x: FloatArray) -> list[int]:

@@ -1,0 +1,50 @@
+"""What looks like physics in one part of a record only is no explanation; nor is a size that stands at its limit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ambid import diagnose
+from ambid.model.parameter import Parameter
+from hidden.one_axis import NAMED, ONE_AXIS, record
+
+RIG = ONE_AXIS.rig
+
+
+def weak(effect, seed, share):
+    """A record with so much of an effect that chance alone hardly brings it."""
+    return record({effect: {name: share * value for name, value in NAMED[effect].items()}}, seed)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_weak_effect_that_is_there_all_the_time_is_still_named(seed):
+    found = diagnose(RIG, weak("sensor_lag", seed, 0.08))
+    assert found.history[0].misfit < 1.1
+    assert "sensor_lag" in {*found.effects, *(name for names in found.ambiguous_sets for name in names)}, found
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_is_in_one_half_only_is_not_named(seed):
+    """A gain of y that is 0.1 % off in the first half: small enough to leave the base model adequate."""
+    clean = record({}, seed)
+    y = np.array(clean.y)
+    y[: len(y) // 2] *= 1.001
+    found = diagnose(RIG, replace(clean, y=y))
+    assert found.history[0].misfit < 1.1
+    assert found.effects == (), found
+
+
+@pytest.mark.parametrize(
+    ("value", "lower", "upper", "expected"),
+    [
+        (0.5, -0.5, 0.5, True),
+        (-0.49999, -0.5, 0.5, True),
+        (0.4, -0.5, 0.5, False),
+        (0.0, 0.0, 1.0, False),  # absent
+        (12.0, 0.8, 12.0, False),  # a shape, not a size
+        (3.0, 0.0, np.inf, False),
+    ],
+)
+def test_a_size_at_its_limit(value, lower, upper, expected):
+    assert Parameter("x", value, "1", ("x",), lower, upper).is_at_limit is expected
