@@ -344,10 +344,11 @@ class Record:
         found = find_period(i_e) if record is self else record.period
         if self.period and found and self.period % found:
             notes.append(f"a period of {self.period} samples was stated, but i_e repeats after {found}")
-        record = replace(record, period=record.period or found)
-        if record.period is None:
-            signals, period, more = mended_excitation(record._signals, record.axes)
-            record, notes = replace(record._with_signals(signals), period=period), [*notes, *more]
+        period = record.period or found
+        if found is None and self.i_e is not None:
+            signals, mended, more = mended_excitation(record._signals, record.axes)
+            record, period, notes = record._with_signals(signals), period or mended, [*notes, *more]
+        record = replace(record, period=period)
         if record.period is not None and record.periods >= 3:
             signals, more = mended_outputs(record._signals, record.axes, record.period)
             record, notes = record._with_signals(signals) if more else record, [*notes, *more]
