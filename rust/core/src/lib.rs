@@ -23,6 +23,7 @@
 mod block;
 mod closed_loop;
 mod discretise;
+mod eigen;
 mod error;
 mod expm;
 mod kernel;

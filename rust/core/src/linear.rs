@@ -3,9 +3,10 @@
 use nalgebra::Complex;
 
 use crate::discretise::{Discrete, discretise};
+use crate::eigen::eigenvalues;
 use crate::error::{Error, Result};
 use crate::kernel::{BLOCK, Kernel};
-use crate::modal::{Modal, Residues, eigenvalues};
+use crate::modal::{Modal, Residues};
 use crate::model::Model;
 use crate::product::{Panels, ROW_MULTIPLE, product};
 

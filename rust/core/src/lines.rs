@@ -18,9 +18,10 @@ use nalgebra::Complex;
 
 use crate::closed_loop::ClosedLoop;
 use crate::discretise::discretise;
+use crate::eigen::eigenvalues;
 use crate::error::{Error, Result, check_len};
 use crate::linear::stable;
-use crate::modal::{Modal, eigenvalues};
+use crate::modal::Modal;
 use crate::split::Part;
 
 type C64 = Complex<f64>;

@@ -11,6 +11,8 @@ use crate::nonlinear::Nonlinear;
 
 /// Part that a direction of the state changes by over a period, relative to the most, below which it does not decay.
 const NEUTRAL: f64 = 1e-9;
+/// Iterations per state after which singular values are given up, as LAPACK does.
+const ITERATIONS: usize = 30;
 
 /// Response (samples x outputs) to `u`, whose first `period` samples repeat, from the steady state of the linearised
 /// loop on; from rest where that has none.
@@ -40,11 +42,15 @@ fn steady_state(discrete: &Discrete, u: &[f64]) -> DVector<f64> {
         next.gemv(1.0, &discrete.b, &DVectorView::from_slice(u, inputs), 1.0);
         std::mem::swap(&mut state, &mut next);
     }
-    let over_period = discrete.a.pow((u.len() / inputs) as u32);
-    let parts = (DMatrix::identity(n, n) - over_period).svd(true, true);
-    let size = |pick: fn(f64, f64) -> f64| parts.singular_values.iter().copied().reduce(pick).unwrap_or(1.0);
-    let settled = if size(f64::min) > NEUTRAL * size(f64::max) { parts.solve(&state, 0.0).ok() } else { None };
-    settled.unwrap_or_else(|| DVector::zeros(n))
+    let open = DMatrix::identity(n, n) - discrete.a.pow((u.len() / inputs) as u32);
+    let settled = || {
+        // a loop that grows beyond all numbers over a period has no singular values, and looking for them no end
+        let finite = open.iter().all(|x| x.is_finite());
+        let parts = finite.then(|| open.try_svd(true, true, 5.0 * f64::EPSILON, ITERATIONS * n)).flatten()?;
+        let size = |pick: fn(f64, f64) -> f64| parts.singular_values.iter().copied().reduce(pick).unwrap_or(1.0);
+        if size(f64::min) > NEUTRAL * size(f64::max) { parts.solve(&state, 0.0).ok() } else { None }
+    };
+    settled().unwrap_or_else(|| DVector::zeros(n))
 }
 
 /// The response of a linear loop from a state on.

@@ -10,14 +10,15 @@ use nalgebra::{Complex, DMatrix, DVector};
 use super::Block;
 use super::triangular::{GROUP, Triangular};
 use crate::discretise::Discrete;
+use crate::eigen::NOT_CONVERGED;
 use crate::error::{Error, Result};
 use crate::lft::balancing;
 use crate::product::{LANES, Panels, Vector, dispatch, fma, load, product, store};
 
 type C64 = Complex<f64>;
 
-/// Iterations per state after which a Schur form is given up.
-const ITERATIONS: usize = 100;
+/// Iterations per state after which a Schur form is given up, as LAPACK does.
+const ITERATIONS: usize = 30;
 /// How many roundings of the diagonal count as zero beside it: what does not converge with one does so with a few.
 const LOOSE: [f64; 4] = [1.0, 8.0, 64.0, 512.0];
 
@@ -47,7 +48,7 @@ impl Dense {
         if n > 1 {
             let schur = |loose: &f64| Schur::try_new(value.a.clone(), loose * f64::EPSILON, ITERATIONS * n);
             let schur = LOOSE.iter().find_map(schur);
-            let (turned, a) = schur.ok_or(Error::Singular { what: "the poles did not converge" })?.unpack();
+            let (turned, a) = schur.ok_or(Error::Singular { what: NOT_CONVERGED })?.unpack();
             q = turned;
             let turn = |m: &mut Discrete| {
                 m.a = q.tr_mul(&m.a) * &q;
