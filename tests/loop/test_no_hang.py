@@ -9,6 +9,7 @@ from ambid import Model, Rig
 from ambid.demo import DATA
 from ambid.errors import AmbidError, UnstableLoopError
 from ambid.rig.controller import StateSpaceController, TransferFunctionController
+from ambid.threads import with_one_blas_thread
 
 SOON = 1.0
 """Seconds of the processor; what is tried takes some tenths of it, or for ever."""
@@ -19,6 +20,7 @@ def demo_with(**controller):
     return rig.replace(controller=rig.controller.model_copy(update=controller))
 
 
+@with_one_blas_thread
 def answers(model):
     """What the loop answers or raises, one word a question, and the seconds that all of them take."""
     points = np.exp(1j * np.linspace(0.1, 3.0, 20))
