@@ -10,6 +10,9 @@ use crate::arrays::{signal, table};
 use crate::closed_loop::ClosedLoop;
 use crate::errors::raise;
 
+/// Samples between two questions whether a signal came: some milliseconds.
+const UNASKED: usize = 4096;
+
 #[pyclass(frozen, module = "ambid._core")]
 pub struct Stepper {
     core: Mutex<Core>,
@@ -42,7 +45,10 @@ impl Stepper {
         let (inputs, outputs) = (core.inputs(), core.outputs());
         let u = signal("excitation", &u, inputs)?;
         let mut y = vec![0.0; u.len() / inputs * outputs];
-        for (u, y) in u.chunks_exact(inputs).zip(y.chunks_exact_mut(outputs)) {
+        for (k, (u, y)) in u.chunks_exact(inputs).zip(y.chunks_exact_mut(outputs)).enumerate() {
+            if k.is_multiple_of(UNASKED) {
+                py.check_signals()?;
+            }
             core.step(u, y).map_err(raise)?;
         }
         table(py, y, outputs)

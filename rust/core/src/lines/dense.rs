@@ -14,6 +14,7 @@ use crate::eigen::NOT_CONVERGED;
 use crate::error::{Error, Result};
 use crate::lft::balancing;
 use crate::product::{LANES, Panels, Vector, dispatch, fma, load, product, store};
+use crate::stop::go_on;
 
 type C64 = Complex<f64>;
 
@@ -168,19 +169,20 @@ impl Dense {
     }
 
     /// Lines x outputs x inputs.
-    pub fn transfer(&self, w: &[C64]) -> Vec<C64> {
+    pub fn transfer(&self, w: &[C64]) -> Result<Vec<C64>> {
         let Discrete { b, c, d, .. } = &self.value;
         let (n, nu, ny) = (self.states(), b.ncols(), c.nrows());
         let mut y = vec![0.0; n * ny * 2 * GROUP];
         let mut g = Vec::with_capacity(w.len() * ny * nu);
         for w in w.chunks(GROUP) {
+            go_on()?;
             self.left(&Self::group(w), &mut y);
             for (l, o, a) in (0..w.len() * ny * nu).map(|k| (k / nu / ny, k / nu % ny, k % nu)) {
                 let y = |i: usize| C64::new(y[2 * (i * ny + o) * GROUP + l], y[(2 * (i * ny + o) + 1) * GROUP + l]);
                 g.push((0..n).fold(C64::from(d[(o, a)]), |sum, i| sum + y(i) * b[(i, a)]));
             }
         }
-        g
+        Ok(g)
     }
 
     /// `C A^k e`, see [`crate::ClosedLoop::free_response`].
@@ -203,6 +205,7 @@ impl Dense {
         let mut x = open.solve(&start).ok_or(Error::Singular { what: "a transient that never decays" })?;
         let mut y = Vec::with_capacity(samples * c.nrows());
         for _ in 0..samples {
+            go_on()?;
             y.extend((c * &x).iter());
             x = a * x;
         }
