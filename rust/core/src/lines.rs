@@ -29,6 +29,8 @@ type C64 = Complex<f64>;
 
 /// Lines that are worked on at a time.
 pub(crate) const BLOCK: usize = 48;
+/// Lines whose transfer matrices of one part are held at a time.
+const AT_A_TIME: usize = 100 * BLOCK;
 
 /// The response of a loop on lines.
 #[derive(Debug, Clone)]
@@ -211,14 +213,14 @@ impl ClosedLoop {
         let (ny, nu) = (self.outputs(), self.inputs());
         let mut found = vec![C64::from(0.0); w.len() * ny * nu];
         for part in self.on_lines(theta, &[], true)? {
-            let own = part.transfer(w)?;
             let inner = part.outputs.len() * part.inputs.len();
-            for (own, found) in own.chunks_exact(inner).zip(found.chunks_exact_mut(ny * nu)) {
-                for (i, o) in part.outputs.iter().enumerate() {
-                    part.inputs
-                        .iter()
-                        .enumerate()
-                        .for_each(|(j, a)| found[o * nu + a] = own[i * part.inputs.len() + j]);
+            for (w, found) in w.chunks(AT_A_TIME).zip(found.chunks_mut(AT_A_TIME * ny * nu)) {
+                let own = part.transfer(w)?;
+                for (own, found) in own.chunks_exact(inner).zip(found.chunks_exact_mut(ny * nu)) {
+                    for (i, o) in part.outputs.iter().enumerate() {
+                        let row = &own[i * part.inputs.len()..];
+                        part.inputs.iter().zip(row).for_each(|(a, own)| found[o * nu + a] = *own);
+                    }
                 }
             }
         }
