@@ -41,7 +41,7 @@ bent = model.add("force_nonlinearity")
 go(lambda u: bent.loop.core.simulate(bent.theta, u), np.full((200_000, 4), 0.01))
 """,
     "stepper": "go(lambda u: loop.simulator(theta).run(u), np.ones((3_000_000, 4)))",
-    "noise": "go(lambda m: ambid._core.inverses(m), np.tile(np.eye(8, dtype=complex), (500_000, 1, 1)))",
+    "noise": "go(lambda m: ambid._core.inverses(m), np.tile(np.eye(8, dtype=complex), (100_000, 1, 1)))",
 }
 
 
