@@ -23,7 +23,7 @@ def interrupt():
     os.kill(os.getpid(), signal.SIGINT)
 
 def go(call, argument):
-    call(argument[:100])  # everything is loaded and compiled
+    call(argument[:1])  # everything is loaded and compiled
     threading.Timer(0.1, interrupt).start()
     try:
         call(argument)
@@ -34,8 +34,13 @@ def go(call, argument):
 LONG = {
     "simulate": "go(lambda u: loop.core.simulate(theta, u), np.ones((3_000_000, 4)))",
     "sensitivity": "go(lambda u: loop.core.folded(theta, list(range(9)), u, 0, 100), np.ones((2_000_000, 4)))",
-    "settled": "go(lambda u: loop.core.settled(theta, u, 50), np.ones((2_000_000, 4)))",
-    "transfer": "go(lambda w: loop.transfer(theta, w), np.exp(1j * np.linspace(0.1, 3.0, 800_000)))",
+    "settled": "go(lambda u: loop.core.settled(theta, u, 1), np.ones((2_000_000, 4)))",
+    "lines of many records": """
+points, random = np.exp(1j * np.linspace(0.1, 3.0, 20_000)), np.random.default_rng(0)
+u, z = (random.standard_normal((len(points), n)).astype(complex) for n in (4, 8))
+data = ambid._core.LineData(loop.core, points, u, z, np.tile(np.eye(8, dtype=complex), (len(points), 1, 1)))
+go(lambda many: ambid._core.line_equations(loop.core, theta, list(range(9)), many), [data] * 100)
+""",
     "nonlinear": """
 bent = model.add("force_nonlinearity")
 go(lambda u: bent.loop.core.simulate(bent.theta, u), np.full((200_000, 4), 0.01))

@@ -16,7 +16,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
 from ambid.record import Record
 
-__all__ = ["Window", "thinned"]
+__all__ = ["Window", "notes_of", "thinned"]
 
 SLOWEST = 1
 """Cycles per record below which a record without periods is not judged: there stands what drifts."""
@@ -121,6 +121,18 @@ class Window:
     def of_period(self, folded: FloatArray) -> ComplexArray:
         """R(l) of the excited lines from the sum over the periods, shape (N, ...)."""
         return rfft(folded, axis=0)[self.in_period] / np.sqrt(self.samples)
+
+
+def notes_of(record: Record) -> tuple[str, ...]:
+    """What is to be said beside a result of a record on lines: its own notes, and whether lines were left out."""
+    if record.period is not None:
+        return record.notes
+    window = Window.of(record)
+    judged, there = len(window.excited), (window.period + 1) // 2 - window.lowest
+    if judged == there:
+        return record.notes
+    text = f"without periods, {judged} of {there} lines are judged: all of the lowest, ever fewer above; intervals are "
+    return (*record.notes, f"{record.name}: {text}wider for it. Excite periodically, and every sample counts")
 
 
 def thinned(lines: NDArray[np.intp], most: int) -> NDArray[np.intp]:

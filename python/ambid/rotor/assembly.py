@@ -249,9 +249,7 @@ def _bending_frequencies(z: FloatArray, plane: PlaneMatrices, count: int) -> Flo
     return np.sqrt(lowest_modes(z, plane.stiffness, plane.mass, count)[0])
 
 
-def lowest_modes(
-    z: FloatArray, stiffness: FloatArray, mass: FloatArray, count: int
-) -> tuple[FloatArray, FloatArray]:
+def lowest_modes(z: FloatArray, stiffness: FloatArray, mass: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
     """Lowest modes of one plane beyond the first two, which are the rigid ones.
 
     Parameters
