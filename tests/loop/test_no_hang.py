@@ -7,7 +7,7 @@ import pytest
 
 from ambid import Model, Rig
 from ambid.demo import DATA
-from ambid.errors import AmbidError, UnstableLoopError
+from ambid.errors import AmbidError, ModelError, UnstableLoopError
 from ambid.rig.controller import StateSpaceController, TransferFunctionController
 from ambid.threads import with_one_blas_thread
 
@@ -77,3 +77,13 @@ def test_coefficients_of_any_size_are_answered_or_refused(implementation, seed):
     found, seconds = answers(Model(Rig.load(DATA / "rig.toml").replace(controller=controller)))
     assert all(answer is True or issubclass(answer, AmbidError) for answer in found)
     assert seconds < SOON
+
+
+def test_more_states_than_can_be_borne_are_refused():
+    random = np.random.default_rng(0)
+    law = {"A": random.normal(size=(200, 200)), "B": np.ones((200, 1)), "C": np.ones((1, 200)), "D": [[0.0]]}
+    controller = StateSpaceController(implementation="digital", delay_samples=10.5, **law)
+    with pytest.raises(
+        ModelError, match=r"\d+ states \(.* 800 of a digital controller, 44 commands .* allowed are 800"
+    ):
+        Model(Rig.load(DATA / "rig.toml").replace(controller=controller)).poles()
