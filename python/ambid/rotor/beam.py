@@ -148,8 +148,8 @@ def plane_freedoms(nodes: int) -> tuple[tuple[IndexArray, FloatArray], tuple[Ind
     tuple of (ndarray, ndarray)
         Indices and signs, (2 n,) each, of plane x and of plane y.
     """
-    first = 4 * np.arange(nodes)[:, None]
-    x, y = (first + [0, 3]).ravel(), (first + [1, 2]).ravel()
+    first = 4 * np.arange(nodes, dtype=np.intp)[:, None]
+    x, y = (np.asarray(first + own).ravel() for own in ([0, 3], [1, 2]))
     return (x, np.ones(2 * nodes)), (y, np.tile([1.0, -1.0], nodes))
 
 
