@@ -21,7 +21,7 @@ __all__ = ["Window", "notes_of", "thinned"]
 SLOWEST = 1
 """Cycles per record below which a record without periods is not judged: there stands what drifts."""
 
-MOST = 16_384
+MOST_LINES = 16_384
 """Lines that are judged of a record without periods, at the most: a second of work and a fifth of a gigabyte of eight
 channels, whatever its length. Shorter records, of up to 32 768 samples, are judged on every line."""
 
@@ -83,9 +83,9 @@ class Window:
 
     @property
     def in_period(self) -> NDArray[np.intp]:
-        """The same, counted in cycles per period; without periods at most `MOST`, see `thinned`."""
+        """The same, counted in cycles per period; without periods at most `MOST_LINES`, see `thinned`."""
         lines = np.arange(self.lowest, (self.period + 1) // 2)
-        return lines if self.is_periodic else thinned(lines, MOST)
+        return lines if self.is_periodic else thinned(lines, MOST_LINES)
 
     def between(self, most: int) -> NDArray[np.intp]:
         """Indices of at most so many unexcited lines in each gap between excited ones, evenly spread."""
