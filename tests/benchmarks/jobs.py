@@ -2,11 +2,14 @@
 
     python tests/benchmarks/jobs.py ../shared/cases
     python tests/benchmarks/jobs.py ../shared/cases --against OTHER_ENVIRONMENT/bin/python --jobs identify rank
-    python tests/benchmarks/jobs.py ../shared/cases --growth
+    python tests/benchmarks/jobs.py --growth
+    python tests/benchmarks/jobs.py --long 1e4 1e5 1e6 --axes 1 4 8 --against OTHER_ENVIRONMENT/bin/python
 
 Every figure is the least of several runs in a process of its own on one core, the versions in turn. The turning rotor
 has three modes of 0.3 % and 40 940 samples of four axes, and is simulated once for both. `--growth` shows a fit's cost
-against the number of periods, and the memory of long records. No part of the tests.
+against the number of periods, and the memory of long records; `--long` shows seconds of the processor and the peak of
+memory of `identify` against samples and axes, with periods and without, each in a process of its own. No part of the
+tests.
 """
 
 from __future__ import annotations
@@ -108,6 +111,54 @@ def growth() -> None:
         print(f"{periods:8d} {len(y):9d} {1e3 * transform:16.1f} {1e3 * fit:12.1f} {peak:8.2f}")
 
 
+def long(axes: int, samples: int, periodic: bool) -> None:
+    """Print seconds of the processor and peak of memory [GB] of a fit to a long record."""
+    import numpy as np
+
+    from ambid import Model, Rig, identify, prbs
+
+    rig = Rig.load(Path(__import__("ambid").__file__).parent / "demo" / "data" / "rig.toml")
+    if axes == 1:
+        rig = Rig.load(Path(__file__).parents[1] / "data" / "levitator.toml")
+    elif axes == 8:  # another magnet beside each, all of them half as strong
+        halved = ("force_current", "force_displacement")
+        weak = [b.model_copy(update={k: tuple(0.5 * v for v in getattr(b, k)) for k in halved}) for b in rig.bearings]
+        beside = [b.model_copy(update={"name": b.name + "2"}) for b in weak]
+        integral = (rig.controller.integral,) * 4 + (0.0,) * 4  # two integrators at one place know no rest
+        controller = rig.controller.model_copy(update={"integral": integral})
+        rig = rig.replace(bearings=(*weak, *beside), controller=controller)
+    random, model = np.random.default_rng(1), Model(rig)
+    if periodic:
+        period = prbs(10, amplitude=0.1, hold=2, axes=axes, periods=1, seed=1)
+        repeats = max(2, samples // len(period))
+        settled = model.simulate(np.tile(period, (8, 1)))
+        y, i_c = (np.tile(z[-len(period) :], (repeats, 1)) for z in (settled.y, settled.i_c))
+        record = replace(settled, y=y, i_c=i_c, i_e=np.tile(period, (repeats, 1)), period=len(period))
+    else:
+        record = replace(model.simulate(0.1 * random.standard_normal((samples, axes))), period=None)
+    noisy = {
+        name: z + 0.02 * z.std() * random.standard_normal(z.shape) for name, z in (("y", record.y), ("i_c", record.i_c))
+    }
+    record = replace(record, **noisy)
+    begun = time.process_time()
+    identify(rig, record)
+    print(time.process_time() - begun, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6)
+
+
+def long_table(sizes: list[float], axes: list[int], pythons: list[str]) -> None:
+    """Table of `long`, a line a size, a pair of columns for each version."""
+    print(f"{'axes':>4} {'samples':>8} {'periods':>8}", *["  cpu s  peak GB"] * len(pythons))
+    for number, samples, periodic in ((n, s, p) for n in axes for s in sizes for p in (True, False)):
+        cells = []
+        for python in pythons:
+            job = [python, __file__, "--one", f"long {number} {int(samples)} {int(periodic)}"]
+            done = subprocess.run(job, capture_output=True, text=True, env={**os.environ, "OPENBLAS_NUM_THREADS": "1"})
+            cells.append(
+                "{:7.2f} {:8.2f}".format(*map(float, done.stdout.split())) if done.returncode == 0 else f"{'-':>16}"
+            )
+        print(f"{number:4d} {int(samples):8d} {'yes' if periodic else 'no':>8}", *cells, flush=True)
+
+
 def _timed(job: Callable[[], object]) -> float:
     begun = time.perf_counter()
     job()
@@ -121,11 +172,21 @@ def main() -> None:
     parser.add_argument("--against", help="the Python of an environment that holds another version")
     parser.add_argument("--jobs", nargs="*", default=[], help="parts of names; default: all")
     parser.add_argument("--growth", action="store_true")
+    parser.add_argument("--long", type=float, nargs="*", default=[], help="numbers of samples")
+    parser.add_argument("--axes", type=int, nargs="*", default=[1, 4], choices=(1, 4, 8))
     parser.add_argument("--one", help=argparse.SUPPRESS)
     parser.add_argument("--folder", type=Path, help=argparse.SUPPRESS)
     given = parser.parse_args()
+    if given.one and given.one.startswith("long "):
+        number, samples, periodic = map(int, given.one.split()[1:])
+        long(number, samples, bool(periodic))
+        return
     if given.one:
         one(given.one, given.folder)
+        return
+    if given.long:
+        pythons = [sys.executable, *([given.against] if given.against else [])]
+        long_table(given.long, given.axes, pythons)
         return
     if given.growth:
         growth()

@@ -1,16 +1,19 @@
 """Records without periods: the misfit of noise is one, what is hidden is named; and voltage-driven coils."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 import ambid
 from ambid import Model, Record, Rig
+from ambid.demo import DATA
 from ambid.diagnosis import diagnose
 from ambid.effects.sensor import SamplingSkew
 from ambid.loop.loop import open_plant
 from ambid.loop.response import frequency_response
-from ambid.noise.window import Window
+from ambid.noise.window import Window, notes_of, thinned
 from hidden.bench import simulate
 from hidden.families import BENCHES
 from hidden.one_axis import ONE_AXIS
@@ -163,3 +166,25 @@ def test_the_rig_of_an_identified_model_has_its_values():
     tuned = Model(rig).with_values({"R.A_zeta": 212.0, "K_i.A_zeta": 0.27, "K_s.A_zeta": 2.2}).to_rig()
     assert Rig.from_toml(tuned.to_toml()) == tuned
     assert (tuned.amplifier.resistance, tuned.bearings[0].force_current) == (212.0, (0.27,))
+
+
+def test_long_records_keep_the_lowest_lines_and_ever_fewer_above():
+    lines = np.arange(1, 500_000)
+    kept = thinned(lines, 16_384)
+    assert 0.97 * 16_384 < len(kept) <= 16_384
+    gaps = np.diff(kept)
+    first = int(np.argmax(gaps > 1))
+    assert (gaps[:first] == 1).all()
+    assert first > 2000
+    spread = gaps[first:] / kept[first:-1]  # even over the logarithm of frequency, but for whole lines
+    assert (gaps[first:] >= 1).all()
+    assert (spread * first < 2.1).all()
+    assert (thinned(lines[:16_384], 16_384) == lines[:16_384]).all()
+
+
+def test_lines_that_are_left_out_are_said():
+    rig = Rig.load(DATA / "rig.toml")
+    ones = np.ones((40_000, len(rig.axes)))
+    record = replace(Model(rig).simulate(ones), period=None)
+    assert " of 19999 lines are judged" in notes_of(record)[-1]
+    assert notes_of(replace(record, y=ones[:30_000], i_c=ones[:30_000], i_e=ones[:30_000])) == record.notes

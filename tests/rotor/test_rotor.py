@@ -332,3 +332,17 @@ def test_wrong_matrices_are_refused(change, message):
     model = assemble(bench(flexible_modes=0), NODES)
     with pytest.raises(RigError, match=message):
         reduced_rotor(matrices(model, **change(model)), [])
+
+
+def test_many_sections_have_the_modes_that_all_eigenvalues_tell(monkeypatch):
+    pieces = [(0.004, 0.03 + 0.01 * (k // 40 % 2), 0.0) for k in range(200)]
+    quick = reduce(assemble(shaft(pieces), [0.4]), 3)
+    monkeypatch.setattr("ambid.rotor.assembly._MANY", 10**9)
+    slow = reduce(assemble(shaft(pieces), [0.4]), 3)
+    assert_allclose(quick.frequencies_rad_s, slow.frequencies_rad_s, rtol=1e-9)
+    assert_allclose(quick.shapes, slow.shapes, atol=1e-7 * np.abs(slow.shapes).max())
+
+
+def test_more_sections_than_can_be_borne_are_refused():
+    with pytest.raises(RigError, match="section = .*at most 1000 entries, found 1001"):
+        shaft([(0.001, 0.03, 0.0)] * 1001)

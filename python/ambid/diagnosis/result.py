@@ -16,6 +16,7 @@ from ambid.diagnosis.ranking import Ranking
 from ambid.identification import ParameterEstimate
 from ambid.model import Model
 from ambid.noise import Comparison
+from ambid.noise.window import notes_of
 from ambid.record import Record
 from ambid.results import Tabular, plain
 
@@ -224,7 +225,7 @@ class Diagnosis(Tabular):
                 "not_tried": self.not_tried,
                 "next_experiment": self.next_experiment,
                 "seconds": self.seconds,
-                "notes": [*(note for record in self.records for note in record.notes), *self.notes],
+                "notes": [*(note for record in self.records for note in notes_of(record)), *self.notes],
             }
         )
 

@@ -17,6 +17,7 @@ from ambid.identification.problem import EXACTLY, End, LeastSquares, Limits, Pro
 from ambid.model import Model
 from ambid.model.parameter import UNITS
 from ambid.noise import Comparison, Noise, compare
+from ambid.noise.window import notes_of
 from ambid.record import Record
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
@@ -372,7 +373,7 @@ def _estimate(
         seconds=time.perf_counter() - begun,
         comparison=comparison,
         directions=directions,
-        notes=(*(note for record in records for note in record.notes), *notes),
+        notes=(*(note for record in records for note in notes_of(record)), *notes),
     )
     if end.status == "stopped":
         raise Stopped(estimate)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
+from math import ceil
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +22,9 @@ from ambid.loop.plant import Plant
 from ambid.loop.response import frequency_response
 from ambid.rig import Rig
 from ambid.rotor import ReducedRotor
+
+MOST_STATES = 800
+"""States of a loop: its poles then take some seconds, which grow by the cube of the number, and cannot be stopped."""
 
 
 class Loop:
@@ -91,6 +95,7 @@ class Loop:
         self.outputs = self.lft.outputs
         self._rotor = rotor_of(rig, _further_modes(rig, effects))
         self.sample_time = 1.0 / rig.sample_rate
+        _require_few_states(rig, len(self.lft.A), len(matrices[0]) if rig.controller.is_digital else 0)
         gains = [(filled_by[port.slot], port.scale, port.power) for port in self.lft.ports]
         self._filled_by = filled_by
         self.parameters = 1 + max(filled_by.values(), default=-1) if parameters is None else parameters
@@ -268,6 +273,17 @@ def _base_plant(rig: Rig, rotor: ReducedRotor, free_modes: int) -> Plant:
 def _controller(rig: Rig) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """A, B, C, D of the rig's controller."""
     return _matrices(*rig.controller.state_space(len(rig.axes), rig.sample_rate))
+
+
+def _require_few_states(rig: Rig, plant: int, controller: int) -> None:
+    """Refuse a loop of more than `MOST_STATES`: of the plant, of a digital controller, and commands under way."""
+    under_way = len(rig.axes) * ceil(rig.controller.delay_samples) if rig.controller.is_digital else 0
+    if plant + controller + under_way > MOST_STATES:
+        raise ModelError(
+            f"the loop has {plant + controller + under_way} states ({plant} of rotor, actuators and effects, "
+            f"{controller} of a digital controller, {under_way} commands under way); allowed are {MOST_STATES}. Keep "
+            "fewer bending modes, give the controller a lower order, or check controller.delay_samples."
+        )
 
 
 def _idle(rig: Rig) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

@@ -21,6 +21,7 @@ from ambid.noise.chance import misfit_bound
 from ambid.noise.fit import with_average
 from ambid.noise.lines import RecordLines
 from ambid.noise.noise import Noise
+from ambid.noise.window import notes_of
 from ambid.record import Record
 from ambid.results import Tabular, plain
 from ambid.threads import with_one_blas_thread
@@ -240,7 +241,10 @@ class Comparison(Tabular):
         return [
             line
             for r in self.records
-            for line in (f"{r.record.name}: misfit {r.misfit:.2f} (J/dof, 1 when the model is right)", *r.record.notes)
+            for line in (
+                f"{r.record.name}: misfit {r.misfit:.2f} (J/dof, 1 when the model is right)",
+                *notes_of(r.record),
+            )
         ]
 
     def __repr__(self) -> str:
@@ -348,5 +352,5 @@ def _as_dict(record: RecordComparison) -> dict[str, Any]:
             }
             for c in record.channels
         ],
-        "notes": list(record.record.notes),
+        "notes": list(notes_of(record.record)),
     }

@@ -16,10 +16,14 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
 from ambid.record import Record
 
-__all__ = ["Window"]
+__all__ = ["Window", "notes_of", "thinned"]
 
 SLOWEST = 1
 """Cycles per record below which a record without periods is not judged: there stands what drifts."""
+
+MOST_LINES = 16_384
+"""Lines that are judged of a record without periods, at the most: a second of work and a fifth of a gigabyte of eight
+channels, whatever its length. Shorter records, of up to 32 768 samples, are judged on every line."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +83,9 @@ class Window:
 
     @property
     def in_period(self) -> NDArray[np.intp]:
-        """The same, counted in cycles per period."""
-        return np.arange(self.lowest, (self.period + 1) // 2)
+        """The same, counted in cycles per period; without periods at most `MOST_LINES`, see `thinned`."""
+        lines = np.arange(self.lowest, (self.period + 1) // 2)
+        return lines if self.is_periodic else thinned(lines, MOST_LINES)
 
     def between(self, most: int) -> NDArray[np.intp]:
         """Indices of at most so many unexcited lines in each gap between excited ones, evenly spread."""
@@ -116,3 +121,34 @@ class Window:
     def of_period(self, folded: FloatArray) -> ComplexArray:
         """R(l) of the excited lines from the sum over the periods, shape (N, ...)."""
         return rfft(folded, axis=0)[self.in_period] / np.sqrt(self.samples)
+
+
+def notes_of(record: Record) -> tuple[str, ...]:
+    """What is to be said beside a result of a record on lines: its own notes, and whether lines were left out."""
+    if record.period is not None:
+        return record.notes
+    window = Window.of(record)
+    judged, there = len(window.excited), (window.period + 1) // 2 - window.lowest
+    if judged == there:
+        return record.notes
+    text = f"without periods, {judged} of {there} lines are judged: all of the lowest, ever fewer above; intervals are "
+    return (*record.notes, f"{record.name}: {text}wider for it. Excite periodically, and every sample counts")
+
+
+def thinned(lines: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+    """At most so many of consecutive lines: all of the lowest, beyond them ever fewer, evenly over log frequency.
+
+    What modes and lags do over frequency spreads in proportion to it, so that the lines that are left see it as well.
+    With n lines of which the lowest b are all kept, ``b (1 + ln(n / b))`` remain. What is known of a parameter goes
+    with the number of lines where it acts: where one of k is left, its standard error grows by the root of k.
+    """
+    count = len(lines)
+    if count <= most:
+        return lines
+    low, high = 1.0, float(most)
+    while high - low > 0.5:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if middle * (1.0 + np.log(count / middle)) < most else (low, middle)
+    kept = int(low)
+    sparse = np.geomspace(kept, count, most - kept, endpoint=False).astype(np.intp)
+    return lines[np.unique(np.concatenate([np.arange(kept), sparse]))]

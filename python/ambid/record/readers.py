@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import importlib
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -112,37 +113,46 @@ def _read_csv(path: Path) -> Content:
     try:
         with path.open(encoding="utf-8-sig") as file:
             head = file.readline()
-            lines = [line for line in file if line.strip()]
+            separator = max(",;\t", key=head.count)
+            names = [name.strip() for name in head.split(separator)]
+            has_names = not all(_is_number(name) for name in names)
+            rows = _rows(file)
+            first = next(rows, None) if has_names else head
+            if not has_names:
+                names = [str(k + 1) for k in range(len(names))]
+            twice = [name for name, count in Counter(names).items() if count > 1]
+            if twice:
+                raise RecordError(f"{path}: column {twice[0]!r} is there {Counter(names)[twice[0]]} times; keep one")
+            if first is None:
+                raise RecordError(f"{path}: a header without rows; record it again")
+            # row by row: the text of a long record is several times as large as its numbers
+            table = np.loadtxt(chain([first], rows), delimiter=separator, comments=None, ndmin=2)
     except UnicodeDecodeError:
         raise RecordError(f"{path}: not a text file; give comma-separated text in UTF-8") from None
-    separator = max(",;\t", key=head.count)
-    names = [name.strip() for name in head.split(separator)]
-    has_names = not all(_is_number(name) for name in names)
-    if not has_names:
-        names, lines = [str(k + 1) for k in range(len(names))], [head, *lines]
-    twice = [name for name, count in Counter(names).items() if count > 1]
-    if twice:
-        raise RecordError(f"{path}: column {twice[0]!r} is there {Counter(names)[twice[0]]} times; keep one")
-    if not lines:
-        raise RecordError(f"{path}: a header without rows; record it again")
-    try:
-        table = np.loadtxt(lines, delimiter=separator, comments=None, ndmin=2)
     except ValueError as error:
-        raise RecordError(f"{path}: {_first_bad_cell(lines, names, separator) or error}") from None
+        raise RecordError(f"{path}: {_first_bad_cell(path, names, separator, has_names) or error}") from None
     if table.shape[1] != len(names):
         raise RecordError(f"{path}: {len(names)} names in the header, {table.shape[1]} columns below; make them equal")
     return Content(dict(zip(names, table.T, strict=True)), is_table=True, has_names=has_names)
 
 
-def _first_bad_cell(lines: list[str], names: list[str], separator: str) -> str | None:
+def _rows(file: Iterable[str]) -> Iterator[str]:
+    """Lines that hold something."""
+    return filter(str.strip, file)
+
+
+def _first_bad_cell(path: Path, names: list[str], separator: str, has_names: bool) -> str | None:
     """Name the first cell that is no number, or the first row of a wrong length."""
-    for row, line in enumerate(lines, start=1):
-        cells = line.rstrip("\n").split(separator)
-        if len(cells) != len(names):
-            return f"row {row} has {len(cells)} cells, the header {len(names)}; complete or remove the row"
-        for name, cell in zip(names, cells, strict=True):
-            if not _is_number(cell):
-                return f"{name}, row {row}: {cell.strip()!r} is not a number; correct the cell"
+    with path.open(encoding="utf-8-sig") as file:
+        if has_names:
+            file.readline()
+        for row, line in enumerate(_rows(file), start=1):
+            cells = line.rstrip("\n").split(separator)
+            if len(cells) != len(names):
+                return f"row {row} has {len(cells)} cells, the header {len(names)}; complete or remove the row"
+            for name, cell in zip(names, cells, strict=True):
+                if not _is_number(cell):
+                    return f"{name}, row {row}: {cell.strip()!r} is not a number; correct the cell"
     return None
 
 

@@ -26,6 +26,11 @@ PROPORTIONAL = Range(0.0, 1e9, "A/m", (), _SIGN)
 INTEGRAL = Range(0.0, 1e12, "A/(m s)", (), _SIGN)
 DERIVATIVE = Range(0.0, 1e7, "A s/m", (), _SIGN)
 FILTER_TIME_CONSTANT = Range(1e-7, 0.1, "s", (MILLISECONDS,))
+MOST_STATES = 200
+"""States of a controller given as matrices: the time that poles take grows by the cube of their number."""
+MOST_COEFFICIENTS = 61
+"""Coefficients of a polynomial: from order 20 or so on its roots move by more than themselves with its last digits, and
+beyond order 60 nothing is left of them."""
 PID_GAINS = ("proportional", "integral", "derivative")
 
 
@@ -215,7 +220,7 @@ class StateSpaceController(Controller):
     """
 
     kind: Literal["state_space"] = "state_space"
-    A: Matrix = Field((), description="a matrix, n rows of n numbers")
+    A: Matrix = Field((), max_length=MOST_STATES, description=f"a matrix, n rows of n numbers, n up to {MOST_STATES}")
     B: Matrix = Field((), description="a matrix, n rows with one number per axis")
     C: Matrix = Field((), description="a matrix, one row of n numbers per axis")
     D: Matrix = Field(min_length=1, description="a matrix, one row per axis with one number per axis")
@@ -269,6 +274,10 @@ class TransferFunctionController(Controller):
 
     @model_validator(mode="after")
     def _proper(self) -> "TransferFunctionController":
+        for key in ("numerator", "denominator"):
+            text = f"expected at most {MOST_COEFFICIENTS} coefficients, found {{}}; give a high order as state space."
+            rows = enumerate(getattr(self, key))
+            refuse(*(problem(text.format(len(r)), r, key, k) for k, r in rows if len(r) > MOST_COEFFICIENTS))
         n_axes = max(len(self.numerator), len(self.denominator))
         sides = {"numerator": self.numerator, "denominator": self.denominator}
         refuse(*_wrong_counts(sides, n_axes))

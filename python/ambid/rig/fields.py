@@ -178,6 +178,9 @@ class Spec(BaseModel):
             return problem(f"expected a table with the keys {', '.join(keys)}.", value)
         if error["type"] == "missing":
             return problem(f"expected {keys[location[0]]}.", NOTHING, *location)
+        if error["type"] == "too_long":
+            most, found = error["ctx"]["max_length"], error["ctx"]["actual_length"] or len(value)
+            return problem(f"expected at most {most} entries, found {found}; {keys[location[0]]}.", value, *location)
         if error["type"] == "extra_forbidden":
             near = difflib.get_close_matches(str(location[-1]), keys, n=1)
             hint = f"did you mean {near[0]}? " if near else ""

@@ -35,6 +35,8 @@ from ambid.rig.rotor import (
 )
 from ambid.rig.toml import toml_text
 
+MOST_BEARINGS = 8
+"""Bearings of a rig: sixteen axes, whose loop has some hundred parameters and as many states as a fit can bear."""
 SPEED = Range(0.0, 5e4, "rad/s")
 TILT = Range(-360.0, 360.0, "degrees")
 BIAS_CURRENT = Range(1e-3, 500.0, "A", (("milliamperes", 1e-3),))
@@ -208,7 +210,10 @@ class Rig(Spec):
     speed: Annotated[float, SPEED] = 0.0
     rotor: Rotor = Field(description="a table [rotor] with its sections, matrices, modes or mass")
     bearings: tuple[Bearing, ...] = Field(
-        alias="bearing", min_length=1, description="one or more [[bearing]] tables, each with double brackets"
+        alias="bearing",
+        min_length=1,
+        max_length=MOST_BEARINGS,
+        description=f"1 to {MOST_BEARINGS} [[bearing]] tables, each with double brackets",
     )
     amplifier: Amplifier = Field(description="a table [amplifier] with time_constant in s")
     actuator: Actuator = Field(description="a table [actuator] with time_constant in s")

@@ -30,6 +30,10 @@ FREQUENCY = Range(0.1, 1e5, "Hz")
 MODE_FREQUENCY = Range(0.0, 1e5, "Hz", (), "0 for a rigid mode")
 
 FREEDOMS_PER_NODE = 4
+MOST_SECTIONS = 1000
+"""Sections, or disks, of a rotor: its bending modes then take two seconds and half a gigabyte."""
+MOST_NODES = 400
+"""Nodes of a rotor given as matrices: the three then hold eight million numbers, a quarter of a gigabyte to read."""
 MATRIX_KEYS = ("node_positions", "M", "K", "G")
 
 
@@ -160,8 +164,10 @@ class FiniteElementRotor(_FlexibleRotor):
 
     kind: Literal["finite_elements"] = "finite_elements"
     material: Material | None = Field(None, description="a table [rotor.material] for all sections")
-    section: tuple[Section, ...] = Field(min_length=1, description="one or more [[rotor.section]] tables")
-    disk: tuple[Disk, ...] = Field((), description="[[rotor.disk]] tables")
+    section: tuple[Section, ...] = Field(
+        min_length=1, max_length=MOST_SECTIONS, description=f"1 to {MOST_SECTIONS} [[rotor.section]] tables"
+    )
+    disk: tuple[Disk, ...] = Field((), max_length=MOST_SECTIONS, description="[[rotor.disk]] tables")
 
     @property
     def span(self) -> tuple[float, float]:
@@ -204,7 +210,9 @@ class MatrixRotor(_FlexibleRotor):
     """
 
     kind: Literal["matrices"] = "matrices"
-    node_positions: tuple[Position, ...] = Field(min_length=2, description="a list of two or more positions in m")
+    node_positions: tuple[Position, ...] = Field(
+        min_length=2, max_length=MOST_NODES, description=f"a list of 2 to {MOST_NODES} positions in m"
+    )
     M: Matrix = Field(description="a square matrix, 4 rows per node")
     K: Matrix = Field(description="a square matrix, 4 rows per node")
     G: Matrix | None = Field(None, description="a square matrix, 4 rows per node")

@@ -9,6 +9,8 @@ from typing import Literal
 
 import numpy as np
 from scipy.linalg import eigh
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import eigsh
 
 from ambid.arrays import FloatArray
 from ambid.errors import RigError
@@ -21,6 +23,8 @@ SAME_PLACE = 1e-6
 _CONVERGED = 1e-4  # largest relative change of a kept frequency when the elements are halved
 _TOLERABLE = 5e-4  # the same where more nodes would be too many
 _MOST_NODES = 400  # unless the rotor's own sections and disks ask for more
+_MANY = 150  # freedoms from which on few modes of a narrow band are found faster one by one
+_NARROW = 12  # entries a freedom up to which a matrix is a narrow band; a chain of beams has six
 
 
 @dataclass(frozen=True)
@@ -31,30 +35,50 @@ class BeamModel:
     ----------
     z : ndarray, shape (n,)
         Positions of the nodes [m], increasing.
-    M, G, K : ndarray, shape (4 n, 4 n)
-        Mass, gyroscopic matrix per rad/s (skew-symmetric) and stiffness; the same in both planes.
+    plane : PlaneMatrices
+        Mass, stiffness and polar inertia of either plane, which are alike.
+    given_G : ndarray, shape (4 n, 4 n), optional
+        Gyroscopic matrix per rad/s where more is known of it than the polar inertia.
     """
 
     z: FloatArray
-    M: FloatArray
-    G: FloatArray
-    K: FloatArray
+    plane: PlaneMatrices
+    given_G: FloatArray | None = None
+
+    @property
+    def M(self) -> FloatArray:
+        """Mass matrix, shape (4 n, 4 n); like G and K it is for those who want it whole, and made when asked for."""
+        return self._whole[0]
+
+    @property
+    def G(self) -> FloatArray:
+        """Gyroscopic matrix per rad/s, shape (4 n, 4 n), skew-symmetric."""
+        return self._whole[1] if self.given_G is None else self.given_G
+
+    @property
+    def K(self) -> FloatArray:
+        """Stiffness matrix, shape (4 n, 4 n)."""
+        return self._whole[2]
+
+    @cached_property
+    def _whole(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        return both_planes(self.plane)
 
     @cached_property
     def mass(self) -> float:
         """Mass [kg]."""
-        return float(self._translation @ self.M @ self._translation)
+        return float(self._translation @ self.plane.mass @ self._translation)
 
     @cached_property
     def centre(self) -> float:
         """Axial position of the centre of mass [m]."""
-        return float(self._translation @ self.M @ self._rotation) / self.mass
+        return float(self._translation @ self.plane.mass @ self._rotation) / self.mass
 
     @cached_property
     def transverse_inertia(self) -> float:
         """Moment of inertia about a transverse axis through the centre of mass [kg m^2]."""
         about_centre = self._rotation - self.centre * self._translation
-        return float(about_centre @ self.M @ about_centre)
+        return float(about_centre @ self.plane.mass @ about_centre)
 
     def displacement_row(self, z: float, direction: Literal["x", "y"]) -> FloatArray:
         """Row that reads the lateral displacement at `z` out of the freedoms.
@@ -82,12 +106,12 @@ class BeamModel:
 
     @property
     def _translation(self) -> FloatArray:
-        return np.tile([1.0, 0.0, 0.0, 0.0], len(self.z))
+        return np.tile([1.0, 0.0], len(self.z))
 
     @property
     def _rotation(self) -> FloatArray:
-        """Unit rotation theta_y about z = 0."""
-        return np.column_stack([self.z, 0.0 * self.z, 0.0 * self.z, np.ones_like(self.z)]).ravel()
+        """Unit rotation about z = 0."""
+        return np.column_stack([self.z, np.ones_like(self.z)]).ravel()
 
 
 def place_of(z: float, positions: FloatArray) -> int:
@@ -155,7 +179,7 @@ def assemble(rotor: FiniteElementRotor, nodes_at: Sequence[float]) -> BeamModel:
 
     longest = min(float(np.max(np.diff(places))), ends[-1] / (4.0 + 2.0 * rotor.flexible_modes))
     z, plane = _mesh(rotor, ends, places, longest)
-    frequencies = _bending_frequencies(plane, rotor.flexible_modes)
+    frequencies = _bending_frequencies(z, plane, rotor.flexible_modes)
     change = np.inf
     while rotor.flexible_modes > 0 and change >= _CONVERGED:
         if 2 * len(z) > max(_MOST_NODES, 4 * len(places)):
@@ -167,9 +191,9 @@ def assemble(rotor: FiniteElementRotor, nodes_at: Sequence[float]) -> BeamModel:
             )
         coarse, longest = frequencies, longest / 2.0
         z, plane = _mesh(rotor, ends, places, longest)
-        frequencies = _bending_frequencies(plane, rotor.flexible_modes)
+        frequencies = _bending_frequencies(z, plane, rotor.flexible_modes)
         change = float(np.max(np.abs(frequencies / coarse - 1.0)))
-    return BeamModel(z, *both_planes(plane))
+    return BeamModel(z, plane)
 
 
 def _places(ends: FloatArray, others: Sequence[float]) -> FloatArray:
@@ -218,8 +242,39 @@ def _section_element(rotor: FiniteElementRotor, index: int, length: float) -> Pl
     )
 
 
-def _bending_frequencies(plane: PlaneMatrices, count: int) -> FloatArray:
+def _bending_frequencies(z: FloatArray, plane: PlaneMatrices, count: int) -> FloatArray:
     """Lowest free-free bending frequencies [rad/s]; the two rigid modes of the plane are passed over."""
     if count == 0:
         return np.empty(0)
-    return np.sqrt(eigh(plane.stiffness, plane.mass, eigvals_only=True, subset_by_index=[2, count + 1]))
+    return np.sqrt(lowest_modes(z, plane.stiffness, plane.mass, count)[0])
+
+
+def lowest_modes(z: FloatArray, stiffness: FloatArray, mass: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """Lowest modes of one plane beyond the first two, which are the rigid ones.
+
+    Parameters
+    ----------
+    z : ndarray, shape (n,)
+        Positions of the nodes [m].
+    stiffness, mass : ndarray, shape (2 n, 2 n)
+        With the freedoms [u, psi] of each node.
+    count : int
+        At least 1.
+
+    Returns
+    -------
+    squares : ndarray, shape (count,)
+        Of the natural frequencies [rad^2/s^2], lowest first.
+    shapes : ndarray, shape (2 n, count)
+    """
+    wanted = count + 2
+    narrow = csc_array(stiffness) if len(mass) >= _MANY else None
+    if narrow is None or narrow.nnz > _NARROW * len(mass) or 4 * wanted > len(mass):
+        return eigh(stiffness, mass, subset_by_index=[2, wanted - 1])
+    # Lanczos from below: a parabola bends about as the first mode does, and tells where the spectrum begins
+    bent = np.column_stack([(z - z.mean()) ** 2, 2.0 * (z - z.mean())]).ravel()
+    begins = (bent @ stiffness @ bent) / (bent @ mass @ bent)
+    start = np.cos(np.arange(len(mass)))  # any vector that holds something of every mode, always the same
+    squares, shapes = eigsh(narrow, wanted, M=csc_array(mass), sigma=-begins, v0=start)
+    order = np.argsort(squares)[2:]
+    return squares[order], shapes[:, order]

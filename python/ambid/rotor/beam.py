@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ambid.arrays import FloatArray
+from ambid.arrays import FloatArray, IndexArray
 
 
 class PlaneMatrices(NamedTuple):
@@ -129,10 +129,28 @@ def plane_bases(nodes: int) -> tuple[FloatArray, FloatArray]:
     tuple of ndarray
         X and Y, each (4 n, 2 n), with orthonormal columns: q = X [u_x, psi_x, ...] + Y [u_y, psi_y, ...].
     """
-    every = np.eye(nodes)
-    in_x = np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 1.0]])
-    in_y = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 0.0]])
-    return np.kron(every, in_x), np.kron(every, in_y)
+    x, y = np.zeros((4 * nodes, 2 * nodes)), np.zeros((4 * nodes, 2 * nodes))
+    for basis, (freedoms, signs) in zip((x, y), plane_freedoms(nodes), strict=True):
+        basis[freedoms, np.arange(2 * nodes)] = signs
+    return x, y
+
+
+def plane_freedoms(nodes: int) -> tuple[tuple[IndexArray, FloatArray], tuple[IndexArray, FloatArray]]:
+    """Which freedoms each plane has among all, and with what sign; see `plane_bases`, of which it is the short form.
+
+    Parameters
+    ----------
+    nodes : int
+        Number of nodes n.
+
+    Returns
+    -------
+    tuple of (ndarray, ndarray)
+        Indices and signs, (2 n,) each, of plane x and of plane y.
+    """
+    first = 4 * np.arange(nodes, dtype=np.intp)[:, None]
+    x, y = (np.asarray(first + own).ravel() for own in ([0, 3], [1, 2]))
+    return (x, np.ones(2 * nodes)), (y, np.tile([1.0, -1.0], nodes))
 
 
 def both_planes(plane: PlaneMatrices) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -148,10 +166,13 @@ def both_planes(plane: PlaneMatrices) -> tuple[FloatArray, FloatArray, FloatArra
     tuple of ndarray
         M, G (skew-symmetric, for a speed in rad/s) and K, each (4 n, 4 n), SI units.
     """
-    x, y = plane_bases(len(plane.mass) // 2)
-    coupling = x @ plane.polar @ y.T
-    return (
-        x @ plane.mass @ x.T + y @ plane.mass @ y.T,
-        coupling - coupling.T,
-        x @ plane.stiffness @ x.T + y @ plane.stiffness @ y.T,
-    )
+    nodes = len(plane.mass) // 2
+    (x, _), (y, signs) = plane_freedoms(nodes)
+    M, G, K = (np.zeros((4 * nodes, 4 * nodes)) for _ in range(3))
+    for whole, part in ((M, plane.mass), (K, plane.stiffness)):
+        whole[np.ix_(x, x)] = part
+        whole[np.ix_(y, y)] = signs[:, None] * part * signs
+    coupling = plane.polar * signs
+    G[np.ix_(x, y)] = coupling
+    G[np.ix_(y, x)] = -coupling.T
+    return M, G, K

@@ -8,7 +8,7 @@ from ambid.arrays import FloatArray
 from ambid.errors import RigError
 from ambid.rig import MatrixRotor
 from ambid.rotor.assembly import BeamModel
-from ambid.rotor.beam import plane_bases
+from ambid.rotor.beam import PlaneMatrices, plane_bases, plane_freedoms
 
 _EQUAL = 1e-9  # of the largest entry of the matrix
 
@@ -25,7 +25,7 @@ def matrix_model(rotor: MatrixRotor) -> BeamModel:
     Returns
     -------
     BeamModel
-        The matrices as given; G is zero if there is none.
+        M and K of plane x, for both; G as given, zero if there is none.
 
     Raises
     ------
@@ -43,7 +43,9 @@ def matrix_model(rotor: MatrixRotor) -> BeamModel:
             f"rotor.G is not skew-symmetric: G + G^T reaches {excess:g}, allowed is {_EQUAL:g} of the largest entry "
             f"of G, {_largest(G):g}. G holds the gyroscopic moments per rad/s only; leave damping out of it."
         )
-    return BeamModel(np.array(rotor.node_positions), M, G, K)
+    (x, _), (y, signs) = plane_freedoms(len(M) // 4)
+    here = np.ix_(x, x)
+    return BeamModel(np.array(rotor.node_positions), PlaneMatrices(M[here], K[here], G[np.ix_(x, y)] * signs), G)
 
 
 def _check_planes(name: str, matrix: FloatArray) -> None:

@@ -13,8 +13,8 @@ from scipy.linalg import eigh
 from ambid.arrays import FloatArray
 from ambid.errors import RigError
 from ambid.rig import FiniteElementRotor, MatrixRotor, ModalRotor, PointMassRotor
-from ambid.rotor.assembly import SAME_PLACE, BeamModel, assemble, place_of
-from ambid.rotor.beam import plane_bases
+from ambid.rotor.assembly import SAME_PLACE, BeamModel, assemble, lowest_modes, place_of
+from ambid.rotor.beam import plane_freedoms
 from ambid.rotor.matrices import matrix_model
 
 _FREE = 1e-3  # a rigid frequency above this part of the first bending frequency means a rotor that is held
@@ -240,23 +240,35 @@ def reduce(
         More modes than the model has, too few damping ratios, a measured frequency that is not the computed one within
         a factor of two, or a model that is not free.
     """
-    x, y = plane_bases(len(model.z))
     rigid = _rigid_modes(model)
-    computed, bending = _bending_modes(x.T @ model.M @ x, x.T @ model.K @ x, rigid, flexible_modes)
+    computed, bending = _bending_modes(model, rigid, flexible_modes)
     measured = () if bending_frequencies_hz is None else bending_frequencies_hz
     shapes = np.column_stack([rigid, bending])
-    T_R = np.column_stack([x @ shapes, y @ shapes])
-    gyroscopic = T_R.T @ model.G @ T_R
+    T_R = _in_both_planes(shapes)
+    if model.given_G is None:
+        coupling = shapes.T @ model.plane.polar @ shapes
+        gyroscopic = np.block([[np.zeros_like(coupling), coupling], [-coupling.T, np.zeros_like(coupling)]])
+    else:
+        gyroscopic = T_R.T @ model.given_G @ T_R
     return ReducedRotor(
         frequencies_rad_s=np.concatenate([[0.0, 0.0], _with_measured(computed, measured)]),
         damping=np.concatenate([[0.0, 0.0], _damping_ratios(modal_damping, flexible_modes)]),
         gyroscopic=(gyroscopic - gyroscopic.T) / 2.0,
         T_R=T_R,
-        T_L=T_R.T @ model.M,
+        T_L=_in_both_planes(model.plane.mass @ shapes).T,
         positions=model.z,
         shapes=shapes[::2],
         between=True,
     )
+
+
+def _in_both_planes(columns: FloatArray) -> FloatArray:
+    """Columns of one plane, (2 n, m), among all freedoms, (4 n, 2 m): first those of plane x, then of plane y."""
+    (x, _), (y, signs) = plane_freedoms(len(columns) // 2)
+    count = columns.shape[1]
+    both = np.zeros((2 * len(columns), 2 * count))
+    both[x, :count], both[y, count:] = columns, signs[:, None] * columns
+    return both
 
 
 def _rigid_modes(model: BeamModel) -> FloatArray:
@@ -266,17 +278,16 @@ def _rigid_modes(model: BeamModel) -> FloatArray:
     return np.column_stack([translation / np.sqrt(model.mass), rotation / np.sqrt(model.transverse_inertia)])
 
 
-def _bending_modes(
-    mass: FloatArray, stiffness: FloatArray, rigid: FloatArray, count: int
-) -> tuple[FloatArray, FloatArray]:
+def _bending_modes(model: BeamModel, rigid: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
     """Frequencies [rad/s], (count,), and mass-normalised shapes, (2 n, count), of one plane's lowest bending modes."""
+    mass, stiffness = model.plane.mass, model.plane.stiffness
     available = len(mass) - 2
     if count > available:
         raise RigError(
             f"rotor.flexible_modes = {count}, but a rotor of {len(mass) // 2} nodes has {available} bending modes "
             "in each plane. Keep fewer modes, or give more nodes."
         )
-    squares, shapes = eigh(stiffness, mass, subset_by_index=[2, max(3, count + 1)])
+    squares, shapes = lowest_modes(model.z, stiffness, mass, max(2, count))
     held_hz = np.sqrt(np.max(np.abs(np.diag(rigid.T @ stiffness @ rigid)))) / (2.0 * np.pi)
     first_hz = np.sqrt(max(squares[0], 0.0)) / (2.0 * np.pi)
     if not held_hz < _FREE * first_hz:

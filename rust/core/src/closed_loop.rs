@@ -3,7 +3,6 @@
 use std::borrow::Cow;
 
 use nalgebra::Complex;
-use rayon::prelude::*;
 
 use crate::discretise::{Discrete, discretise};
 use crate::error::{Result, check_finite, check_len};
@@ -13,6 +12,7 @@ use crate::model::Model;
 use crate::nonlinear::Nonlinear;
 use crate::split::{Part, split};
 use crate::steady::from_steady_state;
+use crate::stop::each;
 
 /// A closed loop of any number of bearings, axes, modes and parameters.
 #[derive(Debug, Clone)]
@@ -124,15 +124,10 @@ impl ClosedLoop {
         let fold =
             Fold { first, period, periods: samples.saturating_sub(first).checked_div(period).unwrap_or(0), last };
         let prepared = self.prepare(theta, free)?;
-        let one = |part: &Prepared| part.folded(u, self.inputs(), fold);
-        let sums: Result<Vec<Vec<f64>>> = if prepared.len() > 1 {
-            prepared.par_iter().map(one).collect()
-        } else {
-            prepared.iter().map(one).collect()
-        };
+        let sums = each(&prepared, |_, part| part.folded(u, self.inputs(), fold))?;
         let mut y = vec![0.0; period * ny];
         let mut jacobian = vec![0.0; period * ny * np];
-        for (part, sum) in prepared.iter().zip(sums?) {
+        for (part, sum) in prepared.iter().zip(sums) {
             let width = 1 + part.free.len();
             for (k, row) in sum.chunks_exact((part.outputs.len() * width).max(1)).enumerate() {
                 for (o, own) in part.outputs.iter().zip(row.chunks_exact(width)) {
@@ -272,8 +267,7 @@ impl Path {
     fn run(&self, u: &[f64], sink: &mut impl FnMut(usize, usize, &[f64], usize)) -> Result<()> {
         match self {
             Self::Linear(response) => response.run(u, sink),
-            Self::Nonlinear(nonlinear) => return nonlinear.run(u, sink),
+            Self::Nonlinear(nonlinear) => nonlinear.run(u, sink),
         }
-        Ok(())
     }
 }

@@ -253,9 +253,13 @@ fn sampled(plant: &Plant, k: &Controller, dt: f64, free: &[usize]) -> Result<(Di
 
     // several controller samples to one of the record, the excitation held
     let (mut a, mut b) = (step_a.map(Clone::clone), step_b.map(Clone::clone));
-    for _ in 1..k.steps {
-        b = step_a.times(&b).plus(&step_b);
-        a = step_a.times(&a);
+    for bit in (0..k.steps.max(1).ilog2()).rev() {
+        b = a.times(&b).plus(&b);
+        a = a.times(&a);
+        if k.steps >> bit & 1 == 1 {
+            b = step_a.times(&b).plus(&step_b);
+            a = step_a.times(&a);
+        }
     }
     let c = plant.c.map(|c| place(ny, n, (0, 0), c)).plus(&plant.d.times(&first.0));
     let d = plant.d.times(&first.1).plus(&constant(noise(ny)));

@@ -59,6 +59,9 @@ pub enum Error {
         /// What is allowed.
         what: &'static str,
     },
+    /// The caller asked for it, see [`crate::ask_before_going_on`].
+    #[error("stopped before it was done")]
+    Stopped,
     /// An algebraic loop has no solution, or a parameter value makes the model singular.
     #[error("the model is singular at these parameters: {what}")]
     Singular {

@@ -6,6 +6,7 @@
 use nalgebra::DMatrix;
 
 use crate::error::{Error, Result};
+use crate::stop::go_on;
 
 const B: [f64; 14] = [
     64_764_752_532_480_000.0,
@@ -55,6 +56,7 @@ pub fn expm(a: &DMatrix<f64>, directions: &[DMatrix<f64>]) -> Result<(DMatrix<f6
     let mut r = lu.solve(&(&u + &v)).ok_or_else(|| too_large.clone())?;
     let mut derivatives = Vec::with_capacity(directions.len());
     for e in directions {
+        go_on()?;
         let e = e * scale;
         let m2 = &a * &e + &e * &a;
         let m4 = &a2 * &m2 + &m2 * &a2;

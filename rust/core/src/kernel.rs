@@ -4,7 +4,9 @@
 //! side (structure of arrays), their states of a block of samples form a matrix, and every output column is a
 //! linear combination of them.
 
+use crate::error::Result;
 use crate::product::{LANES, Panels, ROW_MULTIPLE, Vector, dispatch, fma, load, product, store};
+use crate::stop::go_on;
 
 /// Samples per block: the states of a block stay in the first-level cache.
 pub const BLOCK: usize = 5 * ROW_MULTIPLE;
@@ -71,18 +73,23 @@ impl Kernel {
     /// Runs over `u` (samples x inputs, row by row) from rest and hands each block of output rows to `sink`.
     ///
     /// `sink(first_sample, samples, block, stride)`; column c of sample k stands at `block[k * stride + c]`.
-    pub fn run(&self, u: &[f64], sink: &mut impl FnMut(usize, usize, &[f64], usize)) {
+    ///
+    /// # Errors
+    /// [`crate::Error::Stopped`].
+    pub fn run(&self, u: &[f64], sink: &mut impl FnMut(usize, usize, &[f64], usize)) -> Result<()> {
         let depth = self.basis();
         let weights = Panels::new(depth, self.columns, &self.weights);
         let mut basis = vec![0.0; (BLOCK + 1) * depth];
         let mut out = vec![0.0; BLOCK * weights.stride];
         for (i, block) in u.chunks(BLOCK * self.inputs).enumerate() {
+            go_on()?;
             let count = block.len() / self.inputs;
             advance(self, &mut basis, block);
             product(&basis, count, &weights, &mut out);
             sink(i * BLOCK, count, &out, weights.stride);
             basis.copy_within(count * depth..(count + 1) * depth, 0);
         }
+        Ok(())
     }
 }
 

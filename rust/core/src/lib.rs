@@ -23,6 +23,7 @@
 mod block;
 mod closed_loop;
 mod discretise;
+mod eigen;
 mod error;
 mod expm;
 mod kernel;
@@ -38,6 +39,7 @@ mod realtime;
 mod residual;
 mod split;
 mod steady;
+mod stop;
 mod whitened;
 
 pub use block::{Block, Coefficient, Curve, Law, Table};
@@ -50,6 +52,7 @@ pub use model::{Controller, GainError, Model};
 pub use noise::Scatter;
 pub use realtime::Stepper;
 pub use residual::{Data, Normal, normal_equations};
+pub use stop::ask_before_going_on;
 pub use whitened::{LineData, LineNormal, line_equations, line_rows};
 
 // the loops and the reference of the integration tests serve the unit tests too

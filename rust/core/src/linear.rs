@@ -3,11 +3,13 @@
 use nalgebra::Complex;
 
 use crate::discretise::{Discrete, discretise};
+use crate::eigen::eigenvalues;
 use crate::error::{Error, Result};
 use crate::kernel::{BLOCK, Kernel};
-use crate::modal::{Modal, Residues, eigenvalues};
+use crate::modal::{Modal, Residues};
 use crate::model::Model;
 use crate::product::{Panels, ROW_MULTIPLE, product};
+use crate::stop::go_on;
 
 /// A loop at one parameter set, ready to run over samples.
 ///
@@ -33,7 +35,10 @@ impl Response {
     }
 
     /// Runs from rest over `u` (samples x inputs); see [`Kernel::run`] for the sink.
-    pub fn run(&self, u: &[f64], sink: &mut impl FnMut(usize, usize, &[f64], usize)) {
+    ///
+    /// # Errors
+    /// [`Error::Stopped`].
+    pub fn run(&self, u: &[f64], sink: &mut impl FnMut(usize, usize, &[f64], usize)) -> Result<()> {
         match self {
             Self::Modal(kernel) => kernel.run(u, sink),
             Self::Dense(dense) => dense.run(u, sink),
@@ -196,7 +201,7 @@ impl Dense {
         }
     }
 
-    fn run(&self, u: &[f64], sink: &mut impl FnMut(usize, usize, &[f64], usize)) {
+    fn run(&self, u: &[f64], sink: &mut impl FnMut(usize, usize, &[f64], usize)) -> Result<()> {
         let (n, inputs, ny, np) = (self.states, self.inputs, self.outputs, self.parameters);
         let (depth, width) = (n + inputs, 1 + np);
         let columns = ny * width;
@@ -209,6 +214,7 @@ impl Dense {
         let mut carried = vec![0.0; padded * self.carry.stride];
         let mut block = vec![0.0; BLOCK * columns];
         for (i, u) in u.chunks(BLOCK * inputs).enumerate() {
+            go_on()?;
             let count = u.len() / inputs;
             for (k, u) in u.chunks_exact(inputs).enumerate() {
                 let row = &mut rows[k * depth..];
@@ -231,6 +237,7 @@ impl Dense {
             sink(i * BLOCK, count, &block, columns);
             rows.copy_within(count * depth..count * depth + n, 0);
         }
+        Ok(())
     }
 }
 

@@ -18,15 +18,19 @@ use nalgebra::Complex;
 
 use crate::closed_loop::ClosedLoop;
 use crate::discretise::discretise;
+use crate::eigen::eigenvalues;
 use crate::error::{Error, Result, check_len};
 use crate::linear::stable;
-use crate::modal::{Modal, eigenvalues};
+use crate::modal::Modal;
 use crate::split::Part;
+use crate::stop::go_on;
 
 type C64 = Complex<f64>;
 
 /// Lines that are worked on at a time.
 pub(crate) const BLOCK: usize = 48;
+/// Lines whose transfer matrices of one part are held at a time.
+const AT_A_TIME: usize = 100 * BLOCK;
 
 /// The response of a loop on lines.
 #[derive(Debug, Clone)]
@@ -112,7 +116,7 @@ impl<'a> OnLines<'a> {
     }
 
     /// Lines x outputs x inputs of this part.
-    fn transfer(&self, w: &[C64]) -> Vec<C64> {
+    fn transfer(&self, w: &[C64]) -> Result<Vec<C64>> {
         match &self.way {
             Way::Modal(poles) => poles.transfer(w),
             Way::Dense(dense) => dense.transfer(w),
@@ -173,6 +177,7 @@ impl ClosedLoop {
             let (n, own) = (part.states(), part.outputs.len());
             let d = if d.is_empty() { d } else { &d[at..at + n] };
             for (b, (w, u)) in w.chunks(BLOCK).zip(u.chunks(BLOCK * inputs.max(1))).enumerate() {
+                go_on()?;
                 part.run(w, u, inputs, d, &mut block);
                 for l in 0..w.len() {
                     let row = &block.columns[l * block.stride..];
@@ -208,14 +213,14 @@ impl ClosedLoop {
         let (ny, nu) = (self.outputs(), self.inputs());
         let mut found = vec![C64::from(0.0); w.len() * ny * nu];
         for part in self.on_lines(theta, &[], true)? {
-            let own = part.transfer(w);
             let inner = part.outputs.len() * part.inputs.len();
-            for (own, found) in own.chunks_exact(inner).zip(found.chunks_exact_mut(ny * nu)) {
-                for (i, o) in part.outputs.iter().enumerate() {
-                    part.inputs
-                        .iter()
-                        .enumerate()
-                        .for_each(|(j, a)| found[o * nu + a] = own[i * part.inputs.len() + j]);
+            for (w, found) in w.chunks(AT_A_TIME).zip(found.chunks_mut(AT_A_TIME * ny * nu)) {
+                let own = part.transfer(w)?;
+                for (own, found) in own.chunks_exact(inner).zip(found.chunks_exact_mut(ny * nu)) {
+                    for (i, o) in part.outputs.iter().enumerate() {
+                        let row = &own[i * part.inputs.len()..];
+                        part.inputs.iter().zip(row).for_each(|(a, own)| found[o * nu + a] = *own);
+                    }
                 }
             }
         }
@@ -239,7 +244,7 @@ impl ClosedLoop {
             let own = &d[at..at + part.states()];
             at += part.states();
             let free = match &part.way {
-                Way::Modal(poles) => poles.free_response(own, length, samples),
+                Way::Modal(poles) => poles.free_response(own, length, samples)?,
                 Way::Dense(dense) => dense.free_response(own, length, samples)?,
             };
             for (free, y) in free.chunks_exact(part.outputs.len()).zip(y.chunks_exact_mut(ny)) {

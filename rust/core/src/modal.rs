@@ -7,7 +7,8 @@
 use nalgebra::{Complex, DMatrix};
 
 use crate::discretise::{Discrete, discretise};
-use crate::error::{Error, Result};
+use crate::eigen::{eigenvalues, eigenvectors};
+use crate::error::Result;
 use crate::lft::{Closed, balancing};
 use crate::model::{Controller, Model};
 
@@ -162,10 +163,7 @@ impl Eigen {
     /// which have a `max_loss`, poles need to lie apart; without them it is enough that the vectors are what they are.
     fn new(a: &DMatrix<f64>, rest: f64, max_loss: Option<f64>) -> Option<Self> {
         let n = a.nrows();
-        let matrix = faer::Mat::from_fn(n, n, |i, j| a[(i, j)]);
-        let eigen = matrix.eigen().ok()?;
-        let lambda: Vec<C64> = eigen.S().column_vector().iter().copied().collect();
-        let mut v = DMatrix::from_fn(n, n, |i, j| eigen.U()[(i, j)]);
+        let (lambda, mut v) = eigenvectors(a)?;
         for mut column in v.column_iter_mut() {
             let norm = column.norm();
             column.unscale_mut(norm);
@@ -234,14 +232,4 @@ pub fn poles(model: &Model, theta: &[f64]) -> Result<Vec<C64>> {
     }
     let (sampled, _) = discretise(model, theta, &[])?;
     Ok(eigenvalues(&sampled.a)?.into_iter().map(|mu| mu.ln() / model.dt).collect())
-}
-
-/// Eigenvalues of a matrix whose states may be of very unlike size.
-///
-/// # Errors
-/// [`Error::Singular`] where they do not converge.
-pub fn eigenvalues(a: &DMatrix<f64>) -> Result<Vec<C64>> {
-    let (t, n) = (balancing(a), a.nrows());
-    let matrix = faer::Mat::from_fn(n, n, |i, j| a[(i, j)] * t[j] / t[i]);
-    matrix.eigenvalues().map_err(|_| Error::Singular { what: "the poles did not converge" })
 }

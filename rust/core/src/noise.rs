@@ -4,10 +4,18 @@ use nalgebra::Complex;
 
 use crate::closed_loop::ClosedLoop;
 use crate::error::{Error, Result, check_len};
+use crate::stop::go_on;
 
 type C64 = Complex<f64>;
 
 const ZERO: C64 = C64::new(0.0, 0.0);
+/// Lines between two questions whether to go on.
+const UNASKED: usize = 1024;
+
+/// Asks now and then, by the number of a line.
+fn go_on_at(line: usize) -> Result<()> {
+    if line.is_multiple_of(UNASKED) { go_on() } else { Ok(()) }
+}
 
 /// Running sums of `e e^H` over lines e of p channels each.
 #[derive(Debug, Clone)]
@@ -57,6 +65,7 @@ impl Scatter {
         }
         let mut found = vec![ZERO; low.len() * p * p];
         for (k, found) in found.chunks_exact_mut((p * p).max(1)).enumerate() {
+            go_on_at(k)?;
             let (from, to) = (&self.below[low[k] * size..], &self.below[high[k] * size..]);
             let places = (0..p).flat_map(|i| (0..=i).map(move |j| (i, j)));
             for ((i, j), (from, to)) in places.clone().zip(from.iter().zip(to)) {
@@ -124,7 +133,8 @@ pub fn whitening(covariance: &[C64], back: &[C64], p: usize) -> Result<(Vec<C64>
     let (mut inner, mut both) = (vec![ZERO; covariance.len()], back.to_vec());
     let mut root = vec![ZERO; size];
     let lines = covariance.chunks_exact(size.max(1)).zip(inner.chunks_exact_mut(size.max(1)));
-    for ((covariance, inner), both) in lines.zip(both.chunks_exact_mut(size.max(1))) {
+    for (k, ((covariance, inner), both)) in lines.zip(both.chunks_exact_mut(size.max(1))).enumerate() {
+        go_on_at(k)?;
         root.copy_from_slice(covariance);
         cholesky(&mut root, p)?;
         root.iter_mut().for_each(|x| *x = x.scale(std::f64::consts::FRAC_1_SQRT_2));
@@ -143,7 +153,9 @@ pub fn whittle(covariance: &[C64], lines: &[C64], p: usize) -> Result<f64> {
     check_len("covariance of lines", covariance.len(), lines.len() * p)?;
     let (mut root, mut white) = (vec![ZERO; p * p], vec![ZERO; p]);
     let mut sum = 0.0;
-    for (covariance, line) in covariance.chunks_exact((p * p).max(1)).zip(lines.chunks_exact(p.max(1))) {
+    let each = covariance.chunks_exact((p * p).max(1)).zip(lines.chunks_exact(p.max(1)));
+    for (k, (covariance, line)) in each.enumerate() {
+        go_on_at(k)?;
         root.copy_from_slice(covariance);
         white.copy_from_slice(line);
         cholesky(&mut root, p)?;
@@ -188,7 +200,10 @@ fn invert(a: &mut [C64], n: usize, swaps: &mut Vec<usize>) -> Result<()> {
 /// [`Error::Singular`].
 pub fn inverses(matrices: &[C64], n: usize) -> Result<Vec<C64>> {
     let (mut found, mut swaps) = (matrices.to_vec(), Vec::with_capacity(n));
-    found.chunks_exact_mut((n * n).max(1)).try_for_each(|own| invert(own, n, &mut swaps))?;
+    for (k, own) in found.chunks_exact_mut((n * n).max(1)).enumerate() {
+        go_on_at(k)?;
+        invert(own, n, &mut swaps)?;
+    }
     Ok(found)
 }
 
@@ -218,7 +233,8 @@ pub fn way_back(system: &ClosedLoop, theta: &[f64], w: &[C64], from: &[usize], c
     let mut found = vec![ZERO; w.len() * channels * channels];
     let (mut inverse, mut swaps) = (vec![ZERO; n * n], Vec::with_capacity(n));
     let lines = transfer.chunks_exact((ny * nu).max(1)).zip(found.chunks_exact_mut((channels * channels).max(1)));
-    for (transfer, found) in lines {
+    for (k, (transfer, found)) in lines.enumerate() {
+        go_on_at(k)?;
         let way = |o: usize, k: usize| transfer[o * nu + from[k]];
         inverse.iter_mut().enumerate().for_each(|(k, x)| *x = way(k / n, k % n));
         invert(&mut inverse, n, &mut swaps)?;

@@ -15,6 +15,7 @@ use crate::error::{Error, Result};
 use crate::kernel::BLOCK;
 use crate::modal;
 use crate::model::{Controller, Model};
+use crate::stop::go_on;
 use plant::Plant;
 
 pub use run::Run;
@@ -88,6 +89,7 @@ impl Nonlinear {
         let columns = self.columns();
         let mut block = vec![0.0; BLOCK * columns];
         for (i, u) in u.chunks(BLOCK * self.inputs).enumerate() {
+            go_on()?;
             let count = u.len() / self.inputs;
             for (k, (u, y)) in u.chunks_exact(self.inputs).zip(block.chunks_exact_mut(columns)).enumerate() {
                 run.sample(u, y);
@@ -149,6 +151,9 @@ impl Nonlinear {
         let columns = self.columns();
         let mut out = vec![0.0; u.len() / self.inputs * columns];
         for (k, (u, y)) in u.chunks_exact(self.inputs).zip(out.chunks_exact_mut(columns)).enumerate() {
+            if k % BLOCK == 0 {
+                go_on()?;
+            }
             run.sample(u, y);
             self.check(y, k)?;
         }

@@ -3,9 +3,12 @@
 use crate::closed_loop::ClosedLoop;
 use crate::error::{Result, check_finite, check_len};
 use crate::nonlinear::{Nonlinear, Run};
+use crate::stop::go_on;
 
 /// Substeps of a nonlinear loop whose model does not say otherwise.
 const SUBSTEPS: usize = 4;
+/// Samples between two questions whether to go on: some milliseconds.
+const UNASKED: usize = 1024;
 
 /// Steps a closed loop: give the excitation that is held from now on, get the outputs of now.
 #[derive(Debug, Clone)]
@@ -70,6 +73,20 @@ impl Stepper {
         match &mut self.path {
             Path::Linear(sums) => sums.sample(u, y),
             Path::Nonlinear(run) => run.sample(u, y),
+        }
+        Ok(())
+    }
+
+    /// Steps through `u`, samples x inputs; `y` becomes samples x outputs.
+    ///
+    /// # Errors
+    /// As [`Stepper::step`], and [`crate::Error::Stopped`]; the samples before are done.
+    pub fn run(&mut self, u: &[f64], y: &mut [f64]) -> Result<()> {
+        let (inputs, outputs) = (self.inputs.max(1), self.outputs.max(1));
+        check_len("outputs", y.len(), u.len() / inputs * self.outputs)?;
+        for (u, y) in u.chunks(UNASKED * inputs).zip(y.chunks_mut(UNASKED * outputs)) {
+            go_on()?;
+            u.chunks(inputs).zip(y.chunks_mut(outputs)).try_for_each(|(u, y)| self.step(u, y))?;
         }
         Ok(())
     }

@@ -1,12 +1,12 @@
 //! Residuals of a loop against records, reduced to normal equations whose size does not depend on the records'.
 
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 
 use crate::closed_loop::ClosedLoop;
 use crate::error::{Error, Result, check_finite, check_len};
 use crate::kernel::BLOCK;
 use crate::product::{LANES, add_gram};
+use crate::stop::each;
 
 /// A measured record.
 #[derive(Debug, Clone)]
@@ -71,7 +71,7 @@ pub fn normal_equations(system: &ClosedLoop, theta: &[f64], free: &[usize], reco
         check_len("weights of a record", data.weights.len(), ny)?;
         check_len("excitation of a record", data.u.len(), data.z.len() / ny * inputs)?;
     }
-    let one = |data: &&Data| -> Result<Normal> {
+    let one = |_, data: &&Data| -> Result<Normal> {
         let mut sum = Normal { hessian: DMatrix::zeros(np, np), gradient: DVector::zeros(np), squares: vec![0.0; ny] };
         let mut seen = vec![false; ny];
         for part in &prepared {
@@ -96,9 +96,7 @@ pub fn normal_equations(system: &ClosedLoop, theta: &[f64], free: &[usize], reco
         }
         Ok(sum)
     };
-    let sums: Result<Vec<Normal>> =
-        if records.len() > 1 { records.par_iter().map(one).collect() } else { records.iter().map(one).collect() };
-    let mut sums = sums?.into_iter();
+    let mut sums = each(records, one)?.into_iter();
     let mut total = sums.next().unwrap_or(Normal {
         hessian: DMatrix::zeros(np, np),
         gradient: DVector::zeros(np),

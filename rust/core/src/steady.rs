@@ -4,13 +4,17 @@ use nalgebra::{DMatrix, DVector, DVectorView};
 
 use crate::discretise::{Discrete, discretise_scaled};
 use crate::error::Result;
+use crate::kernel::BLOCK;
 use crate::linear::stable;
 use crate::modal;
 use crate::model::Model;
 use crate::nonlinear::Nonlinear;
+use crate::stop::go_on;
 
 /// Part that a direction of the state changes by over a period, relative to the most, below which it does not decay.
 const NEUTRAL: f64 = 1e-9;
+/// Iterations per state after which singular values are given up, as LAPACK does.
+const ITERATIONS: usize = 30;
 
 /// Response (samples x outputs) to `u`, whose first `period` samples repeat, from the steady state of the linearised
 /// loop on; from rest where that has none.
@@ -20,11 +24,11 @@ const NEUTRAL: f64 = 1e-9;
 pub fn from_steady_state(model: &Model, theta: &[f64], u: &[f64], period: usize) -> Result<Vec<f64>> {
     let inputs = model.inputs();
     let (discrete, _, sizes) = discretise_scaled(model, theta, &[])?;
-    let state = steady_state(&discrete, &u[..period * inputs]);
+    let state = steady_state(&discrete, &u[..period * inputs])?;
     if model.lft.blocks.is_empty() {
         let mu: Vec<_> = modal::poles(model, theta)?.into_iter().map(|pole| (pole * model.dt).exp()).collect();
         stable(&mu, model.dt)?;
-        return Ok(follow(&discrete, state, u));
+        return follow(&discrete, state, u);
     }
     let mut state: Vec<f64> = state.iter().copied().collect();
     state.iter_mut().zip(sizes).for_each(|(x, size)| *x *= size);
@@ -32,26 +36,36 @@ pub fn from_steady_state(model: &Model, theta: &[f64], u: &[f64], period: usize)
 }
 
 /// The state at the beginning of a period of inputs that repeats, at rest where a direction of it does not decay.
-fn steady_state(discrete: &Discrete, u: &[f64]) -> DVector<f64> {
+fn steady_state(discrete: &Discrete, u: &[f64]) -> Result<DVector<f64>> {
     let n = discrete.a.nrows();
     let (mut state, mut next, inputs) = (DVector::zeros(n), DVector::zeros(n), discrete.b.ncols());
-    for u in u.chunks_exact(inputs) {
+    for (k, u) in u.chunks_exact(inputs).enumerate() {
+        if k % BLOCK == 0 {
+            go_on()?;
+        }
         next.gemv(1.0, &discrete.a, &state, 0.0);
         next.gemv(1.0, &discrete.b, &DVectorView::from_slice(u, inputs), 1.0);
         std::mem::swap(&mut state, &mut next);
     }
-    let over_period = discrete.a.pow((u.len() / inputs) as u32);
-    let parts = (DMatrix::identity(n, n) - over_period).svd(true, true);
-    let size = |pick: fn(f64, f64) -> f64| parts.singular_values.iter().copied().reduce(pick).unwrap_or(1.0);
-    let settled = if size(f64::min) > NEUTRAL * size(f64::max) { parts.solve(&state, 0.0).ok() } else { None };
-    settled.unwrap_or_else(|| DVector::zeros(n))
+    let open = DMatrix::identity(n, n) - discrete.a.pow((u.len() / inputs) as u32);
+    let settled = || {
+        // a loop that grows beyond all numbers over a period has no singular values, and looking for them no end
+        let finite = open.iter().all(|x| x.is_finite());
+        let parts = finite.then(|| open.try_svd(true, true, 5.0 * f64::EPSILON, ITERATIONS * n)).flatten()?;
+        let size = |pick: fn(f64, f64) -> f64| parts.singular_values.iter().copied().reduce(pick).unwrap_or(1.0);
+        if size(f64::min) > NEUTRAL * size(f64::max) { parts.solve(&state, 0.0).ok() } else { None }
+    };
+    Ok(settled().unwrap_or_else(|| DVector::zeros(n)))
 }
 
 /// The response of a linear loop from a state on.
-fn follow(discrete: &Discrete, mut state: DVector<f64>, u: &[f64]) -> Vec<f64> {
+fn follow(discrete: &Discrete, mut state: DVector<f64>, u: &[f64]) -> Result<Vec<f64>> {
     let (inputs, mut next, mut y) = (discrete.b.ncols(), state.clone(), DVector::zeros(discrete.c.nrows()));
     let mut out = Vec::with_capacity(u.len() / inputs * y.len());
-    for u in u.chunks_exact(inputs) {
+    for (k, u) in u.chunks_exact(inputs).enumerate() {
+        if k % BLOCK == 0 {
+            go_on()?;
+        }
         let u = DVectorView::from_slice(u, inputs);
         y.gemv(1.0, &discrete.c, &state, 0.0);
         y.gemv(1.0, &discrete.d, &u, 1.0);
@@ -60,5 +74,5 @@ fn follow(discrete: &Discrete, mut state: DVector<f64>, u: &[f64]) -> Vec<f64> {
         next.gemv(1.0, &discrete.b, &u, 1.0);
         std::mem::swap(&mut state, &mut next);
     }
-    out
+    Ok(out)
 }

@@ -7,12 +7,12 @@
 mod rows;
 
 use nalgebra::{Complex, DMatrix, DVector};
-use rayon::prelude::*;
 
 use crate::closed_loop::ClosedLoop;
 use crate::error::{Error, Result, check_len};
 use crate::lines::OnLines;
 use crate::product::add_gram;
+use crate::stop::each;
 use rows::Layout;
 
 type C64 = Complex<f64>;
@@ -100,25 +100,21 @@ pub fn line_equations(
     let np = free.len();
     let is_near = near.len() == records.len() && near.iter().all(|d| d.len() == states);
     let value = if is_near || free.is_empty() { None } else { Some(system.on_lines(theta, &[], false)?) };
-    let one = |(k, data): (usize, &&LineData)| -> LineNormal {
+    let one = |k: usize, data: &&LineData| -> Result<LineNormal> {
         let mut start = match &value {
-            Some(value) => Gram::new(value, 0, data, system.inputs(), &[]).eliminated().transient(value, 0),
+            Some(value) => Gram::new(value, 0, data, system.inputs(), &[])?.eliminated().transient(value, 0),
             None if is_near => near[k].clone(),
             None => Vec::new(),
         };
-        let mut found = Gram::new(&parts, np, data, system.inputs(), &start).eliminated();
+        let mut found = Gram::new(&parts, np, data, system.inputs(), &start)?.eliminated();
         if is_near && !free.is_empty() && found.is_far() {
             let more = found.transient(&parts, np);
             start.iter_mut().zip(more).for_each(|(d, more)| *d += more);
-            found = Gram::new(&parts, np, data, system.inputs(), &start).eliminated();
+            found = Gram::new(&parts, np, data, system.inputs(), &start)?.eliminated();
         }
-        found.normal(&parts, np, start)
+        Ok(found.normal(&parts, np, start))
     };
-    let each: Vec<LineNormal> = if records.len() > 1 {
-        records.par_iter().enumerate().map(one).collect()
-    } else {
-        records.iter().enumerate().map(one).collect()
-    };
+    let each = each(records, one)?;
     let mut total = LineNormal {
         hessian: DMatrix::zeros(np, np),
         gradient: DVector::zeros(np),
@@ -145,13 +141,13 @@ struct Gram {
 }
 
 impl Gram {
-    fn new(parts: &[OnLines], np: usize, data: &LineData, inputs: usize, d: &[f64]) -> Self {
+    fn new(parts: &[OnLines], np: usize, data: &LineData, inputs: usize, d: &[f64]) -> Result<Self> {
         let layout = Layout::new(parts, np, data.channels, true);
         let mut sum = vec![0.0; layout.stride * layout.stride];
-        layout.walk(parts, data, inputs, d, &mut |_, rows| add_gram(rows, layout.stride, &mut sum));
+        layout.walk(parts, data, inputs, d, &mut |_, rows| add_gram(rows, layout.stride, &mut sum))?;
         let stride = layout.stride;
         let moments = DMatrix::from_fn(layout.size, layout.size, |i, j| sum[i.min(j) * stride + i.max(j)]);
-        Self { states: layout.states, moments }
+        Ok(Self { states: layout.states, moments })
     }
 
     /// Takes the transient out, number by number, the one that is most its own first.
@@ -261,7 +257,7 @@ pub fn line_rows(
     layout.walk(&parts, data, system.inputs(), d, &mut |line, rows| {
         let to = out[line * 2 * data.channels * layout.size..].chunks_exact_mut(layout.size);
         rows.chunks_exact(layout.stride).zip(to).for_each(|(row, to)| to.copy_from_slice(&row[..layout.size]));
-    });
+    })?;
     let mut at = 0;
     for part in parts.iter().filter(|_| transients) {
         let n = part.states();

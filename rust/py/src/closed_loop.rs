@@ -98,7 +98,8 @@ impl ClosedLoop {
         py: Python<'py>,
         theta: PyReadonlyArray1<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray1<Complex64>>> {
-        let poles = self.core.poles(theta.as_slice()?).map_err(raise)?;
+        let theta = theta.as_slice()?;
+        let poles = py.detach(|| self.core.poles(theta)).map_err(raise)?;
         Ok(poles.into_pyarray(py))
     }
 
@@ -113,7 +114,8 @@ impl ClosedLoop {
         Bound<'py, PyArray2<f64>>,
         Bound<'py, PyArray2<f64>>,
     )> {
-        let m = self.core.discrete(theta.as_slice()?).map_err(raise)?;
+        let theta = theta.as_slice()?;
+        let m = py.detach(|| self.core.discrete(theta)).map_err(raise)?;
         let array = |m| from_matrix(py, m);
         Ok((array(&m.a)?, array(&m.b)?, array(&m.c)?, array(&m.d)?))
     }

@@ -1,4 +1,4 @@
-//! The Python module `ambid._core`: registration only.
+//! The Python module `ambid._core`: registration, and how the core hears of signals.
 
 mod arrays;
 mod blocks;
@@ -9,10 +9,12 @@ mod noise;
 mod residual;
 mod stepper;
 
-use pyo3::prelude::*;
+use pyo3::pymodule;
 
 #[pymodule]
 mod _core {
+    use pyo3::prelude::*;
+
     #[pymodule_export]
     use crate::closed_loop::ClosedLoop;
     #[pymodule_export]
@@ -23,4 +25,10 @@ mod _core {
     use crate::residual::{Data, normal_equations};
     #[pymodule_export]
     use crate::stepper::Stepper;
+
+    #[pymodule_init]
+    fn init(_module: &Bound<'_, PyModule>) -> PyResult<()> {
+        ambid_core::ask_before_going_on(crate::errors::signalled);
+        Ok(())
+    }
 }

@@ -36,7 +36,8 @@ impl Scatter {
         left_out: Option<PyReadonlyArray1<'py, usize>>,
     ) -> PyResult<Matrices<'py>> {
         let left_out = left_out.as_ref().map(|own| own.as_slice()).transpose()?;
-        let found = self.core.between(low.as_slice()?, high.as_slice()?, left_out).map_err(raise)?;
+        let (low, high) = (low.as_slice()?, high.as_slice()?);
+        let found = py.detach(|| self.core.between(low, high, left_out)).map_err(raise)?;
         cube(py, found, [low.len(), self.channels, self.channels])
     }
 }
@@ -48,23 +49,29 @@ pub fn whitening<'py>(
     back: PyReadonlyArray3<'py, Complex64>,
 ) -> PyResult<(Matrices<'py>, Matrices<'py>)> {
     let p = covariance.shape()[2];
-    let (inner, both) =
-        noise::whitening(signal("covariance", &covariance, p)?, signal("way back", &back, p)?, p).map_err(raise)?;
     let shape = [covariance.shape()[0], p, p];
+    let (covariance, back) = (signal("covariance", &covariance, p)?, signal("way back", &back, p)?);
+    let (inner, both) = py.detach(|| noise::whitening(covariance, back, p)).map_err(raise)?;
     Ok((cube(py, inner, shape)?, cube(py, both, shape)?))
 }
 
 #[pyfunction]
-pub fn whittle(covariance: PyReadonlyArray3<'_, Complex64>, lines: PyReadonlyArray2<'_, Complex64>) -> PyResult<f64> {
+pub fn whittle<'py>(
+    py: Python<'py>,
+    covariance: PyReadonlyArray3<'py, Complex64>,
+    lines: PyReadonlyArray2<'py, Complex64>,
+) -> PyResult<f64> {
     let p = lines.shape()[1];
-    noise::whittle(signal("covariance", &covariance, p)?, signal("lines", &lines, p)?, p).map_err(raise)
+    let (covariance, lines) = (signal("covariance", &covariance, p)?, signal("lines", &lines, p)?);
+    py.detach(|| noise::whittle(covariance, lines, p)).map_err(raise)
 }
 
 #[pyfunction]
 pub fn inverses<'py>(py: Python<'py>, matrices: PyReadonlyArray3<'py, Complex64>) -> PyResult<Matrices<'py>> {
     let n = matrices.shape()[2];
-    let found = noise::inverses(signal("matrices", &matrices, n)?, n).map_err(raise)?;
-    cube(py, found, [matrices.shape()[0], n, n])
+    let (count, matrices) = (matrices.shape()[0], signal("matrices", &matrices, n)?);
+    let found = py.detach(|| noise::inverses(matrices, n)).map_err(raise)?;
+    cube(py, found, [count, n, n])
 }
 
 #[pyfunction]
@@ -74,7 +81,8 @@ pub fn through<'py>(
     lines: PyReadonlyArray2<'py, Complex64>,
 ) -> PyResult<Bound<'py, PyArray2<Complex64>>> {
     let n = lines.shape()[1];
-    let found = noise::through(signal("matrices", &matrices, n)?, signal("lines", &lines, n)?, n).map_err(raise)?;
+    let (matrices, lines) = (signal("matrices", &matrices, n)?, signal("lines", &lines, n)?);
+    let found = py.detach(|| noise::through(matrices, lines, n)).map_err(raise)?;
     table(py, found, n)
 }
 

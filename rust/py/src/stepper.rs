@@ -5,6 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use ambid_core::Stepper as Core;
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
+use pyo3::sync::MutexExt;
 
 use crate::arrays::{signal, table};
 use crate::closed_loop::ClosedLoop;
@@ -16,8 +17,9 @@ pub struct Stepper {
 }
 
 impl Stepper {
-    fn lock(&self) -> MutexGuard<'_, Core> {
-        self.core.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Lets go of Python while another thread steps, which may need it to hear of signals.
+    fn lock(&self, py: Python<'_>) -> MutexGuard<'_, Core> {
+        self.core.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -30,7 +32,7 @@ impl Stepper {
     }
 
     fn step<'py>(&self, py: Python<'py>, u: PyReadonlyArray1<'py, f64>) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let mut core = self.lock();
+        let mut core = self.lock(py);
         let u = signal("excitation", &u, core.inputs())?;
         let y = PyArray1::zeros(py, [core.outputs()], false);
         core.step(u, y.readwrite().as_slice_mut()?).map_err(raise)?;
@@ -38,17 +40,16 @@ impl Stepper {
     }
 
     fn run<'py>(&self, py: Python<'py>, u: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let mut core = self.lock();
+        let mut core = self.lock(py);
         let (inputs, outputs) = (core.inputs(), core.outputs());
         let u = signal("excitation", &u, inputs)?;
         let mut y = vec![0.0; u.len() / inputs * outputs];
-        for (u, y) in u.chunks_exact(inputs).zip(y.chunks_exact_mut(outputs)) {
-            core.step(u, y).map_err(raise)?;
-        }
+        let stepper: &mut Core = &mut core;
+        py.detach(|| stepper.run(u, &mut y)).map_err(raise)?;
         table(py, y, outputs)
     }
 
-    fn reset(&self) {
-        self.lock().reset();
+    fn reset(&self, py: Python<'_>) {
+        self.lock(py).reset();
     }
 }

@@ -10,11 +10,13 @@ const SAMPLES: usize = 300;
 
 fn collect(response: &Response, inputs: usize, columns: usize, u: &[f64]) -> Vec<f64> {
     let mut out = vec![0.0; u.len() / inputs * columns];
-    response.run(u, &mut |from, count, block, stride| {
-        for (k, row) in block.chunks_exact(stride).take(count).enumerate() {
-            out[(from + k) * columns..(from + k + 1) * columns].copy_from_slice(&row[..columns]);
-        }
-    });
+    response
+        .run(u, &mut |from, count, block, stride| {
+            for (k, row) in block.chunks_exact(stride).take(count).enumerate() {
+                out[(from + k) * columns..(from + k + 1) * columns].copy_from_slice(&row[..columns]);
+            }
+        })
+        .expect("nobody stops it");
     out
 }
 

@@ -10,14 +10,16 @@ use nalgebra::{Complex, DMatrix, DVector};
 use super::Block;
 use super::triangular::{GROUP, Triangular};
 use crate::discretise::Discrete;
+use crate::eigen::NOT_CONVERGED;
 use crate::error::{Error, Result};
 use crate::lft::balancing;
 use crate::product::{LANES, Panels, Vector, dispatch, fma, load, product, store};
+use crate::stop::go_on;
 
 type C64 = Complex<f64>;
 
-/// Iterations per state after which a Schur form is given up.
-const ITERATIONS: usize = 100;
+/// Iterations per state after which a Schur form is given up, as LAPACK does.
+const ITERATIONS: usize = 30;
 /// How many roundings of the diagonal count as zero beside it: what does not converge with one does so with a few.
 const LOOSE: [f64; 4] = [1.0, 8.0, 64.0, 512.0];
 
@@ -47,7 +49,7 @@ impl Dense {
         if n > 1 {
             let schur = |loose: &f64| Schur::try_new(value.a.clone(), loose * f64::EPSILON, ITERATIONS * n);
             let schur = LOOSE.iter().find_map(schur);
-            let (turned, a) = schur.ok_or(Error::Singular { what: "the poles did not converge" })?.unpack();
+            let (turned, a) = schur.ok_or(Error::Singular { what: NOT_CONVERGED })?.unpack();
             q = turned;
             let turn = |m: &mut Discrete| {
                 m.a = q.tr_mul(&m.a) * &q;
@@ -167,19 +169,20 @@ impl Dense {
     }
 
     /// Lines x outputs x inputs.
-    pub fn transfer(&self, w: &[C64]) -> Vec<C64> {
+    pub fn transfer(&self, w: &[C64]) -> Result<Vec<C64>> {
         let Discrete { b, c, d, .. } = &self.value;
         let (n, nu, ny) = (self.states(), b.ncols(), c.nrows());
         let mut y = vec![0.0; n * ny * 2 * GROUP];
         let mut g = Vec::with_capacity(w.len() * ny * nu);
         for w in w.chunks(GROUP) {
+            go_on()?;
             self.left(&Self::group(w), &mut y);
             for (l, o, a) in (0..w.len() * ny * nu).map(|k| (k / nu / ny, k / nu % ny, k % nu)) {
                 let y = |i: usize| C64::new(y[2 * (i * ny + o) * GROUP + l], y[(2 * (i * ny + o) + 1) * GROUP + l]);
                 g.push((0..n).fold(C64::from(d[(o, a)]), |sum, i| sum + y(i) * b[(i, a)]));
             }
         }
-        g
+        Ok(g)
     }
 
     /// `C A^k e`, see [`crate::ClosedLoop::free_response`].
@@ -202,6 +205,7 @@ impl Dense {
         let mut x = open.solve(&start).ok_or(Error::Singular { what: "a transient that never decays" })?;
         let mut y = Vec::with_capacity(samples * c.nrows());
         for _ in 0..samples {
+            go_on()?;
             y.extend((c * &x).iter());
             x = a * x;
         }

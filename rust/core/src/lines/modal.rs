@@ -8,8 +8,10 @@
 use nalgebra::Complex;
 
 use super::{BLOCK, Block};
+use crate::error::Result;
 use crate::modal::{Modal, Residues};
 use crate::product::{Panels, ROW_MULTIPLE, dispatch, product};
+use crate::stop::go_on;
 
 type C64 = Complex<f64>;
 
@@ -185,7 +187,7 @@ impl Poles {
     }
 
     /// Lines x outputs x inputs.
-    pub fn transfer(&self, w: &[C64]) -> Vec<C64> {
+    pub fn transfer(&self, w: &[C64]) -> Result<Vec<C64>> {
         let Residues { b, c, d, .. } = &self.value;
         let ((ny, nu), n) = (d.shape(), self.states());
         let columns = ny * nu;
@@ -200,6 +202,7 @@ impl Poles {
         let mut f = Split::zero(n);
         let mut g = Vec::with_capacity(w.len() * columns);
         for w in w.chunks(BLOCK) {
+            go_on()?;
             rows.chunks_exact_mut(2 * n.max(1)).zip(w).for_each(|(row, w)| factors(self, *w, &mut f, row));
             product(&rows, padded, &weights, &mut sums);
             for sums in sums.chunks_exact(2 * weights.stride).take(w.len()) {
@@ -207,16 +210,17 @@ impl Poles {
                 g.extend((0..columns).map(|k| C64::new(re[k] + d[(k / nu, k % nu)], im[k])));
             }
         }
-        g
+        Ok(g)
     }
 
     /// `C A^k e`, see [`crate::ClosedLoop::free_response`].
-    pub fn free_response(&self, d: &[f64], length: usize, samples: usize) -> Vec<f64> {
+    pub fn free_response(&self, d: &[f64], length: usize, samples: usize) -> Result<Vec<f64>> {
         let Residues { mu, c, .. } = &self.value;
         let (ny, root) = (c.nrows(), (length as f64).sqrt());
         let d = self.by_pole(d);
         let mut y = vec![0.0; samples * ny];
         for i in 0..self.pairs + self.reals {
+            go_on()?;
             let count = if i < self.pairs { 2.0 } else { 1.0 };
             let over = C64::from(1.0) - mu[i].powu(length.min(1 << 30) as u32);
             let mut e = C64::new(d.re[i], d.im[i]) * root * count / over;
@@ -229,7 +233,7 @@ impl Poles {
                 }
             }
         }
-        y
+        Ok(y)
     }
 }
 

@@ -3,8 +3,10 @@
 use std::ops::Range;
 
 use super::{C64, LineData};
+use crate::error::Result;
 use crate::lines::{BLOCK, Block, OnLines};
 use crate::product::{LANES, Vector, dispatch, fma, load, store};
+use crate::stop::go_on;
 
 /// Lines whose whitened rows stay in the first-level cache.
 const TOGETHER: usize = 4;
@@ -44,6 +46,9 @@ impl Layout {
     }
 
     /// Hands the whitened rows of a few lines at a time to `sink`, with the first of these lines.
+    ///
+    /// # Errors
+    /// [`crate::Error::Stopped`].
     pub fn walk(
         &self,
         parts: &[OnLines],
@@ -51,12 +56,13 @@ impl Layout {
         inputs: usize,
         d: &[f64],
         sink: &mut impl FnMut(usize, &[f64]),
-    ) {
+    ) -> Result<()> {
         let (p, stride) = (self.channels, self.stride);
         let mut blocks: Vec<Block> = parts.iter().map(|_| Block::new(self.states > 0)).collect();
         let mut raw = vec![0.0; 2 * p * stride];
         let mut white = vec![0.0; TOGETHER * 2 * p * stride];
         for first in (0..data.w.len()).step_by(BLOCK) {
+            go_on()?;
             let lines = first..(first + BLOCK).min(data.w.len());
             let u = &data.u[first * inputs..lines.end * inputs];
             let mut at = 0;
@@ -80,6 +86,7 @@ impl Layout {
                 sink(together, &white[..count * 2 * p * stride]);
             }
         }
+        Ok(())
     }
 
     /// One line before whitening and without what was measured.
