@@ -10,7 +10,7 @@ from typing import Any
 
 from ambid.diagnosis import Diagnosis, compare, diagnose
 from ambid.identification import Estimate, ParameterEstimate, StaticEstimate, identify, static_load
-from ambid.plot import plot_misfit_map, plot_ranking, plot_staircase, save_comparison
+from ambid.plot import plot_misfit_map, plot_ranking, plot_staircase, save_comparison, save_figure
 from ambid.record import Record, StaticLoading
 from ambid.report import write_report
 from ambid.rig import Rig
@@ -22,6 +22,16 @@ DATA = Path(__file__).parent / "data"
 The rig file, a pseudo-random record and five static loadings; then two records of the bench with something in it that
 the rig file does not tell (`hidden_train.mat`; `hidden_validate.mat` at half the amplitude), and `hidden_truth.json`.
 """
+
+FILES = (
+    "report.html",
+    "measured_and_simulated.png",
+    "misfit_map.png",
+    "ranking.png",
+    "misfit_falls.png",
+    "model.json",
+)
+"""What the story leaves in its folder, in the order of reading."""
 
 
 @with_one_blas_thread
@@ -133,13 +143,13 @@ def _interval(p: ParameterEstimate) -> str:
 
 def _write(found: Diagnosis, out: Path) -> list[Path]:
     """Report, pictures and model, in the order of reading."""
-    report, model = out / "report.html", out / "model.json"
+    report, drawn, where, ranking, falls, model = (out / name for name in FILES)
     write_report(found, report)
-    pictures = {"ranking.png": plot_ranking(found.history[0].ranking), "misfit_falls.png": plot_staircase(found)[0]}
+    save_comparison(compare(found.model, found.records), drawn)
+    pictures = {ranking: plot_ranking(found.history[0].ranking), falls: plot_staircase(found)[0]}
     if found.localisation is not None:
-        pictures = {"misfit_map.png": plot_misfit_map(found.localisation)} | pictures
-    for name, axes in pictures.items():
-        axes.figure.savefig(out / name, dpi=150)
-    drawn = save_comparison(compare(found.model, found.records), out / "measured_and_simulated.png")
+        pictures = {where: plot_misfit_map(found.localisation)} | pictures
+    for path, axes in pictures.items():
+        save_figure(axes.figure, path, dpi=150)
     found.save(model)
-    return [report, *drawn, *(out / name for name in pictures), model]
+    return [report, drawn, *pictures, model]
