@@ -12,7 +12,7 @@ from typing import BinaryIO
 
 from ambid.errors import InputError, OutputError
 
-__all__ = ["is_device", "require_writable", "whole_file"]
+__all__ = ["is_device", "make_folder", "require_writable", "whole_file"]
 
 TEMPORARY = ".ambid-{}.tmp"
 """Name of the file that grows beside the one to be replaced; a killed process may leave one, which may be deleted."""
@@ -90,6 +90,24 @@ def require_writable(path: Path) -> None:
         raise OutputError(f"{path}: cannot be written, it is write-protected; lift that, or give another file")
     if (is_new or not is_device(path)) and not os.access(folder, os.W_OK | os.X_OK):
         raise OutputError(f"{path}: cannot be written, no permission in the folder {folder}; give a file elsewhere")
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder, with those above it, where there is none.
+
+    Raises
+    ------
+    InputError
+        If a file is in its place.
+    OutputError
+        If it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError):
+        raise InputError(f"{path}: a file is in the place of this folder; give another folder") from None
+    except OSError as error:
+        raise _cannot_be_written(path, error) from error
 
 
 def is_device(path: Path) -> bool:

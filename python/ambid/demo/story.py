@@ -15,6 +15,7 @@ from ambid.record import Record, StaticLoading
 from ambid.report import write_report
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
+from ambid.writing import make_folder
 
 DATA = Path(__file__).parent / "data"
 """A two-bearing test bench at 6 A bias.
@@ -51,7 +52,7 @@ def run(out: Path, say: Callable[[str], None] = print) -> dict[str, Any]:
         Plain data of all results, and the files written.
     """
     begun = time.perf_counter()
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     rig = Rig.load(DATA / "rig.toml")
     train, validate = (Record.load(DATA / f"hidden_{name}.mat", rig) for name in ("train", "validate"))
     say(
