@@ -76,7 +76,7 @@ def _columns(sample_rate: float, axes: Sequence[str], signals: Signals) -> dict[
 def _write_csv(stream: BinaryIO, sample_rate: float, axes: Sequence[str], signals: Signals) -> None:
     columns = _columns(sample_rate, axes, signals)
     table = np.stack(list(columns.values()), axis=1)
-    np.savetxt(stream, table, fmt="%.17g", delimiter=",", header=",".join(columns), comments="")
+    np.savetxt(stream, table, fmt="%.17g", delimiter=",", header=",".join(columns), comments="", encoding="utf-8")
 
 
 def _write_mat(stream: BinaryIO, sample_rate: float, axes: Sequence[str], signals: Signals) -> None:

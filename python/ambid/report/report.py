@@ -54,5 +54,5 @@ def write_report(diagnosis: Diagnosis, path: str | Path) -> Path:
     )
     text = environment.get_template("template.html").render(story(diagnosis))
     with whole_file(path) as stream:
-        stream.write(text.encode())
+        stream.write(text.encode(errors="backslashreplace"))
     return path
