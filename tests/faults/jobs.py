@@ -13,6 +13,8 @@ from places import LEVITATOR, TESTS
 
 PROGRAM = "from ambid.cli import main; main()"
 SIMULATE = ("simulate", "rig.toml", "--seconds", "0.1")
+FEW = ("simulate", "identify")
+"""Jobs that are tried in the fast tier too."""
 JOBS = {
     "simulate": (*SIMULATE, "--out", "v.csv", "--force", "--json", "v.json"),
     "compare": ("compare", "rig.toml", "run.csv", "--json", "c.json", "--plot", "c.png"),
@@ -58,8 +60,13 @@ def heard() -> None:
 
 def start(*arguments, program=PROGRAM, **options):
     """The command in a process."""
-    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "env": environment()} | options
-    return subprocess.Popen([sys.executable, "-c", program, *map(str, arguments)], preexec_fn=heard, **options)
+    options = {
+        "stdout": subprocess.PIPE,
+        "stderr": subprocess.PIPE,
+        "preexec_fn": heard,
+        "env": environment(),
+    } | options
+    return subprocess.Popen([sys.executable, "-c", program, *map(str, arguments)], text=True, **options)
 
 
 def ended(*arguments, **options):
