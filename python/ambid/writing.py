@@ -54,11 +54,11 @@ def whole_file(path: str | Path) -> Iterator[BinaryIO]:
         temporary = target.with_name(TEMPORARY.format(f"{os.getpid()}-{os.urandom(4).hex()}"))
         try:
             with temporary.open("xb") as stream:
+                if target.exists():  # before there is anything in it: the old file may be private
+                    _take_over(target.stat(), temporary)
                 yield stream
                 stream.flush()
                 os.fsync(stream.fileno())
-            if target.exists():
-                _take_over(target.stat(), temporary)
             temporary.replace(target)
         except BaseException:
             temporary.unlink(missing_ok=True)
