@@ -82,16 +82,17 @@ def demo_command(
     files = [out / name for name in ambid.demo.FILES]
     require_outputs({}, {"--json": json_file, "--out": files})
     if not force:
-        _require_own_folder(out, files)
-    with stoppable(f"of the story's files, those in {out} are whole"):
+        _require_own_folder(out, files, json_file)
+    with stoppable(f"in the story; the files in {out} are whole, but some may be missing, or of a story before"):
         result = ambid.demo.run(out, say=lambda text: None if quiet else print(text))
     conclude(None, result, json_file, quiet=True)
 
 
-def _require_own_folder(folder: Path, files: list[Path]) -> None:
+def _require_own_folder(folder: Path, files: list[Path], json_file: Path | None) -> None:
     """Refuse to replace a file of the demo's names beside others: it may be somebody's own."""
     found = [path for path in files if path.exists()]
-    if found and any(path not in files and not path.name.startswith(".") for path in folder.iterdir()):
+    others = {path for path in folder.iterdir() if not path.name.startswith(".")} - {*files, json_file}
+    if found and others:
         raise InputError(
             f"--out {folder}: {found[0].name} is there already, beside other files; give another folder, or replace it "
             "with --force"

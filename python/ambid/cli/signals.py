@@ -19,6 +19,8 @@ __all__ = ["exit_code", "finish", "stoppable", "watch"]
 AGAIN = 0.02
 """Seconds after which a KeyboardInterrupt that a callback of a library has swallowed is raised again."""
 
+NOTHING = "before anything was done; nothing was written"
+
 
 class Stage(Enum):
     """How far the command is."""
@@ -57,7 +59,7 @@ def exit_code() -> int:
 
 
 @contextmanager
-def stoppable(left: str = "nothing was written") -> Iterator[None]:
+def stoppable(left: str = NOTHING) -> Iterator[None]:
     """Hold the job of a command: a signal raises KeyboardInterrupt in it, and waits for the results after it.
 
     A job that hands nothing back ends the command; `left` says what is there then.
@@ -68,7 +70,7 @@ def stoppable(left: str = "nothing was written") -> Iterator[None]:
     except (KeyboardInterrupt, Exception) as error:
         if _Watch.came is None and not isinstance(error, KeyboardInterrupt):
             raise  # else a library may have made another error of the interrupt
-        print(f"{_stopped()} before anything was done; {left}", file=sys.stderr)
+        print(f"{_stopped()} {left}", file=sys.stderr)
         raise SystemExit(exit_code()) from None
     finally:
         _Watch.stage = Stage.RESULTS
@@ -81,7 +83,7 @@ def _stopped() -> str:
 def _on_signal(number: int, _: object) -> None:
     again, _Watch.came = _Watch.came is not None, _Watch.came or number
     if _Watch.stage is Stage.BEFORE:
-        _say(f"{_stopped()} before anything was done; nothing was written")
+        _say(f"{_stopped()} {NOTHING}")
     if _Watch.stage in (Stage.BEFORE, Stage.AFTER):
         os._exit(exit_code())  # an import that is interrupted may raise anything
     if _Watch.stage is Stage.RESULTS and not again:
