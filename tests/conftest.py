@@ -1,5 +1,6 @@
 """What several rooms of tests share: the demo's data, virtual experiments, and the command run in this process."""
 
+import signal
 import sys
 from dataclasses import dataclass
 
@@ -26,10 +27,12 @@ class Finished:
 
 @pytest.fixture
 def command(monkeypatch, capsys):
-    """Run `ambid` with these arguments in this process."""
+    """Run `ambid` with these arguments in this process, which gets its handlers of signals back."""
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 
     def run(*arguments) -> Finished:
         monkeypatch.setattr(sys, "argv", ["ambid", *map(str, arguments)])
+        monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)  # `main` has its own
         capsys.readouterr()
         try:
             ambid.cli.main()
@@ -37,6 +40,9 @@ def command(monkeypatch, capsys):
             code = exit_.code or 0
         else:
             code = 0
+        finally:
+            for number, handler in handlers.items():
+                signal.signal(number, handler)
         return Finished(code, *capsys.readouterr())
 
     return run

@@ -27,7 +27,7 @@ def test_a_name_that_is_not_there_is_refused():
     [
         "import ambid",
         "import ambid.cli.options",
-        "import sys; sys.argv = ['ambid', '--help']; import ambid.cli as c; c.app(standalone_mode=False)",
+        "import sys; sys.argv = ['ambid', '--help']; import ambid.cli.app as c; c.app(standalone_mode=False)",
     ],
     ids=["import", "options", "help"],
 )

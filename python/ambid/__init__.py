@@ -3,9 +3,14 @@
 Every public name is listed in ``__init__.pyi``; the room that it comes from is opened when it is first used.
 """
 
-from importlib.metadata import version
-
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-__version__ = version("ambid")
+_open, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> object:
+    if name == "__version__":
+        from importlib.metadata import version  # not at the top: it is most of what `import ambid` would take
+
+        return version("ambid")
+    return _open(name)

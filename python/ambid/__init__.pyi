@@ -20,6 +20,7 @@ from .errors import AmbidError as AmbidError
 from .errors import IdentificationError as IdentificationError
 from .errors import InputError as InputError
 from .errors import ModelError as ModelError
+from .errors import OutputError as OutputError
 from .errors import RecordError as RecordError
 from .errors import RigError as RigError
 from .errors import UnstableLoopError as UnstableLoopError

@@ -21,6 +21,10 @@ class ModelError(InputError):
     """A request on a model is wrong: an unknown parameter, a start outside its bounds, a wrong shape."""
 
 
+class OutputError(AmbidError):
+    """A file could not be written: names it, the reason, such as a full disk, and what to do."""
+
+
 class UnstableLoopError(AmbidError):
     """The simulated closed loop is unstable, so that it has no response to compare."""
 

@@ -17,6 +17,7 @@ from ambid.loop.delay import with_late_commands
 from ambid.loop.loop import open_plant
 from ambid.model import Model
 from ambid.rig import Controller, MatrixRotor, StateSpaceController, TransferFunctionController
+from ambid.writing import whole_file
 
 if TYPE_CHECKING:
     import scipy.signal
@@ -225,7 +226,8 @@ def to_mat(model: Model, path: str | Path) -> None:
         content |= {f"{key}{suffix}": getattr(system, key) for key in ("A", "B", "C", "D")}
         content |= {f"{key}{suffix}": _cells(getattr(system, key)) for key in ("inputs", "outputs")}
     content["parameters"] = {p.name.replace(".", "_"): p.value for p in model.parameters}
-    scipy.io.savemat(path, content, appendmat=False, long_field_names=True)
+    with whole_file(path) as stream:
+        scipy.io.savemat(stream, content, long_field_names=True)
 
 
 def _closed_loop(model: Model) -> _StateSpace:

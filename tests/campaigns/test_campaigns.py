@@ -10,7 +10,7 @@ from matplotlib.image import imread
 
 import ambid
 from ambid.campaigns import campaign
-from ambid.errors import InputError, RecordError, RigError, UnstableLoopError
+from ambid.errors import InputError, RecordError, RigError, Stopped, UnstableLoopError
 from ambid.excitation import prbs
 from ambid.plot.force_current import plot_campaign, save_campaign
 from ambid.rig import Rig
@@ -197,3 +197,26 @@ def test_an_identification_that_fails_names_its_record(broken):
     path.write_text(text.replace("proportional = 28000.0", "proportional = 280.0"))
     with pytest.raises(UnstableLoopError, match="10A/prbs_large_1: "):
         campaign(broken)
+
+
+@pytest.mark.parametrize("call", [3, 9])
+def test_ctrl_c_hands_back_the_bias_currents_that_are_done(call, template, found, monkeypatch):
+    """Six fits belong to each of the two; those of the whole campaign stand in for them."""
+    estimates = [estimate for point in found.points for runs in point.runs for estimate in (*runs.single, runs.joint)]
+    calls = iter(range(len(estimates)))
+
+    def fit(*_):
+        if (number := next(calls)) == call:
+            raise KeyboardInterrupt
+        return estimates[number]
+
+    monkeypatch.setattr("ambid.campaigns.procedure._identify", fit)
+    with pytest.raises(KeyboardInterrupt) as stopped:
+        campaign(template)
+    assert isinstance(stopped.value, Stopped) == (call >= 6)
+    if call >= 6:
+        result = stopped.value.result
+        assert [point.folder.name for point in result.points] == ["6A"]
+        assert result.notes[-1] == "stopped by Ctrl-C: not done are 10A"
+        assert [row["folder"] for row in result.to_json()["points"]] == ["6A"]
+        assert "not done are 10A" in repr(result)

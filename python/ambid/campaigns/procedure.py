@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from ambid.campaigns.folder import read_folder
+from ambid.campaigns.folder import Content, read_folder
 from ambid.campaigns.result import BiasPoint, Campaign, Runs
-from ambid.errors import AmbidError
+from ambid.errors import AmbidError, Stopped
 from ambid.identification import Estimate, identify, static_load
 from ambid.model import Model
 from ambid.record import Record
@@ -43,6 +43,8 @@ def campaign(folder: str | Path, *, progress: Callable[[int, int, str], None] | 
         If the folder is not laid out like that, or a file is refused; the message names it.
     UnstableLoopError, IdentificationError
         If an identification or a static loading could not be done; the message names the record or the folder.
+    Stopped
+        At Ctrl-C, with the bias currents that were done, if any; it is a KeyboardInterrupt.
     """
     folder = Path(folder)
     contents, notes = read_folder(folder)
@@ -56,14 +58,24 @@ def campaign(folder: str | Path, *, progress: Callable[[int, int, str], None] | 
         done += 1
         return _identify(start, records, where)
 
-    points = []
-    for content in contents:
+    def point(content: Content) -> BiasPoint:
         runs = []
         for kind, records in content.records.items():
             single = tuple(fit(content.rig, [record], content.folder / record.name) for record in records)
             runs.append(Runs(kind, fit(single[0].model, records, content.folder / kind), single))
         static = static_load(content.rig, content.loadings) if content.loadings else None
-        points.append(BiasPoint(content.folder, content.rig, tuple(runs), static))
+        return BiasPoint(content.folder, content.rig, tuple(runs), static)
+
+    points: list[BiasPoint] = []
+    try:
+        for content in contents:
+            points.append(point(content))
+    except KeyboardInterrupt:
+        if not points:
+            raise
+        left = ", ".join(content.folder.name for content in contents[len(points) :])
+        stopped = f"stopped by Ctrl-C: not done are {left}"
+        raise Stopped(Campaign(folder, tuple(points), (*notes, stopped))) from None
     return Campaign(folder, tuple(points), notes)
 
 

@@ -1,58 +1,41 @@
-"""The command `ambid`: each subcommand reads files, does one job, prints tables, and writes what it is asked for."""
+"""The command `ambid`: each subcommand reads files, does one job, writes what it is asked for, and prints tables."""
 
 from __future__ import annotations
 
 import sys
-from typing import Annotated
 
-import typer
-
-import ambid
-from ambid.cli.catalogue import effects_command
-from ambid.cli.diagnosing import check_command, compare_command, diagnose_command
-from ambid.cli.experiments import demo_command, simulate_command
-from ambid.cli.identifying import campaign_command, identify_command, static_load_command
-from ambid.cli.options import DiagnoseCommand
+from ambid.cli import signals, streams
 from ambid.errors import AmbidError, InputError
 
-__all__ = ["app", "main"]
-
-app = typer.Typer(
-    name="ambid",
-    help="Parameters of active magnetic bearings from the machine's own closed loop. Forces: f = K_i i + K_s s.",
-    no_args_is_help=True,
-    add_completion=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-)
-app.command("check")(check_command)
-app.command("identify")(identify_command)
-app.command("static-load")(static_load_command)
-app.command("campaign")(campaign_command)
-app.command("compare")(compare_command)
-app.command("diagnose", cls=DiagnoseCommand)(diagnose_command)
-app.command("effects")(effects_command)
-app.command("simulate")(simulate_command)
-app.command("demo")(demo_command)
-
-
-@app.callback(invoke_without_command=True)
-def _version(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
-    if version:
-        print(f"ambid {ambid.__version__}")
-        raise typer.Exit
+__all__ = ["main"]
 
 
 def main() -> None:
-    """Entry point: exit 0 done, 2 bad input, 1 the job could not be done, 130 stopped."""
+    """Entry point; what the exit codes mean is told under Results in the documents."""
+    signals.watch()
+    streams.protect()
     try:
+        code = streams.finish(_run())
+    except KeyboardInterrupt:
+        code = signals.exit_code()
+    sys.exit(signals.finish(code))
+
+
+def _run() -> int:
+    """Exit code of the command; what is slow to import is imported here, where a signal ends in order."""
+    try:
+        from ambid.cli.app import app
+
         app()
+    except SystemExit as ended:
+        return int(ended.code or 0)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
+        return 2
     except AmbidError as error:
         print(f"error: {error}", file=sys.stderr)
-        sys.exit(1)
+        return 1
     except OSError as error:
         print(f"error: {error.filename}: {error.strerror}", file=sys.stderr)
-        sys.exit(2)
+        return 2
+    return 0

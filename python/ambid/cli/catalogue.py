@@ -10,9 +10,9 @@ from typing import Annotated, Any
 import typer
 
 import ambid
-from ambid.cli.files import require_writable, write_json
 from ambid.cli.options import JsonFile, Quiet, known_effects
-from ambid.cli.terminal import show
+from ambid.cli.outputs import conclude, require_outputs
+from ambid.cli.signals import stoppable
 
 SPEED = 200.0
 """At which the demo's bench is taken to turn [rad/s], so that every effect has its parameters."""
@@ -27,13 +27,14 @@ def effects_command(
     quiet: Quiet = False,
 ) -> None:
     """List the catalogue: physics, equation, parameters with what is allowed, signature in the residual, source."""
-    require_writable(json_file)
+    require_outputs({"--rig": rig}, {"--json": json_file})
     chosen = ambid.CATALOGUE if name is None else (ambid.effects.find(name),)
     machine = ambid.Rig.load(ambid.demo.DATA / "rig.toml").replace(speed=SPEED) if rig is None else ambid.Rig.load(rig)
-    entries = [_entry(effect, machine) for effect in chosen]
+    with stoppable():
+        entries = [_entry(effect, machine) for effect in chosen]
     head = f"parameters and their ranges on {machine.name!r} at {machine.speed:g} rad/s"
-    show("\n\n".join([*map(_text, entries), head]), quiet)
-    write_json({"rig": machine.name, "speed": machine.speed, "effects": entries}, json_file)
+    data = {"rig": machine.name, "speed": machine.speed, "effects": entries}
+    conclude("\n\n".join([*map(_text, entries), head]), data, json_file, quiet)
 
 
 def _entry(effect: ambid.Effect, rig: ambid.Rig) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import ambid
-from ambid.cli.files import load_model, load_records, require_writable, write_json
+from ambid.cli.files import load_model, load_records
 from ambid.cli.options import (
     Columns,
     JsonFile,
@@ -26,18 +26,9 @@ from ambid.cli.options import (
     known_effects,
     names,
 )
-from ambid.cli.terminal import (
-    STOPPED,
-    announce,
-    confirm,
-    draw,
-    progress,
-    require_terminal,
-    say,
-    show,
-    stoppable,
-    with_time_left,
-)
+from ambid.cli.outputs import conclude, drawn, pictures, require_outputs, saved
+from ambid.cli.signals import exit_code, stoppable
+from ambid.cli.terminal import confirm, progress, require_terminal, say, with_time_left
 from ambid.errors import InputError, RecordError, Stopped
 
 if TYPE_CHECKING:
@@ -56,11 +47,12 @@ def check_command(
     quiet: Quiet = False,
 ) -> None:
     """Tell slips in rig and records, such as units, signs and columns, before any fit; exit 2 if there is a fault."""
-    require_writable(json_file)
+    require_outputs({"RIG": rig, "RECORD": records}, {"--json": json_file})
     machine = ambid.Rig.load(rig)
-    found = ambid.check(machine, load_records(machine, records, period, columns, sample_rate))
-    show(found, quiet)
-    write_json(found.to_json(), json_file)
+    loaded = load_records(machine, records, period, columns, sample_rate)
+    with stoppable():
+        found = ambid.check(machine, loaded)
+    conclude(found, found.to_json(), json_file, quiet)
     if not found.is_sound:
         raise typer.Exit(2)
 
@@ -77,18 +69,17 @@ def compare_command(
     quiet: Quiet = False,
 ) -> None:
     """Show where and by how much the model misses the measurement; nothing is fitted."""
-    require_writable(json_file, plot)
-    ambid.plot.check_format(plot)
+    outputs = {"--json": json_file, "--plot": pictures(plot, records)}
+    require_outputs({"RIG": rig, "RECORD": records, "--model": model}, outputs)
     machine = ambid.Rig.load(rig)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate)
-    comparison = ambid.compare(start, loaded)
-    where = _where(comparison)
-    show(comparison, quiet)
-    if where:
-        show("\n".join(["", "largest misfit:", *map(_line, where[:MOST_PRINTED])]), quiet)
-    write_json(comparison.to_json() | {"where": [asdict(cell) for cell in where]}, json_file)
-    if plot is not None:
-        announce(ambid.plot.save_comparison(comparison, plot), quiet)
+    with stoppable():
+        comparison = ambid.compare(start, loaded)
+        where = _where(comparison)
+    largest = ["", "largest misfit:", *map(_line, where[:MOST_PRINTED])] if where else []
+    data = comparison.to_json() | {"where": [asdict(cell) for cell in where]}
+    text = "\n".join([repr(comparison), *largest])
+    conclude(text, data, json_file, quiet, lambda: ambid.plot.save_comparison(comparison, plot) if plot else ())
 
 
 def diagnose_command(
@@ -114,8 +105,10 @@ def diagnose_command(
     """Name the physics that the model lacks, add it, and watch the misfit fall."""
     from ambid.noise.comparison import ADEQUATE  # not at the top: --help need not open that room
 
-    ambid.plot.check_format(plot)
-    require_writable(json_file, save, plot, report)
+    require_outputs(
+        {"RIG": rig, "RECORD": records, "--validate": validate, "--model": model},
+        {"--json": json_file, "--save": save, "--plot": pictures(plot, records), "--report": report},
+    )
     if report is not None and report.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"--report {report}: the suffix is {report.suffix or 'missing'}; expected .html")
     if tolerance is not None and not tolerance >= 1.0:
@@ -145,16 +138,17 @@ def diagnose_command(
             if not isinstance(stopped.result, ambid.Diagnosis):
                 raise  # still in its first fit
             found, is_stopped = stopped.result, True
-    show(found, quiet)
-    write_json(found.to_json(), json_file)
-    if save is not None:
-        found.save(save)
-    draw(found.model, loaded, plot, quiet)
-    if report is not None:
-        ambid.report.write_report(found, report)
-        announce([report], quiet)
+    conclude(
+        found,
+        found.to_json(),
+        json_file,
+        quiet,
+        lambda: saved(found, save),
+        lambda: drawn(found.model, loaded, plot),
+        lambda: () if report is None else [ambid.report.write_report(found, report)],
+    )
     if is_stopped:
-        raise typer.Exit(STOPPED)
+        raise typer.Exit(exit_code())
 
 
 def _where(comparison: ambid.Comparison) -> Sequence[Cell]:

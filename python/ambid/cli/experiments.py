@@ -9,10 +9,12 @@ import typer
 
 import ambid
 from ambid.cli.effect_option import with_effects
-from ambid.cli.files import load_model, require_writable, write_json
-from ambid.cli.options import JsonFile, ModelFile, Quiet, RigFile, known_effects
-from ambid.cli.terminal import show
+from ambid.cli.files import load_model
+from ambid.cli.options import Force, JsonFile, ModelFile, Quiet, RigFile, known_effects
+from ambid.cli.outputs import conclude, require_outputs
+from ambid.cli.signals import stoppable
 from ambid.errors import InputError
+from ambid.writing import is_device, make_folder
 
 LONGEST_SIMULATION = 10_000_000
 """Samples of a virtual experiment; more would not fit into the memory of a small computer."""
@@ -35,18 +37,26 @@ def simulate_command(
     current_noise: Annotated[float, typer.Option(help="Rms on every recorded current [A].")] = 0.01,
     seed: Annotated[int, typer.Option(help="Of the noise.")] = 0,
     model: ModelFile = None,
+    force: Force = False,
     json_file: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
     """Run a virtual experiment and write its record."""
-    require_writable(json_file, out)
+    from ambid.record.writers import require_format  # not at the top: --help need not open that room
+
+    require_format(out)
+    require_outputs({"RIG": rig, "--model": model}, {"--out": out, "--json": json_file}, replaced=["--out"])
+    if is_device(out):
+        raise InputError(f"--out {out}: is no regular file, from which the record could be read back; give one")
+    if out.exists() and not force:
+        raise InputError(f"--out {out}: is there already; give another file, or replace it with --force")
     machine = ambid.Rig.load(rig)
     start = with_effects(load_model(machine, model), effect)
     excitation = _excitation(machine, seconds, amplitude)
-    record = start.virtual_experiment(excitation, sensor_noise=sensor_noise, current_noise=current_noise, seed=seed)
-    record.save(out)
+    with stoppable():
+        made = start.virtual_experiment(excitation, sensor_noise=sensor_noise, current_noise=current_noise, seed=seed)
+    made.save(out)
     record = ambid.Record.load(out, machine)
-    show(record, quiet)
     summary = {
         "record": str(out),
         "samples": record.samples,
@@ -56,20 +66,37 @@ def simulate_command(
         "effects": [own.name for own in start.effects],
         "parameters": {p.name: {"value": p.value, "unit": p.unit} for p in start.parameters},
     }
-    write_json(summary, json_file)
+    conclude(record, summary, json_file, quiet)
 
 
 def demo_command(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for tables and pictures.")] = Path(
         "ambid-demo"
     ),
+    force: Force = False,
     json_file: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
     """Run the whole story on data that come with the package."""
-    require_writable(json_file)
-    result = ambid.demo.run(out, say=lambda text: show(text, quiet))
-    write_json(result, json_file)
+    make_folder(out)
+    files = [out / name for name in ambid.demo.FILES]
+    require_outputs({}, {"--json": json_file, "--out": files})
+    if not force:
+        _require_own_folder(out, files, json_file)
+    with stoppable(f"in the story; the files in {out} are whole, but some may be missing, or of a story before"):
+        result = ambid.demo.run(out, say=lambda text: None if quiet else print(text))
+    conclude(None, result, json_file, quiet=True)
+
+
+def _require_own_folder(folder: Path, files: list[Path], json_file: Path | None) -> None:
+    """Refuse to replace a file of the demo's names beside others: it may be somebody's own."""
+    found = [path for path in files if path.exists()]
+    others = {path for path in folder.iterdir() if not path.name.startswith(".")} - {*files, json_file}
+    if found and others:
+        raise InputError(
+            f"--out {folder}: {found[0].name} is there already, beside other files; give another folder, or replace it "
+            "with --force"
+        )
 
 
 def _excitation(rig: ambid.Rig, seconds: float, amplitude: float) -> Any:

@@ -1,23 +1,14 @@
-"""Files that commands read and write."""
+"""Files that commands read."""
 
 from __future__ import annotations
 
-import json
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 import ambid
 from ambid.errors import InputError
-
-
-def require_writable(*files: Path | None) -> None:
-    """Refuse a file that could not be written, before any work is done."""
-    for path in files:
-        if path is not None and (path.is_dir() or not path.parent.is_dir()):
-            raise InputError(f"{path}: cannot be written; give a file in a folder that exists")
 
 
 def load_model(rig: ambid.Rig, path: Path | None) -> ambid.Model:
@@ -47,14 +38,3 @@ def load_records(
         record = ambid.Record.load(path, point, period=period, mapping=mapping, sample_rate=sample_rate)
         found.append(record if point is rig else record.at(point))
     return found
-
-
-def write_json(data: dict[str, Any], path: Path | None) -> None:
-    """Write a result where ``--json`` says; strict JSON."""
-    if path is None:
-        return
-    text = json.dumps(data, indent=1, allow_nan=False)
-    if str(path) == "-":
-        print(text)
-    else:
-        path.write_text(text + "\n", encoding="utf-8")

@@ -9,7 +9,7 @@ from typing import Annotated, cast
 import typer
 
 import ambid
-from ambid.cli.files import load_model, load_records, require_writable, write_json
+from ambid.cli.files import load_model, load_records
 from ambid.cli.options import (
     Columns,
     JsonFile,
@@ -25,7 +25,9 @@ from ambid.cli.options import (
     names,
     number,
 )
-from ambid.cli.terminal import STOPPED, announce, draw, progress, show, stoppable
+from ambid.cli.outputs import conclude, drawn, pictures, require_outputs, saved
+from ambid.cli.signals import exit_code, stoppable
+from ambid.cli.terminal import progress
 from ambid.errors import Stopped
 
 UNFINISHED = ("not_identifiable", "max_evaluations")
@@ -53,8 +55,8 @@ def identify_command(
     quiet: Quiet = False,
 ) -> None:
     """Find K_i, K_s and tau_e by closed-loop identification."""
-    require_writable(json_file, save, plot)
-    ambid.plot.check_format(plot)
+    outputs = {"--json": json_file, "--save": save, "--plot": pictures(plot, records)}
+    require_outputs({"RIG": rig, "RECORD": records, "--model": model}, outputs)
     machine = ambid.Rig.load(rig)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate)
     for text in share:
@@ -82,13 +84,12 @@ def identify_command(
             estimate = identified()
         except Stopped as stopped:
             estimate = cast(ambid.Estimate, stopped.result)
-    show(estimate, quiet)
-    write_json(estimate.to_json(), json_file)
-    if save is not None:
-        estimate.save(save)
-    draw(estimate.model, loaded, plot, quiet)
+    data = estimate.to_json()
+    conclude(
+        estimate, data, json_file, quiet, lambda: saved(estimate, save), lambda: drawn(estimate.model, loaded, plot)
+    )
     if estimate.status == "stopped":
-        raise typer.Exit(STOPPED)
+        raise typer.Exit(exit_code())
     if estimate.status in UNFINISHED:
         raise typer.Exit(1)
 
@@ -109,13 +110,12 @@ def static_load_command(
     quiet: Quiet = False,
 ) -> None:
     """Find K_i by static loading: equilibrium of known forces and recorded currents."""
-    require_writable(json_file)
+    require_outputs({"RIG": rig, "LOADS": loads}, {"--json": json_file})
     machine = ambid.Rig.load(rig)
-    estimate = ambid.static_load(
-        machine, [ambid.StaticLoading.load(path, machine) for path in loads], deflection=deflection
-    )
-    show(estimate, quiet)
-    write_json(estimate.to_json(), json_file)
+    loaded = [ambid.StaticLoading.load(path, machine) for path in loads]
+    with stoppable():
+        estimate = ambid.static_load(machine, loaded, deflection=deflection)
+    conclude(estimate, estimate.to_json(), json_file, quiet)
 
 
 def campaign_command(
@@ -128,13 +128,24 @@ def campaign_command(
     quiet: Quiet = False,
 ) -> None:
     """Find K_i by both methods, K_s and tau_e at every bias current of a campaign."""
-    require_writable(json_file, plot)
     ambid.plot.check_format(plot)
+    require_outputs({}, {"--json": json_file, "--plot": plot})
+    is_stopped = False
     with stoppable(), progress(quiet, "campaign") as report:
-        found = ambid.campaign(
-            folder, progress=lambda done, total, where: report(f"{done} of {total} done, now {where}")
-        )
-    show(found, quiet)
-    write_json(found.to_json(), json_file)
-    if plot is not None:
-        announce([ambid.plot.save_campaign(found, plot)], quiet)
+        try:
+            found = ambid.campaign(
+                folder, progress=lambda done, total, where: report(f"{done} of {total} done, now {where}")
+            )
+        except Stopped as stopped:
+            if not isinstance(stopped.result, ambid.Campaign):
+                raise  # still at its first bias current
+            found, is_stopped = stopped.result, True
+    conclude(
+        found,
+        found.to_json(),
+        json_file,
+        quiet,
+        lambda: () if plot is None else [ambid.plot.save_campaign(found, plot)],
+    )
+    if is_stopped:
+        raise typer.Exit(exit_code())

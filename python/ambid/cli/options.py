@@ -40,6 +40,7 @@ Validation = Annotated[
         "--validate", metavar="RECORD...", help="Records to validate on, not used for choosing; rig files as above."
     ),
 ]
+Force = Annotated[bool, typer.Option("--force", help="Replace what is there already.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no tables.")]
 
 

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-import typer
 from rich.console import Console
 from rich.prompt import Confirm
 from rich.text import Text
@@ -21,26 +19,6 @@ if TYPE_CHECKING:
     from ambid.diagnosis import Candidate
 
 status = Console(stderr=True)
-
-STOPPED = 130
-"""Exit code after Ctrl-C."""
-
-
-def show(result: object, quiet: bool) -> None:
-    """Print a result."""
-    if not quiet:
-        print(result)
-
-
-def announce(paths: Sequence[Path], quiet: bool) -> None:
-    """Name the pictures and reports that were written."""
-    show(f"written: {', '.join(map(str, paths))}", quiet)
-
-
-def draw(model: ambid.Model, records: list[ambid.Record], path: Path | None, quiet: bool) -> None:
-    """Draw measured against simulated where ``--plot`` says."""
-    if path is not None:
-        announce(ambid.plot.save_comparison(ambid.compare(model, records), path), quiet)
 
 
 def say(line: str, quiet: bool) -> None:
@@ -71,16 +49,6 @@ def with_time_left(report: Callable[[str], None]) -> Callable[[str, int, int], N
         report(f"{what}, {done + 1} of {total}" + (f", {left:.0f} s left" if left >= 1.0 else ""))
 
     return tell
-
-
-@contextmanager
-def stoppable() -> Iterator[None]:
-    """Ctrl-C before anything was done: say so, and end with the code of it."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        print("stopped by Ctrl-C before anything was done; nothing was written", file=sys.stderr)
-        raise typer.Exit(STOPPED) from None
 
 
 def require_terminal(option: str) -> None:

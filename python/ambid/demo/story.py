@@ -10,11 +10,12 @@ from typing import Any
 
 from ambid.diagnosis import Diagnosis, compare, diagnose
 from ambid.identification import Estimate, ParameterEstimate, StaticEstimate, identify, static_load
-from ambid.plot import plot_misfit_map, plot_ranking, plot_staircase, save_comparison
+from ambid.plot import plot_misfit_map, plot_ranking, plot_staircase, save_comparison, save_figure
 from ambid.record import Record, StaticLoading
 from ambid.report import write_report
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
+from ambid.writing import make_folder
 
 DATA = Path(__file__).parent / "data"
 """A two-bearing test bench at 6 A bias.
@@ -22,6 +23,16 @@ DATA = Path(__file__).parent / "data"
 The rig file, a pseudo-random record and five static loadings; then two records of the bench with something in it that
 the rig file does not tell (`hidden_train.mat`; `hidden_validate.mat` at half the amplitude), and `hidden_truth.json`.
 """
+
+FILES = (
+    "report.html",
+    "measured_and_simulated.png",
+    "misfit_map.png",
+    "ranking.png",
+    "misfit_falls.png",
+    "model.json",
+)
+"""What the story leaves in its folder, in the order of reading."""
 
 
 @with_one_blas_thread
@@ -41,7 +52,7 @@ def run(out: Path, say: Callable[[str], None] = print) -> dict[str, Any]:
         Plain data of all results, and the files written.
     """
     begun = time.perf_counter()
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     rig = Rig.load(DATA / "rig.toml")
     train, validate = (Record.load(DATA / f"hidden_{name}.mat", rig) for name in ("train", "validate"))
     say(
@@ -133,13 +144,13 @@ def _interval(p: ParameterEstimate) -> str:
 
 def _write(found: Diagnosis, out: Path) -> list[Path]:
     """Report, pictures and model, in the order of reading."""
-    report, model = out / "report.html", out / "model.json"
+    report, drawn, where, ranking, falls, model = (out / name for name in FILES)
     write_report(found, report)
-    pictures = {"ranking.png": plot_ranking(found.history[0].ranking), "misfit_falls.png": plot_staircase(found)[0]}
+    save_comparison(compare(found.model, found.records), drawn)
+    pictures = {ranking: plot_ranking(found.history[0].ranking), falls: plot_staircase(found)[0]}
     if found.localisation is not None:
-        pictures = {"misfit_map.png": plot_misfit_map(found.localisation)} | pictures
-    for name, axes in pictures.items():
-        axes.figure.savefig(out / name, dpi=150)
-    drawn = save_comparison(compare(found.model, found.records), out / "measured_and_simulated.png")
+        pictures = {where: plot_misfit_map(found.localisation)} | pictures
+    for path, axes in pictures.items():
+        save_figure(axes.figure, path, dpi=150)
     found.save(model)
-    return [report, *drawn, *(out / name for name in pictures), model]
+    return [report, drawn, *pictures, model]

@@ -284,16 +284,23 @@ def _starts(
 def _best_of(
     problem: LeastSquares, starts: list[FloatArray], limits: Limits, max_evaluations: int, step: float = EXACTLY
 ) -> tuple[End, list[str]]:
-    ends, notes = [], []
-    for start in starts:
-        x = np.clip(start / problem.scale, *limits)
-        try:
-            problem.normal_equations(x)
-        except UnstableLoopError:
-            continue
-        ends.append(problem.descend(x, limits, max_evaluations, step))
-        if ends[-1].status == "stopped":
-            break
+    ends: list[End] = []
+    notes = []
+    try:
+        for start in starts:
+            x = np.clip(start / problem.scale, *limits)
+            try:
+                problem.normal_equations(x)
+            except UnstableLoopError:
+                continue
+            ends.append(problem.descend(x, limits, max_evaluations, step))
+            if ends[-1].status == "stopped":
+                raise KeyboardInterrupt
+    except KeyboardInterrupt:
+        if not ends:
+            raise
+        notes.append(f"stopped at start {len(ends)} of {len(starts)}")
+        return min(ends, key=lambda end: end.cost)._replace(status="stopped"), notes
     if not ends:
         x, moved = _stable_start(problem.model, problem.free, limits)
         notes.append(f"the loop is unstable at the start values; started from {moved} of them instead")

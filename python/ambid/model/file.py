@@ -16,6 +16,7 @@ from ambid.errors import ModelError
 from ambid.model.parameter import Parameter
 from ambid.model.structure import Structure
 from ambid.rig import Rig
+from ambid.writing import whole_file
 
 __all__ = ["read_model", "write_model"]
 
@@ -37,7 +38,8 @@ def write_model(
         "parameters": {p.name: {"value": p.value, "unit": p.unit, "slots": list(p.slots)} for p in parameters},
         "covariance": matrix,
     }
-    path.write_text(json.dumps(text, indent=1), encoding="utf-8")
+    with whole_file(path) as stream:
+        stream.write(json.dumps(text, indent=1).encode())
 
 
 def read_model(path: Path, rig: Rig | None, catalogue: Sequence[Effect]) -> tuple[Structure, list[Parameter]]:

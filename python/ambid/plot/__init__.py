@@ -8,12 +8,13 @@ from ambid.plot.force_current import plot_campaign, save_campaign
 from ambid.plot.misfit import plot_growth, plot_misfit_map
 from ambid.plot.needed import plot_needed
 from ambid.plot.ranking import plot_ranking
-from ambid.plot.signals import plot_comparison, save_comparison, worst_stretch
+from ambid.plot.signals import picture_files, plot_comparison, save_comparison, worst_stretch
 from ambid.plot.staircase import plot_staircase
-from ambid.plot.style import check_format
+from ambid.plot.style import check_format, save_figure
 
 __all__ = [
     "check_format",
+    "picture_files",
     "plot_campaign",
     "plot_comparison",
     "plot_growth",
@@ -23,5 +24,6 @@ __all__ = [
     "plot_staircase",
     "save_campaign",
     "save_comparison",
+    "save_figure",
     "worst_stretch",
 ]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ambid.campaigns import Campaign
 from ambid.campaigns.result import STATIC
-from ambid.plot.style import check_format, new_figure
+from ambid.plot.style import check_format, new_figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -80,5 +80,5 @@ def save_campaign(campaign: Campaign, path: str | Path) -> Path:
     check_format(path)
     figure = new_figure(7.5, 5.0)
     plot_campaign(campaign, figure.add_subplot())
-    figure.savefig(path, dpi=130)
+    save_figure(figure, path)
     return path

@@ -12,7 +12,19 @@ from ambid.errors import InputError
 from ambid.model import Model
 from ambid.noise import Comparison, compare
 from ambid.noise.comparison import RecordComparison
-from ambid.plot.style import BAND, GUIDE, LABEL, MEASURED, SIMULATED, SMALL, check_format, dress, new_figure, shown_in
+from ambid.plot.style import (
+    BAND,
+    GUIDE,
+    LABEL,
+    MEASURED,
+    SIMULATED,
+    SMALL,
+    check_format,
+    dress,
+    new_figure,
+    save_figure,
+    shown_in,
+)
 from ambid.record import Record
 
 if TYPE_CHECKING:
@@ -158,13 +170,15 @@ def save_comparison(comparison: Comparison, path: str | Path) -> list[Path]:
     """
     path = Path(path)
     check_format(path)
-    many = len(comparison.records) > 1
-    written = []
-    for i in range(len(comparison.records)):
-        target = path.with_stem(f"{path.stem}_{i + 1}") if many else path
-        draw_record(comparison, i).savefig(target, dpi=130)
-        written.append(target)
-    return written
+    targets = picture_files(path, len(comparison.records))
+    for i, target in enumerate(targets):
+        save_figure(draw_record(comparison, i), target)
+    return targets
+
+
+def picture_files(path: Path, records: int) -> list[Path]:
+    """Where `save_comparison` draws each of so many records."""
+    return [path.with_stem(f"{path.stem}_{i + 1}") for i in range(records)] if records > 1 else [path]
 
 
 def _record(comparison: Comparison, record: int) -> RecordComparison:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ambid.errors import InputError
+from ambid.writing import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,3 +73,15 @@ def check_format(path: Path | None) -> None:
     """
     if path is not None and path.suffix.lower() not in FORMATS:
         raise InputError(f"{path}: the suffix is {path.suffix or 'missing'}; expected one of {', '.join(FORMATS)}")
+
+
+def save_figure(figure: Figure, path: Path, dpi: int = 130) -> None:
+    """Write a figure in the format that the suffix names.
+
+    Raises
+    ------
+    InputError, OutputError
+        As `ambid.writing.whole_file`.
+    """
+    with whole_file(path) as stream:
+        figure.savefig(stream, format=path.suffix[1:].lower(), dpi=dpi)

@@ -230,7 +230,8 @@ def _hdf5_strings(file: Any, dataset: Any) -> list[Any]:
 def _read_parquet(path: Path) -> Content:
     parquet = extra("pyarrow.parquet", path)
     try:
-        table = parquet.read_table(path)
+        with path.open("rb") as file:  # pyarrow encodes a path as UTF-8, which not all are
+            table = parquet.read_table(file)
     except (OSError, ValueError) as error:
         raise RecordError(f"{path}: not a readable Parquet file ({error}); save it again") from error
     return Content({name: table[name].to_numpy() for name in table.column_names}, is_table=True)

@@ -160,7 +160,7 @@ class Record:
             axes=axes,
             rig=rig,
             period=period,
-            name=path.stem,
+            name=path.stem.encode("utf-8", "surrogateescape").decode("utf-8", "replace"),  # where LANG=C
             notes=(*notes, *more),
             path=path,
         )

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import scipy.io
 
 from ambid.arrays import FloatArray
 from ambid.record.readers import by_suffix, extra
+from ambid.writing import whole_file
 
-__all__ = ["write"]
+__all__ = ["require_format", "write"]
 
 Signals = Mapping[str, FloatArray]
-Writer = Callable[[Path, float, Sequence[str], Signals], None]
+Writer = Callable[[BinaryIO, float, Sequence[str], Signals], None]
 
 
 def write(path: Path, sample_rate: float, axes: Sequence[str], signals: Signals) -> None:
@@ -35,9 +38,28 @@ def write(path: Path, sample_rate: float, axes: Sequence[str], signals: Signals)
     RecordError
         If the suffix is unknown.
     InputError
-        If the format needs a package that is not installed.
+        If the format needs a package that is not installed, or as `ambid.writing.whole_file`.
+    OutputError
+        If the file cannot be written; what was there stands.
     """
-    by_suffix(path, _WRITERS)(path, sample_rate, axes, signals)
+    require_format(path)
+    with whole_file(path) as stream:
+        by_suffix(path, _WRITERS)(stream, sample_rate, axes, signals)
+
+
+def require_format(path: Path) -> None:
+    """Refuse a file whose format is unknown, or needs a package that is not installed, before any work is done.
+
+    Raises
+    ------
+    RecordError
+        If the suffix is unknown.
+    InputError
+        If a package is missing.
+    """
+    by_suffix(path, _WRITERS)
+    for module in _NEEDED.get(path.suffix.lower(), ()):
+        extra(module, path)
 
 
 def _time(sample_rate: float, signals: Signals) -> FloatArray:
@@ -51,37 +73,43 @@ def _columns(sample_rate: float, axes: Sequence[str], signals: Signals) -> dict[
     return columns
 
 
-def _write_csv(path: Path, sample_rate: float, axes: Sequence[str], signals: Signals) -> None:
+def _write_csv(stream: BinaryIO, sample_rate: float, axes: Sequence[str], signals: Signals) -> None:
     columns = _columns(sample_rate, axes, signals)
     table = np.stack(list(columns.values()), axis=1)
-    np.savetxt(path, table, fmt="%.17g", delimiter=",", header=",".join(columns), comments="")
+    np.savetxt(stream, table, fmt="%.17g", delimiter=",", header=",".join(columns), comments="", encoding="utf-8")
 
 
-def _write_mat(path: Path, sample_rate: float, axes: Sequence[str], signals: Signals) -> None:
+def _write_mat(stream: BinaryIO, sample_rate: float, axes: Sequence[str], signals: Signals) -> None:
     names = np.array(axes, dtype=object).reshape(-1, 1)
     content = {"fs": sample_rate, "t": _time(sample_rate, signals).reshape(-1, 1), **signals, "axes": names}
-    scipy.io.savemat(path, content, do_compression=True)
+    scipy.io.savemat(stream, content, do_compression=True)
 
 
-def _write_hdf5(path: Path, sample_rate: float, axes: Sequence[str], signals: Signals) -> None:
-    h5py = extra("h5py", path)
-    with h5py.File(path, "w") as file:
+def _write_hdf5(stream: BinaryIO, sample_rate: float, axes: Sequence[str], signals: Signals) -> None:
+    import h5py
+
+    whole = BytesIO()  # HDF5 leaves a file open, and the process in danger, when the disk under it is full
+    with h5py.File(whole, "w") as file:
         for name, value in {"fs": sample_rate, "t": _time(sample_rate, signals), **signals}.items():
             file[name] = value
         file["axes"] = list(axes)
+    stream.write(whole.getbuffer())
 
 
-def _write_parquet(path: Path, sample_rate: float, axes: Sequence[str], signals: Signals) -> None:
-    parquet = extra("pyarrow.parquet", path)
-    parquet.write_table(extra("pyarrow", path).table(_columns(sample_rate, axes, signals)), path)
+def _write_parquet(stream: BinaryIO, sample_rate: float, axes: Sequence[str], signals: Signals) -> None:
+    import pyarrow
+    import pyarrow.parquet
+
+    pyarrow.parquet.write_table(pyarrow.table(_columns(sample_rate, axes, signals)), stream)
 
 
-def _write_tdms(path: Path, sample_rate: float, axes: Sequence[str], signals: Signals) -> None:
-    nptdms = extra("nptdms", path)
+def _write_tdms(stream: BinaryIO, sample_rate: float, axes: Sequence[str], signals: Signals) -> None:
+    import nptdms
+
     step = {"wf_increment": 1.0 / sample_rate}
     columns = _columns(sample_rate, axes, signals)
     channels = [nptdms.ChannelObject("record", name, column, step) for name, column in columns.items()]
-    with nptdms.TdmsWriter(path) as writer:
+    with nptdms.TdmsWriter(stream) as writer:
         writer.write_segment(channels)
 
 
@@ -93,3 +121,10 @@ _WRITERS: dict[str, Writer] = {
     ".parquet": _write_parquet,
     ".tdms": _write_tdms,
 }
+_NEEDED = {
+    ".h5": ("h5py",),
+    ".hdf5": ("h5py",),
+    ".parquet": ("pyarrow", "pyarrow.parquet"),
+    ".tdms": ("nptdms",),
+}
+"""Packages beyond those that ambid always has, by suffix."""

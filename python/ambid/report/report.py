@@ -10,6 +10,7 @@ from ambid.diagnosis import Diagnosis
 from ambid.errors import InputError
 from ambid.report.chapters import story
 from ambid.threads import with_one_blas_thread
+from ambid.writing import require_writable, whole_file
 
 __all__ = ["write_report"]
 
@@ -37,12 +38,13 @@ def write_report(diagnosis: Diagnosis, path: str | Path) -> Path:
     ------
     InputError
         If the suffix is another one, or the folder does not exist.
+    OutputError
+        If the file cannot be written; what was there stands.
     """
     path = Path(path)
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path}: the suffix is {path.suffix or 'missing'}; expected {' or '.join(SUFFIXES)}")
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: there is no folder {path.parent}; make it, or give another file")
+    require_writable(path)
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent),
         autoescape=True,
@@ -50,5 +52,7 @@ def write_report(diagnosis: Diagnosis, path: str | Path) -> Path:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    path.write_text(environment.get_template("template.html").render(story(diagnosis)), encoding="utf-8")
+    text = environment.get_template("template.html").render(story(diagnosis))
+    with whole_file(path) as stream:
+        stream.write(text.encode(errors="backslashreplace"))
     return path

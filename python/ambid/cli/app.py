@@ -1,0 +1,41 @@
+"""The subcommands, their names and help."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+import ambid
+from ambid.cli.catalogue import effects_command
+from ambid.cli.diagnosing import check_command, compare_command, diagnose_command
+from ambid.cli.experiments import demo_command, simulate_command
+from ambid.cli.identifying import campaign_command, identify_command, static_load_command
+from ambid.cli.options import DiagnoseCommand
+
+__all__ = ["app"]
+
+app = typer.Typer(
+    name="ambid",
+    help="Parameters of active magnetic bearings from the machine's own closed loop. Forces: f = K_i i + K_s s.",
+    no_args_is_help=True,
+    add_completion=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+app.command("check")(check_command)
+app.command("identify")(identify_command)
+app.command("static-load")(static_load_command)
+app.command("campaign")(campaign_command)
+app.command("compare")(compare_command)
+app.command("diagnose", cls=DiagnoseCommand)(diagnose_command)
+app.command("effects")(effects_command)
+app.command("simulate")(simulate_command)
+app.command("demo")(demo_command)
+
+
+@app.callback(invoke_without_command=True)
+def _version(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+    if version:
+        print(f"ambid {ambid.__version__}")
+        raise typer.Exit

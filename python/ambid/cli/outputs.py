@@ -1,0 +1,139 @@
+"""What commands leave: which files may be written is known before the work, and all are written before any print."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from itertools import combinations, product
+from pathlib import Path
+from typing import Any
+
+import ambid
+from ambid.errors import AmbidError, InputError
+from ambid.writing import is_device, require_writable, whole_file
+
+PRINTED = Path("-")
+"""In place of a file for JSON: stdout."""
+
+Files = Mapping[str, Path | Sequence[Path] | None]
+"""By option or argument; None where it was not given."""
+
+
+def require_outputs(inputs: Files, outputs: Files, replaced: Sequence[str] = ()) -> None:
+    """Refuse outputs before any work is done.
+
+    Parameters
+    ----------
+    inputs, outputs : mapping
+        What the command reads and writes.
+    replaced : sequence of str
+        Options whose file may be a rig or a record that is there.
+
+    Raises
+    ------
+    InputError
+        If an output is an input too, under whatever name, or another output, or is in no folder, or would replace a rig
+        file or a record.
+    OutputError
+        If there is no permission to write one.
+    """
+    read, written = _each(inputs), _each(outputs)
+    for (option, path), (other, its) in [*product(written, read), *combinations(written, 2)]:
+        if _is_same(path, its):
+            raise InputError(f"{option} {path}: the same file as {other} {its}; give another file")
+    for option, path in written:
+        require_writable(path)
+        if option not in replaced and path.is_file():
+            _require_own_kind(option, path)
+
+
+def conclude(
+    result: object, data: dict[str, Any], json_file: Path | None, quiet: bool, *writers: Callable[[], Sequence[Path]]
+) -> None:
+    """Write all files, then print the result; a file that cannot be written does not keep the rest from it.
+
+    Parameters
+    ----------
+    result : object
+        What is printed.
+    data : dict
+        For ``--json``, strict JSON.
+    json_file : Path, optional
+    quiet : bool
+        Whether nothing is to be printed but JSON that was asked for.
+    *writers : callable
+        Write further files, and return those to be named.
+
+    Raises
+    ------
+    AmbidError
+        The first one of a writer, in the end.
+    """
+    text = json.dumps(data, indent=1, allow_nan=False) + "\n"
+    written: list[Path] = []
+    errors: list[AmbidError] = []
+    for write in (lambda: _write_text(text, json_file), *writers):
+        try:
+            written += write()
+        except AmbidError as error:
+            errors.append(error)
+    if not quiet:
+        print(result)
+        for path in written:
+            print(f"written: {path}")
+    if json_file == PRINTED:
+        print(text, end="")
+    for further in errors[1:]:
+        print(f"error: {further}", file=sys.stderr)
+    if errors:
+        raise errors[0]
+
+
+def saved(result: ambid.Estimate | ambid.Diagnosis, path: Path | None) -> Sequence[Path]:
+    """Write the model where ``--save`` says."""
+    if path is not None:
+        result.save(path)
+    return ()
+
+
+def drawn(model: ambid.Model, records: list[ambid.Record], path: Path | None) -> Sequence[Path]:
+    """Draw measured against simulated where ``--plot`` says."""
+    return () if path is None else ambid.plot.save_comparison(ambid.compare(model, records), path)
+
+
+def pictures(path: Path | None, records: Sequence[Path]) -> Sequence[Path]:
+    """Where `drawn` draws these records."""
+    if path is None:
+        return ()
+    ambid.plot.check_format(path)
+    return ambid.plot.picture_files(path, sum(record.suffix.lower() != ".toml" for record in records))
+
+
+def _each(files: Files) -> list[tuple[str, Path]]:
+    many = ((option, [path] if isinstance(path, Path) else path or ()) for option, path in files.items())
+    return [(option, path) for option, paths in many for path in paths if path != PRINTED]
+
+
+def _is_same(path: Path, other: Path) -> bool:
+    """Whether two paths lead to one file, by links or by case too; a device may be written twice."""
+    if path.exists() and other.exists():
+        return path.samefile(other) and not is_device(path)
+    return os.path.realpath(path).casefold() == os.path.realpath(other).casefold()
+
+
+def _require_own_kind(option: str, path: Path) -> None:
+    from ambid.record.readers import SUFFIXES  # not at the top: --help need not open that room
+
+    kind = {".toml": "a rig file"} | dict.fromkeys(SUFFIXES, "a record")
+    suffix = Path(os.path.realpath(path)).suffix.lower()
+    if suffix in kind:
+        raise InputError(f"{option} {path}: would replace {kind[suffix]}; give another file, or delete that one first")
+
+
+def _write_text(text: str, path: Path | None) -> Sequence[Path]:
+    if path is not None and path != PRINTED:
+        with whole_file(path) as stream:
+            stream.write(text.encode())
+    return ()

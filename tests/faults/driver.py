@@ -1,0 +1,92 @@
+"""Runs a command again and again in forked processes, and sends each a signal at another moment of its run.
+
+A process of its own, in which everything is imported and nothing has been computed: a fork costs next to nothing, so
+that hundreds of moments fit into a test. Reads a task as JSON on stdin, and writes what happened to stdout:
+
+arguments of the command, its outputs, and how many moments there are for each signal.
+"""
+
+import importlib
+import json
+import os
+import signal
+import sys
+import time
+from contextlib import suppress
+from io import BytesIO
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from ambid.cli import main, signals
+from faults.files import left_over, state, write_old
+
+BEYOND = 1.05
+"""Moments reach this far, in units of the time that a run takes."""
+
+
+def launch(arguments):
+    """Process number of the command in a fork, what it prints in the files `out` and `err`."""
+    for stream, name in ((1, "out"), (2, "err")):
+        os.dup2(os.open(name, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), stream)
+    number = os.fork()
+    if number:
+        return number
+    sys.argv = ["ambid", *arguments]
+    code = 1
+    try:
+        main()
+    except SystemExit as ended:
+        code = ended.code
+    finally:
+        Path("modules").write_text("\n".join(sys.modules))
+        os._exit(code)
+
+
+def run(arguments, outputs, name="", moment=0.0):
+    """One run, with a signal if it is named; what it left."""
+    for path in outputs:
+        write_old(path)
+    begun = time.perf_counter()
+    number = launch(arguments)
+    if name:
+        time.sleep(max(0.0, begun + moment - time.perf_counter()))
+        os.kill(number, signal.Signals[name])  # a process that has ended is there until it is waited for
+    _, status = os.waitpid(number, 0)
+    return {
+        "signal": name,
+        "seconds": time.perf_counter() - begun,
+        "code": os.waitstatus_to_exitcode(status),
+        "files": {path: state(Path(path)) for path in outputs},
+        "left_over": left_over(),
+        "out": Path("out").read_text(),
+        "err": Path("err").read_text(),
+    }
+
+
+def go(task):
+    """Undisturbed runs first, for what is imported and for the time that a run takes; then those with signals."""
+    arguments, outputs = task["arguments"], task["outputs"]
+    run(arguments, outputs)
+    load(Path("modules").read_text().splitlines())
+    found = [run(arguments, outputs) for _ in range(3)]
+    span = BEYOND * sorted(one["seconds"] for one in found)[1]
+    return found + [
+        run(arguments, outputs, name, span * (k + 0.5) / count)
+        for name, count in task["moments"].items()
+        for k in range(count)
+    ]
+
+
+def load(modules):
+    """Import what the command imports, and find the fonts of pictures: its forks need not."""
+    for name in modules:
+        with suppress(ImportError):
+            importlib.import_module(name)
+    Figure(layout="constrained").savefig(BytesIO())
+
+
+if __name__ == "__main__":
+    signals.watch()
+    told = os.dup(1)  # the numbers 1 and 2 are the command's
+    os.write(told, json.dumps(go(json.load(sys.stdin))).encode())

@@ -1,0 +1,159 @@
+"""A command that is killed or stopped at any moment leaves every file old or new, whole, and ends as documented."""
+
+import json
+import os
+import signal
+import subprocess
+import time
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+import ambid
+from ambid.demo import FILES
+from faults.jobs import FEW, JOBS, disturbed, ended, prepare, start
+
+CODES = {"SIGINT": 130, "SIGTERM": 143}
+FAST = {"SIGKILL": 10, "SIGINT": 5, "SIGTERM": 5}
+MANY = {"SIGKILL": 200, "SIGINT": 20, "SIGTERM": 20}
+STORY = ("demo", "--out", "story", "--force", "--json", "story.json")
+READY = "from ambid.cli import main, signals; signals.watch(); import os; os.write(1, b'.'); main()"
+"""Says when signals are heard, before the command itself is imported."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return prepare(tmp_path_factory.mktemp("faults"))
+
+
+def check(found, all_or_none=True):
+    """Hold every run against what is promised; returns how often which signal left the files in which states."""
+    for one in found:
+        states, name = set(one["files"].values()), one["signal"]
+        assert "broken" not in states, one
+        assert "Traceback" not in one["err"], one["err"]
+        if name == "SIGKILL":
+            assert one["left_over"] <= 1
+            continue
+        assert one["left_over"] == 0
+        if not name:
+            assert (one["code"], states) == (0, {"new"}), one["err"]
+        else:
+            assert one["code"] in (0, CODES[name]), one
+        if one["code"] == 0:
+            assert states == {"new"}
+        if all_or_none:
+            assert len(states) == 1, "one signal: all files are written, or none"
+    return Counter((one["signal"], *sorted(set(one["files"].values()))) for one in found)
+
+
+@pytest.mark.parametrize("job", FEW)
+def test_a_few_moments(job, folder):
+    counts = check(disturbed(folder, JOBS[job], FAST))
+    assert counts["SIGKILL", "old"] > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("job", JOBS)
+def test_many_moments(job, folder, tmp_path):
+    counts = check(disturbed(prepare(tmp_path), JOBS[job], MANY))
+    print(job, dict(counts))
+    for name in MANY:
+        seen = {state for key in counts for state in key[1:] if key[0] == name}
+        assert seen == {"old", "new"}, "the moments reach from before the first file to after it"
+
+
+@pytest.mark.slow
+def test_a_report_and_pictures(tmp_path):
+    more = ("--report", "d.html", "--plot", "d.png")
+    print(dict(check(disturbed(prepare(tmp_path), (*JOBS["diagnose"], *more), {"SIGKILL": 20, "SIGINT": 5}))))
+
+
+@pytest.mark.slow
+def test_the_demo(tmp_path):
+    """Its files are whole; which of them are there is told by their being new."""
+    (tmp_path / "story").mkdir()
+    written = [*(f"story/{name}" for name in FILES), "story.json"]
+    found = disturbed(tmp_path, STORY, {"SIGKILL": 8, "SIGINT": 6, "SIGTERM": 6}, written)
+    print(dict(check(found, all_or_none=False)))
+
+
+def moments(count, seconds):
+    return [seconds * (k + 0.5) / count for k in range(count)]
+
+
+def stop(folder, number, moment):
+    """Send a signal so long after signals are heard; exit code, stderr, and the state of the file."""
+    (folder / "i.json").unlink(missing_ok=True)
+    arguments = ("identify", "rig.toml", "run.csv", "--json", "i.json")
+    process = start(*arguments, program=READY, cwd=folder)
+    assert process.stdout.read(1) == "."
+    time.sleep(moment)
+    process.send_signal(number)
+    _, err = process.communicate(timeout=60)
+    if (folder / "i.json").exists():
+        json.loads((folder / "i.json").read_text())
+    assert not list(folder.glob(".ambid-*"))
+    return shell_code(process), err
+
+
+def shell_code(process):
+    """As a shell tells it: the interpreter's very end has the usual handlers again, and dies of the signal."""
+    return process.returncode if process.returncode >= 0 else 128 - process.returncode
+
+
+@pytest.mark.parametrize("count", [pytest.param(4, id="few"), pytest.param(25, id="many", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", CODES)
+def test_from_the_first_import_on(name, count, folder):
+    begun = time.perf_counter()
+    assert ended("identify", "rig.toml", "run.csv", "-q", cwd=folder)[0] == 0
+    seconds = time.perf_counter() - begun
+    for moment in moments(count, seconds):
+        code, err = stop(folder, signal.Signals[name], moment)
+        assert code in (0, CODES[name]), err
+        assert "Traceback" not in err
+        assert "ignored" not in err
+
+
+def test_what_is_done_is_saved_and_says_that_it_was_stopped(folder):
+    """One of so many starts that they would take minutes."""
+    begun = time.perf_counter()
+    assert ended("identify", "rig.toml", "run.csv", "-q", cwd=folder)[0] == 0
+    seconds = time.perf_counter() - begun
+    arguments = ("--starts", "20000", "--json", "s.json", "--save", "s_model.json")
+    process = start("identify", "rig.toml", "run.csv", *arguments, cwd=folder)
+    time.sleep(1.0 + 2.0 * seconds)
+    process.send_signal(signal.SIGTERM)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 143, err
+    assert json.loads((folder / "s.json").read_text())["status"] == "stopped"
+    assert "stopped" in out
+    assert ambid.Model.load(folder / "s_model.json").names
+
+
+def test_a_job_in_the_background_is_not_stopped_by_ctrl_c(folder):
+    process = start("identify", "rig.toml", "run.csv", "-q", cwd=folder, program="import signal\n" + IGNORING)
+    assert process.stdout.read(1) == "."
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=60)
+    assert process.returncode == 0
+
+
+IGNORING = f"signal.signal(signal.SIGINT, signal.SIG_IGN)\n{READY}"
+
+
+def test_the_second_ctrl_c_ends_what_the_first_waits_for(folder):
+    """A pipe that nobody reads holds the command while it writes."""
+    os.mkfifo(folder / "pipe.json")
+    process = start("identify", "rig.toml", "run.csv", "--json", "pipe.json", cwd=folder)
+    time.sleep(4.0)
+    process.send_signal(signal.SIGINT)
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(1.0)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "what is done is written first" in err
+    assert "Traceback" not in err
+    Path(folder / "pipe.json").unlink()
