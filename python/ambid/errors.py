@@ -1,8 +1,32 @@
-"""What can go wrong, one class per cause that a user can act on."""
+"""What can go wrong, one class per cause that a user can act on, and text that is safe to show."""
+
+import unicodedata
+
+LONGEST_MESSAGE = 2000
+"""Characters of a message: about a screen. What stands behind is of no help to a reader, and may be megabytes."""
+_UNSEEN = frozenset({"Cc", "Cf", "Cs", "Co", "Zl", "Zp"})
+"""Categories of Unicode that steer a terminal, turn the direction of text, or cannot be encoded."""
+
+
+def printable(text: str) -> str:
+    """Text with its line breaks and tabs; other control characters, such as those of escapes, are spelled out.
+
+    Names come from files of others: they must not steer a terminal, nor break a picture or a page.
+    """
+    if text.isascii() and text.isprintable():
+        return text
+    return "".join(
+        c if c in "\n\t" or unicodedata.category(c) not in _UNSEEN else c.encode("unicode_escape").decode() for c in text
+    )
 
 
 class AmbidError(Exception):
-    """Base of every error that ambid raises on purpose."""
+    """Base of every error that ambid raises on purpose; its message is printable and ends after a screen."""
+
+    def __init__(self, message: str) -> None:
+        more = len(message) - LONGEST_MESSAGE
+        short = message if more <= 0 else f"{message[:LONGEST_MESSAGE]} ... ({more} more characters)"
+        super().__init__(printable(short))
 
 
 class InputError(AmbidError):
