@@ -1,5 +1,6 @@
 """What can go wrong, one class per cause that a user can act on, and text that is safe to show."""
 
+import re
 import unicodedata
 
 LONGEST_MESSAGE = 2000
@@ -13,11 +14,11 @@ def printable(text: str) -> str:
 
     Names come from files of others: they must not steer a terminal, nor break a picture or a page.
     """
-    if text.isascii() and text.isprintable():
-        return text
-    return "".join(
-        c if c in "\n\t" or unicodedata.category(c) not in _UNSEEN else c.encode("unicode_escape").decode() for c in text
-    )
+    return re.sub(r"[^\n\t -~]", lambda found: _spelled(found[0]), text)
+
+
+def _spelled(c: str) -> str:
+    return c.encode("unicode_escape").decode() if unicodedata.category(c) in _UNSEEN else c
 
 
 class AmbidError(Exception):

@@ -12,13 +12,14 @@ from ambid.cli.catalogue import effects_command
 from ambid.cli.diagnosing import check_command, compare_command, diagnose_command
 from ambid.cli.experiments import demo_command, simulate_command
 from ambid.cli.identifying import campaign_command, identify_command, static_load_command
-from ambid.cli.options import DiagnoseCommand
-from ambid.errors import AmbidError, InputError
+from ambid.cli.options import Commands, DiagnoseCommand
+from ambid.errors import AmbidError, InputError, printable
 
 __all__ = ["app", "main"]
 
 app = typer.Typer(
     name="ambid",
+    cls=Commands,
     help="Parameters of active magnetic bearings from the machine's own closed loop. Forces: f = K_i i + K_s s.",
     no_args_is_help=True,
     add_completion=True,
@@ -54,5 +55,5 @@ def main() -> None:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(1)
     except OSError as error:
-        print(f"error: {error.filename}: {error.strerror}", file=sys.stderr)
+        print(f"error: {printable(str(error.filename))}: {error.strerror}", file=sys.stderr)
         sys.exit(2)

@@ -15,7 +15,7 @@ from rich.prompt import Confirm
 from rich.text import Text
 
 import ambid
-from ambid.errors import InputError
+from ambid.errors import InputError, printable
 
 if TYPE_CHECKING:
     from ambid.diagnosis import Candidate
@@ -27,9 +27,9 @@ STOPPED = 130
 
 
 def show(result: object, quiet: bool) -> None:
-    """Print a result."""
+    """Print a result; names in it come from files, and must not steer the terminal."""
     if not quiet:
-        print(result)
+        print(printable(str(result)))
 
 
 def announce(paths: Sequence[Path], quiet: bool) -> None:
@@ -46,7 +46,7 @@ def draw(model: ambid.Model, records: list[ambid.Record], path: Path | None, qui
 def say(line: str, quiet: bool) -> None:
     """Print a line of progress, where a terminal is attached."""
     if not quiet and status.is_terminal:
-        status.print(Text(line), soft_wrap=True)
+        status.print(Text(printable(line)), soft_wrap=True)
 
 
 @contextmanager
@@ -56,7 +56,7 @@ def progress(quiet: bool, what: str) -> Iterator[Callable[[str], None]]:
         yield lambda _: None
         return
     with status.status(f"{what} ...") as line:
-        yield lambda text: line.update(Text(f"{what}: {text}"))
+        yield lambda text: line.update(Text(printable(f"{what}: {text}")))
 
 
 def with_time_left(report: Callable[[str], None]) -> Callable[[str, int, int], None]:
@@ -91,5 +91,5 @@ def require_terminal(option: str) -> None:
 
 def confirm(ranking: ambid.Ranking, candidate: Candidate) -> bool:
     """Show a ranking, and ask whether the candidate that did best when refitted is to be added."""
-    status.print(Text(f"\n{ranking!r}\n"), soft_wrap=True)
+    status.print(Text(printable(f"\n{ranking!r}\n")), soft_wrap=True)
     return Confirm.ask(f"Best of those refitted: {candidate.effect.name}. Add it?", console=status)

@@ -41,9 +41,11 @@ def load_mat(path: Path) -> dict[str, Any]:
     """
     with path.open("rb") as file:
         head = file.read(_HEADER)
-        if len(head) == _HEADER and 0 not in head[:4]:  # version 4 begins with a small number
+        is_little = head[126:128] == b"IM"
+        # Version 4 begins with a small number; 7.3 is HDF5, which the parser refuses by itself.
+        if len(head) == _HEADER and 0 not in head[:4] and head[125 if is_little else 124] == 1:
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-                _Structure("<" if head[126:128] == b"IM" else ">").require_sound(data)
+                _Structure("<" if is_little else ">").require_sound(data)
     return {name: v for name, v in scipy.io.loadmat(path, appendmat=False).items() if not name.startswith("__")}
 
 
@@ -57,6 +59,7 @@ class _Structure:
         self._arrays = 0
 
     def require_sound(self, data: mmap.mmap) -> None:
+        """Raise ValueError where the tags do not fit into each other, or hold too much."""
         at = _HEADER
         while at < len(data):
             kind, start, size, _ = self._tag(data, at, len(data))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -28,8 +29,13 @@ class Stored:
     dtype: np.dtype[Any]
     read: Callable[[], NDArray[Any]]
 
+    @cached_property
+    def values(self) -> NDArray[Any]:
+        """What was read, once for all columns of a matrix."""
+        return self.read()
+
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        return np.asarray(self.read(), dtype=dtype)
+        return np.asarray(self.values, dtype=dtype)
 
 
 @dataclass

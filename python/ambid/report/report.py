@@ -7,7 +7,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from ambid.diagnosis import Diagnosis
-from ambid.errors import InputError
+from ambid.errors import InputError, printable
 from ambid.report.chapters import story
 from ambid.threads import with_one_blas_thread
 
@@ -50,5 +50,6 @@ def write_report(diagnosis: Diagnosis, path: str | Path) -> Path:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    path.write_text(environment.get_template("template.html").render(story(diagnosis)), encoding="utf-8")
+    page = environment.get_template("template.html").render(story(diagnosis))
+    path.write_text(printable(page), encoding="utf-8")
     return path

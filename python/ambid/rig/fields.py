@@ -66,7 +66,7 @@ class Range:
 
     def complaint(self, value: Any) -> str | None:
         """Say what is wrong with `value` and what to do; None if nothing is."""
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < math.inf:
             return f"expected a finite number; allowed: {self.allowed}."
         if self.low <= value <= self.high:
             return None
