@@ -61,7 +61,7 @@ def controller_from_mat(path: str | Path, delay_samples: float = 0.0) -> StateSp
         If the file cannot be read, or has not these variables; and as for `StateSpaceController`.
     """
     names = ("A", "B", "C", "D")
-    with reading(path, RigError, "a readable .mat file of version 5", "save it with the option -v7"):
+    with reading(path, RigError, "a .mat file of version 5", "save it with the option -v7"):
         content = load_mat(Path(path))
     missing = [name for name in names if name not in content]
     if missing:

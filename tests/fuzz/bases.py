@@ -7,6 +7,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import scipy.io
 
 import ambid
 from ambid.demo import DATA
@@ -55,4 +56,5 @@ def healthy(folder: Path) -> None:
     shutil.copy(DATA / "static_1.csv", folder / "load.csv")
     (folder / "bench_run" / "6A").mkdir(parents=True)
     shutil.copy(folder / "rig.toml", folder / "bench_run" / "6A" / "rig.toml")
-    shutil.copy(folder / "run.mat", folder / "bench_run" / "6A" / "prbs_1.mat")
+    scipy.io.savemat(folder / "open.mat", scipy.io.loadmat(folder / "run.mat"))
+    shutil.copy(folder / "open.mat", folder / "bench_run" / "6A" / "prbs_1.mat")

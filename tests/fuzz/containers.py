@@ -14,9 +14,9 @@ import pyarrow as pa
 import pyarrow.parquet
 import scipy.io
 import scipy.sparse
-from fuzz.mutations import Rng, pick
 
 import ambid
+from fuzz.mutations import Rng, pick
 
 KEYS = ("fs", "t", "i_e", "y", "i_c", "i_ref", "axes", "scope", "x" * 40)
 
@@ -94,17 +94,13 @@ def element(kind: int, data: bytes) -> bytes:
     return struct.pack("<II", kind, len(data)) + data + b"\0" * (-len(data) % 8)
 
 
-def array(kind: int, shape: tuple[int, ...], rest: bytes, name: bytes = b"x") -> bytes:
+def array(kind: int, shape: tuple[int, ...], rest: bytes, name: bytes = b"y") -> bytes:
     flags, sizes = element(6, struct.pack("<II", kind, 0)), element(5, struct.pack(f"<{len(shape)}i", *shape))
     return element(14, flags + sizes + element(1, name) + rest)
 
 
 def nested(depth: int) -> bytes:
     """Cells within cells."""
-    return matrix_of(depth)
-
-
-def matrix_of(depth: int) -> bytes:
     heads, inner = [], len(array(6, (1, 1), element(9, struct.pack("<d", 1.0)), b""))
     flags, sizes = element(6, struct.pack("<II", 1, 0)), element(5, struct.pack("<ii", 1, 1))
     head = flags + sizes + element(1, b"")
@@ -115,11 +111,13 @@ def matrix_of(depth: int) -> bytes:
 
 
 def bomb() -> bytes:
-    """A variable of 2 MB that expands to 2 GB."""
-    packer, zeros, size = zlib.compressobj(9), bytes(1 << 24), 1 << 31
+    """A variable of 2 MB that expands to 2 GB; only its first and last bytes are not the same."""
+    packer, zeros, count = zlib.compressobj(9), bytes(1 << 24), 128
     head = array(6, (1 << 14, 1 << 14), b"")[8:]
-    packed = packer.compress(struct.pack("<II", 14, len(head) + 8 + size) + head + struct.pack("<II", 9, size))
-    packed += b"".join(packer.compress(zeros) for _ in range(size // len(zeros))) + packer.flush()
+    data = struct.pack("<II", 14, len(head) + 8 + count * len(zeros)) + head + struct.pack("<II", 9, count * len(zeros))
+    first = packer.compress(data) + packer.flush(zlib.Z_FULL_FLUSH)
+    block = packer.compress(zeros) + packer.flush(zlib.Z_FULL_FLUSH)
+    packed = first + block * count + packer.flush()
     return struct.pack("<II", 15, len(packed)) + packed
 
 

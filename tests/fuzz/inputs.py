@@ -9,25 +9,55 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+
+import ambid
 from fuzz import containers, mutations
 from fuzz.bases import SUFFIXES
 from fuzz.mutations import Rng, pick
 
-import ambid
-
 RIGS = ("rig.toml", "rig.toml", "filter.toml", "matrices.toml", "bench.toml", "modes.toml")
-ODD = (*mutations.NUMBERS, *mutations.WORDS, "y.A_zeta=2", "K_i", "K_i.*", "tau_e=1e-4", "a=b:c", "[", "*", "0x10", "1_0", "٣", "-")
+ODD = (
+    *mutations.NUMBERS,
+    *mutations.WORDS,
+    "y.A_zeta=2",
+    "K_i",
+    "K_i.*",
+    "tau_e=1e-4",
+    "a=b:c",
+    "[",
+    "*",
+    "0x10",
+    "1_0",
+    "٣",
+    "-",
+)
 OPTIONS: dict[str, tuple[str, ...]] = {
-    "--period": ("1", "2", "126", "630", "-1", "0", "315"),
-    "--map": ("y.A_zeta=2", "y.A_zeta=y.A_zeta:1e300", "t=1:nan", "y.=1", "y.A_zeta=3:1e-320", "fs=2", "i_e.A_zeta=1:inf"),
-    "--sample-rate": ("1e4", "0", "-1", "1e-300", "1e300", "inf"),
+    "--period": ("1", "3", "4", "5", "126", "126", "630", "-1", "315", "252", "100"),
+    "--map": (
+        "y.A_zeta=2",
+        "y.A_zeta=y.A_zeta:1e300",
+        "t=1:nan",
+        "y.=1",
+        "y.A_zeta=3:1e-320",
+        "fs=2",
+        "i_e.A_zeta=2:1e-3",
+        "i_e.A_zeta=1:inf",
+    ),
+    "--sample-rate": ("1e4", "1e4", "10001", "-1", "1e-300", "1e300", "inf"),
 }
 OF_IDENTIFY: dict[str, tuple[str, ...]] = OPTIONS | {
     "--free": ("K_i", "tau_e", "K_i,K_s", ",", "*"),
     "--fix": ("tau_e", "tau_e=1e-4", "tau_e=1e300", "K_s.A_zeta=1e-300", "K_i.A_zeta=inf"),
     "--share": ("K=K_i.*", "x=K_i.A_zeta", "=", "tau_e=K_i"),
     "--per-axis": ("tau_e", "K_i"),
-    "--bound": ("tau_e=1e-4:1e-3", "tau_e=nan:1", "tau_e=-inf:inf", "K_i=0:1e308", "K_i.A_zeta=180:180", "tau_e=0:5e-324"),
+    "--bound": (
+        "tau_e=1e-4:1e-3",
+        "tau_e=nan:1",
+        "tau_e=-inf:inf",
+        "K_i=0:1e308",
+        "K_i.A_zeta=180:180",
+        "tau_e=0:5e-324",
+    ),
     "--weight": ("eq9", "y=1e300", "i_c=0", "y=1e-300", "y=inf", "y=nan", "i_c=1e308"),
     "--starts": ("2", "0", "-1", "5"),
     "--seed": ("-1", "0", "18446744073709551616"),
@@ -36,7 +66,14 @@ OF_IDENTIFY: dict[str, tuple[str, ...]] = OPTIONS | {
 OF_SIMULATE: dict[str, tuple[str, ...]] = {
     "--seconds": ("0.05", "0.1", "nan", "inf", "-1", "1e300"),
     "--amplitude": ("1e300", "1e-300", "0", "nan", "-1", "1e8"),
-    "--effect": ("loop_delay", "loop_delay:delay=1", "loop_delay:delay=nan", "sensor_lag:time_constant=1e300", "x:y=z", "flux_saturation"),
+    "--effect": (
+        "loop_delay",
+        "loop_delay:delay=1",
+        "loop_delay:delay=nan",
+        "sensor_lag:time_constant=1e300",
+        "x:y=z",
+        "flux_saturation",
+    ),
     "--sensor-noise": ("1e300", "nan", "-1", "inf"),
     "--current-noise": ("1e300", "nan", "-1", "inf"),
     "--seed": ("-1", "18446744073709551616", "1"),
@@ -92,10 +129,12 @@ def _judge(rng: Rng, record: str) -> list[str]:
 
 
 def bytes_of_record(rng: Rng, bases: Path, folder: Path) -> Input:
-    name = pick(rng, ("run.csv", "run.mat", "run.mat", "run73.mat", "run.h5", "run.h5", "run.parquet", "run.tdms"))
+    name = pick(
+        rng, ("run.csv", "run.mat", "open.mat", "open.mat", "run73.mat", "run.h5", "run.h5", "run.parquet", "run.tdms")
+    )
     _take(bases, folder, "rig.toml", name)
     mutations.in_bytes(rng, folder / name)
-    return Input(f"bytes of {name[3:]}", _judge(rng, name), name)
+    return Input(f"bytes of {name}", _judge(rng, name), name)
 
 
 def bytes_of_others(rng: Rng, bases: Path, folder: Path) -> Input:
@@ -131,7 +170,9 @@ def fields_of_rig(rng: Rng, bases: Path, folder: Path) -> Input:
 def fields_of_model(rng: Rng, bases: Path, folder: Path) -> Input:
     _take(bases, folder, "rig.toml", "run.csv", "model.json")
     mutations.structure(rng, folder / "model.json")
-    words = pick(rng, (["compare", "rig.toml", "run.csv"], ["simulate", "rig.toml", "--out", "out.mat", "--seconds", "0.05"]))
+    words = pick(
+        rng, (["compare", "rig.toml", "run.csv"], ["simulate", "rig.toml", "--out", "out.mat", "--seconds", "0.05"])
+    )
     return Input("fields of a model", [*words, "--model", "model.json", "--json", "out.json"], "model.json")
 
 
@@ -145,7 +186,9 @@ def fields_of_load(rng: Rng, bases: Path, folder: Path) -> Input:
     _take(bases, folder, "bench.toml", "load.csv")
     mutations.table(rng, folder / "load.csv")
     more = ["--deflection"] if rng.random() < 0.3 else []
-    return Input("fields of a loading", ["static-load", "bench.toml", "load.csv", "--json", "out.json", *more], "load.csv")
+    return Input(
+        "fields of a loading", ["static-load", "bench.toml", "load.csv", "--json", "out.json", *more], "load.csv"
+    )
 
 
 def fields_of_containers(rng: Rng, bases: Path, folder: Path) -> Input:
@@ -166,15 +209,21 @@ def options(rng: Rng, bases: Path, folder: Path) -> Input:
     _take(bases, folder, "rig.toml", "model.json", "bench.toml", "load.csv", record)
     command = pick(rng, tuple(OF_COMMANDS)[:-1] * 3 if rng.random() < 0.98 else ("diagnose",))
     words = [command]
-    words += {"simulate": ["rig.toml", "--out", "out.csv"], "static-load": ["bench.toml", "load.csv"], "effects": []}.get(
-        command, ["rig.toml", record]
-    )
+    words += {
+        "simulate": ["rig.toml", "--out", "out.csv"],
+        "static-load": ["bench.toml", "load.csv"],
+        "effects": [],
+    }.get(command, ["rig.toml", record])
     known = OF_COMMANDS[command] or {"--rig": ("rig.toml", "none")}
     for _ in range(int(rng.integers(1, 4))):
         name = pick(rng, tuple(known))
-        words += [name, pick(rng, known[name]) if rng.random() < 0.6 else pick(rng, ODD)]
+        if name == "--map" and rng.random() < 0.8:
+            words += ["--map", "y.A_zeta=y.A_zeta", "--map", "i_c.A_zeta=i_c.A_zeta", "--map", "t=t"]
+        words += [name, pick(rng, known[name]) if rng.random() < 0.8 else pick(rng, ODD)]
     if rng.random() < 0.1:
-        words.insert(int(rng.integers(len(words) + 1)), pick(rng, (*ODD, "--\x1b[31m", "-x", "--model", "--json", "--")))
+        words.insert(
+            int(rng.integers(len(words) + 1)), pick(rng, (*ODD, "--\x1b[31m", "-x", "--model", "--json", "--"))
+        )
     return Input(f"options of {command}", [*words, "--json", "out.json"], None)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,23 @@ Rng = np.random.Generator
 NUMBERS = (
     "0", "-0.0", "1", "-1", "2.5", "1e-9", "1e9", "1e-300", "1e300", "1e308", "-1e308", "5e-324", "9" * 30, "1" + "0" * 400,
 )  # fmt: skip
-WORDS = ("", " ", "x", "nan", "inf", "-inf", "None", "é位", "\x1b[31mred\x1b[0m", "\x00", "\u202e", "a" * 3000, "$\\frac$", "'", "%s{}")
+WORDS = (
+    "",
+    " ",
+    "x",
+    "nan",
+    "inf",
+    "-inf",
+    "None",
+    "é位",
+    "\x1b[31mred\x1b[0m",
+    "\x00",
+    "\u202e",
+    "a" * 3000,
+    "$\\frac$",
+    "'",
+    "%s{}",
+)
 TOML = (
     "nan", "inf", "-inf", "true", '""', '"x"', '"\\u001b[31m"', "[]", "[[]]", "[1.0, 2.0]", "[[1.0, 2.0], [3.0]]", "{}",
     "{ kind = 1 }", "1979-05-27", "00:00:00", "0x7fffffffffffffffffff", "[" * 3000, "[" * 200 + "]" * 200, '"' + "z" * 5000 + '"',
@@ -46,7 +63,9 @@ def in_bytes(rng: Rng, path: Path) -> None:
         elif how == 6:
             data[start : start + length] = bytes([pick(rng, (0, 255, 127, 1, 32))]) * length
         else:
-            data[start : start + 8] = pick(rng, (b"\xff" * 4, b"\x00" * 8, b"\xff\xff\xff\x7f", b"\x00\x00\x00\x80", b"\x7f" * 8))
+            data[start : start + 8] = pick(
+                rng, (b"\xff" * 4, b"\x00" * 8, b"\xff\xff\xff\x7f", b"\x00\x00\x00\x80", b"\x7f" * 8)
+            )
     path.write_bytes(bytes(data))
 
 
@@ -56,8 +75,10 @@ def toml(rng: Rng, path: Path) -> None:
     for _ in range(int(rng.integers(1, 3))):
         k = int(rng.integers(len(lines)))
         key, equals, value = lines[k].partition(" = ")
-        how = int(rng.integers(10))
-        if equals and how <= 6:
+        how = int(rng.integers(14))
+        if equals and how >= 7:
+            lines[k] = f"{key} = {_other_numbers(rng, value)}"
+        elif equals and how <= 3:
             odd = pick(rng, NUMBERS) if rng.random() < 0.5 else pick(rng, TOML)
             if value.startswith("[") and rng.random() < 0.7:
                 entries = value.split("#")[0].split(",")
@@ -67,15 +88,27 @@ def toml(rng: Rng, path: Path) -> None:
                 entries[j] = "[" * left + odd + "]" * right
                 odd = ",".join(entries)
             lines[k] = f"{key} = {odd}"
-        elif how == 7:
+        elif how == 4:
             del lines[k]
-        elif how == 8:
+        elif how == 5:
             lines.insert(k, lines[k])
         else:
-            lines[k] = pick(rng, ("[[bearing]]", "[rotor]", "[controller]", "x = 1", "[a.b]", f"{key}x = {value}", "= 1"))
+            lines[k] = pick(
+                rng, ("[[bearing]]", "[rotor]", "[controller]", "x = 1", "[a.b]", f"{key}x = {value}", "= 1")
+            )
         if not lines:
             break
     path.write_text("\n".join(lines) + "\n")
+
+
+def _other_numbers(rng: Rng, text: str) -> str:
+    """The text with some of its numbers times a factor: most of these pass the gates, and reach the arithmetic."""
+    factors = (0.0, -1.0, 1e-3, 0.1, 0.5, 0.9, 1.1, 2.0, 10.0, 1e3, 1e6, 1e-300, 1e300)
+
+    def other(found: re.Match[str]) -> str:
+        return found[0] if rng.random() < 0.4 else repr(float(found[0]) * pick(rng, factors))
+
+    return re.sub(r"(?<![\w\"'])\d[\d.]*(e[-+]?\d+)?", other, text)
 
 
 def structure(rng: Rng, path: Path) -> None:
@@ -90,7 +123,24 @@ def structure(rng: Rng, path: Path) -> None:
                 walk(node[key])
 
     walk(content)
-    odd = (None, True, 0, -1, 1e308, 10**400, float("nan"), float("inf"), "", "x", "\x1b[31m", [], {}, [[1]], {"a": 1}, "9" * 5000)
+    odd = (
+        None,
+        True,
+        0,
+        -1,
+        1e308,
+        10**400,
+        float("nan"),
+        float("inf"),
+        "",
+        "x",
+        "\x1b[31m",
+        [],
+        {},
+        [[1]],
+        {"a": 1},
+        "9" * 5000,
+    )
     for _ in range(int(rng.integers(1, 3))):
         node, key = pick(rng, places)
         how = int(rng.integers(8))
@@ -135,7 +185,9 @@ def table(rng: Rng, path: Path) -> None:
         elif how == 9:
             end = pick(rng, ("\r\n", "\r", "\n\n", "\x00\n", ",\n"))
         else:
-            lines[1:] = [_changed(rng, line, column) for line in lines[1:]] if how == 10 else _scaled(rng, lines[1:], column)
+            lines[1:] = (
+                [_changed(rng, line, column) for line in lines[1:]] if how == 10 else _scaled(rng, lines[1:], column)
+            )
         if not lines or not lines[0]:
             break
     mark = "\ufeff" if rng.random() < 0.05 else ""
@@ -143,7 +195,9 @@ def table(rng: Rng, path: Path) -> None:
 
 
 def _changed(rng: Rng, line: list[str], column: int) -> list[str]:
-    return line if rng.random() < 0.9 or column >= len(line) else [*line[:column], pick(rng, NUMBERS), *line[column + 1 :]]
+    return (
+        line if rng.random() < 0.9 or column >= len(line) else [*line[:column], pick(rng, NUMBERS), *line[column + 1 :]]
+    )
 
 
 def _scaled(rng: Rng, lines: list[list[str]], column: int) -> list[list[str]]:
@@ -158,4 +212,6 @@ def _scaled(rng: Rng, lines: list[list[str]], column: int) -> list[list[str]]:
             return cell
 
     change = times
-    return [line if column >= len(line) else [*line[:column], change(line[column]), *line[column + 1 :]] for line in lines]
+    return [
+        line if column >= len(line) else [*line[:column], change(line[column]), *line[column + 1 :]] for line in lines
+    ]

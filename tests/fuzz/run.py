@@ -119,7 +119,9 @@ def _next(worker: Worker, waiting: Iterator[int], selector: selectors.BaseSelect
 def _lost(worker: Worker, seed: int, bases: Path, folder: Path, outcome: str) -> Verdict:
     said = worker.end()
     made = inputs.make(seed, worker.number, bases, folder / "lost")
-    return Verdict(worker.number, made.kind, outcome, f"{' '.join(made.words)}: {said}", time.monotonic() - worker.begun)
+    return Verdict(
+        worker.number, made.kind, outcome, f"{' '.join(made.words)}: {said}", time.monotonic() - worker.begun
+    )
 
 
 def keep(seed: int, verdict: Verdict, bases: Path, folder: Path) -> Path:
@@ -151,11 +153,14 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="Number of the first input.")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--keep", type=Path, default=Path("fuzz-failures"), help="Folder for inputs that failed.")
+    parser.add_argument("--tell", action="store_true", help="Print also what was said of bad input.")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
         folder, found, begun = Path(temporary), [], time.monotonic()
         for verdict in verdicts(given.seed, range(given.first, given.first + given.inputs), folder, given.workers):
             found.append(verdict)
+            if given.tell and verdict.detail and verdict.is_fine:
+                print(f"{verdict.number}: {verdict.kind}: {verdict.outcome}: {verdict.detail}")
             if not verdict.is_fine:
                 place = keep(given.seed, verdict, folder / "healthy", given.keep)
                 print(f"{place}: {verdict.kind}: {verdict.outcome}: {verdict.detail}", flush=True)

@@ -6,6 +6,7 @@ import contextlib
 import io
 import json
 import os
+import re
 import resource
 import sys
 import time
@@ -14,9 +15,8 @@ import unicodedata
 import warnings
 from pathlib import Path
 
-from fuzz.inputs import Input, make
-
 import ambid.cli
+from fuzz.inputs import Input, make
 
 ROOM = 1 << 30
 """Bytes that an input may take beyond what the process has after its first runs."""
@@ -30,7 +30,11 @@ def main() -> None:
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     folder.mkdir(parents=True, exist_ok=True)
-    for words in (["check", "rig.toml", "run.csv"], ["identify", "rig.toml", "run.mat"], ["compare", "rig.toml", "run.h5"]):
+    for words in (
+        ["check", "rig.toml", "run.csv"],
+        ["identify", "rig.toml", "run.mat"],
+        ["compare", "rig.toml", "run.h5"],
+    ):
         os.chdir(bases)
         _run([*words, "--json", str(folder / "first.json")])
     taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
@@ -71,14 +75,15 @@ def judge(made: Input) -> tuple[str, str]:
         own = [f for f in traceback.extract_tb(error.__traceback__) if "/ambid/" in f.filename][-1:]
         place = " < ".join(f"{Path(f.filename).name}:{f.lineno}" for f in [last, *own])
         return "traceback", f"{type(error).__name__} at {place}: {str(error)[:200]}"
-    said = out + err
+    said, named = out + err, {word for word in made.words if Path(word).suffix} | {made.damaged}
     if "Traceback" in said or "panicked" in said:
         return "traceback", said[-300:]
     if code not in (0, 1, 2):
         return "exit code", f"{code}: {said[:200]}"
     if code and not said.strip():
         return "silent", f"exit {code}"
-    if code == 2 and made.damaged and err.startswith("error:") and Path(made.damaged).stem not in err:
+    of_model = "the model is singular", "at which the rotor is known"
+    if code == 2 and made.damaged and not any(text in err for text in of_model) and err.startswith("error:") and not (named & set(re.split(r"[^\w.]+", err))):
         return "unnamed", err[:300]
     if len(err) > LONGEST:
         return "endless", f"{len(err)} characters: {err[:100]}"
@@ -91,7 +96,7 @@ def judge(made: Input) -> tuple[str, str]:
             json.loads(written.read_text(), parse_constant=_refuse)
         except ValueError as error:
             return "not finite", str(error)
-    return f"exit {code}", ""
+    return f"exit {code}", err.strip()[:200] if code else ""
 
 
 def _refuse(word: str) -> None:

@@ -34,6 +34,8 @@ HIGHEST_FREQUENCY = 0.25
 BLURRED = 16
 """Lowest line that counts of a record without periods: below it are what drifts, and a window that blurs an integral's
 1/f by more than a hundredth."""
+FEWEST_LINES = 8
+"""Complex values for the up to 15 real unknowns of a controller's equation."""
 MOST_LINES = 2000
 """Lines that an equation is held against, at most."""
 MOST_HELD = 8
@@ -84,7 +86,7 @@ class Lines:
         frequency = index * record.sample_rate / length
         power = np.linalg.norm(i_e, axis=1)
         usable = (index >= (BLURRED if window is None else 1)) & (frequency < HIGHEST_FREQUENCY * record.sample_rate)
-        kept = np.flatnonzero(usable & (power > 1e-3 * power.max()))
+        kept = np.flatnonzero(usable & (power > 1e-3 * power.max(initial=0.0)))
         kept = np.sort(kept[np.argsort(power[kept])[-MOST_LINES:]])
         i_c = None if record.i_c is None else spectrum(record.i_c)[kept]
         y = spectrum(record.y)[kept]

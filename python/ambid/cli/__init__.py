@@ -54,6 +54,9 @@ def main() -> None:
     except AmbidError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(1)
+    except MemoryError:
+        print("error: this needs more memory than there is; give shorter or fewer records", file=sys.stderr)
+        sys.exit(1)
     except OSError as error:
         print(f"error: {printable(str(error.filename))}: {error.strerror}", file=sys.stderr)
         sys.exit(2)

@@ -110,7 +110,9 @@ def _require_covariance(path: Path, rows: Any, count: int) -> None:
         return
     matrix = np.array([[np.nan if entry is None else entry for entry in row] for row in rows], dtype=float)
     if matrix.shape != (count, count):
-        raise ModelError(f"{path}: covariance has the shape {matrix.shape}: expected {(count, count)}, a row a parameter")
+        raise ModelError(
+            f"{path}: covariance has the shape {matrix.shape}: expected {(count, count)}, a row a parameter"
+        )
     free = np.isfinite(np.diag(matrix))
     known = matrix[np.ix_(free, free)]
     scale = np.sqrt(np.abs(np.diag(known)))

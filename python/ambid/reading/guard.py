@@ -40,6 +40,8 @@ def reading(path: str | Path, error: type[InputError], what: str, remedy: str) -
     except RecursionError:
         raise error(f"{path}: not {what} (nested too deeply); {remedy}") from None
     except OSError as found:
-        raise error(f"{path}: not {what} ({found.strerror or found}); {remedy}") from found
+        if found.filename is not None:
+            raise error(f"{path}: cannot be read ({found.strerror}); check the path") from None
+        raise error(f"{path}: not {what} ({found}); {remedy}") from found
     except Exception as found:
         raise error(f"{path}: not {what} ({type(found).__name__}: {found}); {remedy}") from found

@@ -6,14 +6,18 @@ import math
 import mmap
 import struct
 import zlib
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import scipy.io
 
-from ambid.reading.sizes import SHARE_OF_MEMORY, memory_limit
+from ambid.reading.sizes import most_bytes
 
-__all__ = ["load_mat"]
+__all__ = ["Variable", "load_mat", "variables_of"]
 
 DEEPEST = 50
 """Cells and structures within each other; the parser's stack ends at some thousands, and the process with it."""
@@ -24,12 +28,30 @@ _NUMBERS = frozenset({1, 2, 3, 4, 5, 6, 7, 9, 12, 13})
 _LETTERS = _NUMBERS | {16, 17, 18}
 _CELL, _STRUCT, _OBJECT, _CHAR, _SPARSE, _FUNCTION, _OPAQUE = 1, 2, 3, 4, 5, 16, 17
 _LARGEST_CLASS = 15
+_TYPES = dict(zip(range(6, 16), ("f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8"), strict=True))
 _MOST_DIMENSIONS = 32
 _HEADER = 128
+_HEAD_OF_VARIABLE = 512
+"""Bytes with flags, dimensions and name of a variable: these take 300 at most."""
 
 
-def load_mat(path: Path) -> dict[str, Any]:
-    """Variables of a .mat file of version 5 or 4, as `scipy.io.loadmat` makes them.
+@dataclass(frozen=True)
+class Variable:
+    """What a file says of a variable before it is read; `dtype` is None where it is no array of numbers."""
+
+    name: str
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any] | None
+
+
+def variables_of(path: Path) -> list[Variable] | None:
+    """The variables of a file of version 5; None of another version. Raises as `load_mat` does."""
+    with _structure(path) as structure:
+        return None if structure is None else [variable for variable, _ in structure.variables()]
+
+
+def load_mat(path: Path, names: Collection[str] | None = None) -> dict[str, Any]:
+    """Variables of a .mat file of version 5 or 4, as `scipy.io.loadmat` makes them; all, or those of `names`.
 
     Raises
     ------
@@ -39,44 +61,74 @@ def load_mat(path: Path) -> dict[str, Any]:
     Exception
         Whatever else SciPy's parser raises; call it within `reading`.
     """
+    with _structure(path) as structure:
+        if structure is not None:
+            structure.require_sound(names)
+    found = scipy.io.loadmat(path, appendmat=False, variable_names=names)
+    return {name: value for name, value in found.items() if not name.startswith("__")}
+
+
+@contextmanager
+def _structure(path: Path) -> Iterator[_Structure | None]:
     with path.open("rb") as file:
         head = file.read(_HEADER)
         is_little = head[126:128] == b"IM"
         # Version 4 begins with a small number; 7.3 is HDF5, which the parser refuses by itself.
-        if len(head) == _HEADER and 0 not in head[:4] and head[125 if is_little else 124] == 1:
-            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-                _Structure("<" if is_little else ">").require_sound(data)
-    return {name: v for name, v in scipy.io.loadmat(path, appendmat=False).items() if not name.startswith("__")}
+        if len(head) < _HEADER or 0 in head[:4] or head[125 if is_little else 124] != 1:
+            yield None
+            return
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            yield _Structure(data, "<" if is_little else ">")
 
 
 class _Structure:
     """The tags of a file, gone through without reading a value."""
 
-    def __init__(self, order: str) -> None:
+    def __init__(self, data: mmap.mmap, order: str) -> None:
+        self._data, self._order = data, order
         self._u32 = struct.Struct(f"{order}I")
-        self._order = order
-        self._room = int(SHARE_OF_MEMORY * memory_limit())
+        self._room = most_bytes()
         self._arrays = 0
 
-    def require_sound(self, data: mmap.mmap) -> None:
-        """Raise ValueError where the tags do not fit into each other, or hold too much."""
+    def variables(self) -> Iterator[tuple[Variable, tuple[int, int, int]]]:
+        """Each variable, with kind, begin and size of its element."""
         at = _HEADER
-        while at < len(data):
-            kind, start, size, _ = self._tag(data, at, len(data))
+        while at < len(self._data):
+            kind, start, size, _ = self._tag(self._data, at, len(self._data))
+            head: Any = self._data[start : start + min(size, _HEAD_OF_VARIABLE)]
             if kind == _COMPRESSED:
-                held = self._expanded(data[start : start + size])
-                inner, first, length, _ = self._tag(held, 0, len(held))
+                packed = self._data[start : start + min(size, 1 << 16)]
+                head = zlib.decompressobj().decompress(packed, _HEAD_OF_VARIABLE)
+                inner, length = struct.unpack_from(f"{self._order}II", head.ljust(8, b"\0"))
                 self._require(inner == _MATRIX, f"element {inner} in a compressed variable")
-                self._matrix(held, first, first + length, 0)
+                self._require(length <= most_bytes(), f"a variable of {length:.3g} bytes; fewer are read here")
+                head = head[8:]
             else:
                 self._require(kind == _MATRIX, f"element {kind} at byte {at}")
-                self._matrix(data, start, start + size, 0)
+            yield self._variable(head), (kind, start, size)
             at = start + size
+
+    def _variable(self, head: bytes) -> Variable:
+        own, is_complex, shape, (first, length), _ = self._head(head, 0, len(head))
+        dtype = np.dtype(complex if is_complex else _TYPES[own]) if own in _TYPES else None
+        return Variable(head[first : first + length].decode("latin1"), shape, dtype)
+
+    def require_sound(self, names: Collection[str] | None) -> None:
+        """Raise ValueError where the tags of these variables do not fit into each other, or hold too much."""
+        for variable, (kind, start, size) in self.variables():
+            if names is not None and variable.name not in names:
+                continue
+            if kind == _COMPRESSED:
+                held = self._expanded(self._data[start : start + size])
+                _, first, length, _ = self._tag(held, 0, len(held))
+                self._matrix(held, first, first + length, 0)
+            else:
+                self._matrix(self._data, start, start + size, 0)
 
     def _expanded(self, packed: bytes) -> bytes:
         expander = zlib.decompressobj()
         held = expander.decompress(packed, self._room)
-        self._require(not expander.unconsumed_tail, f"a variable expands to more than {self._room:.3g} bytes")
+        self._require(not expander.unconsumed_tail, "variables that expand to more than is read here")
         self._room -= len(held)
         return held
 
@@ -87,19 +139,12 @@ class _Structure:
         self._require(depth <= DEEPEST, f"cells or structures nested deeper than {DEEPEST}")
         if at == end:
             return
-        _, flags, size, at = self._tag(data, at, end)
-        self._require(size == 8, "damaged flags of an array")
-        own = self._u32.unpack_from(data, flags)[0]
-        kind, is_complex = own & 0xFF, bool(own >> 11 & 1)
+        kind, is_complex, dimensions, _, at = self._head(data, at, end)
         if kind == _OPAQUE:
             for _ in range(3):
                 _, at = self._element(data, at, end, _NUMBERS)
             self._inner(data, at, end, 1, depth)
             return
-        dimensions, at = self._integers(data, at, end)
-        self._require(2 <= len(dimensions) <= _MOST_DIMENSIONS, f"an array of {len(dimensions)} dimensions")
-        self._require(min(dimensions) >= 0, f"an array of shape {dimensions}")
-        _, at = self._element(data, at, end, _NUMBERS)  # its name
         entries = math.prod(dimensions)
         if kind in (_CELL, _FUNCTION):
             self._inner(data, at, end, entries if kind == _CELL else 1, depth)
@@ -116,6 +161,21 @@ class _Structure:
             for _ in range(parts):
                 _, at = self._element(data, at, end, _LETTERS if kind == _CHAR else _NUMBERS)
             self._require(at == end or depth == 0, "an array that does not fill its element")
+
+    def _head(self, data: Any, at: int, end: int) -> tuple[int, bool, tuple[int, ...], tuple[int, int], int]:
+        """Class, whether it is complex, dimensions, place and length of the name, and where the rest begins."""
+        _, flags, size, at = self._tag(data, at, end)
+        self._require(size == 8, "damaged flags of an array")
+        own = self._u32.unpack_from(data, flags)[0]
+        kind = own & 0xFF
+        if kind == _OPAQUE:
+            return kind, False, (), (0, 0), at
+        dimensions, at = self._integers(data, at, end)
+        self._require(2 <= len(dimensions) <= _MOST_DIMENSIONS, f"an array of {len(dimensions)} dimensions")
+        self._require(min(dimensions) >= 0, f"an array of shape {dimensions}")
+        letters, first, length, at = self._tag(data, at, end)
+        self._require(letters in _NUMBERS, f"element {letters} for a name")
+        return kind, bool(own >> 11 & 1), dimensions, (first, length), at
 
     def _inner(self, data: Any, at: int, end: int, count: int, depth: int) -> None:
         """The arrays within a cell or structure; each takes 8 bytes at least."""

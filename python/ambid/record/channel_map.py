@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.errors import InputError, RecordError
-from ambid.record.raw import SIGNALS, RawRecord, numbers, require_agreement
 from ambid.record.content import Content, Stored
+from ambid.record.raw import SIGNALS, RawRecord, numbers, require_agreement
 
 __all__ = ["ChannelMap"]
 

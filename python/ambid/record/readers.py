@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib
+import logging
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar
@@ -14,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.errors import InputError, RecordError
-from ambid.reading import MOST_COLUMNS, load_mat, reading, require_size
+from ambid.reading import MOST_COLUMNS, load_mat, reading, require_size, variables_of
 from ambid.record.content import Content, Stored
 from ambid.record.hdf5 import read_hdf5
 
@@ -155,10 +157,17 @@ def _read_mat(path: Path) -> Iterator[Content]:
         with read_hdf5(path, extra("h5py", path)) as content:
             yield content
         return
-    variables = load_mat(path)
-    axes = variables.get("axes")
-    arrays = {full: array for name, value in variables.items() for full, array in _members(name, value)}
-    yield Content(arrays, axes=None if axes is None else _flatten_cells(axes))
+    known = variables_of(path) or []
+    later = {v.name: Stored(v.shape, v.dtype, partial(_variable, path, v.name)) for v in known if v.dtype is not None}
+    now = load_mat(path, [v.name for v in known if v.dtype is None] if known else None)
+    found = {v.name: later.get(v.name, now.get(v.name)) for v in known} or now
+    axes = found.get("axes")
+    arrays = {full: array for name, value in found.items() for full, array in _members(name, value)}
+    yield Content(arrays, axes=None if axes is None else _flatten_cells(np.asarray(axes)))
+
+
+def _variable(path: Path, name: str) -> NDArray[Any]:
+    return np.asarray(load_mat(path, [name])[name])
 
 
 def _members(name: str, value: Any) -> Iterator[tuple[str, Any]]:
@@ -208,8 +217,8 @@ def _numpy_type(kind: Any) -> np.dtype[Any]:
 @contextmanager
 def _read_tdms(path: Path) -> Iterator[Content]:
     nptdms = extra("nptdms", path)
-    stored = path.stat().st_size
-    with nptdms.TdmsFile.open(path) as file:
+    stored, notes = path.stat().st_size, _Notes()
+    with _told_to(notes), nptdms.TdmsFile.open(path) as file:
         groups = file.groups()
         channels = {
             f"{group.name}/{channel.name}" if len(groups) > 1 else channel.name: channel
@@ -226,7 +235,36 @@ def _read_tdms(path: Path) -> Iterator[Content]:
 
         rates = {rate for channel in channels.values() if (rate := _rate(channel)) is not None}
         arrays = {name: values(name, channel) for name, channel in channels.items()}
-        yield Content(arrays, is_table=True, sample_rate=rates.pop() if len(rates) == 1 else None)
+        yield Content(arrays, is_table=True, sample_rate=rates.pop() if len(rates) == 1 else None, notes=notes.said)
+
+
+class _Notes(logging.Handler):
+    """What npTDMS says of a file, such as that it was cut, once each."""
+
+    said: list[str]
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.said = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep it."""
+        if (text := f"npTDMS: {record.getMessage()}") not in self.said:
+            self.said.append(text)
+
+
+@contextmanager
+def _told_to(notes: _Notes) -> Iterator[None]:
+    """Take what npTDMS says from the terminal, where nobody would know which file it is about."""
+    loggers = [logging.getLogger(name) for name in list(logging.root.manager.loggerDict) if name.startswith("nptdms.")]
+    before = [logger.handlers for logger in loggers]
+    for logger in loggers:
+        logger.handlers, logger.propagate = [notes], False
+    try:
+        yield
+    finally:
+        for logger, handlers in zip(loggers, before, strict=True):
+            logger.handlers, logger.propagate = handlers, True
 
 
 def _rate(channel: Any) -> float | None:

@@ -46,8 +46,10 @@ _CONVENTION = "f = K_i i + K_s s"
 FORCE_CURRENT = Range(1e-4, 1e5, "N/A", (), f"{_CONVENTION}, K_i > 0: current pulls towards +s")
 FORCE_DISPLACEMENT = Range(1e-2, 1e10, "N/m", (), f"{_CONVENTION}, K_s > 0 destabilises")
 STIFFNESS_SLIPS = (("N/mm", 1e3), ("N/um", 1e6))
-AMPLIFIER_LAG = Range(0.0, 0.05, "s", (MILLISECONDS, MICROSECONDS), "0 is an ideal amplifier")
-ACTUATOR_LAG = Range(1e-7, 0.05, "s", (MILLISECONDS, MICROSECONDS))
+SHORTEST_LAG = 1e-7
+"""Seconds: a lag of a tenth of the shortest sample is none."""
+AMPLIFIER_LAG = Range(0.0, 0.05, "s", (MILLISECONDS, MICROSECONDS), "0 is an ideal amplifier", SHORTEST_LAG)
+ACTUATOR_LAG = Range(SHORTEST_LAG, 0.05, "s", (MILLISECONDS, MICROSECONDS))
 RESISTANCE = Range(1e-3, 1e5, "ohm", (("kilohm", 1e3),), "of a coil whose voltage is commanded")
 
 
