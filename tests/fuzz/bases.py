@@ -56,5 +56,6 @@ def healthy(folder: Path) -> None:
     shutil.copy(DATA / "static_1.csv", folder / "load.csv")
     (folder / "bench_run" / "6A").mkdir(parents=True)
     shutil.copy(folder / "rig.toml", folder / "bench_run" / "6A" / "rig.toml")
-    scipy.io.savemat(folder / "open.mat", scipy.io.loadmat(folder / "run.mat"))
+    held = {k: v for k, v in scipy.io.loadmat(folder / "run.mat").items() if not k.startswith("__")}
+    scipy.io.savemat(folder / "open.mat", held)
     shutil.copy(folder / "open.mat", folder / "bench_run" / "6A" / "prbs_1.mat")

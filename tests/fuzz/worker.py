@@ -83,7 +83,13 @@ def judge(made: Input) -> tuple[str, str]:
     if code and not said.strip():
         return "silent", f"exit {code}"
     of_model = "the model is singular", "at which the rotor is known"
-    if code == 2 and made.damaged and not any(text in err for text in of_model) and err.startswith("error:") and not (named & set(re.split(r"[^\w.]+", err))):
+    if (
+        code == 2
+        and made.damaged
+        and not any(text in err for text in of_model)
+        and err.startswith("error:")
+        and not (named & set(re.split(r"[^\w.]+", err)))
+    ):
         return "unnamed", err[:300]
     if len(err) > LONGEST:
         return "endless", f"{len(err)} characters: {err[:100]}"
