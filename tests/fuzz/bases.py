@@ -15,10 +15,21 @@ from ambid.demo import DATA
 LEVITATOR = Path(__file__).parents[1] / "data" / "levitator.toml"
 SUFFIXES = (".csv", ".mat", ".h5", ".parquet", ".tdms")
 CONTROLLERS = {
-    "filter.toml": 'kind = "transfer_function"\nimplementation = "analog"\nnumerator = [60.0, 17000.0, 300000.0]\n'
-    "denominator = [1.0e-4, 1.0, 0.0]\n",
-    "matrices.toml": 'kind = "state_space"\nimplementation = "digital"\ndelay_samples = 0.5\nA = [[1.0, 0.0], [0.0, 0.3]]\n'
-    "B = [[30.0], [1.0]]\nC = [[1.0, -150000.0]]\nD = [[230000.0]]\n",
+    "filter.toml": """
+kind = "transfer_function"
+implementation = "analog"
+numerator = [60.0, 17000.0, 300000.0]
+denominator = [1.0e-4, 1.0, 0.0]
+""",
+    "matrices.toml": """
+kind = "state_space"
+implementation = "digital"
+delay_samples = 0.5
+A = [[1.0, 0.0], [0.0, 0.3]]
+B = [[30.0], [1.0]]
+C = [[1.0, -150000.0]]
+D = [[230000.0]]
+""",
 }
 """Of the same levitator."""
 MODES = """

@@ -190,8 +190,8 @@ def parquet(rng: Rng, path: Path, record: ambid.Record) -> None:
         "y.A_zeta": pa.array(record.y[:, 0]),
         "i_c.A_zeta": pa.array(record.i_c[:, 0]),
     }
+    y = record.y[:, 0]
     for _ in range(int(rng.integers(1, 3))):
-        y = record.y[:, 0]
         columns[pick(rng, (*columns, "y.B_zeta", "x", "\x1b[31m"))] = pick(
             rng,
             (

@@ -1,18 +1,19 @@
 """No traceback, whatever the file: what once failed, and a thousand damaged inputs."""
 
+import contextlib
 import json
 import shutil
 import unicodedata
 
 import pytest
-from fuzz.bases import healthy
-from fuzz.corpus import CORPUS
-from fuzz.run import table, verdicts
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import ambid
 from ambid.errors import LONGEST_MESSAGE, InputError, printable
+from fuzz.bases import healthy
+from fuzz.corpus import CORPUS
+from fuzz.run import table, verdicts
 
 
 @pytest.fixture(scope="session")
@@ -76,10 +77,8 @@ def test_printable_text_steers_nothing_and_stays(text):
 @given(st.lists(st.text(max_size=20), max_size=3))
 @settings(max_examples=300)
 def test_a_map_is_read_or_refused(options):
-    try:
-        ambid.ChannelMap.parse(options)
-    except InputError as error:
-        assert len(str(error)) < LONGEST_MESSAGE + 200
+    with contextlib.suppress(InputError):
+        assert "y." in repr(ambid.ChannelMap.parse(options))
 
 
 @given(

@@ -58,7 +58,7 @@ def require_size(path: Path, name: str, shape: Sequence[int], itemsize: int, sto
     declared, most = math.prod(shape) * itemsize, most_bytes()
     if declared > most:
         raise RecordError(
-            f"{path}: {name} declares the shape {tuple(shape)}, {declared:.3g} bytes; at most {most:.3g} are read here; "
+            f"{path}: {name} declares the shape {tuple(shape)}, {declared:.3g} bytes; at most {most:.3g} are read; "
             "cut the record, or save it again if the shape is wrong"
         )
     if stored is not None and declared > max(SMALL, MOST_COMPRESSED * stored):
