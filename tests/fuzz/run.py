@@ -72,7 +72,7 @@ class Worker:
         """Kill it; what it last said."""
         self.process.kill()
         self.process.wait()
-        return self._errors.read_text(errors="replace")[-500:]
+        return self._errors.read_text(errors="replace")[-2000:]
 
 
 def verdicts(seed: int, numbers: Iterable[int], folder: Path, workers: int) -> Iterator[Verdict]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import faulthandler
 import io
 import json
 import os
@@ -26,6 +27,7 @@ LONGEST = 6000
 
 def main() -> None:
     """Read numbers of inputs from stdin, a line each; answer each with a line of JSON on stdout."""
+    faulthandler.enable()
     seed, bases, folder = int(sys.argv[1]), Path(sys.argv[2]), Path(sys.argv[3])
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
