@@ -25,7 +25,9 @@ from fuzz import inputs
 from fuzz.bases import healthy
 
 LONGEST = 10.0
-"""Seconds of an input; healthy ones take a tenth of one."""
+"""Seconds of work on an input; healthy ones take a tenth of one."""
+MOST_WAITING = 60.0
+"""Seconds on the clock: an input that sleeps hangs too, and a busy machine is no fault of it."""
 FINE = ("exit 0", "exit 1", "exit 2")
 
 
@@ -65,8 +67,21 @@ class Worker:
     def give(self, number: int) -> None:
         assert self.process.stdin is not None
         self.number, self.begun, self.given = number, time.monotonic(), self.given + 1
+        self.before = self.worked
         self.process.stdin.write(f"{number}\n")
         self.process.stdin.flush()
+
+    @property
+    def worked(self) -> float:
+        """Seconds that the process has worked."""
+        fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+    @property
+    def hangs(self) -> bool:
+        """Whether its input takes too long; the first one of a process also waits for its imports."""
+        longer = 4 if self.given == 1 else 1
+        return self.worked - self.before > LONGEST * longer or time.monotonic() - self.begun > MOST_WAITING * longer
 
     def end(self) -> str:
         """Kill it; what it last said."""
@@ -99,8 +114,7 @@ def verdicts(seed: int, numbers: Iterable[int], folder: Path, workers: int) -> I
                     worker.start()
                 _next(worker, waiting, selector)
             for worker in [key.data for key in selector.get_map().values()]:
-                # The first input of a process also waits for its imports.
-                if time.monotonic() - worker.begun > LONGEST * (4 if worker.given == 1 else 1):
+                if worker.hangs:
                     selector.unregister(worker.process.stdout)
                     yield _lost(worker, seed, bases, folder, "hang")
                     worker.start()

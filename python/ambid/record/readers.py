@@ -38,9 +38,11 @@ def opened(path: Path) -> Iterator[Content]:
     InputError
         If the format needs a package that is not installed.
     """
-    name, reader = by_suffix(path, _READERS)
+    reader = by_suffix(path, _READERS)
     require_content(path)
-    with reading(path, RecordError, f"a readable {name} file", "save it again"), reader(path) as content:
+    suffix = path.suffix.lower()
+    what = f"a readable {_CALLED.get(suffix, suffix)} file"
+    with reading(path, RecordError, what, "save it again"), reader(path) as content:
         require_columns(path, len(content.arrays))
         yield content
 
@@ -154,7 +156,7 @@ def _read_mat(path: Path) -> Iterator[Content]:
         head = file.read(520)
     # MATLAB puts a block of 512 bytes before the HDF5 signature of a v7.3 file.
     if _HDF5_SIGNATURE in (head[:8], head[512:]):
-        with read_hdf5(path, extra("h5py", path)) as content:
+        with _read_hdf5(path) as content:
             yield content
         return
     known = variables_of(path) or []
@@ -275,13 +277,14 @@ def _rate(channel: Any) -> float | None:
     return 1.0 / step
 
 
-_READERS: dict[str, tuple[str, Callable[[Path], AbstractContextManager[Content]]]] = {
-    ".csv": (".csv", _read_csv),
-    ".mat": (".mat", _read_mat),
-    ".h5": ("HDF5", _read_hdf5),
-    ".hdf5": ("HDF5", _read_hdf5),
-    ".parquet": ("Parquet", _read_parquet),
-    ".tdms": ("TDMS", _read_tdms),
+_READERS: dict[str, Callable[[Path], AbstractContextManager[Content]]] = {
+    ".csv": _read_csv,
+    ".mat": _read_mat,
+    ".h5": _read_hdf5,
+    ".hdf5": _read_hdf5,
+    ".parquet": _read_parquet,
+    ".tdms": _read_tdms,
 }
+_CALLED = {".h5": "HDF5", ".hdf5": "HDF5", ".parquet": "Parquet", ".tdms": "TDMS"}
 SUFFIXES = tuple(_READERS)
 """Of the formats that a record may have."""
