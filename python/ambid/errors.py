@@ -1,8 +1,33 @@
-"""What can go wrong, one class per cause that a user can act on."""
+"""What can go wrong, one class per cause that a user can act on, and text that is safe to show."""
+
+import re
+import unicodedata
+
+LONGEST_MESSAGE = 2000
+"""Characters of a message: about a screen. What stands behind is of no help to a reader, and may be megabytes."""
+_UNSEEN = frozenset({"Cc", "Cf", "Cs", "Co", "Zl", "Zp"})
+"""Categories of Unicode that steer a terminal, turn the direction of text, or cannot be encoded."""
+
+
+def printable(text: str) -> str:
+    """Text with its line breaks and tabs; other control characters, such as those of escapes, are spelled out.
+
+    Names come from files of others: they must not steer a terminal, nor break a picture or a page.
+    """
+    return re.sub(r"[^\n\t -~]", lambda found: _spelled(found[0]), text)
+
+
+def _spelled(c: str) -> str:
+    return c.encode("unicode_escape").decode() if unicodedata.category(c) in _UNSEEN else c
 
 
 class AmbidError(Exception):
-    """Base of every error that ambid raises on purpose."""
+    """Base of every error that ambid raises on purpose; its message is printable and ends after a screen."""
+
+    def __init__(self, message: str) -> None:
+        more = len(message) - LONGEST_MESSAGE
+        short = message if more <= 0 else f"{message[:LONGEST_MESSAGE]} ... ({more} more characters)"
+        super().__init__(printable(short))
 
 
 class InputError(AmbidError):

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.io
-from scipy.io.matlab import MatReadError
 
 from ambid.arrays import FloatArray
 from ambid.errors import InputError, ModelError, RigError
 from ambid.loop.delay import with_late_commands
 from ambid.loop.loop import open_plant
 from ambid.model import Model
+from ambid.reading import load_mat, reading
 from ambid.rig import Controller, MatrixRotor, StateSpaceController, TransferFunctionController
 from ambid.writing import whole_file
 
@@ -62,15 +62,11 @@ def controller_from_mat(path: str | Path, delay_samples: float = 0.0) -> StateSp
         If the file cannot be read, or has not these variables; and as for `StateSpaceController`.
     """
     names = ("A", "B", "C", "D")
-    try:
-        content = scipy.io.loadmat(Path(path), appendmat=False)
-    except OSError as error:
-        raise RigError(f"{path}: cannot be read ({error.strerror}); check the path") from None
-    except (NotImplementedError, ValueError, TypeError, MatReadError) as error:
-        raise RigError(f"{path}: not a .mat file of version 5 ({error}); save it with the option -v7") from None
+    with reading(path, RigError, "a .mat file of version 5", "save it with the option -v7"):
+        content = load_mat(Path(path))
     missing = [name for name in names if name not in content]
     if missing:
-        found = ", ".join(name for name in content if not name.startswith("__")) or "nothing"
+        found = ", ".join(content) or "nothing"
         raise RigError(f"{path}: no {', '.join(missing)}; expected A, B, C, D and dt, found {found}")
     dt = np.ravel(content.get("dt", 0.0))
     if dt.size != 1 or not (np.isrealobj(dt) and np.isfinite(dt[0]) and dt[0] >= 0.0):

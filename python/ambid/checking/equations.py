@@ -39,6 +39,8 @@ CLEAR = 30.0
 """Power of an excited line over that of noise from which on it is clear of it."""
 AROUND = 31
 """Unexcited lines that tell the power of noise at a line."""
+FEWEST_LINES = 8
+"""Complex values for the up to 15 real unknowns of a controller's equation."""
 MOST_LINES = 1000
 """Lines that an equation is held against, at most."""
 SHORTEST_LAG = 0.01
@@ -98,7 +100,7 @@ class Lines:
         frequency = index * record.sample_rate / length
         power = np.linalg.norm(i_e, axis=1)
         usable = (index >= (BLURRED if window is None else 1)) & (frequency < HIGHEST_FREQUENCY * record.sample_rate)
-        kept = np.flatnonzero(usable & (power > 1e-3 * power.max()))
+        kept = np.flatnonzero(usable & (power > 1e-3 * power.max(initial=0.0)))
         own = -(-MOST_LINES // i_e.shape[1])  # of every axis: each may be excited on lines of its own
         kept = np.unique(kept[np.argsort(np.abs(i_e[kept]), axis=0)[-own:]])
         i_c = None if record.i_c is None else spectrum(record.i_c)[kept]

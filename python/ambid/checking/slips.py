@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ambid.arrays import FloatArray
 from ambid.checking.controller import ControllerFit, fit_controller
 from ambid.checking.equations import (
+    FEWEST_LINES,
     HIGHEST_FREQUENCY,
     Lines,
     NominalLoop,
@@ -112,7 +113,11 @@ def _record(record: Record, loop: NominalLoop) -> list[Finding]:
     if not len(lines.index):
         what = f"no line of i_e between its first few and {HIGHEST_FREQUENCY:g} of the sample rate"
         return [*found, Finding("warning", record.name, what, "excite within the bandwidth of the loop")]
-    found += _closed_loop(record, loop, lines) if lines.i_c is None else _controller(record, loop, lines)
+    if lines.i_c is not None and len(lines.index) < FEWEST_LINES:
+        what = f"{len(lines.index)} lines of i_e: the controller is held against the record from {FEWEST_LINES} on"
+        found.append(Finding("warning", record.name, what, "excite more lines"))
+    else:
+        found += _closed_loop(record, loop, lines) if lines.i_c is None else _controller(record, loop, lines)
     if any(finding.stops_diagnosis for finding in found if finding.severity == "fault"):
         return found
     return found + _machine(record, loop, lines)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 
 from ambid.cli import signals, streams
-from ambid.errors import AmbidError, InputError
+from ambid.errors import AmbidError, InputError, printable
 
 __all__ = ["main"]
 
@@ -35,7 +35,10 @@ def _run() -> int:
     except AmbidError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
+    except MemoryError:
+        print("error: this needs more memory than there is; give shorter or fewer records", file=sys.stderr)
+        return 1
     except OSError as error:
-        print(f"error: {error.filename}: {error.strerror}", file=sys.stderr)
+        print(f"error: {printable(str(error.filename))}: {error.strerror}", file=sys.stderr)
         return 2
     return 0

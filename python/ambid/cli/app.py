@@ -11,12 +11,13 @@ from ambid.cli.catalogue import effects_command
 from ambid.cli.diagnosing import check_command, compare_command, diagnose_command
 from ambid.cli.experiments import demo_command, simulate_command
 from ambid.cli.identifying import campaign_command, identify_command, static_load_command
-from ambid.cli.options import DiagnoseCommand
+from ambid.cli.options import Commands, DiagnoseCommand
 
 __all__ = ["app"]
 
 app = typer.Typer(
     name="ambid",
+    cls=Commands,
     help="Parameters of active magnetic bearings from the machine's own closed loop. Forces: f = K_i i + K_s s.",
     no_args_is_help=True,
     add_completion=True,

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 
 import ambid
-from ambid.errors import InputError
+from ambid.errors import InputError, printable
 
 RigFile = Annotated[Path, typer.Argument(metavar="RIG", help="Rig file (.toml).")]
 RecordFiles = Annotated[
@@ -48,6 +49,31 @@ def known_effects(incomplete: str) -> list[str]:
     """Effects that shell completion offers for the last name of a list."""
     before, comma, last = incomplete.rpartition(",")
     return [f"{before}{comma}{effect.name}" for effect in ambid.CATALOGUE if effect.name.startswith(last)]
+
+
+class Commands(TyperGroup):
+    """The commands; what they say of a wrong option or argument repeats it, and is printable."""
+
+    def make_context(self, *args: Any, **kwargs: Any) -> Any:
+        """See Click."""
+        with _printable():
+            return super().make_context(*args, **kwargs)
+
+    def invoke(self, ctx: Any) -> Any:
+        """See Click."""
+        with _printable():
+            return super().invoke(ctx)
+
+
+@contextmanager
+def _printable() -> Iterator[None]:
+    try:
+        yield
+    except Exception as error:
+        message = getattr(error, "message", None)  # that of Click's own errors, wherever Typer keeps Click
+        if isinstance(message, str):
+            error.message = printable(message)  # type: ignore[attr-defined]
+        raise
 
 
 class DiagnoseCommand(TyperCommand):

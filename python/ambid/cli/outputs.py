@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import ambid
-from ambid.errors import AmbidError, InputError
+from ambid.errors import AmbidError, InputError, printable
 from ambid.writing import is_device, require_writable, whole_file
 
 PRINTED = Path("-")
@@ -80,9 +80,9 @@ def conclude(
         except AmbidError as error:
             errors.append(error)
     if not quiet:
-        print(result)
+        print(printable(str(result)))
         for path in written:
-            print(f"written: {path}")
+            print(printable(f"written: {path}"))
     if json_file == PRINTED:
         print(text, end="")
     for further in errors[1:]:

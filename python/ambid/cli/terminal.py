@@ -13,7 +13,7 @@ from rich.prompt import Confirm
 from rich.text import Text
 
 import ambid
-from ambid.errors import InputError
+from ambid.errors import InputError, printable
 
 if TYPE_CHECKING:
     from ambid.diagnosis import Candidate
@@ -24,7 +24,7 @@ status = Console(stderr=True)
 def say(line: str, quiet: bool) -> None:
     """Print a line of progress, where a terminal is attached."""
     if not quiet and status.is_terminal:
-        status.print(Text(line), soft_wrap=True)
+        status.print(Text(printable(line)), soft_wrap=True)
 
 
 @contextmanager
@@ -34,7 +34,7 @@ def progress(quiet: bool, what: str) -> Iterator[Callable[[str], None]]:
         yield lambda _: None
         return
     with status.status(f"{what} ...") as line:
-        yield lambda text: line.update(Text(f"{what}: {text}"))
+        yield lambda text: line.update(Text(printable(f"{what}: {text}")))
 
 
 def with_time_left(report: Callable[[str], None]) -> Callable[[str, int, int], None]:
@@ -59,5 +59,5 @@ def require_terminal(option: str) -> None:
 
 def confirm(ranking: ambid.Ranking, candidate: Candidate) -> bool:
     """Show a ranking, and ask whether the candidate that did best when refitted is to be added."""
-    status.print(Text(f"\n{ranking!r}\n"), soft_wrap=True)
+    status.print(Text(printable(f"\n{ranking!r}\n")), soft_wrap=True)
     return Confirm.ask(f"Best of those refitted: {candidate.effect.name}. Add it?", console=status)

@@ -31,6 +31,8 @@ MISFIT = (
 )
 MOST_RENEWALS = 3
 """So often is the noise of a record without periods taken from the residual again, at the most."""
+LARGEST_WEIGHT = 1e6
+"""Of a channel; its square still leaves digits to a channel of weight 1."""
 AT_EDGE = 1e-3
 """Rate of decay below which a fit has run into the edge of stability, where no record can have been made [1/s]."""
 OTHER_STARTS = 13
@@ -248,8 +250,11 @@ def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:
             raise ModelError(
                 f"weights: {name} is no channel; expected y, i_c, or one of {', '.join(model.loop.outputs)}"
             )
-        if not (np.isfinite(factor) and factor >= 0.0):
-            raise ModelError(f"weights: {name} = {factor}; expected a number of 0 or more")
+        if factor != 0.0 and not 1.0 / LARGEST_WEIGHT <= factor <= LARGEST_WEIGHT:
+            raise ModelError(
+                f"weights: {name} = {factor}; expected 0, or a number from {1.0 / LARGEST_WEIGHT:g} to "
+                f"{LARGEST_WEIGHT:g}"
+            )
         factors[own] = factor
     if not factors.any():
         raise ModelError("weights: every channel has weight 0; leave at least one in")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,12 +15,17 @@ from ambid.effects import Effect, find
 from ambid.errors import ModelError
 from ambid.model.parameter import Parameter
 from ambid.model.structure import Structure
+from ambid.reading import reading
 from ambid.rig import Rig
 from ambid.writing import whole_file
 
 __all__ = ["read_model", "write_model"]
 
 FORMAT = "ambid model 1"
+LONGEST_FILE = 1 << 25
+"""Characters of a model file: those of its rigs, and the covariance of a thousand parameters."""
+ROUNDING = 1e-9
+"""Part of a variance by which an eigenvalue of a covariance may be negative."""
 
 
 def write_model(
@@ -29,7 +34,7 @@ def write_model(
     """Write a model with its further operating points; the covariance has NaN for parameters that were not free."""
     matrix = None
     if covariance is not None:
-        matrix = [[None if np.isnan(c) else float(c) for c in row] for row in np.asarray(covariance)]
+        matrix = [[float(c) if np.isfinite(c) else None for c in row] for row in np.asarray(covariance)]
     text = {
         "format": FORMAT,
         "rig": structure.rig.to_toml(),
@@ -58,20 +63,24 @@ def read_model(path: Path, rig: Rig | None, catalogue: Sequence[Effect]) -> tupl
     ModelError
         If the file is none of ours or has been broken, or an effect of it is not in the catalogue.
     """
-    try:
-        text: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        if text.get("format") != FORMAT:
-            raise ModelError(f"{path}: format = {text.get('format')!r}, expected {FORMAT!r}, as --save writes it")
-        stored = [
-            Parameter(name, float(p["value"]), p["unit"], tuple(p["slots"])) for name, p in text["parameters"].items()
-        ]
-        effects = [(entry["name"], {k: v for k, v in entry.items() if k != "name"}) for entry in text["effects"]]
-        points = tuple(Rig.from_toml(point, path) for point in text.get("points", ()))
-        machine = Rig.from_toml(text["rig"], path) if rig is None else rig
-    except OSError as error:
-        raise ModelError(f"{path}: cannot be read ({error.strerror}); give a file that --save wrote") from None
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise ModelError(f"{path}: not a model that --save wrote ({type(error).__name__}: {error})") from None
+    with reading(path, ModelError, "a model", "give a file that --save wrote"):
+        with path.open(encoding="utf-8") as file:
+            content = file.read(LONGEST_FILE + 1)
+        if len(content) > LONGEST_FILE:
+            raise ModelError(f"{path}: more than {LONGEST_FILE} characters; give a file that --save wrote")
+        return _model_of(path, json.loads(content), rig, catalogue)
+
+
+def _model_of(
+    path: Path, text: dict[str, Any], rig: Rig | None, catalogue: Sequence[Effect]
+) -> tuple[Structure, list[Parameter]]:
+    if text.get("format") != FORMAT:
+        raise ModelError(f"{path}: format = {text.get('format')!r}, expected {FORMAT!r}, as --save writes it")
+    stored = [_parameter(path, name, entry) for name, entry in text["parameters"].items()]
+    _require_covariance(path, text.get("covariance"), len(stored))
+    effects = [(entry["name"], {k: v for k, v in entry.items() if k != "name"}) for entry in text["effects"]]
+    points = tuple(Rig.from_toml(point, path) for point in text.get("points", ()))
+    machine = Rig.from_toml(text["rig"], path) if rig is None else rig
     unknown = {name for name, _ in effects} - {effect.name for effect in catalogue}
     if unknown:
         raise ModelError(
@@ -86,6 +95,35 @@ def read_model(path: Path, rig: Rig | None, catalogue: Sequence[Effect]) -> tupl
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from None
     return structure, parameters
+
+
+def _parameter(path: Path, name: str, entry: Mapping[str, Any]) -> Parameter:
+    value, unit, slots = entry["value"], entry["unit"], entry["slots"]
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ModelError(f"{path}: {name}: value = {value!r}: expected a number")
+    if not isinstance(unit, str) or not isinstance(slots, list) or not all(isinstance(slot, str) for slot in slots):
+        raise ModelError(f"{path}: {name}: unit = {unit!r}, slots = {slots!r}: expected a text, and a list of texts")
+    return Parameter(name, float(value), unit, tuple(slots))
+
+
+def _require_covariance(path: Path, rows: Any, count: int) -> None:
+    """Refuse what is no covariance of as many parameters; a parameter that was not free has null with all others."""
+    if rows is None:
+        return
+    matrix = np.array([[np.nan if entry is None else entry for entry in row] for row in rows], dtype=float)
+    if matrix.shape != (count, count):
+        raise ModelError(
+            f"{path}: covariance has the shape {matrix.shape}: expected {(count, count)}, a row a parameter"
+        )
+    free = np.isfinite(np.diag(matrix))
+    known = matrix[np.ix_(free, free)]
+    scale = np.sqrt(np.abs(np.diag(known)))
+    scale[scale == 0.0] = 1.0
+    scaled = known / scale / scale[:, None]
+    if not np.array_equal(np.isfinite(matrix), np.outer(free, free)) or not np.allclose(scaled, scaled.T, 0, ROUNDING):
+        raise ModelError(f"{path}: covariance is not symmetric, or not finite where its diagonal is; identify again")
+    if known.size and np.linalg.eigvalsh(scaled).min() < -ROUNDING:
+        raise ModelError(f"{path}: covariance gives a sum of parameters a negative variance; identify again")
 
 
 def _with_limits(stored: Sequence[Parameter], usual: Sequence[Parameter]) -> list[Parameter]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambid.errors import InputError, RecordError
+from ambid.record.content import Content, Stored
 from ambid.record.raw import SIGNALS, RawRecord, numbers, require_agreement
-from ambid.record.readers import Content
 
 __all__ = ["ChannelMap"]
 
@@ -84,10 +85,10 @@ class ChannelMap:
         RecordError
             If a column is missing or holds no numbers, the lengths differ, or nothing tells the sample rate.
         """
-        columns, turned = _columns(content)
+        columns = _columns(content)
         names = {channel: self._name(path, channel, columns) for channel in self._sources}
         values = {
-            channel: numbers(path, names[channel], columns[names[channel]]) * source.factor
+            channel: columns[names[channel]].numbers(path, names[channel]) * source.factor
             for channel, source in self._sources.items()
         }
         raw = RawRecord({}, values.get("t"), content.sample_rate)
@@ -108,7 +109,7 @@ class ChannelMap:
             if own:
                 axes = tuple(channel.removeprefix(f"{signal}.") for channel in own)
                 raw.signals[signal] = (axes, np.stack([values[channel] for channel in own], axis=1))
-        raw.notes = self._notes(names, columns, turned)
+        raw.notes = [*self._notes(names, columns), *content.notes]
         return raw
 
     def _name(self, path: Path, channel: str, columns: Mapping[str, object]) -> str:
@@ -121,13 +122,13 @@ class ChannelMap:
         present = ", ".join(f"{k} {name}" if name != str(k) else name for k, name in enumerate(names, start=1))
         raise RecordError(f"{path}: map {channel}={wanted}: there is no such column; the columns are {present}")
 
-    def _notes(self, names: Mapping[str, str], columns: Mapping[str, object], turned: set[str]) -> list[str]:
+    def _notes(self, names: Mapping[str, str], columns: Mapping[str, _Column]) -> list[str]:
         by_map = ", ".join(
             f"{channel} = {names[channel]}" + (f" times {source.factor:g}" if source.factor != 1.0 else "")
             for channel, source in self._sources.items()
         )
         unused = [name for name in columns if name not in names.values()]
-        used_turned = sorted({name for name in names.values() if name.partition("[")[0] in turned})
+        used_turned = sorted({name for name in names.values() if columns[name].is_row})
         notes = [f"columns by the map: {by_map}"]
         notes += [f"{name}: its matrix is wider than long, and was transposed" for name in used_turned]
         return [*notes, f"columns not used: {', '.join(unused)}"] if unused else notes
@@ -153,19 +154,30 @@ def _source(channel: str, text: str) -> _Source:
     return _Source(column if colon and column else text, factor)
 
 
-def _columns(content: Content) -> tuple[dict[str, NDArray[np.float64]], set[str]]:
-    """All columns of numbers by name, matrices column by column; and the matrices that were turned for that."""
-    columns: dict[str, NDArray[np.float64]] = {}
-    turned = set()
+@dataclass(frozen=True)
+class _Column:
+    """A column of numbers: an array, or one column of a matrix, or one row of a matrix that is wider than long."""
+
+    array: NDArray[Any] | Stored
+    index: int | None = None
+    is_row: bool = False
+
+    def numbers(self, path: Path, name: str) -> NDArray[np.float64]:
+        values = numbers(path, name, self.array)
+        return values.ravel() if self.index is None else values[self.index] if self.is_row else values[:, self.index]
+
+
+def _columns(content: Content) -> dict[str, _Column]:
+    """All columns of numbers by name, matrices column by column."""
+    columns: dict[str, _Column] = {}
     for name, value in content.arrays.items():
-        array = np.asarray(value)
-        if array.dtype.kind not in "iufb" or array.ndim > 2 or array.size == 0:
+        array = value if isinstance(value, Stored) else np.asarray(value)
+        if array.dtype.kind not in "iufb" or len(array.shape) > 2 or 0 in array.shape:
             continue
-        if array.ndim < 2 or 1 in array.shape:
-            columns[name] = array.ravel()
+        if len(array.shape) < 2 or 1 in array.shape:
+            columns[name] = _Column(array)
             continue
-        if array.shape[0] < array.shape[1]:
-            array = array.T
-            turned.add(name)
-        columns |= {f"{name}[{k}]": array[:, k - 1] for k in range(1, array.shape[1] + 1)}
-    return columns, turned
+        is_row = array.shape[0] < array.shape[1]
+        count = min(array.shape)
+        columns |= {f"{name}[{k + 1}]": _Column(array, k, is_row) for k in range(count)}
+    return columns

@@ -12,6 +12,10 @@ from ambid.rig import Rig
 
 MIN_SAMPLES = 200
 """Fewest samples of a record."""
+SMALLEST_CHANGE = 1e-20
+"""Metres, or ampere, that a channel must change by: no sensor tells less, and its square loses its digits."""
+MIN_PERIOD = 3
+"""Fewest samples of a period: with fewer, no line of the spectrum lies between 0 and half the sample rate."""
 RATE_TOLERANCE = 1e-3
 """Relative difference between sample rates that are called the same."""
 LARGEST_CURRENT_RMS = 100.0  # A; larger than any bearing's, and reached at once by values in mA
@@ -42,8 +46,10 @@ def require_length(where: str, samples: int, period: int | None) -> None:
     """Refuse a record that is too short, or a stated period that does not fit in it."""
     if samples < MIN_SAMPLES:
         raise RecordError(f"{where}: {samples} samples, at least {MIN_SAMPLES} are needed; record for longer")
-    if period is not None and not (isinstance(period, int | np.integer) and 1 <= period <= samples):
-        raise RecordError(f"{where}: period = {period!r}; give a whole number of samples from 1 to {samples}")
+    if period is not None and not (isinstance(period, int | np.integer) and MIN_PERIOD <= period <= samples):
+        raise RecordError(
+            f"{where}: period = {period!r}; give a whole number of samples from {MIN_PERIOD} to {samples}"
+        )
 
 
 def require_finite(where: str, columns: Iterable[tuple[str, NDArray[np.float64]]]) -> None:
@@ -59,7 +65,7 @@ def require_finite(where: str, columns: Iterable[tuple[str, NDArray[np.float64]]
 
 def require_alive(where: str, channel: str, values: NDArray[np.float64]) -> None:
     """Refuse a channel that never changes."""
-    if np.ptp(values) == 0:
+    if np.ptp(values) < SMALLEST_CHANGE:
         raise RecordError(
             f"{where}: {channel} is constant at {values[0]:.6g}: a dead or unplugged sensor; repair it and record again"
         )
@@ -217,7 +223,7 @@ def _clipped(values: NDArray[np.float64]) -> tuple[float, float]:
 
 def notes_on_excitation(where: str, axes: tuple[str, ...], i_e: NDArray[np.float64]) -> list[str]:
     """Refuse a record without excitation; note each axis that is not excited while others are."""
-    still = [axis for axis, values in zip(axes, i_e.T, strict=True) if np.ptp(values) == 0]
+    still = [axis for axis, values in zip(axes, i_e.T, strict=True) if np.ptp(values) < SMALLEST_CHANGE]
     if len(still) == len(axes):
         values = ", ".join(f"{value:.4g}" for value in i_e[0])
         raise RecordError(

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.errors import RecordError
-from ambid.record.readers import Content, require_names
+from ambid.record.content import Content, Stored
+from ambid.record.readers import require_names
 
 SIGNALS = ("i_e", "y", "i_c", "i_ref")
 
@@ -50,6 +51,7 @@ def raw_record(path: Path, content: Content, sample_rate: float | None = None) -
     has_columns = any(name.startswith(tuple(f"{signal}." for signal in SIGNALS)) for name in content.arrays)
     gather = _from_columns if content.is_table or has_columns else _from_matrices
     raw = gather(path, content, sample_rate)
+    raw.notes += content.notes
     if raw.sample_rate is None:
         raw.sample_rate = sample_rate
     require_agreement(path, raw.sample_rate, sample_rate)
@@ -64,10 +66,10 @@ def require_agreement(path: Path, in_file: float | None, given: float | None) ->
 
 def numbers(path: Path, name: str, value: Any) -> NDArray[np.float64]:
     """An array of real numbers; RecordError where it is none, or empty."""
-    array = np.asarray(value)
-    if array.dtype.kind not in "iufb" or array.size == 0:
+    array = value if isinstance(value, Stored) else np.asarray(value)
+    if array.dtype.kind not in "iufb" or 0 in array.shape:
         raise RecordError(f"{path}: {name} holds {array.dtype} of shape {array.shape}; give real numbers")
-    return array.astype(np.float64)
+    return np.asarray(array, dtype=np.float64)
 
 
 def _from_columns(path: Path, content: Content, sample_rate: float | None) -> RawRecord:

@@ -3,66 +3,58 @@
 from __future__ import annotations
 
 import importlib
+import logging
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, contextmanager
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
-import scipy.io
 from numpy.typing import NDArray
 
 from ambid.errors import InputError, RecordError
+from ambid.reading import MOST_COLUMNS, load_mat, reading, require_size, variables_of
+from ambid.record.content import Content, Stored
+from ambid.record.hdf5 import read_hdf5
+
+T = TypeVar("T")
 
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
-_MATLAB_OWN = ("#refs#", "#subsystem#")
+LONGEST_LINE = 1 << 20
+"""Characters of a header: 100 for each of as many columns as are allowed."""
 
 
-@dataclass
-class Content:
-    """What a file holds, before anything is made of it.
-
-    Attributes
-    ----------
-    arrays : dict of str to array
-        By name, in the file's order: columns of a table, variables, datasets. Members of groups and structures have
-        names such as ``scope/y`` (HDF5, TDMS) or ``scope.y`` (.mat).
-    is_table : bool
-        Whether the format has columns only.
-    axes : list, optional
-        Entries of a variable ``axes``.
-    sample_rate : float, optional
-        What the format itself states [Hz], as TDMS does.
-    has_names : bool
-        False where the columns have no names and are called 1, 2, ...
-    """
-
-    arrays: dict[str, Any]
-    is_table: bool = False
-    axes: list[Any] | None = None
-    sample_rate: float | None = None
-    has_names: bool = True
-
-
-def read(path: Path) -> Content:
-    """Read a file in the format that the suffix of its path names.
+@contextmanager
+def opened(path: Path) -> Iterator[Content]:
+    """What a file holds, in the format that the suffix of its path names; large arrays are read when asked for.
 
     Raises
     ------
     RecordError
-        If the file is missing, empty, damaged, or of an unknown suffix.
+        If the file is missing, empty, damaged, or of an unknown suffix; also where that shows within.
     InputError
         If the format needs a package that is not installed.
     """
     reader = by_suffix(path, _READERS)
     require_content(path)
-    return reader(path)
+    suffix = path.suffix.lower()
+    what = f"a readable {_CALLED.get(suffix, suffix)} file"
+    with reading(path, RecordError, what, "save it again"), reader(path) as content:
+        require_columns(path, len(content.arrays))
+        yield content
 
 
-def by_suffix(path: Path, functions: dict[str, Callable[..., Any]]) -> Callable[..., Any]:
+def require_columns(path: Path, count: int) -> None:
+    """Refuse a table on its side."""
+    if count > MOST_COLUMNS:
+        raise RecordError(f"{path}: {count} columns, at most {MOST_COLUMNS} are read; give one a channel")
+
+
+def by_suffix(path: Path, functions: dict[str, T]) -> T:
     """The function for the suffix of a path; RecordError where there is none."""
     suffix = path.suffix.lower()
     if suffix not in functions:
@@ -98,9 +90,9 @@ def read_csv_columns(path: Path) -> dict[str, NDArray[np.float64]]:
         For a missing header, a duplicated column, a header without rows, or a cell that is not a number (with its row,
         counted from 1).
     """
-    content = _read_csv(path)
-    require_names(path, content)
-    return content.arrays
+    with opened(path) as content:
+        require_names(path, content)
+        return content.arrays
 
 
 def require_names(path: Path, content: Content) -> None:
@@ -109,12 +101,16 @@ def require_names(path: Path, content: Content) -> None:
         raise RecordError(f"{path}: the first line holds numbers; put the names of the columns above them")
 
 
-def _read_csv(path: Path) -> Content:
+@contextmanager
+def _read_csv(path: Path) -> Iterator[Content]:
     try:
         with path.open(encoding="utf-8-sig") as file:
-            head = file.readline()
+            head = file.readline(LONGEST_LINE)
+            if len(head) == LONGEST_LINE:
+                raise RecordError(f"{path}: a first line of more than {LONGEST_LINE} characters; give a row a sample")
             separator = max(",;\t", key=head.count)
             names = [name.strip() for name in head.split(separator)]
+            require_columns(path, len(names))
             has_names = not all(_is_number(name) for name in names)
             rows = _rows(file)
             first = next(rows, None) if has_names else head
@@ -133,7 +129,7 @@ def _read_csv(path: Path) -> Content:
         raise RecordError(f"{path}: {_first_bad_cell(path, names, separator, has_names) or error}") from None
     if table.shape[1] != len(names):
         raise RecordError(f"{path}: {len(names)} names in the header, {table.shape[1]} columns below; make them equal")
-    return Content(dict(zip(names, table.T, strict=True)), is_table=True, has_names=has_names)
+    yield Content(dict(zip(names, table.T, strict=True)), is_table=True, has_names=has_names)
 
 
 def _rows(file: Iterable[str]) -> Iterator[str]:
@@ -164,20 +160,26 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _read_mat(path: Path) -> Content:
+@contextmanager
+def _read_mat(path: Path) -> Iterator[Content]:
     with path.open("rb") as file:
         head = file.read(520)
     # MATLAB puts a block of 512 bytes before the HDF5 signature of a v7.3 file.
     if _HDF5_SIGNATURE in (head[:8], head[512:]):
-        return _read_hdf5(path)
-    try:
-        content = scipy.io.loadmat(path)
-    except Exception as error:  # the parser raises whatever a damaged byte leads it to
-        raise RecordError(f"{path}: not a readable .mat file ({error}); save it again as v5 or v7.3") from error
-    variables = {name: value for name, value in content.items() if not name.startswith("__")}
-    axes = variables.get("axes")
-    arrays = {full: array for name, value in variables.items() for full, array in _members(name, value)}
-    return Content(arrays, axes=None if axes is None else _flatten_cells(axes))
+        with _read_hdf5(path) as content:
+            yield content
+        return
+    known = variables_of(path) or []
+    later = {v.name: Stored(v.shape, v.dtype, partial(_variable, path, v.name)) for v in known if v.dtype is not None}
+    now = load_mat(path, [v.name for v in known if v.dtype is None] if known else None)
+    found = {v.name: later.get(v.name, now.get(v.name)) for v in known} or now
+    axes = found.get("axes")
+    arrays = {full: array for name, value in found.items() for full, array in _members(name, value)}
+    yield Content(arrays, axes=None if axes is None else _flatten_cells(np.asarray(axes)))
+
+
+def _variable(path: Path, name: str) -> NDArray[Any]:
+    return np.asarray(load_mat(path, [name])[name])
 
 
 def _members(name: str, value: Any) -> Iterator[tuple[str, Any]]:
@@ -195,63 +197,97 @@ def _flatten_cells(axes: NDArray[Any]) -> list[Any]:
     return [cell.item() if isinstance(cell, np.ndarray) and cell.size == 1 else cell for cell in np.ravel(axes)]
 
 
-def _read_hdf5(path: Path) -> Content:
-    h5py = extra("h5py", path)
-    is_mat = path.suffix.lower() == ".mat"
-
-    def datasets(group: Any, prefix: str) -> Iterator[tuple[str, Any]]:
-        for name, item in group.items():
-            if isinstance(item, h5py.Group) and name not in _MATLAB_OWN:
-                yield from datasets(item, f"{prefix}{name}{'.' if is_mat else '/'}")
-            elif isinstance(item, h5py.Dataset):
-                # MATLAB stores column by column: its arrays are turned in HDF5's view.
-                turned = "MATLAB_class" in item.attrs or is_mat
-                yield f"{prefix}{name}", item[()].T if turned else item[()]
-
-    try:
-        with h5py.File(path, "r") as file:
-            arrays = dict(datasets(file, ""))
-            axes = _hdf5_strings(file, file["axes"]) if "axes" in arrays else None
-    except OSError as error:
-        raise RecordError(f"{path}: not a readable HDF5 file ({error}); save it again") from error
-    return Content(arrays, axes=axes)
+def _read_hdf5(path: Path) -> AbstractContextManager[Content]:
+    return read_hdf5(path, extra("h5py", path))
 
 
-def _hdf5_strings(file: Any, dataset: Any) -> list[Any]:
-    """Strings of an HDF5 string array, or of a MATLAB v7.3 cell array (references to rows of character codes)."""
-    if dataset.dtype.kind == "O" and dataset.attrs.get("MATLAB_class", b"cell") == b"cell":
-        cells = np.ravel(dataset[()])
-        return ["".join(map(chr, np.ravel(file[cell][()]))) if not isinstance(cell, bytes) else cell for cell in cells]
-    if dataset.dtype.kind == "u":
-        return ["".join(map(chr, row)) for row in np.atleast_2d(dataset[()].T)]
-    return list(np.ravel(dataset[()]))
-
-
-def _read_parquet(path: Path) -> Content:
+@contextmanager
+def _read_parquet(path: Path) -> Iterator[Content]:
     parquet = extra("pyarrow.parquet", path)
+    with path.open("rb") as stream, parquet.ParquetFile(stream) as file:  # it takes no path that is not UTF-8
+        rows, names = file.metadata.num_rows, file.schema_arrow.names
+        # A constant column takes some bytes whatever its length: only the memory is a bound.
+        require_size(path, "a column", (rows,), 8)
+
+        def stored(name: str, kind: Any) -> Stored:
+            return Stored((rows,), _numpy_type(kind), lambda: file.read([name])[name].to_numpy())
+
+        yield Content(
+            {name: stored(name, kind) for name, kind in zip(names, file.schema_arrow.types, strict=True)},
+            is_table=True,
+        )
+
+
+def _numpy_type(kind: Any) -> np.dtype[Any]:
+    """That a column of a Parquet file is read as; object where it holds no numbers."""
     try:
-        with path.open("rb") as file:  # pyarrow encodes a path as UTF-8, which not all are
-            table = parquet.read_table(file)
-    except (OSError, ValueError) as error:
-        raise RecordError(f"{path}: not a readable Parquet file ({error}); save it again") from error
-    return Content({name: table[name].to_numpy() for name in table.column_names}, is_table=True)
+        return np.dtype(kind.to_pandas_dtype())
+    except (NotImplementedError, TypeError):
+        return np.dtype(object)
 
 
-def _read_tdms(path: Path) -> Content:
+@contextmanager
+def _read_tdms(path: Path) -> Iterator[Content]:
     nptdms = extra("nptdms", path)
-    try:
-        groups = nptdms.TdmsFile.read(path).groups()
-        channels = [(group.name, channel) for group in groups for channel in group.channels()]
-        arrays = {
-            f"{group}/{channel.name}" if len(groups) > 1 else channel.name: channel[:] for group, channel in channels
+    stored, notes = path.stat().st_size, _Notes()
+    with _told_to(notes), nptdms.TdmsFile.open(path) as file:
+        groups = file.groups()
+        channels = {
+            f"{group.name}/{channel.name}" if len(groups) > 1 else channel.name: channel
+            for group in groups
+            for channel in group.channels()
         }
-    except Exception as error:  # the parser raises whatever a damaged byte leads it to
-        raise RecordError(f"{path}: not a readable TDMS file ({error}); save it again") from error
-    steps = {step for _, channel in channels if (step := channel.properties.get("wf_increment", 0.0)) > 0.0}
-    return Content(arrays, is_table=True, sample_rate=1.0 / steps.pop() if len(steps) == 1 else None)
+
+        def values(name: str, channel: Any) -> Stored:
+            def read() -> NDArray[Any]:
+                require_size(path, name, (len(channel),), channel.dtype.itemsize, stored)
+                return np.asarray(channel[:])
+
+            return Stored((len(channel),), channel.dtype, read)
+
+        rates = {rate for channel in channels.values() if (rate := _rate(channel)) is not None}
+        arrays = {name: values(name, channel) for name, channel in channels.items()}
+        yield Content(arrays, is_table=True, sample_rate=rates.pop() if len(rates) == 1 else None, notes=notes.said)
 
 
-_READERS: dict[str, Callable[[Path], Content]] = {
+class _Notes(logging.Handler):
+    """What npTDMS says of a file, such as that it was cut, once each."""
+
+    said: list[str]
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.said = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep it."""
+        if (text := f"npTDMS: {record.getMessage()}") not in self.said:
+            self.said.append(text)
+
+
+@contextmanager
+def _told_to(notes: _Notes) -> Iterator[None]:
+    """Take what npTDMS says from the terminal, where nobody would know which file it is about."""
+    loggers = [logging.getLogger(name) for name in list(logging.root.manager.loggerDict) if name.startswith("nptdms.")]
+    before = [logger.handlers for logger in loggers]
+    for logger in loggers:
+        logger.handlers, logger.propagate = [notes], False
+    try:
+        yield
+    finally:
+        for logger, handlers in zip(loggers, before, strict=True):
+            logger.handlers, logger.propagate = handlers, True
+
+
+def _rate(channel: Any) -> float | None:
+    """Sample rate that a channel states [Hz]; None where ``wf_increment`` is no step in time."""
+    step = channel.properties.get("wf_increment")
+    if isinstance(step, bool) or not isinstance(step, int | float) or not (0.0 < step < np.inf and 1.0 / step < np.inf):
+        return None
+    return 1.0 / step
+
+
+_READERS: dict[str, Callable[[Path], AbstractContextManager[Content]]] = {
     ".csv": _read_csv,
     ".mat": _read_mat,
     ".h5": _read_hdf5,
@@ -259,5 +295,6 @@ _READERS: dict[str, Callable[[Path], Content]] = {
     ".parquet": _read_parquet,
     ".tdms": _read_tdms,
 }
+_CALLED = {".h5": "HDF5", ".hdf5": "HDF5", ".parquet": "Parquet", ".tdms": "TDMS"}
 SUFFIXES = tuple(_READERS)
 """Of the formats that a record may have."""

@@ -15,7 +15,7 @@ from ambid.record.channel_map import ChannelMap
 from ambid.record.mending import mended_excitation, mended_outputs
 from ambid.record.period import find_period
 from ambid.record.raw import SIGNALS, raw_record
-from ambid.record.readers import read
+from ambid.record.readers import opened
 from ambid.record.rebuild import rebuild_excitation
 from ambid.record.writers import write
 from ambid.rig import Rig
@@ -135,8 +135,8 @@ class Record:
         where = str(path)
         if mapping is not None and not isinstance(mapping, ChannelMap):
             mapping = ChannelMap(mapping)
-        content = read(path)
-        raw = (raw_record if mapping is None else mapping.raw_record)(path, content, sample_rate)
+        with opened(path) as content:
+            raw = (raw_record if mapping is None else mapping.raw_record)(path, content, sample_rate)
         notes = list(raw.notes)
         axes = raw.signals["y"][0]
         if axes is None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from ambid.diagnosis import Diagnosis
-from ambid.errors import InputError
+from ambid.errors import InputError, printable
 from ambid.report.chapters import story
 from ambid.threads import with_one_blas_thread
 from ambid.writing import require_writable, whole_file
@@ -52,7 +52,7 @@ def write_report(diagnosis: Diagnosis, path: str | Path) -> Path:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    text = environment.get_template("template.html").render(story(diagnosis))
+    page = environment.get_template("template.html").render(story(diagnosis))
     with whole_file(path) as stream:
-        stream.write(text.encode(errors="backslashreplace"))
+        stream.write(printable(page).encode(errors="backslashreplace"))
     return path

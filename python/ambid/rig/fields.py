@@ -28,6 +28,8 @@ _KINDS = {
     "controller": ("pid", "state_space", "transfer_function"),
 }
 _LONGEST_VALUE = 70
+LEAST = 1e-30
+"""Smallest size of a physical quantity that is not 0, in SI units; the inverse of less overflows in a square."""
 
 
 def plain(number: float) -> str:
@@ -49,6 +51,8 @@ class Range:
         Units that people write by mistake, each with its factor to `unit`.
     note : str
         What else to say to somebody whose value is out of range, such as a sign convention.
+    least : float
+        Smallest size of a value that is not 0.
     """
 
     low: float = -math.inf
@@ -56,6 +60,7 @@ class Range:
     unit: str = ""
     slips: tuple[tuple[str, float], ...] = ()
     note: str = ""
+    least: float = LEAST
 
     @property
     def allowed(self) -> str:
@@ -66,8 +71,10 @@ class Range:
 
     def complaint(self, value: Any) -> str | None:
         """Say what is wrong with `value` and what to do; None if nothing is."""
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < math.inf:
             return f"expected a finite number; allowed: {self.allowed}."
+        if self.unit and 0.0 < abs(value) < self.least:
+            return f"expected 0, or at least {plain(self.least)} {self.unit} in size; check the value and its unit."
         if self.low <= value <= self.high:
             return None
         text = f"expected {self.allowed}"

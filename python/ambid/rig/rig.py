@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, PrivateAttr, ValidationError, ValidationInfo, field_validator, model_validator
 
 from ambid.errors import RigError
+from ambid.reading import reading
 from ambid.rig.controller import (
     SAMPLE_RATE,
     AnyController,
@@ -41,12 +42,16 @@ SPEED = Range(0.0, 5e4, "rad/s")
 TILT = Range(-360.0, 360.0, "degrees")
 BIAS_CURRENT = Range(1e-3, 500.0, "A", (("milliamperes", 1e-3),))
 AIR_GAP = Range(1e-5, 0.02, "m", (MILLIMETRES, MICROMETRES))
+LONGEST_FILE = 1 << 23
+"""Characters of a rig file: three matrices of 200 freedoms take a third, and reading as much takes seconds."""
 _CONVENTION = "f = K_i i + K_s s"
 FORCE_CURRENT = Range(1e-4, 1e5, "N/A", (), f"{_CONVENTION}, K_i > 0: current pulls towards +s")
 FORCE_DISPLACEMENT = Range(1e-2, 1e10, "N/m", (), f"{_CONVENTION}, K_s > 0 destabilises")
 STIFFNESS_SLIPS = (("N/mm", 1e3), ("N/um", 1e6))
-AMPLIFIER_LAG = Range(0.0, 0.05, "s", (MILLISECONDS, MICROSECONDS), "0 is an ideal amplifier")
-ACTUATOR_LAG = Range(1e-7, 0.05, "s", (MILLISECONDS, MICROSECONDS))
+SHORTEST_LAG = 1e-7
+"""Seconds: a lag of a tenth of the shortest sample is none."""
+AMPLIFIER_LAG = Range(0.0, 0.05, "s", (MILLISECONDS, MICROSECONDS), "0 is an ideal amplifier", SHORTEST_LAG)
+ACTUATOR_LAG = Range(SHORTEST_LAG, 0.05, "s", (MILLISECONDS, MICROSECONDS))
 RESISTANCE = Range(1e-3, 1e5, "ohm", (("kilohm", 1e3),), "of a coil whose voltage is commanded")
 
 
@@ -280,13 +285,16 @@ class Rig(Spec):
             If the file cannot be read, is not TOML, or holds a wrong key or value.
         """
         try:
-            text = Path(path).read_text(encoding="utf-8")
+            with Path(path).open(encoding="utf-8") as file:
+                text = file.read(LONGEST_FILE + 1)
         except FileNotFoundError:
             raise RigError(f"{path}: there is no such file; check the path of the rig file.") from None
         except OSError as error:
             raise RigError(f"{path}: cannot be read ({error.strerror}); give the path of a rig file.") from None
         except UnicodeDecodeError as error:
             raise RigError(f"{path}: not a text in UTF-8 ({error.reason}); give a rig file in TOML.") from None
+        if len(text) > LONGEST_FILE:
+            raise RigError(f"{path}: more than {LONGEST_FILE} characters; give a rig file, large matrices by `file`.")
         return cls.from_toml(text, path)
 
     @classmethod
@@ -305,14 +313,15 @@ class Rig(Spec):
             If the text is not TOML, or holds a wrong key or value.
         """
         source = "rig" if path is None else os.fspath(path)
-        try:
-            data = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise RigError(f"{source}: not a TOML file: {error}; correct it there.") from None
-        try:
-            rig = cls.model_validate(data, context={"directory": Path(source).parent})
-        except ValidationError as error:
-            raise rig_error(error, source, data) from None
+        with reading(source, RigError, "a rig", "correct it there"):
+            try:
+                data = tomllib.loads(text)
+            except tomllib.TOMLDecodeError as error:
+                raise RigError(f"{source}: not a TOML file: {error}; correct it there.") from None
+            try:
+                rig = cls.model_validate(data, context={"directory": Path(source).parent})
+            except ValidationError as error:
+                raise rig_error(error, source, data) from None
         rig._path = None if path is None else Path(path)
         return rig
 

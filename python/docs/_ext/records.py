@@ -41,8 +41,12 @@ def _packages(reader: Callable[..., Any]) -> str:
     """What a reader imports when it is called, itself or through another reader that it may hand over to."""
     source = inspect.getsource(reader)
     own = ", ".join(re.findall(r'extra\("(\w+)', source))
-    others = {_packages(other) for other in _constant("_READERS").values() if f" {other.__name__}(" in source[4:]}
+    others = {_packages(other) for other in _constant("_READERS").values() if _calls(reader, other)}
     return own or ", ".join(f"{other}, if such is inside" for other in others if other)
+
+
+def _calls(reader: Callable[..., Any], other: Callable[..., Any]) -> bool:
+    return other is not reader and f" {other.__name__}(" in inspect.getsource(reader)
 
 
 def _signals() -> str:

@@ -1,0 +1,67 @@
+"""What a file of a record holds, before anything is made of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Content", "Stored"]
+
+
+@dataclass(frozen=True)
+class Stored:
+    """An array in an open file, which is read when NumPy asks for it, and not before.
+
+    Attributes
+    ----------
+    shape : tuple of int
+    dtype : dtype
+    read : function
+        Checks the size, and returns the array.
+    """
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    read: Callable[[], NDArray[Any]]
+
+    @cached_property
+    def values(self) -> NDArray[Any]:
+        """What was read, once for all columns of a matrix."""
+        return self.read()
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        return np.asarray(self.values, dtype=dtype)
+
+
+@dataclass
+class Content:
+    """What a file holds, before anything is made of it.
+
+    Attributes
+    ----------
+    arrays : dict of str to array or Stored
+        By name, in the file's order: columns of a table, variables, datasets. Members of groups and structures have
+        names such as ``scope/y`` (HDF5, TDMS) or ``scope.y`` (.mat).
+    is_table : bool
+        Whether the format has columns only.
+    axes : list, optional
+        Entries of a variable ``axes``.
+    sample_rate : float, optional
+        What the format itself states [Hz], as TDMS does.
+    has_names : bool
+        False where the columns have no names and are called 1, 2, ...
+    notes : list of str
+        What was left aside.
+    """
+
+    arrays: dict[str, Any]
+    is_table: bool = False
+    axes: list[Any] | None = None
+    sample_rate: float | None = None
+    has_names: bool = True
+    notes: list[str] = field(default_factory=list)

@@ -1,0 +1,177 @@
+"""Inputs that once ended in a traceback, a crash, a hang, or a swollen process: each breaks one thing in a folder."""
+
+from __future__ import annotations
+
+import json
+import re
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import nptdms
+import numpy as np
+import scipy.io
+
+from fuzz import containers
+
+Breaker = Callable[[], None]
+CHECK, STATIC = ("check", "rig.toml"), ("static-load", "bench.toml", "load.csv")
+MODEL = ("compare", "rig.toml", "run.csv", "--model", "model.json")
+
+
+def replaced(name: str, old: str, new: str) -> Breaker:
+    """Another text in a file; `old` is a pattern."""
+
+    def make() -> None:
+        text, count = re.subn(old, lambda _: new, Path(name).read_text(), count=1)
+        assert count
+        Path(name).write_text(text)
+
+    return make
+
+
+def column(name: str, k: int, change: Callable[[float], float]) -> Breaker:
+    """Another column of a table."""
+
+    def make() -> None:
+        head, *rows = [line.split(",") for line in Path(name).read_text().split()]
+        rows = [[*row[:k], repr(change(float(row[k]))), *row[k + 1 :]] for row in rows]
+        Path(name).write_text("\n".join(",".join(row) for row in [head, *rows]) + "\n")
+
+    return make
+
+
+def text(name: str, content: str) -> Breaker:
+    return lambda: Path(name).write_text(content) and None
+
+
+def appended(variable: Callable[[], bytes]) -> Breaker:
+    """A .mat file with a variable behind the others."""
+
+    def make() -> None:
+        held = scipy.io.loadmat("run.mat")
+        scipy.io.savemat("run.mat", {key: held[key] for key in ("fs", "t", "i_e", "i_c", "axes")})
+        with Path("run.mat").open("ab") as file:
+            file.write(variable())
+
+    return make
+
+
+def many_zeros() -> bytes:
+    """A compressed variable that expands beyond what it declares."""
+    packed = zlib.compress(containers.array(6, (1, 1), b"")[:60] + bytes(1 << 20))
+    return containers.element(15, packed)
+
+
+def with_hdf5(change: Callable[[h5py.File], object]) -> Breaker:
+    def make() -> None:
+        with h5py.File("run.h5", "a") as file:
+            change(file)
+
+    return make
+
+
+def instead(name: str, make: Callable[[h5py.File], object]) -> Breaker:
+    def change(file: h5py.File) -> None:
+        del file[name]
+        make(file)
+
+    return with_hdf5(change)
+
+
+def chain(file: h5py.File) -> None:
+    group = file
+    for _ in range(500):
+        group = group.create_group("g")
+
+
+def tdms(step: object, cut: int = 0) -> Breaker:
+    def make() -> None:
+        with nptdms.TdmsWriter("run.tdms") as file:
+            names = ("i_e.A_zeta", "y.A_zeta", "i_c.A_zeta")
+            file.write_segment(
+                [nptdms.ChannelObject("g", n, np.arange(630.0) % 7, {"wf_increment": step}) for n in names]
+            )
+        data = Path("run.tdms").read_bytes()
+        Path("run.tdms").write_bytes(data[: len(data) - cut])
+
+    return make
+
+
+def covariance(change: Callable[[list[list[float]]], object]) -> Breaker:
+    def make() -> None:
+        content = json.loads(Path("model.json").read_text())
+        change(content["covariance"])
+        Path("model.json").write_text(json.dumps(content))
+
+    return make
+
+
+def nothing() -> None:
+    pass
+
+
+EXTERNAL = (1 << 20,)
+
+CORPUS: dict[str, tuple[Breaker, tuple[str, ...], str]] = {
+    "rig, nested deep": (replaced("rig.toml", "name = .*", "name = " + "[" * 5000), CHECK, "rig.toml: not a rig"),
+    "rig, a number of 400 digits": (replaced("rig.toml", "mass = 12.0", "mass = 1" + "0" * 400), CHECK, "rotor.mass"),
+    "rig, a lag of nothing": (
+        replaced("rig.toml", "time_constant = 1e-4", "time_constant = 5e-324"), CHECK, "at least 1e-7 s"
+    ),
+    "model, nested deep": (text("model.json", "[" * 100_000), MODEL, "model.json: not a model (nested"),
+    "model, a list for a number": (replaced("model.json", r'"value": [\d.]+', '"value": []'), MODEL, "value = []"),
+    "model, an endless unit": (
+        replaced("model.json", r'"unit": "N/A"', '"unit": ' + json.dumps(["x" * 100_000])), MODEL, "more characters"
+    ),
+    "model, covariance of another size": (covariance(lambda rows: rows.pop()), MODEL, "covariance has the shape"),
+    "model, covariance not symmetric": (covariance(lambda m: m[0].__setitem__(1, 1.0)), MODEL, "not symmetric"),
+    "model, negative variance": (covariance(lambda m: m[0].__setitem__(0, -1.0)), MODEL, "negative variance"),
+    "csv, a million columns": (text("run.csv", "a," * 1_000_000 + "\n"), (*CHECK, "run.csv"), "1048576 characters"),
+    "csv, twenty thousand columns": (text("run.csv", "a," * 20_000 + "\n1"), (*CHECK, "run.csv"), "20001 columns"),
+    "csv, a line of megabytes": (replaced("run.csv", "0.0001", "x" * 5_000_000), (*CHECK, "run.csv"), "more ch"),
+    "csv, beyond floating point": (replaced("run.csv", "\n0.0001,", "\n1e400,"), (*CHECK, "run.csv"), "t is inf"),
+    "csv, a current of nothing": (column("run.csv", 3, lambda i: i / 1e300), (*CHECK, "run.csv"), "i_c.A_zeta is c"),
+    "load, a current of nothing": (column("load.csv", 5, lambda i: 1e-300 * i), STATIC, "i_c.A_eta is constant"),
+    "mat, cells in cells": (appended(lambda: containers.nested(30_000)), (*CHECK, "run.mat"), "deeper than 50"),
+    "mat, two gigabytes": (appended(containers.bomb), (*CHECK, "run.mat"), "run.mat: not a readable .mat"),
+    "mat, a cell of four thousand million": (appended(containers.dimensions), (*CHECK, "run.mat"), "4294967296 cells"),
+    "mat, more than it declares": (appended(many_zeros), (*CHECK, "run.mat"), "run.mat: not a readable .mat"),
+    "hdf5, links in a circle": (
+        with_hdf5(lambda file: file.create_group("g").__setitem__("up", file["/"])), (*CHECK, "run.h5"), ""
+    ),
+    "hdf5, another file's set": (
+        instead("y", lambda file: file.__setitem__("y", h5py.ExternalLink("run73.mat", "/y"))),
+        (*CHECK, "run.h5"),
+        "variable 'y'",
+    ),
+    "hdf5, values in another file": (
+        instead("y", lambda file: file.create_dataset("y", EXTERNAL, "f8", external=[("rig.toml", 0, 8 << 20)])),
+        (*CHECK, "run.h5"),
+        "in other files",
+    ),
+    "hdf5, a set of terabytes": (
+        instead("y", lambda file: file.create_dataset("y", (1 << 40, 1), "f8", chunks=True)),
+        (*CHECK, "run.h5"),
+        "y declares the shape",
+    ),
+    "hdf5, never filled": (
+        instead("y", lambda file: file.create_dataset("y", (1 << 22, 1), "f8", chunks=True)),
+        (*CHECK, "run.h5"),
+        "are stored for it",
+    ),
+    "hdf5, unused terabytes": (
+        with_hdf5(lambda file: file.create_dataset("unused", (1 << 40,), "f8", chunks=True)), (*CHECK, "run.h5"), ""
+    ),
+    "hdf5, groups in groups": (with_hdf5(chain), (*CHECK, "run.h5"), "nested deeper than 32"),
+    "tdms, a step in words": (tdms("fast"), (*CHECK, "run.tdms"), "column 't' [s] is missing"),
+    "tdms, a step of nothing": (tdms(0.0), (*CHECK, "run.tdms"), "column 't' [s] is missing"),
+    "tdms, an endless step": (tdms(np.inf), (*CHECK, "run.tdms"), "column 't' [s] is missing"),
+    "tdms, cut": (tdms(1e-4, cut=5000), (*CHECK, "run.tdms"), "run.tdms"),
+    "period of one sample": (nothing, (*CHECK, "run.csv", "--period", "1"), "from 3 to 630"),
+    "period of five samples": (nothing, ("diagnose", "rig.toml", "run.csv", "--period", "5"), ""),
+    "weights of 1e300": (nothing, ("identify", "rig.toml", "run.csv", "--weight", "y=1e300"), "y = 1e+300"),
+    "an escape for an option": (nothing, (*CHECK, "--\x1b[31m"), r"--\x1b[31m"),
+}  # fmt: skip
+"""What is broken, the words of the command, and what it must say; nothing where the file is taken."""

@@ -1,0 +1,94 @@
+"""No traceback, whatever the file: what once failed, and a thousand damaged inputs."""
+
+import contextlib
+import json
+import shutil
+import unicodedata
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import ambid
+from ambid.errors import LONGEST_MESSAGE, InputError, printable
+from fuzz.bases import healthy
+from fuzz.corpus import CORPUS
+from fuzz.run import table, verdicts
+
+
+@pytest.fixture(scope="session")
+def bases(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("fuzz") / "healthy"
+    healthy(folder)
+    return folder
+
+
+@pytest.mark.parametrize("case", CORPUS)
+def test_what_once_failed(case, bases, tmp_path, monkeypatch, command):
+    shutil.copytree(bases, tmp_path / "files")
+    monkeypatch.chdir(tmp_path / "files")
+    make, words, said = CORPUS[case]
+    make()
+    result = command(*words, "--json", "out.json")
+    if said:
+        assert result.code == 2
+        assert said in " ".join(result.err.split())
+    else:
+        assert result.code in (0, 2), result.err
+    assert len(result.err) < LONGEST_MESSAGE + 200
+    assert not [c for c in result.err + result.out if c not in "\n\t" and unicodedata.category(c) == "Cc"]
+
+
+def test_an_outer_link_is_said(bases, tmp_path, monkeypatch, command):
+    shutil.copytree(bases, tmp_path / "files")
+    monkeypatch.chdir(tmp_path / "files")
+    import h5py
+
+    with h5py.File("run.h5", "a") as file:
+        file["other"] = h5py.ExternalLink("run73.mat", "/y")
+    assert "leads to another file, and is not followed" in command("check", "rig.toml", "run.h5").out
+
+
+def test_a_name_with_formulas_and_escapes_is_drawn_as_it_is(bases, tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    name = "run_$5_$\x1b[31m^{.csv"
+    shutil.copy(bases / "run.csv", name)
+    result = command("compare", bases / "rig.toml", name, "--plot", "out.svg")
+    assert result.code == 0
+    assert r"run_$5_$\x1b[31m^{" in result.out
+    assert "\x1b" not in (tmp_path / "out.svg").read_text()
+
+
+def test_a_thousand_inputs(tmp_path):
+    found = list(verdicts(1, range(1000), tmp_path, 2))
+    assert len(found) == 1000
+    bad = [v for v in found if not v.is_fine]
+    assert not bad, "\n".join([table(found), *(f"{v.number}: {v.kind}: {v.outcome}: {v.detail}" for v in bad)])
+
+
+@given(st.text())
+def test_printable_text_steers_nothing_and_stays(text):
+    shown = printable(text)
+    assert not [c for c in shown if c not in "\n\t" and unicodedata.category(c) in ("Cc", "Cf", "Cs")]
+    assert printable(shown) == shown
+    shown.encode()  # as a terminal or a page does
+
+
+@given(st.lists(st.text(max_size=20), max_size=3))
+@settings(max_examples=300)
+def test_a_map_is_read_or_refused(options):
+    with contextlib.suppress(InputError):
+        assert "y." in repr(ambid.ChannelMap.parse(options))
+
+
+@given(
+    st.recursive(
+        st.none() | st.booleans() | st.floats() | st.text(), lambda x: st.lists(x) | st.dictionaries(st.text(), x)
+    )
+)
+@settings(max_examples=300)
+def test_a_model_is_read_or_refused(tmp_path_factory, content):
+    path = tmp_path_factory.getbasetemp() / "model.json"
+    path.write_text(json.dumps(content))
+    with pytest.raises(InputError, match=r"model\.json"):
+        ambid.Model.load(path)
