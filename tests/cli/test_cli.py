@@ -325,3 +325,17 @@ def test_the_commands_of_the_readme_are_there(here, one_axis, bench, command):
         files |= {f"{point}/run.mat": [run] for point in ("6A", "10A")}
         result = command(*(value for word in line[1:] for value in files.get(word, [word])), "--quiet")
         assert result.code == 0, result.err
+
+
+def test_identify_begins_with_a_misfit_above_its_bound_and_ends_with_what_check_finds(command, tmp_path):
+    """A card that reads y a sample late: no parameter can make up for it, and the record is told to be wrong."""
+    rig = ambid.Rig.load(DATA / "rig.toml")
+    record = ambid.Record.load(DATA / "prbs.mat", rig)
+    late = tmp_path / "late.mat"
+    signals = {"y": record.y[1:], "i_e": record.i_e[:-1], "i_c": record.i_c[:-1]}
+    ambid.Record.from_arrays(**signals, sample_rate=rig.sample_rate, axes=rig.axes).save(late)
+    said = command("identify", DATA / "rig.toml", late, "--json", tmp_path / "out.json").out.splitlines()
+    assert said[0].startswith("misfit ")
+    assert "physics is missing" in said[0]
+    assert any(line.startswith("check: fault: late: y on ") and "late against i_e" in line for line in said)
+    assert read(tmp_path / "out.json")["check"] == [line.removeprefix("check: ") for line in said if "check: " in line]

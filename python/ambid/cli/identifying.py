@@ -84,14 +84,32 @@ def identify_command(
             estimate = identified()
         except Stopped as stopped:
             estimate = cast(ambid.Estimate, stopped.result)
-    data = estimate.to_json()
+    slips = _slips(machine, loaded, estimate)
     conclude(
-        estimate, data, json_file, quiet, lambda: saved(estimate, save), lambda: drawn(estimate.model, loaded, plot)
+        "\n".join([repr(estimate), *(f"check: {slip}" for slip in slips)]),
+        {**estimate.to_json(), "check": slips},
+        json_file,
+        quiet,
+        lambda: saved(estimate, save),
+        lambda: drawn(estimate.model, loaded, plot),
     )
     if estimate.status == "stopped":
         raise typer.Exit(exit_code())
     if estimate.status in UNFINISHED:
         raise typer.Exit(1)
+
+
+def _slips(machine: ambid.Rig, loaded: list[ambid.Record], estimate: ambid.Estimate) -> list[str]:
+    """What `check` finds where the misfit is above its bound: dirt on a record looks like missing physics."""
+    if estimate.is_adequate or not estimate.comparison.is_judged:
+        return []
+    told = set(estimate.notes)
+    findings = ambid.check(machine, loaded).findings
+    return [
+        f"{found.severity}: {found.where}: {found.what}; {found.todo}"
+        for found in findings
+        if found.severity != "note" and found.what not in told
+    ]
 
 
 def _weights(texts: list[str]) -> str | dict[str, float]:
