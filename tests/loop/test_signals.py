@@ -14,6 +14,7 @@ import numpy as np
 import ambid
 from ambid.demo import DATA
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background inherits that it is ignored
 rig = ambid.Rig.load(DATA / "rig.toml")
 model = ambid.Model(rig)
 loop, theta, sent = model.loop, model.theta, []
