@@ -24,6 +24,8 @@ REGRESSED = 6
 """Lines in a local regression, per number that it fits."""
 ENOUGH = 3
 """Free lines in a regression, per channel: with fewer S is known too badly for J to be 1 when the model is right."""
+MOST_TAKEN = 0.95
+"""Part of a line's noise that a regression may take, at the most, for the rest to tell its power."""
 TOGETHER = 4_000_000
 """Numbers of regressions that are held in memory at a time."""
 SMOOTH = 1.0 / 3.0
@@ -65,11 +67,12 @@ def beside_excitation(several: Sequence[ComplexArray], excitation: ComplexArray)
             "excitations; record for longer, or excite periodically"
         )
     step = max(1, width // 8)
-    starts = np.arange(0, count - width + 1, step)
+    starts = np.append(np.arange(0, count - width, step), count - width)  # the last ends with the lines
     powers = np.linspace(-1.0, 1.0, width)[:, None] ** np.arange(DEGREE + 1)
     spectra = [np.empty((len(starts), p, p), dtype=complex) for _ in several]
     own_power = [np.empty((count, p)) for _ in several]
-    nearest = np.clip(np.round((np.arange(count) - width / 2) / step), 0, len(starts) - 1).astype(np.intp)
+    middle = starts + 0.5 * (width - 1)
+    nearest = np.searchsorted(0.5 * (middle[1:] + middle[:-1]), np.arange(count))
     together = max(1, TOGETHER // (width * max(fitted, p * len(several))))
     for first in range(0, len(starts), together):
         own_starts = starts[first : first + together]
@@ -78,23 +81,27 @@ def beside_excitation(several: Sequence[ComplexArray], excitation: ComplexArray)
         at = nearest[here] - first
         place = np.clip(here - own_starts[at], 0, width - 1)
         own = np.concatenate([lines[rows] for lines in several], axis=2)
-        left = _beside(own, excitation[rows], powers)
+        left, leverage = _beside(own, excitation[rows], powers)
         for k, (spectrum, power) in enumerate(zip(spectra, own_power, strict=True)):
             mine = left[:, :, k * p : (k + 1) * p]
             spectrum[first : first + together] = mine.transpose(0, 2, 1) @ mine.conj() / free
-            power[here] = np.abs(mine[at, place]) ** 2 * width / free
+            power[here] = np.abs(mine[at, place]) ** 2 / (1.0 - leverage[at, place])[:, None]
     factor = (free + fitted * free / (free - p)) / width
     spread = free / (free - p) / factor
     return [(factor * spectrum[nearest], power, spread) for spectrum, power in zip(spectra, own_power, strict=True)]
 
 
-def _beside(own: ComplexArray, excitation: ComplexArray, powers: FloatArray) -> ComplexArray:
-    """What regressions, shape (regressions, lines, channels), leave that follows neither excitation nor transient."""
+def _beside(own: ComplexArray, excitation: ComplexArray, powers: FloatArray) -> tuple[ComplexArray, FloatArray]:
+    """What regressions, shape (regressions, lines, channels), leave that follows neither excitation nor transient.
+
+    Then the part of each line's noise that they took with it, shape (regressions, lines): most at both ends.
+    """
     inputs = np.concatenate([excitation, np.ones((*excitation.shape[:2], 1))], axis=2)
     table = (inputs[..., None] * powers[:, None, :]).reshape(*excitation.shape[:2], -1)
     size = np.linalg.norm(table, axis=1, keepdims=True)
     basis, _ = np.linalg.qr(table / np.where(size > 0.0, size, 1.0))
-    return np.asarray(own - basis @ (basis.conj().transpose(0, 2, 1) @ own))
+    leverage = np.minimum(np.sum(np.abs(basis) ** 2, axis=2), MOST_TAKEN)
+    return np.asarray(own - basis @ (basis.conj().transpose(0, 2, 1) @ own)), leverage
 
 
 def likelier_beside_excitation(
