@@ -80,7 +80,7 @@ class InTime:
         if not self._repeats(here) or lead >= self.window.samples or here.decay_rate < NEUTRAL:
             return self.lines(here, [], at_rest=False)[0]
         period = self.window.period
-        inputs = np.take(self._inputs(here)[:period], np.arange(-lead, period), axis=0, mode="wrap")
+        inputs = np.take(self._mean_period(here), np.arange(-lead, period), axis=0, mode="wrap")
         return self._of_period(self.window.periods * here.loop.core.settled(here.theta, inputs, period))
 
     def samples(self, here: Model, *, at_rest: bool) -> FloatArray:
@@ -104,7 +104,7 @@ class InTime:
             repeated = window.periods - periods + 1.0
             y, slopes = core.folded(theta, free, own, window.first, window.period, repeated)
         else:
-            own = np.tile(inputs[: window.period], (lead + 1, 1))
+            own = np.tile(self._mean_period(here), (lead + 1, 1))
             y, slopes = core.folded(theta, free, own, lead * window.period, window.period, float(window.periods))
         return self._of_period(y), self._of_period(slopes)
 
@@ -126,6 +126,14 @@ class InTime:
 
     def _inputs(self, here: Model) -> FloatArray:
         return np.ascontiguousarray(here.excitation(self.record)[: self.window.first + self.window.samples])
+
+    def _mean_period(self, here: Model) -> FloatArray:
+        """What repeats of the inputs: all of them, unless i_e was measured with noise."""
+        inputs, window = self._inputs(here)[self.window.first :], self.window
+        first = inputs[: window.period]
+        if (inputs[-window.period :] == first).all():
+            return first
+        return np.ascontiguousarray(inputs.reshape(window.periods, window.period, -1).mean(axis=0))
 
     def _of_period(self, folded: FloatArray) -> ComplexArray:
         return self.window.of_period(folded[:, : self.channels])[:: self.every]

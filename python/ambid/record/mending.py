@@ -20,7 +20,7 @@ TOLD = 3
 ENOUGH = 3
 """Periods in one piece that are enough, so that no rows need be joined."""
 AROUND = 50
-"""Rows before the place of a loss that go with it: it is known to a hold of the excitation."""
+"""Rows around the place of a loss that go with it: it is known to a hold of the excitation."""
 
 
 def mended_excitation(signals: Mapping[str, FloatArray], axes: Sequence[str]) -> tuple[Signals, int | None, list[str]]:
@@ -48,6 +48,8 @@ def mended_excitation(signals: Mapping[str, FloatArray], axes: Sequence[str]) ->
     if found.steps:
         mended, more = _without_losses(mended, found)
         notes += more
+    elif not notes:
+        notes = [_noise(mended["i_e"], found.period)]
     return mended, found.period, notes
 
 
@@ -64,11 +66,13 @@ def _right(logged: FloatArray, axes: Sequence[str], found: Repeats) -> tuple[Flo
         i_e[row, axis] = usual
     if len(notes) > TOLD:
         notes = [*notes[:TOLD], f"{len(notes) - TOLD} more wrong samples of i_e, likewise"]
-    if not notes and not found.steps:
-        apart = i_e[found.period :] - i_e[: -found.period]
-        noise = float(np.max(apart.std(axis=0) / i_e.std(axis=0))) / np.sqrt(2.0)
-        notes = [f"i_e repeats after {found.period} samples but for {100.0 * noise:.2g} % of noise"]
     return i_e, notes
+
+
+def _noise(i_e: FloatArray, period: int) -> str:
+    """How well a measured i_e repeats; it is taken as it is, so that the lines between show what its noise brings."""
+    noise = float(np.max((i_e[period:] - i_e[:-period]).std(axis=0) / i_e.std(axis=0))) / np.sqrt(2.0)
+    return f"i_e repeats after {period} samples but for {100.0 * noise:.2g} % of noise"
 
 
 def _without_losses(signals: Signals, found: Repeats) -> tuple[Signals, list[str]]:
@@ -76,7 +80,8 @@ def _without_losses(signals: Signals, found: Repeats) -> tuple[Signals, list[str
     samples = len(signals["i_e"])
     edges = [0, *(step.row for step in found.steps), samples]
     k = int(np.argmax(np.diff(edges)))
-    kept = np.arange(edges[k], edges[k + 1])
+    first = edges[k] + (AROUND if k else 0)
+    kept = np.arange(first, edges[k + 1] - (AROUND if edges[k + 1] < samples else 0))
     left = f"rows {kept[0] + 1} to {kept[-1] + 1} of {samples} are judged, the rest is left out"
     if len(kept) < ENOUGH * found.period:
         mask = np.ones(samples, dtype=bool)
