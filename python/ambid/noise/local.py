@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
@@ -26,6 +27,8 @@ ENOUGH = 3
 """Free lines in a regression, per channel: with fewer S is known too badly for J to be 1 when the model is right."""
 MOST_TAKEN = 0.95
 """Part of a line's noise that a regression may take, at the most, for the rest to tell its power."""
+FEW = 4000
+"""Lines up to which regressions are wide beside the colour of the noise, and are weighted by it."""
 TOGETHER = 4_000_000
 """Numbers of regressions that are held in memory at a time."""
 SMOOTH = 1.0 / 3.0
@@ -40,7 +43,9 @@ Found = tuple[ComplexArray, FloatArray, float]
 """S of every line, the power of the noise of every line and channel by itself, and the spread, see `Spectrum`."""
 
 
-def beside_excitation(several: Sequence[ComplexArray], excitation: ComplexArray) -> list[Found]:
+def beside_excitation(
+    several: Sequence[ComplexArray], excitation: ComplexArray, roots: Sequence[FloatArray] | None = None
+) -> list[Found]:
     """S at every line from what a local regression on the excitation and on a transient leaves, of several residuals.
 
     With q numbers fitted to m lines, the noise has nu = m - q degrees of freedom. A line is one of those that S was
@@ -51,6 +56,8 @@ def beside_excitation(several: Sequence[ComplexArray], excitation: ComplexArray)
     ----------
     several : sequence of ndarray, shape (lines, p)
     excitation : ndarray, shape (lines, axes)
+    roots : sequence of ndarray, shape (lines, p), optional
+        By which each residual was divided to make its noise even; the regression is weighted alike.
 
     Returns
     -------
@@ -80,24 +87,50 @@ def beside_excitation(several: Sequence[ComplexArray], excitation: ComplexArray)
         here = np.flatnonzero((nearest >= first) & (nearest < first + len(rows)))
         at = nearest[here] - first
         place = np.clip(here - own_starts[at], 0, width - 1)
-        own = np.concatenate([lines[rows] for lines in several], axis=2)
-        left, leverage = _beside(own, excitation[rows], powers)
-        for k, (spectrum, power) in enumerate(zip(spectra, own_power, strict=True)):
-            mine = left[:, :, k * p : (k + 1) * p]
-            spectrum[first : first + together] = mine.transpose(0, 2, 1) @ mine.conj() / free
-            power[here] = np.abs(mine[at, place]) ** 2 / (1.0 - leverage[at, place])[:, None]
+        for k, (left, leverage) in enumerate(_left(several, excitation, roots, rows, powers)):
+            spectra[k][first : first + together] = left.transpose(0, 2, 1) @ left.conj() / free
+            own_power[k][here] = np.abs(left[at, place]) ** 2 / (1.0 - leverage[at, place])
     factor = (free + fitted * free / (free - p)) / width
     spread = free / (free - p) / factor
     return [(factor * spectrum[nearest], power, spread) for spectrum, power in zip(spectra, own_power, strict=True)]
 
 
-def _beside(own: ComplexArray, excitation: ComplexArray, powers: FloatArray) -> tuple[ComplexArray, FloatArray]:
+def _left(
+    several: Sequence[ComplexArray],
+    excitation: ComplexArray,
+    roots: Sequence[FloatArray] | None,
+    rows: NDArray[np.intp],
+    powers: FloatArray,
+) -> list[tuple[ComplexArray, FloatArray]]:
+    """What regressions on these rows leave of each residual, and the part of each line's noise that they took."""
+    p, axes = several[0].shape[1], excitation.shape[1]
+    if roots is None:
+        left, taken = _beside(np.concatenate([lines[rows] for lines in several], axis=2), excitation[rows], powers)
+        return [(left[:, :, k * p : (k + 1) * p], taken[:, :, None]) for k in range(len(several))]
+    found = []
+    for lines, root in zip(several, roots, strict=True):
+        parts = []
+        for own in (slice(0, axes), slice(axes, p))[: 1 + (p > axes)]:  # y, then i_c, whose colours differ most
+            weight = 1.0 / np.exp(np.log(root[:, own]).mean(axis=1))[rows]
+            left, taken = _beside(lines[rows][:, :, own], excitation[rows], powers, weight)
+            parts.append((left, np.broadcast_to(taken[:, :, None], left.shape)))
+        found.append(
+            (np.concatenate([own for own, _ in parts], axis=2), np.concatenate([own for _, own in parts], axis=2))
+        )
+    return found
+
+
+def _beside(
+    own: ComplexArray, excitation: ComplexArray, powers: FloatArray, weight: FloatArray | None = None
+) -> tuple[ComplexArray, FloatArray]:
     """What regressions, shape (regressions, lines, channels), leave that follows neither excitation nor transient.
 
     Then the part of each line's noise that they took with it, shape (regressions, lines): most at both ends.
     """
     inputs = np.concatenate([excitation, np.ones((*excitation.shape[:2], 1))], axis=2)
     table = (inputs[..., None] * powers[:, None, :]).reshape(*excitation.shape[:2], -1)
+    if weight is not None:
+        table = table * weight[:, :, None]
     size = np.linalg.norm(table, axis=1, keepdims=True)
     basis, _ = np.linalg.qr(table / np.where(size > 0.0, size, 1.0))
     leverage = np.minimum(np.sum(np.abs(basis) ** 2, axis=2), MOST_TAKEN)
@@ -110,18 +143,24 @@ def likelier_beside_excitation(
     """S at every line behind the shape, (lines, p, p), under which the lines are likeliest, that shape, and the spread.
 
     Noise whose power changes within a regression, as near a peak or towards zero frequency, is made even first: each
-    shape is also tried with the power of the lines around, or a smooth `Envelope`, taken out of every channel.
+    shape is also tried with the power of the lines around, or a smooth `Envelope`, taken out of every channel. On few
+    lines that power is found anew from regressions that are weighted by it: else noise that is loud on a few lines is
+    explained away there, and seen on all others.
     """
     behind = [_core.through(back, lines) for back in shapes]
     plain = beside_excitation(behind, excitation)
     ways = [(back, own, 0.0) for back, (own, _, _) in zip(shapes, plain, strict=True)]
-    even = [
-        (back, lines, root, numbers)
-        for back, lines, (_, power, _) in zip(shapes, behind, plain, strict=True)
-        for root, numbers in (_around(power), _envelope(power))
-    ]
-    flat = beside_excitation([lines / root for _, lines, root, _ in even], excitation)
-    for (back, _, root, numbers), (own, _, _) in zip(even, flat, strict=True):
+    tries = [(back, own, smooth) for back, own in zip(shapes, behind, strict=True) for smooth in (_around, _envelope)]
+    powers = [power for _, power, _ in plain for _ in (_around, _envelope)]
+    rounds = 2 if len(lines) <= FEW else 1
+    for left in reversed(range(rounds)):
+        even = [smooth(power) for (_, _, smooth), power in zip(tries, powers, strict=True)]
+        roots = [root for root, _ in even]
+        residuals = [own / root for (_, own, _), root in zip(tries, roots, strict=True)]
+        flat = beside_excitation(residuals, excitation, roots if rounds > 1 else None)
+        if left:
+            powers = [power * root**2 for (_, power, _), root in zip(flat, roots, strict=True)]
+    for (back, _, _), (root, numbers), (own, _, _) in zip(tries, even, flat, strict=True):
         ways.append((back / root[:, :, None], own, numbers))
     shape, own, _ = max(ways, key=lambda way: _likelihood(way[1], way[0]) - way[2])
     return own, shape, np.full(len(lines), plain[0][2])
