@@ -49,4 +49,4 @@ def test_the_effects_lower_the_error_on_rows_that_were_not_used(told):
     found, train, validate = told[2:]
     for record in (train, validate):
         errors = np.array([magnetoshield.prediction_error(step.model, record) for step in found.history])
-        assert np.all(errors[-1] < 0.4 * errors[0])
+        assert np.all(errors[-1] < 0.45 * errors[0])
