@@ -75,7 +75,7 @@ def test_the_demo(tmp_path):
     """Its files are whole; which of them are there is told by their being new."""
     (tmp_path / "story").mkdir()
     written = [*(f"story/{name}" for name in FILES), "story.json"]
-    found = disturbed(tmp_path, STORY, {"SIGKILL": 8, "SIGINT": 6, "SIGTERM": 6}, written)
+    found = disturbed(tmp_path, STORY, {"SIGKILL": 6, "SIGINT": 3, "SIGTERM": 3}, written)
     print(dict(check(found, all_or_none=False)))
 
 

@@ -27,7 +27,10 @@ mod _core {
     use crate::stepper::Stepper;
 
     #[pymodule_init]
-    fn init(_module: &Bound<'_, PyModule>) -> PyResult<()> {
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        // NumPy's interface is imported with the first array: here, where a signal ends the import, and not later, where
+        // it would be a panic
+        numpy::PyArray1::<f64>::zeros(module.py(), 0, false);
         ambid_core::ask_before_going_on(crate::errors::signalled);
         Ok(())
     }
