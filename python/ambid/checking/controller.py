@@ -27,6 +27,8 @@ TURN = 1e-4
 """Part of a unit of time by which derivatives of the paths are differenced."""
 SURE = 100.0
 """Fall of the sum of squares, in units of what is left, by an instant of y: ten standard errors."""
+DELAYS = (0.0, -0.5, 0.5, 1.0, 1.5)
+"""Delays in samples from which the equation is solved before y is said to be late: what is held has a kink at each."""
 FEWEST = 30
 """Lines clear of noise that tell when y was read."""
 LEAST_LATE = 0.05
@@ -103,15 +105,22 @@ def read_late(loop: NominalLoop, lines: Lines) -> Late | None:
     for k, equation in enumerate(_equations(loop, lines)):
         numbers = 2 * len(lines.frequency_hz)
         timed = replace(equation, has_factors=False, has_instant=True)
+        still = replace(timed, has_instant=False)
         x, spread, left = timed.solved()
+        *_, without = still.solved()
+        if (without / left - 1.0) * numbers < SURE:
+            continue
+        delays = [part / loop.rig.sample_rate / equation.step for part in DELAYS]  # each may lead to an end of its own
+        x, spread, left = min((timed.solved(delay) for delay in delays), key=lambda end: end[2])
+        without = min(still.solved(delay)[2] for delay in delays)
         late = x[-1] * equation.step
-        *_, without = replace(timed, has_instant=False).solved()
         if abs(late) < LEAST_LATE / loop.rig.sample_rate or (without / left - 1.0) * numbers < SURE:
             continue
-        *_, otherwise = replace(equation, induces=True).solved()
+        otherwise = min(replace(equation, induces=True).solved(delay)[2] for delay in delays)
         spent = equation.of_y.shape[1] + 1  # its unknowns beyond those with an instant
         if (left / otherwise - 1.0) * numbers > spent * np.log(numbers):
-            x, spread, left = replace(equation, has_instant=True).solved()  # wrong gains, and late as well?
+            both = replace(equation, has_instant=True)  # wrong gains, and late as well?
+            x, spread, left = min((both.solved(delay) for delay in delays), key=lambda end: end[2])
             late = x[-1] * equation.step
             if abs(late) < LEAST_LATE / loop.rig.sample_rate or (otherwise / left - 1.0) * numbers < SURE:
                 continue
@@ -173,9 +182,10 @@ class _Equation:
         """Norm of i_c."""
         return float(np.linalg.norm(self.i_c))
 
-    def solved(self) -> tuple[FloatArray, FloatArray, float]:
-        """Unknowns, their standard errors, and the square of the part of i_c that is left."""
+    def solved(self, delay: float = 0.0) -> tuple[FloatArray, FloatArray, float]:
+        """Unknowns, their standard errors, and the square of the part of i_c that is left, from a delay on."""
         first = np.concatenate([np.ones(1 + self.of_y.shape[1]), np.zeros(1 + self.held.shape[1] + 4)])
+        first[-4] = delay
         free = np.flatnonzero(
             np.concatenate(
                 [
