@@ -11,6 +11,7 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.errors import ModelError, RecordError, Stopped, UnstableLoopError
 from ambid.identification.covariance import covariance, lost, sandwich, undetermined
+from ambid.identification.damped import damped_start
 from ambid.identification.estimate import Estimate, ParameterEstimate
 from ambid.identification.minimum import ROUGHLY, WhitenedProblem
 from ambid.identification.problem import EXACTLY, End, LeastSquares, Limits, Problem, noise_levels
@@ -35,8 +36,6 @@ LARGEST_WEIGHT = 1e6
 """Of a channel; its square still leaves digits to a channel of weight 1."""
 AT_EDGE = 1e-3
 """Rate of decay below which a fit has run into the edge of stability, where no record can have been made [1/s]."""
-OTHER_STARTS = 13
-"""Starts around the rig's values that are tried from there: half of them may be unstable."""
 RENEWED = 0.01
 """Relative change of J by that which is small enough."""
 STABLE_FACTORS = (0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.5)
@@ -171,16 +170,12 @@ def _likeliest(
     stable, notes = _stable(model, free, origins, limits)
     rough = WhitenedProblem(model, Noise.rough(stable, records), free, progress)  # x in units of the limits
     best, more = _best_of(rough, origins if not notes else [stable.theta[free]], limits, max_evaluations, ROUGHLY)
-    if best.status == "at_bound" or (best.status != "stopped" and rough.is_stuck(best.theta)):
-        # driven to a bound, or to the edge of stability: eq. 9 goes another way
-        timed = Problem(model, records, free, noise_levels(records), _factors(model, None), progress)
-        other, further = _best_of(timed, origins, limits, max_evaluations, ROUGHLY)
-        second = rough.descend(other.theta[free] / rough.scale, limits, max_evaluations, ROUGHLY)
-        best, more = min((best, more), (second, further), key=lambda pair: pair[0].cost)
-    if best.status != "stopped" and model.with_theta(best.theta).decay_rate < AT_EDGE:
-        around = _starts(model.theta, free, limits, OTHER_STARTS, 0, spread=0.1)
-        second, further = _best_of(rough, around, limits, max_evaluations, ROUGHLY)
-        best, more = min((best, more), (second, further), key=lambda pair: pair[0].cost)
+    if _is_kept_away(rough, best):
+        # where everything is damped more there is a way around the edge of stability
+        x, spent = damped_start(stable, records, free, limits)
+        second = rough.descend(x, limits, max_evaluations, ROUGHLY)
+        rough.evaluations += spent
+        best = min(best, second, key=lambda end: end.cost)
     problem: WhitenedProblem = rough
     at = model.with_theta(best.theta)
     comparison = Comparison(at, records, rough.noise.renewed(at))
@@ -212,6 +207,14 @@ def _likeliest(
         )
     found, directions = covariance(comparison, free), lost(comparison, free)
     return _estimate(problem, best, limits, found, directions, comparison, [*notes, *more], begun)
+
+
+def _is_kept_away(problem: WhitenedProblem, end: End) -> bool:
+    """Whether a fit was driven to a bound or to the edge of stability, which keep it from its optimum."""
+    if end.status not in ("converged", "at_bound"):
+        return False
+    at_edge = problem.model.with_theta(end.theta).decay_rate < AT_EDGE
+    return end.status == "at_bound" or at_edge or problem.is_stuck(end.theta)
 
 
 def _stable(model: Model, free: list[int], origins: list[FloatArray], limits: Limits) -> tuple[Model, list[str]]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.noise.converter import repeated_rounding
+from ambid.noise.damped import DampedWindow
 from ambid.noise.window import Window
 from ambid.record import Record
 
@@ -20,10 +21,14 @@ class Measured:
     Parameters
     ----------
     record : Record
+    damping : float
+        Rate at which its samples fade away [1/s].
     """
 
-    def __init__(self, record: Record) -> None:
+    def __init__(self, record: Record, damping: float = 0.0) -> None:
         self.record, self.window = record, Window.of(record)
+        if damping:
+            self.window = DampedWindow.like(self.window, damping / record.sample_rate)
         self.channels = len(record.channels)
 
     @cached_property

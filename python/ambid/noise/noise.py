@@ -88,10 +88,10 @@ class Noise:
         self._known: dict[tuple[object, tuple[int, ...], bool], Quadratic] = {}
 
     @classmethod
-    def rough(cls, model: Model, records: Sequence[Record]) -> Noise:
-        """A rough one of few lines, to come near an optimum with."""
+    def rough(cls, model: Model, records: Sequence[Record], damping: float = 0.0) -> Noise:
+        """A rough one of few lines, to come near an optimum with; of samples that fade away at a rate [1/s], if any."""
         other = cls.__new__(cls)
-        other._take([RecordLines(model, Measured(record), rough=True) for record in records])
+        other._take([RecordLines(model, Measured(record, damping), rough=True) for record in records])
         return other
 
     def renewed(self, model: Model) -> Noise:

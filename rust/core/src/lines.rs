@@ -8,7 +8,8 @@
 //! ```
 //!
 //! Z and U being sums over `exp(-2 pi i l k / N)`, over the root of N. The transient d is unknown, real, one number a
-//! state. The cost goes with the lines, not with the samples.
+//! state. The cost goes with the lines, not with the samples. Of signals times `r^-k`, r > 1, it holds on the circle of
+//! radius r: every pole is then damped by ln r more, and only those beyond that circle count as unstable.
 
 mod dense;
 mod modal;
@@ -77,10 +78,21 @@ enum Way {
     Dense(Box<dense::Dense>),
 }
 
+/// Refuses poles that are not within a circle about zero; the unit circle is that of stability.
+fn within(radius: f64, mu: &[C64], dt: f64) -> Result<()> {
+    let scaled: Vec<C64> = mu.iter().map(|mu| mu.unscale(radius)).collect();
+    stable(&scaled, dt)
+}
+
+/// Of the circle that points lie on or outside of: 1 for lines, more for those of a signal that was damped.
+pub(crate) fn radius(w: &[C64]) -> f64 {
+    w.iter().map(|w| w.norm()).reduce(f64::min).unwrap_or(1.0).max(1.0)
+}
+
 impl<'a> OnLines<'a> {
     /// # Errors
-    /// [`Error::Unstable`] where a pole does not decay; else as [`ClosedLoop::poles`].
-    fn new(part: &'a Part, theta: &[f64], free: &[usize], values_only: bool) -> Result<Self> {
+    /// [`Error::Unstable`] where a pole is not within the circle of the points; else as [`ClosedLoop::poles`].
+    fn new(part: &'a Part, theta: &[f64], free: &[usize], radius: f64, values_only: bool) -> Result<Self> {
         let acts = |parameter: usize| part.model.parameters().any(|p| p == parameter);
         let own: Vec<usize> = (0..free.len()).filter(|j| acts(free[*j])).collect();
         let parameters: Vec<usize> = own.iter().map(|j| free[*j]).collect();
@@ -89,12 +101,12 @@ impl<'a> OnLines<'a> {
         }
         let way = match Modal::new(&part.model, theta, &parameters, values_only)? {
             Some(modal) => {
-                stable(&modal.value.mu, part.model.dt)?;
+                within(radius, &modal.value.mu, part.model.dt)?;
                 Way::Modal(Box::new(modal::Poles::new(&modal)))
             }
             None => {
                 let (value, slopes) = discretise(&part.model, theta, &parameters)?;
-                stable(&eigenvalues(&value.a)?, part.model.dt)?;
+                within(radius, &eigenvalues(&value.a)?, part.model.dt)?;
                 Way::Dense(Box::new(dense::Dense::new(value, slopes)?))
             }
         };
@@ -137,10 +149,16 @@ impl ClosedLoop {
     /// Every part on lines, with the derivatives by those of `free` that act on it.
     ///
     /// Transients are told in states that depend on the way which is taken: not where there are `values_only`.
-    pub(crate) fn on_lines(&self, theta: &[f64], free: &[usize], values_only: bool) -> Result<Vec<OnLines<'_>>> {
+    pub(crate) fn on_lines(
+        &self,
+        theta: &[f64],
+        free: &[usize],
+        radius: f64,
+        values_only: bool,
+    ) -> Result<Vec<OnLines<'_>>> {
         self.check(theta, free)?;
         let parts = self.each_part().iter().filter(|p| !p.inputs.is_empty());
-        parts.map(|part| OnLines::new(part, theta, free, values_only)).collect()
+        parts.map(|part| OnLines::new(part, theta, free, radius, values_only)).collect()
     }
 
     /// The response at points `w` of the unit circle to inputs `u` (lines x inputs) and a transient `d`.
@@ -161,7 +179,7 @@ impl ClosedLoop {
     ) -> Result<LineResponse> {
         let (ny, np, inputs) = (self.outputs(), free.len(), self.inputs());
         check_len("inputs on lines", u.len(), w.len() * inputs)?;
-        let parts = self.on_lines(theta, free, free.is_empty() && d.is_empty() && !with_basis)?;
+        let parts = self.on_lines(theta, free, radius(w), free.is_empty() && d.is_empty() && !with_basis)?;
         let states: usize = parts.iter().map(OnLines::states).sum();
         if !d.is_empty() {
             check_len("transient", d.len(), states)?;
@@ -212,7 +230,7 @@ impl ClosedLoop {
     pub fn transfer(&self, theta: &[f64], w: &[C64]) -> Result<Vec<C64>> {
         let (ny, nu) = (self.outputs(), self.inputs());
         let mut found = vec![C64::from(0.0); w.len() * ny * nu];
-        for part in self.on_lines(theta, &[], true)? {
+        for part in self.on_lines(theta, &[], radius(w), true)? {
             let inner = part.outputs.len() * part.inputs.len();
             for (w, found) in w.chunks(AT_A_TIME).zip(found.chunks_mut(AT_A_TIME * ny * nu)) {
                 let own = part.transfer(w)?;
@@ -236,7 +254,7 @@ impl ClosedLoop {
     /// As [`ClosedLoop::lines`].
     pub fn free_response(&self, theta: &[f64], d: &[f64], length: usize, samples: usize) -> Result<Vec<f64>> {
         let ny = self.outputs();
-        let parts = self.on_lines(theta, &[], false)?;
+        let parts = self.on_lines(theta, &[], 1.0, false)?;
         check_len("transient", d.len(), parts.iter().map(OnLines::states).sum())?;
         let mut y = vec![0.0; samples * ny];
         let mut at = 0;

@@ -13,6 +13,8 @@ use crate::stop::go_on;
 
 /// Part that a direction of the state changes by over a period, relative to the most, below which it does not decay.
 const NEUTRAL: f64 = 1e-9;
+/// Part of the change over a period that may be left of it in a steady state; else there is none.
+const REPEATS: f64 = 1e-6;
 /// Iterations per state after which singular values are given up, as LAPACK does.
 const ITERATIONS: usize = 30;
 
@@ -35,7 +37,8 @@ pub fn from_steady_state(model: &Model, theta: &[f64], u: &[f64], period: usize)
     Nonlinear::stable(model, theta, &[])?.run_from(&state, u)
 }
 
-/// The state at the beginning of a period of inputs that repeats, at rest where a direction of it does not decay.
+/// The state at the beginning of a period of inputs that repeats; of directions that do not decay, such as the flux of
+/// a hysteresis, none. At rest where these are driven on.
 fn steady_state(discrete: &Discrete, u: &[f64]) -> Result<DVector<f64>> {
     let n = discrete.a.nrows();
     let (mut state, mut next, inputs) = (DVector::zeros(n), DVector::zeros(n), discrete.b.ncols());
@@ -51,9 +54,11 @@ fn steady_state(discrete: &Discrete, u: &[f64]) -> Result<DVector<f64>> {
     let settled = || {
         // a loop that grows beyond all numbers over a period has no singular values, and looking for them no end
         let finite = open.iter().all(|x| x.is_finite());
-        let parts = finite.then(|| open.try_svd(true, true, 5.0 * f64::EPSILON, ITERATIONS * n)).flatten()?;
-        let size = |pick: fn(f64, f64) -> f64| parts.singular_values.iter().copied().reduce(pick).unwrap_or(1.0);
-        if size(f64::min) > NEUTRAL * size(f64::max) { parts.solve(&state, 0.0).ok() } else { None }
+        let parts = finite.then(|| open.clone().try_svd(true, true, 5.0 * f64::EPSILON, ITERATIONS * n)).flatten()?;
+        let largest = parts.singular_values.max();
+        let found = parts.solve(&state, NEUTRAL * largest).ok()?;
+        // what a direction that does not decay is driven along grows from period to period
+        ((&open * &found - &state).norm() <= REPEATS * state.norm()).then_some(found)
     };
     Ok(settled().unwrap_or_else(|| DVector::zeros(n)))
 }

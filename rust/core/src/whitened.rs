@@ -10,7 +10,7 @@ use nalgebra::{Complex, DMatrix, DVector};
 
 use crate::closed_loop::ClosedLoop;
 use crate::error::{Error, Result, check_len};
-use crate::lines::OnLines;
+use crate::lines::{OnLines, radius};
 use crate::product::add_gram;
 use crate::stop::each;
 use rows::Layout;
@@ -24,6 +24,8 @@ const SEEN: f64 = 1e-10;
 
 /// Part of the sum of squares by which a transient near the best one may raise it.
 const FAR: f64 = 1e-3;
+/// The same by which it is of no use: what it adds along directions that are not its own, [`OWN`], would be left.
+const LOST: f64 = 1e4;
 
 /// Measured lines of a record.
 #[derive(Debug, Clone)]
@@ -92,22 +94,29 @@ pub fn line_equations(
     records: &[&LineData],
     near: &[Vec<f64>],
 ) -> Result<LineNormal> {
-    let parts = system.on_lines(theta, free, false)?;
+    let radius = records.iter().map(|data| radius(&data.w)).fold(f64::INFINITY, f64::min).max(1.0);
+    let parts = system.on_lines(theta, free, radius, false)?;
     let states: usize = parts.iter().map(OnLines::states).sum();
     for data in records {
         check_len("inputs of a record on lines", data.u.len(), data.w.len() * system.inputs())?;
     }
     let np = free.len();
     let is_near = near.len() == records.len() && near.iter().all(|d| d.len() == states);
-    let value = if is_near || free.is_empty() { None } else { Some(system.on_lines(theta, &[], false)?) };
+    let afresh = |data: &LineData| -> Result<Vec<f64>> {
+        let value = system.on_lines(theta, &[], radius, false)?;
+        Ok(Gram::new(&value, 0, data, system.inputs(), &[])?.eliminated().transient(&value, 0))
+    };
     let one = |k: usize, data: &&LineData| -> Result<LineNormal> {
-        let mut start = match &value {
-            Some(value) => Gram::new(value, 0, data, system.inputs(), &[])?.eliminated().transient(value, 0),
-            None if is_near => near[k].clone(),
-            None => Vec::new(),
+        let mut start = match (is_near, free.is_empty()) {
+            (true, _) => near[k].clone(),
+            (false, true) => Vec::new(),
+            (false, false) => afresh(data)?,
         };
         let mut found = Gram::new(&parts, np, data, system.inputs(), &start)?.eliminated();
-        if is_near && !free.is_empty() && found.is_far() {
+        if is_near && found.is_far(LOST) {
+            start = afresh(data)?;
+            found = Gram::new(&parts, np, data, system.inputs(), &start)?.eliminated();
+        } else if is_near && !free.is_empty() && found.is_far(FAR) {
             let more = found.transient(&parts, np);
             start.iter_mut().zip(more).for_each(|(d, more)| *d += more);
             found = Gram::new(&parts, np, data, system.inputs(), &start)?.eliminated();
@@ -193,9 +202,9 @@ struct Eliminated {
 
 impl Eliminated {
     /// Whether the transient that was started from is too far from the best one for the derivatives to be its own.
-    fn is_far(&self) -> bool {
+    fn is_far(&self, by: f64) -> bool {
         let last = self.moments.nrows() - 1;
-        self.before - self.moments[(last, last)] > FAR * self.moments[(last, last)]
+        self.before - self.moments[(last, last)] > by * self.moments[(last, last)]
     }
 
     /// The transient that leaves least of a column: of `dz` by one parameter, or, behind these, of `r`.
@@ -246,7 +255,7 @@ pub fn line_rows(
     d: &[f64],
     transients: bool,
 ) -> Result<(Vec<f64>, usize)> {
-    let parts = system.on_lines(theta, free, free.is_empty() && d.is_empty() && !transients)?;
+    let parts = system.on_lines(theta, free, radius(&data.w), free.is_empty() && d.is_empty() && !transients)?;
     let states: usize = parts.iter().map(OnLines::states).sum();
     check_len("inputs of a record on lines", data.u.len(), data.w.len() * system.inputs())?;
     if !d.is_empty() {

@@ -257,3 +257,24 @@ fn same_bits_for_one_and_many_threads() {
     assert_eq!((one.hessian, one.gradient, one.cost), (four.hessian, four.gradient, four.cost));
     assert_eq!(one.transients, four.transients);
 }
+
+/// A transient that is far off tells J to the digits that one from nothing does.
+#[test]
+fn from_a_transient_that_is_far_off() {
+    let mut random = Random(54);
+    let p = machine(0.0, 0.02);
+    let (system, free) = (p.system(), [8, 2]);
+    let record = Record::new(&p, &mut random, 97, 8);
+    let data = record.data(&system);
+    let expected = line_equations(&system, &p.theta, &free, &[&data], &[]).expect("stable");
+    let any: Vec<f64> = expected.transients[0].iter().map(|_| random.between(-1.0, 1.0)).collect();
+    let size = expected.transients[0].iter().fold(0.0_f64, |size, d| size.max(d.abs()));
+    for far in [1e2, 1e5, 1e8] {
+        let near: Vec<f64> = any.iter().map(|d| far * size * d).collect();
+        let found = line_equations(&system, &p.theta, &free, &[&data], &[near]).expect("stable");
+        let off = (found.cost / expected.cost - 1.0).abs();
+        assert!(off < 1e-6, "{far:.0e} times as large: J off by {off:.1e}");
+        let off = (&found.gradient - &expected.gradient).norm() / expected.gradient.norm();
+        assert!(off < 1e-4, "{far:.0e} times as large: gradient off by {off:.1e}");
+    }
+}

@@ -7,7 +7,7 @@ use common::loops::{Problem, lags};
 use common::machine::{machine, saturating};
 use common::random::Random;
 use common::spectrum::{
-    C64, Rows, clusters, every_kind, free_of, least_squares, orthonormal, points, sizes, transform,
+    C64, Rows, clusters, every_kind, free_of, least_squares, orthonormal, points, sizes, stacked, transform,
 };
 use nalgebra::{DMatrix, DVector};
 
@@ -319,4 +319,43 @@ fn values_alone_of_clustered_poles() {
             }
         }
     }
+}
+
+/// Of signals that fade away, times r^-k, lines lie on the circle of radius r.
+#[test]
+fn signals_that_fade_away() {
+    let mut random = Random(61);
+    let (p, samples, radius) = (machine(0.0, 0.02), 200, 1.01_f64);
+    let system = p.system();
+    let (nu, ny) = (system.inputs(), system.outputs());
+    let u = random.signal(samples * nu);
+    let y = system.simulate(&p.theta, &u).expect("stable");
+    let faded = |x: &[f64], columns: usize| -> Vec<C64> {
+        let x: Vec<f64> = x.iter().enumerate().map(|(i, x)| x * radius.powi(-((i / columns) as i32))).collect();
+        transform(&x, columns)
+    };
+    let w: Vec<C64> = points(samples).iter().map(|w| w * radius).collect();
+    let expected = stacked(&faded(&y, ny), w.len() * ny, 1).column(0).into_owned();
+    let lines = |d: &[f64]| system.lines(&p.theta, &[], &w, &faded(&u, nu), d, true).expect("stable");
+    let forced = Rows::new(&lines(&[]), states(&system, &p.theta), 0);
+    let d = least_squares(&forced.basis, &(&expected - &forced.response), 1e-13);
+    let found = Rows::new(&lines(&d), d.len(), 0);
+    let error = (&found.response - &expected).amax() / expected.amax();
+    assert!(error < 1e-10, "lines off by {error:.1e}");
+}
+
+/// A loop that grows by less than the circle does counts as stable there, and only there.
+#[test]
+fn a_pole_between_two_circles() {
+    let p = lags(&[-50.0], &[&[]], &[0]);
+    let (system, u) = (p.system(), [C64::from(1.0)]);
+    let growth = system.poles(&p.theta).expect("regular")[0].re;
+    assert!(growth > 0.0, "a time constant below zero grows");
+    let on = |radius: f64| system.lines(&p.theta, &[], &[C64::new(0.0, radius)], &u, &[], false);
+    assert!(matches!(on(1.0), Err(Error::Unstable { .. })));
+    let beyond = (1.1 * growth * p.model.dt).exp();
+    let found = on(beyond).expect("damped").response[0];
+    let mu = (growth * p.model.dt).exp();
+    let expected = (1.0 - mu) / (C64::new(0.0, beyond) - mu);
+    assert!((found - expected).norm() < 1e-12 * expected.norm(), "{found} for {expected}");
 }

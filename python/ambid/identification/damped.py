@@ -1,0 +1,90 @@
+"""A start from a record whose samples fade away, for fits that the edge of stability keeps from their optimum."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ambid.arrays import FloatArray
+from ambid.identification.minimum import ROUGHLY, WhitenedProblem
+from ambid.identification.problem import Limits
+from ambid.loop.loop import open_plant
+from ambid.model import Model
+from ambid.noise import Noise
+from ambid.record import Record
+
+__all__ = ["damped_start"]
+
+FIRST = 0.1
+"""Of the rate at which the rotor falls with the controller off: by about as much are the modes on the magnets moved
+where K_i and K_s are some 10 % off, as nominal ones are."""
+LESS = 0.25
+"""Damping from one fit to the next."""
+MOST = 40
+"""Evaluations of each of them."""
+HALVINGS = 12
+"""Of the way back to a stable loop."""
+
+
+def damped_start(stable: Model, records: Sequence[Record], free: list[int], limits: Limits) -> tuple[FloatArray, int]:
+    """Values near the optimum, of fits to records that fade away ever slower.
+
+    Parameters
+    ----------
+    stable : Model
+        Where the first fit starts; nonlinear effects are left out of it.
+    records : sequence of Record
+    free : list of int
+        Its free parameters.
+    limits : tuple of ndarray
+        Lower and upper bounds of x.
+
+    Returns
+    -------
+    x : ndarray, shape (free,)
+        Of a stable loop, in units of the parameters' scales.
+    evaluations : int
+    """
+    linear = stable.without_nonlinear()
+    shared = [k for k, i in enumerate(free) if stable.names[i] in linear.names]
+    own = [linear.names.index(stable.names[free[k]]) for k in shared]
+    bounds = limits[0][shared], limits[1][shared]
+    begin, theta, evaluations = linear.theta, linear.theta, 0
+    for damping in _dampings(linear, records):
+        problem = WhitenedProblem(linear, Noise.rough(linear, records, damping), own)
+        theta = _back(linear, begin, theta, -damping)
+        end = problem.descend(theta[own] / problem.scale, bounds, MOST, ROUGHLY)
+        if end.status == "stopped":
+            raise KeyboardInterrupt from None
+        theta, evaluations = end.theta, evaluations + problem.evaluations
+    found = dict(zip(linear.names, _back(linear, begin, theta, 0.0), strict=True))
+    scale = np.array([stable.parameters[i].scale for i in free])
+    return np.array([found.get(stable.names[i], stable.theta[i]) for i in free]) / scale, evaluations
+
+
+def _dampings(model: Model, records: Sequence[Record]) -> list[float]:
+    """From what widens the modes on the magnets well to what a record hardly feels [1/s]."""
+    last = 1.0 / max(record.samples / record.sample_rate for record in records)
+    found = [max(FIRST * _growth(model), last)]
+    while found[-1] > last:
+        found.append(LESS * found[-1])
+    return found
+
+
+def _growth(model: Model) -> float:
+    """Rate at which the loop leaves with its controller off [1/s]."""
+    at = {slot: parameter.value for parameter in model.parameters for slot in parameter.slots}
+    return float(np.linalg.eigvals(open_plant(model.rig, model.acting).closed(at)[0]).real.max())
+
+
+def _back(model: Model, begin: FloatArray, theta: FloatArray, least: float) -> FloatArray:
+    """As much of the way from `begin` to `theta` as the loop decays by more than `least` [1/s]."""
+    if model.with_theta(theta).decay_rate > least:
+        return theta
+    low, high = 0.0, 1.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        decays = model.with_theta(begin + middle * (theta - begin)).decay_rate > least
+        low, high = (middle, high) if decays else (low, middle)
+    return np.asarray(begin + low * (theta - begin))
