@@ -46,6 +46,10 @@ class RotorBendingMode(Effect):
         """Modes that take part as computed, and weaker ones, which the loop moves less."""
         return [RotorBendingMode(share) for share in (1.0, 0.1, 0.01)]
 
+    def without_probe(self) -> Effect:
+        """The participation is a parameter."""
+        return RotorBendingMode()
+
     def flexible_modes(self, rig: Rig) -> int:
         """How many further modes lie well below half the sample rate; two at the most."""
         more = further_modes(rig.rotor, 2)

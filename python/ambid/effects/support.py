@@ -161,6 +161,10 @@ class FoundationResonance(Effect):
             return (self,)
         return [FoundationResonance(float(f)) for f in np.geomspace(10.0, 0.2 * seen.rig.sample_rate, 40)]
 
+    def without_probe(self) -> Effect:
+        """The frequency is a parameter."""
+        return FoundationResonance()
+
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Frequency [Hz], damping ratio, compliance as the inverse of the moving mass [1/kg]."""
         return [

@@ -156,6 +156,10 @@ class Effect(ABC):
         own: tuple[Field[Any], ...] = fields(self) if is_dataclass(self) else ()
         return {field.name: value for field in own if (value := getattr(self, field.name)) != field.default}
 
+    def without_probe(self) -> Effect:
+        """The variant with the same loop and no settings that only its probe has: so that it is compiled once."""
+        return self
+
     def positions(self, rig: Rig) -> Sequence[float]:
         """Axial positions at which it acts, beside magnets and sensors [m]."""
         return ()

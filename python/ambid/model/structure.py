@@ -64,16 +64,9 @@ class Structure:
         more: Iterable[Effect] = (),
     ) -> Loop:
         """The closed loop with these parameters in its slots; see `Loop` for the rest."""
-        return Loop(
-            self.rig,
-            {slot: i for i, parameter in enumerate(parameters) for slot in parameter.slots},
-            [*self.acting, *more],
-            noise=noise,
-            watch=watch,
-            substeps=self.substeps,
-            reference=self.reference,
-            parameters=len(parameters),
-        )
+        acting = (*(effect.without_probe() for effect in self.acting), *more)
+        slots = tuple(parameter.slots for parameter in parameters)
+        return _compiled(self.rig, acting, slots, noise, tuple(watch), self.substeps, self.reference)
 
     def require_filled(self, parameters: Sequence[Parameter]) -> None:
         """Refuse parameters that do not fill every slot of Delta just once, or hold a value that is not allowed.
@@ -111,6 +104,29 @@ def require_allowed(parameters: Sequence[Parameter]) -> None:
         if not (np.isfinite(parameter.value) and low <= parameter.value <= high and parameter.scale > 0.0):
             allowed = "a positive number" if (low, high) == (0.0, np.inf) else f"{low:g} to {high:g}"
             raise ModelError(f"{parameter.name} = {parameter.value}: expected {allowed} in {parameter.unit}")
+
+
+@lru_cache(maxsize=8)
+def _compiled(
+    rig: Rig,
+    acting: tuple[Effect, ...],
+    slots: tuple[tuple[str, ...], ...],
+    noise: bool,
+    watch: tuple[str, ...],
+    substeps: int | None,
+    reference: Rig,
+) -> Loop:
+    """The closed loop; many models that are tried after each other differ in their values alone."""
+    return Loop(
+        rig,
+        {slot: i for i, own in enumerate(slots) for slot in own},
+        acting,
+        noise=noise,
+        watch=watch,
+        substeps=substeps,
+        reference=reference,
+        parameters=len(slots),
+    )
 
 
 @lru_cache(maxsize=256)

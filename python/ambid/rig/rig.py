@@ -2,6 +2,7 @@
 
 import os
 import tomllib
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -345,6 +346,10 @@ class Rig(Spec):
         return isinstance(other, Rig) and self._values() == other._values()
 
     def __hash__(self) -> int:
+        return self._own_hash
+
+    @cached_property
+    def _own_hash(self) -> int:
         return hash(self._values())
 
     def _values(self) -> tuple[Any, ...]:
