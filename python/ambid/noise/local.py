@@ -8,6 +8,7 @@ System Identification: A Frequency Domain Approach, 2nd ed., chapter 7).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -149,7 +150,6 @@ def likelier_beside_excitation(
     """
     behind = [_core.through(back, lines) for back in shapes]
     plain = beside_excitation(behind, excitation)
-    ways = [(back, own, 0.0) for back, (own, _, _) in zip(shapes, plain, strict=True)]
     tries = [(back, own, smooth) for back, own in zip(shapes, behind, strict=True) for smooth in (_around, _envelope)]
     powers = [power for _, power, _ in plain for _ in (_around, _envelope)]
     rounds = 2 if len(lines) <= FEW else 1
@@ -160,8 +160,13 @@ def likelier_beside_excitation(
         flat = beside_excitation(residuals, excitation, roots if rounds > 1 else None)
         if left:
             powers = [power * root**2 for (_, power, _), root in zip(flat, roots, strict=True)]
-    for (back, _, _), (root, numbers), (own, _, _) in zip(tries, even, flat, strict=True):
-        ways.append((back / root[:, :, None], own, numbers))
+    ways = chain(
+        ((back, own, 0.0) for back, (own, _, _) in zip(shapes, plain, strict=True)),
+        (
+            (back / root[:, :, None], own, numbers)  # one at a time: it is large
+            for (back, _, _), (root, numbers), (own, _, _) in zip(tries, even, flat, strict=True)
+        ),
+    )
     shape, own, _ = max(ways, key=lambda way: _likelihood(way[1], way[0]) - way[2])
     return own, shape, np.full(len(lines), plain[0][2])
 
