@@ -18,7 +18,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
 from ambid.noise.envelope import Envelope
 
-__all__ = ["beside_excitation", "likelier_beside_excitation"]
+__all__ = ["beside_excitation", "likelier_beside_excitation", "regression"]
 
 DEGREE = 2
 """Of the polynomials over frequency in the local regression."""
@@ -66,8 +66,7 @@ def beside_excitation(
         Of each residual: S, shape (lines, p, p); power, shape (lines, p); spread.
     """
     count, p = several[0].shape
-    fitted = (excitation.shape[1] + 1) * (DEGREE + 1)
-    width = min(max(LEAST_WIDTH, REGRESSED * fitted), count - 2)
+    fitted, width = regression(count, excitation.shape[1])
     free = width - fitted
     if free < ENOUGH * p:
         raise RecordError(
@@ -94,6 +93,12 @@ def beside_excitation(
     factor = (free + fitted * free / (free - p)) / width
     spread = free / (free - p) / factor
     return [(factor * spectrum[nearest], power, spread) for spectrum, power in zip(spectra, own_power, strict=True)]
+
+
+def regression(count: int, axes: int) -> tuple[int, int]:
+    """Numbers that a local regression fits, and lines that it takes, of so many lines and excited axes."""
+    fitted = (axes + 1) * (DEGREE + 1)
+    return fitted, min(max(LEAST_WIDTH, REGRESSED * fitted), count - 2)
 
 
 def _left(
