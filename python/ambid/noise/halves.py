@@ -19,8 +19,8 @@ from ambid.record import Record
 __all__ = ["uneven"]
 
 CHANCE = 1e-4
-"""Chance that even noise is called uneven, over all channels of a record: noise that doubles is seen at far smaller ones,
-and sharp modes in short records spread the ratio by a third more than the formula has it."""
+"""Chance that even noise is called uneven, over all channels of a record; noise that doubles has far smaller ones, and
+sharp modes in short records spread the ratio by a third more than the formula has it."""
 MATTERS = 1.25
 """Ratio r of both powers below which nothing is said: the variance of J grows by 2 (1 + r²) / (1 + r)², a hundredth."""
 LEAST_SAMPLES = 500

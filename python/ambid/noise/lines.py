@@ -299,9 +299,18 @@ class RecordLines:
         residual = self.unexcited.left(index, self.tones)
         covariance, spread = between_lines(residual, index / window.periods, self.index / self.window.periods)
         back = back_through_loop(here, self.points, p)
-        covariance = self._with_rounding(covariance, back)
+        covariance = self._with_noise_of_i_e(self._with_rounding(covariance, back), back)
         require_noise(covariance, back, self._z)
         return Spectrum.of(covariance, back, spread)
+
+    def _with_noise_of_i_e(self, covariance: ComplexArray, back: ComplexArray) -> ComplexArray:
+        """The noise with what the model answers to noise in the measurement of i_e, which the machine did not hear."""
+        power, here = self.unexcited.unheard(self.index), self._base
+        if power is None:
+            return covariance
+        way = here.loop.transfer(here.theta, self.points)[:, : self.measured.channels, : len(self.record.axes)]
+        way = back @ way
+        return np.asarray(covariance + way @ power @ way.conj().transpose(0, 2, 1))
 
     def _with_rounding(self, covariance: ComplexArray, back: ComplexArray) -> ComplexArray:
         """The noise with what the converters round, which a digital controller acts on, too."""
