@@ -25,7 +25,7 @@ MATTERS = 1.25
 """Ratio r of both powers below which nothing is said: the variance of J grows by 2 (1 + r²) / (1 + r)², a hundredth."""
 LEAST_SAMPLES = 500
 """Samples of a half that is judged."""
-MOST_LINES = 4096
+JUDGED = 4096
 """Lines of a half that are judged: they tell the ratio to 5 %."""
 BESIDE = 3
 """Lines to each side that even out the spectrum, so that no peak speaks for all lines."""
@@ -56,7 +56,7 @@ def uneven(record: Record, residual: FloatArray, excitation: FloatArray) -> str:
         first, second = (_powers(residual, excitation, Window(samples, 1, begin)) for begin in (0, samples))
     except RecordError:
         return ""  # too few lines for so many channels
-    level = uniform_filter1d(first + second, 2 * BESIDE + 1, axis=0, mode="nearest")
+    level = uniform_filter1d(first + second, 2 * BESIDE + 1, axis=0, mode="reflect")
     ratio = np.mean(second / level, axis=0) / np.mean(first / level, axis=0)
     k = int(np.argmax(np.abs(np.log(ratio))))
     fitted, width = regression(len(level), excitation.shape[1])
@@ -72,6 +72,6 @@ def uneven(record: Record, residual: FloatArray, excitation: FloatArray) -> str:
 
 def _powers(residual: FloatArray, excitation: FloatArray, half: Window) -> FloatArray:
     """Power of the noise on lines of a half, shape (lines, p)."""
-    index = thinned(half.in_period, MOST_LINES)
+    index = thinned(half.in_period, JUDGED)
     [(_, power, _)] = beside_excitation([half.lines(residual)[index]], half.lines(excitation)[index])
     return power

@@ -77,7 +77,7 @@ class Unexcited:
         index = self.window.between(SEVERAL)
         lines = self._inputs(index)[:, : self._axes]
         scatter = lines[:, :, None] * lines[:, None, :].conj()
-        power = uniform_filter1d(scatter, min(2 * AROUND * SEVERAL + 1, len(index)), axis=0, mode="nearest")
+        power = uniform_filter1d(scatter, min(2 * AROUND * SEVERAL + 1, len(index)), axis=0, mode="reflect")
         nearest = np.searchsorted(index / self.window.periods, judged / self.measured.window.periods)
         return np.asarray(power[np.minimum(nearest, len(index) - 1)])
 
