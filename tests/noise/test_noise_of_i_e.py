@@ -50,15 +50,6 @@ def test_every_channel_is_at_its_noise_at_the_lowest_lines():
     assert np.mean(power, axis=0) == pytest.approx([1.0, 1.0], abs=0.12)
 
 
-def test_an_i_e_that_was_rebuilt_shares_its_noise_with_what_it_was_rebuilt_from():
-    record = MODEL.virtual_experiment(EXCITATION, seed=1, current_noise=5e-3)
-    own = {"y": record.y, "i_c": record.i_c, "axes": record.axes, "sample_rate": record.sample_rate}
-    rebuilt = ambid.Record.from_arrays(**own, rig=MODEL.rig, period=PERIOD)
-    assert "rebuilt from i_c" in rebuilt.notes[0]
-    comparison = ambid.compare(MODEL, rebuilt)
-    assert comparison.noise.parts[0].unexcited.is_heard
-
-
 def test_what_repeats_to_the_last_bit_has_no_such_noise():
     record = replace(MODEL.virtual_experiment(EXCITATION, seed=1), period=PERIOD)
     unexcited = Noise(MODEL, [record]).parts[0].unexcited

@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
-from scipy.special import chdtri
 
 from ambid import _core
 from ambid.arrays import ComplexArray
@@ -28,8 +27,6 @@ ENOUGH = 2000
 SEVERAL, AROUND = 4, 60
 """Lines between two excited ones, and excited ones to each side, that tell the noise in the measurement of i_e; no loop
 shapes it."""
-TOGETHER, CHANCE_SHARED = 32, 1e-3
-"""Lines over which a coherence is taken, and the chance that noise without any seems to be shared."""
 TINY = 1e-300
 """In place of nothing, where a logarithm is taken."""
 
@@ -57,18 +54,15 @@ class Unexcited:
 
     @cached_property
     def is_heard(self) -> bool:
-        """Whether what i_e holds beside its period drives the loop; else it was measured with noise of its own.
+        """Whether what i_e holds beside its period drives the loop; else it was measured with noise.
 
-        Taken for excitation, noise of its measurement makes what the model leaves louder. An i_e that was rebuilt has
-        the noise of y and i_c; there what the model leaves with it tells all of it.
+        Taken for excitation, noise of its measurement makes what the model leaves louder.
         """
         if not self._varies:
             return True
         some = self.window.between(1)
         heard, unheard = (self._left(some, (), is_heard=own) for own in (True, False))
-        if np.mean(np.log(np.abs(heard) + TINY)) <= np.mean(np.log(np.abs(unheard) + TINY)):
-            return True
-        return _share_noise(self._inputs(some)[:, : self._axes], unheard)
+        return bool(np.mean(np.log(np.abs(heard) + TINY)) <= np.mean(np.log(np.abs(unheard) + TINY)))
 
     def unheard(self, judged: NDArray[np.intp]) -> ComplexArray | None:
         """Power that noise in the measurement of i_e adds to judged lines of it, shape (lines, axes, axes), if any.
@@ -130,17 +124,3 @@ class Unexcited:
         if (part == part[0]).all():
             return np.zeros((len(index), inputs.shape[1]), dtype=complex)
         return np.ascontiguousarray(window.lines(inputs)[index])
-
-
-def _share_noise(first: ComplexArray, second: ComplexArray) -> bool:
-    """Whether some column of each is coherent with one of the other, by more than chance brings over all pairs.
-
-    Without coherence, n times its square over n lines has an exponential distribution.
-    """
-    together = min(TOGETHER, len(first))
-    blocks = len(first) // together
-    one, other = (own[: blocks * together].reshape(blocks, together, -1) for own in (first, second))
-    cross = np.abs(one.conj().transpose(0, 2, 1) @ other) ** 2
-    power = np.sum(np.abs(one) ** 2, axis=1)[:, :, None] * np.sum(np.abs(other) ** 2, axis=1)[:, None, :]
-    found = 2.0 * together * np.sum(cross / np.maximum(power, TINY), axis=0)
-    return bool(found.max() > chdtri(2 * blocks, CHANCE_SHARED / found.size))
