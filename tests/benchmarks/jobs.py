@@ -3,12 +3,13 @@
     python tests/benchmarks/jobs.py ../shared/cases
     python tests/benchmarks/jobs.py ../shared/cases --against OTHER_ENVIRONMENT/bin/python --jobs identify rank
     python tests/benchmarks/jobs.py --growth
-    python tests/benchmarks/jobs.py --long 1e4 1e5 1e6 --axes 1 4 8 --against OTHER_ENVIRONMENT/bin/python
+    python tests/benchmarks/jobs.py --long 1e4 1e5 1e6 5e6 --axes 1 4 8 --against OTHER_ENVIRONMENT/bin/python
 
 Every figure is the least of several runs in a process of its own on one core, the versions in turn. The turning rotor
 has three modes of 0.3 % and 40 940 samples of four axes, and is simulated once for both. `--growth` shows a fit's cost
 against the number of periods, and the memory of long records; `--long` shows seconds of the processor and the peak of
-memory of `identify` against samples and axes, with periods and without, each in a process of its own. No part of the
+memory of `identify` against samples and axes, with periods and without, each in a process of its own that is given up
+beyond a minute or 3 GB; `--table` writes it in Markdown. `PYTHONPATH` is kept from the other version. No part of the
 tests.
 """
 
@@ -17,6 +18,7 @@ from __future__ import annotations
 import argparse
 import os
 import resource
+import signal
 import subprocess
 import sys
 import tempfile
@@ -30,6 +32,9 @@ JOBS = ("identify 01", "rank 01", *(f"diagnose {case}" for case in CASES), "diag
 OFTEN = {"identify": 15, "rank": 4, "diagnose": 2}
 SLOW = 6.0
 """Seconds of a first run after which there is no second."""
+MOST_SECONDS, MOST_MEMORY = 60, 3_000_000_000
+"""Of a fit to a long record: seconds of the processor, and bytes that may be asked for."""
+LONG = ("axes", "samples", "periods", "this, s", "this, GB", "other, s", "other, GB")
 
 
 def one(job: str, folder: Path) -> None:
@@ -78,9 +83,14 @@ def turning(folder: Path) -> None:
     record.save(folder / "train.csv")
 
 
+def environment(python: str) -> dict[str, str]:
+    """What a process of this Python sees: another version's modules are its own."""
+    return {name: value for name, value in os.environ.items() if python == sys.executable or name != "PYTHONPATH"}
+
+
 def seconds(python: str, job: str, folder: Path) -> float:
     """Least time of a job in a process of its own."""
-    alone = {**os.environ, **{f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "RAYON")}}
+    alone = environment(python) | {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "RAYON")}
     pin = ["taskset", "-c", "0"] if sys.platform == "linux" else []
     command = [*pin, python, __file__, str(folder.parent), "--one", job, "--folder", str(folder)]
     done = subprocess.run(command, env=alone, capture_output=True, text=True)
@@ -136,27 +146,44 @@ def long(axes: int, samples: int, periodic: bool) -> None:
         record = replace(settled, y=y, i_c=i_c, i_e=np.tile(period, (repeats, 1)), period=len(period))
     else:
         record = replace(model.simulate(0.1 * random.standard_normal((samples, axes))), period=None)
-    noisy = {
-        name: z + 0.02 * z.std() * random.standard_normal(z.shape) for name, z in (("y", record.y), ("i_c", record.i_c))
-    }
-    record = replace(record, **noisy)
+    y, i_c = np.array(record.y), np.array(record.i_c)
+    for own in (*y.T, *i_c.T):
+        own += 0.02 * own.std() * random.standard_normal(len(own))
+    record = replace(record, y=y, i_c=i_c)
     begun = time.process_time()
+    resource.setrlimit(resource.RLIMIT_CPU, (int(begun) + MOST_SECONDS, resource.RLIM_INFINITY))
+    resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, resource.RLIM_INFINITY))
     identify(rig, record)
     print(time.process_time() - begun, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6)
 
 
-def long_table(sizes: list[float], axes: list[int], pythons: list[str]) -> None:
+def measured(python: str, axes: int, samples: int, periodic: bool) -> tuple[str, str]:
+    """Seconds and gigabytes of `long`, or why there are none."""
+    job = [python, __file__, "--one", f"long {axes} {samples} {int(periodic)}"]
+    done = subprocess.run(job, capture_output=True, text=True, env=environment(python) | {"OPENBLAS_NUM_THREADS": "1"})
+    if done.returncode == 0:
+        return "{:.2f} {:.2f}".format(*map(float, done.stdout.split())).partition(" ")[::2]
+    if done.returncode == -signal.SIGXCPU:
+        return f"over {MOST_SECONDS}", ""
+    if done.returncode == -signal.SIGABRT or "MemoryError" in done.stderr:
+        return "", f"over {MOST_MEMORY / 1e9:g}"
+    return done.stderr.strip().rpartition("\n")[2][:60], ""
+
+
+def long_table(sizes: list[float], axes: list[int], pythons: list[str], table: Path | None) -> None:
     """Table of `long`, a line a size, a pair of columns for each version."""
-    print(f"{'axes':>4} {'samples':>8} {'periods':>8}", *["  cpu s  peak GB"] * len(pythons))
-    for number, samples, periodic in ((n, s, p) for n in axes for s in sizes for p in (True, False)):
-        cells = []
-        for python in pythons:
-            job = [python, __file__, "--one", f"long {number} {int(samples)} {int(periodic)}"]
-            done = subprocess.run(job, capture_output=True, text=True, env={**os.environ, "OPENBLAS_NUM_THREADS": "1"})
-            cells.append(
-                "{:7.2f} {:8.2f}".format(*map(float, done.stdout.split())) if done.returncode == 0 else f"{'-':>16}"
-            )
-        print(f"{number:4d} {int(samples):8d} {'yes' if periodic else 'no':>8}", *cells, flush=True)
+    sys.path.insert(0, str(Path(__file__).parents[1]))
+    from benchmarks.grid import markdown
+
+    rows = []
+    head = LONG[: 3 + 2 * len(pythons)]
+    print(*(f"{cell:>9}" for cell in head))
+    for number, samples, periodic in ((n, int(s), p) for n in axes for s in sizes for p in (True, False)):
+        cells = [cell for python in pythons for cell in measured(python, number, samples, periodic)]
+        rows.append((number, f"{samples:.0e}".replace("e+0", "e"), "yes" if periodic else "no", *cells))
+        print(*(f"{cell:>9}" for cell in rows[-1]), flush=True)
+        if table:
+            table.write_text(markdown(head, rows))
 
 
 def _timed(job: Callable[[], object]) -> float:
@@ -174,6 +201,7 @@ def main() -> None:
     parser.add_argument("--growth", action="store_true")
     parser.add_argument("--long", type=float, nargs="*", default=[], help="numbers of samples")
     parser.add_argument("--axes", type=int, nargs="*", default=[1, 4], choices=(1, 4, 8))
+    parser.add_argument("--table", type=Path, help="where --long writes its table in Markdown")
     parser.add_argument("--one", help=argparse.SUPPRESS)
     parser.add_argument("--folder", type=Path, help=argparse.SUPPRESS)
     given = parser.parse_args()
@@ -186,7 +214,7 @@ def main() -> None:
         return
     if given.long:
         pythons = [sys.executable, *([given.against] if given.against else [])]
-        long_table(given.long, given.axes, pythons)
+        long_table(given.long, given.axes, pythons, given.table)
         return
     if given.growth:
         growth()

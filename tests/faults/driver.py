@@ -23,6 +23,8 @@ from faults.files import left_over, state, write_old
 
 BEYOND = 1.05
 """Moments reach this far, in units of the time that a run takes."""
+BEFORE = 0.95
+"""Half of them begin here, in units of the time after which the first file is written."""
 
 
 def launch(arguments):
@@ -47,7 +49,7 @@ def run(arguments, outputs, name="", moment=0.0):
     """One run, with a signal if it is named; what it left."""
     for path in outputs:
         write_old(path)
-    begun = time.perf_counter()
+    begun, at = time.perf_counter(), time.time()
     number = launch(arguments)
     if name:
         time.sleep(max(0.0, begun + moment - time.perf_counter()))
@@ -57,6 +59,7 @@ def run(arguments, outputs, name="", moment=0.0):
         "signal": name,
         "seconds": time.perf_counter() - begun,
         "code": os.waitstatus_to_exitcode(status),
+        "first": min(Path(path).stat().st_mtime for path in outputs) - at if not name else None,
         "files": {path: state(Path(path)) for path in outputs},
         "left_over": left_over(),
         "out": Path("out").read_text(),
@@ -70,11 +73,19 @@ def go(task):
     run(arguments, outputs)
     load(Path("modules").read_text().splitlines())
     found = [run(arguments, outputs) for _ in range(3)]
-    span = BEYOND * sorted(one["seconds"] for one in found)[1]
+    first, last = (sorted(one[key] for one in found)[1] for key in ("first", "seconds"))
     return found + [
-        run(arguments, outputs, name, span * (k + 0.5) / count)
+        run(arguments, outputs, name, moment)
         for name, count in task["moments"].items()
-        for k in range(count)
+        for moment in spread(count, BEFORE * first, BEYOND * last)
+    ]
+
+
+def spread(count, first, last):
+    """So many moments: half of them over the whole run, half of them where its files are written."""
+    early, late = count - count // 2, count // 2
+    return [last * (k + 0.5) / early for k in range(early)] + [
+        first + (last - first) * (k + 0.5) / late for k in range(late)
     ]
 
 

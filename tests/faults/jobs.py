@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import ambid
+from ambid.demo import FILES
 from places import LEVITATOR, TESTS
 
 PROGRAM = "from ambid.cli import main; main()"
@@ -23,11 +24,14 @@ JOBS = {
     "campaign": ("campaign", "bench", "--json", "k.json", "--plot", "k.svg"),
 }
 """With outputs in this folder."""
+STORY = ("demo", "--out", "story", "--force", "--json", "story.json")
+"""Takes seconds, and writes its files one by one."""
 OPTIONS = ("--out", "--json", "--plot", "--save", "--report")
 
 
 def prepare(folder: Path) -> Path:
-    """A folder with a rig file, a record, and a campaign at two bias currents."""
+    """A folder with a rig file, a record, a campaign at two bias currents, and a folder for the story."""
+    (folder / "story").mkdir()
     rig = ambid.Rig.load(LEVITATOR)
     i_e = ambid.prbs(7, amplitude=0.1, hold=2, axes=1, periods=6)
     ambid.Model(rig).add("loop_delay", {"delay": 1e-4}).virtual_experiment(i_e, seed=3).save(folder / "run.csv")
@@ -44,6 +48,8 @@ def prepare(folder: Path) -> Path:
 
 def outputs(arguments):
     """The files that a command is to write."""
+    if arguments == STORY:
+        return [*(f"story/{name}" for name in FILES), "story.json"]
     return [value for option, value in zip(arguments, arguments[1:], strict=False) if option in OPTIONS]
 
 
@@ -76,11 +82,11 @@ def ended(*arguments, **options):
     return process.returncode, out, err
 
 
-def disturbed(folder, arguments, moments, written=None):
+def disturbed(folder, arguments, moments):
     """What `driver` tells of a command to which signals came at so many moments each."""
     ran = subprocess.run(
         [sys.executable, TESTS / "faults" / "driver.py"],
-        input=json.dumps({"arguments": arguments, "outputs": written or outputs(arguments), "moments": moments}),
+        input=json.dumps({"arguments": arguments, "outputs": outputs(arguments), "moments": moments}),
         stdout=subprocess.PIPE,
         text=True,
         check=True,

@@ -1,23 +1,23 @@
-"""A command that is killed or stopped at any moment leaves every file old or new, whole, and ends as documented."""
+"""A command that is killed or stopped at any moment leaves every file old or new, whole, and ends as documented.
+
+`tests/faults/run.py` tries more moments, and counts.
+"""
 
 import json
 import os
 import signal
 import subprocess
 import time
-from collections import Counter
 from pathlib import Path
 
 import pytest
 
 import ambid
-from ambid.demo import FILES
-from faults.jobs import FEW, JOBS, disturbed, ended, prepare, start
+from faults.jobs import FEW, JOBS, STORY, disturbed, ended, prepare, start
+from faults.promises import CODES, check
 
-CODES = {"SIGINT": 130, "SIGTERM": 143}
 FAST = {"SIGKILL": 10, "SIGINT": 5, "SIGTERM": 5}
 MANY = {"SIGKILL": 200, "SIGINT": 20, "SIGTERM": 20}
-STORY = ("demo", "--out", "story", "--force", "--json", "story.json")
 READY = "from ambid.cli import main, signals; signals.watch(); import os; os.write(1, b'.'); main()"
 """Says when signals are heard, before the command itself is imported."""
 
@@ -25,27 +25,6 @@ READY = "from ambid.cli import main, signals; signals.watch(); import os; os.wri
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     return prepare(tmp_path_factory.mktemp("faults"))
-
-
-def check(found, all_or_none=True):
-    """Hold every run against what is promised; returns how often which signal left the files in which states."""
-    for one in found:
-        states, name = set(one["files"].values()), one["signal"]
-        assert "broken" not in states, one
-        assert "Traceback" not in one["err"], one["err"]
-        if name == "SIGKILL":
-            assert one["left_over"] <= 1
-            continue
-        assert one["left_over"] == 0
-        if not name:
-            assert (one["code"], states) == (0, {"new"}), one["err"]
-        else:
-            assert one["code"] in (0, CODES[name]), one
-        if one["code"] == 0:
-            assert states == {"new"}
-        if all_or_none:
-            assert len(states) == 1, "one signal: all files are written, or none"
-    return Counter((one["signal"], *sorted(set(one["files"].values()))) for one in found)
 
 
 @pytest.mark.parametrize("job", FEW)
@@ -73,9 +52,7 @@ def test_a_report_and_pictures(tmp_path):
 @pytest.mark.slow
 def test_the_demo(tmp_path):
     """Its files are whole; which of them are there is told by their being new."""
-    (tmp_path / "story").mkdir()
-    written = [*(f"story/{name}" for name in FILES), "story.json"]
-    found = disturbed(tmp_path, STORY, {"SIGKILL": 6, "SIGINT": 3, "SIGTERM": 3}, written)
+    found = disturbed(prepare(tmp_path), STORY, {"SIGKILL": 24, "SIGINT": 4, "SIGTERM": 4})
     print(dict(check(found, all_or_none=False)))
 
 

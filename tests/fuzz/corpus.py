@@ -120,6 +120,9 @@ CORPUS: dict[str, tuple[Breaker, tuple[str, ...], str]] = {
     "rig, a lag of nothing": (
         replaced("rig.toml", "time_constant = 1e-4", "time_constant = 5e-324"), CHECK, "at least 1e-7 s"
     ),
+    "rig, a frequency that is no mode's": (
+        replaced("bench.toml", "1382.733", "13827.33"), ("check", "bench.toml"), "bench.toml: rotor.bending_"
+    ),
     "model, nested deep": (text("model.json", "[" * 100_000), MODEL, "model.json: not a model (nested"),
     "model, a list for a number": (replaced("model.json", r'"value": [\d.]+', '"value": []'), MODEL, "value = []"),
     "model, an endless unit": (

@@ -28,6 +28,8 @@ LONGEST = 10.0
 """Seconds of work on an input; healthy ones take a tenth of one."""
 MOST_WAITING = 60.0
 """Seconds on the clock: an input that sleeps hangs too, and a busy machine is no fault of it."""
+RENEWED = 250
+"""Inputs of a process: what libraries leak of damaged files, some megabytes each, stays far below its bound."""
 FINE = ("exit 0", "exit 1", "exit 2")
 
 
@@ -47,7 +49,7 @@ class Verdict:
 
 
 class Worker:
-    """A process that runs inputs; started again when one kills it."""
+    """A process that runs inputs; started again when one kills it, and when it has run many."""
 
     def __init__(self, seed: int, bases: Path, folder: Path) -> None:
         self._words = [sys.executable, str(Path(__file__).with_name("worker.py")), str(seed), str(bases), str(folder)]
@@ -108,6 +110,9 @@ def verdicts(seed: int, numbers: Iterable[int], folder: Path, workers: int) -> I
                 if line:
                     kind, outcome, detail, seconds, _ = json.loads(line)
                     yield Verdict(worker.number, kind, outcome, detail, seconds)
+                    if worker.given == RENEWED:
+                        worker.end()
+                        worker.start()
                 else:
                     worker.process.wait()
                     yield _lost(worker, seed, bases, folder, f"crash {worker.process.returncode}")

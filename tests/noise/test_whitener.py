@@ -125,5 +125,6 @@ def test_some_lines_are_those_of_the_whole_transform():
     window, signal = Window(100, 3), np.random.default_rng(4).standard_normal((300, 2, 3))
     more = np.array([4, 50, 149])
     index = np.concatenate([window.excited, more])
-    assert_allclose(window.some_lines(signal, more), window.lines(signal)[index], atol=1e-12)
+    found = np.concatenate([window.excited_lines(signal), window.single_lines(signal, more)])
+    assert_allclose(found, window.lines(signal)[index], atol=1e-12)
     assert_allclose(window.points(index), np.exp(2j * np.pi * index / 300))

@@ -20,6 +20,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.optimize import linear_sum_assignment
 
 from ambid.arrays import ComplexArray, FloatArray
+from ambid.loop.geometry import rotor_of
 from ambid.loop.mode import moved_by_worst
 from ambid.loop.plant import base_plant
 from ambid.loop.response import frequency_response
@@ -28,7 +29,6 @@ from ambid.noise.window import Window
 from ambid.record import Record
 from ambid.rig import Controller, PidController, Rig
 from ambid.rig.controller import PID_GAINS, StateSpace
-from ambid.rotor import reduced_rotor
 
 HIGHEST_FREQUENCY = 0.25
 """Lines up to this part of the sample rate count."""
@@ -139,8 +139,7 @@ class NominalLoop:
 
     def __init__(self, rig: Rig) -> None:
         self.rig, self.axes = rig, len(rig.axes)
-        places = [z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)]
-        self.rotor = reduced_rotor(rig.rotor, places)
+        self.rotor = rotor_of(rig)
         nominal = Model(rig)
         self.nominal_poles = nominal.poles()
         self.moved_by_worst = moved_by_worst(nominal.loop.state_space(nominal.theta)[0], self.rotor)

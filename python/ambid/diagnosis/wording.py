@@ -64,6 +64,7 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
     for part in noise.parts:
         if not part.window.is_periodic:
             yield f"{part.record.name}: {WITHOUT_PERIODS}"
+    yield from (own.uneven for own in verdict.fit.records if own.uneven)
     if verdict.is_stopped:
         yield "stopped by Ctrl-C after the steps above: more may be missing, and rivals were not compared"
 

@@ -18,7 +18,6 @@ from ambid.identification.problem import EXACTLY, End, LeastSquares, Limits, Pro
 from ambid.model import Model
 from ambid.model.parameter import UNITS
 from ambid.noise import Comparison, Noise, compare
-from ambid.noise.window import notes_of
 from ambid.record import Record
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
@@ -362,7 +361,7 @@ def _estimate(
     notes: list[str],
     begun: float,
 ) -> Estimate:
-    model, free, records = problem.model, problem.free, tuple(own.record for own in comparison.records)
+    model, free = problem.model, problem.free
     unknown = {name for direction in directions for name in direction}
     parameters = {}
     for k, i in enumerate(free):
@@ -388,7 +387,7 @@ def _estimate(
         seconds=time.perf_counter() - begun,
         comparison=comparison,
         directions=directions,
-        notes=(*(note for record in records for note in notes_of(record)), *notes),
+        notes=(*(note for own in comparison.records for note in own.notes), *notes),
     )
     if end.status == "stopped":
         raise Stopped(estimate)

@@ -14,11 +14,10 @@ from ambid.arrays import FloatArray
 from ambid.errors import IdentificationError, RigError
 from ambid.identification.estimate import ParameterEstimate
 from ambid.identification.static_slips import exchanged_bearings, notes_on_nominal, require_units
-from ambid.loop.geometry import axis_angles, axis_directions, modal_geometry
+from ambid.loop.geometry import axis_angles, axis_directions, modal_geometry, rotor_of
 from ambid.record import StaticLoading
 from ambid.record.checks import order_of_axes
 from ambid.rig import PointMassRotor, Rig
-from ambid.rotor import reduced_rotor
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["StaticEstimate", "static_load"]
@@ -232,8 +231,7 @@ def _magnet_forces(rig: Rig, z: FloatArray, loads: FloatArray) -> FloatArray:
 
 def _deflection_forces(rig: Rig, z: FloatArray, loads: FloatArray, magnet_forces: FloatArray) -> FloatArray:
     """K_s s of each axis while the sensors read zero, shape (M, n) [N], by the kept modes and the nominal K_s."""
-    places = [at for bearing in rig.bearings for at in (bearing.position, bearing.sensor_position)]
-    rotor = reduced_rotor(rig.rotor, [*places, *np.unique(z)])
+    rotor = rotor_of(rig, places=np.unique(z))
     where = modal_geometry(rig, rotor)
     shapes = np.array([rotor.shape(at) for at in z])
     modal_forces = np.hstack([load[:, None] * shapes for load in loads.T[: rotor.planes]])

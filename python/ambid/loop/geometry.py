@@ -29,10 +29,19 @@ class Geometry:
     sensor: FloatArray
 
 
-def rotor_of(rig: Rig, more: int = 0) -> ReducedRotor:
-    """The rotor of a rig, known at its magnets and sensors, with `more` bending modes than the rig's model keeps."""
-    places = [z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)]
-    return reduced_rotor(with_more_modes(rig.rotor, more) if more else rig.rotor, places)
+def rotor_of(rig: Rig, more: int = 0, places: Iterable[float] = ()) -> ReducedRotor:
+    """The rotor of a rig, known at its magnets, sensors and `places`, with `more` bending modes than its model keeps.
+
+    Raises
+    ------
+    RigError
+        What the rig file gives cannot be a free rotor, or is not known there.
+    """
+    own = [z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)]
+    try:
+        return reduced_rotor(with_more_modes(rig.rotor, more) if more else rig.rotor, [*own, *places])
+    except RigError as error:
+        raise RigError(f"{rig.path or rig.name}: {error}") from None
 
 
 def why_unknown(rig: Rig, positions: Iterable[float]) -> str:

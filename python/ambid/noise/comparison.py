@@ -7,7 +7,7 @@ its J.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -19,6 +19,7 @@ from ambid.loop.effect import Tone
 from ambid.model import Model
 from ambid.noise.chance import misfit_bound
 from ambid.noise.fit import with_average
+from ambid.noise.halves import uneven
 from ambid.noise.lines import RecordLines
 from ambid.noise.noise import Noise
 from ambid.noise.window import notes_of
@@ -74,6 +75,9 @@ class RecordComparison:
         J/dof of y and i_c judged jointly; NaN where the noise is not known: two periods, too short, or without noise.
     repeatable_share : float
         Part of the excited lines' power that is no noise: ``max(0, (J - dof)/J)``.
+    uneven : str
+        That the noise of a record without periods is not the same in both halves; empty where it may be, or where the
+        model is not adequate.
     """
 
     record: Record
@@ -81,6 +85,12 @@ class RecordComparison:
     channels: tuple[ChannelComparison, ...]
     misfit: float
     repeatable_share: float
+    uneven: str = ""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is to be said beside a result of this record."""
+        return (*notes_of(self.record), *([self.uneven] if self.uneven else []))
 
     @property
     def residual(self) -> FloatArray:
@@ -192,7 +202,11 @@ class Comparison(Tabular):
         found = []
         for k, record in enumerate(self._records):
             part = None if self._noise is None else self._noise.parts[k]
-            found.append(_unjudged(self.model, record) if part is None else _one(self.model, part))
+            own = _unjudged(self.model, record) if part is None else _one(self.model, part)
+            if self.is_adequate:
+                driven = self.model.excitation(record)[:, : len(record.axes)]
+                own = replace(own, uneven=uneven(record, own.residual, driven))
+            found.append(own)
         return tuple(found)
 
     @cached_property
@@ -243,7 +257,7 @@ class Comparison(Tabular):
             for r in self.records
             for line in (
                 f"{r.record.name}: misfit {r.misfit:.2f} (J/dof, 1 when the model is right)",
-                *notes_of(r.record),
+                *r.notes,
             )
         ]
 
@@ -352,5 +366,5 @@ def _as_dict(record: RecordComparison) -> dict[str, Any]:
             }
             for c in record.channels
         ],
-        "notes": list(notes_of(record.record)),
+        "notes": list(record.notes),
     }

@@ -92,7 +92,7 @@ class RecordLines:
         self._every = max(1, len(self.window.excited) // FEW) if rough else 1
         self.index = np.concatenate([self.window.excited, self.more])[:: self._every]
         self.points = self.window.points(self.index)
-        self._z = self._judged(self.record.outputs)
+        self._z = self._judged(self.record.outputs, measured.excited)
         self._in_time = InTime(self.record, self.window, self._judged, 0 if len(self.more) else self._every)
         self._data: dict[tuple[Effect, ...], _core.LineData] = {}  # by the disturbances that drive a model
         self._transients: dict[tuple[_core.ClosedLoop, bytes], tuple[FloatArray, int]] = {}
@@ -260,15 +260,22 @@ class RecordLines:
     def _excitation(self) -> ComplexArray:
         return self._judged(self._base.excitation(self.record)[:, : len(self.record.axes)])
 
-    def _judged(self, signal: FloatArray) -> ComplexArray:
-        """The judged lines of a signal that starts with the record."""
-        return np.ascontiguousarray(self.window.some_lines(signal, self.more)[:: self._every])
+    def _judged(self, signal: FloatArray, excited: ComplexArray | None = None) -> ComplexArray:
+        """The judged lines of a signal that starts with the record; those that are excited may be known."""
+        lines = self.window.excited_lines(signal) if excited is None else excited
+        if len(self.more):
+            lines = np.concatenate([lines, self.window.single_lines(signal, self.more)])
+        return np.ascontiguousarray(lines[:: self._every])
 
     def _rough(self) -> Spectrum:
         """The noise of each channel by itself, as recorded, transients and all."""
         window, p = self.window.settled, self.measured.channels
-        index = window.between(1) if window.is_periodic else self.window.excited
-        power = uniform_filter1d(np.abs(self.measured.quiet[index]) ** 2, 2 * HALF_WIDTH + 1, axis=0, mode="nearest")
+        if window.is_periodic:
+            index = window.between(1)
+            lines = self.measured.quiet[index]
+        else:
+            index, lines = self.window.excited, self.measured.excited
+        power = uniform_filter1d(np.abs(lines) ** 2, 2 * HALF_WIDTH + 1, axis=0, mode="nearest")
         place, judged = index / window.periods, self.index / self.window.periods
         own = np.stack([np.interp(judged, place, channel) for channel in power.T], axis=1)
         covariance = (own[:, :, None] * np.eye(p)).astype(complex)
@@ -292,9 +299,18 @@ class RecordLines:
         residual = self.unexcited.left(index, self.tones)
         covariance, spread = between_lines(residual, index / window.periods, self.index / self.window.periods)
         back = back_through_loop(here, self.points, p)
-        covariance = self._with_rounding(covariance, back)
+        covariance = self._with_noise_of_i_e(self._with_rounding(covariance, back), back)
         require_noise(covariance, back, self._z)
         return Spectrum.of(covariance, back, spread)
+
+    def _with_noise_of_i_e(self, covariance: ComplexArray, back: ComplexArray) -> ComplexArray:
+        """The noise with what the model answers to noise in the measurement of i_e, which the machine did not hear."""
+        power, here = self.unexcited.unheard(self.index), self._base
+        if power is None:
+            return covariance
+        way = here.loop.transfer(here.theta, self.points)[:, : self.measured.channels, : len(self.record.axes)]
+        way = back @ way
+        return np.asarray(covariance + way @ power @ way.conj().transpose(0, 2, 1))
 
     def _with_rounding(self, covariance: ComplexArray, back: ComplexArray) -> ComplexArray:
         """The noise with what the converters round, which a digital controller acts on, too."""

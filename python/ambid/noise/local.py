@@ -8,6 +8,7 @@ System Identification: A Frequency Domain Approach, 2nd ed., chapter 7).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
 from ambid.noise.envelope import Envelope
 
-__all__ = ["beside_excitation", "likelier_beside_excitation"]
+__all__ = ["beside_excitation", "likelier_beside_excitation", "regression"]
 
 DEGREE = 2
 """Of the polynomials over frequency in the local regression."""
@@ -65,8 +66,7 @@ def beside_excitation(
         Of each residual: S, shape (lines, p, p); power, shape (lines, p); spread.
     """
     count, p = several[0].shape
-    fitted = (excitation.shape[1] + 1) * (DEGREE + 1)
-    width = min(max(LEAST_WIDTH, REGRESSED * fitted), count - 2)
+    fitted, width = regression(count, excitation.shape[1])
     free = width - fitted
     if free < ENOUGH * p:
         raise RecordError(
@@ -93,6 +93,12 @@ def beside_excitation(
     factor = (free + fitted * free / (free - p)) / width
     spread = free / (free - p) / factor
     return [(factor * spectrum[nearest], power, spread) for spectrum, power in zip(spectra, own_power, strict=True)]
+
+
+def regression(count: int, axes: int) -> tuple[int, int]:
+    """Numbers that a local regression fits, and lines that it takes, of so many lines and excited axes."""
+    fitted = (axes + 1) * (DEGREE + 1)
+    return fitted, min(max(LEAST_WIDTH, REGRESSED * fitted), count - 2)
 
 
 def _left(
@@ -149,7 +155,6 @@ def likelier_beside_excitation(
     """
     behind = [_core.through(back, lines) for back in shapes]
     plain = beside_excitation(behind, excitation)
-    ways = [(back, own, 0.0) for back, (own, _, _) in zip(shapes, plain, strict=True)]
     tries = [(back, own, smooth) for back, own in zip(shapes, behind, strict=True) for smooth in (_around, _envelope)]
     powers = [power for _, power, _ in plain for _ in (_around, _envelope)]
     rounds = 2 if len(lines) <= FEW else 1
@@ -160,8 +165,13 @@ def likelier_beside_excitation(
         flat = beside_excitation(residuals, excitation, roots if rounds > 1 else None)
         if left:
             powers = [power * root**2 for (_, power, _), root in zip(flat, roots, strict=True)]
-    for (back, _, _), (root, numbers), (own, _, _) in zip(tries, even, flat, strict=True):
-        ways.append((back / root[:, :, None], own, numbers))
+    ways = chain(
+        ((back, own, 0.0) for back, (own, _, _) in zip(shapes, plain, strict=True)),
+        (
+            (back / root[:, :, None], own, numbers)  # one at a time: it is large
+            for (back, _, _), (root, numbers), (own, _, _) in zip(tries, even, flat, strict=True)
+        ),
+    )
     shape, own, _ = max(ways, key=lambda way: _likelihood(way[1], way[0]) - way[2])
     return own, shape, np.full(len(lines), plain[0][2])
 

@@ -32,6 +32,11 @@ class Measured:
         self.channels = len(record.channels)
 
     @cached_property
+    def excited(self) -> ComplexArray:
+        """Excited lines of y and i_c that are judged, shape (lines, p)."""
+        return self.window.excited_lines(self.record.outputs)
+
+    @cached_property
     def quiet(self) -> ComplexArray:
         """All lines of y and i_c over the periods that noise is taken from, shape (lines, p)."""
         return self.window.settled.lines(self.record.outputs)
@@ -39,9 +44,9 @@ class Measured:
     @cached_property
     def rounding(self) -> FloatArray:
         """Power that rounding by the converters adds to the judged lines of each channel, shape (p,)."""
-        settled, quiet = self.window.settled, self.quiet
+        settled = self.window.settled
         if settled.is_periodic:
-            quiet = quiet[settled.between(1)]
+            quiet = self.quiet[settled.between(1)]
             power = np.median(np.abs(quiet) ** 2, axis=0) / np.log(2.0)
         else:
             power = np.full(self.channels, np.inf)  # then what is left of excited lines tells all of it

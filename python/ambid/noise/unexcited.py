@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from ambid import _core
 from ambid.arrays import ComplexArray
@@ -22,6 +24,11 @@ LEFT = 0.2
 """Part of a line's noise that counts as left beside the transient, at the least."""
 ENOUGH = 2000
 """Unexcited lines that determine a transient well enough to take it out of the noise."""
+SEVERAL, AROUND = 4, 60
+"""Lines between two excited ones, and excited ones to each side, that tell the noise in the measurement of i_e; no loop
+shapes it."""
+TINY = 1e-300
+"""In place of nothing, where a logarithm is taken."""
 
 
 class Unexcited:
@@ -43,6 +50,50 @@ class Unexcited:
         Of few lines the transient takes part of the noise with it, most of the lowest one: they are raised to what they
         would hold without.
         """
+        return self._left(index, tones, is_heard=self.is_heard)
+
+    @cached_property
+    def is_heard(self) -> bool:
+        """Whether what i_e holds beside its period drives the loop; else it was measured with noise.
+
+        Taken for excitation, noise of its measurement makes what the model leaves louder.
+        """
+        if not self._varies:
+            return True
+        some = self.window.between(1)
+        heard, unheard = (self._left(some, (), is_heard=own) for own in (True, False))
+        return bool(np.mean(np.log(np.abs(heard) + TINY)) <= np.mean(np.log(np.abs(unheard) + TINY)))
+
+    def unheard(self, judged: NDArray[np.intp]) -> ComplexArray | None:
+        """Power that noise in the measurement of i_e adds to judged lines of it, shape (lines, axes, axes), if any.
+
+        Parameters
+        ----------
+        judged : ndarray of int
+            Lines of all periods.
+        """
+        if self.is_heard:
+            return None
+        index = self.window.between(SEVERAL)
+        lines = self._inputs(index)[:, : self._axes]
+        scatter = lines[:, :, None] * lines[:, None, :].conj()
+        power = uniform_filter1d(scatter, min(2 * AROUND * SEVERAL + 1, len(index)), axis=0, mode="reflect")
+        nearest = np.searchsorted(index / self.window.periods, judged / self.measured.window.periods)
+        return np.asarray(power[np.minimum(nearest, len(index) - 1)])
+
+    @property
+    def _axes(self) -> int:
+        return len(self.measured.record.axes)
+
+    @cached_property
+    def _varies(self) -> bool:
+        """Whether i_e repeats but for noise."""
+        part = self.window.cut(self.base.excitation(self.measured.record)[:, : self._axes])
+        part = part.reshape(self.window.periods, -1)
+        return bool((part != part[0]).any())
+
+    def _left(self, index: NDArray[np.intp], tones: Sequence[Tone], *, is_heard: bool) -> ComplexArray:
+        """The same, with or without a response to what i_e holds beside its period."""
         window, p, here = self.window, self.measured.channels, self.base
         points, z = window.points(index), np.ascontiguousarray(self.measured.quiet[index])
         # what a weak one spills is less than what fitting it to noise would
@@ -53,6 +104,8 @@ class Unexcited:
         size = np.sqrt(np.median(np.abs(_core.through(back, z)) ** 2, axis=0))
         size[size == 0.0] = 1.0
         core, inputs = here.loop.core, self._inputs(index)
+        if not is_heard:
+            inputs[:, : self._axes] = 0.0
         few = np.arange(0, len(index), 1 + len(index) // ENOUGH)
         chosen = _core.LineData(core, points[few], inputs[few], z[few], back[few] / size[:, None])
         *_, transients, _, _ = _core.line_equations(core, here.theta, [], [chosen])

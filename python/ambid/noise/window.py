@@ -106,17 +106,18 @@ class Window:
         """R(l) for l = 0 .. M N / 2 of a signal of shape (samples, ...), which starts with the record."""
         return rfft(self.cut(signal), axis=0) / np.sqrt(self.samples)
 
-    def some_lines(self, signal: FloatArray, more: NDArray[np.intp]) -> ComplexArray:
-        """R(l) of the excited lines, then of a few more; the mean over the periods holds all that is excited."""
+    def excited_lines(self, signal: FloatArray) -> ComplexArray:
+        """R(l) of the excited lines; the mean over the periods holds all that is excited."""
         part = self.cut(signal)
-        folded = part.reshape(self.periods, self.period, *part.shape[1:]).sum(axis=0)
-        lines = self.of_period(folded)
-        if len(more):
-            angles = 2.0 * np.pi / self.samples * np.outer(more, np.arange(self.samples))
-            flat = part.reshape(self.samples, -1)
-            others = np.cos(angles) @ flat - 1j * (np.sin(angles) @ flat)
-            lines = np.concatenate([lines, others.reshape(len(more), *part.shape[1:]) / np.sqrt(self.samples)])
-        return lines
+        return self.of_period(part.reshape(self.periods, self.period, *part.shape[1:]).sum(axis=0))
+
+    def single_lines(self, signal: FloatArray, index: NDArray[np.intp]) -> ComplexArray:
+        """R(l) of a few lines."""
+        part = self.cut(signal)
+        angles = 2.0 * np.pi / self.samples * np.outer(index, np.arange(self.samples))
+        flat = part.reshape(self.samples, -1)
+        lines = np.cos(angles) @ flat - 1j * (np.sin(angles) @ flat)
+        return lines.reshape(len(index), *part.shape[1:]) / np.sqrt(self.samples)
 
     def of_period(self, folded: FloatArray) -> ComplexArray:
         """R(l) of the excited lines from the sum over the periods, shape (N, ...)."""

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ambid.diagnosis import Diagnosis, Step
+from ambid.loop.geometry import rotor_of
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.report.words import quantity
 from ambid.rig import FiniteElementRotor, PointMassRotor, Rig
-from ambid.rotor import assemble, reduced_rotor
+from ambid.rotor import assemble
 
 
 def base_model(diagnosis: Diagnosis) -> Model:
@@ -73,7 +74,7 @@ def moved(diagnosis: Diagnosis, errors: dict[str, float]) -> list[Moved]:
 def rig_figures(rig: Rig, points: Sequence[Rig] = ()) -> list[tuple[str, str]]:
     """What the rig file says, the figures of its rotor, and further operating points."""
     places = sorted({z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)})
-    frequencies = reduced_rotor(rig.rotor, places).frequencies_rad_s
+    frequencies = rotor_of(rig).frequencies_rad_s
     bending = ", ".join(f"{f / (2.0 * np.pi):.1f}" for f in frequencies if f > 0.0)
     rotor = [("bending modes kept", f"{bending} Hz, free at rest" if bending else "none, a rigid rotor")]
     if isinstance(rig.rotor, FiniteElementRotor):
