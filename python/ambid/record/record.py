@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from ambid.errors import RecordError
 from ambid.record import checks
 from ambid.record.channel_map import ChannelMap
+from ambid.record.frequency_response import FrequencyResponse
+from ambid.record.local_response import Beside, local_response
 from ambid.record.mending import mended_excitation, mended_outputs
 from ambid.record.period import find_period
 from ambid.record.raw import SIGNALS, raw_record
@@ -278,6 +280,44 @@ class Record:
     def outputs(self) -> NDArray[np.float64]:
         """The recorded outputs of the loop, y and i_c, shape (N, channels)."""
         return self.y if self.i_c is None else np.hstack([self.y, self.i_c])
+
+    def frequency_response(self, beside: Beside | None = None) -> FrequencyResponse:
+        """The response from the axes that are excited to y and i_c, with its uncertainty, by local polynomials.
+
+        Over a band of neighbouring excited lines, 16 for one axis and 25 for four that are excited together by
+        different sequences, the response is a polynomial of degree two, and so is the transient; three frequencies a
+        band come out. What is no such polynomial is an error: near a mode that is narrower than a band, or where a
+        band reaches down to the lowest lines. It raises the std there, for the std is taken from what the polynomials
+        leave, but the error has the same sign over a band and is no noise. A longer period makes bands narrower, one
+        axis after the other does too, and so does `beside`.
+
+        Parameters
+        ----------
+        beside : callable, optional
+            A response near the sought one, such as that of the nominal loop: takes points of the unit circle, returns
+            (points, channels, axes). Only the difference has to be smooth over a band then.
+
+        Raises
+        ------
+        RecordError
+            If i_e is not known, no axis is excited, or there are too few lines.
+        """
+        where = str(self.path or self.name)
+        if self.i_e is None:
+            raise RecordError(f"{where}: i_e was not logged; load the record with its rig, whose controller rebuilds it")
+        found = local_response(where, self.i_e, self.outputs, self.sample_rate, self.period, beside)
+        inputs = [f"i_e.{axis}" for axis, is_excited in zip(self.axes, found.excited, strict=True) if is_excited]
+        made = FrequencyResponse.from_arrays(
+            found.frequency_hz,
+            found.response,
+            outputs=self.channels,
+            inputs=inputs,
+            covariance=found.covariance,
+            name=self.name,
+            notes=self.notes,
+            path=self.path,
+        )
+        return made if self.point is None else replace(made, point=self.point)
 
     def save(self, path: str | Path) -> None:
         """Write the signals to a .csv, .mat (v5), .h5, .hdf5, .parquet or .tdms file; loading finds period and notes.

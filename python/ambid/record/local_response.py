@@ -1,0 +1,169 @@
+"""The frequency response of a record in time, by local polynomials over neighbouring lines.
+
+On the lines l of the discrete Fourier transform of a stretch of a record,
+
+    Z(l) = H(l) U(l) + T(l) + noise,
+
+the response H and the transient T are smooth over frequency, while the excitations U of several axes, of different
+sequences, are not: over a few neighbouring lines both are polynomials of degree two, which least squares tell apart
+(Pintelon and Schoukens, System Identification: A Frequency Domain Approach, 2nd ed., chapter 7). Bands do not overlap.
+In each H is told at the three points of Gauss's quadrature, where the errors of a quadratic are independent of each
+other if the lines are excited alike: so nothing that the band tells of H is lost, and nothing is counted twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import rfft
+
+from ambid.arrays import ComplexArray, FloatArray
+from ambid.errors import RecordError
+
+__all__ = ["Beside", "LocalResponse", "local_response"]
+
+DEGREE = 2
+"""Of the polynomials."""
+FREE = 10
+"""Lines of a band beyond the numbers that are fitted to them: so many degrees of freedom tell its noise."""
+NODES = np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])
+"""Gauss's points of a quadratic, in half widths of a band."""
+AROUND = 8
+"""Bands to each side that the correlation of the channels is taken from."""
+LEAST_EXCITED = 1e-6
+"""Power of an axis over that of the loudest below which it is not excited."""
+
+Beside = Callable[[ComplexArray], ComplexArray]
+"""A known response at points of the unit circle, shape (points, channels, axes)."""
+
+
+class LocalResponse(NamedTuple):
+    """What local polynomials tell.
+
+    Attributes
+    ----------
+    frequency_hz : ndarray, shape (F,)
+    response : ndarray, shape (F, channels, inputs)
+    covariance : ndarray, shape (F, pairs, pairs)
+    excited : ndarray of bool, shape (axes,)
+        Which axes the inputs are.
+    """
+
+    frequency_hz: FloatArray
+    response: ComplexArray
+    covariance: ComplexArray
+    excited: NDArray[np.bool_]
+
+
+def local_response(
+    where: str, i_e: FloatArray, outputs: FloatArray, sample_rate: float, period: int | None, beside: Beside | None
+) -> LocalResponse:
+    """The response of one record.
+
+    Parameters
+    ----------
+    where : str
+        For the messages.
+    i_e, outputs : ndarray, shape (N, axes), (N, channels)
+    sample_rate : float
+        [Hz].
+    period : int, optional
+        In samples; of whole periods only the lines that are excited are looked at.
+    beside : callable, optional
+        A response near the sought one: then only the difference has to be smooth over a band.
+
+    Raises
+    ------
+    RecordError
+        If no axis is excited, or there are too few lines.
+    """
+    power = np.var(i_e, axis=0)
+    excited = power > LEAST_EXCITED * power.max(initial=0.0)
+    if not excited.any():
+        raise RecordError(f"{where}: i_e is constant on every axis: no excitation; excite the loop")
+    periods = len(i_e) // period if period else 1
+    samples = periods * period if period and periods else len(i_e)
+    periods = max(periods, 1)
+    index = np.arange(periods, (samples + 1) // 2, periods)
+    u, z = (rfft(signal[:samples], axis=0)[index] / np.sqrt(samples) for signal in (i_e, outputs))
+    if beside is not None:
+        known = beside(np.exp(2j * np.pi * index / samples))
+        z = z - (known @ u[..., None])[..., 0]
+    u = u[:, excited]
+    fitted = (DEGREE + 1) * (u.shape[1] + 1)
+    width = fitted + FREE
+    count = len(index) // width
+    if count == 0:
+        raise RecordError(
+            f"{where}: {len(index)} excited lines, at least {width} are needed for {u.shape[1]} excited axes; excite with "
+            "a longer period, or one axis after the other"
+        )
+    bands = [_band(u[rows], z[rows]) for rows in np.array_split(np.arange(len(index)), count)]
+    place = np.concatenate([_places(index[rows]) for rows in np.array_split(np.arange(len(index)), count)])
+    noise = _noise([band.left for band in bands], fitted)
+    response = np.concatenate([band.response for band in bands])
+    covariance = np.concatenate(
+        [
+            np.einsum("ab,kij->kaibj", own, band.spread).reshape(len(NODES), -1, len(own) * u.shape[1])
+            for own, band in zip(noise, bands, strict=True)
+        ]
+    )
+    if beside is not None:
+        response = response + beside(np.exp(2j * np.pi * place / samples))[:, :, excited]
+    return LocalResponse(place * sample_rate / samples, response, covariance, excited)
+
+
+class _Band(NamedTuple):
+    """A band: H at the nodes, (nodes, channels, inputs), its spread by the noise's power, and what it leaves."""
+
+    response: ComplexArray
+    spread: ComplexArray
+    left: ComplexArray
+
+
+def _band(u: ComplexArray, z: ComplexArray) -> _Band:
+    inputs = u.shape[1]
+    powers = np.vander(np.linspace(-1.0, 1.0, len(u)), DEGREE + 1, increasing=True)
+    table = (np.column_stack([u, np.ones(len(u))])[:, :, None] * powers[:, None, :]).reshape(len(u), -1)
+    size = np.linalg.norm(table, axis=0)
+    inverse = np.linalg.pinv(table / size, rcond=1e-8) / size[:, None]
+    numbers = inverse @ z
+    # values at the nodes: of each input its polynomial, nothing of the transient
+    at = np.vander(NODES, DEGREE + 1, increasing=True)
+    told = np.zeros((len(NODES), inputs, inputs + 1, DEGREE + 1))
+    for j in range(inputs):
+        told[:, j, j] = at
+    told = told.reshape(len(NODES), inputs, -1)
+    spread = told @ (inverse @ inverse.conj().T) @ told.transpose(0, 2, 1)
+    return _Band((told @ numbers).transpose(0, 2, 1), spread, z - table @ numbers)
+
+
+def _places(index: NDArray[np.intp]) -> FloatArray:
+    """The nodes of a band among its lines."""
+    return 0.5 * (index[0] + index[-1]) + 0.5 * (index[-1] - index[0]) * NODES
+
+
+def _noise(left: list[ComplexArray], fitted: int) -> ComplexArray:
+    """Covariance of the noise of every band, (bands, channels, channels).
+
+    The power of each channel is that of the band, with what of the response is no polynomial; how the channels go
+    together is taken from bands around. It is raised by nu / (nu - 1) for the nu degrees of freedom of a power, so that
+    the mean square of what is whitened by it is 1.
+    """
+    powers, scaled = [], []
+    for own in left:
+        free = len(own) - fitted
+        power = np.sum(np.abs(own) ** 2, axis=0) / free
+        powers.append(power * free / (free - 1.0))
+        scaled.append(own / np.sqrt(np.maximum(power, 1e-300)))
+    found = []
+    for k, power in enumerate(powers):
+        near = np.concatenate(scaled[max(0, k - AROUND) : k + AROUND + 1])
+        together = near.T @ near.conj()
+        size = np.sqrt(np.diag(together).real)
+        root = np.sqrt(power)
+        found.append(together / np.outer(size, size) * np.outer(root, root))
+    return np.array(found)
