@@ -13,7 +13,7 @@ from ambid.diagnosis.state import State, Task
 from ambid.errors import RecordError, UnstableLoopError
 from ambid.identification.minimum import ROUGHLY, refit
 from ambid.noise import Comparison
-from ambid.record import Record
+from ambid.record import FrequencyResponse, Measurement
 
 __all__ = ["stands"]
 
@@ -54,8 +54,10 @@ def stands(task: Task, state: State, pair: Refitted) -> bool:
     return True
 
 
-def _halves(record: Record) -> tuple[Record, ...]:
-    """Both halves of a record, of whole periods; nothing where they are too short."""
+def _halves(record: Measurement) -> tuple[Measurement, ...]:
+    """Both halves of a record, of whole periods, or of a response, every other frequency; nothing if too short."""
+    if isinstance(record, FrequencyResponse):
+        return record.some(slice(0, None, 2)), record.some(slice(1, None, 2))
     if record.period is None:
         middle = record.samples // 2
         if middle < LEAST_SAMPLES:

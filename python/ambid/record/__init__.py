@@ -1,4 +1,4 @@
-"""What was measured: records of the loop, frequency responses, static loadings, from files or arrays, behind their gates."""
+"""What was measured, behind its gates: records of the loop, frequency responses, and static loadings."""
 
 from ambid.record.channel_map import ChannelMap
 from ambid.record.frequency_response import FrequencyResponse

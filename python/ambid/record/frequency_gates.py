@@ -31,7 +31,9 @@ def require_names(where: str, outputs: Sequence[str], inputs: Sequence[str], rig
                     f"{signals[0]}.A_zeta; rename it, or map it"
                 )
             if rig is not None and axis not in rig.axes:
-                raise RecordError(f"{where}: {kind} {name}: the rig has the axes {', '.join(rig.axes)}; rename or map it")
+                raise RecordError(
+                    f"{where}: {kind} {name}: the rig has the axes {', '.join(rig.axes)}; rename or map it"
+                )
 
 
 def require_frequencies(where: str, frequency_hz: FloatArray, rig: Rig | None) -> None:
@@ -49,8 +51,8 @@ def require_frequencies(where: str, frequency_hz: FloatArray, rig: Rig | None) -
     if len(falls):
         k = falls[0]
         raise RecordError(
-            f"{where}: frequency_hz goes from {frequency_hz[k]:g} to {frequency_hz[k + 1]:g} at place {k + 2}; sort it, "
-            "each once"
+            f"{where}: frequency_hz goes from {frequency_hz[k]:g} to {frequency_hz[k + 1]:g} at place {k + 2}; "
+            "sort it, each once"
         )
 
 

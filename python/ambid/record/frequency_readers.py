@@ -27,7 +27,7 @@ DIRECTIONS = {0: "", 1: "+X", -1: "-X", 2: "+Y", -2: "-Y", 3: "+Z", -3: "-Z"}
 
 @dataclass
 class RawResponse:
-    """What a file holds, before any check of its values; tables of shape (F, outputs, inputs), NaN where it is silent."""
+    """What a file holds, before any check; tables of shape (F, outputs, inputs), NaN where it is silent."""
 
     frequency_hz: FloatArray
     outputs: list[str]
@@ -161,7 +161,8 @@ def _number(path: Path, name: str, row: int, cell: str) -> float:
 def _tabled(places: dict[tuple[float, str, str], dict[str, float]]) -> RawResponse:
     """Tables from values by frequency, output and input."""
     f = np.unique([key[0] for key in places])
-    outputs, inputs = (list(dict.fromkeys(key[k] for key in places)) for k in (1, 2))
+    outputs = list(dict.fromkeys(output for _, output, _ in places))
+    inputs = list(dict.fromkeys(inlet for _, _, inlet in places))
     names = ("re", "im", *FURTHER)
     table = np.full((len(names), len(f), len(outputs), len(inputs)), np.nan)
     where = {value: k for k, value in enumerate(f.tolist())}
@@ -171,7 +172,13 @@ def _tabled(places: dict[tuple[float, str, str], dict[str, float]]) -> RawRespon
         table[:, where[frequency], rows[output], columns[inlet]] = own
     known = table[4][np.isfinite(table[4])]
     return RawResponse(
-        f, outputs, inputs, table[0] + 1j * table[1], table[2], table[3], float(np.median(known)) if len(known) else None
+        f,
+        outputs,
+        inputs,
+        table[0] + 1j * table[1],
+        table[2],
+        table[3],
+        float(np.median(known)) if len(known) else None,
     )
 
 
@@ -185,7 +192,9 @@ def _from_mat(path: Path) -> RawResponse:
         for key in ("outputs", "inputs"):
             cells = flatten_cells(np.asarray(held[key]))
             if not all(isinstance(cell, str) for cell in cells):
-                raise RecordError(f"{path}: {key} holds no names; save a cell array such as {{'y.A_zeta', 'i_c.A_zeta'}}")
+                raise RecordError(
+                    f"{path}: {key} holds no names; save a cell array such as {{'y.A_zeta', 'i_c.A_zeta'}}"
+                )
             names[key] = [cell.strip() for cell in cells]
         f = _array(path, "frequency_hz", held["frequency_hz"], np.float64).ravel()
         shape = (len(f), len(names["outputs"]), len(names["inputs"]))
@@ -235,7 +244,9 @@ def _from_universal(path: Path) -> RawResponse:
             if own["func_type"] == FRF:
                 new = {"re": float(np.real(value)), "im": float(np.imag(value))}
             if new.keys() & at.keys():
-                raise RecordError(f"{path}: {output} / {inlet} is there twice at {frequency:g} Hz; keep one of the sets")
+                raise RecordError(
+                    f"{path}: {output} / {inlet} is there twice at {frequency:g} Hz; keep one of the sets"
+                )
             at.update(new)
     places = {key: values for key, values in places.items() if "re" in values and key[0] > 0.0}
     if not places:

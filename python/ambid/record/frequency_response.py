@@ -1,4 +1,4 @@
-"""Frequency responses: what a controller's analyser or a modal test measured of the closed loop, with its uncertainty."""
+"""Frequency responses of the closed loop, as a controller's analyser or a modal test measures them."""
 
 from __future__ import annotations
 
@@ -201,7 +201,9 @@ class FrequencyResponse:
         for key, table in tables.items():
             if table.shape != shape:
                 raise RecordError(f"{where}: {key} has the shape {table.shape}; the response has {shape}")
-        found, more = std_of(where, own.frequency_hz, own.response, tables["std"], tables["coherence"], averages, own.pairs)
+        found, more = std_of(
+            where, own.frequency_hz, own.response, tables["std"], tables["coherence"], averages, own.pairs
+        )
         return replace(own, std=found, notes=(*own.notes, *more))
 
     def at(self, rig: Rig) -> FrequencyResponse:
@@ -219,8 +221,8 @@ class FrequencyResponse:
     def some(self, kept: NDArray[np.bool_] | NDArray[np.intp] | slice) -> FrequencyResponse:
         """The same at some of its frequencies."""
         covariance = None if self.covariance is None else self.covariance[kept]
-        own = {"frequency_hz": self.frequency_hz[kept], "response": self.response[kept], "std": self.std[kept]}
-        return replace(self, **own, covariance=covariance)
+        f, h, std = self.frequency_hz[kept], self.response[kept], self.std[kept]
+        return replace(self, frequency_hz=f, response=h, std=std, covariance=covariance)
 
     @property
     def measured(self) -> NDArray[np.bool_]:

@@ -6,7 +6,9 @@ On the lines l of the discrete Fourier transform of a stretch of a record,
 
 the response H and the transient T are smooth over frequency, while the excitations U of several axes, of different
 sequences, are not: over a few neighbouring lines both are polynomials of degree two, which least squares tell apart
-(Pintelon and Schoukens, System Identification: A Frequency Domain Approach, 2nd ed., chapter 7). Bands do not overlap.
+(Pintelon and Schoukens, System Identification: A Frequency Domain Approach, 2nd ed., chapter 7). Near a pole they are
+such polynomials over another one, which all of them share, since they have the poles of one loop (McKelvey and Guerin,
+16th IFAC Symposium on System Identification, 2012); its errors are in the covariance. Bands do not overlap.
 In each H is told at the three points of Gauss's quadrature, where the errors of a quadratic are independent of each
 other if the lines are excited alike: so nothing that the band tells of H is lost, and nothing is counted twice.
 """
@@ -19,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft
+from scipy.special import chdtri
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
@@ -27,6 +30,12 @@ __all__ = ["Beside", "LocalResponse", "local_response"]
 
 DEGREE = 2
 """Of the polynomials."""
+ORDER = 2
+"""Of the polynomial that all responses may be divided by: two poles within reach of a band, such as those of a mode."""
+ROUNDS = 4
+"""So often is that polynomial found anew, weighted by the one before."""
+RARE = 1e-4
+"""Chance that noise alone makes a band take such a polynomial."""
 FREE = 10
 """Lines of a band beyond the numbers that are fitted to them: so many degrees of freedom tell its noise."""
 NODES = np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])
@@ -98,8 +107,8 @@ def local_response(
     count = len(index) // width
     if count == 0:
         raise RecordError(
-            f"{where}: {len(index)} excited lines, at least {width} are needed for {u.shape[1]} excited axes; excite with "
-            "a longer period, or one axis after the other"
+            f"{where}: {len(index)} excited lines, at least {width} are needed for {u.shape[1]} excited axes; excite "
+            "with a longer period, or one axis after the other"
         )
     bands = [_band(u[rows], z[rows]) for rows in np.array_split(np.arange(len(index)), count)]
     place = np.concatenate([_places(index[rows]) for rows in np.array_split(np.arange(len(index)), count)])
@@ -107,7 +116,8 @@ def local_response(
     response = np.concatenate([band.response for band in bands])
     covariance = np.concatenate(
         [
-            np.einsum("ab,kij->kaibj", own, band.spread).reshape(len(NODES), -1, len(own) * u.shape[1])
+            np.einsum("ab,kij->kaibj", own, band.spread).reshape(len(NODES), band.response[0].size, -1)
+            + band.shared @ band.shared.conj().transpose(0, 2, 1)
             for own, band in zip(noise, bands, strict=True)
         ]
     )
@@ -117,28 +127,97 @@ def local_response(
 
 
 class _Band(NamedTuple):
-    """A band: H at the nodes, (nodes, channels, inputs), its spread by the noise's power, and what it leaves."""
+    """A band of lines.
+
+    Attributes
+    ----------
+    response : ndarray, shape (nodes, channels, inputs)
+    spread : ndarray, shape (nodes, inputs, inputs)
+        Variance of the response of a channel, by the power of its noise.
+    shared : ndarray, shape (nodes, channels * inputs, orders)
+        What errors of the common poles make of all pairs: columns of a root of their covariance.
+    left : ndarray, shape (lines, channels)
+        What is no such response.
+    """
 
     response: ComplexArray
     spread: ComplexArray
+    shared: ComplexArray
     left: ComplexArray
 
 
 def _band(u: ComplexArray, z: ComplexArray) -> _Band:
+    """Polynomials, or, where that explains more than chance would, polynomials over one that all pairs share."""
     inputs = u.shape[1]
-    powers = np.vander(np.linspace(-1.0, 1.0, len(u)), DEGREE + 1, increasing=True)
-    table = (np.column_stack([u, np.ones(len(u))])[:, :, None] * powers[:, None, :]).reshape(len(u), -1)
+    x = np.linspace(-1.0, 1.0, len(u))
+    table = (np.column_stack([u, np.ones(len(u))])[:, :, None] * _powers(x)[:, None, :]).reshape(len(u), -1)
+    plain = _fitted(table, z)
+    poles, left = _common_poles(table, z, x, plain.left)
+    free = len(u) - table.shape[1]
+    power = np.sum(np.abs(left) ** 2, axis=0) / free
+    fall = 2.0 * float(np.sum(np.sum(np.abs(plain.left) ** 2, axis=0) / power)) - 2.0 * free * z.shape[1]
+    has_poles = fall > chdtri(2 * ORDER, RARE)
+    poles = poles if has_poles else np.zeros(0)
+    below, below_nodes = (1.0 + _powers(at, ORDER + 1)[:, 1 : 1 + len(poles)] @ poles for at in (x, NODES))
+    fit = _fitted(table / below[:, None], z)
+    # values at the nodes: of each input its polynomial, nothing of the transient
+    told = np.zeros((len(NODES), inputs, inputs + 1, DEGREE + 1), dtype=complex)
+    for j in range(inputs):
+        told[:, j, j] = _powers(NODES) / below_nodes[:, None]
+    told = told.reshape(len(NODES), inputs, -1)
+    spread = told @ (fit.inverse @ fit.inverse.conj().T) @ told.conj().transpose(0, 2, 1)
+    response = (told @ fit.numbers).transpose(0, 2, 1)
+    shared = np.zeros((len(NODES), response[0].size, len(poles)), dtype=complex)
+    if has_poles:
+        bent = -(_powers(x, ORDER + 1)[:, 1:] / below[:, None])[:, :, None] * (z - fit.left)[:, None, :]
+        taken = np.einsum("ql,lkc->qkc", fit.inverse, bent)
+        own = (bent - np.einsum("lq,qkc->lkc", table / below[:, None], taken)) / np.sqrt(power)
+        information = np.einsum("lkc,lmc->km", own.conj(), own)
+        root = np.linalg.cholesky(np.linalg.inv(information))
+        direct = -(_powers(NODES, ORDER + 1)[:, 1:] / below_nodes[:, None])[:, None, None, :] * response[..., None]
+        moved = direct - np.einsum("njq,qkc->ncjk", told, taken)
+        shared = moved.reshape(len(NODES), -1, ORDER) @ root
+    return _Band(response, spread, shared, fit.left)
+
+
+class _Fit(NamedTuple):
+    numbers: ComplexArray
+    inverse: ComplexArray
+    left: ComplexArray
+
+
+def _fitted(table: ComplexArray, z: ComplexArray) -> _Fit:
     size = np.linalg.norm(table, axis=0)
     inverse = np.linalg.pinv(table / size, rcond=1e-8) / size[:, None]
     numbers = inverse @ z
-    # values at the nodes: of each input its polynomial, nothing of the transient
-    at = np.vander(NODES, DEGREE + 1, increasing=True)
-    told = np.zeros((len(NODES), inputs, inputs + 1, DEGREE + 1))
-    for j in range(inputs):
-        told[:, j, j] = at
-    told = told.reshape(len(NODES), inputs, -1)
-    spread = told @ (inverse @ inverse.conj().T) @ told.transpose(0, 2, 1)
-    return _Band((told @ numbers).transpose(0, 2, 1), spread, z - table @ numbers)
+    return _Fit(numbers, inverse, z - table @ numbers)
+
+
+def _powers(x: FloatArray, count: int = DEGREE + 1) -> FloatArray:
+    return np.vander(x, count, increasing=True)
+
+
+def _common_poles(
+    table: ComplexArray, z: ComplexArray, x: FloatArray, left: ComplexArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """Coefficients of the polynomial under all responses, from the first power on, and what is left with it.
+
+    Found by linear least squares, again and again, each time weighted by the polynomial found before (Sanathanan and
+    Koerner, IEEE Trans. Autom. Control 8 (1963) 56).
+    """
+    poles, below = np.zeros(ORDER, dtype=complex), np.ones(len(x), dtype=complex)
+    for _ in range(ROUNDS):
+        noise = np.sqrt(np.mean(np.abs(left) ** 2, axis=0))
+        basis, _ = np.linalg.qr(table / below[:, None])
+        even = z / below[:, None] / noise
+        columns = _powers(x, ORDER + 1)[:, 1:, None] * even[:, None, :]
+        columns = columns - np.einsum("lq,qkc->lkc", basis, np.einsum("lq,lkc->qkc", basis.conj(), columns))
+        even = even - basis @ (basis.conj().T @ even)
+        flat = columns.transpose(0, 2, 1).reshape(-1, ORDER)
+        poles = -np.linalg.lstsq(flat, even.ravel(), rcond=1e-10)[0]
+        below = 1.0 + _powers(x, ORDER + 1)[:, 1:] @ poles
+        left = _fitted(table / below[:, None], z).left
+    return poles, left
 
 
 def _places(index: NDArray[np.intp]) -> FloatArray:

@@ -304,7 +304,9 @@ class Record:
         """
         where = str(self.path or self.name)
         if self.i_e is None:
-            raise RecordError(f"{where}: i_e was not logged; load the record with its rig, whose controller rebuilds it")
+            raise RecordError(
+                f"{where}: i_e was not logged; load the record with its rig, whose controller rebuilds it"
+            )
         found = local_response(where, self.i_e, self.outputs, self.sample_rate, self.period, beside)
         inputs = [f"i_e.{axis}" for axis, is_excited in zip(self.axes, found.excited, strict=True) if is_excited]
         made = FrequencyResponse.from_arrays(

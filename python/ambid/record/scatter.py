@@ -69,7 +69,9 @@ def std_of(
             raise RecordError(f"{where}: {pair} has no noise at {f[np.argmin(found[own, k])]:g} Hz; give its std")
     notes = []
     if from_coherence:
-        count = f"{averages:g} averages" if averages is not None else f"as many averages as its level asks for, {SMOOTH}"
+        count = (
+            f"{averages:g} averages" if averages is not None else f"as many averages as its level asks for, {SMOOTH}"
+        )
         notes.append(f"std of {_listed(from_coherence)} from the coherence and {count}")
     if from_scatter:
         notes.append(f"std of {_listed(from_scatter)} {SMOOTH}; give std or coherence")
