@@ -6,6 +6,7 @@ that were kept back, or, where there are none, on each half of those that it was
 
 from __future__ import annotations
 
+import numpy as np
 from scipy.special import chdtri
 
 from ambid.diagnosis.rivals import Refitted
@@ -24,6 +25,11 @@ LEAST_PERIODS = 2
 """Periods of a half that is judged."""
 LEAST_SAMPLES = 500
 """Samples of a half without periods that is judged."""
+BESIDE = 4
+"""Neighbouring frequencies of a response that stay together, since they may have an error in common: bands of a local
+estimate."""
+LEAST_FREQUENCIES = 16
+"""Frequencies of a response whose halves are judged."""
 
 
 def stands(task: Task, state: State, pair: Refitted) -> bool:
@@ -55,9 +61,10 @@ def stands(task: Task, state: State, pair: Refitted) -> bool:
 
 
 def _halves(record: Measurement) -> tuple[Measurement, ...]:
-    """Both halves of a record, of whole periods, or of a response, every other frequency; nothing if too short."""
+    """Both halves of a record, of whole periods, or every other band of a response; nothing if too short."""
     if isinstance(record, FrequencyResponse):
-        return record.some(slice(0, None, 2)), record.some(slice(1, None, 2))
+        is_first = np.arange(len(record.frequency_hz)) // BESIDE % 2 == 0
+        return (record.some(is_first), record.some(~is_first)) if len(is_first) >= LEAST_FREQUENCIES else ()
     if record.period is None:
         middle = record.samples // 2
         if middle < LEAST_SAMPLES:

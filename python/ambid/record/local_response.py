@@ -5,48 +5,44 @@ On the lines l of the discrete Fourier transform of a stretch of a record,
     Z(l) = H(l) U(l) + T(l) + noise,
 
 the response H and the transient T are smooth over frequency, while the excitations U of several axes, of different
-sequences, are not: over a few neighbouring lines both are polynomials of degree two, which least squares tell apart
+sequences, are not: over a few neighbouring lines both are polynomials of degree three, which least squares tell apart
 (Pintelon and Schoukens, System Identification: A Frequency Domain Approach, 2nd ed., chapter 7). Near a pole they are
 such polynomials over another one, which all of them share, since they have the poles of one loop (McKelvey and Guerin,
 16th IFAC Symposium on System Identification, 2012); its errors are in the covariance. Bands do not overlap.
-In each H is told at the three points of Gauss's quadrature, where the errors of a quadratic are independent of each
-other if the lines are excited alike: so nothing that the band tells of H is lost, and nothing is counted twice.
+In each H is told at the lines next to the four points of Gauss's quadrature, where the errors of a cubic are
+independent of each other if the lines are excited alike: so what the band tells of H is told, and nothing twice.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft
-from scipy.special import chdtri
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
 
-__all__ = ["Beside", "LocalResponse", "local_response"]
+__all__ = ["LocalResponse", "local_response"]
 
-DEGREE = 2
-"""Of the polynomials."""
+DEGREE = 3
+"""Of the polynomials: beside two poles it leaves two numbers for what is further away."""
 ORDER = 2
 """Of the polynomial that all responses may be divided by: two poles within reach of a band, such as those of a mode."""
 ROUNDS = 4
 """So often is that polynomial found anew, weighted by the one before."""
-RARE = 1e-4
-"""Chance that noise alone makes a band take such a polynomial."""
+SHARPER = 50.0
+"""Fall of the whitened sum of squares from which on a band takes such a polynomial: where there is nothing but noise
+two poles are free to be anywhere, and bring that much in one of a hundred bands."""
 FREE = 10
 """Lines of a band beyond the numbers that are fitted to them: so many degrees of freedom tell its noise."""
-NODES = np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])
-"""Gauss's points of a quadratic, in half widths of a band."""
-AROUND = 8
+NODES = np.polynomial.legendre.leggauss(DEGREE + 1)[0]
+"""Gauss's points, in half widths of a band."""
+AROUND = 3
 """Bands to each side that the correlation of the channels is taken from."""
 LEAST_EXCITED = 1e-6
 """Power of an axis over that of the loudest below which it is not excited."""
-
-Beside = Callable[[ComplexArray], ComplexArray]
-"""A known response at points of the unit circle, shape (points, channels, axes)."""
 
 
 class LocalResponse(NamedTuple):
@@ -68,7 +64,7 @@ class LocalResponse(NamedTuple):
 
 
 def local_response(
-    where: str, i_e: FloatArray, outputs: FloatArray, sample_rate: float, period: int | None, beside: Beside | None
+    where: str, i_e: FloatArray, outputs: FloatArray, sample_rate: float, period: int | None
 ) -> LocalResponse:
     """The response of one record.
 
@@ -81,8 +77,6 @@ def local_response(
         [Hz].
     period : int, optional
         In samples; of whole periods only the lines that are excited are looked at.
-    beside : callable, optional
-        A response near the sought one: then only the difference has to be smooth over a band.
 
     Raises
     ------
@@ -98,9 +92,6 @@ def local_response(
     periods = max(periods, 1)
     index = np.arange(periods, (samples + 1) // 2, periods)
     u, z = (rfft(signal[:samples], axis=0)[index] / np.sqrt(samples) for signal in (i_e, outputs))
-    if beside is not None:
-        known = beside(np.exp(2j * np.pi * index / samples))
-        z = z - (known @ u[..., None])[..., 0]
     u = u[:, excited]
     fitted = (DEGREE + 1) * (u.shape[1] + 1)
     width = fitted + FREE
@@ -111,8 +102,8 @@ def local_response(
             "with a longer period, or one axis after the other"
         )
     bands = [_band(u[rows], z[rows]) for rows in np.array_split(np.arange(len(index)), count)]
-    place = np.concatenate([_places(index[rows]) for rows in np.array_split(np.arange(len(index)), count)])
-    noise = _noise([band.left for band in bands], fitted)
+    place = np.concatenate([own[_nodes(len(own))] for own in np.array_split(index, count)])
+    noise = _noise(bands)
     response = np.concatenate([band.response for band in bands])
     covariance = np.concatenate(
         [
@@ -121,8 +112,6 @@ def local_response(
             for own, band in zip(noise, bands, strict=True)
         ]
     )
-    if beside is not None:
-        response = response + beside(np.exp(2j * np.pi * place / samples))[:, :, excited]
     return LocalResponse(place * sample_rate / samples, response, covariance, excited)
 
 
@@ -138,32 +127,35 @@ class _Band(NamedTuple):
         What errors of the common poles make of all pairs: columns of a root of their covariance.
     left : ndarray, shape (lines, channels)
         What is no such response.
+    free : float
+        Degrees of freedom of a channel of it.
     """
 
     response: ComplexArray
     spread: ComplexArray
     shared: ComplexArray
     left: ComplexArray
+    free: float
 
 
 def _band(u: ComplexArray, z: ComplexArray) -> _Band:
     """Polynomials, or, where that explains more than chance would, polynomials over one that all pairs share."""
-    inputs = u.shape[1]
-    x = np.linspace(-1.0, 1.0, len(u))
+    inputs, x = u.shape[1], np.linspace(-1.0, 1.0, len(u))
+    nodes = x[_nodes(len(u))]
     table = (np.column_stack([u, np.ones(len(u))])[:, :, None] * _powers(x)[:, None, :]).reshape(len(u), -1)
     plain = _fitted(table, z)
     poles, left = _common_poles(table, z, x, plain.left)
     free = len(u) - table.shape[1]
     power = np.sum(np.abs(left) ** 2, axis=0) / free
     fall = 2.0 * float(np.sum(np.sum(np.abs(plain.left) ** 2, axis=0) / power)) - 2.0 * free * z.shape[1]
-    has_poles = fall > chdtri(2 * ORDER, RARE)
+    has_poles = fall > SHARPER
     poles = poles if has_poles else np.zeros(0)
-    below, below_nodes = (1.0 + _powers(at, ORDER + 1)[:, 1 : 1 + len(poles)] @ poles for at in (x, NODES))
+    below, below_nodes = (1.0 + _powers(at, ORDER + 1)[:, 1 : 1 + len(poles)] @ poles for at in (x, nodes))
     fit = _fitted(table / below[:, None], z)
     # values at the nodes: of each input its polynomial, nothing of the transient
     told = np.zeros((len(NODES), inputs, inputs + 1, DEGREE + 1), dtype=complex)
     for j in range(inputs):
-        told[:, j, j] = _powers(NODES) / below_nodes[:, None]
+        told[:, j, j] = _powers(nodes) / below_nodes[:, None]
     told = told.reshape(len(NODES), inputs, -1)
     spread = told @ (fit.inverse @ fit.inverse.conj().T) @ told.conj().transpose(0, 2, 1)
     response = (told @ fit.numbers).transpose(0, 2, 1)
@@ -174,10 +166,10 @@ def _band(u: ComplexArray, z: ComplexArray) -> _Band:
         own = (bent - np.einsum("lq,qkc->lkc", table / below[:, None], taken)) / np.sqrt(power)
         information = np.einsum("lkc,lmc->km", own.conj(), own)
         root = np.linalg.cholesky(np.linalg.inv(information))
-        direct = -(_powers(NODES, ORDER + 1)[:, 1:] / below_nodes[:, None])[:, None, None, :] * response[..., None]
+        direct = -(_powers(nodes, ORDER + 1)[:, 1:] / below_nodes[:, None])[:, None, None, :] * response[..., None]
         moved = direct - np.einsum("njq,qkc->ncjk", told, taken)
         shared = moved.reshape(len(NODES), -1, ORDER) @ root
-    return _Band(response, spread, shared, fit.left)
+    return _Band(response, spread, shared, fit.left, free - len(poles) / z.shape[1])
 
 
 class _Fit(NamedTuple):
@@ -220,29 +212,31 @@ def _common_poles(
     return poles, left
 
 
-def _places(index: NDArray[np.intp]) -> FloatArray:
-    """The nodes of a band among its lines."""
-    return 0.5 * (index[0] + index[-1]) + 0.5 * (index[-1] - index[0]) * NODES
+def _nodes(count: int) -> NDArray[np.intp]:
+    """Which lines of a band are nearest to Gauss's points."""
+    return np.rint(0.5 * (count - 1) * (1.0 + NODES)).astype(np.intp)
 
 
-def _noise(left: list[ComplexArray], fitted: int) -> ComplexArray:
+def _noise(bands: list[_Band]) -> ComplexArray:
     """Covariance of the noise of every band, (bands, channels, channels).
 
     The power of each channel is that of the band, with what of the response is no polynomial; how the channels go
-    together is taken from bands around. It is raised by nu / (nu - 1) for the nu degrees of freedom of a power, so that
-    the mean square of what is whitened by it is 1.
+    together is taken from bands around. It is raised by nu / (nu - 1) for the nu degrees of freedom of a power, and by
+    n / (n - p) for the n of the correlations of p channels, so that the mean square of what is whitened by it is 1.
     """
     powers, scaled = [], []
-    for own in left:
-        free = len(own) - fitted
-        power = np.sum(np.abs(own) ** 2, axis=0) / free
-        powers.append(power * free / (free - 1.0))
-        scaled.append(own / np.sqrt(np.maximum(power, 1e-300)))
+    for band in bands:
+        power = np.sum(np.abs(band.left) ** 2, axis=0) / band.free
+        powers.append(power * band.free / (band.free - 1.0))
+        scaled.append(band.left / np.sqrt(np.maximum(power, 1e-300)))
     found = []
     for k, power in enumerate(powers):
-        near = np.concatenate(scaled[max(0, k - AROUND) : k + AROUND + 1])
+        first = min(max(k - AROUND, 0), max(len(bands) - 2 * AROUND - 1, 0))
+        near = np.concatenate(scaled[first : first + 2 * AROUND + 1])
         together = near.T @ near.conj()
         size = np.sqrt(np.diag(together).real)
         root = np.sqrt(power)
-        found.append(together / np.outer(size, size) * np.outer(root, root))
+        free = sum(band.free for band in bands[first : first + 2 * AROUND + 1])
+        raised = free / max(free - len(root), 1.0)
+        found.append(raised * together / np.outer(size, size) * np.outer(root, root))
     return np.array(found)

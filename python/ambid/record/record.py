@@ -13,7 +13,7 @@ from ambid.errors import RecordError
 from ambid.record import checks
 from ambid.record.channel_map import ChannelMap
 from ambid.record.frequency_response import FrequencyResponse
-from ambid.record.local_response import Beside, local_response
+from ambid.record.local_response import local_response
 from ambid.record.mending import mended_excitation, mended_outputs
 from ambid.record.period import find_period
 from ambid.record.raw import SIGNALS, raw_record
@@ -281,21 +281,15 @@ class Record:
         """The recorded outputs of the loop, y and i_c, shape (N, channels)."""
         return self.y if self.i_c is None else np.hstack([self.y, self.i_c])
 
-    def frequency_response(self, beside: Beside | None = None) -> FrequencyResponse:
+    def frequency_response(self) -> FrequencyResponse:
         """The response from the axes that are excited to y and i_c, with its uncertainty, by local polynomials.
 
-        Over a band of neighbouring excited lines, 16 for one axis and 25 for four that are excited together by
-        different sequences, the response is a polynomial of degree two, and so is the transient; three frequencies a
-        band come out. What is no such polynomial is an error: near a mode that is narrower than a band, or where a
-        band reaches down to the lowest lines. It raises the std there, for the std is taken from what the polynomials
-        leave, but the error has the same sign over a band and is no noise. A longer period makes bands narrower, one
-        axis after the other does too, and so does `beside`.
-
-        Parameters
-        ----------
-        beside : callable, optional
-            A response near the sought one, such as that of the nominal loop: takes points of the unit circle, returns
-            (points, channels, axes). Only the difference has to be smooth over a band then.
+        Over a band of neighbouring excited lines, 18 for one axis and 30 for four that are excited together by
+        different sequences, the response is a polynomial of degree three, and so is the transient; where that does
+        better than chance, over a common one with two poles. Four frequencies a band come out. What is no such response
+        is an error: where more than two narrow modes are within a band, or where it reaches down to the lowest lines.
+        It raises the std, which is taken from what is left, but has the same sign over a band and is no noise. A longer
+        period makes bands narrower, and so does one axis after the other.
 
         Raises
         ------
@@ -307,7 +301,7 @@ class Record:
             raise RecordError(
                 f"{where}: i_e was not logged; load the record with its rig, whose controller rebuilds it"
             )
-        found = local_response(where, self.i_e, self.outputs, self.sample_rate, self.period, beside)
+        found = local_response(where, self.i_e, self.outputs, self.sample_rate, self.period)
         inputs = [f"i_e.{axis}" for axis, is_excited in zip(self.axes, found.excited, strict=True) if is_excited]
         made = FrequencyResponse.from_arrays(
             found.frequency_hz,
