@@ -132,8 +132,8 @@ def identify(
             notes.append(f"weights of eq. 9, since the noise on lines is not known: {error}")
     if len(in_time) < len(records):
         raise ModelError(
-            f"weights = {weights!r}: eq. 9 is least squares in time, and frequency responses are among the records; leave "
-            "weights out, or them"
+            f"weights = {weights!r}: eq. 9 is least squares in time, and frequency responses are among the records; "
+            "leave weights out, or them"
         )
     factors = _factors(model, None if isinstance(weights, str) else weights)
     return _in_time(model, in_time, free_indices, limits, origins, factors, max_evaluations, progress, begun, notes)

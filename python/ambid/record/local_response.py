@@ -142,14 +142,15 @@ def _band(u: ComplexArray, z: ComplexArray) -> _Band:
     """Polynomials, or, where that explains more than chance would, polynomials over one that all pairs share."""
     inputs, x = u.shape[1], np.linspace(-1.0, 1.0, len(u))
     nodes = x[_nodes(len(u))]
-    table = (np.column_stack([u, np.ones(len(u))])[:, :, None] * _powers(x)[:, None, :]).reshape(len(u), -1)
+    driving: ComplexArray = np.column_stack([u, np.ones(len(u))])
+    table = np.asarray(driving[:, :, None] * _powers(x)[:, None, :]).reshape(len(u), -1)
     plain = _fitted(table, z)
     poles, left = _common_poles(table, z, x, plain.left)
     free = len(u) - table.shape[1]
     power = np.sum(np.abs(left) ** 2, axis=0) / free
     fall = 2.0 * float(np.sum(np.sum(np.abs(plain.left) ** 2, axis=0) / power)) - 2.0 * free * z.shape[1]
     has_poles = fall > SHARPER
-    poles = poles if has_poles else np.zeros(0)
+    poles = poles[: ORDER * has_poles]
     below, below_nodes = (1.0 + _powers(at, ORDER + 1)[:, 1 : 1 + len(poles)] @ poles for at in (x, nodes))
     fit = _fitted(table / below[:, None], z)
     # values at the nodes: of each input its polynomial, nothing of the transient

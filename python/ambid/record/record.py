@@ -313,7 +313,7 @@ class Record:
             notes=self.notes,
             path=self.path,
         )
-        return made if self.point is None else replace(made, point=self.point)
+        return replace(made, point=self.point)
 
     def save(self, path: str | Path) -> None:
         """Write the signals to a .csv, .mat (v5), .h5, .hdf5, .parquet or .tdms file; loading finds period and notes.
