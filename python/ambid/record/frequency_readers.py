@@ -137,6 +137,8 @@ def _from_csv(path: Path) -> RawResponse:
             raise RecordError(f"{path}: row {number} has {len(row)} cells, the header {len(header)}; complete it")
         cells = {name: row[k].strip() for name, k in at.items()}
         values = {n: _number(path, n, number, cell) for n, cell in cells.items() if n not in ("output", "input")}
+        if not np.isfinite(values["frequency_hz"]):
+            raise RecordError(f"{path}: frequency_hz is {values['frequency_hz']} in row {number}; give Hz, above 0")
         key = (values["frequency_hz"], cells["output"], cells["input"])
         if key in places:
             what = f"{key[1]} / {key[2]} at {key[0]:g} Hz"
