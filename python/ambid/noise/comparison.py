@@ -295,11 +295,14 @@ def compare(model: Model, records: Measurement | Sequence[Measurement]) -> Compa
     UnstableLoopError
         If the model's loop is unstable.
     RecordError
-        If a record has other axes than the rig, or no excitation.
+        If a record has other axes than the rig, or no excitation, or a response has channels that the loop lacks.
     """
     records = (records,) if isinstance(records, Measurement) else tuple(records)
     model = model.covering(records)
     with model.loop.telling_the_mode(model.theta):
+        for record in records:
+            if isinstance(record, FrequencyResponse):  # refuses a loop that is unstable or lacks its channels
+                ResponseLines(record).simulated(model.at(record))
         return Comparison(model, records)
 
 
@@ -333,7 +336,7 @@ def _of_response(here: Model, part: ResponseLines) -> RecordComparison:
                 measured_rms=measured,
                 residual_rms=residual,
                 noise_rms=noise,
-                misfit=float(np.nanmean(np.abs(left[:, k] / record.std[:, k]) ** 2)),
+                misfit=float(np.nanmean((np.abs(left[:, k]) / record.std[:, k]) ** 2)),
             )
         )
     joint = float(white @ white) / part.judged
