@@ -44,8 +44,10 @@ from .noise import Noise as Noise
 from .noise import compare as compare
 from .noise import noise_ceiling as noise_ceiling
 from .record import ChannelMap as ChannelMap
+from .record import FrequencyResponse as FrequencyResponse
 from .record import Record as Record
 from .record import StaticLoading as StaticLoading
+from .record import load_measurement as load_measurement
 from .rig import Controller as Controller
 from .rig import Rig as Rig
 from .rig import StateSpaceController as StateSpaceController

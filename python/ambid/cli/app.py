@@ -12,6 +12,7 @@ from ambid.cli.diagnosing import check_command, compare_command, diagnose_comman
 from ambid.cli.experiments import demo_command, simulate_command
 from ambid.cli.identifying import campaign_command, identify_command, static_load_command
 from ambid.cli.options import Commands, DiagnoseCommand
+from ambid.cli.responding import frequency_response_command
 
 __all__ = ["app"]
 
@@ -30,6 +31,7 @@ app.command("static-load")(static_load_command)
 app.command("campaign")(campaign_command)
 app.command("compare")(compare_command)
 app.command("diagnose", cls=DiagnoseCommand)(diagnose_command)
+app.command("frequency-response")(frequency_response_command)
 app.command("effects")(effects_command)
 app.command("simulate")(simulate_command)
 app.command("demo")(demo_command)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import ambid
-from ambid.cli.files import load_model, load_records
+from ambid.cli.files import in_time, load_model, load_records
 from ambid.cli.options import (
     Columns,
     JsonFile,
@@ -51,7 +51,7 @@ def check_command(
     machine = ambid.Rig.load(rig)
     loaded = load_records(machine, records, period, columns, sample_rate)
     with stoppable():
-        found = ambid.check(machine, loaded)
+        found = ambid.check(machine, in_time(loaded))
     conclude(found, found.to_json(), json_file, quiet)
     if not found.is_sound:
         raise typer.Exit(2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,17 +17,23 @@ def load_model(rig: ambid.Rig, path: Path | None) -> ambid.Model:
     return ambid.Model(rig) if path is None else ambid.Model.load(path, rig)
 
 
+def in_time(records: Sequence[ambid.Record | ambid.FrequencyResponse]) -> list[ambid.Record]:
+    """Those that are no frequency responses."""
+    return [record for record in records if isinstance(record, ambid.Record)]
+
+
 def load_records(
     rig: ambid.Rig, paths: list[Path], period: int | None, columns: list[str], sample_rate: float | None
-) -> list[ambid.Record]:
-    """Records of a rig; `columns` are options as `ChannelMap.parse` reads them.
+) -> list[ambid.Record | ambid.FrequencyResponse]:
+    """Records and frequency responses of a rig; `columns` are options as `ChannelMap.parse` reads them.
 
     A rig file among them opens another operating point of the machine: the records after it were recorded there.
     """
     if sample_rate is not None and not (np.isfinite(sample_rate) and sample_rate > 0.0):
         raise InputError(f"--sample-rate {sample_rate:g}: expected a positive number of Hz")
     mapping = ambid.ChannelMap.parse(columns) if columns else None
-    found, point = [], rig
+    found: list[ambid.Record | ambid.FrequencyResponse] = []
+    point = rig
     for path, after in pairwise([*paths, Path()]):
         if path.suffix.lower() == ".toml":
             point = ambid.Rig.load(path)
@@ -35,6 +42,6 @@ def load_records(
                     f"{path}: no record follows; name the records of this operating point after its rig file"
                 )
             continue
-        record = ambid.Record.load(path, point, period=period, mapping=mapping, sample_rate=sample_rate)
+        record = ambid.load_measurement(path, point, period=period, mapping=mapping, sample_rate=sample_rate)
         found.append(record if point is rig else record.at(point))
     return found

@@ -9,7 +9,7 @@ from typing import Annotated, cast
 import typer
 
 import ambid
-from ambid.cli.files import load_model, load_records
+from ambid.cli.files import in_time, load_model, load_records
 from ambid.cli.options import (
     Columns,
     JsonFile,
@@ -84,7 +84,7 @@ def identify_command(
             estimate = identified()
         except Stopped as stopped:
             estimate = cast(ambid.Estimate, stopped.result)
-    slips = _slips(machine, loaded, estimate)
+    slips = _slips(machine, in_time(loaded), estimate)
     conclude(
         "\n".join([repr(estimate), *(f"check: {slip}" for slip in slips)]),
         {**estimate.to_json(), "check": slips},

@@ -18,8 +18,8 @@ RecordFiles = Annotated[
     list[Path],
     typer.Argument(
         metavar="RECORD...",
-        help="Records: .csv, .mat, .h5, .parquet, .tdms. A rig file among them opens another operating point: "
-        "the records after it were recorded at its speed and bias current.",
+        help="Records: .csv, .mat, .h5, .parquet, .tdms; frequency responses: .csv, .mat, .uff. A rig file among them "
+        "opens another operating point: the records after it were recorded at its speed and bias current.",
     ),
 ]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the result as JSON; - prints it.")]

@@ -98,7 +98,9 @@ def saved(result: ambid.Estimate | ambid.Diagnosis, path: Path | None) -> Sequen
     return ()
 
 
-def drawn(model: ambid.Model, records: list[ambid.Record], path: Path | None) -> Sequence[Path]:
+def drawn(
+    model: ambid.Model, records: Sequence[ambid.Record | ambid.FrequencyResponse], path: Path | None
+) -> Sequence[Path]:
     """Draw measured against simulated where ``--plot`` says."""
     return () if path is None else ambid.plot.save_comparison(ambid.compare(model, records), path)
 
@@ -124,9 +126,10 @@ def _is_same(path: Path, other: Path) -> bool:
 
 
 def _require_own_kind(option: str, path: Path) -> None:
-    from ambid.record.readers import SUFFIXES  # not at the top: --help need not open that room
+    from ambid.record.frequency_readers import UNIVERSAL  # not at the top: --help need not open that room
+    from ambid.record.readers import SUFFIXES
 
-    kind = {".toml": "a rig file"} | dict.fromkeys(SUFFIXES, "a record")
+    kind = {".toml": "a rig file"} | dict.fromkeys((*SUFFIXES, *UNIVERSAL), "a record")
     suffix = Path(os.path.realpath(path)).suffix.lower()
     if suffix in kind:
         raise InputError(f"{option} {path}: would replace {kind[suffix]}; give another file, or delete that one first")

@@ -6,6 +6,7 @@ that were kept back, or, where there are none, on each half of those that it was
 
 from __future__ import annotations
 
+import numpy as np
 from scipy.special import chdtri
 
 from ambid.diagnosis.rivals import Refitted
@@ -13,7 +14,7 @@ from ambid.diagnosis.state import State, Task
 from ambid.errors import RecordError, UnstableLoopError
 from ambid.identification.minimum import ROUGHLY, refit
 from ambid.noise import Comparison
-from ambid.record import Record
+from ambid.record import FrequencyResponse, Measurement
 
 __all__ = ["stands"]
 
@@ -24,6 +25,11 @@ LEAST_PERIODS = 2
 """Periods of a half that is judged."""
 LEAST_SAMPLES = 500
 """Samples of a half without periods that is judged."""
+BESIDE = 4
+"""Neighbouring frequencies of a response that stay together, since they may have an error in common: bands of a local
+estimate."""
+LEAST_FREQUENCIES = 16
+"""Frequencies of a response whose halves are judged."""
 
 
 def stands(task: Task, state: State, pair: Refitted) -> bool:
@@ -54,8 +60,11 @@ def stands(task: Task, state: State, pair: Refitted) -> bool:
     return True
 
 
-def _halves(record: Record) -> tuple[Record, ...]:
-    """Both halves of a record, of whole periods; nothing where they are too short."""
+def _halves(record: Measurement) -> tuple[Measurement, ...]:
+    """Both halves of a record, of whole periods, or every other band of a response; nothing if too short."""
+    if isinstance(record, FrequencyResponse):
+        is_first = np.arange(len(record.frequency_hz)) // BESIDE % 2 == 0
+        return (record.some(is_first), record.some(~is_first)) if len(is_first) >= LEAST_FREQUENCIES else ()
     if record.period is None:
         middle = record.samples // 2
         if middle < LEAST_SAMPLES:

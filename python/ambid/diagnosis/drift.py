@@ -64,7 +64,7 @@ def largest_change(comparison: Comparison) -> Change | None:
     bases = [(k, name) for k, name in enumerate(model.names) if name.startswith(("K_i", "K_s"))]
     found: list[Change] = []
     tried = 0.0
-    for part in comparison.noise.parts:
+    for part in comparison.noise.in_time:
         record, window = part.record, part.window.settled
         # nearer to its own excited line than to the next: a shift further on is one of the next back
         shifts = np.arange(1, min(FASTEST, (window.periods - 1) // 2) + 1)

@@ -6,14 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ambid.arrays import ComplexArray, FloatArray
+from ambid.arrays import FloatArray
 from ambid.diagnosis.drift import Change, largest_change
 from ambid.diagnosis.ports import Port, needed_at_ports
 from ambid.loop.effect import Tone
+from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.chance import SPREAD
+from ambid.noise.lines import RecordLines
+from ambid.noise.response_lines import ResponseLines
 from ambid.noise.tones import OUTSTANDING
-from ambid.noise.window import Window
 from ambid.record import Record
 from ambid.threads import with_one_blas_thread
 
@@ -58,7 +60,7 @@ class MisfitMap:
     channels : tuple of str
     edges_hz : ndarray, shape (bands + 1,)
     line_hz : float
-        From one excited line to the next.
+        From one excited line to the next; of a frequency response the least step.
     misfit : ndarray, shape (bands, channels)
         Mean square of the whitened lines; 1 is noise alone.
     """
@@ -198,20 +200,19 @@ def localise(comparison: Comparison) -> Localisation:
     found = Localisation((), ports, left.tones, change, (), np.nan, ())
     maps, growth, cells = [], [], []
     for part in noise.parts:
-        record, window = part.record, part.window
-        residual = part.residual_lines(model.at(record))[: len(window.excited)]
-        power = part.noise_power()[: len(window.excited)]
-        own = _map(record, np.abs(residual) ** 2 / power, window)
+        record = part.record
+        own = _map(part, model)
         maps.append(own)
-        if window.is_periodic and record.point == noise.records[worst].point:
-            growth.append(_growth(record, residual, power, window))
+        is_at_worst = record.point == noise.records[worst].point
+        if isinstance(part, RecordLines) and part.window.is_periodic and is_at_worst:
+            growth.append(_growth(part, model))
         for b, band in enumerate(zip(own.edges_hz[:-1], own.edges_hz[1:], strict=True)):
             for channel, misfit in zip(own.channels, own.misfit[b], strict=True):
                 if np.isfinite(misfit):
                     cells.append(
                         Cell(record.name, channel, (float(band[0]), float(band[1])), float(misfit), found.kind)
                     )
-    for part in left.noise.parts:
+    for part in left.noise.in_time:
         cells += [_tone_cell(part.record, tone) for tone in part.tones]
     if change is not None:
         cells.append(
@@ -223,20 +224,22 @@ def localise(comparison: Comparison) -> Localisation:
     return Localisation(tuple(maps), ports, left.tones, change, tuple(growth), _exponent(growth), tuple(cells), worst)
 
 
-def _map(record: Record, alone: FloatArray, window: Window) -> MisfitMap:
-    """From the power of each excited line and channel over that of its noise."""
-    frequency = window.excited * record.sample_rate / window.samples
+def _map(part: RecordLines | ResponseLines, model: Model) -> MisfitMap:
+    """From the power of each line and channel over that of its noise."""
+    frequency, alone = part.misfit_by_channel(model.at(part.record))
     edges = np.geomspace(frequency[0], frequency[-1] * 1.0001, BANDS + 1)
     table = np.full((BANDS, alone.shape[1]), np.nan)
     for b in range(BANDS):
         inside = (frequency >= edges[b]) & (frequency < edges[b + 1])
         if inside.any():
             table[b] = np.mean(alone[inside], axis=0)
-    return MisfitMap(record.name, tuple(record.channels), edges, record.sample_rate / window.period, table)
+    return MisfitMap(part.record.name, tuple(part.record.channels), edges, float(np.diff(frequency).min()), table)
 
 
-def _growth(record: Record, residual: ComplexArray, power: FloatArray, window: Window) -> Growth:
-    n = len(record.axes)
+def _growth(part: RecordLines, model: Model) -> Growth:
+    record, window = part.record, part.window
+    residual = part.residual_lines(model.at(record))[: len(window.excited)]
+    power, n = part.noise_power()[: len(window.excited)], len(record.axes)
     repeats = 2.0 * np.sum(np.abs(residual[:, :n]) ** 2 - power[:, :n]) / (n * window.samples)
     amplitude = float(record.i_e.std()) if record.i_e is not None else np.nan
     return Growth(record.name, amplitude, float(np.sqrt(max(repeats, 0.0))))

@@ -19,8 +19,10 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.diagnosis.chance import log_chance
 from ambid.loop.effect import Effect, EffectParameter
 from ambid.loop.plant import Plant
+from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.lines import as_lines
+from ambid.noise.response_lines import ResponseLines
 from ambid.noise.window import Window
 from ambid.rig import Rig
 
@@ -113,7 +115,8 @@ class Port:
     free : int
         Degrees of freedom of that misfit.
     needed : ndarray, shape (N, axes)
-        The needed signal over one period, in `unit`, mean over the periods of the record.
+        The needed signal over one period, in `unit`, mean over the periods of the record; of a frequency response,
+        which has no signal, N is 0.
     against : dict of str to ndarray, shape (N, axes)
         ``s`` [m], ``v`` [m/s], ``i_f`` [A], ``i_ref`` [A] and ``y`` [m] of the model over the same period.
     terms : tuple of Term
@@ -157,6 +160,8 @@ def needed_at_ports(comparison: Comparison, index: int = 0) -> tuple[Port, ...]:
         Of the record that is looked at.
     """
     model, part = comparison.model, comparison.noise.parts[index]
+    if isinstance(part, ResponseLines):
+        return _of_response(model, part)
     record, window = part.record, part.window
     axes, p, lines = len(record.axes), len(record.channels), len(window.excited)
     whitening = part.spectrum.whitening[:lines]
@@ -192,6 +197,32 @@ def needed_at_ports(comparison: Comparison, index: int = 0) -> tuple[Port, ...]:
         needed = irfft(full, n=window.period, axis=0)
         terms = _terms(name, against, way, white, cost, basis, window)
         found.append(Port(name, unit, meaning, misfit, free, needed, against, terms))
+    return tuple(sorted(found, key=_by_misfit_then_shape))
+
+
+def _of_response(model: Model, part: ResponseLines) -> tuple[Port, ...]:
+    """The same of a frequency response: what each port would need is a response to each excitation, and no signal."""
+    here, (count, outputs, inputs) = model.at(part.record), part.record.response.shape
+    if not here.is_linear:
+        here = here.without_nonlinear()
+    loop = here.watching((), [_Inlets()])
+    rows = [loop.outputs.index(name) for name in part.record.outputs]
+    residual, known, *_ = part.white(here, list(range(len(here.names))))
+    size = np.linalg.norm(known, axis=0)
+    basis, _ = np.linalg.qr(known[:, size > 0.0] / size[size > 0.0])
+    white = as_lines(residual - basis @ (basis.T @ residual), outputs * inputs)
+    responses = loop.transfer(here.theta, part.points(here))[:, rows]
+    found, nothing = [], np.zeros((0, len(here.rig.axes)))
+    for name, (_, unit, meaning) in PORTS.items():
+        columns = [k for k, inlet in enumerate(loop.inputs) if inlet.startswith(f"{name}.")]
+        # each excitation calls for a signal of its own
+        ways = np.einsum("koc,ij->koicj", responses[:, :, columns], np.eye(inputs))
+        way = part.whitening @ ways.reshape(count, outputs * inputs, -1)
+        left = white - (way @ _least_squares(way, white)[..., None])[..., 0]
+        scale = np.abs(way).max(axis=(1, 2), keepdims=True) + 1e-300
+        free = part.judged - 2 * int(np.linalg.matrix_rank(way / scale, tol=1e-9).sum())
+        misfit = float(np.sum(np.abs(left) ** 2)) / free if free > 0 else np.nan
+        found.append(Port(name, unit, meaning, misfit, free, nothing, {}, ()))
     return tuple(sorted(found, key=_by_misfit_then_shape))
 
 

@@ -22,7 +22,7 @@ from ambid.identification.minimum import refit
 from ambid.model import Model
 from ambid.model.parameter import nominal
 from ambid.noise.comparison import ADEQUATE
-from ambid.record import Record
+from ambid.record import Measurement, Record
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
@@ -32,9 +32,9 @@ __all__ = ["diagnose"]
 @with_one_blas_thread
 def diagnose(
     model: Model | Rig,
-    records: Record | Sequence[Record],
+    records: Measurement | Sequence[Measurement],
     *,
-    validate: Sequence[Record] = (),
+    validate: Sequence[Measurement] = (),
     effects: Sequence[str | Effect] | None = None,
     catalogue: Sequence[Effect] = CATALOGUE,
     tolerance: float = ADEQUATE,
@@ -48,10 +48,10 @@ def diagnose(
     ----------
     model : Model or Rig
         Start; a rig means its nominal values.
-    records : Record or sequence of Record
-        Of two or more periods each (four for tones and drift), or with an excitation that never repeats; at any
+    records : Record or FrequencyResponse, or sequence of them
+        Records of two or more periods each (four for tones and drift), or with an excitation that never repeats; at any
         amplitudes, and at any operating points (`Record.at`).
-    validate : sequence of Record
+    validate : sequence of Record or FrequencyResponse
         Not used for choosing; best at another amplitude.
     effects : sequence of str or Effect, optional
         A person's own choice: add these, names of the catalogue or effects, in this order, instead of choosing.
@@ -87,7 +87,7 @@ def diagnose(
     chosen = None
     if effects is not None:
         chosen = [find(effect, catalogue=catalogue) if isinstance(effect, str) else effect for effect in effects]
-    records = (records,) if isinstance(records, Record) else tuple(records)
+    records = (records,) if isinstance(records, Measurement) else tuple(records)
     start = model if isinstance(model, Model) else Model(model)
     start = start.covering(records)
     for record in validate:
@@ -96,7 +96,8 @@ def diagnose(
         rig = start.to_rig()
     except RigError:  # a fit has driven its values beyond what a rig file may hold
         rig = start.rig
-    findings = check(rig, (*records, *validate)).findings
+    in_time = [record for record in (*records, *validate) if isinstance(record, Record)]
+    findings = check(rig, in_time).findings
     stops = [f"{finding.where}: {finding.what}; {finding.todo}" for finding in findings if finding.stops_diagnosis]
     if stops:
         return Diagnosis.uninformative(start, records, stops, begun)
@@ -107,7 +108,7 @@ def diagnose(
         return Diagnosis.uninformative(estimate.model, records, [why], begun)
     task = Task(_nominal(start), tuple(validate), tuple(catalogue), progress, is_chosen=chosen is not None)
     base = estimate.comparison
-    if not base.is_adequate and not all(part.window.is_periodic for part in base.noise.parts):
+    if not base.is_adequate and not all(part.noise_is_measured for part in base.noise.parts):
         base = refit(base)  # `identify` did not trust the weights, as physics is missing
     state, is_stopped = begin(task, base), False
     say(state.history[-1].line())

@@ -29,8 +29,10 @@ from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.minimum import SUBSTEPS
 from ambid.model import Model
 from ambid.model.operating_point import suffix
+from ambid.model.structure import is_nonlinear
 from ambid.noise import Comparison
 from ambid.results import Tabular
+from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["Candidate", "Ranking", "rank"]
@@ -224,6 +226,9 @@ def rank(
         if home is None:
             not_tried[effect.name] = effect.why_not(model.rig)
             continue
+        if not comparison.noise.in_time and (why := _unseen_by_responses(home, effect)):
+            not_tried[effect.name] = why
+            continue
         variants = effect.variants(replace(seen, rig=home))
         scored, why = _scored(here, variants, here.cost)
         if variants and not scored and start is not None and start.is_stable:
@@ -244,19 +249,31 @@ def rank(
     return Ranking(tuple(ranked), here.cost / here.dof, not_tried)
 
 
+def _unseen_by_responses(rig: Rig, effect: Effect) -> str:
+    """Why an effect is not tried on frequency responses alone; empty where it is."""
+    if effect.waveform(rig, 1, None).shape[1]:
+        return "a frequency response holds nothing of a disturbance, which follows no excitation; record in time"
+    if is_nonlinear(rig, effect):
+        return (
+            "a frequency response is of small motion, where it is judged as absent; record in time, at two amplitudes"
+        )
+    return ""
+
+
 def see(comparison: Comparison) -> Seen:
     """What effects may look at before they are tried."""
     model, noise = comparison.model, comparison.noise
     watched = ["s", "i_f"] + (["drive"] if model.rig.amplifier.time_constant > 0.0 else [])
     peaks = dict.fromkeys(watched, 0.0)
     n = len(model.rig.axes)
-    for record in noise.records:
+    records = [part.record for part in noise.in_time]
+    for record in records:
         here = model.at(record)
         found = np.abs(here.watching(watched).simulate(here.theta, here.excitation(record))).max(axis=0)
         for k, name in enumerate(watched, start=2):
             peaks[name] = max(peaks[name], float(found[k * n : (k + 1) * n].max()))
     tones = {round(tone.frequency_hz, 3): tone for own in noise.tones for tone in own}
-    at_home = [record for record in noise.records if not suffix(record.point or model.rig, model.rig)]
+    at_home = [record for record in records if not suffix(record.point or model.rig, model.rig)]
     measured = [record.i_c.mean(axis=0) for record in at_home if record.i_c is not None]
     held = tuple(np.mean(measured, axis=0).tolist()) if measured else ()
     return Seen(model.rig, peaks, tuple(tones.values()), held)

@@ -17,7 +17,7 @@ from ambid.identification import ParameterEstimate
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.window import notes_of
-from ambid.record import Record
+from ambid.record import Measurement
 from ambid.results import Tabular, plain
 
 VERDICTS = {
@@ -139,7 +139,7 @@ class Diagnosis(Tabular):
         Near twins of each named effect.
     model : Model
         The last model.
-    records, validation : tuple of Record
+    records, validation : tuple of Record or FrequencyResponse
         That were diagnosed, and that were kept to judge by.
     next_experiment : str
         What would tell the rest apart.
@@ -159,14 +159,14 @@ class Diagnosis(Tabular):
     covariance: FloatArray
     explained_percent: float
     families: dict[str, Family]
-    records: tuple[Record, ...]
-    validation: tuple[Record, ...]
+    records: tuple[Measurement, ...]
+    validation: tuple[Measurement, ...]
     next_experiment: str
     seconds: float
     notes: tuple[str, ...] = field(default_factory=tuple)
 
     @classmethod
-    def uninformative(cls, model: Model, records: Sequence[Record], why: Sequence[str], begun: float) -> Diagnosis:
+    def uninformative(cls, model: Model, records: Sequence[Measurement], why: Sequence[str], begun: float) -> Diagnosis:
         """A diagnosis that could not begin."""
         return cls(
             verdict="not_informative",

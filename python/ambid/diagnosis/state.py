@@ -11,7 +11,7 @@ from ambid.effects import Effect
 from ambid.model import Model
 from ambid.noise import Comparison, compare
 from ambid.noise.chance import misfit_bound
-from ambid.record import Record
+from ambid.record import Measurement
 
 __all__ = ["State", "Task", "nominal_with_effects_of", "noted"]
 
@@ -24,7 +24,7 @@ class Task:
     ----------
     nominal : Model
         Where the diagnosis began.
-    validate : tuple of Record
+    validate : tuple of Record or FrequencyResponse
         Records that are not used for choosing.
     catalogue : tuple of Effect
     progress : callable
@@ -33,7 +33,7 @@ class Task:
     """
 
     nominal: Model
-    validate: tuple[Record, ...]
+    validate: tuple[Measurement, ...]
     catalogue: tuple[Effect, ...]
     progress: Progress
     is_chosen: bool = False

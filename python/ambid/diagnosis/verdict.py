@@ -14,7 +14,7 @@ from ambid.loop.effect import Tone
 from ambid.noise import Comparison
 from ambid.noise.chance import SPREAD
 from ambid.noise.tones import OUTSTANDING
-from ambid.record import Record
+from ambid.record import Measurement, Record
 
 __all__ = ["Verdict", "judged"]
 
@@ -162,16 +162,16 @@ def _others(task: Task, state: State) -> str:
     if state.base.model.points:
         return "operating points"
     amplitudes = _amplitudes(state.fit.noise.records)
-    differ = max(amplitudes) > (1.0 + OTHER_AMPLITUDE) * min(amplitudes)
+    differ = bool(amplitudes) and max(amplitudes) > (1.0 + OTHER_AMPLITUDE) * min(amplitudes)
     return "amplitudes" if _validated(task, state) or differ else ""
 
 
 def _validated(task: Task, state: State) -> bool:
     """Whether a record to validate on has another amplitude than all others."""
     own, other = _amplitudes(state.fit.noise.records), _amplitudes(task.validate)
-    return any(all(abs(a / b - 1.0) > OTHER_AMPLITUDE for b in own) for a in other)
+    return bool(own) and any(all(abs(a / b - 1.0) > OTHER_AMPLITUDE for b in own) for a in other)
 
 
-def _amplitudes(records: Sequence[Record]) -> list[float]:
-    """Rms of each record's excitation [A]."""
-    return [float(r.i_e.std()) for r in records if r.i_e is not None]
+def _amplitudes(records: Sequence[Measurement]) -> list[float]:
+    """Rms of the excitation of each record in time [A]; a frequency response tells none."""
+    return [float(r.i_e.std()) for r in records if isinstance(r, Record) and r.i_e is not None]

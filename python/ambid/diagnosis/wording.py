@@ -11,6 +11,7 @@ from ambid.diagnosis.result import Family, Step
 from ambid.diagnosis.verdict import Verdict
 from ambid.effects.slips import ControllerGainError, ExcitationGainError
 from ambid.noise import Noise
+from ambid.noise.response_lines import ResponseLines
 from ambid.rig import PidController, Rig
 
 __all__ = ["next_experiment", "notes"]
@@ -22,6 +23,10 @@ TWINS = 0.999
 CONTROLLER_SLIP, EXCITATION_SLIP = ControllerGainError.name, ExcitationGainError.name
 MINOR = 0.05
 """Gains whose error is a smaller part of the largest one are not told."""
+OF_SMALL_MOTION = (
+    "a frequency response, which is of small motion and repeats: nonlinear effects, disturbances, tones and drift were "
+    "not looked for in it"
+)
 WITHOUT_PERIODS = (
     "i_e does not repeat, or not often enough to see it: the noise is what no smooth response to i_e explains, and "
     "neither tones nor drift were looked for"
@@ -62,7 +67,9 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
             f"{change.frequency_hz:.3g} Hz ({change.power:.0f} in units of noise, 2 where nothing changes)"
         )
     for part in noise.parts:
-        if not part.window.is_periodic:
+        if isinstance(part, ResponseLines):
+            yield f"{part.record.name}: {OF_SMALL_MOTION}"
+        elif not part.window.is_periodic:
             yield f"{part.record.name}: {WITHOUT_PERIODS}"
     yield from (own.uneven for own in verdict.fit.records if own.uneven)
     if verdict.is_stopped:

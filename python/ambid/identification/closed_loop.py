@@ -18,7 +18,7 @@ from ambid.identification.problem import EXACTLY, End, LeastSquares, Limits, Pro
 from ambid.model import Model
 from ambid.model.parameter import UNITS
 from ambid.noise import Comparison, Noise, compare
-from ambid.record import Record
+from ambid.record import FrequencyResponse, Measurement, Record
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
@@ -44,7 +44,7 @@ STABLE_FACTORS = (0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.5)
 @with_one_blas_thread
 def identify(
     model: Model | Rig,
-    records: Record | Sequence[Record],
+    records: Measurement | Sequence[Measurement],
     *,
     free: Iterable[str] | None = None,
     fixed: Iterable[str] = (),
@@ -67,8 +67,8 @@ def identify(
     ----------
     model : Model or Rig
         Start values; a rig means its nominal values.
-    records : Record or sequence of Record
-        Of this rig, all with the same axes and sample rate.
+    records : Record or FrequencyResponse, or sequence of them
+        Of this rig; records in time all with the same axes and sample rate.
     free : iterable of str, optional
         Names or patterns such as ``K_i`` or ``K_s.A_*``; default all.
     fixed : iterable of str
@@ -78,7 +78,7 @@ def identify(
     weights : str or mapping of str to float
         ``likelihood`` or ``eq9``; or eq. 9 with further factors for the signals ``y`` and ``i_c``, or single channels
         such as ``y.A_zeta``; 0 leaves them out. Where the noise on lines is not known, since the record is too short or
-        holds none, it is eq. 9, and a note says so.
+        holds none, it is eq. 9, and a note says so. Eq. 9 is for records in time alone.
     starts : int
         Number of starts; those after the first are spread by about 30 % around it, and the best end counts.
     seed : int
@@ -108,10 +108,11 @@ def identify(
         if number < least:
             raise ModelError(f"{name} = {number}; expected {least} or more")
     model = Model(model) if isinstance(model, Rig) else model
-    records = (records,) if isinstance(records, Record) else tuple(records)
+    records = (records,) if isinstance(records, Measurement) else tuple(records)
     _check_records(model, records)
     model = model.covering(records)
-    for record in records:
+    in_time = tuple(record for record in records if isinstance(record, Record))
+    for record in in_time:
         model.excitation(record)  # refuses a record without one
     chosen = set(range(len(model.names)) if free is None else model.index(free)) - set(model.index(fixed))
     if not chosen:
@@ -124,9 +125,16 @@ def identify(
         try:
             return _likeliest(model, records, free_indices, limits, origins, max_evaluations, progress, begun)
         except RecordError as error:
+            if len(in_time) < len(records):
+                raise  # frequency responses have no eq. 9
             notes.append(f"weights of eq. 9, since the noise on lines is not known: {error}")
+    if len(in_time) < len(records):
+        raise ModelError(
+            f"weights = {weights!r}: eq. 9 is least squares in time, and frequency responses are among the records; "
+            "leave weights out, or them"
+        )
     factors = _factors(model, None if isinstance(weights, str) else weights)
-    return _in_time(model, records, free_indices, limits, origins, factors, max_evaluations, progress, begun, notes)
+    return _in_time(model, in_time, free_indices, limits, origins, factors, max_evaluations, progress, begun, notes)
 
 
 def _in_time(
@@ -157,7 +165,7 @@ def _in_time(
 
 def _likeliest(
     model: Model,
-    records: tuple[Record, ...],
+    records: tuple[Measurement, ...],
     free: list[int],
     limits: Limits,
     origins: list[FloatArray],
@@ -169,9 +177,11 @@ def _likeliest(
     stable, notes = _stable(model, free, origins, limits)
     rough = WhitenedProblem(model, Noise.rough(stable, records), free, progress)  # x in units of the limits
     best, more = _best_of(rough, origins if not notes else [stable.theta[free]], limits, max_evaluations, ROUGHLY)
-    if _is_kept_away(rough, best):
+    in_time = tuple(record for record in records if isinstance(record, Record))
+    has_eq_9 = len(in_time) == len(records)
+    if in_time and _is_kept_away(rough, best):
         # where everything is damped more there is a way around the edge of stability
-        x, spent = damped_start(stable, records, free, limits)
+        x, spent = damped_start(stable, in_time, free, limits)
         second = rough.descend(x, limits, max_evaluations, ROUGHLY)
         rough.evaluations += spent
         best = min(best, second, key=lambda end: end.cost)
@@ -179,8 +189,8 @@ def _likeliest(
     at = model.with_theta(best.theta)
     comparison = Comparison(at, records, rough.noise.renewed(at))
     # without periods the noise is known no better than the model: it is taken from the residual once more
-    is_periodic = all(part.window.is_periodic for part in comparison.noise.parts)
-    for again in range(1 if is_periodic else 1 + MOST_RENEWALS):
+    is_known = all(part.noise_is_measured for part in comparison.noise.parts)
+    for again in range(1 if is_known else 1 + MOST_RENEWALS):
         if best.status == "stopped":
             break
         comparison = comparison.renewed() if again else comparison
@@ -191,10 +201,10 @@ def _likeliest(
         comparison = comparison.of(model.with_theta(best.theta))
         if again and abs(best.cost / before - 1.0) < RENEWED:
             break
-    if not is_periodic and best.status != "stopped" and not comparison.is_adequate:
+    if not is_known and has_eq_9 and best.status != "stopped" and not comparison.is_adequate:
         return _in_time(
             model,
-            records,
+            in_time,
             free,
             limits,
             origins,
@@ -230,11 +240,13 @@ def _stable(model: Model, free: list[int], origins: list[FloatArray], limits: Li
     return model.with_theta(theta), [f"the loop is unstable at the start values; started from {moved} of them instead"]
 
 
-def _check_records(model: Model, records: tuple[Record, ...]) -> None:
+def _check_records(model: Model, records: tuple[Measurement, ...]) -> None:
     if not records:
         raise RecordError("no record was given; give at least one")
     for record in records:
         where = record.path or record.name
+        if isinstance(record, FrequencyResponse):
+            continue  # the channels of the loop are looked up by name
         if record.axes != model.rig.axes:
             raise RecordError(
                 f"{where}: axes {', '.join(record.axes)}, the rig has {', '.join(model.rig.axes)}; "

@@ -160,7 +160,7 @@ def _banded(comparison: Comparison, free: Sequence[int], scale: FloatArray) -> F
     for part in comparison.noise.parts:
         own = slice(start, start + part.numbers)
         start += part.numbers
-        scores = (columns[own] * scale * residual[own, None]).reshape(len(part.index), -1, len(free)).sum(axis=1)
+        scores = part.by_line(columns[own] * scale * residual[own, None])
         for band in np.array_split(scores, min(BANDS, len(scores))):
             g = band.sum(axis=0)
             total += np.outer(g, g)

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ambid.arrays import FloatArray
+from ambid.arrays import ComplexArray, FloatArray
 from ambid.model import Model
 from ambid.noise import Comparison
-from ambid.record import Record
+from ambid.record import Measurement
 from ambid.results import Tabular, plain
 
 NORMAL_95 = 1.959964
@@ -96,13 +96,13 @@ class Estimate(Tabular):
     notes: tuple[str, ...] = ()
 
     @property
-    def records(self) -> tuple[Record, ...]:
+    def records(self) -> tuple[Measurement, ...]:
         """That were fitted."""
         return tuple(own.record for own in self.comparison.records)
 
     @property
-    def simulated(self) -> tuple[FloatArray, ...]:
-        """Response of `model` in each record's experiment, shape (N, channels), columns as `Record.channels`."""
+    def simulated(self) -> tuple[FloatArray | ComplexArray, ...]:
+        """Response of `model` in each record's experiment, see `RecordComparison.simulated`."""
         return tuple(own.simulated for own in self.comparison.records)
 
     @property

@@ -17,7 +17,7 @@ from ambid.model.file import read_model, write_model
 from ambid.model.operating_point import further_points, nominal_of_points, parameters_at
 from ambid.model.parameter import Parameter, of_effect, selected, shared, split, to_rig
 from ambid.model.structure import Structure, is_nonlinear, require_allowed
-from ambid.record import Record
+from ambid.record import Measurement, Record
 from ambid.rig import Rig
 
 __all__ = ["Model"]
@@ -162,7 +162,7 @@ class Model:
         here = self.at(record)
         return here.loop.sensitivity(here.theta, here.excitation(record), free)
 
-    def covering(self, records: Iterable[Record]) -> Model:
+    def covering(self, records: Iterable[Measurement]) -> Model:
         """Return the model with the operating points of these records.
 
         A further bias current brings a K_i and K_s of its own for every axis, such as ``K_i.A_zeta@8A``.
@@ -178,7 +178,7 @@ class Model:
         more = [p for p in nominal_of_points(self.rig, points) if p.name not in self.names]
         return Model._of(replace(self.structure, points=tuple(points)), [*self.parameters, *more])
 
-    def at(self, where: Record | Rig) -> Model:
+    def at(self, where: Measurement | Rig) -> Model:
         """The model at an operating point of the machine: its rig, with the K_i and K_s of that bias current.
 
         Names, order and values of the parameters stay; those of other bias currents fill nothing.

@@ -12,7 +12,7 @@ from dataclasses import replace
 from ambid.errors import ModelError
 from ambid.loop.effect import Effect
 from ambid.model.parameter import Parameter, nominal
-from ambid.record import Record
+from ambid.record import Measurement
 from ambid.rig import Rig
 
 __all__ = ["further_points", "nominal_of_points", "parameters_at", "require_same_machine", "suffix"]
@@ -45,7 +45,7 @@ def nominal_of_points(reference: Rig, points: Sequence[Rig]) -> list[Parameter]:
     return list(found.values())
 
 
-def further_points(reference: Rig, points: Sequence[Rig], records: Iterable[Record]) -> list[Rig]:
+def further_points(reference: Rig, points: Sequence[Rig], records: Iterable[Measurement]) -> list[Rig]:
     """The points, and those of records that are not among them yet.
 
     Raises

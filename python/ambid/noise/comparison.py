@@ -13,21 +13,24 @@ from typing import Any
 
 import numpy as np
 
-from ambid.arrays import FloatArray
+from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError, UnstableLoopError
 from ambid.loop.effect import Tone
 from ambid.model import Model
 from ambid.noise.chance import misfit_bound
 from ambid.noise.fit import with_average
 from ambid.noise.halves import uneven
-from ambid.noise.lines import RecordLines
-from ambid.noise.noise import Noise
+from ambid.noise.noise import Noise, Part
+from ambid.noise.response_lines import ResponseLines
 from ambid.noise.window import notes_of
-from ambid.record import Record
+from ambid.record import FrequencyResponse, Measurement, Record
 from ambid.results import Tabular, plain
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["ADEQUATE", "ChannelComparison", "Comparison", "RecordComparison", "compare"]
+
+READ_IN = {"m": (1e6, "um"), "A": (1e3, "mA"), "m/A": (1e6, "um/A"), "A/A": (1e3, "mA/A")}
+"""Factors and names of the units that tables are printed in."""
 
 ADEQUATE = 1.10
 """Largest misfit J/dof of a model that is called adequate, if chance does not bring more on a short record."""
@@ -42,10 +45,11 @@ class ChannelComparison:
     channel : str
         Such as ``y.A_zeta``.
     unit : str
+        Of a frequency response m/A or A/A; then all figures are of the complex response, over all its inputs.
     fit_percent, noise_ceiling_percent : float
         Reached, and reachable by the exact model; NaN without enough periods.
     measured_rms, residual_rms, noise_rms : float
-        In `unit`, means removed; NaN where the noise is not known.
+        In `unit`, means over time removed; NaN where the noise is not known.
     misfit : float
         J/dof of this channel alone: 1 when nothing is left but noise; NaN where the noise is not known.
     """
@@ -66,10 +70,10 @@ class RecordComparison:
 
     Attributes
     ----------
-    record : Record
+    record : Record or FrequencyResponse
     simulated : ndarray, shape (N, channels)
         With the transient that the record begins with; NaN after the last whole period where something disturbs the
-        loop that need not repeat.
+        loop that need not repeat. Of a frequency response that of the model, complex, shape (F, outputs, inputs).
     channels : tuple of ChannelComparison
     misfit : float
         J/dof of y and i_c judged jointly; NaN where the noise is not known: two periods, too short, or without noise.
@@ -80,8 +84,8 @@ class RecordComparison:
         model is not adequate.
     """
 
-    record: Record
-    simulated: FloatArray
+    record: Measurement
+    simulated: FloatArray | ComplexArray
     channels: tuple[ChannelComparison, ...]
     misfit: float
     repeatable_share: float
@@ -93,8 +97,10 @@ class RecordComparison:
         return (*notes_of(self.record), *([self.uneven] if self.uneven else []))
 
     @property
-    def residual(self) -> FloatArray:
-        """Measured minus simulated, means removed, shape (N, channels)."""
+    def residual(self) -> FloatArray | ComplexArray:
+        """Measured minus simulated, shape of `simulated`; means over time removed."""
+        if isinstance(self.record, FrequencyResponse):
+            return np.asarray(self.record.response - self.simulated)
         left = self.record.outputs - self.simulated
         return np.asarray(left - np.nanmean(left, axis=0))
 
@@ -109,9 +115,11 @@ class Comparison(Tabular):
         Of the records, by the residual of this model or of one before it.
     """
 
-    def __init__(self, model: Model, records: Sequence[Record], noise: Noise | None = None) -> None:
+    def __init__(self, model: Model, records: Sequence[Measurement], noise: Noise | None = None) -> None:
         self.model, self._records, self._noise, self._why = model, tuple(records), noise, ""
         for record in self._records:
+            if isinstance(record, FrequencyResponse):
+                continue  # the channels of the loop are looked up by name
             if record.axes != model.rig.axes:
                 where, rig_axes = record.path or record.name, ", ".join(model.rig.axes)
                 raise RecordError(
@@ -203,15 +211,18 @@ class Comparison(Tabular):
         for k, record in enumerate(self._records):
             part = None if self._noise is None else self._noise.parts[k]
             own = _unjudged(self.model, record) if part is None else _one(self.model, part)
-            if self.is_adequate:
+            if self.is_adequate and isinstance(record, Record):
                 driven = self.model.excitation(record)[:, : len(record.axes)]
-                own = replace(own, uneven=uneven(record, own.residual, driven))
+                own = replace(own, uneven=uneven(record, own.residual.real, driven))
             found.append(own)
         return tuple(found)
 
     @cached_property
     def fit_percent(self) -> dict[str, float]:
-        """Fit of the channels that all records have, as one long record, and ``average`` over y."""
+        """Fit of the channels that all records have, as one long record, and ``average`` over y.
+
+        Of records in time; where there are none, of the frequency responses.
+        """
         return self._pooled("residual_rms")
 
     @cached_property
@@ -220,17 +231,17 @@ class Comparison(Tabular):
         return self._pooled("noise_rms")
 
     def _pooled(self, missed: str) -> dict[str, float]:
-        power, total = np.zeros(len(self._channels)), np.zeros(len(self._channels))
-        for own in self.records:
-            rows = own.channels[: len(power)]
-            power += own.record.samples * np.array([getattr(row, missed) for row in rows]) ** 2
-            total += own.record.samples * np.array([row.measured_rms for row in rows]) ** 2
+        pooled = [own for own in self.records if isinstance(own.record, Record)] or self.records
+        names = [c for c in pooled[0].record.channels if all(c in own.record.channels for own in pooled)]
+        power, total = np.zeros(len(names)), np.zeros(len(names))
+        for own in pooled:
+            rows = [row for row in own.channels if row.channel in names]
+            rows.sort(key=lambda row: names.index(row.channel))
+            length = own.record.samples if isinstance(own.record, Record) else own.record.measured.sum() / len(rows)
+            power += length * np.array([getattr(row, missed) for row in rows]) ** 2
+            total += length * np.array([row.measured_rms for row in rows]) ** 2
         percent = 100.0 * (1.0 - np.sqrt(power / total))
-        return with_average(dict(zip(self._channels, percent.tolist(), strict=True)))
-
-    @property
-    def _channels(self) -> list[str]:
-        return [c for c in self._records[0].channels if all(c in record.channels for record in self._records)]
+        return with_average(dict(zip(names, percent.tolist(), strict=True)))
 
     @property
     def worst(self) -> tuple[str, ChannelComparison]:
@@ -271,7 +282,7 @@ class Comparison(Tabular):
                 f"{'noise rms':>13s} {'misfit':>8s}",
             ]
             for c in record.channels:
-                factor, unit = (1e6, "um") if c.unit == "m" else (1e3, "mA")
+                factor, unit = READ_IN[c.unit]
                 lines.append(
                     f"{c.channel:12s} {c.fit_percent:8.2f} {c.noise_ceiling_percent:10.2f} "
                     f"{c.residual_rms * factor:12.4g} {unit} {c.noise_rms * factor:10.4g} {unit} {c.misfit:8.2f}"
@@ -280,14 +291,14 @@ class Comparison(Tabular):
 
 
 @with_one_blas_thread
-def compare(model: Model, records: Record | Sequence[Record]) -> Comparison:
+def compare(model: Model, records: Measurement | Sequence[Measurement]) -> Comparison:
     """Hold a model against what was measured, in units of the noise.
 
     Parameters
     ----------
     model : Model
         As it stands; nothing is fitted but the state that each record begins with.
-    records : Record or sequence of Record
+    records : Record or FrequencyResponse, or sequence of them
 
     Returns
     -------
@@ -298,16 +309,21 @@ def compare(model: Model, records: Record | Sequence[Record]) -> Comparison:
     UnstableLoopError
         If the model's loop is unstable.
     RecordError
-        If a record has other axes than the rig, or no excitation.
+        If a record has other axes than the rig, or no excitation, or a response has channels that the loop lacks.
     """
-    records = (records,) if isinstance(records, Record) else tuple(records)
+    records = (records,) if isinstance(records, Measurement) else tuple(records)
     model = model.covering(records)
     with model.loop.telling_the_mode(model.theta):
+        for record in records:
+            if isinstance(record, FrequencyResponse):  # refuses a loop that is unstable or lacks its channels
+                ResponseLines(record).simulated(model.at(record))
         return Comparison(model, records)
 
 
-def _one(model: Model, part: RecordLines) -> RecordComparison:
+def _one(model: Model, part: Part) -> RecordComparison:
     here = model.at(part.record)
+    if isinstance(part, ResponseLines):
+        return _of_response(here, part)
     power = part.noise_power()
     alone = np.mean(np.abs(part.residual_lines(here)) ** 2 / power * part.alone, axis=0)
     white, _, fitted, _ = part.white(here, [])
@@ -317,8 +333,34 @@ def _one(model: Model, part: RecordLines) -> RecordComparison:
     return _compared(part.record, part.simulated(here), noise, misfits, joint)
 
 
-def _unjudged(model: Model, record: Record) -> RecordComparison:
+def _of_response(here: Model, part: ResponseLines) -> RecordComparison:
+    """A frequency response, each channel over all its inputs."""
+    record, simulated = part.record, part.simulated(here)
+    left, white = record.response - simulated, part.white(here, []).residual
+    rows = []
+    for k, channel in enumerate(record.outputs):
+        tables = (record.response, left, record.std)
+        measured, residual, noise = (float(np.sqrt(np.nanmean(np.abs(own[:, k]) ** 2))) for own in tables)
+        rows.append(
+            ChannelComparison(
+                channel=channel,
+                unit="m/A" if channel.startswith("y.") else "A/A",
+                fit_percent=100.0 * (1.0 - residual / measured),
+                noise_ceiling_percent=100.0 * (1.0 - noise / measured),
+                measured_rms=measured,
+                residual_rms=residual,
+                noise_rms=noise,
+                misfit=float(np.nanmean((np.abs(left[:, k]) / record.std[:, k]) ** 2)),
+            )
+        )
+    joint = float(white @ white) / part.judged
+    return RecordComparison(record, simulated, tuple(rows), joint, float(np.maximum(0.0, 1.0 - 1.0 / joint)))
+
+
+def _unjudged(model: Model, record: Measurement) -> RecordComparison:
     """A record whose noise is not known, against a response from rest."""
+    if isinstance(record, FrequencyResponse):
+        return _of_response(model.at(record), ResponseLines(record))
     unknown = np.full(len(record.channels), np.nan)
     return _compared(record, model.response(record)[:, : len(unknown)], unknown, unknown, np.nan)
 

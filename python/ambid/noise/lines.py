@@ -100,9 +100,27 @@ class RecordLines:
         self.spectrum = way()
 
     @property
+    def noise_is_measured(self) -> bool:
+        """Whether there are lines that are not excited."""
+        return self.window.is_periodic
+
+    @property
     def numbers(self) -> int:
         """Real numbers that are judged: 2 p per line."""
         return 2 * self._z.size
+
+    judged = numbers
+
+    def misfit_by_channel(self, here: Model) -> tuple[FloatArray, FloatArray]:
+        """Excited lines [Hz], and power of the residual of each channel over that of its noise, shape (lines, p)."""
+        count = len(self.window.excited)
+        frequency = self.window.excited * self.record.sample_rate / self.window.samples
+        relative = np.abs(self.residual_lines(here)[:count]) ** 2 / self.noise_power()[:count]
+        return frequency, np.asarray(relative)
+
+    def by_line(self, rows: FloatArray) -> FloatArray:
+        """Rows of whitened numbers, summed line by line."""
+        return np.asarray(rows.reshape(len(self.index), -1, rows.shape[1]).sum(axis=1))
 
     @property
     def spreads(self) -> FloatArray:

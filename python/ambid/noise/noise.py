@@ -13,10 +13,14 @@ from ambid.loop.effect import Tone
 from ambid.model import Model
 from ambid.noise.lines import REMEMBERED, RecordLines, White
 from ambid.noise.measured import Measured
+from ambid.noise.response_lines import ResponseLines
 from ambid.noise.tones import confirmed, find_tones
-from ambid.record import Record
+from ambid.record import FrequencyResponse, Measurement
 
 __all__ = ["Noise", "Quadratic"]
+
+
+Part = RecordLines | ResponseLines
 
 
 @dataclass(frozen=True)
@@ -56,23 +60,26 @@ class Noise:
     ----------
     model : Model
         Its loop shapes the noise, and its transient is no noise.
-    records : sequence of Record
+    records : sequence of Record or FrequencyResponse
 
     Attributes
     ----------
-    records : tuple of Record
-    parts : tuple of RecordLines
+    records : tuple of Record or FrequencyResponse
+    parts : tuple of RecordLines or ResponseLines
         One per record.
     lines : int
-        Number of real numbers that all whitened residuals have: 2 p per line, summed over the records.
+        Number of real numbers that were measured and are judged: 2 p per line, summed over the records.
     """
 
-    def __init__(self, model: Model, records: Sequence[Record]) -> None:
-        self._set(model, [Measured(record) for record in records])
+    def __init__(self, model: Model, records: Sequence[Measurement]) -> None:
+        self._set(model, [_before_models(record) for record in records])
 
-    def _set(self, model: Model, measured: Sequence[Measured]) -> None:
-        parts = []
+    def _set(self, model: Model, measured: Sequence[Measured | FrequencyResponse]) -> None:
+        parts: list[Part] = []
         for own in measured:
+            if isinstance(own, FrequencyResponse):
+                parts.append(ResponseLines(own))
+                continue
             part = RecordLines(model, own)
             if tones := find_tones(model, part):
                 part = RecordLines(model, own, tones)
@@ -81,17 +88,23 @@ class Noise:
             parts.append(part)
         self._take(parts)
 
-    def _take(self, parts: Sequence[RecordLines]) -> None:
+    def _take(self, parts: Sequence[Part]) -> None:
         self.parts = tuple(parts)
         self.records = tuple(part.record for part in parts)
-        self.lines = sum(part.numbers for part in parts)
+        self.lines = sum(part.judged for part in parts)
         self._known: dict[tuple[object, tuple[int, ...], bool], Quadratic] = {}
 
     @classmethod
-    def rough(cls, model: Model, records: Sequence[Record], damping: float = 0.0) -> Noise:
+    def rough(cls, model: Model, records: Sequence[Measurement], damping: float = 0.0) -> Noise:
         """A rough one of few lines, to come near an optimum with; of samples that fade away at a rate [1/s], if any."""
         other = cls.__new__(cls)
-        other._take([RecordLines(model, Measured(record, damping), rough=True) for record in records])
+        measured = [_before_models(record, damping) for record in records]
+        other._take(
+            [
+                ResponseLines(own) if isinstance(own, FrequencyResponse) else RecordLines(model, own, rough=True)
+                for own in measured
+            ]
+        )
         return other
 
     def renewed(self, model: Model) -> Noise:
@@ -99,6 +112,11 @@ class Noise:
         other = Noise.__new__(Noise)
         other._set(model, [part.measured for part in self.parts])
         return other
+
+    @property
+    def in_time(self) -> tuple[RecordLines, ...]:
+        """The parts that are of records in time."""
+        return tuple(part for part in self.parts if isinstance(part, RecordLines))
 
     @property
     def tones(self) -> list[tuple[Tone, ...]]:
@@ -167,24 +185,29 @@ class Noise:
         size, cost, fitted = len(free), 0.0, 0
         hessian, gradient = np.zeros((size, size)), np.zeros(size)
         transients, turning = [np.zeros(0)] * len(self.parts), [np.zeros((size, 0))] * len(self.parts)
-        own: dict[_core.ClosedLoop, list[tuple[int, _core.LineData]]] = {}
+        own: dict[_core.ClosedLoop, list[tuple[int, RecordLines, _core.LineData]]] = {}
         for k, part in enumerate(self.parts):
             here = model.at(part.record)
-            if here.is_linear:
-                own.setdefault(here.loop.core, []).append((k, part.data(here)))
+            if here.is_linear and isinstance(part, RecordLines):
+                own.setdefault(here.loop.core, []).append((k, part, part.data(here)))
                 continue
             residual, columns, states, _ = part.white(here, free, roughly=roughly)
             hessian, gradient = hessian + columns.T @ columns, gradient - columns.T @ residual
             cost, fitted = cost + float(residual @ residual), fitted + states
         for core, members in own.items():
-            start = [near[k] for k, _ in members] if near else []
-            best = [self.parts[k].known_transient(model.at(self.parts[k].record)) for k, _ in members]
+            start = [near[k] for k, _, _ in members] if near else []
+            best = [part.known_transient(model.at(part.record)) for _, part, _ in members]
             if all(own is not None for own in best):
                 start = [own for own in best if own is not None]
-            found = _core.line_equations(core, model.theta, list(free), [data for _, data in members], start)
+            found = _core.line_equations(core, model.theta, list(free), [data for _, _, data in members], start)
             hessian, gradient = hessian + found[0], gradient + found[1]
             cost, fitted = cost + found[2], fitted + sum(found[5])
-            for (k, _), transient, slopes, numbers in zip(members, *found[3:], strict=True):
+            for (k, part, _), transient, slopes, numbers in zip(members, *found[3:], strict=True):
                 transients[k], turning[k] = transient, slopes
-                self.parts[k].remember(model.at(self.parts[k].record), transient, numbers)
+                part.remember(model.at(part.record), transient, numbers)
         return Quadratic(hessian, gradient, cost, fitted, transients, turning)
+
+
+def _before_models(record: Measurement, damping: float = 0.0) -> Measured | FrequencyResponse:
+    """What lines are taken from, before any model."""
+    return record if isinstance(record, FrequencyResponse) else Measured(record, damping)

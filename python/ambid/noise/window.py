@@ -14,7 +14,7 @@ from scipy.fft import rfft
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
-from ambid.record import Record
+from ambid.record import FrequencyResponse, Measurement, Record
 
 __all__ = ["Window", "notes_of", "thinned"]
 
@@ -124,9 +124,9 @@ class Window:
         return rfft(folded, axis=0)[self.in_period] / np.sqrt(self.samples)
 
 
-def notes_of(record: Record) -> tuple[str, ...]:
+def notes_of(record: Measurement) -> tuple[str, ...]:
     """What is to be said beside a result of a record on lines: its own notes, and whether lines were left out."""
-    if record.period is not None:
+    if isinstance(record, FrequencyResponse) or record.period is not None:
         return record.notes
     window = Window.of(record)
     judged, there = len(window.excited), (window.period + 1) // 2 - window.lowest

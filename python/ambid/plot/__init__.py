@@ -8,15 +8,18 @@ from ambid.plot.force_current import plot_campaign, save_campaign
 from ambid.plot.misfit import plot_growth, plot_misfit_map
 from ambid.plot.needed import plot_needed
 from ambid.plot.ranking import plot_ranking
+from ambid.plot.responses import draw_response, plot_frequency_response
 from ambid.plot.signals import picture_files, plot_comparison, save_comparison, worst_stretch
 from ambid.plot.staircase import plot_staircase
 from ambid.plot.style import check_format, save_figure
 
 __all__ = [
     "check_format",
+    "draw_response",
     "picture_files",
     "plot_campaign",
     "plot_comparison",
+    "plot_frequency_response",
     "plot_growth",
     "plot_misfit_map",
     "plot_needed",

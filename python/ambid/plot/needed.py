@@ -71,6 +71,8 @@ def plot_needed(
         If there is no port.
     """
     port = found if isinstance(found, Port) else _best_in_seen_bands(found)
+    if not len(port.needed):
+        raise InputError("nothing to draw: a frequency response has no signal over time; expected a record in time")
     panels = new_figure(9.0, 3.4).subplots(1, 3, sharey=True) if ax is None else ax
     factor, unit = shown_in(port.unit)
     names = list(axes) or [f"axis {k + 1}" for k in range(port.needed.shape[1])]

@@ -12,6 +12,7 @@ from ambid.errors import InputError
 from ambid.model import Model
 from ambid.noise import Comparison, compare
 from ambid.noise.comparison import RecordComparison
+from ambid.plot.responses import draw_response, plot_frequency_response
 from ambid.plot.style import (
     BAND,
     GUIDE,
@@ -25,7 +26,7 @@ from ambid.plot.style import (
     save_figure,
     shown_in,
 )
-from ambid.record import Record
+from ambid.record import FrequencyResponse, Measurement, Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +40,7 @@ FEWEST = 100
 
 
 def plot_comparison(
-    comparison: Comparison | tuple[Model, Record | Sequence[Record]],
+    comparison: Comparison | tuple[Model, Measurement | Sequence[Measurement]],
     record: int = 0,
     channel: str | None = None,
     ax: Sequence[Axes] | None = None,
@@ -47,6 +48,8 @@ def plot_comparison(
     stretch: tuple[float, float] | None = None,
 ) -> NDArray[np.object_]:
     """Draw a readable stretch of one channel: measured and simulated, and the residual with the noise below it.
+
+    Of a frequency response the pair of this channel that is missed most, over all frequencies.
 
     Parameters
     ----------
@@ -73,7 +76,12 @@ def plot_comparison(
         comparison = compare(*comparison)
     one = _record(comparison, record)
     k = _column(one, channel)
-    row, rate = one.channels[k], one.record.sample_rate
+    row = one.channels[k]
+    if isinstance(one.record, FrequencyResponse):
+        left = np.abs(one.residual[:, k]) / one.record.std[:, k]
+        inlet = one.record.inputs[int(np.argmax(np.nansum(left**2, axis=0)))]
+        return plot_frequency_response(one.record, row.channel, inlet, np.asarray(one.simulated), ax)
+    rate = one.record.sample_rate
     begin, end = worst_stretch(comparison, record, row.channel) if stretch is None else stretch
     span = slice(max(0, round(begin * rate)), max(2, round(end * rate)))
     above, below = new_figure(9.0, 4.2).subplots(2, 1, sharex=True, height_ratios=[3, 1.4]) if ax is None else ax
@@ -119,6 +127,8 @@ def worst_stretch(
         Length of the stretch, but `FEWEST` samples at least.
     """
     one = _record(comparison, record)
+    if not isinstance(one.record, Record):
+        raise InputError(f"{one.record.name}: a frequency response has no stretch of time; leave the stretch out")
     residual = one.residual[:, _column(one, channel)]
     period, rate, samples = one.record.period, one.record.sample_rate, one.record.samples
     length = min(max(round(seconds * rate), FEWEST), samples)
@@ -133,6 +143,11 @@ def worst_stretch(
 def draw_record(comparison: Comparison, record: int = 0) -> Figure:
     """Draw all channels of a record over one stretch: displacements to the left, currents to the right."""
     one = _record(comparison, record)
+    title = f"{one.record.name}: measured against simulated"
+    if np.isfinite(one.misfit):
+        title += f"   (misfit {one.misfit:.2f}, 1 when the model is right)"
+    if isinstance(one.record, FrequencyResponse):
+        return draw_response(one.record, np.asarray(one.simulated), title)
     axes, signals = one.record.axes, sorted({c.channel.split(".")[0] for c in one.channels}, reverse=True)
     stretch = worst_stretch(comparison, record)
     figure = new_figure(6.2 * len(signals), 2.6 * len(axes) + 0.8)
@@ -147,9 +162,6 @@ def draw_record(comparison: Comparison, record: int = 0) -> Figure:
                 below.set_xlabel("")
             if i == j == 0:
                 legend(figure, above, below)
-    title = f"{one.record.name}: measured against simulated"
-    if np.isfinite(one.misfit):
-        title += f"   (misfit {one.misfit:.2f}, 1 when the model is right)"
     figure.suptitle(title, fontsize=LABEL + 1, x=0.01, ha="left")
     return figure
 

@@ -1,7 +1,9 @@
-"""What was measured: records of the closed loop and static loadings, from files or arrays, behind their gates."""
+"""What was measured, behind its gates: records of the loop, frequency responses, and static loadings."""
 
 from ambid.record.channel_map import ChannelMap
+from ambid.record.frequency_response import FrequencyResponse
+from ambid.record.measurement import Measurement, load_measurement
 from ambid.record.record import Record
 from ambid.record.static_loading import StaticLoading
 
-__all__ = ["ChannelMap", "Record", "StaticLoading"]
+__all__ = ["ChannelMap", "FrequencyResponse", "Measurement", "Record", "StaticLoading", "load_measurement"]

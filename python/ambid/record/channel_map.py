@@ -69,6 +69,16 @@ class ChannelMap:
             channels[channel] = column
         return cls(channels)
 
+    @property
+    def channels(self) -> list[str]:
+        """The channels that are mapped."""
+        return list(self._sources)
+
+    def channel_of(self, column: str) -> tuple[str, float] | None:
+        """Channel that a column is read as, and the factor that makes SI units of it; None for one that is not used."""
+        own = ((c, source.factor) for c, source in self._sources.items() if source.column == column)
+        return next(own, None)
+
     def raw_record(self, path: Path, content: Content, sample_rate: float | None = None) -> RawRecord:
         """Make signals of the mapped columns.
 

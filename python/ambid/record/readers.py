@@ -175,7 +175,7 @@ def _read_mat(path: Path) -> Iterator[Content]:
     found = {v.name: later.get(v.name, now.get(v.name)) for v in known} or now
     axes = found.get("axes")
     arrays = {full: array for name, value in found.items() for full, array in _members(name, value)}
-    yield Content(arrays, axes=None if axes is None else _flatten_cells(np.asarray(axes)))
+    yield Content(arrays, axes=None if axes is None else flatten_cells(np.asarray(axes)))
 
 
 def _variable(path: Path, name: str) -> NDArray[Any]:
@@ -192,7 +192,7 @@ def _members(name: str, value: Any) -> Iterator[tuple[str, Any]]:
         yield from _members(f"{name}.{member}", value[member].item())
 
 
-def _flatten_cells(axes: NDArray[Any]) -> list[Any]:
+def flatten_cells(axes: NDArray[Any]) -> list[Any]:
     """Strings of a MATLAB cell array or char matrix as SciPy returns it."""
     return [cell.item() if isinstance(cell, np.ndarray) and cell.size == 1 else cell for cell in np.ravel(axes)]
 

@@ -24,6 +24,7 @@ from ambid.plot import (
 from ambid.plot.needed import SEEN
 from ambid.plot.signals import legend
 from ambid.plot.style import LABEL, new_figure
+from ambid.record import FrequencyResponse
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
@@ -102,7 +103,7 @@ def staircase(diagnosis: Diagnosis) -> Picture:
 
 def needed(where: Localisation, axes: tuple[str, ...]) -> Picture | None:
     """The shape of what is missing; None where no band holds more than noise to draw it from."""
-    if not where.ports or np.nanmax(where.maps[where.worst].misfit) <= SEEN:
+    if not where.ports or not len(where.ports[0].needed) or np.nanmax(where.maps[where.worst].misfit) <= SEEN:
         return None
     port = where.ports[0]
     best = port.terms[0] if port.terms else None
@@ -125,7 +126,7 @@ def needed(where: Localisation, axes: tuple[str, ...]) -> Picture | None:
 def before_and_after(before: Comparison, after: Comparison | None) -> Iterator[Picture]:
     """Measured against simulated, of the record, displacement and current that the base model missed most."""
     index = int(np.argmax([record.misfit for record in before.records]))
-    rows = before.records[index].channels
+    rows, is_response = before.records[index].channels, isinstance(before.records[index].record, FrequencyResponse)
     stages = [("base model", before)] + ([("last model", after)] if after is not None else [])
     for signal in ("y.", "i_c."):
         own = [c for c in rows if c.channel.startswith(signal)]
@@ -134,14 +135,15 @@ def before_and_after(before: Comparison, after: Comparison | None) -> Iterator[P
         channel = max(own, key=lambda c: c.residual_rms / c.noise_rms if c.noise_rms > 0.0 else c.residual_rms).channel
         figure = new_figure(9.0, 4.0)
         panels = figure.subplots(2, len(stages), sharex=True, height_ratios=[3, 1.6], squeeze=False)
-        stretch = worst_stretch(before, index, channel)
+        stretch = None if is_response else worst_stretch(before, index, channel)
         for k, (stage, comparison) in enumerate(stages):
             above, below = plot_comparison(comparison, index, channel, list(panels[:, k]), stretch=stretch)
             above.set_title(f"{stage}, {above.get_title(loc='left')}", fontsize=LABEL, loc="left")
         legend(figure, *panels[:, 0])
         yield as_picture(
             figure,
-            f"{channel} of {before.records[index].record.name}, in the stretch of one period where the base model "
-            "misses most; the residual below, with the band of the noise."
+            f"{channel} of {before.records[index].record.name}, "
+            + ("by the excitation" if is_response else "in the stretch of one period")
+            + " where the base model misses most; the residual below, with the band of the noise."
             + (" The residuals before and after have scales of their own." if after is not None else ""),
         )

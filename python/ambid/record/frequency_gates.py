@@ -1,0 +1,115 @@
+"""Gates that every frequency response passes: each refuses with what was found and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ambid.arrays import ComplexArray, FloatArray
+from ambid.errors import RecordError
+from ambid.rig import Rig
+
+LARGEST_TRAVEL = 1e3
+"""Air gaps that the bias current of a bearing may move y by, by the response; a weakly damped mode moves some ten."""
+FEWEST = 2
+"""Frequencies of a response."""
+
+
+def require_names(where: str, outputs: Sequence[str], inputs: Sequence[str], rig: Rig | None) -> None:
+    """Refuse channels that are named twice, are no ``<signal>.<axis>``, or are of an axis that the rig lacks."""
+    for kind, names, signals in (("output", outputs, ("y", "i_c")), ("input", inputs, ("i_e", "r"))):
+        if not names:
+            raise RecordError(f"{where}: no {kind}; name at least one, such as {signals[0]}.A_zeta")
+        for name in names:
+            signal, _, axis = name.partition(".")
+            if names.count(name) > 1:
+                raise RecordError(f"{where}: {kind} {name} is there {names.count(name)} times; keep one")
+            if signal not in signals or not axis:
+                raise RecordError(
+                    f"{where}: {kind} {name!r} is no channel; expected {' or '.join(signals)} with an axis, such as "
+                    f"{signals[0]}.A_zeta; rename it, or map it"
+                )
+            if rig is not None and axis not in rig.axes:
+                raise RecordError(
+                    f"{where}: {kind} {name}: the rig has the axes {', '.join(rig.axes)}; rename or map it"
+                )
+
+
+def require_frequencies(where: str, frequency_hz: FloatArray, rig: Rig | None) -> None:
+    """Refuse frequencies that do not rise, or are not between 0 and half the sample rate of the rig."""
+    if len(frequency_hz) < FEWEST:
+        raise RecordError(f"{where}: {len(frequency_hz)} frequencies, at least {FEWEST} are needed; measure more")
+    most = np.inf if rig is None else 0.5 * rig.sample_rate
+    wrong = np.flatnonzero(~(np.isfinite(frequency_hz) & (frequency_hz > 0.0) & (frequency_hz < most)))
+    if len(wrong):
+        upper = "" if rig is None else f" and below half the sample rate of the rig, {most:g} Hz"
+        raise RecordError(
+            f"{where}: frequency_hz is {frequency_hz[wrong[0]]:g} at place {wrong[0] + 1}; give Hz, above 0{upper}"
+        )
+    falls = np.flatnonzero(np.diff(frequency_hz) <= 0.0)
+    if len(falls):
+        k = falls[0]
+        raise RecordError(
+            f"{where}: frequency_hz goes from {frequency_hz[k]:g} to {frequency_hz[k + 1]:g} at place {k + 2}; "
+            "sort it, each once"
+        )
+
+
+def require_values(where: str, frequency_hz: FloatArray, response: ComplexArray, pairs: Sequence[str]) -> None:
+    """Refuse infinite values, and a response that was measured nowhere or is zero throughout."""
+    flat = response.reshape(len(response), -1)
+    wrong = np.argwhere(np.isinf(flat))
+    if len(wrong):
+        k, pair = wrong[0]
+        raise RecordError(
+            f"{where}: {pairs[pair]} is {flat[k, pair]} at {frequency_hz[k]:g} Hz; leave the row out, or measure again"
+        )
+    if not np.isfinite(flat).any():
+        raise RecordError(f"{where}: every value is NaN; measure at least one pair")
+    for pair, values in zip(pairs, flat.T, strict=True):
+        known = values[np.isfinite(values)]
+        if len(known) and not known.any():
+            raise RecordError(f"{where}: {pair} is zero at every frequency: a dead channel; measure again")
+
+
+def require_covariance(
+    where: str, frequency_hz: FloatArray, response: ComplexArray, covariance: ComplexArray | None, pairs: Sequence[str]
+) -> FloatArray:
+    """Refuse a covariance that is none, of the pairs that were measured; returns the std, shape of the response."""
+    values, flat = np.asarray(covariance), response.reshape(len(response), -1)
+    std = np.full(flat.shape, np.nan)
+    for k, own in enumerate(values):
+        kept = np.isfinite(flat[k])
+        inner = own[np.ix_(kept, kept)]
+        is_one = np.isfinite(inner).all() and np.allclose(inner, inner.conj().T, rtol=1e-6, atol=0.0)
+        if not is_one or (np.linalg.eigvalsh(inner) <= 0.0).any():
+            raise RecordError(
+                f"{where}: covariance at {frequency_hz[k]:g} Hz is none of the errors of {len(pairs)} pairs: expected "
+                "Hermitian and positive; leave it out, or give std"
+            )
+        std[k, kept] = np.sqrt(np.diag(inner).real)
+    return std.reshape(response.shape)
+
+
+def require_si_units(
+    where: str,
+    frequency_hz: FloatArray,
+    response: ComplexArray,
+    outputs: Sequence[str],
+    inputs: Sequence[str],
+    rig: Rig,
+) -> None:
+    """Refuse responses of y that are far beyond what a machine can do, as those in micrometres are."""
+    limits = {a: LARGEST_TRAVEL * b.air_gap / b.bias_current for b in rig.bearings for a in b.axis_names}
+    for o, output in enumerate(outputs):
+        for i, inlet in enumerate(inputs):
+            if not (output.startswith("y.") and inlet.startswith("i_e.")):
+                continue
+            size = np.nan_to_num(np.abs(response[:, o, i]))
+            k, most = int(np.argmax(size)), limits[output.removeprefix("y.")]
+            if size[k] > most:
+                raise RecordError(
+                    f"{where}: {output} / {inlet} is {size[k]:.4g} m/A at {frequency_hz[k]:g} Hz, allowed is "
+                    f"{most:.3g}: it looks like um/A or mm/A; give m/A"
+                )

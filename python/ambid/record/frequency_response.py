@@ -1,0 +1,259 @@
+"""Frequency responses of the closed loop, as a controller's analyser or a modal test measures them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ambid.arrays import ComplexArray, FloatArray
+from ambid.errors import RecordError
+from ambid.record.channel_map import ChannelMap
+from ambid.record.frequency_gates import (
+    require_covariance,
+    require_frequencies,
+    require_names,
+    require_si_units,
+    require_values,
+)
+from ambid.record.frequency_readers import read_response
+from ambid.record.frequency_writers import write_response
+from ambid.record.scatter import std_of
+from ambid.rig import Rig
+
+__all__ = ["FrequencyResponse"]
+
+
+@dataclass(frozen=True, repr=False)
+class FrequencyResponse:
+    """Measured frequency responses of the closed loop, F frequencies, from excitations to y and i_c.
+
+    Excitations are held from sample to sample and outputs are read at the samples, as in a record: the response is
+    that of the sampled loop, at the points ``exp(2 pi i f / fs)``. Arrays are kept as read-only copies.
+
+    Attributes
+    ----------
+    name : str
+        What reports call it.
+    frequency_hz : ndarray, shape (F,)
+        Rising, above 0 and below half the sample rate.
+    response : ndarray of complex, shape (F, outputs, inputs)
+        In m/A, A/A; NaN where a pair was not measured.
+    std : ndarray, shape (F, outputs, inputs)
+        Root of the mean square of the complex error, of which the real and the imaginary part have half each; NaN
+        where a pair was not measured.
+    outputs : tuple of str
+        Such as ``y.A_zeta`` [m] and ``i_c.A_zeta`` [A].
+    inputs : tuple of str
+        Such as ``i_e.A_zeta`` [A].
+    covariance : ndarray of complex, shape (F, pairs, pairs), or None
+        Of the errors at one frequency, pairs in the order of ``response[k].ravel()``; None where they are independent.
+    notes : tuple of str
+        Every warning, and where the std is from.
+    path : Path or None
+        File that it came from.
+    point : Rig or None
+        Rig of the operating point that it was measured at, where that is another one than the model's; see `at`.
+
+    Raises
+    ------
+    RecordError
+        If an array has another shape.
+    """
+
+    name: str
+    frequency_hz: FloatArray
+    response: ComplexArray
+    std: FloatArray
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    covariance: ComplexArray | None = None
+    notes: tuple[str, ...] = ()
+    path: Path | None = None
+    point: Rig | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("outputs", "inputs"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        count, pairs = len(np.atleast_1d(self.frequency_hz)), len(self.outputs) * len(self.inputs)
+        whole = (count, len(self.outputs), len(self.inputs))
+        shapes = {"frequency_hz": (count,), "response": whole, "std": whole, "covariance": (count, pairs, pairs)}
+        for name, shape in shapes.items():
+            if getattr(self, name) is None:
+                continue
+            kind = np.complex128 if name in ("response", "covariance") else np.float64
+            array = np.array(getattr(self, name), dtype=kind, order="C")
+            if array.shape != shape:
+                raise RecordError(
+                    f"{self.path or self.name}: {name} has the shape {array.shape}; {count} frequencies, "
+                    f"{len(self.outputs)} outputs and {len(self.inputs)} inputs make it {shape}"
+                )
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    @classmethod
+    def load(
+        cls, path: str | Path, rig: Rig | None = None, *, mapping: ChannelMap | Mapping[str, str] | None = None
+    ) -> FrequencyResponse:
+        """Read frequency responses from a .csv, .mat (v5) or .uff, .unv file, and check them.
+
+        Parameters
+        ----------
+        path : str or Path
+            A ``.csv`` file has the columns ``frequency_hz, output, input, re, im``, a row a frequency and pair, and may
+            have ``std``, ``coherence`` and ``averages``; a ``.mat`` file has ``frequency_hz`` (F), ``response`` (F x
+            outputs x inputs), ``outputs``, ``inputs``, and may have ``std``, ``coherence``, ``averages`` and
+            ``covariance``. Of ``.uff`` and ``.unv`` files the sets 58 are read that hold frequency responses, and
+            coherences for their std.
+        rig : Rig, optional
+            Its axes and sample rate are held against the file.
+        mapping : ChannelMap or mapping of str to str, optional
+            Names and factors of a file that has not our names and units, such as ``{"y.A_zeta": "12+X:1e-6", ...}``;
+            a node of a .uff file that has no name is called so.
+
+        Returns
+        -------
+        FrequencyResponse
+            With `notes` on everything that was noticed, and on where the std is from if the file has none.
+
+        Raises
+        ------
+        RecordError
+            If the file cannot be read, or a gate refuses its values.
+        InputError
+            If the format needs a package that is not installed.
+        """
+        path = Path(path)
+        raw = read_response(path)
+        if mapping is not None:
+            raw = raw.mapped(path, mapping if isinstance(mapping, ChannelMap) else ChannelMap(mapping))
+        return cls.from_arrays(
+            raw.frequency_hz,
+            raw.response,
+            outputs=raw.outputs,
+            inputs=raw.inputs,
+            std=raw.std,
+            coherence=raw.coherence,
+            averages=raw.averages,
+            covariance=raw.covariance,
+            rig=rig,
+            name=path.stem,
+            notes=raw.notes,
+            path=path,
+        )
+
+    @classmethod
+    def from_arrays(
+        cls,
+        frequency_hz: ArrayLike,
+        response: ArrayLike,
+        *,
+        outputs: Sequence[str],
+        inputs: Sequence[str],
+        std: ArrayLike | None = None,
+        coherence: ArrayLike | None = None,
+        averages: float | None = None,
+        covariance: ArrayLike | None = None,
+        rig: Rig | None = None,
+        name: str = "frequency response",
+        notes: Sequence[str] = (),
+        path: Path | None = None,
+    ) -> FrequencyResponse:
+        """Make it from arrays in SI units, with the same checks as `load`.
+
+        Parameters
+        ----------
+        frequency_hz, response, outputs, inputs, covariance, name, notes, path
+            As the attributes.
+        std : array_like, shape (F, outputs, inputs), optional
+            NaN throughout for pairs whose std is not known: there it is taken from the coherence or, without one, from
+            how far the response is from a smooth curve through its neighbours.
+        coherence : array_like, shape (F, outputs, inputs), optional
+        averages : float, optional
+            That the coherence is from; without it the scatter about a smooth curve tells how many.
+        rig : Rig, optional
+
+        Raises
+        ------
+        RecordError
+            If a gate refuses the values.
+        """
+        where = str(path or name)
+        h = np.asarray(response, dtype=np.complex128)
+        f = np.asarray(frequency_hz, dtype=np.float64)
+        shape = (len(np.atleast_1d(f)), len(outputs), len(inputs))
+        unknown = np.full(shape, np.nan)
+        own = cls(name, f, h, unknown, tuple(outputs), tuple(inputs), notes=tuple(notes), path=path)
+        require_names(where, own.outputs, own.inputs, rig)
+        require_frequencies(where, own.frequency_hz, rig)
+        require_values(where, own.frequency_hz, own.response, own.pairs)
+        if rig is not None:
+            require_si_units(where, own.frequency_hz, own.response, own.outputs, own.inputs, rig)
+        if covariance is not None:
+            own = replace(own, covariance=np.asarray(covariance))
+            own = replace(own, std=require_covariance(where, own.frequency_hz, own.response, own.covariance, own.pairs))
+            return own
+        given = {"std": std, "coherence": coherence}
+        tables = {key: unknown if values is None else np.asarray(values, dtype=float) for key, values in given.items()}
+        for key, table in tables.items():
+            if table.shape != shape:
+                raise RecordError(f"{where}: {key} has the shape {table.shape}; the response has {shape}")
+        found, more = std_of(
+            where, own.frequency_hz, own.response, tables["std"], tables["coherence"], averages, own.pairs
+        )
+        return replace(own, std=found, notes=(*own.notes, *more))
+
+    def at(self, rig: Rig) -> FrequencyResponse:
+        """The response as one of another operating point than the model's, as `Record.at`.
+
+        Raises
+        ------
+        RecordError
+            If the rig lacks an axis.
+        """
+        require_names(str(self.path or self.name), self.outputs, self.inputs, rig)
+        name = self.name if self.point is not None else f"{self.name} ({rig.name})"
+        return replace(self, name=name, point=rig)
+
+    def some(self, kept: NDArray[np.bool_] | NDArray[np.intp] | slice) -> FrequencyResponse:
+        """The same at some of its frequencies."""
+        covariance = None if self.covariance is None else self.covariance[kept]
+        f, h, std = self.frequency_hz[kept], self.response[kept], self.std[kept]
+        return replace(self, frequency_hz=f, response=h, std=std, covariance=covariance)
+
+    @property
+    def measured(self) -> NDArray[np.bool_]:
+        """Which pairs were measured at which frequency, shape (F, outputs, inputs)."""
+        return np.isfinite(self.response)
+
+    @property
+    def pairs(self) -> list[str]:
+        """Names such as ``y.A_zeta / i_e.A_zeta``, in the order of ``response[k].ravel()``."""
+        return [f"{output} / {inlet}" for output in self.outputs for inlet in self.inputs]
+
+    @property
+    def channels(self) -> list[str]:
+        """Names of the outputs, as `Record.channels`."""
+        return list(self.outputs)
+
+    def save(self, path: str | Path) -> None:
+        """Write a .csv or .mat (v5) file, which `load` reads; only .mat holds the covariance.
+
+        Raises
+        ------
+        RecordError
+            If the suffix is none of these.
+        """
+        write_response(
+            Path(path), self.frequency_hz, self.response, self.std, self.outputs, self.inputs, self.covariance
+        )
+
+    def __repr__(self) -> str:
+        return (
+            f"FrequencyResponse({self.name!r}: {len(self.frequency_hz)} frequencies from {self.frequency_hz[0]:.4g} to "
+            f"{self.frequency_hz[-1]:.4g} Hz; {', '.join(self.outputs)} by {', '.join(self.inputs)}; "
+            f"{len(self.notes)} notes)"
+        )

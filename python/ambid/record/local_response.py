@@ -1,0 +1,243 @@
+"""The frequency response of a record in time, by local polynomials over neighbouring lines.
+
+On the lines l of the discrete Fourier transform of a stretch of a record,
+
+    Z(l) = H(l) U(l) + T(l) + noise,
+
+the response H and the transient T are smooth over frequency, while the excitations U of several axes, of different
+sequences, are not: over a few neighbouring lines both are polynomials of degree three, which least squares tell apart
+(Pintelon and Schoukens, System Identification: A Frequency Domain Approach, 2nd ed., chapter 7). Near a pole they are
+such polynomials over another one, which all of them share, since they have the poles of one loop (McKelvey and Guerin,
+16th IFAC Symposium on System Identification, 2012); its errors are in the covariance. Bands do not overlap.
+In each H is told at the lines next to the four points of Gauss's quadrature, where the errors of a cubic are
+independent of each other if the lines are excited alike: so what the band tells of H is told, and nothing twice.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import rfft
+
+from ambid.arrays import ComplexArray, FloatArray
+from ambid.errors import RecordError
+
+__all__ = ["LocalResponse", "local_response"]
+
+DEGREE = 3
+"""Of the polynomials: beside two poles it leaves two numbers for what is further away."""
+ORDER = 2
+"""Of the polynomial that all responses may be divided by: two poles within reach of a band, such as those of a mode."""
+ROUNDS = 4
+"""So often is that polynomial found anew, weighted by the one before."""
+SHARPER = 50.0
+"""Fall of the whitened sum of squares from which on a band takes such a polynomial: where there is nothing but noise
+two poles are free to be anywhere, and bring that much in one of a hundred bands."""
+FREE = 10
+"""Lines of a band beyond the numbers that are fitted to them: so many degrees of freedom tell its noise."""
+NODES = np.polynomial.legendre.leggauss(DEGREE + 1)[0]
+"""Gauss's points, in half widths of a band."""
+AROUND = 3
+"""Bands to each side that the correlation of the channels is taken from."""
+LEAST_EXCITED = 1e-6
+"""Power of an axis over that of the loudest below which it is not excited."""
+
+
+class LocalResponse(NamedTuple):
+    """What local polynomials tell.
+
+    Attributes
+    ----------
+    frequency_hz : ndarray, shape (F,)
+    response : ndarray, shape (F, channels, inputs)
+    covariance : ndarray, shape (F, pairs, pairs)
+    excited : ndarray of bool, shape (axes,)
+        Which axes the inputs are.
+    """
+
+    frequency_hz: FloatArray
+    response: ComplexArray
+    covariance: ComplexArray
+    excited: NDArray[np.bool_]
+
+
+def local_response(
+    where: str, i_e: FloatArray, outputs: FloatArray, sample_rate: float, period: int | None
+) -> LocalResponse:
+    """The response of one record.
+
+    Parameters
+    ----------
+    where : str
+        For the messages.
+    i_e, outputs : ndarray, shape (N, axes), (N, channels)
+    sample_rate : float
+        [Hz].
+    period : int, optional
+        In samples; of whole periods only the lines that are excited are looked at.
+
+    Raises
+    ------
+    RecordError
+        If no axis is excited, or there are too few lines.
+    """
+    power = np.var(i_e, axis=0)
+    excited = power > LEAST_EXCITED * power.max(initial=0.0)
+    if not excited.any():
+        raise RecordError(f"{where}: i_e is constant on every axis: no excitation; excite the loop")
+    periods = len(i_e) // period if period else 1
+    samples = periods * period if period and periods else len(i_e)
+    periods = max(periods, 1)
+    index = np.arange(periods, (samples + 1) // 2, periods)
+    u, z = (rfft(signal[:samples], axis=0)[index] / np.sqrt(samples) for signal in (i_e, outputs))
+    u = u[:, excited]
+    fitted = (DEGREE + 1) * (u.shape[1] + 1)
+    width = fitted + FREE
+    count = len(index) // width
+    if count == 0:
+        raise RecordError(
+            f"{where}: {len(index)} excited lines, at least {width} are needed for {u.shape[1]} excited axes; excite "
+            "with a longer period, or one axis after the other"
+        )
+    bands = [_band(u[rows], z[rows]) for rows in np.array_split(np.arange(len(index)), count)]
+    place = np.concatenate([own[_nodes(len(own))] for own in np.array_split(index, count)])
+    noise = _noise(bands)
+    response = np.concatenate([band.response for band in bands])
+    covariance = np.concatenate(
+        [
+            np.einsum("ab,kij->kaibj", own, band.spread).reshape(len(NODES), band.response[0].size, -1)
+            + band.shared @ band.shared.conj().transpose(0, 2, 1)
+            for own, band in zip(noise, bands, strict=True)
+        ]
+    )
+    return LocalResponse(place * sample_rate / samples, response, covariance, excited)
+
+
+class _Band(NamedTuple):
+    """A band of lines.
+
+    Attributes
+    ----------
+    response : ndarray, shape (nodes, channels, inputs)
+    spread : ndarray, shape (nodes, inputs, inputs)
+        Variance of the response of a channel, by the power of its noise.
+    shared : ndarray, shape (nodes, channels * inputs, orders)
+        What errors of the common poles make of all pairs: columns of a root of their covariance.
+    left : ndarray, shape (lines, channels)
+        What is no such response.
+    free : float
+        Degrees of freedom of a channel of it.
+    """
+
+    response: ComplexArray
+    spread: ComplexArray
+    shared: ComplexArray
+    left: ComplexArray
+    free: float
+
+
+def _band(u: ComplexArray, z: ComplexArray) -> _Band:
+    """Polynomials, or, where that explains more than chance would, polynomials over one that all pairs share."""
+    inputs, x = u.shape[1], np.linspace(-1.0, 1.0, len(u))
+    nodes = x[_nodes(len(u))]
+    driving: ComplexArray = np.column_stack([u, np.ones(len(u))])
+    table = np.asarray(driving[:, :, None] * _powers(x)[:, None, :]).reshape(len(u), -1)
+    plain = _fitted(table, z)
+    poles, left = _common_poles(table, z, x, plain.left)
+    free = len(u) - table.shape[1]
+    power = np.sum(np.abs(left) ** 2, axis=0) / free
+    fall = 2.0 * float(np.sum(np.sum(np.abs(plain.left) ** 2, axis=0) / power)) - 2.0 * free * z.shape[1]
+    has_poles = fall > SHARPER
+    poles = poles[: ORDER * has_poles]
+    below, below_nodes = (1.0 + _powers(at, ORDER + 1)[:, 1 : 1 + len(poles)] @ poles for at in (x, nodes))
+    fit = _fitted(table / below[:, None], z)
+    # values at the nodes: of each input its polynomial, nothing of the transient
+    told = np.zeros((len(NODES), inputs, inputs + 1, DEGREE + 1), dtype=complex)
+    for j in range(inputs):
+        told[:, j, j] = _powers(nodes) / below_nodes[:, None]
+    told = told.reshape(len(NODES), inputs, -1)
+    spread = told @ (fit.inverse @ fit.inverse.conj().T) @ told.conj().transpose(0, 2, 1)
+    response = (told @ fit.numbers).transpose(0, 2, 1)
+    shared = np.zeros((len(NODES), response[0].size, len(poles)), dtype=complex)
+    if has_poles:
+        bent = -(_powers(x, ORDER + 1)[:, 1:] / below[:, None])[:, :, None] * (z - fit.left)[:, None, :]
+        taken = np.einsum("ql,lkc->qkc", fit.inverse, bent)
+        own = (bent - np.einsum("lq,qkc->lkc", table / below[:, None], taken)) / np.sqrt(power)
+        information = np.einsum("lkc,lmc->km", own.conj(), own)
+        root = np.linalg.cholesky(np.linalg.inv(information))
+        direct = -(_powers(nodes, ORDER + 1)[:, 1:] / below_nodes[:, None])[:, None, None, :] * response[..., None]
+        moved = direct - np.einsum("njq,qkc->ncjk", told, taken)
+        shared = moved.reshape(len(NODES), -1, ORDER) @ root
+    return _Band(response, spread, shared, fit.left, free - len(poles) / z.shape[1])
+
+
+class _Fit(NamedTuple):
+    numbers: ComplexArray
+    inverse: ComplexArray
+    left: ComplexArray
+
+
+def _fitted(table: ComplexArray, z: ComplexArray) -> _Fit:
+    size = np.linalg.norm(table, axis=0)
+    inverse = np.linalg.pinv(table / size, rcond=1e-8) / size[:, None]
+    numbers = inverse @ z
+    return _Fit(numbers, inverse, z - table @ numbers)
+
+
+def _powers(x: FloatArray, count: int = DEGREE + 1) -> FloatArray:
+    return np.vander(x, count, increasing=True)
+
+
+def _common_poles(
+    table: ComplexArray, z: ComplexArray, x: FloatArray, left: ComplexArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """Coefficients of the polynomial under all responses, from the first power on, and what is left with it.
+
+    Found by linear least squares, again and again, each time weighted by the polynomial found before (Sanathanan and
+    Koerner, IEEE Trans. Autom. Control 8 (1963) 56).
+    """
+    poles, below = np.zeros(ORDER, dtype=complex), np.ones(len(x), dtype=complex)
+    for _ in range(ROUNDS):
+        noise = np.sqrt(np.mean(np.abs(left) ** 2, axis=0))
+        basis, _ = np.linalg.qr(table / below[:, None])
+        even = z / below[:, None] / noise
+        columns = _powers(x, ORDER + 1)[:, 1:, None] * even[:, None, :]
+        columns = columns - np.einsum("lq,qkc->lkc", basis, np.einsum("lq,lkc->qkc", basis.conj(), columns))
+        even = even - basis @ (basis.conj().T @ even)
+        flat = columns.transpose(0, 2, 1).reshape(-1, ORDER)
+        poles = -np.linalg.lstsq(flat, even.ravel(), rcond=1e-10)[0]
+        below = 1.0 + _powers(x, ORDER + 1)[:, 1:] @ poles
+        left = _fitted(table / below[:, None], z).left
+    return poles, left
+
+
+def _nodes(count: int) -> NDArray[np.intp]:
+    """Which lines of a band are nearest to Gauss's points."""
+    return np.rint(0.5 * (count - 1) * (1.0 + NODES)).astype(np.intp)
+
+
+def _noise(bands: list[_Band]) -> ComplexArray:
+    """Covariance of the noise of every band, (bands, channels, channels).
+
+    The power of each channel is that of the band, with what of the response is no polynomial; how the channels go
+    together is taken from bands around. It is raised by nu / (nu - 1) for the nu degrees of freedom of a power, and by
+    n / (n - p) for the n of the correlations of p channels, so that the mean square of what is whitened by it is 1.
+    """
+    powers, scaled = [], []
+    for band in bands:
+        power = np.sum(np.abs(band.left) ** 2, axis=0) / band.free
+        powers.append(power * band.free / (band.free - 1.0))
+        scaled.append(band.left / np.sqrt(np.maximum(power, 1e-300)))
+    found = []
+    for k, power in enumerate(powers):
+        first = min(max(k - AROUND, 0), max(len(bands) - 2 * AROUND - 1, 0))
+        near = np.concatenate(scaled[first : first + 2 * AROUND + 1])
+        together = near.T @ near.conj()
+        size = np.sqrt(np.diag(together).real)
+        root = np.sqrt(power)
+        free = sum(band.free for band in bands[first : first + 2 * AROUND + 1])
+        raised = free / max(free - len(root), 1.0)
+        found.append(raised * together / np.outer(size, size) * np.outer(root, root))
+    return np.array(found)

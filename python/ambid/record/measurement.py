@@ -1,0 +1,34 @@
+"""What was measured of the closed loop, over time or over frequency, whichever a file holds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from ambid.record.channel_map import ChannelMap
+from ambid.record.frequency_readers import holds_response
+from ambid.record.frequency_response import FrequencyResponse
+from ambid.record.record import Record
+from ambid.rig import Rig
+
+__all__ = ["Measurement", "load_measurement"]
+
+Measurement = Record | FrequencyResponse
+
+
+def load_measurement(
+    path: str | Path,
+    rig: Rig | None = None,
+    *,
+    period: int | None = None,
+    mapping: ChannelMap | Mapping[str, str] | None = None,
+    sample_rate: float | None = None,
+) -> Measurement:
+    """Read a record or frequency responses, as `Record.load` and `FrequencyResponse.load` do.
+
+    Frequency responses are .uff and .unv files, .csv with a column and .mat with a variable ``frequency_hz``; `period`
+    and `sample_rate` say nothing of them.
+    """
+    if holds_response(Path(path)):
+        return FrequencyResponse.load(path, rig, mapping=mapping)
+    return Record.load(path, rig, period=period, mapping=mapping, sample_rate=sample_rate)

@@ -1,0 +1,127 @@
+"""The std of a frequency response whose file states none: from coherence, or from its scatter about a smooth curve."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ambid.arrays import ComplexArray, FloatArray
+from ambid.errors import RecordError
+
+__all__ = ["scatter", "std_of"]
+
+WIDTH, DEGREE = 9, 2
+"""Neighbouring frequencies, and degree of the polynomial through them, that the scatter of a response is taken from."""
+MOST_COHERENT = 0.9999
+"""Coherence that is believed at the most: files hold four digits of it."""
+SMOOTH = "from its scatter about a smooth curve over neighbouring frequencies, which is too large at sharp modes"
+
+
+def std_of(
+    where: str,
+    frequency_hz: FloatArray,
+    response: ComplexArray,
+    std: FloatArray,
+    coherence: FloatArray,
+    averages: float | None,
+    pairs: Sequence[str],
+) -> tuple[FloatArray, list[str]]:
+    """The std of every pair, shape of the response, and notes on those that were not given.
+
+    Of n averages with coherence g the variance is ``|H|^2 (1 - g) / (g n)`` (Bendat and Piersol, Random Data, 4th ed.,
+    chapter 9, g being the squared one).
+
+    Raises
+    ------
+    RecordError
+        If a std is not positive, is given for a part of a pair, or cannot be told from so few frequencies.
+    """
+    shape = response.shape
+    h, given, shared = (table.reshape(len(response), -1) for table in (response, std, coherence))
+    found = np.full(h.shape, np.nan)
+    from_coherence, from_scatter = [], []
+    if averages is not None and not averages >= 1.0:
+        raise RecordError(f"{where}: averages = {averages}; give 1 or more, or leave it out")
+    for k, pair in enumerate(pairs):
+        own = np.isfinite(h[:, k])
+        if not own.any():
+            continue
+        f, values = frequency_hz[own], h[own, k]
+        if _is_whole(where, "std", pair, f, given[own, k]):
+            _require(where, "std", pair, f, given[own, k], np.inf)
+            found[own, k] = given[own, k]
+        elif _is_whole(where, "coherence", pair, f, shared[own, k]):
+            _require(where, "coherence", pair, f, shared[own, k], 1.0)
+            g = np.minimum(shared[own, k], MOST_COHERENT)
+            of_one = np.abs(values) * np.sqrt((1.0 - g) / g)
+            if averages is None:
+                seen = scatter(where, pair, f, values)
+                averages_seen = np.median(of_one**2) / np.median(seen**2)
+                found[own, k] = of_one / np.sqrt(max(averages_seen, 1.0))
+            else:
+                found[own, k] = of_one / np.sqrt(averages)
+            from_coherence.append(pair)
+        else:
+            found[own, k] = scatter(where, pair, f, values)
+            from_scatter.append(pair)
+        if not (found[own, k] > 0.0).all():
+            raise RecordError(f"{where}: {pair} has no noise at {f[np.argmin(found[own, k])]:g} Hz; give its std")
+    notes = []
+    if from_coherence:
+        count = (
+            f"{averages:g} averages" if averages is not None else f"as many averages as its level asks for, {SMOOTH}"
+        )
+        notes.append(f"std of {_listed(from_coherence)} from the coherence and {count}")
+    if from_scatter:
+        notes.append(f"std of {_listed(from_scatter)} {SMOOTH}; give std or coherence")
+    return found.reshape(shape), notes
+
+
+def scatter(where: str, pair: str, frequency_hz: FloatArray, values: ComplexArray) -> FloatArray:
+    """Std of one pair from its distance to a smooth curve through its neighbours, shape (F,).
+
+    It is raised by nu / (nu - 1) for the nu degrees of freedom that it is from, so that the mean square of what is
+    whitened by it is 1.
+    """
+    count = len(values)
+    if count < WIDTH:
+        raise RecordError(
+            f"{where}: {pair} has {count} frequencies and neither std nor coherence; its noise can be told from "
+            f"{WIDTH} on: give std, or measure more"
+        )
+    free = WIDTH - DEGREE - 1
+    power = np.empty(count - WIDTH + 1)
+    for first in range(len(power)):
+        x, own = frequency_hz[first : first + WIDTH], values[first : first + WIDTH]
+        table = np.vander((x - x.mean()) / np.ptp(x), DEGREE + 1)
+        left = own - table @ np.linalg.lstsq(table, own, rcond=None)[0]
+        power[first] = np.sum(np.abs(left) ** 2) / free
+    nearest = np.clip(np.arange(count) - WIDTH // 2, 0, len(power) - 1)
+    return np.asarray(np.sqrt(power[nearest] * free / (free - 1.0)))
+
+
+def _is_whole(where: str, key: str, pair: str, frequency_hz: FloatArray, values: FloatArray) -> bool:
+    """Whether a pair has a value at all of its frequencies; refuses one that has some."""
+    missing = np.isnan(values)
+    if missing.any() and not missing.all():
+        raise RecordError(
+            f"{where}: {key} of {pair} is missing at {frequency_hz[np.argmax(missing)]:g} Hz and there at others; "
+            "give it for the whole pair, or leave it out"
+        )
+    return not missing.any()
+
+
+def _require(where: str, key: str, pair: str, frequency_hz: FloatArray, values: FloatArray, most: float) -> None:
+    wrong = np.flatnonzero(~(np.isfinite(values) & (values > 0.0) & (values <= most)))
+    if len(wrong):
+        upper = "" if most == np.inf else f", up to {most:g}"
+        raise RecordError(
+            f"{where}: {key} of {pair} is {values[wrong[0]]:g} at {frequency_hz[wrong[0]]:g} Hz; expected a finite "
+            f"number above 0{upper}"
+        )
+
+
+def _listed(pairs: Sequence[str]) -> str:
+    more = f" and {len(pairs) - 2} more" if len(pairs) > 2 else ""
+    return f"{', '.join(pairs[:2])}{more}"

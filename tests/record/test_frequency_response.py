@@ -1,0 +1,274 @@
+"""Frequency responses: what every format holds, what is refused in which words, where the std is from, and the local
+estimate from a record."""
+
+import numpy as np
+import pytest
+import scipy.io
+
+from ambid import ChannelMap, FrequencyResponse, Model, Record, load_measurement, prbs
+from ambid.errors import InputError, RecordError
+from hidden.one_axis import ONE_AXIS
+
+RIG = ONE_AXIS.rig
+F = np.linspace(5.0, 1500.0, 60)
+OUTPUTS, INPUTS = ("y.A_zeta", "i_c.A_zeta"), ("i_e.A_zeta",)
+
+
+def exact(rig=RIG, f=F):
+    model = Model(rig)
+    return model.loop.transfer(model.theta, np.exp(2j * np.pi * f / rig.sample_rate))
+
+
+def noise(std, seed):
+    random = np.random.default_rng(seed)
+    parts = random.standard_normal((2, *std.shape))
+    return std * (parts[0] + 1j * parts[1]) / np.sqrt(2.0)
+
+
+@pytest.fixture
+def measured():
+    h = exact()
+    std = 0.01 * np.abs(h)
+    return FrequencyResponse("frf", F, h + noise(std, 0), std, OUTPUTS, INPUTS)
+
+
+def rows(response, **changed):
+    """Lines of a table, header first."""
+    lines = ["frequency_hz,output,input,re,im,std"]
+    for k, f in enumerate(response.frequency_hz):
+        for o, output in enumerate(response.outputs):
+            h = response.response[k, o, 0]
+            lines.append(f"{f:.17g},{output},{response.inputs[0]},{h.real:.17g},{h.imag:.17g},{response.std[k, o, 0]}")
+    return lines
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mat"])
+def test_both_formats_hold_the_same(measured, tmp_path, suffix):
+    path = tmp_path / f"frf{suffix}"
+    measured.save(path)
+    again = load_measurement(path, RIG)
+    assert isinstance(again, FrequencyResponse)
+    np.testing.assert_allclose(again.frequency_hz, F, rtol=1e-15)
+    np.testing.assert_allclose(again.response, measured.response, rtol=1e-14)
+    np.testing.assert_allclose(again.std, measured.std, rtol=1e-8)
+    assert (again.outputs, again.inputs, again.notes, again.name) == (OUTPUTS, INPUTS, (), "frf")
+
+
+def test_a_pair_that_was_not_measured_stays_so(measured, tmp_path):
+    h = measured.response.copy()
+    h[7:20, 1, 0] = np.nan
+    some = FrequencyResponse("frf", F, h, np.where(np.isnan(h), np.nan, measured.std), OUTPUTS, INPUTS)
+    for suffix in (".csv", ".mat"):
+        some.save(tmp_path / f"frf{suffix}")
+        again = FrequencyResponse.load(tmp_path / f"frf{suffix}", RIG)
+        np.testing.assert_array_equal(again.measured, some.measured)
+
+
+def test_the_covariance_is_kept_in_mat(tmp_path):
+    record = ONE_AXIS_RECORD()
+    made = record.frequency_response()
+    made.save(tmp_path / "frf.mat")
+    again = FrequencyResponse.load(tmp_path / "frf.mat", RIG)
+    np.testing.assert_allclose(again.covariance, made.covariance)
+    np.testing.assert_allclose(again.std, made.std)
+
+
+def ONE_AXIS_RECORD(seed=1, periods=4):
+    i_e = prbs(9, amplitude=1.0, hold=4, axes=1, periods=periods)
+    own = Model(RIG).virtual_experiment(i_e, seed=seed)
+    return Record("run", own.sample_rate, own.axes, own.i_e, own.y, own.i_c, period=len(i_e) // periods)
+
+
+@pytest.mark.parametrize(
+    ("line", "text", "words"),
+    [
+        (0, "frequency_hz,output,input,re,std", "no column im"),
+        (3, "20,y.A_zeta,i_e.A_zeta,abc,0,1e-9", "re, row 3: 'abc' is not a number"),
+        (3, "20,y.A_zeta,i_e.A_zeta,1e-6", "row 3 has 4 cells, the header 6"),
+        (3, "nan,y.A_zeta,i_e.A_zeta,1e-6,0,1e-9", "frequency_hz is nan"),
+        (1, "-5,y.A_zeta,i_e.A_zeta,1e-6,0,1e-9", "frequency_hz is -5"),
+        (1, "90000,y.A_zeta,i_e.A_zeta,1e-6,0,1e-9", "below half the sample rate"),
+        (2, "5,y.A_zeta,i_e.A_zeta,1e-6,0,1e-9", "y.A_zeta / i_e.A_zeta at 5 Hz is there already"),
+        (1, "5,y.A_zeta,i_e.A_zeta,inf,0,1e-9", "y.A_zeta / i_e.A_zeta is"),
+        (1, "5,y.A_zeta,i_e.A_zeta,1e-6,0,", "std of y.A_zeta / i_e.A_zeta is missing at 5 Hz"),
+        (1, "5,y.A_zeta,i_e.A_zeta,1e-6,0,-1", "std of y.A_zeta / i_e.A_zeta is -1 at 5 Hz"),
+        (1, "5,y.C_zeta,i_e.A_zeta,1e-6,0,1e-9", "output y.C_zeta: the rig has the axes A_zeta"),
+        (1, "5,ch1,i_e.A_zeta,1e-6,0,1e-9", "output 'ch1' is no channel"),
+        (1, "5,y.A_zeta,i_e.A_zeta,40,0,1e-9", "it looks like um/A or mm/A; give m/A"),
+    ],
+)
+def test_a_broken_table_is_refused_in_its_own_words(measured, tmp_path, line, text, words):
+    lines = rows(measured)
+    lines[line] = text
+    path = tmp_path / "frf.csv"
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(RecordError) as error:
+        FrequencyResponse.load(path, RIG)
+    assert words in str(error.value)
+    assert str(path) in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("outputs", None, "no variable outputs"),
+        ("response", np.ones((3, 2, 1)) + 0j, "response has the shape"),
+        ("std", np.ones((60, 1, 1)), "std has the shape"),
+        ("inputs", np.array([1.0]), "inputs holds no names"),
+        ("frequency_hz", F[::-1].copy(), "sort it"),
+        ("frequency_hz", np.array(["a"] * 60, dtype=object), "frequency_hz holds object"),
+        ("coherence", 2.0 * np.ones((60, 2, 1)), "expected a finite number above 0, up to 1"),
+        ("covariance", np.zeros((60, 2, 2)) + 0j, "covariance at 5 Hz is none"),
+        ("averages", 0.0, "averages = 0.0"),
+    ],
+)
+def test_a_broken_mat_is_refused_in_its_own_words(measured, tmp_path, key, value, words):
+    names = {key: np.array(own, dtype=object) for key, own in (("outputs", OUTPUTS), ("inputs", INPUTS))}
+    content = {"frequency_hz": F, "response": measured.response, **names}
+    if value is None:
+        del content[key]
+    else:
+        content[key] = value
+    path = tmp_path / "frf.mat"
+    scipy.io.savemat(path, content)
+    with pytest.raises(RecordError) as error:
+        FrequencyResponse.load(path, RIG)
+    assert words in str(error.value)
+
+
+def test_the_std_of_coherence_and_averages(tmp_path):
+    """Bendat and Piersol: |H|^2 (1 - g) / (g n); without n the scatter tells it."""
+    h, coherence = exact(), 0.8 * np.ones((60, 2, 1))
+    std = np.abs(h) * np.sqrt(0.2 / 0.8 / 16)
+    told = FrequencyResponse.from_arrays(F, h, outputs=OUTPUTS, inputs=INPUTS, coherence=coherence, averages=16)
+    np.testing.assert_allclose(told.std, std)
+    found = FrequencyResponse.from_arrays(F, h + noise(std, 1), outputs=OUTPUTS, inputs=INPUTS, coherence=coherence)
+    np.testing.assert_allclose(found.std / std, 1.0, atol=0.5)
+    assert "from the coherence" in found.notes[0]
+
+
+def test_the_std_of_nothing_but_the_response():
+    f = np.linspace(200.0, 400.0, 300)
+    h = exact(f=f)
+    std = 0.02 * np.abs(h)
+    ratios = []
+    for seed in range(5):
+        own = FrequencyResponse.from_arrays(f, h + noise(std, seed), outputs=OUTPUTS, inputs=INPUTS)
+        ratios.append(np.mean(std**2 / own.std**2))
+        assert "from its scatter about a smooth curve" in own.notes[0]
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.1)
+
+
+def test_too_few_frequencies_tell_no_std():
+    with pytest.raises(RecordError, match="neither std nor coherence; its noise can be told from 9 on"):
+        FrequencyResponse.from_arrays(F[:5], exact(f=F[:5]), outputs=OUTPUTS, inputs=INPUTS)
+
+
+def write_universal(path, h, coherence=None, names=("y.A_zeta", "i_e.A_zeta")):
+    pyuff = pytest.importorskip("pyuff")
+    file = pyuff.UFF(str(path))
+    for kind, data in ((4, h), (6, coherence)):
+        if data is not None:
+            file.write_sets(
+                pyuff.prepare_58(
+                    binary=0,
+                    func_type=kind,
+                    abscissa_spacing=1,
+                    abscissa_spec_data_type=18,
+                    ordinate_spec_data_type=8,
+                    orddenom_spec_data_type=13,
+                    rsp_node=12,
+                    rsp_dir=1,
+                    ref_node=7,
+                    ref_dir=-3,
+                    rsp_ent_name=names[0],
+                    ref_ent_name=names[1],
+                    data=data,
+                    x=F,
+                    id1="",
+                    id2="",
+                    id3="",
+                    id4="",
+                    id5="",
+                    ord_data_type=5 if kind == 4 else 2,
+                ),
+                "add",
+            )
+    return path
+
+
+def test_universal_files(tmp_path):
+    h = exact()[:, 0, 0]
+    path = write_universal(tmp_path / "frf.uff", h)
+    found = load_measurement(path, RIG)
+    np.testing.assert_allclose(found.response[:, 0, 0], h, rtol=1e-4)
+    assert (found.outputs, found.inputs) == (("y.A_zeta",), ("i_e.A_zeta",))
+    assert "from its scatter" in found.notes[0]
+
+
+def test_universal_files_with_coherence_and_nodes_that_have_no_name(tmp_path):
+    h = exact()[:, 0, 0]
+    path = write_universal(tmp_path / "frf.unv", 1e6 * h, 0.9 * np.ones(60) + 0j, ("NONE", "NONE"))
+    with pytest.raises(RecordError, match="output '12\\+X' is no channel"):
+        FrequencyResponse.load(path, RIG)
+    mapping = ChannelMap.parse(["y.A_zeta=12+X:1e-6", "i_e.A_zeta=7-Z"])
+    found = FrequencyResponse.load(path, RIG, mapping=mapping)
+    np.testing.assert_allclose(found.response[:, 0, 0], h, rtol=1e-4)
+    assert "from the coherence" in found.notes[0]
+    with pytest.raises(RecordError, match=r"map i_e\.A_zeta: there is no such channel"):
+        FrequencyResponse.load(path, RIG, mapping={"y.A_zeta": "12+X", "i_e.A_zeta": "9+Z"})
+
+
+def test_a_damaged_universal_file_is_refused(tmp_path):
+    pytest.importorskip("pyuff")
+    path = tmp_path / "frf.uff"
+    path.write_text("no such thing\n" * 5)
+    with pytest.raises(RecordError, match="frf.uff"):
+        FrequencyResponse.load(path, RIG)
+
+
+@pytest.mark.parametrize(("name", "words"), [("frf.xls", "is no format"), ("none.csv", "there is no such file")])
+def test_a_file_that_is_none_is_refused(tmp_path, name, words):
+    if name == "frf.xls":
+        (tmp_path / name).write_text("x")
+    with pytest.raises(InputError, match=words):
+        FrequencyResponse.load(tmp_path / name, RIG)
+
+
+@pytest.mark.parametrize("periods", [4, None], ids=["periods", "no periods"])
+def test_the_local_response_is_the_loops(periods):
+    """In units of its std the error has a mean square of 1, with periods and without."""
+    misses = []
+    for seed in range(6):
+        record = ONE_AXIS_RECORD(seed)
+        if periods is None:
+            record = Record("run", record.sample_rate, record.axes, record.i_e, record.y, record.i_c)
+        found = record.frequency_response()
+        error = (found.response - exact(f=found.frequency_hz)).reshape(len(found.frequency_hz), -1)
+        inside = found.frequency_hz > 30.0
+        white = np.linalg.solve(np.linalg.cholesky(found.covariance), error[..., None])[inside, :, 0]
+        misses.append(np.mean(np.abs(white) ** 2))
+    assert np.mean(misses) == pytest.approx(1.0, abs=0.15)
+
+
+def test_axes_that_are_excited_together_are_told_apart(bench, i_e):
+    long = prbs(11, amplitude=0.15, hold=2, axes=4, periods=3)
+    (record,) = bench.records(long, [1], period=4094)
+    found = record.frequency_response()
+    assert found.inputs == tuple(f"i_e.{axis}" for axis in record.axes)
+    model = Model(bench.rig())
+    error = found.response - model.loop.transfer(model.theta, np.exp(2j * np.pi * found.frequency_hz / 1e4))
+    relative = np.abs(error)[found.frequency_hz > 60.0] ** 2 / found.std[found.frequency_hz > 60.0] ** 2
+    assert np.mean(relative) == pytest.approx(1.0, abs=0.15)
+
+
+def test_too_few_lines_are_refused(bench, run):
+    with pytest.raises(RecordError, match="excite with a longer period, or one axis after the other"):
+        Record("short", 1e4, run.axes, run.i_e[:200], run.y[:200], run.i_c[:200], period=50).frequency_response()
+
+
+def test_only_axes_that_are_excited_are_inputs(bench):
+    i_e = prbs(9, amplitude=0.15, hold=2, axes=4, periods=3)
+    i_e[:, 1:] = 0.0
+    (record,) = bench.records(i_e, [1], period=len(i_e) // 3)
+    assert record.frequency_response().inputs == ("i_e.A_zeta",)
