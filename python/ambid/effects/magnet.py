@@ -9,8 +9,9 @@ from functools import cache
 import numpy as np
 from scipy.optimize import nnls
 
+from ambid.effects.traits import CURVATURE, LAG_OF_READING, LAG_ROUND_LOOP
 from ambid.loop.assembly import combine
-from ambid.loop.effect import Effect, EffectParameter, Seen
+from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
 from ambid.loop.plant import Plant
 from ambid.rig import Rig
 
@@ -46,6 +47,10 @@ class ForceNonlinearity(Effect):
     def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
         """The nonlinear part grows with the square of the ratio."""
         return {"bias_ratio": float(np.sqrt(np.clip(amplitudes[0], 1e-4, 9.0)))}
+
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """Another curvature in every direction."""
+        return {CURVATURE: float("nan")}
 
     def attach(self, plant: Plant) -> None:
         """What the law adds to ``K_i i + K_s s``, which stay the slopes at rest."""
@@ -100,6 +105,10 @@ class FluxSaturation(Effect):
         """A middling knee."""
         return {"level": 0.7, "sharpness": 2.5, "bias_ratio": 1.0}
 
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """Another curvature in every direction."""
+        return {CURVATURE: float("nan")}
+
     def attach(self, plant: Plant) -> None:
         """The square law with the flux of saturating iron; K_i and K_s stay the slopes at rest."""
         slots = {"sigma": "level", "n": "sharpness", "nu": "bias_ratio"}
@@ -141,6 +150,10 @@ class EddyCurrents(Effect):
         """Root of the time constant tau of the half-order lag [s^0.5]; the effect is in proportion to it."""
         meaning = "sqrt(tau), square root of the time constant of the half-order lag"
         return [EffectParameter("root_time_constant", "s^0.5", 1e-4, upper=0.1, meaning=meaning)]
+
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """A lag that is longer at lower frequency."""
+        return dict.fromkeys((LAG_OF_READING, LAG_ROUND_LOOP), float("nan"))
 
     def attach(self, plant: Plant) -> None:
         """``flux = i - sqrt(tau) sqrt(s) flux``, with sqrt(s) as a sum of ``c s/(s + p)`` whatever tau is."""
