@@ -19,7 +19,7 @@ RecordFiles = Annotated[
     typer.Argument(
         metavar="RECORD...",
         help="Records: .csv, .mat, .h5, .parquet, .tdms. A rig file among them opens another operating point: "
-        "the records after it were recorded at its speed and bias current.",
+        "the records after it were recorded at its sample rate, speed and bias current.",
     ),
 ]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the result as JSON; - prints it.")]

@@ -1,7 +1,7 @@
 """One machine at several operating points: which rigs may be fitted together, and what they share.
 
-Speed, bias current and controller may differ from record to record. The rotor, the places of bearings and sensors and
-the sample rate may not. K_i and K_s belong to a bias current; all other parameters are those of the machine.
+Sample rate, speed, bias current, air gap and controller may differ from record to record. The rotor and the places of
+bearings and sensors may not. K_i and K_s belong to a bias current and gap; all other parameters are the machine's.
 """
 
 from __future__ import annotations
@@ -104,7 +104,6 @@ def require_same_machine(rig: Rig, other: Rig) -> None:
     """
     different = {
         "axes": (", ".join(rig.axes), ", ".join(other.axes)),
-        "sample_rate": (rig.sample_rate, other.sample_rate),
         "rotor": (rig.rotor, other.rotor),
         "bearing positions": tuple([(b.position, b.sensor_position, b.tilt) for b in r.bearings] for r in (rig, other)),
         "amplifier": (rig.amplifier, other.amplifier),
