@@ -118,21 +118,23 @@ class FluxSaturation(Effect):
 def _force_law(plant: Plant, curve: str, slots: Mapping[str, str], held: Sequence[float]) -> None:
     """Add to the force of every axis what a force law has beyond ``K_i i + K_s s``.
 
-    At another bias than that of the reference the flux at rest is in proportion to it, and the current that holds the
-    weight goes with one over K_i.
+    At another bias and gap than those of the reference the flux at rest is in proportion to bias over gap, and the
+    current that holds the weight goes with one over K_i.
     """
     here, there = _of_axes(plant.rig), _of_axes(plant.reference)
     loads = held or [0.0] * len(here)
-    for axis, (bias, gain), (stated, gain_there), load in zip(plant.axes, here, there, loads, strict=True):
+    for axis, (bias, gap, gain), (stated, gap_there, gain_there), load in zip(
+        plant.axes, here, there, loads, strict=True
+    ):
         own = {"K_i": f"K_i.{axis}", "K_s": f"K_s.{axis}", **slots}
         signals = [plant[f"i_f.{axis}"], plant[f"s.{axis}"]]
-        constants = {"bias": bias, "held": load * gain_there / gain, "level": bias / stated}
+        constants = {"bias": bias, "held": load * gain_there / gain, "level": bias / stated * gap_there / gap}
         plant.inject(f"f.{axis}", plant.block("force_law", signals, own, constants, curve=curve))
 
 
-def _of_axes(rig: Rig) -> list[tuple[float, float]]:
-    """Bias current [A] and nominal K_i [N/A] of every axis."""
-    return [(bearing.bias_current, k_i) for bearing in rig.bearings for k_i in bearing.force_current]
+def _of_axes(rig: Rig) -> list[tuple[float, float, float]]:
+    """Bias current [A], air gap [m] and nominal K_i [N/A] of every axis."""
+    return [(bearing.bias_current, bearing.air_gap, k_i) for bearing in rig.bearings for k_i in bearing.force_current]
 
 
 @dataclass(frozen=True)
