@@ -131,9 +131,6 @@ def _travel(record: Record, rig: Rig) -> list[Finding]:
     gap, bias = np.array([(bearing.air_gap, bearing.bias_current) for bearing in bearings]).T
     rms, found = record.y.std(axis=0), []
     j, k = int(np.argmax(rms / gap)), int(np.argmin(rms))
-    if rms[j] > gap[j]:
-        what = f"rms {rms[j]:.3g} m, the air gap is {gap[j]:g} m: it looks like mm or um"
-        return [Finding.fault(f"{record.name}: y.{record.axes[j]}", what, "give metres")]
     if rms[k] < 1e-12:
         what = f"rms {rms[k]:.3g} m, less than any sensor resolves"
         return [Finding.fault(f"{record.name}: y.{record.axes[k]}", what, "give metres")]
@@ -142,6 +139,8 @@ def _travel(record: Record, rig: Rig) -> list[Finding]:
     if y[j] > 0.5 * gap[j]:
         what = f"reaches {1e6 * y[j]:.3g} um, more than half of the air gap of {1e6 * gap[j]:g} um"
         todo = "expect strong nonlinearity; excite less"
+        if y[j] > gap[j]:
+            what, todo = f"reaches {y[j]:.3g} m, the air gap is {gap[j]:g} m", "check air_gap, and that y is in metres"
         found.append(Finding("warning", f"{record.name}: y.{record.axes[j]}", what, todo))
     i_c = np.zeros(len(bias)) if record.i_c is None else np.abs(record.i_c).max(axis=0)
     j = int(np.argmax(i_c / bias))

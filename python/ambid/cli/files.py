@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,7 +18,12 @@ def load_model(rig: ambid.Rig, path: Path | None) -> ambid.Model:
 
 
 def load_records(
-    rig: ambid.Rig, paths: list[Path], period: int | None, columns: list[str], sample_rate: float | None
+    rig: ambid.Rig,
+    paths: list[Path],
+    period: int | None,
+    columns: list[str],
+    sample_rate: float | None,
+    allow: Sequence[str] = (),
 ) -> list[ambid.Record]:
     """Records of a rig; `columns` are options as `ChannelMap.parse` reads them.
 
@@ -35,6 +41,6 @@ def load_records(
                     f"{path}: no record follows; name the records of this operating point after its rig file"
                 )
             continue
-        record = ambid.Record.load(path, point, period=period, mapping=mapping, sample_rate=sample_rate)
+        record = ambid.Record.load(path, point, period=period, mapping=mapping, sample_rate=sample_rate, allow=allow)
         found.append(record if point is rig else record.at(point))
     return found

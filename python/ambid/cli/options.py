@@ -41,6 +41,14 @@ Validation = Annotated[
         "--validate", metavar="RECORD...", help="Records to validate on, not used for choosing; rig files as above."
     ),
 ]
+Allow = Annotated[
+    list[str],
+    typer.Option(
+        "--allow",
+        metavar="WHAT",
+        help="Note what would be refused: travel (y far beyond the air gap), current (far above 100 A); repeatable.",
+    ),
+]
 Force = Annotated[bool, typer.Option("--force", help="Replace what is there already.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no tables.")]
 

@@ -28,7 +28,7 @@ class SensorLag(Effect):
         """Time constant [s]."""
         sample = 1.0 / rig.sample_rate
         meaning = "time constant tau of the sensor's first-order lag"
-        return [EffectParameter("time_constant", "s", 0.05 * sample, lower=5e-5 * sample, upper=0.01, meaning=meaning)]
+        return [EffectParameter("time_constant", "s", 0.05 * sample, lower=5e-5 * sample, upper=0.1, meaning=meaning)]
 
     def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
         """Its time constant."""
