@@ -295,7 +295,9 @@ def test_magnets_and_sample_rate():
 def test_a_drive_without_stiffness_is_a_warning():
     rig, _ = bench_experiment()
     drives = [b.model_copy(update={"force_displacement": (0.5,) * len(b.axes)}) for b in rig.bearings]
-    assert any("1 for ideal magnets" in text for text in warnings_of(Rig.from_toml(rig.replace(bearings=drives).to_toml())))
+    assert any(
+        "1 for ideal magnets" in text for text in warnings_of(Rig.from_toml(rig.replace(bearings=drives).to_toml()))
+    )
 
 
 def test_the_page_and_its_json():

@@ -8,7 +8,8 @@ where the missing physics acts; its needed signal, averaged over the periods, ag
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,8 @@ PORTS = {
     "sensor": ("y", "m", "displacement at the sensors"),
     "reading": ("i_c", "A", "reading of the current alone"),
 }
+UNSEEN = 1e-3
+"""Of the largest singular value: combinations of signals that the records see less of have no weight."""
 WATCHED = ("s", "v", "i_f", "i_ref", "y")
 Shape = Callable[[dict[str, FloatArray]], FloatArray]
 
@@ -118,6 +121,9 @@ class Port:
         ``s`` [m], ``v`` [m/s], ``i_f`` [A], ``i_ref`` [A] and ``y`` [m] of the model over the same period.
     terms : tuple of Term
         Shapes that the needed signal may have, the best first.
+    weights : callable
+        Least squares in units of noise, beside the parameters of the model: given signals over one period, shape
+        (N, axes, k), the k weights at which they act at this port, and the part of the excess misfit that they explain.
     """
 
     name: str
@@ -128,6 +134,7 @@ class Port:
     needed: FloatArray
     against: dict[str, FloatArray]
     terms: tuple[Term, ...]
+    weights: Callable[[FloatArray], tuple[FloatArray, float]] = field(repr=False, compare=False)
 
 
 class _Inlets(Effect):
@@ -191,7 +198,8 @@ def needed_at_ports(comparison: Comparison, index: int = 0) -> tuple[Port, ...]:
         full[window.in_period] = spectrum * _seen_share(white - left, 2 * axes)[:, None] * factor
         needed = irfft(full, n=window.period, axis=0)
         terms = _terms(name, against, way, white, cost, basis, window)
-        found.append(Port(name, unit, meaning, misfit, free, needed, against, terms))
+        weights = partial(_weights, way=way, white=white, cost=cost, basis=basis, window=window)
+        found.append(Port(name, unit, meaning, misfit, free, needed, against, terms, weights))
     return tuple(sorted(found, key=_by_misfit_then_shape))
 
 
@@ -244,6 +252,20 @@ def _terms(
         excess = max(cost - residual.size, 1.0)
         found.append(Term(shape, kind, coefficients, score, min(score / excess, 1.0), log_chance(score, axes)))
     return tuple(sorted(found, key=lambda term: term.chance))
+
+
+def _weights(
+    signals: FloatArray, *, way: ComplexArray, white: ComplexArray, cost: float, basis: FloatArray, window: Window
+) -> tuple[FloatArray, float]:
+    lines, p, _ = way.shape
+    known = _stacked(np.stack([as_lines(column, p)[:lines] for column in basis.T], axis=-1).reshape(-1, basis.shape[1]))
+    spectrum = rfft(signals - signals.mean(axis=0), axis=0)[window.in_period] * window.periods / np.sqrt(window.samples)
+    columns = _stacked((way @ spectrum).reshape(-1, signals.shape[2]))
+    columns -= known @ (known.T @ columns)
+    residual = _stacked(white.reshape(-1, 1))[:, 0]
+    found = np.asarray(np.linalg.lstsq(columns, residual, rcond=UNSEEN)[0], dtype=np.float64)
+    left = residual - columns @ found
+    return found, (cost - float(left @ left)) / max(cost - residual.size, 1.0)
 
 
 def _least_squares(way: ComplexArray, white: ComplexArray) -> ComplexArray:
