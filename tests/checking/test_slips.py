@@ -10,6 +10,7 @@ import pytest
 from ambid.checking import check
 from ambid.excitation import multisine, prbs
 from ambid.model import Model
+from ambid.rig import Rig
 from ambid.rig.controller import PID_GAINS
 from hidden.bench import simulate
 from hidden.experiment import experiment
@@ -182,9 +183,9 @@ def test_the_sign_of_one_sensor():
 def test_displacement_in_a_small_unit(factor, unit, with_i_c):
     rig, record = bench_experiment()
     record = replace(record, y=factor * record.y, i_c=record.i_c if with_i_c else None)
-    texts = [fault.what for fault in check(rig, [record]).faults]
-    assert any("the air gap is 0.0005 m" in text for text in texts)
-    assert any(f"it looks like {unit}" in text for text in texts[1:])
+    found = check(rig, [record])
+    assert any("the air gap is 0.0005 m" in finding.what for finding in found.findings)
+    assert any(f"it looks like {unit}" in fault.what and fault.stops_diagnosis for fault in found.faults)
 
 
 @pytest.mark.parametrize("with_i_c", [True, False])
@@ -290,6 +291,14 @@ def test_magnets_and_sample_rate():
     texts = warnings_of(rig.replace(sample_rate=3000.0))
     assert any("the bending mode at 1383 Hz" in text for text in texts)
     assert any("bandwidth" in text for text in texts)
+
+
+def test_a_drive_without_stiffness_is_a_warning():
+    rig, _ = bench_experiment()
+    drives = [b.model_copy(update={"force_displacement": (0.5,) * len(b.axes)}) for b in rig.bearings]
+    assert any(
+        "1 for ideal magnets" in text for text in warnings_of(Rig.from_toml(rig.replace(bearings=drives).to_toml()))
+    )
 
 
 def test_the_page_and_its_json():

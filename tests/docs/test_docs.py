@@ -119,7 +119,7 @@ def test_every_key_of_the_rig_file_is_told():
 
 def test_units_and_ranges_of_the_rig_file():
     told = rig_file.generate(Path())
-    assert "| `air_gap` | number | m | 1e-5 to 0.02 | **needed** |" in told
+    assert "| `air_gap` | number | m | 1e-5 to 0.1 | **needed** |" in told
     assert "| `has_lag` | `true` or `false` |  |  | `true` |" in told
     assert re.search(r"`modal_damping` \| number, or a list .* \|  \| 0 to 0.5 \| `0.0` \|", told)
     assert '`"finite_elements"` |  |  | `"finite_elements"` |' in told

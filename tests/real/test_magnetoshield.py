@@ -20,7 +20,7 @@ def told():
     if not RECORD.exists():
         pytest.skip(f"{RECORD} is not here: its licence does not let it be copied into the project")
     rows = scipy.io.loadmat(RECORD)["result"]
-    rig = Rig.load(magnetoshield.RIG).replace(controller=magnetoshield.controller_of(rows, *magnetoshield.TRAIN))
+    rig = Rig.load(magnetoshield.RIG).replace(controller=magnetoshield.controller_of(rows, magnetoshield.TRAIN))
     return rows, rig, *magnetoshield.story(rows, rig)
 
 
@@ -50,3 +50,17 @@ def test_the_effects_lower_the_error_on_rows_that_were_not_used(told):
     for record in (train, validate):
         errors = np.array([magnetoshield.prediction_error(step.model, record) for step in found.history])
         assert np.all(errors[-1] < 0.45 * errors[0])
+
+
+def test_five_set_points_at_once_have_one_force_law(told):
+    rows, *_ = told
+    joint, law, kept = magnetoshield.all_set_points(rows, Rig.load(magnetoshield.RIG))
+    assert joint.history[-1].misfit < 1.3 < 9.0 < joint.history[0].misfit
+    assert law.misfit < 3.0
+    for static in law.static:
+        assert law.force(static.current, static.gap) == pytest.approx(static.force, rel=0.015)
+    steps = [joint.history[0].model, joint.history[-1].model, law.model]
+    first, last, of_law = ([magnetoshield.prediction_error(m.at(r), r) for r in kept] for m in steps)
+    y = np.array([[error[0] for error in errors] for errors in (first, last, of_law)])
+    assert np.all(y[1:] < 0.5 * y[0])
+    assert np.all(y[2] < 1.12 * y[1])

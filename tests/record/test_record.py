@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from ambid.errors import RecordError
+from ambid.errors import InputError, RecordError
 from ambid.record import Record
 from reference.records import (
     AXES,
@@ -156,3 +156,32 @@ def test_coarse_converters_are_not_clipped(seed):
     sine = 1e-5 * np.sin(np.arange(5 * PERIOD) / rng.uniform(20, 50, 1))
     sine = np.round(sine / 8e-7) * 8e-7
     Record.from_arrays(**keywords | {"y": np.tile(sine[:, None], 4)}, rig=RIG)
+
+
+def test_beyond_the_air_gap_is_told_and_far_beyond_it_may_be_vouched_for():
+    keywords = measured()
+    gap = RIG.bearings[0].air_gap
+    keywords["y"] = keywords["y"] * (3.0 * gap / np.abs(keywords["y"]).max())
+    record = Record.from_arrays(**keywords, rig=RIG)
+    assert any("m, the air gap is" in note and "taken as it is" in note for note in record.notes)
+    keywords["y"] = 10.0 * keywords["y"]
+    with pytest.raises(RecordError, match="--allow travel"):
+        Record.from_arrays(**keywords, rig=RIG)
+    assert any("taken as it is" in note for note in Record.from_arrays(**keywords, rig=RIG, allow=["travel"]).notes)
+    with pytest.raises(InputError, match="--allow gap: expected travel or current"):
+        Record.from_arrays(**keywords, rig=RIG, allow=["gap"])
+
+
+def test_currents_above_100_a_are_held_against_the_bias():
+    keywords = measured()
+    keywords["i_c"] = keywords["i_c"] * (150.0 / keywords["i_c"].std())
+    with pytest.raises(RecordError, match="it looks like mA; give ampere, or vouch for it: --allow current"):
+        Record.from_arrays(**keywords, rig=RIG)
+    assert any("above" in note for note in Record.from_arrays(**keywords, rig=RIG, allow=["current"]).notes)
+    large = RIG.replace(
+        bearings=tuple(
+            b.model_copy(update={"bias_current": 40.0, "force_displacement": (1e7,) * len(b.axes)})
+            for b in RIG.bearings
+        )
+    )
+    assert not any("rms" in note for note in Record.from_arrays(**keywords, rig=large).notes)

@@ -181,20 +181,20 @@ def test_a_rig_is_frozen():
 # --- one thing broken at a time: edit of the bench, then what the message must hold ----------------------------
 
 BROKEN_VALUES = [
-    ("air_gap = 0.0005", "air_gap = 0.5", "bearing[0] (A).air_gap = 0.5", "1e-5 to 0.02 m", "Write 0.0005"),
-    ("air_gap = 0.0005", "air_gap = 500", "bearing[0] (A).air_gap = 500", "1e-5 to 0.02 m", "micrometres"),
-    ("air_gap = 0.0005", "air_gap = 0", "bearing[0] (A).air_gap = 0", "1e-5 to 0.02 m", "check"),
-    ("air_gap = 0.0005", "air_gap = nan", "bearing[0] (A).air_gap = nan", "1e-5 to 0.02 m", "finite"),
-    ("air_gap = 0.0005", "air_gap = true", "bearing[0] (A).air_gap = True", "1e-5 to 0.02 m", "a finite number"),
+    ("air_gap = 0.0005", "air_gap = 0.5", "bearing[0] (A).air_gap = 0.5", "1e-5 to 0.1 m", "Write 0.0005"),
+    ("air_gap = 0.0005", "air_gap = 500", "bearing[0] (A).air_gap = 500", "1e-5 to 0.1 m", "micrometres"),
+    ("air_gap = 0.0005", "air_gap = 0", "bearing[0] (A).air_gap = 0", "1e-5 to 0.1 m", "check"),
+    ("air_gap = 0.0005", "air_gap = nan", "bearing[0] (A).air_gap = nan", "1e-5 to 0.1 m", "finite"),
+    ("air_gap = 0.0005", "air_gap = true", "bearing[0] (A).air_gap = True", "1e-5 to 0.1 m", "a finite number"),
     (
         "air_gap = 0.0005",
         'air_gap = "0.5 mm"',
         "bearing[0] (A).air_gap = '0.5 mm'",
-        "1e-5 to 0.02 m",
+        "1e-5 to 0.1 m",
         "a finite number",
     ),
     ("air_gap", "airgap", "bearing[0] (A).airgap = 0.0005", "Allowed here: name", "did you mean air_gap"),
-    ("air_gap = 0.0005", "", "bearing[0] (A).air_gap is missing", "1e-5 to 0.02 m", "expected"),
+    ("air_gap = 0.0005", "", "bearing[0] (A).air_gap is missing", "1e-5 to 0.1 m", "expected"),
     (
         "position = 0.2          # m\nsensor",
         "position = 0.9\nsensor",

@@ -44,6 +44,8 @@ __all__ = ["Finding", "LoopFigures", "RecordFigures", "Soundness", "check"]
 
 ALIKE = 0.5
 """Correlation above which two signals have to do with each other."""
+NOMINAL = 0.8
+"""Correlation with the nominal response from which on its size must be right; hidden lags of a sample leave 0.6."""
 UNEXPLAINED = 0.4
 """Part of i_c, by rms, that the controller's equation may miss before a wrong column or excitation is sought."""
 SLIPS = (-1.0, 1e3, 1e-3, 1e6, 1e-6)
@@ -129,9 +131,6 @@ def _travel(record: Record, rig: Rig) -> list[Finding]:
     gap, bias = np.array([(bearing.air_gap, bearing.bias_current) for bearing in bearings]).T
     rms, found = record.y.std(axis=0), []
     j, k = int(np.argmax(rms / gap)), int(np.argmin(rms))
-    if rms[j] > gap[j]:
-        what = f"rms {rms[j]:.3g} m, the air gap is {gap[j]:g} m: it looks like mm or um"
-        return [Finding.fault(f"{record.name}: y.{record.axes[j]}", what, "give metres")]
     if rms[k] < 1e-12:
         what = f"rms {rms[k]:.3g} m, less than any sensor resolves"
         return [Finding.fault(f"{record.name}: y.{record.axes[k]}", what, "give metres")]
@@ -140,6 +139,8 @@ def _travel(record: Record, rig: Rig) -> list[Finding]:
     if y[j] > 0.5 * gap[j]:
         what = f"reaches {1e6 * y[j]:.3g} um, more than half of the air gap of {1e6 * gap[j]:g} um"
         todo = "expect strong nonlinearity; excite less"
+        if y[j] > gap[j]:
+            what, todo = f"reaches {y[j]:.3g} m, the air gap is {gap[j]:g} m", "check air_gap, and that y is in metres"
         found.append(Finding("warning", f"{record.name}: y.{record.axes[j]}", what, todo))
     i_c = np.zeros(len(bias)) if record.i_c is None else np.abs(record.i_c).max(axis=0)
     j = int(np.argmax(i_c / bias))
@@ -296,7 +297,7 @@ def _machine(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
     found = []
     if alike < 0.9 or gain.min() < 0.75 or gain.max() > 1.35:
         # a low correlation may be noise; a wrong size or sign of what is like the nominal response is not
-        other = alike < -0.6 or (alike > 0.6 and not 0.6 < np.median(gain) < 1.7)
+        other = alike < -0.6 or (alike > NOMINAL and not 0.6 < np.median(gain) < 1.7)
         severe = bool(other and (record.i_c is not None or loop.gain_factor == 1.0))
         what = f"y follows {cause} with a gain of {gain.min():.2f} to {gain.max():.2f} and a correlation of "
         what += f"{alike:.2f}, expected 0.75 to 1.35 and more than 0.9"

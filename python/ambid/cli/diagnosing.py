@@ -13,6 +13,7 @@ import typer
 import ambid
 from ambid.cli.files import in_time, load_model, load_records
 from ambid.cli.options import (
+    Allow,
     Columns,
     JsonFile,
     ModelFile,
@@ -43,13 +44,14 @@ def check_command(
     period: Period = None,
     columns: Columns = [],  # noqa: B006
     sample_rate: SampleRate = None,
+    allow: Allow = [],  # noqa: B006
     json_file: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
     """Tell slips in rig and records, such as units, signs and columns, before any fit; exit 2 if there is a fault."""
     require_outputs({"RIG": rig, "RECORD": records}, {"--json": json_file})
     machine = ambid.Rig.load(rig)
-    loaded = load_records(machine, records, period, columns, sample_rate)
+    loaded = load_records(machine, records, period, columns, sample_rate, allow)
     with stoppable():
         found = ambid.check(machine, in_time(loaded))
     conclude(found, found.to_json(), json_file, quiet)
@@ -64,6 +66,7 @@ def compare_command(
     period: Period = None,
     columns: Columns = [],  # noqa: B006
     sample_rate: SampleRate = None,
+    allow: Allow = [],  # noqa: B006
     json_file: JsonFile = None,
     plot: PlotFile = None,
     quiet: Quiet = False,
@@ -72,7 +75,7 @@ def compare_command(
     outputs = {"--json": json_file, "--plot": pictures(plot, records)}
     require_outputs({"RIG": rig, "RECORD": records, "--model": model}, outputs)
     machine = ambid.Rig.load(rig)
-    start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate)
+    start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
     with stoppable():
         comparison = ambid.compare(start, loaded)
         where = _where(comparison)
@@ -96,6 +99,7 @@ def diagnose_command(
     period: Period = None,
     columns: Columns = [],  # noqa: B006
     sample_rate: SampleRate = None,
+    allow: Allow = [],  # noqa: B006
     json_file: JsonFile = None,
     save: Annotated[Path | None, typer.Option(metavar="MODEL", help="Write the last model.")] = None,
     plot: PlotFile = None,
@@ -119,8 +123,8 @@ def diagnose_command(
             raise InputError(f"--ask and {'--quiet' if quiet else '--effects'} exclude each other; keep one")
         require_terminal("--ask")
     machine = ambid.Rig.load(rig)
-    start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate)
-    kept = load_records(machine, validate, period, columns, sample_rate)
+    start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
+    kept = load_records(machine, validate, period, columns, sample_rate, allow)
     is_stopped = False
     with stoppable(), progress(quiet or ask, "diagnosing") as told:
         try:

@@ -23,7 +23,12 @@ def in_time(records: Sequence[ambid.Record | ambid.FrequencyResponse]) -> list[a
 
 
 def load_records(
-    rig: ambid.Rig, paths: list[Path], period: int | None, columns: list[str], sample_rate: float | None
+    rig: ambid.Rig,
+    paths: list[Path],
+    period: int | None,
+    columns: list[str],
+    sample_rate: float | None,
+    allow: Sequence[str] = (),
 ) -> list[ambid.Record | ambid.FrequencyResponse]:
     """Records and frequency responses of a rig; `columns` are options as `ChannelMap.parse` reads them.
 
@@ -42,6 +47,8 @@ def load_records(
                     f"{path}: no record follows; name the records of this operating point after its rig file"
                 )
             continue
-        record = ambid.load_measurement(path, point, period=period, mapping=mapping, sample_rate=sample_rate)
+        record = ambid.load_measurement(
+            path, point, period=period, mapping=mapping, sample_rate=sample_rate, allow=allow
+        )
         found.append(record if point is rig else record.at(point))
     return found

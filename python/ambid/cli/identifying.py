@@ -11,6 +11,7 @@ import typer
 import ambid
 from ambid.cli.files import in_time, load_model, load_records
 from ambid.cli.options import (
+    Allow,
     Columns,
     JsonFile,
     ModelFile,
@@ -49,6 +50,7 @@ def identify_command(
     period: Period = None,
     columns: Columns = [],  # noqa: B006
     sample_rate: SampleRate = None,
+    allow: Allow = [],  # noqa: B006
     json_file: JsonFile = None,
     save: Annotated[Path | None, typer.Option(metavar="MODEL", help="Write the identified model.")] = None,
     plot: PlotFile = None,
@@ -58,7 +60,7 @@ def identify_command(
     outputs = {"--json": json_file, "--save": save, "--plot": pictures(plot, records)}
     require_outputs({"RIG": rig, "RECORD": records, "--model": model}, outputs)
     machine = ambid.Rig.load(rig)
-    start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate)
+    start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
     for text in share:
         name, members = assignment("--share", text, "K_i.A=K_i.A_zeta,K_i.A_eta")
         start = start.share(name, members.split(","))

@@ -19,7 +19,7 @@ RecordFiles = Annotated[
     typer.Argument(
         metavar="RECORD...",
         help="Records: .csv, .mat, .h5, .parquet, .tdms; frequency responses: .csv, .mat, .uff. A rig file among them "
-        "opens another operating point: the records after it were recorded at its speed and bias current.",
+        "opens another operating point: the records after it were recorded at its sample rate, speed and bias current.",
     ),
 ]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the result as JSON; - prints it.")]
@@ -39,6 +39,14 @@ Validation = Annotated[
     list[Path],
     typer.Option(
         "--validate", metavar="RECORD...", help="Records to validate on, not used for choosing; rig files as above."
+    ),
+]
+Allow = Annotated[
+    list[str],
+    typer.Option(
+        "--allow",
+        metavar="WHAT",
+        help="Note what would be refused: travel (y far beyond the air gap), current (far above 100 A); repeatable.",
     ),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Replace what is there already.")]

@@ -8,7 +8,8 @@ where the missing physics acts; its needed signal, averaged over the periods, ag
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from scipy.ndimage import uniform_filter1d
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.diagnosis.chance import log_chance
+from ambid.errors import ModelError
 from ambid.loop.effect import Effect, EffectParameter
 from ambid.loop.plant import Plant
 from ambid.model import Model
@@ -34,6 +36,8 @@ PORTS = {
     "sensor": ("y", "m", "displacement at the sensors"),
     "reading": ("i_c", "A", "reading of the current alone"),
 }
+UNSEEN = 1e-3
+"""Of the largest singular value: combinations of signals that the records see less of have no weight."""
 WATCHED = ("s", "v", "i_f", "i_ref", "y")
 Shape = Callable[[dict[str, FloatArray]], FloatArray]
 
@@ -121,6 +125,9 @@ class Port:
         ``s`` [m], ``v`` [m/s], ``i_f`` [A], ``i_ref`` [A] and ``y`` [m] of the model over the same period.
     terms : tuple of Term
         Shapes that the needed signal may have, the best first.
+    weights : callable
+        Least squares in units of noise, beside the parameters of the model: given signals over one period, shape
+        (N, axes, k), the k weights at which they act at this port, and the part of the excess misfit that they explain.
     """
 
     name: str
@@ -131,6 +138,7 @@ class Port:
     needed: FloatArray
     against: dict[str, FloatArray]
     terms: tuple[Term, ...]
+    weights: Callable[[FloatArray], tuple[FloatArray, float]] = field(repr=False, compare=False)
 
 
 class _Inlets(Effect):
@@ -196,7 +204,8 @@ def needed_at_ports(comparison: Comparison, index: int = 0) -> tuple[Port, ...]:
         full[window.in_period] = spectrum * _seen_share(white - left, 2 * axes)[:, None] * factor
         needed = irfft(full, n=window.period, axis=0)
         terms = _terms(name, against, way, white, cost, basis, window)
-        found.append(Port(name, unit, meaning, misfit, free, needed, against, terms))
+        weights = partial(_weights, way=way, white=white, cost=cost, basis=basis, window=window)
+        found.append(Port(name, unit, meaning, misfit, free, needed, against, terms, weights))
     return tuple(sorted(found, key=_by_misfit_then_shape))
 
 
@@ -222,8 +231,12 @@ def _of_response(model: Model, part: ResponseLines) -> tuple[Port, ...]:
         scale = np.abs(way).max(axis=(1, 2), keepdims=True) + 1e-300
         free = part.judged - 2 * int(np.linalg.matrix_rank(way / scale, tol=1e-9).sum())
         misfit = float(np.sum(np.abs(left) ** 2)) / free if free > 0 else np.nan
-        found.append(Port(name, unit, meaning, misfit, free, nothing, {}, ()))
+        found.append(Port(name, unit, meaning, misfit, free, nothing, {}, (), _no_signal))
     return tuple(sorted(found, key=_by_misfit_then_shape))
+
+
+def _no_signal(_: FloatArray) -> tuple[FloatArray, float]:
+    raise ModelError("a frequency response tells no signal at a port; measure its shape from a record in time")
 
 
 def _other_axis(rig: Rig) -> NDArray[np.intp]:
@@ -275,6 +288,20 @@ def _terms(
         excess = max(cost - residual.size, 1.0)
         found.append(Term(shape, kind, coefficients, score, min(score / excess, 1.0), log_chance(score, axes)))
     return tuple(sorted(found, key=lambda term: term.chance))
+
+
+def _weights(
+    signals: FloatArray, *, way: ComplexArray, white: ComplexArray, cost: float, basis: FloatArray, window: Window
+) -> tuple[FloatArray, float]:
+    lines, p, _ = way.shape
+    known = _stacked(np.stack([as_lines(column, p)[:lines] for column in basis.T], axis=-1).reshape(-1, basis.shape[1]))
+    spectrum = rfft(signals - signals.mean(axis=0), axis=0)[window.in_period] * window.periods / np.sqrt(window.samples)
+    columns = _stacked((way @ spectrum).reshape(-1, signals.shape[2]))
+    columns -= known @ (known.T @ columns)
+    residual = _stacked(white.reshape(-1, 1))[:, 0]
+    found = np.asarray(np.linalg.lstsq(columns, residual, rcond=UNSEEN)[0], dtype=np.float64)
+    left = residual - columns @ found
+    return found, (cost - float(left @ left)) / max(cost - residual.size, 1.0)
 
 
 def _least_squares(way: ComplexArray, white: ComplexArray) -> ComplexArray:

@@ -8,12 +8,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ambid.checking import check
+from ambid.diagnosis.families import families
 from ambid.diagnosis.ranking import Candidate, Progress, Ranking, silent
-from ambid.diagnosis.result import Diagnosis
+from ambid.diagnosis.result import Diagnosis, Family
 from ambid.diagnosis.search import add_best, add_chosen, begin
 from ambid.diagnosis.state import Task
 from ambid.diagnosis.verdict import judged
-from ambid.diagnosis.wording import families, next_experiment, notes
+from ambid.diagnosis.wording import next_experiment, notes
 from ambid.effects import CATALOGUE, Effect, find
 from ambid.errors import RigError, Stopped
 from ambid.identification import Estimate, ParameterEstimate, identify
@@ -112,12 +113,14 @@ def diagnose(
         base = refit(base)  # `identify` did not trust the weights, as physics is missing
     state, is_stopped = begin(task, base), False
     say(state.history[-1].line())
+    near: dict[str, Family] = {}
     chain = add_best(task, state, ask) if chosen is None else add_chosen(task, state, chosen)
     try:
         for further in chain:
             for step in further.history[len(state.history) :]:
                 say(step.line())
             state = further
+        near = families(state)
     except KeyboardInterrupt:
         is_stopped = True
     verdict = judged(task, state, tolerance, is_stopped=is_stopped)
@@ -138,7 +141,7 @@ def diagnose(
         },
         covariance=spread,
         explained_percent=100.0 * verdict.share if verdict.effects or verdict.tried else np.nan,
-        families=families(verdict, state.history),
+        families={name: near[name] for name in verdict.effects if name in near},
         records=records,
         validation=task.validate,
         next_experiment=next_experiment(verdict, state.history),

@@ -37,11 +37,16 @@ class Family:
     ----------
     members : tuple of str
     shared : str
-        The number that all of them agree upon, such as ``a lag of 3 ms``; empty where there is none.
+        What all of them bring, such as ``a lag of 3.0 ms round the loop``; empty where there is no such thing.
     """
 
     members: tuple[str, ...]
     shared: str
+
+    def line(self) -> str:
+        """In words, such as ``a lag of 3.0 ms round the loop: sensor_lag or loop_delay``."""
+        *others, last = self.members
+        return f"{self.shared or 'near twins'}: {', '.join(others)} or {last}"
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, as in JSON."""
@@ -246,7 +251,8 @@ class Diagnosis(Tabular):
         named = f": {', '.join(self.effects)}" if self.effects else ""
         sets = [f"cannot be told apart: {', '.join(names)}" for names in self.ambiguous_sets]
         verdict = f"verdict: {self.verdict}{named}; {VERDICTS[self.verdict]}"
-        return [verdict, *sets, f"next: {self.next_experiment}", *self.notes]
+        families = [family.line() for family in self.families.values()]
+        return [verdict, *sets, *families, f"next: {self.next_experiment}", *self.notes]
 
     def save(self, path: str | Path) -> None:
         """Write the last model with its covariance, for ``--model`` and `Model.load`."""
@@ -256,6 +262,7 @@ class Diagnosis(Tabular):
         named = f": {', '.join(self.effects)}" if self.effects else ""
         lines = [f"verdict: {self.verdict}{named}", f"  {VERDICTS[self.verdict]}"]
         lines += [f"  cannot be told apart: {', '.join(names)}" for names in self.ambiguous_sets]
+        lines += [f"  {family.line()}" for family in self.families.values()]
         lines += ["", *(step.line() for step in self.history)]
         own = [p for p in self.model.parameters if p.typical is not None]
         if own:

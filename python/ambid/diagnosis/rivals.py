@@ -15,7 +15,7 @@ from ambid.identification.minimum import ROUGHLY, criterion, refit
 from ambid.model import Model
 from ambid.noise import Comparison
 
-__all__ = ["Refitted", "alternatives", "is_driven_off", "reconsidered", "refits"]
+__all__ = ["Refitted", "alternatives", "is_as_good", "is_driven_off", "reconsidered", "refits"]
 
 EQUALLY_GOOD = 9.2
 """Candidates whose criterion is within this of the best cannot be told apart (99 % of a chi-squared with 2 dof)."""
@@ -58,22 +58,23 @@ def refits(task: Task, state: State, tried: Sequence[Candidate], *, whatever_pro
 
 
 def alternatives(order: Sequence[Refitted]) -> tuple[str, ...]:
-    """Names of the candidates that do as well as the best; none that only contains a simpler one of them.
+    """Names of the candidates that do as well as the best; none that only contains a simpler one of them."""
+    best = order[0][1]
+    equal = [candidate.effect for candidate, other in order if is_as_good(other, best)]
+    names = {effect.name for effect in equal}
+    return tuple(effect.name for effect in equal if not names & set(effect.contains))
+
+
+def is_as_good(other: Comparison, best: Comparison) -> bool:
+    """Whether chance can make the difference between two models of the same records.
 
     Rivals are not nested: where two are as good as each other, J1 - J2 has the variance 4 |r1 - r2|^2 of their
     whitened residuals (Vuong, Econometrica 57 (1989) 307), times J/dof where misfit is left. That one takes more
     parameters to say the same puts it behind, but is no evidence against it.
     """
-    best = order[0][1]
-
-    def is_as_good(other: Comparison) -> bool:
-        apart = other.residual - best.residual
-        chance = 2.0 * APART * np.sqrt(float(apart @ apart) * max(1.0, best.misfit))
-        return min(criterion(other) - criterion(best), other.cost - best.cost) <= max(chance, EQUALLY_GOOD)
-
-    equal = [candidate.effect for candidate, other in order if is_as_good(other)]
-    names = {effect.name for effect in equal}
-    return tuple(effect.name for effect in equal if not names & set(effect.contains))
+    apart = other.residual - best.residual
+    chance = 2.0 * APART * np.sqrt(float(apart @ apart) * max(1.0, best.misfit))
+    return bool(min(criterion(other) - criterion(best), other.cost - best.cost) <= max(chance, EQUALLY_GOOD))
 
 
 def reconsidered(state: State, effect: Effect) -> tuple[State, str]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ambid.diagnosis.localisation import localise
-from ambid.diagnosis.result import Family, Step
+from ambid.diagnosis.result import Step
 from ambid.diagnosis.verdict import Verdict
 from ambid.effects.slips import ControllerGainError, ExcitationGainError
 from ambid.noise import Noise
@@ -99,26 +99,6 @@ def _asked_for(rig: Rig, key: str, error: float) -> str:
     gains = np.atleast_1d(getattr(rig.controller, key))
     found, wanted = (", ".join(f"{float(f'{gain:.4g}'):g}" for gain in own) for own in (gains, (1.0 + error) * gains))
     return f"controller.{key} = {found} in the rig file, the data say {wanted}"
-
-
-def families(verdict: Verdict, history: Sequence[Step]) -> dict[str, Family]:
-    """Each named effect with what looks like it in these data, and the number that all of them share."""
-    found = {}
-    for name in verdict.effects:
-        before = next((s for s in history if (own := s.ranking.find(name)) is not None and own.confusable_with), None)
-        twins = () if before is None or (own := before.ranking.find(name)) is None else own.confusable_with
-        together = next((names for names in verdict.sets if name in names), ())
-        members = (name, *dict.fromkeys(n for n in (*together, *twins) if n != name))
-        if before is None or len(members) == 1:
-            continue
-        rig, lags = verdict.fit.model.rig, []
-        for member in members:
-            candidate = before.ranking.find(member)
-            seconds = [] if candidate is None else [p.name for p in candidate.effect.parameters(rig) if p.unit == "s"]
-            lags += [candidate.start[seconds[0]]] if candidate is not None and seconds else [np.nan]
-        shared = f"a lag of {1e3 * float(np.median(lags)):.3g} ms" if np.isfinite(lags).all() else ""
-        found[name] = Family(members, shared)
-    return found
 
 
 def next_experiment(verdict: Verdict, history: Sequence[Step]) -> str:

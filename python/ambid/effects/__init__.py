@@ -5,10 +5,11 @@ from inspect import signature
 from typing import Any
 
 from ambid.effects import amplifier, disturbance, magnet, rotor, sensor, slips, support
+from ambid.effects.measured import MeasuredShape
 from ambid.errors import ModelError
-from ambid.loop.effect import Effect, EffectParameter, Seen
+from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
 
-__all__ = ["CATALOGUE", "Effect", "EffectParameter", "Seen", "find"]
+__all__ = ["CATALOGUE", "Effect", "EffectParameter", "MeasuredShape", "Seen", "Trait", "find"]
 
 CATALOGUE: tuple[Effect, ...] = (
     *rotor.EFFECTS,

@@ -8,8 +8,9 @@ from math import pi
 
 import numpy as np
 
+from ambid.effects.traits import LAG_OF_CURRENT, LAG_ROUND_LOOP
 from ambid.loop.assembly import Signal
-from ambid.loop.effect import Effect, EffectParameter, Seen
+from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
 from ambid.loop.plant import Plant
 from ambid.rig import Rig
 
@@ -92,6 +93,15 @@ class AmplifierBandwidth(Effect):
         bend = tau**2 * float(0.1 * longer * amplitudes[0] + 0.25 * amplitudes[1])
         q = float(np.clip(bend, 1e-3 * p**2, 4.0 * p**2))
         return {"frequency_hz": 1.0 / (2.0 * pi * np.sqrt(q)), "damping": max(0.06, 0.5 * p / np.sqrt(q))}
+
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """By how much its lag is longer than that of the rig file."""
+        tau, resistance = rig.amplifier.time_constant, rig.amplifier.resistance
+        if resistance is not None:
+            lag = values["inductance"] / resistance
+        else:
+            lag = values["damping"] / (pi * values["frequency_hz"])
+        return dict.fromkeys((LAG_OF_CURRENT, LAG_ROUND_LOOP), lag - tau)
 
     def attach(self, plant: Plant) -> None:
         """The true amplifier beside the nominal one, whose current it replaces."""
@@ -188,6 +198,10 @@ class LoopDelay(Effect):
         sample = 1.0 / rig.sample_rate
         meaning = "by how much commands reach the amplifier late"
         return [EffectParameter("delay", "s", 0.05 * sample, lower=5e-5 * sample, upper=20.0 * sample, meaning=meaning)]
+
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """The delay."""
+        return dict.fromkeys((LAG_OF_CURRENT, LAG_ROUND_LOOP), values["delay"])
 
     def attach(self, plant: Plant) -> None:
         """Feedback and excitation alike."""

@@ -9,8 +9,9 @@ from functools import cache
 import numpy as np
 from scipy.optimize import nnls
 
+from ambid.effects.traits import CURVATURE, LAG_OF_READING, LAG_ROUND_LOOP
 from ambid.loop.assembly import combine
-from ambid.loop.effect import Effect, EffectParameter, Seen
+from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
 from ambid.loop.plant import Plant
 from ambid.rig import Rig
 
@@ -46,6 +47,10 @@ class ForceNonlinearity(Effect):
     def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
         """The nonlinear part grows with the square of the ratio."""
         return {"bias_ratio": float(np.sqrt(np.clip(amplitudes[0], 1e-4, 9.0)))}
+
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """Another curvature in every direction."""
+        return {CURVATURE: float("nan")}
 
     def attach(self, plant: Plant) -> None:
         """What the law adds to ``K_i i + K_s s``, which stay the slopes at rest."""
@@ -100,6 +105,10 @@ class FluxSaturation(Effect):
         """A middling knee."""
         return {"level": 0.7, "sharpness": 2.5, "bias_ratio": 1.0}
 
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """Another curvature in every direction."""
+        return {CURVATURE: float("nan")}
+
     def attach(self, plant: Plant) -> None:
         """The square law with the flux of saturating iron; K_i and K_s stay the slopes at rest."""
         slots = {"sigma": "level", "n": "sharpness", "nu": "bias_ratio"}
@@ -109,21 +118,23 @@ class FluxSaturation(Effect):
 def _force_law(plant: Plant, curve: str, slots: Mapping[str, str], held: Sequence[float]) -> None:
     """Add to the force of every axis what a force law has beyond ``K_i i + K_s s``.
 
-    At another bias than that of the reference the flux at rest is in proportion to it, and the current that holds the
-    weight goes with one over K_i.
+    At another bias and gap than those of the reference the flux at rest is in proportion to bias over gap, and the
+    current that holds the weight goes with one over K_i.
     """
     here, there = _of_axes(plant.rig), _of_axes(plant.reference)
     loads = held or [0.0] * len(here)
-    for axis, (bias, gain), (stated, gain_there), load in zip(plant.axes, here, there, loads, strict=True):
+    for axis, (bias, gap, gain), (stated, gap_there, gain_there), load in zip(
+        plant.axes, here, there, loads, strict=True
+    ):
         own = {"K_i": f"K_i.{axis}", "K_s": f"K_s.{axis}", **slots}
         signals = [plant[f"i_f.{axis}"], plant[f"s.{axis}"]]
-        constants = {"bias": bias, "held": load * gain_there / gain, "level": bias / stated}
+        constants = {"bias": bias, "held": load * gain_there / gain, "level": bias / stated * gap_there / gap}
         plant.inject(f"f.{axis}", plant.block("force_law", signals, own, constants, curve=curve))
 
 
-def _of_axes(rig: Rig) -> list[tuple[float, float]]:
-    """Bias current [A] and nominal K_i [N/A] of every axis."""
-    return [(bearing.bias_current, k_i) for bearing in rig.bearings for k_i in bearing.force_current]
+def _of_axes(rig: Rig) -> list[tuple[float, float, float]]:
+    """Bias current [A], air gap [m] and nominal K_i [N/A] of every axis."""
+    return [(bearing.bias_current, bearing.air_gap, k_i) for bearing in rig.bearings for k_i in bearing.force_current]
 
 
 @dataclass(frozen=True)
@@ -141,6 +152,10 @@ class EddyCurrents(Effect):
         """Root of the time constant tau of the half-order lag [s^0.5]; the effect is in proportion to it."""
         meaning = "sqrt(tau), square root of the time constant of the half-order lag"
         return [EffectParameter("root_time_constant", "s^0.5", 1e-4, upper=0.1, meaning=meaning)]
+
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """A lag that is longer at lower frequency."""
+        return dict.fromkeys((LAG_OF_READING, LAG_ROUND_LOOP), float("nan"))
 
     def attach(self, plant: Plant) -> None:
         """``flux = i - sqrt(tau) sqrt(s) flux``, with sqrt(s) as a sum of ``c s/(s + p)`` whatever tau is."""

@@ -10,10 +10,11 @@ import numpy as np
 
 from ambid.arrays import FloatArray
 from ambid.effects.places import likely_places
+from ambid.effects.traits import RESONANCE
 from ambid.effects.waves import cosine_and_sine, is_synchronous
 from ambid.errors import RigError
 from ambid.loop.assembly import combine
-from ambid.loop.effect import Effect, EffectParameter, Seen
+from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
 from ambid.loop.geometry import rotor_of
 from ambid.loop.plant import Plant
 from ambid.record import Record
@@ -122,6 +123,10 @@ class RotorBendingMode(Effect):
         for k, amplitude in enumerate(amplitudes, start=1):
             start[f"participation_{k}"] = float(np.clip(amplitude * self.participation, 1e-4, 1.0))
         return start
+
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """The frequency of the first of them."""
+        return {RESONANCE: values["frequency_1_hz"]}
 
     def attach(self, plant: Plant) -> None:
         """A participation of 1 is a mode whose shape is right at magnets and sensors.

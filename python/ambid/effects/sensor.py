@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ambid.effects.traits import GAIN_OF_READING, LAG_OF_CURRENT, LAG_OF_READING, LAG_ROUND_LOOP
 from ambid.loop.assembly import combine
-from ambid.loop.effect import Effect, EffectParameter, Seen
+from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
 from ambid.loop.plant import Plant
 from ambid.rig import PointMassRotor, Rig
 
@@ -27,7 +28,11 @@ class SensorLag(Effect):
         """Time constant [s]."""
         sample = 1.0 / rig.sample_rate
         meaning = "time constant tau of the sensor's first-order lag"
-        return [EffectParameter("time_constant", "s", 0.05 * sample, lower=5e-5 * sample, upper=0.01, meaning=meaning)]
+        return [EffectParameter("time_constant", "s", 0.05 * sample, lower=5e-5 * sample, upper=0.1, meaning=meaning)]
+
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """Its time constant."""
+        return dict.fromkeys((LAG_OF_READING, LAG_ROUND_LOOP), values["time_constant"])
 
     def attach(self, plant: Plant) -> None:
         """A lag of the same time constant for each axis."""
@@ -59,6 +64,10 @@ class SensorGainError(Effect):
         shared = [axis for axis in rig.bearings[0].axes if axis in rig.bearings[1].axes]
         meaning = "relative gain error g of the first bearing's sensor along"
         return [EffectParameter(axis, "1", 0.01, lower=-0.5, upper=0.5, meaning=f"{meaning} {axis}") for axis in shared]
+
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """The largest of its gains."""
+        return {GAIN_OF_READING: max(map(abs, values.values()))}
 
     def attach(self, plant: Plant) -> None:
         """Along each direction that both bearings have."""
@@ -135,6 +144,10 @@ class SensorPositionError(Effect):
         low, high = rig.rotor.span
         return [float(np.clip(b.sensor_position + d, low, high)) for b in rig.bearings for d in (-self.step, self.step)]
 
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """Another gain for every shape of the rotor."""
+        return {GAIN_OF_READING: float("nan")}
+
     def attach(self, plant: Plant) -> None:
         """Exact to first order in the offset."""
         places = iter(zip(plant.axes, plant.directions, strict=True))
@@ -200,6 +213,12 @@ class SamplingSkew(Effect):
             meaning = "by how much y is read early, e"
             found.append(EffectParameter("displacement_early", "s", 0.02 * sample, upper=sample, meaning=meaning))
         return found
+
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """A late i_c, and an early y, which is a lag round the loop too."""
+        late, early = values.get("current_late", 0.0), values.get("displacement_early", 0.0)
+        told = {LAG_OF_READING: early - late}
+        return told | {LAG_ROUND_LOOP: early} if self._reads_y_early(rig) else told | {LAG_OF_CURRENT: late}
 
     def attach(self, plant: Plant) -> None:
         """To second order, the command being held."""

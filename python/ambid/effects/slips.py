@@ -5,10 +5,11 @@ Named, they say that the rig file or the record is wrong, and not what the model
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from ambid.loop.effect import Effect, EffectParameter
+from ambid.effects.traits import GAIN_OF_ANSWER
+from ambid.loop.effect import Effect, EffectParameter, Trait
 from ambid.loop.plant import Plant
 from ambid.rig import Rig
 
@@ -33,6 +34,10 @@ class ControllerGainError(Effect):
             for gain in rig.controller.gains
         ]
 
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """A stiffer loop answers less, by another gain at every frequency."""
+        return {GAIN_OF_ANSWER: float("nan")}
+
     def attach(self, plant: Plant) -> None:
         """The same on every axis; exact also where the controller samples, holds and delays."""
         for p in self.parameters(plant.reference):
@@ -52,6 +57,10 @@ class ExcitationGainError(Effect):
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Relative error of the scale of i_e."""
         return [EffectParameter("scale", "1", 0.05, LEAST, MOST, "relative error of the scale of i_e in the record")]
+
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """The scale."""
+        return {GAIN_OF_ANSWER: values["scale"]}
 
     def attach(self, plant: Plant) -> None:
         """The same on every axis."""

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import pi
 
 import numpy as np
 
 from ambid.effects.places import half_way, likely_places
-from ambid.loop.effect import Effect, EffectParameter, Seen
+from ambid.effects.traits import RESONANCE, STIFFNESS
+from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
 from ambid.loop.plant import Plant
 from ambid.rig import PointMassRotor, Rig
 
@@ -75,6 +76,10 @@ class SealForces(Effect):
             EffectParameter("damping", "N s/m", 2e-5 * k, meaning="damping c, direct"),
         ]
 
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """Its direct stiffness."""
+        return {STIFFNESS: values["direct_stiffness"]}
+
     def attach(self, plant: Plant) -> None:
         """A force at its place in each plane; cross stiffness where there are two."""
         z = self.place(plant.rig)
@@ -127,6 +132,10 @@ class CouplingStiffness(Effect):
             EffectParameter("stiffness", "N/m", 0.01 * k, meaning="stiffness k to ground at the drive end"),
             EffectParameter("damping", "N s/m", 1e-5 * k, meaning="damping c to ground at the drive end"),
         ]
+
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """Its stiffness."""
+        return {STIFFNESS: values["stiffness"]}
 
     def attach(self, plant: Plant) -> None:
         """The same in every plane."""
@@ -193,6 +202,10 @@ class FoundationResonance(Effect):
         start = {p.name: p.probe for p in self.parameters(rig)}
         start["inverse_mass"] *= float(np.clip(amplitudes[0], 0.1, 100.0))
         return start
+
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """Its frequency."""
+        return {RESONANCE: values["frequency_hz"]}
 
     def attach(self, plant: Plant) -> None:
         """A housing of its own for each axis."""

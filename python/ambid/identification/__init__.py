@@ -1,7 +1,20 @@
-"""Parameters from measurements: closed-loop identification, refits with added effects, static loading."""
+"""Parameters from measurements: closed-loop identification, refits with added effects, static loading, force laws."""
 
 from ambid.identification.closed_loop import identify
 from ambid.identification.estimate import Estimate, ParameterEstimate
+from ambid.identification.force_law import DIPOLES, SQUARE, ForceLaw, LawFit, StaticForce, fit_force_law
 from ambid.identification.static_loads import StaticEstimate, static_load
 
-__all__ = ["Estimate", "ParameterEstimate", "StaticEstimate", "identify", "static_load"]
+__all__ = [
+    "DIPOLES",
+    "SQUARE",
+    "Estimate",
+    "ForceLaw",
+    "LawFit",
+    "ParameterEstimate",
+    "StaticEstimate",
+    "StaticForce",
+    "fit_force_law",
+    "identify",
+    "static_load",
+]

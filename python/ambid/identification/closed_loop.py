@@ -252,8 +252,9 @@ def _check_records(model: Model, records: tuple[Measurement, ...]) -> None:
                 f"{where}: axes {', '.join(record.axes)}, the rig has {', '.join(model.rig.axes)}; "
                 "load the record with its rig"
             )
-        if abs(record.sample_rate / model.rig.sample_rate - 1.0) > 1e-6:
-            raise RecordError(f"{where}: {record.sample_rate:g} Hz, the rig samples at {model.rig.sample_rate:g} Hz")
+        rate = (record.point or model.rig).sample_rate
+        if abs(record.sample_rate / rate - 1.0) > 1e-6:
+            raise RecordError(f"{where}: {record.sample_rate:g} Hz, the rig samples at {rate:g} Hz")
 
 
 def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:

@@ -81,6 +81,25 @@ class EffectParameter:
     meaning: str = ""
 
 
+@dataclass(frozen=True)
+class Trait:
+    """A number that the effects of a family share, such as the lag between two signals.
+
+    Attributes
+    ----------
+    what : str
+        With its article, such as ``a lag``.
+    where : str
+        Between which signals, or at which place.
+    unit : str
+        ``1`` for a ratio.
+    """
+
+    what: str
+    where: str
+    unit: str
+
+
 class Effect(ABC):
     """A physical effect. Subclass it for one of your own; it is then ranked beside those of the catalogue.
 
@@ -150,6 +169,14 @@ class Effect(ABC):
     def frequencies_hz(self, rig: Rig) -> Sequence[float]:
         """Frequencies of its own, whose lines of the spectrum are judged beside the excited ones."""
         return ()
+
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """What it shares with effects of its family, the narrowest first, and how large that is at parameter values.
+
+        Effects that share a trait can be taken for each other; see `ambid.effects.traits`. NaN where it is no one
+        number.
+        """
+        return {}
 
     def settings(self) -> dict[str, Any]:
         """Arguments of the constructor that make this variant, as saved with a model: fields that are not default."""

@@ -165,7 +165,7 @@ class Model:
     def covering(self, records: Iterable[Measurement]) -> Model:
         """Return the model with the operating points of these records.
 
-        A further bias current brings a K_i and K_s of its own for every axis, such as ``K_i.A_zeta@8A``.
+        A further bias current or air gap brings a K_i and K_s of its own for every axis, such as ``K_i.A_zeta@8A``.
 
         Raises
         ------
@@ -179,14 +179,14 @@ class Model:
         return Model._of(replace(self.structure, points=tuple(points)), [*self.parameters, *more])
 
     def at(self, where: Measurement | Rig) -> Model:
-        """The model at an operating point of the machine: its rig, with the K_i and K_s of that bias current.
+        """The model at an operating point of the machine: its rig, with the K_i and K_s of that bias and gap.
 
-        Names, order and values of the parameters stay; those of other bias currents fill nothing.
+        Names, order and values of the parameters stay; those of others fill nothing.
 
         Raises
         ------
         ModelError
-            If the point has a bias current that the model does not cover, or is of another machine.
+            If the point has a bias current or gap that the model does not cover, or is of another machine.
         """
         rig = where if isinstance(where, Rig) else where.point
         if rig is None or rig is self.rig or rig == self.rig:

@@ -1,7 +1,7 @@
 """One machine at several operating points: which rigs may be fitted together, and what they share.
 
-Speed, bias current and controller may differ from record to record. The rotor, the places of bearings and sensors and
-the sample rate may not. K_i and K_s belong to a bias current; all other parameters are those of the machine.
+Sample rate, speed, bias current, air gap and controller may differ from record to record. The rotor and the places of
+bearings and sensors may not. K_i and K_s belong to a bias current and gap; all other parameters are the machine's.
 """
 
 from __future__ import annotations
@@ -17,29 +17,36 @@ from ambid.rig import Rig
 
 __all__ = ["further_points", "nominal_of_points", "parameters_at", "require_same_machine", "suffix"]
 
-OF_BIAS = ("K_i", "K_s")
-"""Parameters that every bias current has of its own."""
-
-
-def _bias(rig: Rig) -> tuple[float, ...]:
-    return tuple(bearing.bias_current for bearing in rig.bearings)
+OF_POINT = ("K_i", "K_s")
+"""Parameters that every bias current and gap has of its own."""
+OPERATING = ("bias_current", "air_gap")
+"""Keys of a bearing that K_i and K_s belong to."""
 
 
 def suffix(rig: Rig, reference: Rig) -> str:
-    """What the names of K_i and K_s end in at the bias of a rig, such as ``@8A``; nothing at that of the reference."""
-    own = _bias(rig)
-    if own == _bias(reference):
-        return ""
-    return "@" + "-".join(f"{bias:g}" for bias in (own[:1] if len(set(own)) == 1 else own)) + "A"
+    """What the names of K_i and K_s end in at the bias currents and gaps of a rig; nothing at those of the reference.
+
+    Such as ``@8A``, ``@0.5mm`` or ``@8A-0.5mm``: what differs.
+    """
+    bias, gap = ([tuple(getattr(b, key) for b in own.bearings) for own in (rig, reference)] for key in OPERATING)
+    own = [_told(bias[0], 1.0, "A")] if bias[0] != bias[1] else []
+    own += [_told(gap[0], 1e3, "mm")] if gap[0] != gap[1] else []
+    return f"@{'-'.join(own)}" if own else ""
+
+
+def _told(values: tuple[float, ...], factor: float, unit: str) -> str:
+    """One number if all bearings have the same."""
+    shown = values[:1] if len(set(values)) == 1 else values
+    return "-".join(f"{factor * value:g}" for value in shown) + unit
 
 
 def nominal_of_points(reference: Rig, points: Sequence[Rig]) -> list[Parameter]:
-    """K_i and K_s of each further bias current, at the nominal values of the first rig that has it."""
+    """K_i and K_s of each further bias current and gap, at the nominal values of the first rig that has them."""
     found: dict[str, Parameter] = {}
     for rig in points:
         end = suffix(rig, reference)
         for p in nominal(rig) if end else ():
-            if p.name.startswith(OF_BIAS):
+            if p.name.startswith(OF_POINT):
                 name = p.name + end
                 found.setdefault(name, Parameter(name, p.value, p.unit, tuple(slot + end for slot in p.slots)))
     return list(found.values())
@@ -69,13 +76,13 @@ def parameters_at(
     Raises
     ------
     ModelError
-        If no point has this bias current, or the rig is one of another machine.
+        If no point has this bias current and gap, or the rig is one of another machine.
     """
     end = suffix(rig, reference)
     if end and end not in (suffix(other, reference) for other in points):
         raise ModelError(
             f"{rig.path or rig.name}: K_i and K_s at {end[1:]} are not in the model; fit it to a record of that bias "
-            "current too"
+            "current and gap too"
         )
     if rig not in points:
         require_same_machine(reference, rig)
@@ -83,19 +90,19 @@ def parameters_at(
     needed |= {effect.slot(p.name) for effect in effects for p in effect.parameters(rig)}
 
     def here(slot: str) -> str:
-        return slot.removesuffix(end) if slot.startswith(OF_BIAS) and slot.endswith(end) else slot
+        return slot.removesuffix(end) if slot.startswith(OF_POINT) and slot.endswith(end) else slot
 
-    def is_of_bias(slot: str) -> bool:
-        return not slot.startswith(OF_BIAS) or slot.partition("@")[2] == end.partition("@")[2]
+    def is_of_point(slot: str) -> bool:
+        return not slot.startswith(OF_POINT) or slot.partition("@")[2] == end.partition("@")[2]
 
     return [
-        replace(p, slots=tuple(here(slot) for slot in p.slots if is_of_bias(slot) and here(slot) in needed))
+        replace(p, slots=tuple(here(slot) for slot in p.slots if is_of_point(slot) and here(slot) in needed))
         for p in parameters
     ]
 
 
 def require_same_machine(rig: Rig, other: Rig) -> None:
-    """Refuse a rig that differs in more than speed, bias currents, nominal values and controller.
+    """Refuse a rig that differs in more than sample rate, speed, bias, gaps, nominal values and controller.
 
     Raises
     ------
@@ -104,7 +111,6 @@ def require_same_machine(rig: Rig, other: Rig) -> None:
     """
     different = {
         "axes": (", ".join(rig.axes), ", ".join(other.axes)),
-        "sample_rate": (rig.sample_rate, other.sample_rate),
         "rotor": (rig.rotor, other.rotor),
         "bearing positions": tuple([(b.position, b.sensor_position, b.tilt) for b in r.bearings] for r in (rig, other)),
         "amplifier": (rig.amplifier, other.amplifier),
@@ -115,5 +121,6 @@ def require_same_machine(rig: Rig, other: Rig) -> None:
         where = other.path or other.name
         raise ModelError(
             f"{where}: {', '.join(wrong)} differ from those of {rig.path or rig.name}; records are fitted together "
-            "only if they are of one machine. Speed, bias currents, nominal K_i and K_s and the controller may differ"
+            "only if they are of one machine. Sample rate, speed, bias currents, air gaps, nominal K_i and K_s and the "
+            "controller may differ"
         )

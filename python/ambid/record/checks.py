@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ambid.errors import RecordError
+from ambid.errors import InputError, RecordError
 from ambid.rig import Rig
 
 MIN_SAMPLES = 200
@@ -18,8 +18,14 @@ MIN_PERIOD = 3
 """Fewest samples of a period: with fewer, no line of the spectrum lies between 0 and half the sample rate."""
 RATE_TOLERANCE = 1e-3
 """Relative difference between sample rates that are called the same."""
-LARGEST_CURRENT_RMS = 100.0  # A; larger than any bearing's, and reached at once by values in mA
-GAPS_OF_TRAVEL = 10.0  # |y| beyond this many air gaps is not in metres
+LARGEST_CURRENT_RMS = 100.0
+"""Ampere: larger than most machines', and reached at once by values in mA."""
+BIASES_OF_CURRENT = 20.0
+"""Where the bias currents are known, an rms of more than so many of them is needed, too, to look like mA."""
+GAPS_OF_TRAVEL = 10.0
+"""Air gaps beyond which |y| looks like mm; from one on it is told."""
+ALLOWED = ("travel", "current")
+"""What a person may vouch for: displacements and currents that look like a wrong unit."""
 CLIPPED_SHARE = 0.01
 """Part of the samples at an extreme value above which a channel is clipped."""
 LONGEST_STANDSTILL = 50
@@ -86,26 +92,47 @@ def require_moving(where: str, channel: str, values: NDArray[np.float64]) -> Non
         )
 
 
-def require_ampere(where: str, channel: str, values: NDArray[np.float64]) -> None:
-    """Refuse currents that only make sense in mA."""
+def require_known(allow: Collection[str]) -> None:
+    """Refuse what nobody can vouch for."""
+    unknown = [what for what in allow if what not in ALLOWED]
+    if unknown:
+        raise InputError(f"--allow {unknown[0]}: expected {' or '.join(ALLOWED)}")
+
+
+def require_ampere(
+    where: str, channel: str, values: NDArray[np.float64], rig: Rig | None = None, *, is_allowed: bool = False
+) -> list[str]:
+    """Refuse currents that only make sense in mA, or note them where a person vouches for them."""
     rms = float(np.sqrt(np.mean(values**2)))
-    if rms > LARGEST_CURRENT_RMS:
-        raise RecordError(
-            f"{where}: {channel} has an rms of {rms:.4g} A, allowed is {LARGEST_CURRENT_RMS:g} A: "
-            "it looks like mA; give ampere"
-        )
+    bias = 0.0 if rig is None else max(bearing.bias_current for bearing in rig.bearings)
+    limit = max(LARGEST_CURRENT_RMS, BIASES_OF_CURRENT * bias)
+    if rms <= limit:
+        return []
+    if is_allowed:
+        return [f"{channel} has an rms of {rms:.4g} A, above {limit:g} A: taken as it is"]
+    raise RecordError(
+        f"{where}: {channel} has an rms of {rms:.4g} A, allowed is {limit:g} A: "
+        "it looks like mA; give ampere, or vouch for it: --allow current"
+    )
 
 
-def require_metres(where: str, axes: tuple[str, ...], y: NDArray[np.float64], rig: Rig) -> None:
-    """Refuse displacements far beyond the air gap of their bearing."""
+def require_metres(
+    where: str, axes: tuple[str, ...], y: NDArray[np.float64], rig: Rig, *, is_allowed: bool = False
+) -> list[str]:
+    """Refuse displacements far beyond the air gap, or note them where a person vouches for them; note those beyond."""
     gaps = {axis: bearing.air_gap for bearing in rig.bearings for axis in bearing.axis_names}
+    notes = []
     for axis, values in zip(axes, y.T, strict=True):
         largest = float(np.abs(values).max())
-        if largest > GAPS_OF_TRAVEL * gaps[axis]:
+        told = f"y.{axis} reaches {largest:.4g} m, the air gap is {gaps[axis]:g} m"
+        if largest > GAPS_OF_TRAVEL * gaps[axis] and not is_allowed:
             raise RecordError(
-                f"{where}: y.{axis} reaches {largest:.4g} m, the air gap is {gaps[axis]:g} m: "
-                "it looks like micrometres or millimetres; give metres"
+                f"{where}: {told}: it looks like micrometres or millimetres; give metres, or vouch for it: "
+                "--allow travel"
             )
+        if largest > gaps[axis]:
+            notes.append(f"{told}: taken as it is; see that air_gap and the unit of y are right")
+    return notes
 
 
 def require_on_shaft(where: str, z: NDArray[np.float64], rig: Rig) -> None:

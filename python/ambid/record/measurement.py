@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from ambid.record.channel_map import ChannelMap
@@ -23,12 +23,13 @@ def load_measurement(
     period: int | None = None,
     mapping: ChannelMap | Mapping[str, str] | None = None,
     sample_rate: float | None = None,
+    allow: Collection[str] = (),
 ) -> Measurement:
     """Read a record or frequency responses, as `Record.load` and `FrequencyResponse.load` do.
 
-    Frequency responses are .uff and .unv files, .csv with a column and .mat with a variable ``frequency_hz``; `period`
-    and `sample_rate` say nothing of them.
+    Frequency responses are .uff and .unv files, .csv with a column and .mat with a variable ``frequency_hz``; `period`,
+    `sample_rate` and `allow` say nothing of them.
     """
     if holds_response(Path(path)):
         return FrequencyResponse.load(path, rig, mapping=mapping)
-    return Record.load(path, rig, period=period, mapping=mapping, sample_rate=sample_rate)
+    return Record.load(path, rig, period=period, mapping=mapping, sample_rate=sample_rate, allow=allow)

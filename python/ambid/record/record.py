@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -104,6 +104,7 @@ class Record:
         period: int | None = None,
         mapping: ChannelMap | Mapping[str, str] | None = None,
         sample_rate: float | None = None,
+        allow: Collection[str] = (),
     ) -> Record:
         """Read a record from a .csv, .mat (v5, v7.3), .h5, .hdf5, .parquet or .tdms file, and check it.
 
@@ -120,6 +121,9 @@ class Record:
             Columns and factors of a file that has not our names and units, such as ``{"y.A_zeta": "ch3:1e-6", ...}``.
         sample_rate : float, optional
             Of a file that states none [Hz].
+        allow : collection of str
+            ``travel``: take displacements far beyond the air gap as they are; ``current``: currents far above 100 A and
+            the bias. They are noted.
 
         Returns
         -------
@@ -165,6 +169,7 @@ class Record:
             name=path.stem.encode("utf-8", "surrogateescape").decode("utf-8", "replace"),  # where LANG=C
             notes=(*notes, *more),
             path=path,
+            allow=allow,
         )
 
     @classmethod
@@ -182,16 +187,18 @@ class Record:
         name: str = "record",
         notes: Sequence[str] = (),
         path: Path | None = None,
+        allow: Collection[str] = (),
     ) -> Record:
         """Make a record from arrays (N, n) in SI units, with the same checks as `load`.
 
-        Parameters are the attributes of `Record`; `rig` is used as in `load`.
+        Parameters are the attributes of `Record`; `rig` and `allow` are used as in `load`.
 
         Raises
         ------
         RecordError
             If a gate refuses the values.
         """
+        checks.require_known(allow)
         where = str(path or name)
         record = cls(
             name=name,
@@ -210,11 +217,13 @@ class Record:
         if rig is not None:
             record = record._in_order_of(tuple(rig.axes))
             rate, more = checks.sample_rate_of(where, None, record.sample_rate, rig.sample_rate)
-            record = replace(record, sample_rate=rate, notes=(*record.notes, *more))
-            checks.require_metres(where, record.axes, record.y, rig)
+            record = replace(record, sample_rate=rate)
+            more += checks.require_metres(where, record.axes, record.y, rig, is_allowed="travel" in allow)
+            record = replace(record, notes=(*record.notes, *more))
         for channel, values in record._columns():
             if not channel.startswith("y."):
-                checks.require_ampere(where, channel, values)
+                told = checks.require_ampere(where, channel, values, rig, is_allowed="current" in allow)
+                record = replace(record, notes=(*record.notes, *told))
             if not channel.startswith("i_e."):
                 checks.require_alive(where, channel, values)
                 checks.require_moving(where, channel, values)

@@ -1,0 +1,155 @@
+"""The measured shape itself as an effect: what a port needs, as a table over a signal, times a factor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from ambid.arrays import FloatArray
+from ambid.errors import ModelError
+from ambid.loop.effect import Effect, EffectParameter
+from ambid.loop.plant import Plant
+from ambid.rig import Rig
+
+PORTS = {"force": "f", "current": "i_ref", "sensor": "y", "reading": "i_c"}
+"""Ports that may need a signal, and the signals of the plant that it is added to."""
+OVER = ("s", "v", "i_f", "i_ref", "y")
+"""Signals that a shape may be a function of."""
+NODES = 101
+"""Of the table in the core, whose cubic splines round the corners of the shape."""
+FEWEST = 10
+"""Samples that each point of a shape is the mean of, at least."""
+POINTS = 12
+"""Of a shape, at the most."""
+LARGEST = 10.0
+"""Factor that a refit may give the shape; it was measured as large as it is."""
+
+
+class NeededAtPort(Protocol):
+    """What `ambid.localise` finds at a port; see `ambid.diagnosis.ports.Port`."""
+
+    name: str
+    needed: FloatArray
+    terms: Sequence[Any]
+    against: dict[str, FloatArray]
+    weights: Callable[[FloatArray], tuple[FloatArray, float]]
+
+
+@dataclass(frozen=True)
+class MeasuredShape(Effect):
+    """A table of the signal that a port needs, over one signal of the loop; the same at every axis.
+
+    Attributes
+    ----------
+    port : str
+        ``force``, ``current``, ``sensor`` or ``reading``.
+    over : str
+        ``s`` [m], ``v`` [m/s], ``i_f`` [A], ``i_ref`` [A] or ``y`` [m].
+    at, values : tuple of float
+        Points of the shape, `at` rising; between them and beyond it goes on as straight lines.
+    """
+
+    name = "measured_shape"
+    physics = "what the records need at a port, as they show it over one signal; its cause is for a person to name"
+    equation = "port + g shape(signal)"
+    signature = "as the residual it was taken from"
+    source = "the records"
+
+    port: str = "force"
+    over: str = "v"
+    at: tuple[float, ...] = (-1.0, 1.0)
+    values: tuple[float, ...] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        """Refuse an unknown port or signal, and points that do not rise."""
+        super().__post_init__()
+        if self.port not in PORTS or self.over not in OVER:
+            raise ModelError(
+                f"measured_shape: port {self.port}, over {self.over}; expected one of {', '.join(PORTS)}, over one of "
+                f"{', '.join(OVER)}"
+            )
+        if not (len(self.at) == len(self.values) > 1 and np.all(np.diff(self.at) > 0.0)):
+            raise ModelError(
+                f"measured_shape: {len(self.at)} points and {len(self.values)} values; expected as many of both, two "
+                "or more, the points rising"
+            )
+
+    @classmethod
+    def from_port(
+        cls, port: NeededAtPort, over: str | None = None, before: MeasuredShape | None = None
+    ) -> MeasuredShape:
+        """The shape of what a port needs.
+
+        Parameters
+        ----------
+        port : Port
+            Of `Localisation.ports`.
+        over : str, optional
+            The signal; default: the one over which the shape explains most of the needed signal.
+        before : MeasuredShape, optional
+            The shape that is in the model already; what is still needed is added to it. What the model's own parameters
+            had taken up of it before comes out so, step by step.
+
+        Raises
+        ------
+        ModelError
+            If the port needs nothing, or has too few samples.
+        """
+        names = OVER if over is None else (over,)
+        if before is not None:
+            names = (before.over,)
+        shapes = {name: _shape(port, port.against[name]) for name in names if name in port.against}
+        if not shapes or not np.any(port.needed):
+            raise ModelError(f"the {port.name} port needs no signal over {' or '.join(names)}")
+        best = max(shapes, key=lambda name: shapes[name][2])
+        at, values, _ = shapes[best]
+        if before is not None:
+            values = values + np.interp(at, before.at, before.values)
+        return cls(port.name, best, tuple(at.tolist()), tuple(values.tolist()))
+
+    def times(self, factor: float) -> MeasuredShape:
+        """The shape with its values times a factor, such as the one that a refit gave it."""
+        return replace(self, values=tuple(factor * value for value in self.values))
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Factor of the shape: 1 as measured."""
+        meaning = "factor g of the shape, 1 as it was measured"
+        return [EffectParameter("factor", "1", 1.0, lower=-LARGEST, upper=LARGEST, meaning=meaning)]
+
+    def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
+        """As measured, or as much of it as the residual calls for."""
+        return {"factor": float(np.clip(amplitudes[0], 0.1, LARGEST))}
+
+    def attach(self, plant: Plant) -> None:
+        """The table at every axis."""
+        reach = max(abs(self.at[0]), abs(self.at[-1]))
+        for axis in plant.axes:
+            signal = plant[f"{self.over}.{axis}"]
+            shape = plant.table(self._value, [signal], reach=[reach], slot=self.slot("factor"), nodes=NODES)
+            plant.inject(f"{PORTS[self.port]}.{axis}", shape)
+
+    def _value(self, x: FloatArray) -> FloatArray:
+        return np.interp(x, self.at, self.values)
+
+
+def _shape(port: NeededAtPort, x: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Points of x with as many samples between each two, the values there that explain most, and how much that is.
+
+    A port whose best simple shape is odd or even gets one that is so, too: half as many values say it better.
+    """
+    kind = port.terms[0].kind if port.terms else ""
+    sign = {"odd": -1.0, "even": 1.0}.get(kind, 0.0)
+    own = np.abs(x) if sign else x
+    at = np.quantile(own, np.linspace(0.0, 1.0, int(np.clip(x.size // FEWEST, 3, POINTS))))
+    at = np.unique(np.concatenate([[0.0], at[1:]]) if sign else at)
+    hats = np.stack([np.interp(own, at, one) for one in np.eye(len(at))], axis=-1)
+    if sign < 0.0:
+        hats = np.sign(x)[..., None] * hats[..., 1:]
+    values, share = port.weights(hats)
+    values = values - float(np.mean(hats @ values)) if sign >= 0.0 else np.concatenate([[0.0], values])
+    if sign:
+        at, values = np.concatenate([-at[:0:-1], at]), np.concatenate([sign * values[:0:-1], values])
+    return at, values, share

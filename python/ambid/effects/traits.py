@@ -1,0 +1,14 @@
+"""What effects of one family share: the numbers by which records that cannot tell them apart still agree."""
+
+from __future__ import annotations
+
+from ambid.loop.effect import Trait
+
+LAG_OF_CURRENT = Trait("a lag", "between command and coil current", "s")
+LAG_OF_READING = Trait("a lag", "between coil current and displacement reading", "s")
+LAG_ROUND_LOOP = Trait("a lag", "round the loop", "s")
+GAIN_OF_ANSWER = Trait("a gain", "from excitation to what answers it", "1")
+GAIN_OF_READING = Trait("an error", "of what single displacement sensors read", "1")
+STIFFNESS = Trait("a stiffness", "to ground, beside the magnets", "N/m")
+CURVATURE = Trait("a curvature", "of the force over current and gap", "1")
+RESONANCE = Trait("a resonance", "beside those of the base model", "Hz")

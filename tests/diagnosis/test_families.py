@@ -1,0 +1,104 @@
+"""Near twins: one levitator at three sample rates gives one family with one number; all three together tell more."""
+
+import re
+
+import pytest
+
+from ambid.diagnosis import diagnose
+from ambid.effects import CATALOGUE, Effect, EffectParameter
+from ambid.effects.traits import LAG_ROUND_LOOP
+from ambid.excitation import prbs
+from hidden.bench import measured
+from hidden.one_axis import ONE_AXIS, record
+
+RATES = (2500.0, 5000.0, 10000.0)
+
+
+class Courier(Effect):
+    """The delay of the catalogue by another name."""
+
+    name = "courier"
+    physics = "a courier carries every command to the amplifier"
+    signature = "as that of a delay"
+    source = "this test"
+
+    def parameters(self, rig):
+        return [EffectParameter("journey", "s", 5e-6, lower=1e-8, upper=1e-3)]
+
+    def traits(self, rig, values):
+        return {LAG_ROUND_LOOP: values["journey"]}
+
+    def attach(self, plant):
+        plant.delay_commands(self.slot("journey"))
+
+
+def at_rates(hidden, *, with_i_c):
+    """A record at each sample rate, of one mass and controller gains, with its rig."""
+    controller = ONE_AXIS.rig.controller.model_copy(update={"implementation": "digital"})
+    found = []
+    for rate in RATES:
+        rig = ONE_AXIS.rig.replace(sample_rate=rate, controller=controller)
+        i_e = prbs(8, amplitude=1.0, hold=round(rate / RATES[0]), periods=6)
+        one = measured(rig, i_e, hidden, seed=int(rate), with_i_c=with_i_c, **ONE_AXIS.truth)
+        found.append((rig, one.at(rig)))
+    return found
+
+
+def number_ms(family):
+    return float(re.match(r"a lag of ([\d.]+) ms", family.shared)[1])
+
+
+@pytest.fixture(scope="module")
+def delayed():
+    """A delay of 0.1 ms, as y alone tells it."""
+    return at_rates({"loop_delay": {"seconds": 1e-4}}, with_i_c=False)
+
+
+def test_the_same_family_with_the_same_number_at_every_rate(delayed):
+    for rig, one in delayed:
+        found = diagnose(rig, one)
+        (family,) = found.families.values()
+        assert set(family.members) == {"loop_delay", "sensor_lag", "amplifier_bandwidth", "sampling_skew"}
+        assert number_ms(family) == pytest.approx(0.1, rel=0.03)
+        assert family.shared.endswith("round the loop")
+
+
+def test_all_rates_together_name_the_truth(delayed):
+    singles = [diagnose(rig, one) for rig, one in delayed]
+    assert any(found.verdict == "ambiguous" for found in singles)
+    found = diagnose(delayed[0][0], [one for _, one in delayed])
+    assert found.verdict == "explained", found
+    assert found.effects == ("loop_delay",)
+    assert found.history[-1].misfit == pytest.approx(1.0, abs=0.1)
+
+
+def test_all_rates_together_leave_a_smaller_family():
+    slow, *others = at_rates({"sensor_lag": {"tau": 5e-5}}, with_i_c=True)
+    alone = diagnose(*slow).families["sensor_lag"]
+    assert set(alone.members) == {"sensor_lag", "sampling_skew", "amplifier_bandwidth"}
+    together = diagnose(slow[0], [slow[1], *(one for _, one in others)])
+    assert together.effects == ("sensor_lag",)
+    assert set(together.families["sensor_lag"].members) < set(alone.members)
+    assert number_ms(together.families["sensor_lag"]) == pytest.approx(0.05, rel=0.03)
+
+
+def test_an_effect_of_your_own_joins(delayed):
+    rig, one = delayed[1]
+    found = diagnose(rig, one, catalogue=[effect for effect in CATALOGUE if effect.name != "loop_delay"] + [Courier()])
+    (family,) = found.families.values()
+    assert "courier" in family.members
+
+
+def test_it_is_told_in_text_and_json():
+    found = diagnose(ONE_AXIS.rig, record({"loop_delay": {"seconds": 1e-4}}, 1))
+    family = found.families["loop_delay"]
+    assert found.to_json()["families"] == {
+        "loop_delay": {"members": list(family.members), "shared": family.shared},
+    }
+    assert family.line().endswith("between command and coil current: loop_delay or amplifier_bandwidth")
+    assert family.line() in repr(found)
+    assert family.line() in found.summary()
+
+
+def test_what_no_other_effect_does_has_no_family():
+    assert diagnose(ONE_AXIS.rig, record({"sensor_lag": {"tau": 1e-4}}, 1)).families == {}
