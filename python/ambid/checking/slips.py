@@ -101,8 +101,9 @@ def _foreign(record: Record, rig: Rig) -> list[Finding]:
         ]
     if record.i_e is None:
         return [Finding.fault(record.name, "i_e was not logged", f"{todo}, whose controller rebuilds it")]
-    if not np.any(np.ptp(record.i_e, axis=0)):
-        return [Finding.fault(record.name, "i_e is constant on every axis: no excitation", "excite the loop")]
+    if not np.any(np.ptp(record.i_e, axis=0)) and (record.r is None or not np.any(np.ptp(record.r, axis=0))):
+        what = "i_e is" if record.r is None else "i_e and r are"
+        return [Finding.fault(record.name, f"{what} constant on every axis: no excitation", "excite the loop")]
     return []
 
 
@@ -135,7 +136,8 @@ def _travel(record: Record, rig: Rig) -> list[Finding]:
     if rms[k] < 1e-12:
         what = f"rms {rms[k]:.3g} m, less than any sensor resolves"
         return [Finding.fault(f"{record.name}: y.{record.axes[k]}", what, "give metres")]
-    y = np.abs(record.y).max(axis=0)
+    begun = record.y if record.r is None else record.y - record.r[0]  # a set-point is no travel
+    y = np.abs(begun).max(axis=0)
     j = int(np.argmax(y / gap))
     if y[j] > 0.5 * gap[j]:
         what = f"reaches {1e6 * y[j]:.3g} um, more than half of the air gap of {1e6 * gap[j]:g} um"
@@ -189,7 +191,10 @@ def _controller(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding
         found += slips_of_instants(record, loop, lines)
     judged = moving & [slip is None for slip in slips]
     # a factor on all of i_c is R of a voltage-driven coil, which is fitted
-    known = np.ones_like(fit.scale) if loop.rig.amplifier.resistance is None else fit.scale[:, :1]
+    first = 0 if lines.i_e.any() else 1
+    known = np.ones_like(fit.scale)
+    if loop.rig.amplifier.resistance is not None:
+        known = np.hstack([known[:, :first], np.repeat(fit.scale[:, first : first + 1], fit.scale.shape[1] - first, 1)])
     return found + _gains(record, fit, fit.scale / known, judged)
 
 

@@ -173,5 +173,5 @@ def _validated(task: Task, state: State) -> bool:
 
 
 def _amplitudes(records: Sequence[Record]) -> list[float]:
-    """Rms of each record's excitation [A]."""
-    return [float(r.i_e.std()) for r in records if r.i_e is not None]
+    """Rms of what drives each record."""
+    return [record.amplitude for record in records]

@@ -153,7 +153,10 @@ class Plant(Assembly):
         return self.signal(f"i_f.{axis}", state)
 
     def between_commands_and_outputs(self, more: Sequence[str] = ()) -> Lft:
-        """Inputs ``i_ref.<axis>``, ``r.<axis>`` of a controller with a reference, and those of effects; outputs y, i_c, then `more` of every axis."""
+        """Inputs ``i_ref.<axis>``, ``r.<axis>`` where the controller has a reference, and those of effects.
+
+        Outputs are y, i_c, then `more` of every axis.
+        """
         outputs = [f"{signal}.{axis}" for signal in ("y", "i_c", *more) for axis in self.axes]
         return replace(self.lft(outputs), late=self.late, gain_errors=tuple(self.gain_errors))
 

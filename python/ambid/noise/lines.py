@@ -111,7 +111,7 @@ class RecordLines:
 
     def data(self, here: Model) -> _core.LineData:
         """The lines for the core, with the inputs that a model at this operating point has."""
-        drives = tuple(here.acting) if here.loop.core.inputs > len(self.record.axes) else ()
+        drives = tuple(here.acting) if here.loop.core.inputs > here.loop.driven else ()
         if drives not in self._data:
             inputs, whitening = self._inputs(here), self.spectrum.whitening
             self._data[drives] = _core.LineData(here.loop.core, self.points, inputs, self._z, whitening)
@@ -217,7 +217,7 @@ class RecordLines:
         transient, _ = self.transient(here)
         y = core.free_response(here.theta, transient, window.samples, samples)[:, :p]
         inputs = here.excitation(self.record)[: window.samples]
-        repeats = core.inputs == len(self.record.axes)
+        repeats = core.inputs == here.loop.driven
         length = window.period if repeats else window.samples
         u = np.ascontiguousarray(rfft(inputs.reshape(-1, length, core.inputs).mean(axis=0), axis=0))
         points = np.exp(2j * np.pi * np.arange(length // 2 + 1) / length)
@@ -251,14 +251,20 @@ class RecordLines:
         return np.asarray(1.0 - share / self.measured.channels)[:, None]
 
     def _inputs(self, here: Model) -> ComplexArray:
-        """Inputs on the judged lines: i_e, then those of disturbances in the model."""
-        if here.loop.core.inputs == len(self.record.axes):
-            return self._excitation
+        """Inputs on the judged lines: i_e and r, then those of disturbances in the model."""
+        if here.loop.core.inputs == here.loop.driven:
+            return self._driven
         return self._judged(here.excitation(self.record))
 
     @cached_property
+    def _driven(self) -> ComplexArray:
+        """i_e and r on the judged lines."""
+        return self._judged(self._base.excitation(self.record)[:, : self._base.loop.driven])
+
+    @property
     def _excitation(self) -> ComplexArray:
-        return self._judged(self._base.excitation(self.record)[:, : len(self.record.axes)])
+        """What of them is not still."""
+        return self._driven[:, np.any(self._driven, axis=0)]
 
     def _judged(self, signal: FloatArray) -> ComplexArray:
         """The judged lines of a signal that starts with the record."""
