@@ -245,8 +245,12 @@ class NominalLoop:
         """i_e and what the controller makes of the reference, as one excitation, shape (lines, axes) [A]."""
         if not lines.r.any():
             return lines.i_e
-        own = self.sampled(lines.frequency_hz, self.rig.controller)[:, :, self._columns("y")]
-        return np.asarray(lines.i_e + _times(own, lines.r))
+        own, by = self.sampled(lines.frequency_hz, self.rig.controller), lines.i_e
+        if self.rig.controller.reference:
+            by = by + _times(own[:, :, self._columns("y")], lines.r)
+        if "r" in self.rig.controller.signals:
+            by = by - _times(own[:, :, self._columns("r")], lines.r)
+        return np.asarray(by)
 
     def sensitivity(self, frequency_hz: FloatArray) -> ComplexArray:
         """(I + K G)^-1 with the stabilising `gain_factor`, shape (lines, axes, axes)."""
@@ -277,7 +281,7 @@ class NominalLoop:
 def commanded(loop: NominalLoop, lines: Lines) -> dict[str, ComplexArray]:
     """What every gain of the controller makes of what it reads, before delay, hold and amplifier, (lines, axes) [A]."""
     own = loop.rig.controller
-    read = {"y": lines.y - lines.r, "i_c": lines.i_c}
+    read = {"y": lines.y - lines.r if own.reference else lines.y, "i_c": lines.i_c, "r": lines.r}
     if "i_c" in own.signals and lines.i_c is None:
         raise RecordError("the controller reads i_c, which was not recorded; record it too")
     seen = np.hstack([columns for signal in own.signals if (columns := read[signal]) is not None])

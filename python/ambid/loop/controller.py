@@ -53,7 +53,8 @@ class Reading:
         """Of a rig's controller, among signals of these names."""
         read = [(signal, axis) for signal in rig.controller.signals for axis in rig.axes]
         of_outputs = [[float(name == f"{signal}.{axis}") for name in outputs] for signal, axis in read]
-        of_inputs = [[-float(signal == "y" and name == f"r.{axis}") for name in inputs] for signal, axis in read]
+        share = {"y": -float(rig.controller.reference), "r": 1.0}
+        of_inputs = [[share.get(signal, 0.0) * (name == f"r.{axis}") for name in inputs] for signal, axis in read]
         return cls(np.array(of_outputs), np.array(of_inputs) + 0.0)
 
 
@@ -82,7 +83,8 @@ def close_analog(
     ----------
     plant : Lft
         Its first inputs are the commands i_ref of n axes, its first n outputs the displacements y; what K reads does
-        not follow a command at once. Of a plant with a delay the feedback comes late in it already, and i_e has yet to be delayed.
+        not follow a command at once. Of a plant with a delay the feedback comes late in it already, and i_e has yet to
+        be delayed.
     rig : Rig
         Whose controller K is.
     controller : tuple of ndarray

@@ -63,7 +63,7 @@ class Plant(Assembly):
             self.signal(f"eta.{k}", eta[k])
             self.signal(f"eta_rate.{k}", rates[k])
         commands = [self.input(f"i_ref.{axis}") for axis in self.axes]
-        for axis in self.axes if rig.controller.reference else ():
+        for axis in self.axes if rig.controller.follows_reference else ():
             self.input(f"r.{axis}")  # which the controller alone takes
         i_a = [self._amplifier(axis, command) for axis, command in zip(self.axes, commands, strict=True)]
         i_f = [self._actuator(axis, current) for axis, current in zip(self.axes, i_a, strict=True)]

@@ -19,7 +19,7 @@ def inputs(
 ) -> FloatArray:
     """What drives the loop, shape (N, inputs): i_e [A], the reference r [m] if it has one, and what effects bring."""
     parts = [i_e, *(effect.waveform(structure.rig, len(i_e), record) for effect in structure.acting)]
-    if structure.rig.controller.reference:
+    if structure.rig.controller.follows_reference:
         parts.insert(1, np.zeros_like(i_e) if r is None else r)
     parts = [part for part in parts if part.shape[1]]
     return np.hstack(parts) if len(parts) > 1 else i_e
@@ -36,7 +36,7 @@ def inputs_of(structure: Structure, record: Record) -> FloatArray:
     r = record.r
     if r is not None:
         r = r - (r[0] if record.period is None else r[: record.periods * record.period].mean(axis=0))
-        if record.i_e is None and structure.rig.controller.reference:
+        if record.i_e is None and structure.rig.controller.follows_reference:
             return inputs(structure, np.zeros_like(r), r, record)
     if record.i_e is None:
         raise RecordError(
@@ -90,7 +90,7 @@ def virtual_experiment(
 
 def _drives(structure: Structure, i_e: ArrayLike | None, r: ArrayLike | None) -> tuple[FloatArray, FloatArray | None]:
     """Both as arrays; an excitation that is not given is zero."""
-    if r is not None and not structure.rig.controller.reference:
+    if r is not None and not structure.rig.controller.follows_reference:
         raise ModelError("r is given, but the controller acts on y alone; write reference = true in [controller]")
     if i_e is None and r is None:
         raise ModelError("neither i_e nor r is given; give what drives the loop")

@@ -207,6 +207,11 @@ def notes_on_clipping(
     return notes
 
 
+def at_limits(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Samples in which a command stands at its highest or lowest value, where it is clipped, if it is at all."""
+    return (values == values.max()) | (values == values.min())
+
+
 def _clipped(values: NDArray[np.float64]) -> tuple[float, float]:
     """Share of the samples at a clipped extreme and its value; share 0 where nothing is clipped."""
     for level, inward in ((values.max(), np.max), (values.min(), np.min)):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.linalg import schur
@@ -12,10 +12,15 @@ from ambid.errors import RecordError
 from ambid.record.period import find_period
 from ambid.rig import Rig
 
+if TYPE_CHECKING:
+    from ambid.record.record import Record
+
+NOT_LOGGED = "i_e was not logged"
+"""What the note on a rebuilt i_e begins with."""
 SAME = 1e-3
 """Part of the recorded command up to which what the law leaves is its rounding, and no excitation."""
 
-__all__ = ["Rebuilt", "rebuild_excitation"]
+__all__ = ["NOT_LOGGED", "Rebuilt", "rebuild_excitation", "unexplained"]
 
 REBUILT_TOLERANCE = 0.6
 """A rebuilt i_e carries the noise of its sources: two of its periods agree less well than those of a logged one."""
@@ -80,12 +85,10 @@ def rebuild_excitation(
     read = _read(rig, y, i_c, r, where)
     i_e, source, integrating = _recover(rig, sample_rate, read, i_ref, i_c, where)
     if r is not None and i_ref is not None and (left := _follows(i_e, i_ref)) < SAME:
-        note = (
-            f"i_e was not logged: the recorded command follows from y - r by the rig's controller to {left:.1g}, and "
-        )
+        note = f"{NOT_LOGGED}: the recorded command follows from y and r by the rig's controller to {left:.1g}, and "
         return Rebuilt(np.zeros_like(y), period, note + "i_e is taken as zero: the reference r drives the loop")
-    of = "y" if r is None else "y - r"
-    note = f"i_e was not logged: rebuilt from {source}, {of} and the rig's {controller.implementation} controller"
+    of = "y" if r is None else "y and r"
+    note = f"{NOT_LOGGED}: rebuilt from {source}, {of} and the rig's {controller.implementation} controller"
     if lost := controller.delay_samples % 1:
         note += f"; {lost:.3g} sample of its delay is not undone"
     period = period or find_period(i_e, tolerance=REBUILT_TOLERANCE)
@@ -101,11 +104,25 @@ def rebuild_excitation(
     return Rebuilt(i_e, period, note)
 
 
+def unexplained(rig: Rig, record: Record) -> FloatArray:
+    """What the law of the rig's controller leaves of a recorded command, shape (up to N, axes), up to a constant.
+
+    Raises
+    ------
+    RecordError
+        As `rebuild_excitation`.
+    """
+    where = str(record.path or record.name)
+    read = _read(rig, record.y, record.i_c, record.r, where)
+    return _recover(rig, record.sample_rate, read, record.i_ref, record.i_c, where)[0]
+
+
 def _read(rig: Rig, y: FloatArray, i_c: FloatArray | None, r: FloatArray | None, where: str) -> FloatArray:
     """What the controller reads, signal by signal, shape (N, signals axes)."""
     if i_c is None and "i_c" in rig.controller.signals:
         raise RecordError(f"{where}: i_e is missing, and i_c, which the controller reads, is too; record one of them")
-    signals = {"y": y if r is None else y - r, "i_c": i_c}
+    reference = np.zeros_like(y) if r is None else r
+    signals = {"y": y - reference if rig.controller.reference else y, "i_c": i_c, "r": reference}
     return np.hstack([own for name in rig.controller.signals if (own := signals[name]) is not None])
 
 

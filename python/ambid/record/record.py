@@ -16,7 +16,7 @@ from ambid.record.mending import mended_excitation, mended_outputs
 from ambid.record.period import find_period
 from ambid.record.raw import SIGNALS, raw_record
 from ambid.record.readers import opened
-from ambid.record.rebuild import rebuild_excitation
+from ambid.record.rebuild import NOT_LOGGED, rebuild_excitation
 from ambid.record.writers import write
 from ambid.rig import Rig
 
@@ -288,6 +288,11 @@ class Record:
         return next((float(own.std()) for own in signals), np.nan)
 
     @property
+    def is_rebuilt(self) -> bool:
+        """Whether i_e was not logged, but rebuilt, or taken as zero."""
+        return any(note.startswith(NOT_LOGGED) for note in self.notes)
+
+    @property
     def outputs(self) -> NDArray[np.float64]:
         """The recorded outputs of the loop, y and i_c, shape (N, channels)."""
         return self.y if self.i_c is None else np.hstack([self.y, self.i_c])
@@ -340,7 +345,7 @@ class Record:
         record, where = self._with_reference(rig), str(self.path or self.name)
         if record.i_e is None:
             if rig is None:
-                note = "i_e was not logged: load the record with its rig, whose controller rebuilds it"
+                note = f"{NOT_LOGGED}: load the record with its rig, whose controller rebuilds it"
                 return replace(record, notes=(*record.notes, note))
             i_e, period, note = rebuild_excitation(
                 rig,
@@ -380,7 +385,7 @@ class Record:
         if self.r is None or rig is None:
             return self
         where = str(self.path or self.name)
-        if not rig.controller.reference:
+        if not rig.controller.follows_reference:
             is_alone = self.i_e is None or not np.any(np.ptp(self.i_e, axis=0))
             if is_alone and np.any(np.ptp(self.r, axis=0)):
                 raise RecordError(
@@ -390,7 +395,7 @@ class Record:
             note = "r was recorded, but the rig's controller does not act on it (reference is not true): left out"
             return replace(self, r=None, notes=(*self.notes, note))
         if self.i_e is None and self.i_ref is None:
-            note = "i_e was not logged: taken as zero, the reference r drives the loop"
+            note = f"{NOT_LOGGED}: taken as zero, the reference r drives the loop"
             return replace(self, i_e=np.zeros_like(self.y), notes=(*self.notes, note))
         return self
 

@@ -32,7 +32,7 @@ MOST_STATES = 200
 MOST_COEFFICIENTS = 61
 """Coefficients of a polynomial: from order 20 or so on its roots move by more than themselves with its last digits, and
 beyond order 60 nothing is left of them."""
-READABLE = ("y", "i_c")
+READABLE = ("y", "i_c", "r")
 """Recorded signals that a controller may read."""
 PID_GAINS = ("proportional", "integral", "derivative")
 
@@ -74,6 +74,11 @@ class Controller(Spec, ABC):
     def signals(self) -> tuple[str, ...]:
         """Recorded signals that it reads, in the order of its columns: all axes of the first, then of the next."""
         return ("y",)
+
+    @property
+    def follows_reference(self) -> bool:
+        """Whether r drives it, as y - r or as a column of its own."""
+        return self.reference or "r" in self.signals
 
     def rate(self, sample_rate: float) -> float:
         """Sample rate of a digital controller [Hz], on a rig that records at `sample_rate` [Hz]."""
@@ -222,12 +227,12 @@ class _ReadingController(Controller, ABC):
 
     Parameters
     ----------
-    inputs : sequence of {"y", "i_c"}
+    inputs : sequence of {"y", "i_c", "r"}
         Recorded signals that its columns stand for, signal by signal, all axes each: ["y", "i_c"] for state feedback
-        with the measured current.
+        with the measured current. A column of r is for a law that does not act on y - r alone.
     """
 
-    inputs: tuple[Literal["y", "i_c"], ...] = Field(
+    inputs: tuple[Literal["y", "i_c", "r"], ...] = Field(
         ("y",), min_length=1, description=f"a list of names of recorded signals, out of {', '.join(READABLE)}"
     )
 
