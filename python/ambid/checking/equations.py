@@ -21,6 +21,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
+from ambid.loop.controller import of_reference
 from ambid.loop.mode import moved_by_worst
 from ambid.loop.plant import base_plant
 from ambid.loop.response import frequency_response
@@ -245,12 +246,8 @@ class NominalLoop:
         """i_e and what the controller makes of the reference, as one excitation, shape (lines, axes) [A]."""
         if not lines.r.any():
             return lines.i_e
-        own, by = self.sampled(lines.frequency_hz, self.rig.controller), lines.i_e
-        if self.rig.controller.reference:
-            by = by + _times(own[:, :, self._columns("y")], lines.r)
-        if "r" in self.rig.controller.signals:
-            by = by - _times(own[:, :, self._columns("r")], lines.r)
-        return np.asarray(by)
+        points = np.exp(2j * np.pi * lines.frequency_hz / self.rig.sample_rate)
+        return np.asarray(lines.i_e + _times(of_reference(self.rig, points), lines.r))
 
     def sensitivity(self, frequency_hz: FloatArray) -> ComplexArray:
         """(I + K G)^-1 with the stabilising `gain_factor`, shape (lines, axes, axes)."""

@@ -25,6 +25,7 @@ from scipy.special import chdtri
 from ambid.arrays import FloatArray
 from ambid.diagnosis.chance import independent_tests, log_chance_bounded
 from ambid.effects import CATALOGUE, Effect, Seen
+from ambid.effects.slips import ControllerGainError, ExcitationGainError
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.minimum import SUBSTEPS
 from ambid.model import Model
@@ -43,6 +44,8 @@ VISIBLE = 1e-4
 """Chance of a score that counts as visible, for one degree of freedom."""
 OWN = 1e-12
 """Part of the largest eigenvalue of probes' Gram matrix below which a direction is that of other probes."""
+SLIPS = (ControllerGainError, ExcitationGainError)
+KNOWN_COMMAND = "i_e comes from the recorded command, and holds whatever the controller's gains miss"
 CONFUSABLE = 0.9
 """Two candidates whose freed responses have a larger cosine are called confusable."""
 
@@ -223,6 +226,9 @@ def rank(
             continue
         if home is None:
             not_tried[effect.name] = effect.why_not(model.rig)
+            continue
+        if isinstance(effect, SLIPS) and all(record.has_known_command for record in comparison.noise.records):
+            not_tried[effect.name] = KNOWN_COMMAND
             continue
         variants = effect.variants(replace(seen, rig=home))
         scored, why = _scored(here, variants, here.cost)

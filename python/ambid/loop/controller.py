@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ambid.arrays import FloatArray
+from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import ModelError
 from ambid.loop.assembly import Lft, Port
 from ambid.loop.delay import with_late_commands
 from ambid.loop.plant import EXCITATION
+from ambid.loop.response import frequency_response
 from ambid.rig import Rig
 
 
@@ -51,11 +52,30 @@ class Reading:
     @classmethod
     def of(cls, rig: Rig, outputs: Sequence[str], inputs: Sequence[str]) -> Reading:
         """Of a rig's controller, among signals of these names."""
-        read = [(signal, axis) for signal in rig.controller.signals for axis in rig.axes]
-        of_outputs = [[float(name == f"{signal}.{axis}") for name in outputs] for signal, axis in read]
-        share = {"y": -float(rig.controller.reference), "r": 1.0}
-        of_inputs = [[share.get(signal, 0.0) * (name == f"r.{axis}") for name in inputs] for signal, axis in read]
-        return cls(np.array(of_outputs), np.array(of_inputs) + 0.0)
+        own = rig.controller
+        share = {"y": -float(own.reference), "r": 1.0}
+        read = [(signal, axis) for signal in own.signals for axis in rig.axes]
+        of_outputs, of_inputs = np.zeros((len(read), len(outputs))), np.zeros((len(read), len(inputs)))
+        for row, (signal, axis) in enumerate(read):
+            if (name := f"{signal}.{axis}") in outputs:
+                of_outputs[row, outputs.index(name)] = 1.0  # the first: what is watched may be there again
+            if (name := f"r.{axis}") in inputs:
+                of_inputs[row, inputs.index(name)] = share.get(signal, 0.0)
+        return cls(of_outputs, of_inputs)
+
+
+def of_reference(rig: Rig, points: ComplexArray) -> ComplexArray:
+    """What the controller makes of the reference r, as part of i_e, at points of the unit circle, (points, axes, axes).
+
+    An analog one as if it saw r between its samples; a faster digital one likewise in its own.
+    """
+    own, axes, rate = rig.controller, len(rig.axes), rig.sample_rate
+    steps = own.rate(rate) / rate
+    response = frequency_response(
+        own.state_space(axes, rate), points ** (1.0 / steps) if own.is_digital else rate * np.log(points)
+    )
+    reading = Reading.of(rig, (), [f"r.{axis}" for axis in rig.axes])
+    return -response @ reading.inputs
 
 
 def law_errors(plant: Lft, rig: Rig) -> list[LawError]:

@@ -19,6 +19,7 @@ from scipy.ndimage import uniform_filter1d
 
 from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
+from ambid.loop.controller import of_reference
 from ambid.loop.effect import Effect, Tone
 from ambid.model import Model
 from ambid.noise.colour import back_through_loop
@@ -261,10 +262,16 @@ class RecordLines:
         """i_e and r on the judged lines."""
         return self._judged(self._base.excitation(self.record)[:, : self._base.loop.driven])
 
-    @property
+    @cached_property
     def _excitation(self) -> ComplexArray:
-        """What of them is not still."""
-        return self._driven[:, np.any(self._driven, axis=0)]
+        """What drives each axis that is not still, as one excitation: r acts by way of the controller."""
+        i_e, r = np.split(self._driven, [len(self.record.axes)], axis=1)
+        both = i_e if r.shape[1] == 0 else r
+        if i_e.any() and r.any():
+            both = i_e + (of_reference(self._base.rig, self.points) @ r[..., None])[..., 0]
+        elif i_e.any():
+            both = i_e
+        return both[:, np.any(both, axis=0)]
 
     def _judged(self, signal: FloatArray) -> ComplexArray:
         """The judged lines of a signal that starts with the record."""

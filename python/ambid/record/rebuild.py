@@ -92,6 +92,8 @@ def rebuild_excitation(
     if lost := controller.delay_samples % 1:
         note += f"; {lost:.3g} sample of its delay is not undone"
     period = period or find_period(i_e, tolerance=REBUILT_TOLERANCE)
+    if r is not None and i_ref is not None:
+        i_e = _without_rounding(i_e, i_ref)
     if integrating:
         if r is None:
             _refuse_drift(i_e, y, rig.axes, where)
@@ -124,6 +126,18 @@ def _read(rig: Rig, y: FloatArray, i_c: FloatArray | None, r: FloatArray | None,
     reference = np.zeros_like(y) if r is None else r
     signals = {"y": y - reference if rig.controller.reference else y, "i_c": i_c, "r": reference}
     return np.hstack([own for name in rig.controller.signals if (own := signals[name]) is not None])
+
+
+def _without_rounding(i_e: FloatArray, i_ref: FloatArray) -> FloatArray:
+    """The same where it changes by no more than rounding of the command does: held, where the law holds.
+
+    What is left there is a small part of y itself, which would pass for what drives it.
+    """
+    change = np.diff(i_e, axis=0, prepend=i_e[:1])
+    size = np.abs(np.diff(i_ref, axis=0)).mean(axis=0)
+    is_held = np.abs(change) < SAME * size
+    kept = np.where(is_held, 0.0, change) if is_held.mean() > 0.5 else change
+    return np.asarray(i_e[:1] + np.cumsum(kept, axis=0))
 
 
 def _follows(i_e: FloatArray, i_ref: FloatArray) -> float:

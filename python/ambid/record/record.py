@@ -293,6 +293,11 @@ class Record:
         return any(note.startswith(NOT_LOGGED) for note in self.notes)
 
     @property
+    def has_known_command(self) -> bool:
+        """Whether i_e comes from the recorded command: it then holds whatever the controller's gains miss."""
+        return self.is_rebuilt and self.i_ref is not None
+
+    @property
     def outputs(self) -> NDArray[np.float64]:
         """The recorded outputs of the loop, y and i_c, shape (N, channels)."""
         return self.y if self.i_c is None else np.hstack([self.y, self.i_c])
