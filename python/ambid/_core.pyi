@@ -28,6 +28,8 @@ _Matrices = tuple[_Matrix, _Matrix, _Matrix, _Matrix]
 
 class _DigitalController(TypedDict):
     matrices: _Matrices
+    reads: NotRequired[_Matrix | None]
+    takes: NotRequired[_Matrix | None]
     delay: float
     late: NotRequired[int | None]
     steps: int

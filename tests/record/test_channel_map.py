@@ -192,7 +192,7 @@ def test_names_with_colons(tmp_path, foreign, record):
         (["y.A_zeta"], "map y.A_zeta: expected CHANNEL=COLUMN or CHANNEL=COLUMN:FACTOR, such as y.A_zeta=ch3:1e-6"),
         (["=ch3"], "expected CHANNEL=COLUMN"),
         (["y.A_zeta=a", "y.A_zeta=b"], "map y.A_zeta=b: y.A_zeta is mapped to a already"),
-        (["x.A_zeta=a"], "'x.A_zeta' is no channel; expected t, fs, or one of i_e, y, i_c, i_ref with an axis"),
+        (["x.A_zeta=a"], "'x.A_zeta' is no channel; expected t, fs, or one of i_e, r, y, i_c, i_ref with an axis"),
         (["y=a"], "'y' is no channel"),
         (["y.A_zeta=a:0"], "the factor 0 makes no SI units"),
         (["y.A_zeta=a:nan"], "the factor nan"),

@@ -1,6 +1,6 @@
 """The controller's equation fitted to a record, axis by axis: factors of its gains and of i_e, and when y was read.
 
-    i_c = A' d' (h i_e - exp(-s l) K y) + what the controller held at the first sample
+    i_c = A' d' (h i_e - exp(-s l) K (y - r)) + what the controller held at the first sample
 
 The amplifier A' and the delay d' may differ from the known ones by two coefficients and a time, so that a slower
 amplifier, one of second order, a delay of the loop or a skew of the sampling is not taken for a wrong gain. l is by how

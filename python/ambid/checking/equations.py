@@ -1,6 +1,6 @@
 """The two equations of a record, line by line: current from excitation and displacement, displacement from current.
 
-    i_c = A d (h i_e - K y)          the controller's, which needs no rotor
+    i_c = A d (h i_e - K (y - r))    the controller's, which needs no rotor
     y   = G i_c                      the machine's, which needs no controller
 
 with the amplifier A, the controller K, its delay d, the hold h of the excitation, and the plant G. Each is held against
@@ -10,7 +10,7 @@ What lies above the Nyquist frequency is neglected, which costs a per cent or tw
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import permutations, product
 
@@ -20,6 +20,8 @@ from scipy.ndimage import uniform_filter1d
 from scipy.optimize import linear_sum_assignment
 
 from ambid.arrays import ComplexArray, FloatArray
+from ambid.errors import RecordError
+from ambid.loop.controller import of_reference
 from ambid.loop.geometry import rotor_of
 from ambid.loop.mode import moved_by_worst
 from ambid.loop.plant import base_plant
@@ -59,6 +61,8 @@ class Lines:
     i_e, y : ndarray, shape (lines, axes)
         [A], [m], up to a common factor.
     i_c : ndarray, shape (lines, axes), or None
+    r : ndarray, shape (lines, axes)
+        Of the reference [m]; zero where there is none.
     index : ndarray, shape (lines,)
         Number of each line among those of `window` samples; the first is 1.
     window : int
@@ -72,6 +76,7 @@ class Lines:
     i_e: ComplexArray
     y: ComplexArray
     i_c: ComplexArray | None
+    r: ComplexArray
     index: NDArray[np.intp]
     window: int
     whole_periods: bool
@@ -80,12 +85,12 @@ class Lines:
     def some(self, kept: NDArray[np.bool_]) -> Lines:
         """Some of the lines."""
         i_c = None if self.i_c is None else self.i_c[kept]
-        own = (self.frequency_hz[kept], self.i_e[kept], self.y[kept], i_c, self.index[kept])
+        own = (self.frequency_hz[kept], self.i_e[kept], self.y[kept], i_c, self.r[kept], self.index[kept])
         return Lines(*own, self.window, self.whole_periods, None if self.clear is None else self.clear[kept])
 
     @classmethod
     def of(cls, record: Record) -> Lines:
-        """Lines of a record with i_e; the strongest of the excitation where there are many."""
+        """Lines of a record with i_e; the strongest of what drives it where there are many."""
         window, length = None, record.samples
         if record.period is not None and record.periods >= 2:
             window, length = Window.of(record).settled, record.period
@@ -96,17 +101,21 @@ class Lines:
             return np.fft.rfft((signal - signal.mean(axis=0)) * np.hanning(len(signal))[:, None], axis=0)[1:]
 
         i_e = spectrum(np.asarray(record.i_e))
+        r = np.zeros_like(i_e) if record.r is None else spectrum(record.r)
+        size = np.abs(i_e).max(initial=0.0) / (np.abs(r).max(initial=0.0) or 1.0)
+        drives = np.hstack([i_e, (size or 1.0) * r])
+        drives = drives[:, np.any(drives, axis=0)]
         index = np.arange(1, len(i_e) + 1)
         frequency = index * record.sample_rate / length
-        power = np.linalg.norm(i_e, axis=1)
+        power = np.linalg.norm(drives, axis=1)
         usable = (index >= (BLURRED if window is None else 1)) & (frequency < HIGHEST_FREQUENCY * record.sample_rate)
         kept = np.flatnonzero(usable & (power > 1e-3 * power.max(initial=0.0)))
-        own = -(-MOST_LINES // i_e.shape[1])  # of every axis: each may be excited on lines of its own
-        kept = np.unique(kept[np.argsort(np.abs(i_e[kept]), axis=0)[-own:]])
+        own = -(-MOST_LINES // max(1, drives.shape[1]))  # of every axis: each may be excited on lines of its own
+        kept = np.unique(kept[np.argsort(np.abs(drives[kept]), axis=0)[-own:]])
         i_c = None if record.i_c is None else spectrum(record.i_c)[kept]
         y = spectrum(record.y)[kept]
         clear = None if window is None else _clear_of_noise(window, record.y, y, kept)
-        return cls(frequency[kept], i_e[kept], y, i_c, index[kept], length, window is not None, clear)
+        return cls(frequency[kept], i_e[kept], y, i_c, r[kept], index[kept], length, window is not None, clear)
 
 
 def _clear_of_noise(
@@ -167,20 +176,36 @@ class NominalLoop:
         lag = 1.0 + 2j * np.pi * frequency_hz * amplifier.time_constant
         return np.asarray(1.0 / (lag * (amplifier.resistance or 1.0)), np.complex128)
 
-    def controller(self, frequency_hz: FloatArray, controller: Controller | None = None) -> ComplexArray:
+    def controller(self, frequency_hz: FloatArray) -> ComplexArray:
         """d K, from y to the current that the amplifier is asked for [A/m], shape (lines, axes, axes).
 
-        A digital controller holds its output over a sample. `controller` stands for the rig's, such as a part of it.
+        A digital controller holds its output over a sample. One that reads i_c is closed over the amplifier.
         """
-        own = controller or self.rig.controller
+        own = self.rig.controller
         response = self.sampled(frequency_hz, own)
-        if not own.is_digital:
-            return response
-        path = _hold(frequency_hz, own.rate(self.rig.sample_rate)) * self._delay(frequency_hz)
-        return response * path[:, None, None]
+        if own.is_digital:
+            path = _hold(frequency_hz, own.rate(self.rig.sample_rate)) * self._delay(frequency_hz)
+            response = response * path[:, None, None]
+        return self._beside_current(frequency_hz) @ response[:, :, self._columns("y")]
+
+    def _beside_current(self, frequency_hz: FloatArray) -> ComplexArray:
+        """What is left of a command by what the controller makes of the current, shape (lines, axes, axes)."""
+        own, way = self.rig.controller, self.amplifier(frequency_hz)
+        eye = np.eye(self.axes, dtype=complex)
+        if "i_c" not in own.signals:
+            return np.tile(eye, (len(frequency_hz), 1, 1))
+        if own.is_digital:
+            way = way * _hold(frequency_hz, own.rate(self.rig.sample_rate)) * self._delay(frequency_hz)
+        by_current = self.sampled(frequency_hz, own)[:, :, self._columns("i_c")]
+        return np.asarray(np.linalg.inv(eye + by_current * way[:, None, None]))
+
+    def _columns(self, signal: str) -> slice:
+        """Of a signal that the controller reads."""
+        first = self.rig.controller.signals.index(signal) * self.axes
+        return slice(first, first + self.axes)
 
     def sampled(self, frequency_hz: FloatArray, controller: Controller) -> ComplexArray:
-        """K alone [A/m], of a digital controller from sample to sample, shape (lines, axes, axes)."""
+        """K alone, of a digital controller from sample to sample, shape (lines, axes, signals that it reads)."""
         rate = self.rig.sample_rate
         system = controller.state_space(self.axes, rate)
         if not controller.is_digital:
@@ -212,8 +237,16 @@ class NominalLoop:
         return of_i_e, np.asarray(over * np.exp(-s * delay) / (1.0 + s * tau))
 
     def excitation(self, frequency_hz: FloatArray) -> ComplexArray:
-        """d h, from the samples of i_e to what the amplifier is asked for, shape (lines,)."""
-        return self._delay(frequency_hz) * _hold(frequency_hz, self.rig.sample_rate)
+        """d h, from the samples of i_e to what the amplifier is asked for, shape (lines, axes, axes)."""
+        path = self._delay(frequency_hz) * _hold(frequency_hz, self.rig.sample_rate)
+        return np.asarray(self._beside_current(frequency_hz) * path[:, None, None])
+
+    def driven(self, lines: Lines) -> ComplexArray:
+        """i_e and what the controller makes of the reference, as one excitation, shape (lines, axes) [A]."""
+        if not lines.r.any():
+            return lines.i_e
+        points = np.exp(2j * np.pi * lines.frequency_hz / self.rig.sample_rate)
+        return np.asarray(lines.i_e + _times(of_reference(self.rig, points), lines.r))
 
     def sensitivity(self, frequency_hz: FloatArray) -> ComplexArray:
         """(I + K G)^-1 with the stabilising `gain_factor`, shape (lines, axes, axes)."""
@@ -223,7 +256,7 @@ class NominalLoop:
     def closed(self, frequency_hz: FloatArray) -> ComplexArray:
         """From the samples of i_e to y [m/A], with the stabilising `gain_factor`, shape (lines, axes, axes)."""
         open_loop = self._displacement(frequency_hz, self.gain_factor or 1.0)
-        return open_loop @ self.sensitivity(frequency_hz) * self.excitation(frequency_hz)[:, None, None]
+        return open_loop @ self.sensitivity(frequency_hz) @ self.excitation(frequency_hz)
 
     def _displacement(self, frequency_hz: FloatArray, gain_factor: float) -> ComplexArray:
         """From the commands i_ref to y."""
@@ -234,7 +267,7 @@ class NominalLoop:
         values = {slot: p.value for p in Model(self.rig).parameters for slot in p.slots}
         values |= {slot: gain_factor * value for slot, value in values.items() if slot.startswith("K_i.")}
         a, b, c, d = base_plant(self.rig, self.rotor).closed(values)
-        return a, b, c[: self.axes], d[: self.axes]
+        return a, b[:, : self.axes], c[: self.axes], d[: self.axes, : self.axes]
 
     def _delay(self, frequency_hz: FloatArray) -> ComplexArray:
         own = self.rig.controller
@@ -242,13 +275,17 @@ class NominalLoop:
 
 
 def commanded(loop: NominalLoop, lines: Lines) -> dict[str, ComplexArray]:
-    """What every gain of the controller makes of y, before delay, hold and amplifier, each (lines, axes) [A]."""
+    """What every gain of the controller makes of what it reads, before delay, hold and amplifier, (lines, axes) [A]."""
     own = loop.rig.controller
+    read = {"y": lines.y - lines.r if own.reference else lines.y, "i_c": lines.i_c, "r": lines.r}
+    if "i_c" in own.signals and lines.i_c is None:
+        raise RecordError("the controller reads i_c, which was not recorded; record it too")
+    seen = np.hstack([columns for signal in own.signals if (columns := read[signal]) is not None])
     parts: dict[str, Controller] = {"K": own}
     if isinstance(own, PidController):
         off = dict.fromkeys(PID_GAINS, 0.0)
         parts = {g: own.model_copy(update={**off, g: getattr(own, g)}) for g in own.gains}
-    return {name: _times(loop.sampled(lines.frequency_hz, part), lines.y) for name, part in parts.items()}
+    return {name: _times(loop.sampled(lines.frequency_hz, part), seen) for name, part in parts.items()}
 
 
 def controller_terms(loop: NominalLoop, lines: Lines) -> tuple[ComplexArray, dict[str, ComplexArray]]:
@@ -301,11 +338,12 @@ def called_for(loop: NominalLoop, lines: Lines) -> tuple[ComplexArray, ComplexAr
     With i_c the controller's equation says it, else y and the nominal closed loop do.
     """
     if lines.i_c is not None:
-        excited, fed_back = controller_terms(loop, lines)
-        return lines.i_c + sum(fed_back.values()), excited
+        excited, fed_back = controller_terms(loop, replace(lines, r=np.zeros_like(lines.r)))
+        of_reference = sum(fed_back.values()) - sum(controller_terms(loop, lines)[1].values())
+        return lines.i_c + sum(fed_back.values()), excited + of_reference
     closed = loop.closed(lines.frequency_hz)
     weight = np.linalg.norm(closed, axis=(1, 2))[:, None]
-    return weight * np.linalg.solve(closed, lines.y[..., None])[..., 0], weight * lines.i_e
+    return weight * np.linalg.solve(closed, lines.y[..., None])[..., 0], weight * loop.driven(lines)
 
 
 def correlation(a: ComplexArray, b: ComplexArray) -> float:
@@ -350,7 +388,7 @@ def expected_displacement(loop: NominalLoop, lines: Lines) -> ComplexArray:
     """y that the nominal machine makes of i_c, or, where that was not recorded, the nominal closed loop of i_e."""
     if lines.i_c is not None:
         return _times(loop.machine(lines.frequency_hz), lines.i_c)
-    return _times(loop.closed(lines.frequency_hz), lines.i_e)
+    return _times(loop.closed(lines.frequency_hz), loop.driven(lines))
 
 
 def exchanged_axes(loop: NominalLoop, lines: Lines) -> tuple[list[int], float]:
@@ -367,7 +405,7 @@ def exchanged_axes(loop: NominalLoop, lines: Lines) -> tuple[list[int], float]:
     """
     f = lines.frequency_hz
     response = loop.closed(f) if lines.i_c is None else loop.machine(f)
-    cause = lines.i_e if lines.i_c is None else lines.i_c
+    cause = loop.driven(lines) if lines.i_c is None else lines.i_c
     alike = {o: correlation(lines.y[:, o], _times(response, cause[:, o])) for o in _namings(loop.rig)}
     missed = {order: np.sqrt(1.0 - value**2) for order, value in alike.items()}
     best = next(order for order, value in missed.items() if value <= 1.05 * min(missed.values()))

@@ -33,9 +33,11 @@ from ambid.checking.equations import (
     reordered,
 )
 from ambid.checking.instants import slips_of_clocks, slips_of_instants
+from ambid.checking.law import Law, find_laws
 from ambid.checking.rig_slips import slips_of_rig
 from ambid.checking.soundness import SEVERITIES, Finding, LoopFigures, RecordFigures, Severity, Soundness
 from ambid.effects.slips import LEAST, MOST, ControllerGainError, ExcitationGainError
+from ambid.errors import RecordError
 from ambid.record import Record
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
@@ -76,7 +78,7 @@ def check(rig: Rig, records: Sequence[Record] = ()) -> Soundness:
     points = dict.fromkeys(record.point for record in records if record.point not in (None, rig))
     loops = {own: NominalLoop(own) for own in (rig, *(point for point in points if point is not None))}
     figures = LoopFigures.of(loops[rig])
-    findings, described = [], []
+    findings, described, laws = [], [], {}
     for own, loop in loops.items():
         of_rig = slips_of_rig(loop)
         findings += of_rig if own == rig else [replace(f, where=f"{own.path or own.name}: {f.where}") for f in of_rig]
@@ -86,10 +88,19 @@ def check(rig: Rig, records: Sequence[Record] = ()) -> Soundness:
         findings += foreign or _record(record, loops[own])
         if not foreign:
             described.append(RecordFigures.of(record, own))
+            laws |= {record.name: found} if (found := _laws(record, own)) else {}
     implementation = f"{rig.controller.implementation} {rig.controller.kind}"
     machine = f"axes {', '.join(rig.axes)} at {rig.sample_rate:g} Hz, {rig.speed:g} rad/s, {implementation} controller"
     ordered = sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
-    return Soundness(rig.name, machine, figures, tuple(described), tuple(ordered))
+    return Soundness(rig.name, machine, figures, tuple(described), tuple(ordered), laws)
+
+
+def _laws(record: Record, rig: Rig) -> tuple[Law, ...]:
+    """The law of each axis; none where the command cannot be held against the controller."""
+    try:
+        return find_laws(record, rig)
+    except RecordError:  # another rate, or a current that was not recorded; told where it matters
+        return ()
 
 
 def _foreign(record: Record, rig: Rig) -> list[Finding]:
@@ -103,8 +114,9 @@ def _foreign(record: Record, rig: Rig) -> list[Finding]:
         ]
     if record.i_e is None:
         return [Finding.fault(record.name, "i_e was not logged", f"{todo}, whose controller rebuilds it")]
-    if not np.any(np.ptp(record.i_e, axis=0)):
-        return [Finding.fault(record.name, "i_e is constant on every axis: no excitation", "excite the loop")]
+    if not np.any(np.ptp(record.i_e, axis=0)) and (record.r is None or not np.any(np.ptp(record.r, axis=0))):
+        what = "i_e is" if record.r is None else "i_e and r are"
+        return [Finding.fault(record.name, f"{what} constant on every axis: no excitation", "excite the loop")]
     return []
 
 
@@ -134,7 +146,8 @@ def _travel(record: Record, rig: Rig) -> list[Finding]:
     if rms[k] < 1e-12:
         what = f"rms {rms[k]:.3g} m, less than any sensor resolves"
         return [Finding.fault(f"{record.name}: y.{record.axes[k]}", what, "give metres")]
-    y = np.abs(record.y).max(axis=0)
+    begun = record.y if record.r is None else record.y - record.r[0]  # a set-point is no travel
+    y = np.abs(begun).max(axis=0)
     j = int(np.argmax(y / gap))
     if y[j] > 0.5 * gap[j]:
         what = f"reaches {1e6 * y[j]:.3g} um, more than half of the air gap of {1e6 * gap[j]:g} um"
@@ -180,6 +193,10 @@ def _controller(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding
     fit = fit_controller(loop, lines)
     moving = moves(np.asarray(lines.i_c))
     if np.median(fit.missed[moving]) > UNEXPLAINED:
+        if record.is_rebuilt:  # what drove the loop is known then
+            what = f"i_c follows what drives the loop with {100 * np.median(fit.missed[moving]):.0f} % left unexplained"
+            todo = "check the lag of the amplifier; a diagnosis ranks what else it may be"
+            return [Finding("warning", f"{record.name}: i_c", what, todo)]
         return _excitation(record, loop, lines)
     slips = [_slip(scale, error) for scale, error in zip(fit.scale, fit.std_error, strict=True)]
     found = []
@@ -190,7 +207,10 @@ def _controller(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding
         found += slips_of_instants(record, loop, lines)
     judged = moving & [slip is None for slip in slips]
     # a factor on all of i_c is R of a voltage-driven coil, which is fitted
-    known = np.ones_like(fit.scale) if loop.rig.amplifier.resistance is None else fit.scale[:, :1]
+    first = 0 if lines.i_e.any() else 1
+    known = np.ones_like(fit.scale)
+    if loop.rig.amplifier.resistance is not None:
+        known = np.hstack([known[:, :first], np.repeat(fit.scale[:, first : first + 1], fit.scale.shape[1] - first, 1)])
     return found + _gains(record, fit, fit.scale / known, judged)
 
 

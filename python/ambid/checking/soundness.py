@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
 from ambid.checking.equations import NominalLoop
+from ambid.checking.law import Law
 from ambid.noise import noise_ceiling
 from ambid.record import Record
 from ambid.results import plain
@@ -206,6 +207,8 @@ class Soundness:
     records : tuple of RecordFigures
     findings : tuple of Finding
         Worst first.
+    laws : dict of str to tuple of Law
+        By record whose command was recorded: the law that its controller runs.
     """
 
     rig: str
@@ -213,6 +216,7 @@ class Soundness:
     loop: LoopFigures
     records: tuple[RecordFigures, ...]
     findings: tuple[Finding, ...]
+    laws: dict[str, tuple[Law, ...]] = field(default_factory=dict)
 
     @property
     def faults(self) -> tuple[Finding, ...]:
@@ -246,6 +250,7 @@ class Soundness:
                 f"{loop.peak_sensitivity_axis}: zone {loop.zone} of ISO 14839-3; bandwidth {loop.bandwidth_hz:.3g} Hz"
             )
         lines += [record.line() for record in self.records]
+        lines += [f"  {name}: law of {law.line()}" for name, laws in self.laws.items() for law in laws]
         counts = [(sum(f.severity == s for f in self.findings), s) for s in SEVERITIES]
         total = ", ".join(f"{n} {s}{'' if n == 1 else 's'}" for n, s in counts if n) or "nothing found"
         lines.append(f"{'sound' if self.is_sound else 'NOT SOUND'}: {total}")

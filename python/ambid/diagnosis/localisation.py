@@ -80,7 +80,7 @@ class Growth:
     ----------
     record : str
     amplitude : float
-        Rms of i_e [A].
+        Rms of i_e [A], or of the reference r [m] where that drives alone.
     unexplained : float
         Rms of what repeats in the residual of y and is no noise [m].
     """
@@ -241,8 +241,7 @@ def _growth(part: RecordLines, model: Model) -> Growth:
     residual = part.residual_lines(model.at(record))[: len(window.excited)]
     power, n = part.noise_power()[: len(window.excited)], len(record.axes)
     repeats = 2.0 * np.sum(np.abs(residual[:, :n]) ** 2 - power[:, :n]) / (n * window.samples)
-    amplitude = float(record.i_e.std()) if record.i_e is not None else np.nan
-    return Growth(record.name, amplitude, float(np.sqrt(max(repeats, 0.0))))
+    return Growth(record.name, record.amplitude, float(np.sqrt(max(repeats, 0.0))))
 
 
 def _exponent(growth: list[Growth]) -> float:

@@ -25,6 +25,7 @@ from scipy.special import chdtri
 from ambid.arrays import FloatArray
 from ambid.diagnosis.chance import independent_tests, log_chance_bounded
 from ambid.effects import CATALOGUE, Effect, Seen
+from ambid.effects.slips import ControllerGainError, ExcitationGainError
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.minimum import SUBSTEPS
 from ambid.model import Model
@@ -45,6 +46,8 @@ VISIBLE = 1e-4
 """Chance of a score that counts as visible, for one degree of freedom."""
 OWN = 1e-12
 """Part of the largest eigenvalue of probes' Gram matrix below which a direction is that of other probes."""
+SLIPS = (ControllerGainError, ExcitationGainError)
+KNOWN_COMMAND = "i_e comes from the recorded command, and holds whatever the controller's gains miss"
 CONFUSABLE = 0.9
 """Two candidates whose freed responses have a larger cosine are called confusable."""
 
@@ -228,6 +231,10 @@ def rank(
             continue
         if not comparison.noise.in_time and (why := _unseen_by_responses(home, effect)):
             not_tried[effect.name] = why
+            continue
+        in_time = [part.record for part in comparison.noise.in_time]
+        if isinstance(effect, SLIPS) and in_time and all(record.has_known_command for record in in_time):
+            not_tried[effect.name] = KNOWN_COMMAND
             continue
         variants = effect.variants(replace(seen, rig=home))
         scored, why = _scored(here, variants, here.cost)

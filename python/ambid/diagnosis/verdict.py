@@ -173,5 +173,5 @@ def _validated(task: Task, state: State) -> bool:
 
 
 def _amplitudes(records: Sequence[Measurement]) -> list[float]:
-    """Rms of the excitation of each record in time [A]; a frequency response tells none."""
-    return [float(r.i_e.std()) for r in records if isinstance(r, Record) and r.i_e is not None]
+    """Rms of what drives each record in time; a frequency response tells none."""
+    return [record.amplitude for record in records if isinstance(record, Record)]

@@ -1,4 +1,4 @@
-"""The analog controller, folded into the LFT of the plant; errors of the gains of any controller."""
+"""What a controller reads; the analog one, folded into the LFT of the plant; errors of the gains of any controller."""
 
 from __future__ import annotations
 
@@ -7,22 +7,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ambid.arrays import FloatArray
+from ambid.arrays import ComplexArray, FloatArray
+from ambid.errors import ModelError
 from ambid.loop.assembly import Lft, Port
 from ambid.loop.delay import with_late_commands
 from ambid.loop.plant import EXCITATION
+from ambid.loop.response import frequency_response
 from ambid.rig import Rig
 
 
 @dataclass(frozen=True)
 class LawError:
-    """What the error e that fills a slot adds to the commands: ``e (-(C x + D y) + excitation i_e)``.
+    """What the error e that fills a slot adds to the commands: ``e (-(C x + D read) + excitation i_e)``.
 
     Attributes
     ----------
     slot : str
     C : ndarray, shape (axes, states of the controller)
-    D : ndarray, shape (axes, axes)
+    D : ndarray, shape (axes, signals read)
     excitation : float
         1 or 0.
     """
@@ -31,6 +33,49 @@ class LawError:
     C: FloatArray
     D: FloatArray
     excitation: float
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a controller reads: ``outputs`` times the plant's outputs plus ``inputs`` times its inputs.
+
+    Attributes
+    ----------
+    outputs : ndarray, shape (signals read, outputs)
+    inputs : ndarray, shape (signals read, inputs)
+        -1 where a reference is taken off.
+    """
+
+    outputs: FloatArray
+    inputs: FloatArray
+
+    @classmethod
+    def of(cls, rig: Rig, outputs: Sequence[str], inputs: Sequence[str]) -> Reading:
+        """Of a rig's controller, among signals of these names."""
+        own = rig.controller
+        share = {"y": -float(own.reference), "r": 1.0}
+        read = [(signal, axis) for signal in own.signals for axis in rig.axes]
+        of_outputs, of_inputs = np.zeros((len(read), len(outputs))), np.zeros((len(read), len(inputs)))
+        for row, (signal, axis) in enumerate(read):
+            if (name := f"{signal}.{axis}") in outputs:
+                of_outputs[row, outputs.index(name)] = 1.0  # the first: what is watched may be there again
+            if (name := f"r.{axis}") in inputs:
+                of_inputs[row, inputs.index(name)] = share.get(signal, 0.0)
+        return cls(of_outputs, of_inputs)
+
+
+def of_reference(rig: Rig, points: ComplexArray) -> ComplexArray:
+    """What the controller makes of the reference r, as part of i_e, at points of the unit circle, (points, axes, axes).
+
+    An analog one as if it saw r between its samples; a faster digital one likewise in its own.
+    """
+    own, axes, rate = rig.controller, len(rig.axes), rig.sample_rate
+    steps = own.rate(rate) / rate
+    response = frequency_response(
+        own.state_space(axes, rate), points ** (1.0 / steps) if own.is_digital else rate * np.log(points)
+    )
+    reading = Reading.of(rig, (), [f"r.{axis}" for axis in rig.axes])
+    return -response @ reading.inputs
 
 
 def law_errors(plant: Lft, rig: Rig) -> list[LawError]:
@@ -46,20 +91,24 @@ def law_errors(plant: Lft, rig: Rig) -> list[LawError]:
 
 def close_analog(
     plant: Lft,
+    rig: Rig,
     controller: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     errors: Sequence[LawError] = (),
     *,
     noise: bool,
 ) -> Lft:
-    """Close ``i_ref = -K (y + n) + i_e`` around the plant.
+    """Close ``i_ref = -K read + i_e`` around the plant, what is read being ``y + n - r``, and i_c where K reads that.
 
     Parameters
     ----------
     plant : Lft
-        Its first inputs are the commands i_ref of n axes, its first n outputs the displacements y, which do not follow
-        a command at once. Of a plant with a delay the feedback comes late in it already, and i_e has yet to be delayed.
+        Its first inputs are the commands i_ref of n axes, its first n outputs the displacements y; what K reads does
+        not follow a command at once. Of a plant with a delay the feedback comes late in it already, and i_e has yet to
+        be delayed.
+    rig : Rig
+        Whose controller K is.
     controller : tuple of ndarray
-        A, B, C, D of K, from y [m] to current [A].
+        A, B, C, D of K.
     errors : sequence of LawError
         They become further ports.
     noise : bool
@@ -68,18 +117,27 @@ def close_analog(
     Returns
     -------
     Lft
-        Inputs ``i_e.<axis>`` and, with `noise`, ``n.<axis>``.
+        Inputs ``i_e.<axis>``, further ones of the plant such as ``r.<axis>`` and, with `noise`, ``n.<axis>``.
+
+    Raises
+    ------
+    ModelError
+        If something that K reads follows a command at once.
     """
     a_k, b_k, c_k, d_k = controller
     plant = with_late_commands(plant)
     axes = [name.removeprefix("i_ref.") for name in plant.inputs if name.startswith("i_ref.")]
-    n, u, states, control = len(axes), len(plant.inputs), len(plant.A), len(a_k)
+    n, u, states, control, outputs = len(axes), len(plant.inputs), len(plant.A), len(a_k), len(plant.outputs)
     excited = list(range(n) if plant.late is None else range(u - n, u))
     others = [k for k in range(n, u) if k not in excited]
     rest = [*others, *range(u, plant.B.shape[1])]
     b_u, b_rest = plant.B[:, :n], plant.B[:, rest]
     d_u, d_rest = plant.D[:, :n], plant.D[:, rest]
-    y_x, y_rest = plant.C[:n], d_rest[:n]
+    reading = Reading.of(rig, plant.outputs, plant.inputs)
+    if np.any(reading.outputs @ d_u[:outputs]):
+        raise ModelError(f"what the controller reads, {', '.join(rig.controller.signals)}, follows a command at once")
+    y_x, y_rest = reading.outputs @ plant.C[:outputs], reading.outputs @ d_rest[:outputs]
+    y_rest[:, : len(others)] += reading.inputs[:, others]
     by_x = np.hstack([-d_k @ y_x, -c_k])  # i_ref over the states of plant and controller
     by_rest = -d_k @ y_rest  # and over the other inputs and the Delta ports
     A = np.zeros((states + control, states + control))
@@ -95,23 +153,29 @@ def close_analog(
     D = [plant.D[:, excited], d_rest[:, :further]]
     names = (*(f"i_e.{axis}" for axis in axes), *(plant.inputs[k] for k in others))
     if noise:
-        read = d_u @ -d_k
+        noisy = reading.outputs[:, :n]
+        read = d_u @ -d_k @ noisy
         read[:n] += np.eye(n)
-        B.append(np.vstack([b_u @ -d_k, b_k]))
+        B.append(np.vstack([b_u @ -d_k, b_k]) @ noisy)
         D.append(read)
         names += tuple(f"n.{axis}" for axis in axes)
     B.append(b_rest[:, further:])
     D.append(d_rest[:, further:])
     closed = replace(plant, A=A, B=np.hstack(B), C=C, D=np.hstack(D), inputs=names)
-    return _with_ports(closed, errors, np.vstack([b_u, np.zeros((control, n))]), d_u) if errors else closed
+    if not errors:
+        return closed
+    return _with_ports(closed, rig, errors, np.vstack([b_u, np.zeros((control, n))]), d_u)
 
 
-def _with_ports(closed: Lft, errors: Sequence[LawError], b_u: FloatArray, d_u: FloatArray) -> Lft:
+def _with_ports(closed: Lft, rig: Rig, errors: Sequence[LawError], b_u: FloatArray, d_u: FloatArray) -> Lft:
     """A closed loop with a port for each error and axis; the feedback enters it by the columns `b_u` and `d_u`."""
     n, states, inputs, outputs = d_u.shape[1], len(closed.A), closed.B.shape[1], len(closed.C)
     z, b, d = np.zeros((0, states + inputs)), np.zeros((states, 0)), np.zeros((outputs, 0))
+    reading, rows = Reading.of(rig, closed.outputs, closed.inputs), len(closed.outputs)
+    read = reading.outputs @ np.hstack([closed.C[:rows], closed.D[:rows]])
+    read[:, states : states + len(closed.inputs)] += reading.inputs
     for error in errors:
-        seen = -error.D @ np.hstack([closed.C[:n], closed.D[:n]])
+        seen = -error.D @ read
         seen[:, states - error.C.shape[1] : states] -= error.C
         seen[:, states : states + n] += error.excitation * np.eye(n)
         enters = (closed.B[:, :n], closed.D[:, :n]) if error.excitation else (b_u, d_u)
@@ -120,6 +184,6 @@ def _with_ports(closed: Lft, errors: Sequence[LawError], b_u: FloatArray, d_u: F
     column, row = [len(closed.inputs) + ports] * more, [len(closed.outputs) + ports] * more
     B = np.insert(closed.B, column, b, axis=1)
     C = np.insert(closed.C, row, z[:, :states], axis=0)
-    # no displacement follows a command at once, so that no port follows another
+    # nothing that is read follows a command at once, so that no port follows another
     D = np.insert(np.insert(closed.D, column, d, axis=1), row, np.insert(z[:, states:], column, 0.0, axis=1), axis=0)
     return replace(closed, B=B, C=C, D=D, ports=(*closed.ports, *(Port(e.slot) for e in errors for _ in range(n))))

@@ -14,7 +14,7 @@ from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.loop.assembly import Block, Lft
-from ambid.loop.controller import close_analog, law_errors
+from ambid.loop.controller import Reading, close_analog, law_errors
 from ambid.loop.effect import Effect
 from ambid.loop.geometry import rotor_of
 from ambid.loop.mode import moved_by_worst
@@ -54,7 +54,9 @@ class Loop:
         G with its ports; for a digital controller without it, commands to outputs, else the closed loop. Where an
         effect delays the commands, its inputs are what has arrived.
     inputs, outputs : tuple of str
-        Names, such as ``i_e.A_zeta``; ``y.A_zeta``, ..., ``i_c.A_zeta``.
+        Names, such as ``i_e.A_zeta``, ``r.A_zeta``; ``y.A_zeta``, ..., ``i_c.A_zeta``.
+    driven : int
+        How many of the inputs, the first, a record holds: i_e, and r where the controller has a reference.
     core : _core.ClosedLoop
     """
 
@@ -76,8 +78,11 @@ class Loop:
         late = None if between.late is None else filled_by[between.late]
         controller: _core._DigitalController | None = None
         if rig.controller.is_digital:
+            reading = Reading.of(rig, between.outputs, between.inputs)
             controller = {
                 "matrices": matrices,
+                "reads": reading.outputs,
+                "takes": reading.inputs,
                 "delay": rig.controller.delay_samples,
                 "late": late,
                 "steps": round(rig.controller.rate(rig.sample_rate) / rig.sample_rate),
@@ -88,11 +93,12 @@ class Loop:
             self.inputs = tuple(name.replace("i_ref.", "i_e.") for name in between.inputs)
             self.inputs += tuple(f"n.{axis}" for axis in rig.axes) if noise else ()
         else:
-            self.lft = close_analog(between, matrices, errors, noise=noise)
+            self.lft = close_analog(between, rig, matrices, errors, noise=noise)
             self.inputs = self.lft.inputs
             if late is not None:
                 controller = {"matrices": _idle(rig), "delay": 0.0, "late": late, "steps": 1, "noise": False}
         self.outputs = self.lft.outputs
+        self.driven = sum(name.startswith(("i_e.", "r.")) for name in self.inputs)
         self._rotor = rotor_of(rig, _further_modes(rig, effects))
         self.sample_time = 1.0 / rig.sample_rate
         _require_few_states(rig, len(self.lft.A), len(matrices[0]) if rig.controller.is_digital else 0)

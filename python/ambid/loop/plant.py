@@ -63,6 +63,8 @@ class Plant(Assembly):
             self.signal(f"eta.{k}", eta[k])
             self.signal(f"eta_rate.{k}", rates[k])
         commands = [self.input(f"i_ref.{axis}") for axis in self.axes]
+        for axis in self.axes if rig.controller.follows_reference else ():
+            self.input(f"r.{axis}")  # which the controller alone takes
         i_a = [self._amplifier(axis, command) for axis, command in zip(self.axes, commands, strict=True)]
         i_f = [self._actuator(axis, current) for axis, current in zip(self.axes, i_a, strict=True)]
         s = [
@@ -151,7 +153,10 @@ class Plant(Assembly):
         return self.signal(f"i_f.{axis}", state)
 
     def between_commands_and_outputs(self, more: Sequence[str] = ()) -> Lft:
-        """Inputs ``i_ref.<axis>`` and those of effects; outputs y, i_c, then `more` of every axis."""
+        """Inputs ``i_ref.<axis>``, ``r.<axis>`` where the controller has a reference, and those of effects.
+
+        Outputs are y, i_c, then `more` of every axis.
+        """
         outputs = [f"{signal}.{axis}" for signal in ("y", "i_c", *more) for axis in self.axes]
         return replace(self.lft(outputs), late=self.late, gain_errors=tuple(self.gain_errors))
 

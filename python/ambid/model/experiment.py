@@ -14,45 +14,61 @@ from ambid.record import Record
 __all__ = ["inputs", "inputs_of", "simulated", "virtual_experiment"]
 
 
-def inputs(structure: Structure, i_e: FloatArray, record: Record | None = None) -> FloatArray:
-    """The excitation i_e [A], shape (N, axes), and beside it what effects drive the loop with, shape (N, inputs)."""
-    waves = [effect.waveform(structure.rig, len(i_e), record) for effect in structure.acting]
-    return np.hstack([i_e, *waves]) if any(wave.shape[1] for wave in waves) else i_e
+def inputs(
+    structure: Structure, i_e: FloatArray, r: FloatArray | None = None, record: Record | None = None
+) -> FloatArray:
+    """What drives the loop, shape (N, inputs): i_e [A], the reference r [m] if it has one, and what effects bring."""
+    parts = [i_e, *(effect.waveform(structure.rig, len(i_e), record) for effect in structure.acting)]
+    if structure.rig.controller.follows_reference:
+        parts.insert(1, np.zeros_like(i_e) if r is None else r)
+    parts = [part for part in parts if part.shape[1]]
+    return np.hstack(parts) if len(parts) > 1 else i_e
 
 
 def inputs_of(structure: Structure, record: Record) -> FloatArray:
-    """The same during a record.
+    """The same during a record; r is counted from where the record begins, or from its mean if it repeats.
 
     Raises
     ------
     RecordError
-        If i_e was neither logged nor rebuilt.
+        If i_e was neither logged nor rebuilt, and no reference drives the loop.
     """
+    r = record.r
+    if r is not None:
+        r = r - (r[0] if record.period is None else r[: record.periods * record.period].mean(axis=0))
+        if record.i_e is None and structure.rig.controller.follows_reference:
+            return inputs(structure, np.zeros_like(r), r, record)
     if record.i_e is None:
         raise RecordError(
             f"{record.path or record.name}: i_e was not logged; load the record with its rig, whose controller "
             "rebuilds it"
         )
-    return inputs(structure, record.i_e, record)
+    return inputs(structure, record.i_e, r, record)
 
 
-def simulated(structure: Structure, loop: Loop, theta: FloatArray, i_e: ArrayLike) -> Record:
-    """Response from rest to an excitation, shape (N, axes) [A], without noise.
+def simulated(
+    structure: Structure, loop: Loop, theta: FloatArray, i_e: ArrayLike | None, r: ArrayLike | None
+) -> Record:
+    """Response from rest to an excitation [A] and a reference [m], shape (N, axes) each, without noise.
 
     Raises
     ------
+    ModelError
+        If neither is given, or a reference of a controller that has none.
     UnstableLoopError
         If the closed loop is unstable.
     """
-    excitation = np.asarray(i_e, dtype=np.float64)
-    return _record("simulated", structure, excitation, loop.simulate(theta, inputs(structure, excitation)))
+    excitation, reference = _drives(structure, i_e, r)
+    outputs = loop.simulate(theta, inputs(structure, excitation, reference))
+    return _record("simulated", structure, excitation, reference, outputs)
 
 
 def virtual_experiment(
     structure: Structure,
     loop: Loop,
     theta: FloatArray,
-    i_e: ArrayLike,
+    i_e: ArrayLike | None,
+    r: ArrayLike | None,
     *,
     sensor_noise: float,
     current_noise: float,
@@ -64,15 +80,28 @@ def virtual_experiment(
             raise ModelError(f"{name} = {rms:g}: expected an rms of 0 or more, in m or A")
     if seed is not None and seed < 0:
         raise ModelError(f"seed = {seed}: expected a whole number of 0 or more")
-    excitation = np.asarray(i_e, dtype=np.float64)
+    excitation, reference = _drives(structure, i_e, r)
     random = np.random.default_rng(seed)
     noise = sensor_noise * random.standard_normal(excitation.shape)
-    outputs = loop.simulate(theta, np.hstack([inputs(structure, excitation), noise]))
+    outputs = loop.simulate(theta, np.hstack([inputs(structure, excitation, reference), noise]))
     outputs[:, len(structure.rig.axes) :] += current_noise * random.standard_normal(excitation.shape)
-    return _record("virtual experiment", structure, excitation, outputs)
+    return _record("virtual experiment", structure, excitation, reference, outputs)
 
 
-def _record(name: str, structure: Structure, excitation: FloatArray, outputs: FloatArray) -> Record:
+def _drives(structure: Structure, i_e: ArrayLike | None, r: ArrayLike | None) -> tuple[FloatArray, FloatArray | None]:
+    """Both as arrays; an excitation that is not given is zero."""
+    if r is not None and not structure.rig.controller.follows_reference:
+        raise ModelError("r is given, but the controller acts on y alone; write reference = true in [controller]")
+    if i_e is None and r is None:
+        raise ModelError("neither i_e nor r is given; give what drives the loop")
+    reference = None if r is None else np.asarray(r, dtype=np.float64)
+    excitation = np.zeros_like(reference) if i_e is None else np.asarray(i_e, dtype=np.float64)
+    return excitation, reference
+
+
+def _record(
+    name: str, structure: Structure, excitation: FloatArray, reference: FloatArray | None, outputs: FloatArray
+) -> Record:
     rig, n = structure.rig, len(structure.rig.axes)
-    record = Record(name, rig.sample_rate, rig.axes, excitation, outputs[:, :n], outputs[:, n:])
+    record = Record(name, rig.sample_rate, rig.axes, excitation, outputs[:, :n], outputs[:, n:], r=reference)
     return record if structure.reference is rig else record.at(rig)

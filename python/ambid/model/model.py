@@ -143,7 +143,7 @@ class Model:
         return model
 
     def excitation(self, record: Record) -> NDArray[np.float64]:
-        """Inputs of the loop during a record, shape (N, inputs): i_e, then those of disturbances in the model.
+        """Inputs of the loop during a record, shape (N, inputs): i_e, r, then those of disturbances in the model.
 
         Raises
         ------
@@ -273,7 +273,7 @@ class Model:
 
     @property
     def loop(self) -> Loop:
-        """The closed loop, inputs i_e, outputs y and i_c."""
+        """The closed loop, inputs i_e, and r if it has one, outputs y and i_c."""
         if None not in self._loops:
             self._loops[None] = self.structure.compiled(self.parameters)
         return self._loops[None]
@@ -295,13 +295,15 @@ class Model:
         """Return the model with a number of steps per sample of its own for nonlinear effects."""
         return Model._of(replace(self.structure, substeps=substeps), self.parameters)
 
-    def simulate(self, i_e: ArrayLike) -> Record:
+    def simulate(self, i_e: ArrayLike | None = None, r: ArrayLike | None = None) -> Record:
         """Response from rest to an excitation, without noise.
 
         Parameters
         ----------
-        i_e : array_like, shape (N, axes)
-            [A], held from sample to sample.
+        i_e : array_like, shape (N, axes), optional
+            [A], held from sample to sample; zero if only r is given.
+        r : array_like, shape (N, axes), optional
+            Reference of a controller that has one [m].
 
         Returns
         -------
@@ -310,20 +312,28 @@ class Model:
 
         Raises
         ------
+        ModelError
+            If neither is given, or r of a controller that has no reference.
         UnstableLoopError
             If the closed loop is unstable.
         """
-        return simulated(self.structure, self.loop, self.theta, i_e)
+        return simulated(self.structure, self.loop, self.theta, i_e, r)
 
     def virtual_experiment(
-        self, i_e: ArrayLike, *, sensor_noise: float = 50e-9, current_noise: float = 1e-2, seed: int | None = None
+        self,
+        i_e: ArrayLike | None = None,
+        r: ArrayLike | None = None,
+        *,
+        sensor_noise: float = 50e-9,
+        current_noise: float = 1e-2,
+        seed: int | None = None,
     ) -> Record:
         """Simulate what an instrument would record: noise on the displacements goes round the loop.
 
         Parameters
         ----------
-        i_e : array_like, shape (N, axes)
-            [A].
+        i_e, r : array_like, shape (N, axes), optional
+            As in `simulate`.
         sensor_noise : float
             Rms of white noise on every displacement [m]; the controller reads it too.
         current_noise : float
@@ -333,7 +343,7 @@ class Model:
         Raises
         ------
         ModelError
-            If a noise or the seed is negative.
+            If a noise or the seed is negative, and as for `simulate`.
         UnstableLoopError
             If the closed loop is unstable.
         """
@@ -342,6 +352,7 @@ class Model:
             self.with_noise_inputs(),
             self.theta,
             i_e,
+            r,
             sensor_noise=sensor_noise,
             current_noise=current_noise,
             seed=seed,

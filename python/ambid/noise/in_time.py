@@ -86,7 +86,7 @@ class InTime:
     def samples(self, here: Model, *, at_rest: bool) -> FloatArray:
         """The response in all samples of the record, shape (samples, p)."""
         inputs = np.ascontiguousarray(here.excitation(self.record))
-        if at_rest or inputs.shape[1] > len(self.record.axes):
+        if at_rest or inputs.shape[1] > here.loop.driven:
             return here.loop.core.simulate(here.theta, inputs)[:, : self.channels]
         lead = self._lead(here) * self.window.period
         before = np.resize(inputs[: self.window.period], (lead, inputs.shape[1]))
@@ -122,7 +122,7 @@ class InTime:
 
     def _repeats(self, here: Model) -> bool:
         """Whether all that acts on the loop repeats with the excitation."""
-        return self.window.is_periodic and here.loop.core.inputs == len(self.record.axes) and self.every > 0
+        return self.window.is_periodic and here.loop.core.inputs == here.loop.driven and self.every > 0
 
     def _inputs(self, here: Model) -> FloatArray:
         return np.ascontiguousarray(here.excitation(self.record)[: self.window.first + self.window.samples])

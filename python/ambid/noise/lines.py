@@ -19,6 +19,7 @@ from scipy.ndimage import uniform_filter1d
 
 from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
+from ambid.loop.controller import of_reference
 from ambid.loop.effect import Effect, Tone
 from ambid.model import Model
 from ambid.noise.colour import back_through_loop
@@ -129,7 +130,7 @@ class RecordLines:
 
     def data(self, here: Model) -> _core.LineData:
         """The lines for the core, with the inputs that a model at this operating point has."""
-        drives = tuple(here.acting) if here.loop.core.inputs > len(self.record.axes) else ()
+        drives = tuple(here.acting) if here.loop.core.inputs > here.loop.driven else ()
         if drives not in self._data:
             inputs, whitening = self._inputs(here), self.spectrum.whitening
             self._data[drives] = _core.LineData(here.loop.core, self.points, inputs, self._z, whitening)
@@ -235,7 +236,7 @@ class RecordLines:
         transient, _ = self.transient(here)
         y = core.free_response(here.theta, transient, window.samples, samples)[:, :p]
         inputs = here.excitation(self.record)[: window.samples]
-        repeats = core.inputs == len(self.record.axes)
+        repeats = core.inputs == here.loop.driven
         length = window.period if repeats else window.samples
         u = np.ascontiguousarray(rfft(inputs.reshape(-1, length, core.inputs).mean(axis=0), axis=0))
         points = np.exp(2j * np.pi * np.arange(length // 2 + 1) / length)
@@ -269,14 +270,26 @@ class RecordLines:
         return np.asarray(1.0 - share / self.measured.channels)[:, None]
 
     def _inputs(self, here: Model) -> ComplexArray:
-        """Inputs on the judged lines: i_e, then those of disturbances in the model."""
-        if here.loop.core.inputs == len(self.record.axes):
-            return self._excitation
+        """Inputs on the judged lines: i_e and r, then those of disturbances in the model."""
+        if here.loop.core.inputs == here.loop.driven:
+            return self._driven
         return self._judged(here.excitation(self.record))
 
     @cached_property
+    def _driven(self) -> ComplexArray:
+        """i_e and r on the judged lines."""
+        return self._judged(self._base.excitation(self.record)[:, : self._base.loop.driven])
+
+    @cached_property
     def _excitation(self) -> ComplexArray:
-        return self._judged(self._base.excitation(self.record)[:, : len(self.record.axes)])
+        """What drives each axis that is not still, as one excitation: r acts by way of the controller."""
+        i_e, r = np.split(self._driven, [len(self.record.axes)], axis=1)
+        both = i_e if r.shape[1] == 0 else r
+        if i_e.any() and r.any():
+            both = i_e + (of_reference(self._base.rig, self.points) @ r[..., None])[..., 0]
+        elif i_e.any():
+            both = i_e
+        return both[:, np.any(both, axis=0)]
 
     def _judged(self, signal: FloatArray, excited: ComplexArray | None = None) -> ComplexArray:
         """The judged lines of a signal that starts with the record; those that are excited may be known."""

@@ -34,7 +34,7 @@ class ChannelMap:
     ----------
     channels : mapping of str to str
         Column of each channel, such as ``{"t": "time:1e-3", "y.A_zeta": "ch3:1e-6"}``.
-        A channel is ``t`` [s], ``fs`` [Hz], or ``i_e``, ``y``, ``i_c``, ``i_ref`` with an axis [A, m].
+        A channel is ``t`` [s], ``fs`` [Hz], or ``i_e``, ``r``, ``y``, ``i_c``, ``i_ref`` with an axis [A, m].
         A column is meant by its name, or, where none has that name, by its number, counted from 1; column k of a
         matrix ``data`` is ``data[k]``. A number behind the last colon is the factor that makes SI units of it, 1 if
         there is none; a name that itself ends like that needs ``:1`` behind it.

@@ -117,21 +117,21 @@ def require_ampere(
 
 
 def require_metres(
-    where: str, axes: tuple[str, ...], y: NDArray[np.float64], rig: Rig, *, is_allowed: bool = False
+    where: str, signal: str, axes: tuple[str, ...], y: NDArray[np.float64], rig: Rig, *, is_allowed: bool = False
 ) -> list[str]:
-    """Refuse displacements far beyond the air gap, or note them where a person vouches for them; note those beyond."""
+    """Refuse displacements, or references, far beyond the air gap, or note them where a person vouches for them."""
     gaps = {axis: bearing.air_gap for bearing in rig.bearings for axis in bearing.axis_names}
     notes = []
     for axis, values in zip(axes, y.T, strict=True):
         largest = float(np.abs(values).max())
-        told = f"y.{axis} reaches {largest:.4g} m, the air gap is {gaps[axis]:g} m"
+        told = f"{signal}.{axis} reaches {largest:.4g} m, the air gap is {gaps[axis]:g} m"
         if largest > GAPS_OF_TRAVEL * gaps[axis] and not is_allowed:
             raise RecordError(
                 f"{where}: {told}: it looks like micrometres or millimetres; give metres, or vouch for it: "
                 "--allow travel"
             )
         if largest > gaps[axis]:
-            notes.append(f"{told}: taken as it is; see that air_gap and the unit of y are right")
+            notes.append(f"{told}: taken as it is; see that air_gap and the unit of {signal} are right")
     return notes
 
 
@@ -234,6 +234,11 @@ def notes_on_clipping(
     return notes
 
 
+def at_limits(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Samples in which a command stands at its highest or lowest value, where it is clipped, if it is at all."""
+    return (values == values.max()) | (values == values.min())
+
+
 def _clipped(values: NDArray[np.float64]) -> tuple[float, float]:
     """Share of the samples at a clipped extreme and its value; share 0 where nothing is clipped."""
     for level, inward in ((values.max(), np.max), (values.min(), np.min)):
@@ -248,15 +253,34 @@ def _clipped(values: NDArray[np.float64]) -> tuple[float, float]:
     return 0.0, 0.0
 
 
-def notes_on_excitation(where: str, axes: tuple[str, ...], i_e: NDArray[np.float64]) -> list[str]:
-    """Refuse a record without excitation; note each axis that is not excited while others are."""
-    still = [axis for axis, values in zip(axes, i_e.T, strict=True) if np.ptp(values) < SMALLEST_CHANGE]
+def notes_on_excitation(
+    where: str, axes: tuple[str, ...], i_e: NDArray[np.float64], r: NDArray[np.float64] | None = None
+) -> list[str]:
+    """Refuse a record that nothing drives; note each axis that neither i_e nor the reference r moves."""
+    moving = np.ptp(i_e, axis=0) >= SMALLEST_CHANGE
+    if r is not None:
+        moving |= np.ptp(r, axis=0) >= SMALLEST_CHANGE
+    still = [axis for axis, moves in zip(axes, moving, strict=True) if not moves]
+    what = "i_e is" if r is None else "i_e and r are"
     if len(still) == len(axes):
         values = ", ".join(f"{value:.4g}" for value in i_e[0])
         raise RecordError(
-            f"{where}: no excitation: i_e is constant ({values} A) on every axis; "
-            "excite the loop, or check that i_e was logged"
+            f"{where}: no excitation: {what} constant ({values} A) on every axis; "
+            "excite the loop, or check that what drives it was logged"
         )
+    own = "i_e.{0} is" if r is None else "i_e.{0} and r.{0} are"
     return [
-        f"i_e.{axis} is constant: this axis is not excited, and little can be said of its parameters" for axis in still
+        f"{own.format(axis)} constant: this axis is not excited, and little can be said of its parameters"
+        for axis in still
+    ]
+
+
+def notes_on_limits(axes: tuple[str, ...], i_ref: NDArray[np.float64]) -> list[str]:
+    """Note each command that stands at a limit: what was applied there is known, whatever the law asked for."""
+    found = [(axis, *_clipped(values)) for axis, values in zip(axes, i_ref.T, strict=True)]
+    return [
+        f"i_ref.{axis} stands at {level:.6g} in {100 * share:.1f} % of the samples: the command was clipped; what was "
+        "applied less what the law asks for is taken as excitation"
+        for axis, share, level in found
+        if share
     ]

@@ -13,7 +13,7 @@ from ambid.errors import RecordError
 from ambid.record.content import Content, Stored
 from ambid.record.readers import require_names
 
-SIGNALS = ("i_e", "y", "i_c", "i_ref")
+SIGNALS = ("i_e", "r", "y", "i_c", "i_ref")
 
 
 @dataclass

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.linalg import schur
@@ -12,7 +12,15 @@ from ambid.errors import RecordError
 from ambid.record.period import find_period
 from ambid.rig import Rig
 
-__all__ = ["Rebuilt", "rebuild_excitation"]
+if TYPE_CHECKING:
+    from ambid.record.record import Record
+
+NOT_LOGGED = "i_e was not logged"
+"""What the note on a rebuilt i_e begins with."""
+SAME = 1e-3
+"""Part of the recorded command up to which what the law leaves is its rounding, and no excitation."""
+
+__all__ = ["NOT_LOGGED", "Rebuilt", "rebuild_excitation", "unexplained"]
 
 REBUILT_TOLERANCE = 0.6
 """A rebuilt i_e carries the noise of its sources: two of its periods agree less well than those of a logged one."""
@@ -33,10 +41,11 @@ def rebuild_excitation(
     y: FloatArray,
     i_ref: FloatArray | None = None,
     i_c: FloatArray | None = None,
+    r: FloatArray | None = None,
     period: int | None = None,
     where: str = "record",
 ) -> Rebuilt:
-    """Recover i_e = i_ref + K y where it was not logged, with the controller K of the rig.
+    """Recover i_e = i_ref + K y where it was not logged, with the controller K of the rig, which may act on y - r.
 
     From a recorded command i_ref this is direct. From the current i_c the amplifier's lag is inverted for a held input,
     i_c[k+1] = a i_c[k] + (1 - a) i_ref[k] with a = exp(-dt / tau_a), which amplifies the noise of i_c. An analog K acts
@@ -54,6 +63,8 @@ def rebuild_excitation(
         Displacements [m].
     i_ref, i_c : ndarray, shape (N, axes), optional
         Command and current [A]; the command is taken where both are given.
+    r : ndarray, shape (N, axes), optional
+        Reference of a controller that has one [m]; a constant where it was not recorded.
     period : int, optional
         Samples per period; by default it is found from the result.
     where : str
@@ -62,8 +73,8 @@ def rebuild_excitation(
     Raises
     ------
     RecordError
-        If neither i_ref nor i_c was recorded, the controller runs at another rate than the record, or the result
-        drifts: y is not what the integrator saw.
+        If neither i_ref nor i_c was recorded, nor a current that the controller reads, the controller runs at another
+        rate than the record, or the result drifts: y is not what the integrator saw.
 
     Notes
     -----
@@ -71,13 +82,21 @@ def rebuild_excitation(
     the mean of i_e is therefore set to zero.
     """
     controller = rig.controller
-    i_e, source, integrating = _recover(rig, sample_rate, y, i_ref, i_c, where)
-    note = f"i_e was not logged: rebuilt from {source}, y and the rig's {controller.implementation} controller"
+    read = _read(rig, y, i_c, r, where)
+    i_e, source, integrating = _recover(rig, sample_rate, read, i_ref, i_c, where)
+    if r is not None and i_ref is not None and (left := _follows(i_e, i_ref)) < SAME:
+        note = f"{NOT_LOGGED}: the recorded command follows from y and r by the rig's controller to {left:.1g}, and "
+        return Rebuilt(np.zeros_like(y), period, note + "i_e is taken as zero: the reference r drives the loop")
+    of = "y" if r is None else "y and r"
+    note = f"{NOT_LOGGED}: rebuilt from {source}, {of} and the rig's {controller.implementation} controller"
     if lost := controller.delay_samples % 1:
         note += f"; {lost:.3g} sample of its delay is not undone"
     period = period or find_period(i_e, tolerance=REBUILT_TOLERANCE)
+    if r is not None and i_ref is not None:
+        i_e = _without_rounding(i_e, i_ref)
     if integrating:
-        _refuse_drift(i_e, y, rig.axes, where)
+        if r is None:
+            _refuse_drift(i_e, y, rig.axes, where)
         mean = i_e[: len(i_e) // period * period if period else None].mean(axis=0)
         i_e = i_e - mean
         note += f"; its mean ({', '.join(f'{m:.3g}' for m in mean)} A, the integrator's operating point) was removed"
@@ -87,8 +106,48 @@ def rebuild_excitation(
     return Rebuilt(i_e, period, note)
 
 
+def unexplained(rig: Rig, record: Record) -> FloatArray:
+    """What the law of the rig's controller leaves of a recorded command, shape (up to N, axes), up to a constant.
+
+    Raises
+    ------
+    RecordError
+        As `rebuild_excitation`.
+    """
+    where = str(record.path or record.name)
+    read = _read(rig, record.y, record.i_c, record.r, where)
+    return _recover(rig, record.sample_rate, read, record.i_ref, record.i_c, where)[0]
+
+
+def _read(rig: Rig, y: FloatArray, i_c: FloatArray | None, r: FloatArray | None, where: str) -> FloatArray:
+    """What the controller reads, signal by signal, shape (N, signals axes)."""
+    if i_c is None and "i_c" in rig.controller.signals:
+        raise RecordError(f"{where}: i_e is missing, and i_c, which the controller reads, is too; record one of them")
+    reference = np.zeros_like(y) if r is None else r
+    signals = {"y": y - reference if rig.controller.reference else y, "i_c": i_c, "r": reference}
+    return np.hstack([own for name in rig.controller.signals if (own := signals[name]) is not None])
+
+
+def _without_rounding(i_e: FloatArray, i_ref: FloatArray) -> FloatArray:
+    """The same where it changes by no more than rounding of the command does: held, where the law holds.
+
+    What is left there is a small part of y itself, which would pass for what drives it.
+    """
+    change = np.diff(i_e, axis=0, prepend=i_e[:1])
+    size = np.abs(np.diff(i_ref, axis=0)).mean(axis=0)
+    is_held = np.abs(change) < SAME * size
+    kept = np.where(is_held, 0.0, change) if is_held.mean() > 0.5 else change
+    return np.asarray(i_e[:1] + np.cumsum(kept, axis=0))
+
+
+def _follows(i_e: FloatArray, i_ref: FloatArray) -> float:
+    """Part of the command, by rms without its mean, that the law leaves; the worst axis."""
+    own = i_ref[len(i_ref) - len(i_e) :] if len(i_e) else i_ref
+    return float(np.max(i_e.std(axis=0) / np.maximum(own.std(axis=0), 1e-300)))
+
+
 def _recover(
-    rig: Rig, rate: float, y: FloatArray, i_ref: FloatArray | None, i_c: FloatArray | None, where: str
+    rig: Rig, rate: float, read: FloatArray, i_ref: FloatArray | None, i_c: FloatArray | None, where: str
 ) -> tuple[FloatArray, str, bool]:
     """Return i_e as far as it acts within the record, what it was recovered from, and whether K integrates."""
     controller = rig.controller
@@ -100,21 +159,21 @@ def _recover(
             f"{where}: i_e cannot be rebuilt: the controller runs at {controller.rate(rate):g} Hz, "
             f"the record at {rate:g} Hz; log i_e, or record at the controller's rate"
         )
-    K = controller.state_space(y.shape[1], rate)
+    K = controller.state_space(len(rig.axes), rate)
     tau_a = rig.amplifier.time_constant if i_ref is None else 0.0
     if not controller.is_digital:
         from scipy.signal import cont2discrete  # slow to import, and seldom needed
 
         # What K adds between the samples goes through the amplifier with it; only the held i_e is left to invert for.
         K = cont2discrete(_then_lag(K, tau_a) if tau_a else K, 1 / rate, method="foh")[:4]
-        feedback, integrating = _response(K, y)
+        feedback, integrating = _response(K, read)
         command = command + feedback
     if tau_a:
         a = np.exp(-1 / (rate * tau_a))
         command = (command[1:] - a * command[:-1]) / (1 - a)
         source += f" (its noise is amplified {np.sqrt(1 + a**2) / (1 - a):.2g} times by undoing the amplifier's lag)"
     if controller.is_digital:
-        feedback, integrating = _response(K, y)
+        feedback, integrating = _response(K, read)
         command = command[int(controller.delay_samples) :]
         command = command + feedback[: len(command)]
     return command, source, integrating

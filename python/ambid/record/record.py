@@ -18,7 +18,7 @@ from ambid.record.mending import mended_excitation, mended_outputs
 from ambid.record.period import find_period
 from ambid.record.raw import SIGNALS, raw_record
 from ambid.record.readers import opened
-from ambid.record.rebuild import rebuild_excitation
+from ambid.record.rebuild import NOT_LOGGED, rebuild_excitation
 from ambid.record.writers import write
 from ambid.rig import Rig
 
@@ -53,6 +53,8 @@ class Record:
         Control current [A], read at t[k].
     i_ref : ndarray, shape (N, n), or None
         Command that reaches the amplifier, excitation included [A].
+    r : ndarray, shape (N, n), or None
+        Reference of the controller [m]; a digital one that samples at t[k] acts on ``y[k] - r[k]``.
     period : int or None
         Samples per period of the excitation.
     notes : tuple of str
@@ -75,6 +77,7 @@ class Record:
     y: NDArray[np.float64]
     i_c: NDArray[np.float64] | None = None
     i_ref: NDArray[np.float64] | None = None
+    r: NDArray[np.float64] | None = None
     period: int | None = None
     notes: tuple[str, ...] = ()
     path: Path | None = None
@@ -182,6 +185,7 @@ class Record:
         i_e: ArrayLike | None = None,
         i_c: ArrayLike | None = None,
         i_ref: ArrayLike | None = None,
+        r: ArrayLike | None = None,
         rig: Rig | None = None,
         period: int | None = None,
         name: str = "record",
@@ -208,6 +212,7 @@ class Record:
             y=_as_array(where, "y", y),
             i_c=None if i_c is None else _as_array(where, "i_c", i_c),
             i_ref=None if i_ref is None else _as_array(where, "i_ref", i_ref),
+            r=None if r is None else _as_array(where, "r", r),
             period=period,
             notes=tuple(notes),
             path=path,
@@ -218,13 +223,16 @@ class Record:
             record = record._in_order_of(tuple(rig.axes))
             rate, more = checks.sample_rate_of(where, None, record.sample_rate, rig.sample_rate)
             record = replace(record, sample_rate=rate)
-            more += checks.require_metres(where, record.axes, record.y, rig, is_allowed="travel" in allow)
+            for signal, values in (("y", record.y), ("r", record.r)):
+                if values is not None:
+                    is_allowed = "travel" in allow
+                    more += checks.require_metres(where, signal, record.axes, values, rig, is_allowed=is_allowed)
             record = replace(record, notes=(*record.notes, *more))
         for channel, values in record._columns():
-            if not channel.startswith("y."):
+            if not channel.startswith(("y.", "r.")):
                 told = checks.require_ampere(where, channel, values, rig, is_allowed="current" in allow)
                 record = replace(record, notes=(*record.notes, *told))
-            if not channel.startswith("i_e."):
+            if not channel.startswith(("i_e.", "r.")):
                 checks.require_alive(where, channel, values)
                 checks.require_moving(where, channel, values)
         more = checks.notes_on_clipping(where, record.axes, record.y, record.i_c)
@@ -284,6 +292,22 @@ class Record:
         """Names of the recorded outputs of the loop, such as ``y.A_zeta``; those of i_c only where it was recorded."""
         signals = ["y"] if self.i_c is None else ["y", "i_c"]
         return [f"{signal}.{axis}" for signal in signals for axis in self.axes]
+
+    @property
+    def amplitude(self) -> float:
+        """Rms of what drives it: of i_e [A], or, where that is still, of the reference r [m]; NaN of neither."""
+        signals = (own for own in (self.i_e, self.r) if own is not None and np.any(np.ptp(own, axis=0)))
+        return next((float(own.std()) for own in signals), np.nan)
+
+    @property
+    def is_rebuilt(self) -> bool:
+        """Whether i_e was not logged, but rebuilt, or taken as zero."""
+        return any(note.startswith(NOT_LOGGED) for note in self.notes)
+
+    @property
+    def has_known_command(self) -> bool:
+        """Whether i_e comes from the recorded command: it then holds whatever the controller's gains miss."""
+        return self.is_rebuilt and self.i_ref is not None
 
     @property
     def outputs(self) -> NDArray[np.float64]:
@@ -351,8 +375,8 @@ class Record:
 
     def _with_signals(self, signals: Mapping[str, NDArray[np.float64]]) -> Record:
         """The same record with other arrays of what was recorded."""
-        own = {name: signals.get(name) for name in ("i_e", "i_c", "i_ref")}
-        return replace(self, y=signals["y"], i_e=own["i_e"], i_c=own["i_c"], i_ref=own["i_ref"])
+        own = {name: signals.get(name) for name in SIGNALS}
+        return replace(self, **own)
 
     def _columns(self) -> Iterator[tuple[str, NDArray[np.float64]]]:
         for signal, array in self._signals.items():
@@ -363,16 +387,16 @@ class Record:
         order = checks.order_of_axes(str(self.path or self.name), self.axes, axes, "the rig")
         if self.axes == axes:
             return self
-        i_e, i_c, i_ref = (None if s is None else s[:, order] for s in (self.i_e, self.i_c, self.i_ref))
         note = f"axes {', '.join(self.axes)} were reordered to the rig's {', '.join(axes)}"
-        return replace(self, axes=axes, i_e=i_e, y=self.y[:, order], i_c=i_c, i_ref=i_ref, notes=(*self.notes, note))
+        own = {name: array[:, order] for name, array in self._signals.items()}
+        return replace(self, axes=axes, notes=(*self.notes, note), **own)
 
     def _with_excitation(self, rig: Rig | None) -> Record:
         """The same record with i_e rebuilt where needed and possible, its period, and notes on both."""
-        record = self
+        record, where = self._with_reference(rig), str(self.path or self.name)
         if record.i_e is None:
             if rig is None:
-                note = "i_e was not logged: load the record with its rig, whose controller rebuilds it"
+                note = f"{NOT_LOGGED}: load the record with its rig, whose controller rebuilds it"
                 return replace(record, notes=(*record.notes, note))
             i_e, period, note = rebuild_excitation(
                 rig,
@@ -380,17 +404,21 @@ class Record:
                 y=self.y,
                 i_ref=self.i_ref,
                 i_c=self.i_c,
+                r=self.r,
                 period=self.period,
-                where=str(self.path or self.name),
+                where=where,
             )
-            record = replace(self, i_e=i_e, period=period, notes=(*self.notes, note))
-        i_e = np.asarray(record.i_e)
-        notes = checks.notes_on_excitation(str(self.path or self.name), record.axes, i_e)
-        found = find_period(i_e) if record is self else record.period
+            record = replace(record, i_e=i_e, period=period, notes=(*record.notes, note))
+        i_e, is_rebuilt = np.asarray(record.i_e), self.i_e is None and bool(np.any(record.i_e))
+        notes = checks.notes_on_excitation(where, record.axes, i_e, record.r)
+        if is_rebuilt and record.i_ref is not None:
+            notes += checks.notes_on_limits(record.axes, record.i_ref)
+        found = record.period if is_rebuilt else find_period(_scaled([i_e, record.r]))
+        what = "i_e repeats" if record.r is None else "what drives the loop repeats"
         if self.period and found and self.period % found:
-            notes.append(f"a period of {self.period} samples was stated, but i_e repeats after {found}")
+            notes.append(f"a period of {self.period} samples was stated, but {what} after {found}")
         period = record.period or found
-        if found is None and self.i_e is not None:
+        if found is None and self.i_e is not None and record.r is None:
             signals, mended, more = mended_excitation(record._signals, record.axes)
             record, period, notes = record._with_signals(signals), period or mended, [*notes, *more]
         record = replace(record, period=period)
@@ -399,8 +427,28 @@ class Record:
             record, notes = record._with_signals(signals) if more else record, [*notes, *more]
         if record.periods < 3:
             count = f"{record.periods} whole periods" if record.period else "no period"
-            notes.append(f"{count} of i_e found: the noise ceiling needs 3, and is not estimated")
+            of = "i_e" if record.r is None else "i_e and r"
+            notes.append(f"{count} of {of} found: the noise ceiling needs 3, and is not estimated")
         return replace(record, notes=(*record.notes, *notes))
+
+    def _with_reference(self, rig: Rig | None) -> Record:
+        """The same record as its rig's controller takes the reference; notes on one that does not act."""
+        if self.r is None or rig is None:
+            return self
+        where = str(self.path or self.name)
+        if not rig.controller.follows_reference:
+            is_alone = self.i_e is None or not np.any(np.ptp(self.i_e, axis=0))
+            if is_alone and np.any(np.ptp(self.r, axis=0)):
+                raise RecordError(
+                    f"{where}: the reference r drives this record, but the rig's controller acts on y alone; write "
+                    "reference = true in [controller]"
+                )
+            note = "r was recorded, but the rig's controller does not act on it (reference is not true): left out"
+            return replace(self, r=None, notes=(*self.notes, note))
+        if self.i_e is None and self.i_ref is None:
+            note = f"{NOT_LOGGED}: taken as zero, the reference r drives the loop"
+            return replace(self, i_e=np.zeros_like(self.y), notes=(*self.notes, note))
+        return self
 
 
 def _as_array(where: str, signal: str, values: ArrayLike) -> NDArray[np.float64]:
@@ -408,3 +456,10 @@ def _as_array(where: str, signal: str, values: ArrayLike) -> NDArray[np.float64]
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise RecordError(f"{where}: {signal} is not an array of real numbers ({error}); give N x axes") from None
+
+
+def _scaled(signals: Sequence[NDArray[np.float64] | None]) -> NDArray[np.float64]:
+    """Signals of several units beside each other, each over the largest rms of its axes."""
+    own = [s for s in signals if s is not None]
+    sizes = [float(s.std(axis=0).max()) for s in own]
+    return np.hstack([s / size for s, size in zip(own, sizes, strict=True) if size > 0.0] or own)

@@ -1,6 +1,7 @@
 """Controllers as the rig file describes them, and their state space.
 
-What is given is K from the displacements y [m] to currents [A]; the loop applies the minus: i_ref = -(K y) + i_e.
+What is given is K from the displacements y [m] to currents [A]; the loop applies the minus: i_ref = -(K y) + i_e. With
+a reference it acts on y - r, and it may read further recorded signals beside y.
 """
 
 from abc import ABC, abstractmethod
@@ -31,6 +32,8 @@ MOST_STATES = 200
 MOST_COEFFICIENTS = 61
 """Coefficients of a polynomial: from order 20 or so on its roots move by more than themselves with its last digits, and
 beyond order 60 nothing is left of them."""
+READABLE = ("y", "i_c", "r")
+"""Recorded signals that a controller may read."""
 PID_GAINS = ("proportional", "integral", "derivative")
 
 
@@ -45,11 +48,14 @@ class Controller(Spec, ABC):
         Digital only: delay of the sum that leaves the controller, in its samples; may be fractional.
     sample_rate : float, optional
         Digital only: rate of the controller [Hz], a whole multiple of the rig's; the rig's if absent.
+    reference : bool
+        Whether it acts on y - r, the error to the recorded reference r [m], in place of y.
     """
 
     implementation: Literal["analog", "digital"] = Field(description="'analog' or 'digital'")
     delay_samples: Annotated[float, DELAY_SAMPLES] = 0.0
     sample_rate: Annotated[float, SAMPLE_RATE] | None = None
+    reference: bool = Field(False, description="true or false")
 
     @model_validator(mode="after")
     def _digital_keys(self) -> "Controller":
@@ -64,13 +70,23 @@ class Controller(Spec, ABC):
         """Whether it runs in samples."""
         return self.implementation == "digital"
 
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Recorded signals that it reads, in the order of its columns: all axes of the first, then of the next."""
+        return ("y",)
+
+    @property
+    def follows_reference(self) -> bool:
+        """Whether r drives it, as y - r or as a column of its own."""
+        return self.reference or "r" in self.signals
+
     def rate(self, sample_rate: float) -> float:
         """Sample rate of a digital controller [Hz], on a rig that records at `sample_rate` [Hz]."""
         return sample_rate if self.sample_rate is None else self.sample_rate
 
     @abstractmethod
     def state_space(self, n_axes: int, sample_rate: float) -> StateSpace:
-        """State space of K, from y of all axes [m] to currents of all axes [A], without delay and minus.
+        """State space of K, from `signals` of all axes to currents of all axes [A], without delay and minus.
 
         Parameters
         ----------
@@ -81,7 +97,7 @@ class Controller(Spec, ABC):
 
         Returns
         -------
-        A, B, C, D : ndarray, shapes (n, n), (n, n_axes), (n_axes, n), (n_axes, n_axes)
+        A, B, C, D : ndarray, shapes (n, n), (n, signals n_axes), (n_axes, n), (n_axes, signals n_axes)
             In continuous time if analog, otherwise in discrete time at `rate(sample_rate)`.
         """
 
@@ -206,17 +222,44 @@ class PidController(Controller):
         return _tustin(system, 1.0 / self.rate(sample_rate)) if self.is_digital else system
 
 
-class StateSpaceController(Controller):
-    """Any linear controller, x' = A x + B y, K y = C x + D y; digital: the discrete matrices at its rate.
+class _ReadingController(Controller, ABC):
+    """Base of those that may read more than y.
+
+    Parameters
+    ----------
+    inputs : sequence of {"y", "i_c", "r"}
+        Recorded signals that its columns stand for, signal by signal, all axes each: ["y", "i_c"] for state feedback
+        with the measured current. A column of r is for a law that does not act on y - r alone.
+    """
+
+    inputs: tuple[Literal["y", "i_c", "r"], ...] = Field(
+        ("y",), min_length=1, description=f"a list of names of recorded signals, out of {', '.join(READABLE)}"
+    )
+
+    @field_validator("inputs")
+    @classmethod
+    def _once_each(cls, inputs: tuple[str, ...]) -> tuple[str, ...]:
+        if len(set(inputs)) < len(inputs) or "y" not in inputs:
+            refuse(problem("expected 'y', and every other signal at most once.", inputs))
+        return inputs
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """See `Controller.signals`."""
+        return self.inputs
+
+
+class StateSpaceController(_ReadingController):
+    """Any linear controller, x' = A x + B u, K u = C x + D u; digital: the discrete matrices at its rate.
 
     Parameters
     ----------
     A : (n, n) array_like
         Left out, with B and C, for a constant gain.
-    B : (n, m) array_like
-        m is the number of axes, in the rig's order; m = 1 is repeated on every axis.
+    B : (n, k m) array_like
+        m is the number of axes, in the rig's order, and k that of `inputs`; m = 1 is repeated on every axis.
     C : (m, n) array_like
-    D : (m, m) array_like
+    D : (m, k m) array_like
     """
 
     kind: Literal["state_space"] = "state_space"
@@ -228,7 +271,8 @@ class StateSpaceController(Controller):
     @model_validator(mode="after")
     def _shapes_agree(self) -> "StateSpaceController":
         n, m = len(self.A), len(self.D)
-        shapes = {"A": (n, n), "B": (n, m), "C": (m, n), "D": (m, m)}
+        read = m * len(self.inputs)
+        shapes = {"A": (n, n), "B": (n, read), "C": (m, n), "D": (m, read)}
         refuse(
             *(
                 problem(f"expected {shape[0]} rows of {shape[1]} numbers, to fit A and D.", getattr(self, key), key)
@@ -245,18 +289,20 @@ class StateSpaceController(Controller):
     def state_space(self, n_axes: int, sample_rate: float) -> StateSpace:
         """See `Controller.state_space`."""
         n, m = len(self.A), len(self.D)
-        a, b = np.reshape(self.A, (n, n)), np.reshape(self.B, (n, m))
-        c, d = np.reshape(self.C, (m, n)), np.reshape(self.D, (m, m))
-        return _stack([(a, b, c, d)] * (n_axes // m))
+        read = m * len(self.inputs)
+        a, b = np.reshape(self.A, (n, n)), np.reshape(self.B, (n, read))
+        c, d = np.reshape(self.C, (m, n)), np.reshape(self.D, (m, read))
+        return _stack([(a, b, c, d)] * (n_axes // m), len(self.inputs))
 
 
-class TransferFunctionController(Controller):
+class TransferFunctionController(_ReadingController):
     """Proper transfer functions, one on each axis; polynomials in s, or in z if digital, highest power first.
 
     Parameters
     ----------
     numerator, denominator : sequence of float, or one such sequence per axis
-        A single polynomial stands for all axes; kept as a tuple of polynomials.
+        A single polynomial stands for all axes; kept as a tuple of polynomials. With several `inputs`: one for all, one
+        per signal, or one per signal and axis, all axes of the first signal first.
     """
 
     kind: Literal["transfer_function"] = "transfer_function"
@@ -278,9 +324,13 @@ class TransferFunctionController(Controller):
             text = f"expected at most {MOST_COEFFICIENTS} coefficients, found {{}}; give a high order as state space."
             rows = enumerate(getattr(self, key))
             refuse(*(problem(text.format(len(r)), r, key, k) for k, r in rows if len(r) > MOST_COEFFICIENTS))
-        n_axes = max(len(self.numerator), len(self.denominator))
+        count = max(len(self.numerator), len(self.denominator))
         sides = {"numerator": self.numerator, "denominator": self.denominator}
-        refuse(*_wrong_counts(sides, n_axes))
+        n_axes, odd = divmod(count, len(self.inputs)) if count > 1 else (1, 0)
+        if odd:
+            text = f"expected 1 entry, or a multiple of {len(self.inputs)}, one per signal in inputs; found {count}."
+            refuse(problem(text, count, "numerator"))
+        refuse(*_wrong_counts(sides, n_axes, len(self.inputs)))
         problems = [
             problem("expected a coefficient that is not 0.", row, "denominator", k)
             for k, row in enumerate(self.denominator)
@@ -296,20 +346,24 @@ class TransferFunctionController(Controller):
         return self
 
     def _pairs(self, n_axes: int) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """Numerator and denominator of each axis, without leading zeros."""
-        sides = (
-            [np.trim_zeros(np.array(row, dtype=float), "f") for row in rows] * (n_axes // len(rows))
-            for rows in (self.numerator, self.denominator)
-        )
+        """Numerator and denominator of each signal and axis, without leading zeros."""
+        sides = []
+        for rows in (self.numerator, self.denominator):
+            own = [np.trim_zeros(np.array(row, dtype=float), "f") for row in rows]
+            every = own * len(self.inputs) if len(own) == 1 else own
+            sides.append([row for row in every for _ in range(n_axes * len(self.inputs) // len(every))])
         return list(zip(*sides, strict=True))
 
     def axis_problems(self, n_axes: int) -> list[InitErrorDetails]:
         """See `Controller.axis_problems`."""
-        return _wrong_counts({"numerator": self.numerator, "denominator": self.denominator}, n_axes)
+        sides = {"numerator": self.numerator, "denominator": self.denominator}
+        return _wrong_counts(sides, n_axes, len(self.inputs))
 
     def state_space(self, n_axes: int, sample_rate: float) -> StateSpace:
         """See `Controller.state_space`; the realisation is a balanced companion form."""
-        return _stack([_companion(*pair) for pair in self._pairs(n_axes)])
+        pairs = self._pairs(n_axes)
+        own = [[_companion(*pair) for pair in pairs[axis::n_axes]] for axis in range(n_axes)]
+        return _stack([_added(systems) for systems in own], len(self.inputs))
 
 
 AnyController = Annotated[
@@ -317,12 +371,13 @@ AnyController = Annotated[
 ]
 
 
-def _wrong_counts(given: dict[str, tuple[Any, ...]], n_axes: int) -> list[InitErrorDetails]:
-    """Problems of the keys that have neither one entry nor one per axis."""
+def _wrong_counts(given: dict[str, tuple[Any, ...]], n_axes: int, signals: int = 1) -> list[InitErrorDetails]:
+    """Problems of the keys that have neither one entry, nor one per signal, nor one per signal and axis."""
+    per = "one per axis" if signals == 1 else f"{signals}, one per signal, or one per signal and axis"
     return [
-        problem(f"expected 1 entry for all axes, or {n_axes}, one per axis; found {len(value)}.", value, key)
+        problem(f"expected 1 entry for all axes, or {n_axes * signals}, {per}; found {len(value)}.", value, key)
         for key, value in given.items()
-        if len(value) not in (1, n_axes)
+        if len(value) not in (1, signals, n_axes * signals)
     ]
 
 
@@ -331,10 +386,17 @@ def _has_shape(rows: Matrix, shape: tuple[int, int]) -> bool:
     return empty or (len(rows) == shape[0] and all(len(row) == shape[1] for row in rows))
 
 
-def _stack(systems: list[StateSpace]) -> StateSpace:
-    """Independent systems side by side."""
+def _stack(systems: list[StateSpace], signals: int = 1) -> StateSpace:
+    """Independent systems side by side, their columns signal by signal."""
     a, b, c, d = (block_diag(*blocks).astype(float) for blocks in zip(*systems, strict=True))
-    return a, b, c, d
+    columns = np.arange(d.shape[1]).reshape(len(systems), signals, -1).transpose(1, 0, 2).ravel()
+    return a, b[:, columns], c, d[:, columns]
+
+
+def _added(systems: list[StateSpace]) -> StateSpace:
+    """One system that adds the outputs of several, each with an input of its own."""
+    a, b, *_ = _stack(systems)
+    return a, b, np.hstack([c for _, _, c, _ in systems]), np.hstack([d for *_, d in systems])
 
 
 def _pid(

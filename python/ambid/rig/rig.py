@@ -264,6 +264,10 @@ class Rig(Spec):
         if "bearings" in info.data and "sample_rate" in info.data:
             n_axes = sum(len(bearing.axes) for bearing in info.data["bearings"])
             refuse(*controller.rig_problems(n_axes, info.data["sample_rate"]))
+        amplifier = info.data.get("amplifier")
+        if "i_c" in controller.signals and amplifier is not None and amplifier.time_constant == 0.0:
+            text = "reads i_c, which follows the command at once where amplifier.time_constant = 0; give the lag [s]."
+            refuse(problem(text, controller.signals, "inputs"))
         return controller
 
     @property

@@ -162,10 +162,9 @@ impl Plant {
 /// sees the command of `whole + 1` samples ago for the fraction of the delay, then that of `whole` samples ago.
 /// Inputs: excitations, further inputs of the plant, noise.
 fn sampled(plant: &Plant, k: &Controller, dt: f64, free: &[usize]) -> Result<(Discrete, Vec<Discrete>)> {
-    let (np, m) = (free.len(), k.channels());
-    let at_once = |d: &DMatrix<f64>| d.view((0, 0), (m, m)).iter().any(|x| *x != 0.0);
-    if at_once(&plant.d.value) || plant.d.slopes.iter().any(at_once) {
-        return Err(Error::Singular { what: "a displacement follows a command at once, through Delta" });
+    let (np, m, q) = (free.len(), k.channels(), k.signals());
+    if k.reads_commands(&plant.d.value) || plant.d.slopes.iter().any(|d| k.reads_commands(d)) {
+        return Err(Error::Singular { what: "a signal that the controller reads follows a command at once" });
     }
     let step = dt / k.steps as f64;
     let (whole, fraction, in_two) = k.split_delay();
@@ -193,10 +192,11 @@ fn sampled(plant: &Plant, k: &Controller, dt: f64, free: &[usize]) -> Result<(Di
     let k_d = law(k.d.clone(), |error, _| error.d.clone());
     let k_e = law(DMatrix::identity(m, m) * k.excitation, |error, m| DMatrix::identity(m, m) * error.excitation);
 
-    // what is read, y + noise, and the fresh command -C_k x_k - D_k (y + noise) + e i_e, as rows over states and inputs
+    // what is read, noise included, and the fresh command -C_k x_k - D_k read + e i_e, as rows over states and inputs
     let noise = |rows: usize| place(rows, inputs, (0, nu), &DMatrix::identity(m, inputs - nu));
-    let read_x = plant.c.map(|c| place(m, n, (0, 0), &c.rows(0, m).into_owned()));
-    let read_u = plant.d.map(|d| place(m, inputs, (0, 0), &d.rows(0, m).into_owned())).plus(&constant(noise(m)));
+    let read_x = plant.c.map(|c| place(q, n, (0, 0), &(&k.reads * c)));
+    let taken = place(q, inputs, (0, 0), &k.takes) + &k.reads * noise(ny);
+    let read_u = plant.d.map(|d| place(q, inputs, (0, 0), &(&k.reads * d))).plus(&constant(taken));
     let fresh_x = k_d.times(&read_x).map(|y| -y).plus(&k_c.map(|c| place(m, n, (0, nx), &-c)));
     let fresh_u = k_d.times(&read_u).map(|y| -y).plus(&k_e.map(|e| place(m, inputs, (0, 0), e)));
     // what acts on the plant: the command of `age` samples ago, and the further inputs

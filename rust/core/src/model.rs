@@ -10,27 +10,32 @@ const MOST_UNDER_WAY: f64 = 1000.0;
 
 /// A digital controller K: `i_ref = -K y + excitation i_e`, computed once a controller sample, held, and delayed.
 ///
-/// It reads the first `b.ncols()` outputs of the plant and drives the first `c.nrows()` inputs; both counts are
-/// equal. The excitation is added before the delay. Further inputs of the plant are held over a sample of the record.
+/// It reads `reads` times the outputs of the plant, plus `takes` times its inputs (such as a reference, negative), as
+/// they are at its own samples, and drives the first `c.nrows()` inputs. The excitation is added before the delay.
+/// Further inputs of the plant are held over a sample of the record.
 ///
 /// Without states and with D = 0 it delays the excitation alone, of a loop that is closed already.
 #[derive(Debug, Clone)]
 pub struct Controller {
     /// States x states, over one controller sample.
     pub a: DMatrix<f64>,
-    /// States x channels.
+    /// States x signals that it reads.
     pub b: DMatrix<f64>,
     /// Channels x states.
     pub c: DMatrix<f64>,
-    /// Channels x channels.
+    /// Channels x signals that it reads.
     pub d: DMatrix<f64>,
+    /// Signals that it reads x the first outputs of the plant; those beyond its columns it does not read.
+    pub reads: DMatrix<f64>,
+    /// Signals that it reads x the first inputs of the plant, likewise; commands have a zero here.
+    pub takes: DMatrix<f64>,
     /// Delay of everything that leaves the controller, in controller samples; need not be whole.
     pub delay: f64,
     /// Index of the parameter that is a further delay, in seconds. What arrives just at a sample is seen by the next.
     pub late: Option<usize>,
     /// Controller samples per sample of the record.
     pub steps: usize,
-    /// True where as many inputs, the last of the loop, are added to the displacements that are read (sensor noise).
+    /// True where an input a channel, the last of the loop, is added to the first outputs (sensor noise).
     pub noise: bool,
     /// Gain of the excitation, 1 where it is as recorded.
     pub excitation: f64,
@@ -38,14 +43,14 @@ pub struct Controller {
     pub errors: Vec<GainError>,
 }
 
-/// What a parameter adds to the commands of a digital controller: `theta (-C x - D (y + noise) + excitation i_e)`.
+/// What a parameter adds to the commands of a digital controller: `theta (-C x - D read + excitation i_e)`.
 #[derive(Debug, Clone)]
 pub struct GainError {
     /// Index into the parameter vector.
     pub parameter: usize,
     /// Channels x states.
     pub c: DMatrix<f64>,
-    /// Channels x channels.
+    /// Channels x signals that are read.
     pub d: DMatrix<f64>,
     /// Share of the excitation.
     pub excitation: f64,
@@ -66,14 +71,26 @@ pub struct Model {
 }
 
 impl Controller {
-    /// At the rate of the record, without delay and noise, its gains known.
+    /// At the rate of the record, without delay and noise, its gains known; it reads the first outputs of the plant.
     pub fn new(a: DMatrix<f64>, b: DMatrix<f64>, c: DMatrix<f64>, d: DMatrix<f64>) -> Self {
-        Self { a, b, c, d, delay: 0.0, late: None, steps: 1, noise: false, excitation: 1.0, errors: Vec::new() }
+        let (reads, takes) = (DMatrix::identity(d.ncols(), d.ncols()), DMatrix::zeros(d.ncols(), 0));
+        let (delay, late, steps, noise, excitation) = (0.0, None, 1, false, 1.0);
+        Self { a, b, c, d, reads, takes, delay, late, steps, noise, excitation, errors: Vec::new() }
     }
 
-    /// Number of displacements read and of commands given.
+    /// Number of commands given.
     pub fn channels(&self) -> usize {
         self.d.nrows()
+    }
+
+    /// Number of signals read.
+    pub fn signals(&self) -> usize {
+        self.d.ncols()
+    }
+
+    /// Whether a signal that is read follows a command at once, by what `d` brings from the inputs to the outputs.
+    pub(crate) fn reads_commands(&self, d: &DMatrix<f64>) -> bool {
+        (&self.reads * d.columns(0, self.channels())).iter().any(|x| *x != 0.0)
     }
 
     /// Whether it closes a loop, or delays the excitation alone.
@@ -124,17 +141,18 @@ impl Model {
     ///
     /// # Errors
     /// [`Error::Shape`], [`Error::NotFinite`].
-    pub fn new(lft: Lft, dt: f64, controller: Option<Controller>) -> Result<Self> {
+    pub fn new(lft: Lft, dt: f64, mut controller: Option<Controller>) -> Result<Self> {
         check_finite("logarithm of dt", &[dt.ln(), 1.0 / dt])?;
-        if let Some(k) = &controller {
-            let (n, m) = (k.a.nrows(), k.channels());
+        if let Some(k) = &mut controller {
+            let (n, m, q) = (k.a.nrows(), k.channels(), k.signals());
             check_len("controller A (columns)", k.a.ncols(), n)?;
             check_len("controller B (rows)", k.b.nrows(), n)?;
-            check_len("controller B (columns)", k.b.ncols(), m)?;
+            check_len("controller B (columns)", k.b.ncols(), q)?;
             check_len("controller C (rows)", k.c.nrows(), m)?;
             check_len("controller C (columns)", k.c.ncols(), n)?;
-            check_len("controller D (columns)", k.d.ncols(), m)?;
-            for part in [&k.a, &k.b, &k.c, &k.d] {
+            check_len("what the controller reads (rows)", k.reads.nrows(), q)?;
+            check_len("what the controller takes (rows)", k.takes.nrows(), q)?;
+            for part in [&k.a, &k.b, &k.c, &k.d, &k.reads, &k.takes] {
                 check_finite("controller", part.as_slice())?;
             }
             check_finite("gain of the excitation", &[k.excitation])?;
@@ -143,7 +161,7 @@ impl Model {
                     ("gain error C (rows)", c.nrows(), m),
                     ("gain error C (columns)", c.ncols(), n),
                     ("gain error D (rows)", d.nrows(), m),
-                    ("gain error D (columns)", d.ncols(), m),
+                    ("gain error D (columns)", d.ncols(), q),
                 ] {
                     check_len(what, found, expected)?;
                 }
@@ -151,17 +169,26 @@ impl Model {
                 check_finite("gain error", d.as_slice())?;
                 check_finite("gain error", &[*excitation])?;
             }
-            for (what, found) in [("plant inputs", lft.inputs()), ("plant outputs", lft.outputs())] {
-                if found < m {
-                    let (found, expected) = (found.to_string(), format!("at least the {m} channels of the controller"));
+            let (inputs, outputs) = (m.max(k.takes.ncols()), m.max(k.reads.ncols()));
+            for (what, found, needed) in
+                [("plant inputs", lft.inputs(), inputs), ("plant outputs", lft.outputs(), outputs)]
+            {
+                if found < needed {
+                    let (found, expected) = (found.to_string(), format!("at least the {needed} of the controller"));
                     return Err(Error::Shape { what, found, expected });
                 }
             }
+            k.reads.resize_horizontally_mut(lft.outputs(), 0.0);
+            k.takes.resize_horizontally_mut(lft.inputs(), 0.0);
             if !(k.delay >= 0.0 && k.delay.is_finite()) || k.steps == 0 {
                 return Err(Error::NotFinite { what: "controller delay or steps" });
             }
-            if (0..m).any(|i| (0..m).any(|j| lft.d[(i, j)] != 0.0)) {
-                return Err(Error::Singular { what: "a displacement follows a command at once (D is not zero)" });
+            if k.takes.columns(0, m).iter().any(|x| *x != 0.0) {
+                return Err(Error::Singular { what: "the controller takes its own command at once" });
+            }
+            if k.reads_commands(&lft.d.rows(0, lft.outputs()).into_owned()) {
+                let what = "a signal that the controller reads follows a command at once (D is not zero)";
+                return Err(Error::Singular { what });
             }
         }
         Ok(Self { lft, dt, controller, substeps: None })

@@ -49,10 +49,12 @@ pub fn split(model: &Model) -> Vec<Part> {
     let lft = &model.lft;
     let (n, m, nu, ny) = (lft.a.nrows(), model.commands(), lft.inputs(), lft.outputs());
     let nc = model.controller.as_ref().map_or(0, |c| c.a.nrows());
-    // nodes: states, commands, outputs, entries of Delta (gains, then blocks), controller states
+    let nr = model.controller.as_ref().map_or(0, Controller::signals);
+    // nodes: states, commands, outputs, entries of Delta (gains, then blocks), controller states, signals it reads
     let entries = lft.gains.len() + lft.blocks.len();
     let (command, output, entry, control) = (n, n + m, n + m + ny, n + m + ny + entries);
-    let mut sets = Sets((0..control + nc).collect());
+    let read = control + nc;
+    let mut sets = Sets((0..read + nr).collect());
     let reader = readers(lft);
     let row = |i: usize| if i < ny { output + i } else { entry + reader[i - ny] };
     sets.join_pattern(&lft.a, |i| i, |j| j);
@@ -63,12 +65,13 @@ pub fn split(model: &Model) -> Vec<Part> {
     }
     if let Some(c) = &model.controller {
         sets.join_pattern(&c.a, |i| control + i, |j| control + j);
-        sets.join_pattern(&c.b, |i| control + i, |j| output + j);
+        sets.join_pattern(&c.b, |i| control + i, |j| read + j);
         sets.join_pattern(&c.c, |i| command + i, |j| control + j);
-        sets.join_pattern(&c.d, |i| command + i, |j| output + j);
+        sets.join_pattern(&c.d, |i| command + i, |j| read + j);
+        sets.join_pattern(&c.reads, |i| read + i, |j| output + j);
         for error in &c.errors {
             sets.join_pattern(&error.c, |i| command + i, |j| control + j);
-            sets.join_pattern(&error.d, |i| command + i, |j| output + j);
+            sets.join_pattern(&error.d, |i| command + i, |j| read + j);
         }
         for i in 0..m {
             sets.join(command + i, output + i);
@@ -84,8 +87,8 @@ pub fn split(model: &Model) -> Vec<Part> {
                 (0..count).filter(|i| sets.find(from + i) == root).collect()
             };
             let (states, commands, outputs) = (members(0, n), members(command, m), members(output, ny));
-            let (entries, controls) = (members(entry, entries), members(control, nc));
-            part(model, &states, &commands, outputs, &entries, &controls)
+            let (entries, controls, reads) = (members(entry, entries), members(control, nc), members(read, nr));
+            part(model, &states, &commands, outputs, &entries, [&controls, &reads])
         })
         .collect()
 }
@@ -103,13 +106,16 @@ fn part(
     commands: &[usize],
     outputs: Vec<usize>,
     entries: &[usize],
-    controls: &[usize],
+    [controls, reads]: [&[usize]; 2],
 ) -> Part {
     let lft = &model.lft;
     let (nu, ny, k) = (lft.inputs(), lft.outputs(), lft.gains.len());
     let signals = readers(lft).into_iter().enumerate().filter(|(_, entry)| entries.contains(entry));
     let rows: Vec<usize> = outputs.iter().copied().chain(signals.map(|(z, _)| ny + z)).collect();
-    let acts = |j: &usize| states.iter().any(|i| lft.b[(*i, *j)] != 0.0) || rows.iter().any(|i| lft.d[(*i, *j)] != 0.0);
+    let taken = |j: usize| model.controller.as_ref().is_some_and(|c| reads.iter().any(|i| c.takes[(*i, j)] != 0.0));
+    let acts = |j: &usize| {
+        states.iter().any(|i| lft.b[(*i, *j)] != 0.0) || rows.iter().any(|i| lft.d[(*i, *j)] != 0.0) || taken(*j)
+    };
     let further = (model.commands()..nu).filter(acts);
     let mut inputs: Vec<usize> = commands.iter().copied().chain(further).collect();
     let columns: Vec<usize> = inputs.iter().copied().chain(entries.iter().map(|e| nu + e)).collect();
@@ -123,20 +129,23 @@ fn part(
         blocks: blocks.iter().map(|e| lft.blocks[*e - k].clone()).collect(),
     };
     let controller = model.controller.as_ref().filter(|_| !commands.is_empty()).map(|c| {
+        let takes = select(&c.takes, reads, &inputs);
         if c.noise {
             inputs.extend(commands.iter().map(|i| nu + i));
         }
         let error = |error: &GainError| GainError {
             c: select(&error.c, commands, controls),
-            d: select(&error.d, commands, commands),
+            d: select(&error.d, commands, reads),
             ..*error
         };
         let acts = |e: &GainError| e.excitation != 0.0 || e.c.iter().chain(&e.d).any(|x| *x != 0.0);
         Controller {
             a: select(&c.a, controls, controls),
-            b: select(&c.b, controls, commands),
+            b: select(&c.b, controls, reads),
             c: select(&c.c, commands, controls),
-            d: select(&c.d, commands, commands),
+            d: select(&c.d, commands, reads),
+            reads: select(&c.reads, reads, &outputs),
+            takes,
             errors: c.errors.iter().map(error).filter(acts).collect(),
             ..*c
         }

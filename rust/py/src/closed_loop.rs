@@ -18,6 +18,10 @@ type Matrices<'py> = (Matrix<'py>, Matrix<'py>, Matrix<'py>, Matrix<'py>);
 pub struct DigitalController<'py> {
     #[pyo3(item)]
     matrices: Matrices<'py>,
+    #[pyo3(item, default)]
+    reads: Option<Matrix<'py>>,
+    #[pyo3(item, default)]
+    takes: Option<Matrix<'py>>,
     #[pyo3(item)]
     delay: f64,
     #[pyo3(item, default)]
@@ -67,7 +71,14 @@ impl ClosedLoop {
                 excitation: *excitation,
             });
             let (delay, late, steps, noise, errors) = (k.delay, k.late, k.steps, k.noise, errors.collect());
-            Controller { delay, late, steps, noise, errors, ..Controller::new(a, b, c, d) }
+            let mut own = Controller { delay, late, steps, noise, errors, ..Controller::new(a, b, c, d) };
+            if let Some(reads) = &k.reads {
+                own.reads = matrix(reads);
+            }
+            if let Some(takes) = &k.takes {
+                own.takes = matrix(takes);
+            }
+            own
         });
         let model = Model { substeps, ..Model::new(lft, dt, controller).map_err(raise)? };
         Ok(Self { core: Arc::new(Core::new(model, parameters).map_err(raise)?) })

@@ -11,7 +11,11 @@ pub struct Control {
     /// Controller samples per sample of the record.
     pub steps: usize,
     channels: usize,
+    signals: usize,
     rows: usize,
+    /// What is read of the outputs, and of the inputs that are no commands: signal, output or input, how much.
+    reads: Vec<(usize, usize, f64)>,
+    takes: Vec<(usize, usize, f64)>,
     /// `[state | read]` to `[command | next state]`.
     weights: Weights,
     /// Gain of the excitation.
@@ -29,19 +33,22 @@ impl Control {
     pub fn new(controller: &Controller, free: &[usize]) -> Self {
         let Controller { a, b, c, d, .. } = controller;
         let rows = 1 + free.len();
-        let (n, m) = (a.nrows(), controller.channels());
-        let mut whole = DMatrix::zeros(m + n, n + m);
+        let (n, m, q) = (a.nrows(), controller.channels(), controller.signals());
+        let mut whole = DMatrix::zeros(m + n, n + q);
         for (at, part) in [((0, 0), &-c), ((0, n), &-d), ((m, 0), a), ((m, n), b)] {
             whole.view_mut(at, part.shape()).copy_from(part);
         }
-        let weights = Weights::new(n + m, &[whole]);
+        let weights = Weights::new(n + q, &[whole]);
         let kept = controller.split_delay().0 + 2;
         let errors = free.iter().enumerate().filter_map(|(j, p)| Some((1 + j, controller.slope(*p)?))).collect();
         Self {
             steps: controller.steps,
             channels: m,
+            signals: q,
             rows,
-            state: vec![0.0; rows * (n + m)],
+            reads: entries(&controller.reads, 0),
+            takes: entries(&controller.takes, m),
+            state: vec![0.0; rows * (n + q)],
             next: vec![0.0; rows * weights.columns],
             commands: vec![0.0; kept * rows * m],
             weights,
@@ -58,7 +65,7 @@ impl Control {
     /// From this state on, which the commands before follow, newest first; derivatives stay as they are.
     pub fn place(&mut self, state: &[f64]) {
         let width = self.state.len() / self.rows;
-        let (own, commands) = state.split_at(width - self.channels);
+        let (own, commands) = state.split_at(width - self.signals);
         self.state[..own.len()].copy_from_slice(own);
         let size = self.rows * self.channels;
         for (kept, command) in self.commands.chunks_exact_mut(size).zip(commands.chunks(self.channels)) {
@@ -72,15 +79,19 @@ impl Control {
         &self.commands[age * size..][..size]
     }
 
-    /// Computes the next command, `-C x - D (y + noise) + e i_e`, and the next state. Rows of y stand `stride` apart.
-    pub fn update(&mut self, excitation: &[f64], noise: &[f64], y: &[f64], stride: usize) {
-        let Self { channels: m, rows, weights, state, next, commands, errors, .. } = self;
+    /// Computes the next command, `-C x - D read + e i_e`, and the next state. Rows of y stand `stride` apart.
+    pub fn update(&mut self, [excitation, further, noise]: [&[f64]; 3], y: &[f64], stride: usize) {
+        let Self { channels: m, signals, rows, reads, takes, weights, state, next, commands, errors, .. } = self;
         let (m, columns, width) = (*m, weights.columns, state.len() / *rows);
-        let n = width - m;
+        let n = width - *signals;
         for (state, y) in state.chunks_exact_mut(width).zip(y.chunks(stride)) {
-            state[n..].copy_from_slice(&y[..m]);
+            state[n..].fill(0.0);
+            reads.iter().for_each(|(i, j, share)| state[n + i] += share * y[*j]);
         }
-        state[n..].iter_mut().zip(noise).for_each(|(read, noise)| *read += noise);
+        takes.iter().for_each(|(i, j, share)| state[n + i] += share * further[*j]);
+        for (i, j, share) in reads.iter().filter(|(_, j, _)| *j < noise.len()) {
+            state[n + i] += share * noise[*j];
+        }
         next.fill(0.0);
         next[..m].iter_mut().zip(excitation).for_each(|(next, i_e)| *next = self.excitation * i_e);
         for (row, error) in errors {
@@ -99,4 +110,10 @@ impl Control {
             state[row * width..][..n].copy_from_slice(&next[m..m + n]);
         }
     }
+}
+
+/// The entries of a matrix that are not zero, from column `first` on, which counts as 0.
+fn entries(m: &DMatrix<f64>, first: usize) -> Vec<(usize, usize, f64)> {
+    let all = (first..m.ncols()).flat_map(|j| (0..m.nrows()).map(move |i| (i, j)));
+    all.filter(|at| m[*at] != 0.0).map(|(i, j)| (i, j - first, m[(i, j)])).collect()
 }

@@ -96,8 +96,8 @@ impl Plant {
             late: model.controller.as_ref().and_then(|k| k.late).and_then(row),
             rows: 1 + free.len(),
         };
-        if plant.displacement_follows_command() {
-            let what = "a displacement follows a command at once, through a nonlinear block or a free gain";
+        if model.controller.as_ref().is_some_and(|k| plant.read_follows_command(&k.reads)) {
+            let what = "what a controller reads follows a command at once, through a nonlinear block or a free gain";
             return Err(Error::Singular { what });
         }
         Ok(plant)
@@ -123,12 +123,12 @@ impl Plant {
         (self.inputs + self.blocks.len(), self.gains.len())
     }
 
-    /// Whether an output that a digital controller reads follows a command at once, through a block or a free gain.
-    fn displacement_follows_command(&self) -> bool {
+    /// Whether a signal that a digital controller reads follows a command at once, through a block or a free gain.
+    fn read_follows_command(&self, reads: &DMatrix<f64>) -> bool {
         let commanded = |d: &DMatrix<f64>| -> Vec<bool> {
             d.columns(0, self.driven).row_iter().map(|r| r.iter().any(|d| *d != 0.0)).collect()
         };
-        let read = |column: usize| (0..self.driven).any(|y| self.d_y[(y, column)] != 0.0);
+        let read = |column: usize| (reads * self.d_y.column(column)).iter().any(|d| *d != 0.0);
         let through_gain = |(k, moved): (usize, bool)| moved && read(self.gain_ports().0 + k);
         let mut moved = commanded(&self.d_z);
         let mut through_block = |block: &Placed| {

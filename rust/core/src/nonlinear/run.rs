@@ -137,12 +137,12 @@ fn advance<const FMA: bool, const SLOPES: bool>(run: &mut Run, u: &[f64], y: &mu
     let mut fresh = true;
     for _ in 0..control.as_ref().map_or(1, |control| control.steps) {
         if let Some(control) = control {
-            // the displacements that the controller reads follow the further inputs at once, but no command
+            // what the controller reads follows the further inputs at once, but no command
             let scheme = &segments[0].scheme;
             hold::<SLOPES>(plant, layout, buffers, scheme, &[], further);
             start::<SLOPES>(plant, layout, buffers, scheme, layout.y_end);
             stage::<FMA, SLOPES>(plant, layout, buffers, scheme, 0, layout.y_end);
-            control.update(excitation, noise, &buffers.step[layout.y..], whole);
+            control.update([excitation, further, noise], &buffers.step[layout.y..], whole);
         }
         for (i, Segment { scheme, age }) in segments.iter().enumerate() {
             let commands = control.as_ref().map_or(&[][..], |control| control.command(*age));

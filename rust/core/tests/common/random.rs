@@ -64,17 +64,16 @@ impl Random {
         let late = self.pick(&[None, Some(theta.len())]);
         theta.extend(late.map(|_| share * delay * dt / steps as f64));
         let errors = self.gain_errors(&mut theta, states, channels);
+        let (a, b) = (self.matrix(states, states) * 0.3, self.matrix(states, channels) * 0.3);
+        let (c, d) = (self.matrix(channels, states) * 0.3, self.matrix(channels, channels) * 0.3);
         let controller = Controller {
-            a: self.matrix(states, states) * 0.3,
-            b: self.matrix(states, channels) * 0.3,
-            c: self.matrix(channels, states) * 0.3,
-            d: self.matrix(channels, channels) * 0.3,
             delay: if late.is_some() { (1.0 - share) * delay } else { delay },
             late,
             steps,
             noise: self.pick(&[false, true]),
             excitation: self.between(0.5, 1.5),
             errors,
+            ..Controller::new(a, b, c, d)
         };
         Problem { model: Model::new(lft, dt, Some(controller)).expect("consistent"), theta }
     }
