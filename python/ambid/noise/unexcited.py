@@ -56,7 +56,8 @@ class Unexcited:
     def is_heard(self) -> bool:
         """Whether what i_e holds beside its period drives the loop; else it was measured with noise.
 
-        Taken for excitation, noise of its measurement makes what the model leaves louder.
+        Taken for excitation, noise of its measurement makes what the model leaves louder. So does the noise of an i_e
+        that was rebuilt; it is that of i_c once more, and counted twice, which errs to the safe side.
         """
         if not self._varies:
             return True
