@@ -20,7 +20,18 @@ from places import LEVITATOR, ROOT
 from virtual import AXES, NAMES
 
 LOADS = sorted(DATA.glob("static_*.csv"))
-COMMANDS = ("check", "identify", "static-load", "campaign", "compare", "diagnose", "effects", "simulate", "demo")
+COMMANDS = (
+    "check",
+    "identify",
+    "static-load",
+    "campaign",
+    "compare",
+    "diagnose",
+    "effects",
+    "simulate",
+    "frequency-response",
+    "demo",
+)
 TAU_E = 2.9e-4
 CHANNELS = {f"{signal}.{axis}" for signal in ("y", "i_c") for axis in AXES}
 
