@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from ambid.demo import DATA
@@ -40,6 +41,15 @@ def diagnose_step_by_step(said, truth):
     for name in ("tau_e", "loop_delay.delay"):
         assert numbers(said, f"{name}: # s") == pytest.approx([hidden[name]], rel=0.01)
     assert numbers(said, "misfit of the other record: #") == pytest.approx([1.0], abs=0.1)
+
+
+def dry_friction(said, truth):
+    assert "none_of_the_candidates: what is missing acts most likely as a force" in said
+    assert "sign ds/dt" in said
+    left = numbers(said, "measured force over v: misfit #, of the other record #")
+    assert max(left) < 1.3
+    table = [float(force) for speed, force in re.findall(r"(\S+) mm/s +(\S+) N", said) if 1.0 < float(speed) < 20.0]
+    assert np.mean(table) == pytest.approx(-3.0, abs=0.3)
 
 
 def effect_of_your_own(said, truth):
@@ -94,6 +104,7 @@ def rotor_from_elsewhere(said, truth):
 CLAIMS = [
     controller_from_control,
     diagnose_step_by_step,
+    dry_friction,
     effect_of_your_own,
     embedded_simulator,
     identify_a_rig,

@@ -293,12 +293,21 @@ def test_magnets_and_sample_rate():
     assert any("bandwidth" in text for text in texts)
 
 
+@pytest.mark.parametrize(
+    "path", [lambda n: np.linspace(0.0, 1.0, n), lambda n: 1.0 - np.cos(np.linspace(0.0, 6.28, n))]
+)
+def test_a_set_point_that_ramps_is_an_operating_point_and_no_drift(path):
+    rig, record = bench_experiment()
+    own = path(record.samples)[:, None]
+    moved = replace(record, y=record.y + 10.0 * record.y.std(axis=0) * own)
+    assert any("passes through operating points, which is no drift" in f.what for f in check(rig, [moved]).findings)
+
+
 def test_a_drive_without_stiffness_is_a_warning():
     rig, _ = bench_experiment()
-    drives = [b.model_copy(update={"force_displacement": (0.5,) * len(b.axes)}) for b in rig.bearings]
-    assert any(
-        "1 for ideal magnets" in text for text in warnings_of(Rig.from_toml(rig.replace(bearings=drives).to_toml()))
-    )
+    drives = [b.model_copy(update={"force_displacement": (0.05,) * len(b.axes)}) for b in rig.bearings]
+    drive = type(rig).from_toml(rig.replace(bearings=drives).to_toml())
+    assert any("1 for ideal magnets" in finding.what for finding in check(drive).findings)
 
 
 def test_the_page_and_its_json():

@@ -18,6 +18,8 @@ Severity = Literal["fault", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("fault", "warning", "note")
 ZONES = ((3.0, "A"), (4.0, "B"), (5.0, "C"), (np.inf, "D"))
 """Largest peak sensitivity of each zone, ISO 14839-3."""
+PATH = "operating point"
+"""Where a finding is about a record that does not stay at one."""
 MOST_LISTED = 15
 """Findings that are printed, at most."""
 
@@ -44,6 +46,11 @@ class Finding:
     what: str
     todo: str
     stops_diagnosis: bool = False
+
+    @property
+    def is_of_path(self) -> bool:
+        """Whether it tells that a record does not stay at one operating point."""
+        return self.where.endswith(PATH)
 
     @classmethod
     def fault(cls, where: str, what: str, todo: str) -> Finding:

@@ -36,7 +36,7 @@ PORTS = {
     "sensor": ("y", "m", "displacement at the sensors"),
     "reading": ("i_c", "A", "reading of the current alone"),
 }
-UNSEEN = 1e-3
+UNSEEN = 1e-9
 """Of the largest singular value: combinations of signals that the records see less of have no weight."""
 WATCHED = ("s", "v", "i_f", "i_ref", "y")
 Shape = Callable[[dict[str, FloatArray]], FloatArray]
@@ -128,6 +128,7 @@ class Port:
     weights : callable
         Least squares in units of noise, beside the parameters of the model: given signals over one period, shape
         (N, axes, k), the k weights at which they act at this port, and the part of the excess misfit that they explain.
+        What is known of the weights beforehand are rows of k columns and what they should give, in standard deviations.
     """
 
     name: str
@@ -138,7 +139,7 @@ class Port:
     needed: FloatArray
     against: dict[str, FloatArray]
     terms: tuple[Term, ...]
-    weights: Callable[[FloatArray], tuple[FloatArray, float]] = field(repr=False, compare=False)
+    weights: Callable[[FloatArray, FloatArray, FloatArray], tuple[FloatArray, float]] = field(repr=False, compare=False)
 
 
 class _Inlets(Effect):
@@ -291,7 +292,15 @@ def _terms(
 
 
 def _weights(
-    signals: FloatArray, *, way: ComplexArray, white: ComplexArray, cost: float, basis: FloatArray, window: Window
+    signals: FloatArray,
+    rows: FloatArray,
+    wanted: FloatArray,
+    *,
+    way: ComplexArray,
+    white: ComplexArray,
+    cost: float,
+    basis: FloatArray,
+    window: Window,
 ) -> tuple[FloatArray, float]:
     lines, p, _ = way.shape
     known = _stacked(np.stack([as_lines(column, p)[:lines] for column in basis.T], axis=-1).reshape(-1, basis.shape[1]))
@@ -299,7 +308,8 @@ def _weights(
     columns = _stacked((way @ spectrum).reshape(-1, signals.shape[2]))
     columns -= known @ (known.T @ columns)
     residual = _stacked(white.reshape(-1, 1))[:, 0]
-    found = np.asarray(np.linalg.lstsq(columns, residual, rcond=UNSEEN)[0], dtype=np.float64)
+    both = np.vstack([columns, rows]), np.concatenate([residual, wanted])
+    found = np.asarray(np.linalg.lstsq(*both, rcond=UNSEEN)[0], dtype=np.float64)
     left = residual - columns @ found
     return found, (cost - float(left @ left)) / max(cost - residual.size, 1.0)
 

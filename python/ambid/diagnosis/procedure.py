@@ -146,7 +146,7 @@ def diagnose(
         validation=task.validate,
         next_experiment=next_experiment(verdict, state.history),
         seconds=time.perf_counter() - begun,
-        notes=tuple(notes(verdict, state.fit.noise)),
+        notes=(*notes(verdict, state.fit.noise), *(f"{f.where}: {f.what}; {f.todo}" for f in findings if f.is_of_path)),
     )
     if is_stopped:
         raise Stopped(diagnosis)

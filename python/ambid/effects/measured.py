@@ -24,6 +24,8 @@ FEWEST = 10
 """Samples that each point of a shape is the mean of, at least."""
 POINTS = 12
 """Of a shape, at the most."""
+BEND = 0.1
+"""Of the size of what is needed: by how much a shape bends at a point, before the records speak."""
 LARGEST = 10.0
 """Factor that a refit may give the shape; it was measured as large as it is."""
 
@@ -35,7 +37,7 @@ class NeededAtPort(Protocol):
     needed: FloatArray
     terms: Sequence[Any]
     against: dict[str, FloatArray]
-    weights: Callable[[FloatArray], tuple[FloatArray, float]]
+    weights: Callable[[FloatArray, FloatArray, FloatArray], tuple[FloatArray, float]]
 
 
 @dataclass(frozen=True)
@@ -98,17 +100,21 @@ class MeasuredShape(Effect):
         ModelError
             If the port needs nothing, or has too few samples.
         """
-        names = OVER if over is None else (over,)
-        if before is not None:
-            names = (before.over,)
-        shapes = {name: _shape(port, port.against[name]) for name in names if name in port.against}
-        if not shapes or not np.any(port.needed):
+        names = (before.over,) if before is not None else OVER if over is None else (over,)
+        known = [name for name in names if name in port.against]
+        if not known or not np.any(port.needed):
             raise ModelError(f"the {port.name} port needs no signal over {' or '.join(names)}")
-        best = max(shapes, key=lambda name: shapes[name][2])
+        shapes = {name: _shape(port, port.against[name], before) for name in known}
+        best = max(known, key=lambda name: shapes[name][2])
         at, values, _ = shapes[best]
-        if before is not None:
-            values = values + np.interp(at, before.at, before.values)
         return cls(port.name, best, tuple(at.tolist()), tuple(values.tolist()))
+
+    @property
+    def symmetry(self) -> float:
+        """-1 of an odd shape, 1 of an even one, otherwise 0."""
+        turned, values = np.array(self.values[::-1]), np.array(self.values)
+        alike = np.allclose(np.array(self.at[::-1]), -np.array(self.at))
+        return next((sign for sign in (-1.0, 1.0) if alike and np.allclose(sign * turned, values)), 0.0)
 
     def times(self, factor: float) -> MeasuredShape:
         """The shape with its values times a factor, such as the one that a refit gave it."""
@@ -135,21 +141,31 @@ class MeasuredShape(Effect):
         return np.interp(x, self.at, self.values)
 
 
-def _shape(port: NeededAtPort, x: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+def _shape(port: NeededAtPort, x: FloatArray, before: MeasuredShape | None) -> tuple[FloatArray, FloatArray, float]:
     """Points of x with as many samples between each two, the values there that explain most, and how much that is.
 
     A port whose best simple shape is odd or even gets one that is so, too: half as many values say it better.
     """
-    kind = port.terms[0].kind if port.terms else ""
-    sign = {"odd": -1.0, "even": 1.0}.get(kind, 0.0)
+    sign = _symmetry(port) if before is None else before.symmetry
     own = np.abs(x) if sign else x
-    at = np.quantile(own, np.linspace(0.0, 1.0, int(np.clip(x.size // FEWEST, 3, POINTS))))
+    at = np.quantile(own, np.linspace(0.0, 1.0, int(np.clip(x.size // FEWEST, 4, POINTS))))
     at = np.unique(np.concatenate([[0.0], at[1:]]) if sign else at)
     hats = np.stack([np.interp(own, at, one) for one in np.eye(len(at))], axis=-1)
-    if sign < 0.0:
-        hats = np.sign(x)[..., None] * hats[..., 1:]
-    values, share = port.weights(hats)
-    values = values - float(np.mean(hats @ values)) if sign >= 0.0 else np.concatenate([[0.0], values])
+    old = np.zeros(len(at)) if before is None else np.interp(at, before.at, before.values)
+    size = float(np.std(port.needed)) if before is None else float(np.std(before.values))
+    bends = np.diff(np.eye(len(at)), 2, axis=0) / (BEND * size)
+    signed = (np.sign(x)[..., None] if sign < 0.0 else 1.0) * hats
+    if sign < 0.0:  # nothing at 0; the bends are those of the half beyond
+        more, share = port.weights(signed[..., 1:], bends[1:, 1:], -(bends @ old)[1:])
+        values = old + np.concatenate([[0.0], more])
+    else:
+        more, share = port.weights(signed, bends, -(bends @ old))
+        values = old + more - float(np.mean(hats @ more))
     if sign:
         at, values = np.concatenate([-at[:0:-1], at]), np.concatenate([sign * values[:0:-1], values])
     return at, values, share
+
+
+def _symmetry(port: NeededAtPort) -> float:
+    """-1 where the best simple shape at a port is odd, 1 where it is even, otherwise 0."""
+    return {"odd": -1.0, "even": 1.0}.get(port.terms[0].kind if port.terms else "", 0.0)
