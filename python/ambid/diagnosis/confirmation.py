@@ -63,7 +63,7 @@ def stands(task: Task, state: State, pair: Refitted) -> bool:
 def _halves(record: Measurement) -> tuple[Measurement, ...]:
     """Both halves of a record, of whole periods, or every other band of a response; nothing if too short."""
     if isinstance(record, FrequencyResponse):
-        is_first = np.arange(len(record.frequency_hz)) // BESIDE % 2 == 0
+        is_first = np.arange(len(record.frequency_hz))[::-1] // BESIDE % 2 == 0
         return (record.some(is_first), record.some(~is_first)) if len(is_first) >= LEAST_FREQUENCIES else ()
     if record.period is None:
         middle = record.samples // 2
