@@ -23,6 +23,8 @@ BETTER = 0.3
 """Part of what is left to which a law with more numbers must bring it to be preferred."""
 EXACT = 1e-6
 """Part of the command below which what is left is rounding of what was logged, and the shortest law is taken."""
+ROUNDING = 1e-6
+"""Share in the largest term of a recursion below which a term is rounding, and not told."""
 ALIKE = 0.05
 """Part of the command up to which a law counts as found."""
 SURE = 3.0
@@ -202,8 +204,12 @@ class _Fit:
         past = {f"u[k-{j}]": _back(self.u, j) for j in range(1, lags + 1)}
         for name, own in self.read.items():
             past |= {f"{name}[k-{j}]" if j else f"{name}[k]": _back(own, j) for j in range(lags + 1)}
-        x, error, left = self._solved(np.column_stack([_increments(own) for own in past.values()]), lags + 1)
-        return _Found(_sum("u[k]", list(past), x), _named(past, x), _named(past, error), left)
+        table = np.column_stack([_increments(own) for own in past.values()])
+        x, error, left = self._solved(table, lags + 1)
+        size = np.abs(x) * np.linalg.norm(table, axis=0)
+        told = size > ROUNDING * size.max()
+        names = [name for name, own in zip(past, told, strict=True) if own]
+        return _Found(_sum("u[k]", names, x[told]), _named(names, x[told]), _named(names, error[told]), left)
 
     def _solved(self, table: FloatArray, lags: int) -> tuple[FloatArray, FloatArray, float]:
         """Factors of columns that add up to the increments of u, their standard errors, and what is left of u."""
