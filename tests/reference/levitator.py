@@ -1,4 +1,4 @@
-"""A levitator of one axis whose controller follows a reference, from its physics; `Levitator.rig` alone is the product's.
+"""A levitator of one axis whose controller follows a reference, written from its physics, apart from the core.
 
 Held commands u reach the coil by ``tau i' = u/R - i``; the mass obeys ``m s'' = K_i i + K_s s``, or the law of two
 magnets that pull against each other.

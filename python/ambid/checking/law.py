@@ -86,7 +86,7 @@ def find_laws(record: Record, rig: Rig) -> tuple[Law, ...]:
     if record.i_ref is None or not rig.controller.is_digital:
         return ()
     i_e = np.zeros_like(record.y) if record.i_e is None or record.is_rebuilt else record.i_e
-    rig_left, late, found = _increments(unexplained(rig, record) - i_e[-1:]), int(rig.controller.delay_samples), []
+    rig_left, late, found = _increments(_unexplained(record, rig)), int(rig.controller.delay_samples), []
     for k, axis in enumerate(record.axes):
         command, free = record.i_ref[late:, k], ~at_limits(record.i_ref[late:, k])
         u = command - i_e[: len(command), k]
@@ -98,6 +98,13 @@ def find_laws(record: Record, rig: Rig) -> tuple[Law, ...]:
         missed = float(np.sqrt(np.mean(left[fit.rows(1)] ** 2)) / u.std())
         found.append(Law(axis, *best, rig_left=missed, clipped=float(1.0 - free.mean())))
     return tuple(found)
+
+
+def _unexplained(record: Record, rig: Rig) -> FloatArray:
+    """What the rig's controller leaves of the command beside a logged i_e."""
+    signals = {name: getattr(record, name) for name in ("y", "i_ref", "i_c", "r")}
+    left = unexplained(rig, record.sample_rate, **signals, where=str(record.path or record.name))
+    return left if record.i_e is None or record.is_rebuilt else left - record.i_e[: len(left)]
 
 
 def _read(record: Record, rig: Rig, k: int, count: int) -> dict[str, FloatArray]:
