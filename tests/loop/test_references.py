@@ -6,36 +6,17 @@ from numpy.testing import assert_allclose
 
 from ambid import Model, Rig, RigError
 from ambid.loop.response import frequency_response
-from ambid.rig import StateSpaceController, TransferFunctionController
+from ambid.rig import Amplifier, StateSpaceController, TransferFunctionController
 from reference.levitator import Levitator, pid, pid_matrices
 
 RATE = 1000.0
 TRUTH = Levitator(mass=0.06, K_i=1.3, K_s=95.0, tau=0.005)
 GAINS = (300.0, 900.0, 12.0)
-KEYS = {
-    "name": "levitator",
-    "sample_rate": RATE,
-    "rotor": {"kind": "mass", "mass": TRUTH.mass},
-    "bearing": [
-        {
-            "name": "A",
-            "axes": ["zeta"],
-            "position": 0.0,
-            "sensor_position": 0.0,
-            "bias_current": 0.9,
-            "air_gap": 0.01,
-            "force_current": TRUTH.K_i,
-            "force_displacement": TRUTH.K_s,
-        }
-    ],
-    "amplifier": {"time_constant": TRUTH.tau},
-    "actuator": {"has_lag": False},
-}
 
 
 def rig(**controller) -> Rig:
     own = {"kind": "state_space", "implementation": "digital", "reference": True, "inputs": ["y", "i_c"]}
-    return Rig(**KEYS, controller=own | pid_matrices(*GAINS, RATE, 0.4) | controller)
+    return TRUTH.rig(RATE, own | pid_matrices(*GAINS, RATE, 0.4) | controller)
 
 
 def drives(samples: int = 1500) -> tuple[np.ndarray, np.ndarray]:
@@ -54,6 +35,24 @@ def test_digital_loop_that_follows_a_reference_and_reads_its_current_is_exact():
     assert np.abs(found - expected).max() < 1e-11 * np.abs(expected).max()
     stepped = model.simulator().run(np.column_stack([i_e, r]))
     assert_allclose(stepped, found, rtol=0, atol=1e-12 * np.abs(found).max())
+
+
+def test_what_is_watched_leaves_the_loop_as_it_is():
+    model = Model(rig())
+    watched = model.watching(("s", "i_ref", "y", "i_c"))
+    assert_allclose(watched.poles(model.theta), model.poles(), rtol=1e-9)
+
+
+def test_a_column_of_its_own_for_the_reference_is_the_same_loop():
+    model = Model(rig())
+    own = pid_matrices(*GAINS, RATE, 0.4)
+    own["B"] = [[*row, -row[0]] for row in own["B"]]
+    own["D"] = [[*row, -row[0]] for row in own["D"]]
+    apart = Model(rig(reference=False, inputs=["y", "i_c", "r"], **own))
+    r, i_e = drives(300)
+    u = np.column_stack([i_e, r])
+    expected = model.loop.simulate(model.theta, u)
+    assert_allclose(apart.loop.simulate(model.theta, u), expected, rtol=0, atol=1e-12 * np.abs(expected).max())
 
 
 def test_slopes_by_time_and_on_lines_agree_with_differences():
@@ -89,9 +88,9 @@ def test_nonlinear_loop_follows_the_reference_too():
 
 
 def test_analog_loop_follows_the_reference_as_its_transfer_functions_say():
-    own = Rig(
-        **KEYS,
-        controller={
+    own = TRUTH.rig(
+        RATE,
+        {
             "kind": "transfer_function",
             "implementation": "analog",
             "reference": True,
@@ -115,7 +114,7 @@ def test_analog_loop_follows_the_reference_as_its_transfer_functions_say():
 
 def test_a_pid_may_follow_a_reference():
     keys = {"kind": "pid", "implementation": "analog", "proportional": 300.0, "derivative": 12.0}
-    own = Rig(**KEYS, controller=keys | {"derivative_time_constant": 1e-3, "reference": True})
+    own = TRUTH.rig(RATE, keys | {"derivative_time_constant": 1e-3, "reference": True})
     model = Model(own)
     K = 300.0 + 12.0 * 2j * np.pi * 5 / (1 + 1e-3 * 2j * np.pi * 5)
     found = model.loop.frequency_response(model.theta, np.array([5.0]))[0]
@@ -156,6 +155,5 @@ def test_what_cannot_be_read_is_refused(keys, words):
 
 
 def test_a_current_that_follows_at_once_cannot_be_read():
-    ideal = {**KEYS, "amplifier": {"time_constant": 0.0}}
     with pytest.raises(RigError, match=r"i_c, which follows the command at once"):
-        Rig(**ideal, controller=rig().controller)
+        rig().replace(amplifier=Amplifier(time_constant=0.0))

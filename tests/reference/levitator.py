@@ -1,4 +1,4 @@
-"""A levitator of one axis whose controller follows a reference, from its physics; it shares no code with the product.
+"""A levitator of one axis whose controller follows a reference, written from its physics, apart from the core.
 
 Held commands u reach the coil by ``tau i' = u/R - i``; the mass obeys ``m s'' = K_i i + K_s s``, or the law of two
 magnets that pull against each other.
@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
+
+from ambid import Rig
 
 Law = Callable[[float, float], float]
 
@@ -28,6 +30,28 @@ class Levitator:
     gap: float | None = None
     bias: float = 0.0
     back_emf: float = 0.0
+
+    def rig(self, rate: float, controller: dict, off: float = 0.0) -> Rig:
+        """Rig file of it, whose nominal K_i and K_s are off by a part of them."""
+        bearing = {
+            "name": "A",
+            "axes": ["zeta"],
+            "position": 0.0,
+            "sensor_position": 0.0,
+            "bias_current": self.bias or 0.9,
+            "air_gap": self.gap or 0.01,
+            "force_current": (1.0 + off) * self.K_i,
+            "force_displacement": (1.0 - off) * self.K_s,
+        }
+        return Rig(
+            name="levitator",
+            sample_rate=rate,
+            rotor={"kind": "mass", "mass": self.mass},
+            bearing=[bearing],
+            amplifier={"time_constant": self.tau},
+            actuator={"has_lag": False},
+            controller=controller,
+        )
 
     def force(self, i: float, s: float) -> float:
         """Of one magnet, or of two with ``K_s = K_i bias/gap`` at rest."""

@@ -23,6 +23,8 @@ BETTER = 0.3
 """Part of what is left to which a law with more numbers must bring it to be preferred."""
 EXACT = 1e-6
 """Part of the command below which what is left is rounding of what was logged, and the shortest law is taken."""
+ROUNDING = 1e-6
+"""Share in the largest term of a recursion below which a term is rounding, and not told."""
 ALIKE = 0.05
 """Part of the command up to which a law counts as found."""
 SURE = 3.0
@@ -84,7 +86,7 @@ def find_laws(record: Record, rig: Rig) -> tuple[Law, ...]:
     if record.i_ref is None or not rig.controller.is_digital:
         return ()
     i_e = np.zeros_like(record.y) if record.i_e is None or record.is_rebuilt else record.i_e
-    rig_left, late, found = _increments(unexplained(rig, record) - i_e[-1:]), int(rig.controller.delay_samples), []
+    rig_left, late, found = _increments(_unexplained(record, rig)), int(rig.controller.delay_samples), []
     for k, axis in enumerate(record.axes):
         command, free = record.i_ref[late:, k], ~at_limits(record.i_ref[late:, k])
         u = command - i_e[: len(command), k]
@@ -96,6 +98,13 @@ def find_laws(record: Record, rig: Rig) -> tuple[Law, ...]:
         missed = float(np.sqrt(np.mean(left[fit.rows(1)] ** 2)) / u.std())
         found.append(Law(axis, *best, rig_left=missed, clipped=float(1.0 - free.mean())))
     return tuple(found)
+
+
+def _unexplained(record: Record, rig: Rig) -> FloatArray:
+    """What the rig's controller leaves of the command beside a logged i_e."""
+    signals = {name: getattr(record, name) for name in ("y", "i_ref", "i_c", "r")}
+    left = unexplained(rig, record.sample_rate, **signals, where=str(record.path or record.name))
+    return left if record.i_e is None or record.is_rebuilt else left - record.i_e[: len(left)]
 
 
 def _read(record: Record, rig: Rig, k: int, count: int) -> dict[str, FloatArray]:
@@ -202,8 +211,12 @@ class _Fit:
         past = {f"u[k-{j}]": _back(self.u, j) for j in range(1, lags + 1)}
         for name, own in self.read.items():
             past |= {f"{name}[k-{j}]" if j else f"{name}[k]": _back(own, j) for j in range(lags + 1)}
-        x, error, left = self._solved(np.column_stack([_increments(own) for own in past.values()]), lags + 1)
-        return _Found(_sum("u[k]", list(past), x), _named(past, x), _named(past, error), left)
+        table = np.column_stack([_increments(own) for own in past.values()])
+        x, error, left = self._solved(table, lags + 1)
+        size = np.abs(x) * np.linalg.norm(table, axis=0)
+        told = size > ROUNDING * size.max()
+        names = [name for name, own in zip(past, told, strict=True) if own]
+        return _Found(_sum("u[k]", names, x[told]), _named(names, x[told]), _named(names, error[told]), left)
 
     def _solved(self, table: FloatArray, lags: int) -> tuple[FloatArray, FloatArray, float]:
         """Factors of columns that add up to the increments of u, their standard errors, and what is left of u."""

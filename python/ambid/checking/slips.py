@@ -82,7 +82,8 @@ def check(rig: Rig, records: Sequence[Record] = ()) -> Soundness:
     points = dict.fromkeys(record.point for record in records if record.point not in (None, rig))
     loops = {own: NominalLoop(own) for own in (rig, *(point for point in points if point is not None))}
     figures = LoopFigures.of(loops[rig])
-    findings, described, laws = [], [], {}
+    findings, described = [], []
+    laws: dict[str, tuple[Law, ...]] = {}
     for own, loop in loops.items():
         of_rig = slips_of_rig(loop)
         findings += of_rig if own == rig else [replace(f, where=f"{own.path or own.name}: {f.where}") for f in of_rig]

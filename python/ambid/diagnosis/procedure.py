@@ -103,10 +103,12 @@ def diagnose(
     if stops:
         return Diagnosis.uninformative(start, records, stops, begun)
     estimate = identify(start, records)
+    why = ""
     if estimate.status == "not_identifiable" and _is_lost_at(start, estimate):
         names = ", ".join(sorted({name for direction in estimate.directions for name in direction}))
         why = f"the records do not determine {names}; excite every axis, with more amplitude or over more periods"
-        return Diagnosis.uninformative(estimate.model, records, [why], begun)
+        if estimate.is_adequate or not estimate.comparison.is_judged:
+            return Diagnosis.uninformative(estimate.model, records, [why], begun)
     task = Task(_nominal(start), tuple(validate), tuple(catalogue), progress, is_chosen=chosen is not None)
     base = estimate.comparison
     if not base.is_adequate and not all(part.noise_is_measured for part in base.noise.parts):
@@ -146,7 +148,11 @@ def diagnose(
         validation=task.validate,
         next_experiment=next_experiment(verdict, state.history),
         seconds=time.perf_counter() - begun,
-        notes=(*notes(verdict, state.fit.noise), *(f"{f.where}: {f.what}; {f.todo}" for f in findings if f.is_of_path)),
+        notes=(
+            *([why] if why else []),
+            *notes(verdict, state.fit.noise),
+            *(f"{f.where}: {f.what}; {f.todo}" for f in findings if f.is_of_path),
+        ),
     )
     if is_stopped:
         raise Stopped(diagnosis)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import schur
@@ -11,9 +11,6 @@ from ambid.arrays import FloatArray
 from ambid.errors import RecordError
 from ambid.record.period import find_period
 from ambid.rig import Rig
-
-if TYPE_CHECKING:
-    from ambid.record.record import Record
 
 NOT_LOGGED = "i_e was not logged"
 """What the note on a rebuilt i_e begins with."""
@@ -106,17 +103,21 @@ def rebuild_excitation(
     return Rebuilt(i_e, period, note)
 
 
-def unexplained(rig: Rig, record: Record) -> FloatArray:
+def unexplained(
+    rig: Rig,
+    sample_rate: float,
+    *,
+    y: FloatArray,
+    i_ref: FloatArray | None = None,
+    i_c: FloatArray | None = None,
+    r: FloatArray | None = None,
+    where: str = "record",
+) -> FloatArray:
     """What the law of the rig's controller leaves of a recorded command, shape (up to N, axes), up to a constant.
 
-    Raises
-    ------
-    RecordError
-        As `rebuild_excitation`.
+    Parameters and errors are those of `rebuild_excitation`.
     """
-    where = str(record.path or record.name)
-    read = _read(rig, record.y, record.i_c, record.r, where)
-    return _recover(rig, record.sample_rate, read, record.i_ref, record.i_c, where)[0]
+    return _recover(rig, sample_rate, _read(rig, y, i_c, r, where), i_ref, i_c, where)[0]
 
 
 def _read(rig: Rig, y: FloatArray, i_c: FloatArray | None, r: FloatArray | None, where: str) -> FloatArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -375,7 +376,7 @@ class Record:
 
     def _with_signals(self, signals: Mapping[str, NDArray[np.float64]]) -> Record:
         """The same record with other arrays of what was recorded."""
-        own = {name: signals.get(name) for name in SIGNALS}
+        own: dict[str, Any] = {name: signals.get(name) for name in SIGNALS}
         return replace(self, **own)
 
     def _columns(self) -> Iterator[tuple[str, NDArray[np.float64]]]:
@@ -388,7 +389,7 @@ class Record:
         if self.axes == axes:
             return self
         note = f"axes {', '.join(self.axes)} were reordered to the rig's {', '.join(axes)}"
-        own = {name: array[:, order] for name, array in self._signals.items()}
+        own: dict[str, Any] = {name: array[:, order] for name, array in self._signals.items()}
         return replace(self, axes=axes, notes=(*self.notes, note), **own)
 
     def _with_excitation(self, rig: Rig | None) -> Record:

@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 from pydantic_core import InitErrorDetails
-from scipy.linalg import block_diag, matrix_balance
 
 from ambid.errors import RigError
 from ambid.rig.fields import FINITE, MILLISECONDS, NOTHING, Range, Spec, per_axis, problem, refuse
+from ambid.rig.realisation import StateSpace, added, companion, pid, stack, tustin
 
-StateSpace = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 Matrix = tuple[tuple[Annotated[float, FINITE], ...], ...]
 
 SAMPLE_RATE = Range(100.0, 1e6, "Hz", (("kilohertz", 1e3),))
@@ -218,8 +217,8 @@ class PidController(Controller):
         values = (self.proportional, self.integral, self.derivative, time_constant)
         factors = [float(gain in shown) for gain in PID_GAINS]
         axes = zip(*(np.broadcast_to(value, n_axes) for value in values), strict=True)
-        system = _stack([_pid(p, i, d, t, factors) for p, i, d, t in axes])
-        return _tustin(system, 1.0 / self.rate(sample_rate)) if self.is_digital else system
+        system = stack([pid(p, i, d, t, factors) for p, i, d, t in axes])
+        return tustin(system, 1.0 / self.rate(sample_rate)) if self.is_digital else system
 
 
 class _ReadingController(Controller, ABC):
@@ -292,7 +291,7 @@ class StateSpaceController(_ReadingController):
         read = m * len(self.inputs)
         a, b = np.reshape(self.A, (n, n)), np.reshape(self.B, (n, read))
         c, d = np.reshape(self.C, (m, n)), np.reshape(self.D, (m, read))
-        return _stack([(a, b, c, d)] * (n_axes // m), len(self.inputs))
+        return stack([(a, b, c, d)] * (n_axes // m), len(self.inputs))
 
 
 class TransferFunctionController(_ReadingController):
@@ -362,8 +361,8 @@ class TransferFunctionController(_ReadingController):
     def state_space(self, n_axes: int, sample_rate: float) -> StateSpace:
         """See `Controller.state_space`; the realisation is a balanced companion form."""
         pairs = self._pairs(n_axes)
-        own = [[_companion(*pair) for pair in pairs[axis::n_axes]] for axis in range(n_axes)]
-        return _stack([_added(systems) for systems in own], len(self.inputs))
+        own = [[companion(*pair) for pair in pairs[axis::n_axes]] for axis in range(n_axes)]
+        return stack([added(systems) for systems in own], len(self.inputs))
 
 
 AnyController = Annotated[
@@ -384,57 +383,6 @@ def _wrong_counts(given: dict[str, tuple[Any, ...]], n_axes: int, signals: int =
 def _has_shape(rows: Matrix, shape: tuple[int, int]) -> bool:
     empty = 0 in shape and not any(rows)
     return empty or (len(rows) == shape[0] and all(len(row) == shape[1] for row in rows))
-
-
-def _stack(systems: list[StateSpace], signals: int = 1) -> StateSpace:
-    """Independent systems side by side, their columns signal by signal."""
-    a, b, c, d = (block_diag(*blocks).astype(float) for blocks in zip(*systems, strict=True))
-    columns = np.arange(d.shape[1]).reshape(len(systems), signals, -1).transpose(1, 0, 2).ravel()
-    return a, b[:, columns], c, d[:, columns]
-
-
-def _added(systems: list[StateSpace]) -> StateSpace:
-    """One system that adds the outputs of several, each with an input of its own."""
-    a, b, *_ = _stack(systems)
-    return a, b, np.hstack([c for _, _, c, _ in systems]), np.hstack([d for *_, d in systems])
-
-
-def _pid(
-    proportional: float, integral: float, derivative: float, time_constant: float, factors: Sequence[float]
-) -> StateSpace:
-    """P + I/s + D s/(T s + 1), the last as D/T - (D/T)/(T s + 1); each gain by a factor, which leaves the states."""
-    of_p, of_i, of_d = factors
-    poles, inputs, outputs, feedthrough = [], [], [], of_p * proportional
-    if integral:
-        poles, inputs, outputs = [0.0], [1.0], [of_i * integral]
-    if derivative:
-        poles.append(-1.0 / time_constant)
-        inputs.append(1.0 / time_constant)
-        outputs.append(-of_d * derivative / time_constant)
-        feedthrough += of_d * derivative / time_constant
-    a = np.diag(poles) if poles else np.zeros((0, 0))
-    return a, np.reshape(inputs, (-1, 1)), np.reshape(outputs, (1, -1)), np.array([[feedthrough]])
-
-
-def _tustin(system: StateSpace, period: float) -> StateSpace:
-    """Replace s by (2/h) (z - 1)/(z + 1), with h = `period` [s]."""
-    a, b, c, d = system
-    half = 0.5 * period * a
-    inverse = np.linalg.inv(np.eye(len(a)) - half)
-    b_discrete = period * inverse @ b
-    return inverse @ (np.eye(len(a)) + half), b_discrete, c @ inverse, d + 0.5 * c @ b_discrete
-
-
-def _companion(numerator: NDArray[np.float64], denominator: NDArray[np.float64]) -> StateSpace:
-    """Controllable form, its states scaled by powers of two so that A is balanced."""
-    if len(denominator) == 1 or len(numerator) == 0:
-        gain = numerator[0] / denominator[0] if len(numerator) else 0.0
-        return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[gain]])
-    from scipy.signal import tf2ss  # slow to import, and seldom needed
-
-    a, b, c, d = tf2ss(numerator, denominator)
-    balanced, (scale, _) = matrix_balance(a, permute=False, separate=True)
-    return balanced, b / scale[:, None], c * scale, d
 
 
 def _per_axis_polynomials(rows: Any, may_couple: bool) -> list[list[float]]:

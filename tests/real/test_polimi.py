@@ -1,0 +1,42 @@
+"""A levitator that can be bought, driven by its reference alone; tests/data/mls2em ships one run, with its licence."""
+
+import numpy as np
+import pytest
+
+from ambid import Record, Rig, check, diagnose
+from places import TESTS
+
+RUN = TESTS / "data/mls2em"
+VOLTS = 11.658  # of the driver, per unit of control
+
+
+@pytest.fixture(scope="module")
+def run():
+    rig = Rig.load(RUN / "rig.toml")
+    return rig, Record.load(RUN / "step.csv", rig)
+
+
+def test_the_law_of_its_controller_is_told(run):
+    rig, record = run
+    (law,) = check(rig, [record]).laws["step"]
+    assert law.text == "u = 1166 e + 1399 int e + 151.6 de/dt"
+    assert law.left < 1e-7
+    assert law.rig_left < 1e-5
+    for name, expected in {"e": 100.0, "int e": 120.0, "de/dt": 13.0}.items():
+        assert law.gains[name] / VOLTS == pytest.approx(expected, rel=1e-3)
+
+
+def test_the_clipped_kick_of_the_derivative_is_a_known_excitation(run):
+    _, record = run
+    moved = np.flatnonzero(np.abs(np.diff(record.i_e[:, 0])) > 1e-3)
+    assert np.isin([1999, 2000], moved).all()
+    assert len(moved) < 5
+
+
+def test_resistance_and_inductance_are_those_measured_at_rest(run):
+    rig, record = run
+    found = diagnose(rig, record)
+    assert found.verdict == "adequate"
+    assert found.parameters["R.A_zeta"].value == pytest.approx(4.17, rel=0.02)
+    chosen = diagnose(rig, record, effects=["amplifier_bandwidth"])
+    assert chosen.parameters["amplifier_bandwidth.inductance"].value == pytest.approx(0.117, rel=0.05)
