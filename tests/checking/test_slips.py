@@ -10,7 +10,6 @@ import pytest
 from ambid.checking import check
 from ambid.excitation import multisine, prbs
 from ambid.model import Model
-from ambid.rig import Rig
 from ambid.rig.controller import PID_GAINS
 from hidden.bench import simulate
 from hidden.experiment import experiment

@@ -329,7 +329,7 @@ def test_the_commands_of_the_readme_are_there(here, one_axis, bench, command):
     assert {line[1] for line in lines} == {*COMMANDS} - {"demo"}
     for line in lines:
         assert line[0] == "ambid"
-        rig, run = one_axis if line[1] == "diagnose" else here
+        rig, run = one_axis if line[1] in ("diagnose", "frequency-response") else here
         files = {"rig.toml": [rig], "run.csv": [run], "static_*.csv": LOADS, "bench": [bench]}
         files |= {f"run_{k}.mat": [run] for k in (1, 2, 3)}
         files |= {f"{point}/rig.toml": [rig] for point in ("6A", "10A")}

@@ -52,7 +52,7 @@ def localisation(**changes):
     against = {"s": s, "v": 1e3 * s[::-1], "i_f": rng.standard_normal((1000, 2)), "i_ref": s, "y": s}
     against |= {"s_other": s[:, ::-1], "v_other": 1e3 * s[::-1, ::-1]}
     term = Term("s^3", "odd", np.array([1e15, 1e15]), 500.0, 0.95, -250.0)
-    port = Port("force", "N", "force at the magnets", 1.0, 2000, 1e15 * s**3, against, (term,))
+    port = Port("force", "N", "force at the magnets", 1.0, 2000, 1e15 * s**3, against, (term,), lambda *_: None)
     table = np.array([[200.0, 3000.0], [np.nan, 50.0], [1.0, 1.2]])
     own = MisfitMap("train", ("y.A_zeta", "y.A_eta"), np.array([10.0, 100.0, 1000.0, 5000.0]), 10.0, table)
     growth = (Growth("small", 0.5, 1e-8), Growth("large", 1.0, 8e-8))

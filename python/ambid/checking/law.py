@@ -27,7 +27,7 @@ ROUNDING = 1e-6
 """Share in the largest term of a recursion below which a term is rounding, and not told."""
 ALIKE = 0.05
 """Part of the command up to which a law counts as found."""
-SURE = 3.0
+TOLD = 3.0
 """Standard errors that a gain must have to be told."""
 
 
@@ -179,7 +179,7 @@ class _Fit:
         names = list(columns)
         while True:
             x, error, left = self._solved(np.column_stack([columns[name] for name in names]), 1)
-            sure = np.abs(x) > SURE * error
+            sure = np.abs(x) > TOLD * error
             if sure.all() or len(names) == 1:
                 return _Found(_sum("u", names, x), _named(names, x), _named(names, error), left)
             names.pop(int(np.argmin(np.abs(x) / np.maximum(error, 1e-300))))

@@ -236,7 +236,7 @@ def _of_response(model: Model, part: ResponseLines) -> tuple[Port, ...]:
     return tuple(sorted(found, key=_by_misfit_then_shape))
 
 
-def _no_signal(_: FloatArray) -> tuple[FloatArray, float]:
+def _no_signal(*_: FloatArray) -> tuple[FloatArray, float]:
     raise ModelError("a frequency response tells no signal at a port; measure its shape from a record in time")
 
 
