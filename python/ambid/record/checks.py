@@ -18,10 +18,7 @@ MIN_PERIOD = 3
 """Fewest samples of a period: with fewer, no line of the spectrum lies between 0 and half the sample rate."""
 RATE_TOLERANCE = 1e-3
 """Relative difference between sample rates that are called the same."""
-LARGEST_CURRENT_RMS = 100.0
-"""Ampere, or volt, that most machines stay below, and values in mA reach at once."""
-LARGEST_OF_BIAS = 10.0
-"""Times the largest bias current of the rig that no machine reaches, whatever its size; values in mA do."""
+LARGEST_CURRENT_RMS = 100.0  # A; larger than any bearing's, and reached at once by values in mA
 GAPS_OF_TRAVEL = 10.0  # |y| beyond this many air gaps is not in metres
 CLIPPED_SHARE = 0.01
 """Part of the samples at an extreme value above which a channel is clipped."""
@@ -89,14 +86,13 @@ def require_moving(where: str, channel: str, values: NDArray[np.float64]) -> Non
         )
 
 
-def require_ampere(where: str, channel: str, values: NDArray[np.float64], rig: Rig | None = None) -> None:
-    """Refuse currents that only make sense in mA, beside the bias currents of the rig where it is known."""
+def require_ampere(where: str, channel: str, values: NDArray[np.float64]) -> None:
+    """Refuse currents that only make sense in mA."""
     rms = float(np.sqrt(np.mean(values**2)))
-    of_bias = 0.0 if rig is None else LARGEST_OF_BIAS * max(bearing.bias_current for bearing in rig.bearings)
-    largest = max(LARGEST_CURRENT_RMS, of_bias)
-    if rms > largest:
+    if rms > LARGEST_CURRENT_RMS:
         raise RecordError(
-            f"{where}: {channel} has an rms of {rms:.4g} A, allowed is {largest:g} A: it looks like mA; give ampere"
+            f"{where}: {channel} has an rms of {rms:.4g} A, allowed is {LARGEST_CURRENT_RMS:g} A: "
+            "it looks like mA; give ampere"
         )
 
 

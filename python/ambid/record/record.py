@@ -220,7 +220,7 @@ class Record:
                 checks.require_metres(where, "r", record.axes, record.r, rig)
         for channel, values in record._columns():
             if not channel.startswith(("y.", "r.")):
-                checks.require_ampere(where, channel, values, rig)
+                checks.require_ampere(where, channel, values)
             if not channel.startswith(("i_e.", "r.")):
                 checks.require_alive(where, channel, values)
                 checks.require_moving(where, channel, values)
