@@ -25,9 +25,9 @@ EXACT = 1e-6
 """Part of the command below which what is left is rounding of what was logged, and the shortest law is taken."""
 ROUNDING = 1e-6
 """Share in the largest term of a recursion below which a term is rounding, and not told."""
-FOLLOWED = 0.05
+ALIKE = 0.05
 """Part of the command up to which a law counts as found."""
-CLEAR_OF_CHANCE = 3.0
+TOLD = 3.0
 """Standard errors that a gain must have to be told."""
 
 
@@ -92,7 +92,7 @@ def find_laws(record: Record, rig: Rig) -> tuple[Law, ...]:
         u = command - i_e[: len(command), k]
         fit = _Fit(u, _read(record, rig, k, len(u)), free, 1.0 / record.sample_rate)
         best = _best([fit.pid(), fit.filtered_pid(), *(fit.recursion(lags) for lags in range(1, MOST_LAGS + 1))])
-        if best.left > FOLLOWED:
+        if best.left > ALIKE:
             continue
         left = rig_left[: len(u), k]
         missed = float(np.sqrt(np.mean(left[fit.rows(1)] ** 2)) / u.std())
@@ -179,7 +179,7 @@ class _Fit:
         names = list(columns)
         while True:
             x, error, left = self._solved(np.column_stack([columns[name] for name in names]), 1)
-            sure = np.abs(x) > CLEAR_OF_CHANCE * error
+            sure = np.abs(x) > TOLD * error
             if sure.all() or len(names) == 1:
                 return _Found(_sum("u", names, x), _named(names, x), _named(names, error), left)
             names.pop(int(np.argmin(np.abs(x) / np.maximum(error, 1e-300))))
