@@ -151,6 +151,33 @@ fn a_digital_lag_follows_its_recursion() {
     }
 }
 
+/// `x' = command - x`, outputs `x + noise` and `2 x`; the controller reads the first, half of the second, and less r.
+#[test]
+fn a_controller_reads_a_combination_of_outputs_and_inputs() {
+    let (a, b) = (DMatrix::from_element(1, 1, -1.0), DMatrix::from_row_slice(1, 2, &[1.0, 0.0]));
+    let (c, d) = (DMatrix::from_row_slice(2, 1, &[1.0, 2.0]), DMatrix::zeros(2, 2));
+    let empty = DMatrix::<f64>::zeros;
+    let law = Controller::new(empty(0, 0), empty(0, 1), empty(1, 0), DMatrix::from_element(1, 1, 0.3));
+    let reads = DMatrix::from_row_slice(1, 2, &[1.0, 0.5]);
+    let takes = DMatrix::from_row_slice(1, 2, &[0.0, -1.0]);
+    let controller = Controller { reads, takes, steps: 2, noise: true, ..law };
+    let lft = Lft::new(a, b, c, d, vec![]).expect("consistent");
+    let model = |controller| Model::new(lft.clone(), 0.2, Some(controller));
+    let own_command = DMatrix::from_element(1, 1, 1.0);
+    assert!(model(Controller { takes: own_command, ..controller.clone() }).is_err());
+    assert!(model(Controller { reads: empty(1, 3), ..controller.clone() }).is_err());
+    let p = Problem { model: model(controller).expect("consistent"), theta: vec![] };
+    let u = Random(18).signal(3 * 40);
+    let y = p.system().simulate(&[], &u).expect("stable");
+    let (decay, mut x) = ((-0.1_f64).exp(), 0.0);
+    for (u, y) in u.chunks_exact(3).zip(y.chunks_exact(2)) {
+        assert!((y[0] - (x + u[2])).abs() < 1e-14 && (y[1] - 2.0 * x).abs() < 1e-14);
+        for _ in 0..2 {
+            x = decay * x + (1.0 - decay) * (u[0] - 0.3 * (2.0 * x + u[2] - u[1]));
+        }
+    }
+}
+
 /// Two or three poles at a relative distance `gap`; at zero they are defective or repeated.
 fn clusters(gap: f64) -> Vec<(&'static str, Problem)> {
     let (one, other, third) = (0.7, 0.7 * (1.0 + gap), 0.7 * (1.0 - gap));
