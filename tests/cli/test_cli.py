@@ -30,6 +30,7 @@ COMMANDS = (
     "effects",
     "simulate",
     "frequency-response",
+    "rank",
     "demo",
 )
 TAU_E = 2.9e-4

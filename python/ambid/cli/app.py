@@ -8,7 +8,7 @@ import typer
 
 import ambid
 from ambid.cli.catalogue import effects_command
-from ambid.cli.diagnosing import check_command, compare_command, diagnose_command
+from ambid.cli.diagnosing import check_command, compare_command, diagnose_command, rank_command
 from ambid.cli.experiments import demo_command, simulate_command
 from ambid.cli.identifying import campaign_command, identify_command, static_load_command
 from ambid.cli.options import Commands, DiagnoseCommand
@@ -30,6 +30,7 @@ app.command("identify")(identify_command)
 app.command("static-load")(static_load_command)
 app.command("campaign")(campaign_command)
 app.command("compare")(compare_command)
+app.command("rank")(rank_command)
 app.command("diagnose", cls=DiagnoseCommand)(diagnose_command)
 app.command("frequency-response")(frequency_response_command)
 app.command("effects")(effects_command)

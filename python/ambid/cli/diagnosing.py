@@ -1,4 +1,4 @@
-"""Commands that hold rig, model and records against each other: `check`, `compare`, `diagnose`."""
+"""Commands that hold rig, model and records against each other: `check`, `compare`, `rank`, `diagnose`."""
 
 from __future__ import annotations
 
@@ -83,6 +83,34 @@ def compare_command(
     data = comparison.to_json() | {"where": [asdict(cell) for cell in where]}
     text = "\n".join([repr(comparison), *largest])
     conclude(text, data, json_file, quiet, lambda: ambid.plot.save_comparison(comparison, plot) if plot else ())
+
+
+def rank_command(
+    rig: RigFile,
+    records: RecordFiles,
+    model: ModelFile = None,
+    period: Period = None,
+    columns: Columns = [],  # noqa: B006
+    sample_rate: SampleRate = None,
+    allow: Allow = [],  # noqa: B006
+    json_file: JsonFile = None,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw the ranking.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Score every effect that the model lacks by what adding it would bring; only the model itself is fitted."""
+    ambid.plot.check_format(plot)
+    require_outputs({"RIG": rig, "RECORD": records, "--model": model}, {"--json": json_file, "--plot": plot})
+    machine = ambid.Rig.load(rig)
+    start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
+    with stoppable(), progress(quiet, "ranking") as told:
+        ranking = ambid.rank(ambid.identify(start, loaded).comparison, progress=with_time_left(told))
+    conclude(
+        ranking,
+        ranking.to_json(),
+        json_file,
+        quiet,
+        lambda: () if plot is None else [ambid.plot.save_ranking(ranking, plot)],
+    )
 
 
 def diagnose_command(

@@ -32,7 +32,7 @@ from ambid.model import Model
 from ambid.model.operating_point import suffix
 from ambid.model.structure import is_nonlinear
 from ambid.noise import Comparison
-from ambid.results import Tabular
+from ambid.results import Tabular, plain
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
@@ -171,6 +171,11 @@ class Ranking(Tabular):
             "predicted_value": [", ".join(f"{n} {v:.3g}" for n, v in c.start.items()) for c in self.candidates],
             "confusable_with": [", ".join(c.confusable_with) for c in self.candidates],
         }
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data as the command's ``--json`` writes it."""
+        rows = [candidate.as_dict() for candidate in self.candidates]
+        return plain({"misfit": self.misfit, "candidates": rows, "not_tried": self.not_tried})
 
     def summary(self) -> list[str]:
         """Misfit, and what was not tried."""

@@ -7,7 +7,7 @@ global state is touched. All are legible in black and white.
 from ambid.plot.force_current import plot_campaign, save_campaign
 from ambid.plot.misfit import plot_growth, plot_misfit_map
 from ambid.plot.needed import plot_needed
-from ambid.plot.ranking import plot_ranking
+from ambid.plot.ranking import plot_ranking, save_ranking
 from ambid.plot.responses import draw_response, plot_frequency_response
 from ambid.plot.signals import picture_files, plot_comparison, save_comparison, worst_stretch
 from ambid.plot.staircase import plot_staircase
@@ -28,5 +28,6 @@ __all__ = [
     "save_campaign",
     "save_comparison",
     "save_figure",
+    "save_ranking",
     "worst_stretch",
 ]

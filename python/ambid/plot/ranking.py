@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +10,7 @@ from scipy.optimize import brentq
 
 from ambid.diagnosis import Candidate, Ranking
 from ambid.diagnosis.ranking import ALPHA
-from ambid.plot.style import LABEL, SMALL, dress, misfit_text, new_figure
+from ambid.plot.style import LABEL, SMALL, check_format, dress, misfit_text, new_figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -92,6 +93,22 @@ def plot_ranking(ranking: Ranking, ax: Axes | None = None, *, most: int = MOST) 
         frameon=False,
     )
     return ax
+
+
+def save_ranking(ranking: Ranking, path: str | Path) -> Path:
+    """Write the picture of `plot_ranking`.
+
+    Raises
+    ------
+    InputError
+        If the suffix is none of .png, .pdf, .svg.
+    """
+    path = Path(path)
+    check_format(path)
+    figure = new_figure(9.0, 5.0)
+    plot_ranking(ranking, figure.add_subplot())
+    save_figure(figure, path)
+    return path
 
 
 def needed_score(candidate: Candidate, ranking: Ranking) -> float:
