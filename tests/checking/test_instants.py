@@ -5,6 +5,7 @@ import pytest
 
 from ambid.checking import check
 from benchmarks.dirt_kinds import MARGIN, soiled
+from benchmarks.null_cells import made
 from hidden.bench import simulate
 from hidden.families import BENCHES
 from hidden.one_axis import NAMED, ONE_AXIS
@@ -58,3 +59,9 @@ def test_physics_is_no_late_card(effect):
     """What moves the controller's equation or what does not repeat, strongly, is none of the above."""
     hidden = {} if effect is None else {effect: NAMED[effect]}
     assert not [f for f in findings(ONE_AXIS, "clean", 1, hidden) if "late" in f.what or "clock" in f.what]
+
+
+def test_a_transient_that_dies_away_over_periods_is_no_lost_sample():
+    """A slow mode that still rings where the record is judged shifts its first periods against the others."""
+    rig, record = made(884)
+    assert not [found for found in check(rig, [record]).findings if found.stops_diagnosis]

@@ -22,6 +22,9 @@ SURE = 100.0
 """Fall of the weighted sum of squares of shifts by a ramp or a jump: ten standard errors."""
 OWN_SHARE = 0.5
 """Part of what does not repeat that a shift must explain: physics that changes moves y by more than its phase."""
+CLEAN = 0.9
+"""Part of the scatter of the shifts that a ramp or one jump must explain: a transient that dies away over the periods,
+or noise of a narrow band, leaves more."""
 LEAST_CLOCK = 2e-6
 """Difference of two clocks that is told; that of two quartzes is 1e-5 and more."""
 WHOLE = 0.15
@@ -67,8 +70,10 @@ def out_of_step(record: Record) -> list[Clock | Jump]:
         begun, shift, weight, power = _shifts(window.cut(y), window.period, length)
         ramp, by_ramp = _ramp(begun, shift, weight)
         jump, place, by_jump = _jump(shift, weight)
-        share = max(by_ramp, by_jump) / power
-        if share < OWN_SHARE or max(by_ramp, by_jump) < SURE * (power - max(by_ramp, by_jump)) / len(window.cut(y)):
+        explained = max(by_ramp, by_jump)
+        left = (power - explained) / len(window.cut(y))
+        scatter = float(weight @ (shift - np.average(shift, weights=weight)) ** 2)
+        if explained < max(OWN_SHARE * power, SURE * left, CLEAN * scatter):
             continue
         if by_ramp >= by_jump and abs(ramp) > LEAST_CLOCK:
             clocks.append(Clock(float(ramp)))

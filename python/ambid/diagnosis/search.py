@@ -146,7 +146,11 @@ def _rises(task: Task, state: State, better: Comparison) -> bool:
         return False
     before, after = state.validation, state.validation.of(better.model)
     degrees = max(1, len(better.model.names) - len(state.fit.model.names))
-    return after.cost - before.cost > chdtri(degrees, ALPHA) * max(1.0, after.misfit)
+    try:
+        rise = after.cost - before.cost
+    except UnstableLoopError:
+        return True  # no such record was made by a loop that leaves all bounds
+    return rise > chdtri(degrees, ALPHA) * max(1.0, after.misfit)
 
 
 def _worth_refitting(state: State, ranking: Ranking) -> list[Candidate]:

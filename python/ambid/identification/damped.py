@@ -21,6 +21,8 @@ FIRST = 0.1
 where K_i and K_s are some 10 % off, as nominal ones are."""
 LESS = 0.25
 """Damping from one fit to the next."""
+UNFELT = 0.01
+"""Part by which a record fades away at last: a loop that decays slowly is told from one that grows by as little."""
 MOST = 40
 """Evaluations of each of them."""
 HALVINGS = 12
@@ -64,8 +66,8 @@ def damped_start(stable: Model, records: Sequence[Record], free: list[int], limi
 
 
 def _dampings(model: Model, records: Sequence[Record]) -> list[float]:
-    """From what widens the modes on the magnets well to what a record hardly feels [1/s]."""
-    last = 1.0 / max(record.samples / record.sample_rate for record in records)
+    """From what widens the modes on the magnets well to what a record does not feel [1/s]."""
+    last = UNFELT / max(record.samples / record.sample_rate for record in records)
     found = [max(FIRST * _growth(model), last)]
     while found[-1] > last:
         found.append(LESS * found[-1])

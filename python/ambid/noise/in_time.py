@@ -77,7 +77,7 @@ class InTime:
     def change(self, here: Model) -> ComplexArray:
         """Judged lines of the settled response, for comparison with that of a like model: after a short lead."""
         lead = self._samples_until(here, NEARLY)
-        if not self._repeats(here) or lead >= self.window.samples:
+        if not self._repeats(here) or lead >= self.window.samples or here.decay_rate < -NEUTRAL:
             return self.lines(here, [], at_rest=False)[0]
         period = self.window.period
         inputs = np.take(self._mean_period(here), np.arange(-lead, period), axis=0, mode="wrap")
