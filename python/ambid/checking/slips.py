@@ -39,6 +39,7 @@ from ambid.checking.soundness import PATH, SEVERITIES, Finding, LoopFigures, Rec
 from ambid.effects.slips import LEAST, MOST, ControllerGainError, ExcitationGainError
 from ambid.errors import RecordError
 from ambid.record import Record
+from ambid.record.checks import decays
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
@@ -119,7 +120,7 @@ def _foreign(record: Record, rig: Rig) -> list[Finding]:
         ]
     if record.i_e is None:
         return [Finding.fault(record.name, "i_e was not logged", f"{todo}, whose controller rebuilds it")]
-    if not np.any(np.ptp(record.i_e, axis=0)) and (record.r is None or not np.any(np.ptp(record.r, axis=0))):
+    if record.is_free_response and not decays(record.y):
         what = "i_e is" if record.r is None else "i_e and r are"
         return [Finding.fault(record.name, f"{what} constant on every axis: no excitation", "excite the loop")]
     return []
@@ -129,6 +130,8 @@ def _record(record: Record, loop: NominalLoop) -> list[Finding]:
     lines = Lines.of(record)
     found = [Finding("warning", record.name, note, "noted on loading; see that it is meant") for note in record.notes]
     found += [*_travel(record, loop.rig), *_path(record), *_periods(record), *slips_of_clocks(record)]
+    if record.is_free_response:
+        return found
     if not len(lines.index):
         what = f"no line of i_e between its first few and {HIGHEST_FREQUENCY:g} of the sample rate"
         return [*found, Finding("warning", record.name, what, "excite within the bandwidth of the loop")]
@@ -268,7 +271,8 @@ def _slipped(where: str, signal: str, factor: float, by: str) -> Finding:
 def _gains(record: Record, fit: ControllerFit, scale: FloatArray, judged: NDArray[np.bool_]) -> list[Finding]:
     """The gains by which i_c follows, `scale` times those of the rig, are those of the rig."""
     off = np.abs(scale - 1.0)
-    matters = judged[:, None] & (off * fit.share > LEAST_SHARE)
+    least = np.maximum(LEAST_SHARE, fit.missed)[:, None]  # below what the whole equation misses no gain is determined
+    matters = judged[:, None] & (off * fit.share > least)
     excess = np.where(matters, off - 5.0 * fit.std_error, 0.0)
     doubtful = np.flatnonzero(excess.max(axis=0) > DOUBTFUL_GAIN)
     if not len(doubtful):

@@ -109,6 +109,10 @@ def diagnose(
         why = f"the records do not determine {names}; excite every axis, with more amplitude or over more periods"
         if estimate.is_adequate or not estimate.comparison.is_judged:
             return Diagnosis.uninformative(estimate.model, records, [why], begun)
+    if not estimate.is_adequate and all(isinstance(record, Record) and record.is_free_response for record in records):
+        what = f"misfit {estimate.misfit:.3g}, bound {estimate.misfit_bound:.3g}: physics is missing, but nothing drives"
+        why = f"{what} the records, and a free response does not tell what; excite the loop"
+        return Diagnosis.uninformative(estimate.model, records, [why], begun)
     task = Task(_nominal(start), tuple(validate), tuple(catalogue), progress, is_chosen=chosen is not None)
     base = estimate.comparison
     if not base.is_adequate and not all(part.noise_is_measured for part in base.noise.parts):

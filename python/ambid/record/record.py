@@ -306,6 +306,11 @@ class Record:
         return any(note.startswith(NOT_LOGGED) for note in self.notes)
 
     @property
+    def is_free_response(self) -> bool:
+        """Whether nothing drives it: all that it tells is how it comes to rest."""
+        return not any(np.any(np.ptp(own, axis=0)) for own in (self.i_e, self.r) if own is not None)
+
+    @property
     def has_known_command(self) -> bool:
         """Whether i_e comes from the recorded command: it then holds whatever the controller's gains miss."""
         return self.is_rebuilt and self.i_ref is not None
@@ -411,7 +416,7 @@ class Record:
             )
             record = replace(record, i_e=i_e, period=period, notes=(*record.notes, note))
         i_e, is_rebuilt = np.asarray(record.i_e), self.i_e is None and bool(np.any(record.i_e))
-        notes = checks.notes_on_excitation(where, record.axes, i_e, record.r)
+        notes = checks.notes_on_excitation(where, record.axes, record.y, i_e, record.r)
         if is_rebuilt and record.i_ref is not None:
             notes += checks.notes_on_limits(record.axes, record.i_ref)
         found = record.period if is_rebuilt else find_period(_scaled([i_e, record.r]))
