@@ -163,10 +163,12 @@ def _travel(record: Record, rig: Rig) -> list[Finding]:
         if y[j] > gap[j]:
             what, todo = f"reaches {y[j]:.3g} m, the air gap is {gap[j]:g} m", "check air_gap, and that y is in metres"
         found.append(Finding("warning", f"{record.name}: y.{record.axes[j]}", what, todo))
-    i_c = np.zeros(len(bias)) if record.i_c is None else np.abs(record.i_c).max(axis=0)
+    i_c = np.zeros(len(bias))
+    if record.i_c is not None:  # which may hold the bias itself
+        i_c = np.abs(record.i_c - record.i_c.mean(axis=0)).max(axis=0)
     j = int(np.argmax(i_c / bias))
     if i_c[j] > bias[j]:
-        what = f"reaches {i_c[j]:.3g} A, more than the bias current of {bias[j]:g} A: a magnet cannot push"
+        what = f"moves by {i_c[j]:.3g} A, more than the bias current of {bias[j]:g} A: a magnet cannot push"
         todo = "excite less, or check bias_current"
         found.append(Finding("warning", f"{record.name}: i_c.{record.axes[j]}", what, todo))
     return found

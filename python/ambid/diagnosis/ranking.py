@@ -223,7 +223,7 @@ def rank(
 
     candidates, not_tried = [], {}
     present = {effect.name for effect in model.effects}
-    is_free = all(isinstance(record, Record) and record.is_free_response for record in comparison.records)
+    is_free = all(isinstance(record, Record) and record.is_free_response for record in comparison.noise.records)
     for done, effect in enumerate(catalogue):
         progress("ranking", done, len(catalogue))
         home = model.home_of(effect)

@@ -78,7 +78,7 @@ def lost(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float]]:
     hessian = comparison.noise.quadratic(model, free).hessian * np.outer(scale, scale)
     inverse, unseen = _inverse(hessian)
     own = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
-    is_driven = not any(isinstance(record, Record) and record.is_free_response for record in comparison.records)
+    is_driven = not any(isinstance(record, Record) and record.is_free_response for record in comparison.noise.records)
     if is_driven and np.sqrt(np.diag(own).max(initial=0.0)) > DOUBTFUL:
         of_records = comparison.noise.by_record(comparison.noise.slopes(model, free) * scale)
         bases = comparison.noise.transients(model)

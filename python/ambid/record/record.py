@@ -25,6 +25,8 @@ from ambid.rig import Rig
 
 __all__ = ["Record"]
 
+SPENT = "i_c is left out: i_e was rebuilt from it and explains all of it, so that y alone is judged"
+"""Note on a record without periods whose i_e comes from i_c."""
 WITHOUT_I_C = (
     "i_c was not recorded: K_i, K_s and tau_e are found from y alone; "
     "a lag of the amplifier, a delay of the loop and a lag of the sensor cannot be told apart"
@@ -415,6 +417,8 @@ class Record:
                 where=where,
             )
             record = replace(record, i_e=i_e, period=period, notes=(*record.notes, note))
+            if self.i_ref is None and period is None:
+                record = replace(record, i_c=None, notes=(*record.notes, SPENT))
         i_e, is_rebuilt = np.asarray(record.i_e), self.i_e is None and bool(np.any(record.i_e))
         notes = checks.notes_on_excitation(where, record.axes, record.y, i_e, record.r)
         if is_rebuilt and record.i_ref is not None:
