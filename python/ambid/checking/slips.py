@@ -61,6 +61,8 @@ UNITS = {("y", 1e3): "mm", ("y", 1e6): "um", ("i_e", 1e3): "mA", ("i_c", 1e3): "
 DOUBTFUL_GAIN, WRONG_GAIN = 0.02, 0.10
 """Relative error of a controller's gain, beyond five standard errors."""
 CONTROLLER_SLIP, EXCITATION_SLIP = ControllerGainError.name, ExcitationGainError.name
+HOLDS_BIAS = 0.1
+"""Relative difference up to which a mean of i_c is the bias current itself: the whole current was recorded."""
 LEAST_SHARE = 0.02
 """Part of i_c that an error of a gain has to be to matter; an integral acts below most lines."""
 
@@ -164,11 +166,12 @@ def _travel(record: Record, rig: Rig) -> list[Finding]:
             what, todo = f"reaches {y[j]:.3g} m, the air gap is {gap[j]:g} m", "check air_gap, and that y is in metres"
         found.append(Finding("warning", f"{record.name}: y.{record.axes[j]}", what, todo))
     i_c = np.zeros(len(bias))
-    if record.i_c is not None:  # which may hold the bias itself
-        i_c = np.abs(record.i_c - record.i_c.mean(axis=0)).max(axis=0)
+    if record.i_c is not None:
+        mean = record.i_c.mean(axis=0)
+        i_c = np.abs(record.i_c - np.where(np.abs(mean / bias - 1.0) < HOLDS_BIAS, mean, 0.0)).max(axis=0)
     j = int(np.argmax(i_c / bias))
     if i_c[j] > bias[j]:
-        what = f"moves by {i_c[j]:.3g} A, more than the bias current of {bias[j]:g} A: a magnet cannot push"
+        what = f"reaches {i_c[j]:.3g} A, more than the bias current of {bias[j]:g} A: a magnet cannot push"
         todo = "excite less, or check bias_current"
         found.append(Finding("warning", f"{record.name}: i_c.{record.axes[j]}", what, todo))
     return found

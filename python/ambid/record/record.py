@@ -310,7 +310,7 @@ class Record:
     @property
     def is_free_response(self) -> bool:
         """Whether nothing drives it: all that it tells is how it comes to rest."""
-        return not any(np.any(np.ptp(own, axis=0)) for own in (self.i_e, self.r) if own is not None)
+        return not any(_moves(own) for own in (self.i_e, self.r) if own is not None)
 
     @property
     def has_known_command(self) -> bool:
@@ -323,7 +323,7 @@ class Record:
         return self.y if self.i_c is None else np.hstack([self.y, self.i_c])
 
     def frequency_response(self) -> FrequencyResponse:
-        """The response from the axes that are excited to y and i_c, with its uncertainty, by local polynomials.
+        """The response from i_e, or r, of the axes that are excited to y and i_c, with its uncertainty, by local polynomials.
 
         Over a band of neighbouring excited lines, 18 for one axis and 30 for four that are excited together by
         different sequences, the response is a polynomial of degree three, and so is the transient; where that does
@@ -342,14 +342,21 @@ class Record:
             raise RecordError(
                 f"{where}: i_e was not logged; load the record with its rig, whose controller rebuilds it"
             )
-        found = local_response(where, self.i_e, self.outputs, self.sample_rate, self.period)
-        inputs = [f"i_e.{axis}" for axis, is_excited in zip(self.axes, found.excited, strict=True) if is_excited]
+        moving = {name: own for name, own in (("i_e", self.i_e), ("r", self.r)) if own is not None and _moves(own)}
+        moving = moving or {"i_e": self.i_e}
+        sizes = np.repeat([1.0 if len(moving) == 1 else own.std() for own in moving.values()], len(self.axes))
+        drives = np.hstack(list(moving.values())) / sizes
+        found = local_response(where, drives, self.outputs, self.sample_rate, self.period)
+        names = [f"{signal}.{axis}" for signal in moving for axis in self.axes]
+        inputs = [name for name, is_excited in zip(names, found.excited, strict=True) if is_excited]
+        sizes = sizes[found.excited]
+        of_pairs = np.tile(sizes, len(self.channels))
         made = FrequencyResponse.from_arrays(
             found.frequency_hz,
-            found.response,
+            found.response / sizes,
             outputs=self.channels,
             inputs=inputs,
-            covariance=found.covariance,
+            covariance=found.covariance / np.outer(of_pairs, of_pairs),
             name=self.name,
             notes=self.notes,
             path=self.path,
@@ -459,6 +466,11 @@ class Record:
             note = f"{NOT_LOGGED}: taken as zero, the reference r drives the loop"
             return replace(self, i_e=np.zeros_like(self.y), notes=(*self.notes, note))
         return self
+
+
+def _moves(signal: NDArray[np.float64]) -> bool:
+    """Whether any axis of it changes."""
+    return bool(np.any(np.ptp(signal, axis=0)))
 
 
 def _as_array(where: str, signal: str, values: ArrayLike) -> NDArray[np.float64]:
