@@ -353,11 +353,11 @@ def test_a_short_record_does_not_tell_the_integral(seed):
     assert not [finding for finding in check(own.rig, [record]).findings if "follows from" in finding.what]
 
 
-@pytest.mark.parametrize("seed", range(3, 6))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_gain_that_a_short_weak_record_does_not_determine_is_no_slip(seed):
     """An integral makes half a per cent of i_c here; noise that is held over a sample is taken for six of it."""
     rig = Rig.load(LEVITATOR)
     i_e = 0.1 * np.random.default_rng(100 + seed).standard_normal((3000, 1))
-    record = Model(rig).virtual_experiment(i_e, sensor_noise=1e-6, current_noise=1e-3, seed=seed)
+    record = Model(rig).virtual_experiment(i_e, sensor_noise=2e-7, current_noise=5e-3, seed=seed)
     findings = check(rig, [record]).findings
     assert not [finding.what for finding in findings if finding.stops_diagnosis]

@@ -109,8 +109,8 @@ def diagnose(
         if estimate.is_adequate or not estimate.comparison.is_judged:
             return Diagnosis.uninformative(estimate.model, records, [why], begun)
     if not estimate.is_adequate and all(isinstance(record, Record) and record.is_free_response for record in records):
-        what = f"misfit {estimate.misfit:.3g}, bound {estimate.misfit_bound:.3g}: physics is missing, but nothing drives"
-        why = f"{what} the records, and a free response does not tell what; excite the loop"
+        what = f"misfit {estimate.misfit:.3g}, bound {estimate.misfit_bound:.3g}: physics is missing"
+        why = f"{what}, but nothing drives the records, and a free response does not tell what; excite the loop"
         return Diagnosis.uninformative(estimate.model, records, [why], begun)
     task = Task(_nominal(start), tuple(validate), tuple(catalogue), progress, is_chosen=chosen is not None)
     base = estimate.comparison

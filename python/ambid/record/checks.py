@@ -276,7 +276,8 @@ def notes_on_excitation(
     still = [axis for axis, moves in zip(axes, moving, strict=True) if not moves]
     what = "i_e is" if r is None else "i_e and r are"
     if len(still) == len(axes) and decays(y):
-        return [f"{what} constant on every axis: what is judged is the free response, from the state in which the record begins"]
+        judged = "what is judged is the free response, from the state in which the record begins"
+        return [f"{what} constant on every axis: {judged}"]
     if len(still) == len(axes):
         values = ", ".join(f"{value:.4g}" for value in i_e[0])
         raise RecordError(

@@ -90,7 +90,7 @@ def local_response(
     power = np.var(drives, axis=0)
     excited = power > LEAST_EXCITED * power.max(initial=0.0)
     if not excited.any():
-        raise RecordError(f"{where}: i_e is constant on every axis, and so is r: a response needs what drives it; excite the loop")
+        raise RecordError(f"{where}: no excitation: neither i_e nor r moves on any axis; excite the loop")
     periods = len(drives) // period if period else 1
     samples = periods * period if period and periods else len(drives)
     periods = max(periods, 1)

@@ -50,8 +50,8 @@ def rebuild_excitation(
     From a recorded command i_ref this is direct. From the current i_c the amplifier's lag is inverted for a held input,
     i_c[k+1] = a i_c[k] + (1 - a) i_ref[k] with a = exp(-dt / tau_a), which amplifies the noise of i_c. An analog K acts
     on y taken as linear between the samples (first-order hold). A digital K is exact; the recorded command comes after
-    its delay, of which the whole samples are undone; where i_c follows it later by as many, it was recorded before. Samples of i_e that act only after the end of the
-    record are continued periodically, or repeat the last one.
+    its delay, of which the whole samples are undone, unless i_c follows it later by as many: then it was recorded
+    before. Samples of i_e that act only after the end of the record are continued periodically, or repeat the last one.
 
     Parameters
     ----------

@@ -323,7 +323,7 @@ class Record:
         return self.y if self.i_c is None else np.hstack([self.y, self.i_c])
 
     def frequency_response(self) -> FrequencyResponse:
-        """The response from i_e, or r, of the axes that are excited to y and i_c, with its uncertainty, by local polynomials.
+        """The response from what moves of i_e and r to y and i_c, with its uncertainty, by local polynomials.
 
         Over a band of neighbouring excited lines, 18 for one axis and 30 for four that are excited together by
         different sequences, the response is a polynomial of degree three, and so is the transient; where that does
