@@ -5,6 +5,7 @@ import pytest
 
 import ambid
 from ambid.diagnosis import diagnose
+from ambid.diagnosis.wording import not_determined
 from ambid.errors import RecordError
 from hidden.bench import simulate
 from hidden.families import BENCHES
@@ -72,3 +73,8 @@ def test_clipped_channel_is_flagged(rig, measured):
     y[:, 0] = np.clip(y[:, 0], -limit, limit)
     with pytest.raises(RecordError, match="clip"):
         loaded(rig, measured, y=y)
+
+
+def test_what_is_not_determined_is_named_by_its_direction():
+    text = not_determined([{"K_i.A_zeta": 1.0, "K_s.A_zeta": 0.97}, {"tau_e": 1.0}])
+    assert "K_i.A_zeta by +1 % with K_s.A_zeta by +0.97 %, nor a change of tau_e" in text

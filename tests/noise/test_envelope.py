@@ -79,3 +79,10 @@ def test_it_says_how_sure_it_is():
     assert np.sqrt(scatter[1] / told[1]) == pytest.approx(1.0, abs=0.25)
     assert told[1] > 3.0 * told[[0, 2]].max()
     assert (np.sqrt(scatter / told) < 2.5).all()
+
+
+def test_a_spectrum_of_sixteen_decades_has_a_finite_one():
+    """Rounding leaves the recursion a negative power there, unless it ends before."""
+    root = Envelope(1.0 / (1e-16 + np.sin(ANGLE / 2.0)[:, None] ** 32), ANGLE).root(ANGLE)
+    assert np.isfinite(root).all()
+    assert (root > 0.0).all()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from ambid import Model, compare, identify, prbs
+from ambid import Model, Rig, compare, identify, prbs
 from ambid.diagnosis import rank
 from ambid.effects import find
 from ambid.noise.chance import misfit_bound
@@ -15,6 +15,7 @@ from ambid.noise.measured import Measured
 from hidden.bench import simulate
 from hidden.long import LONG
 from hidden.one_axis import ONE_AXIS
+from places import LEVITATOR
 
 
 def cut(record, first, samples):
@@ -108,3 +109,12 @@ def test_a_nonlinear_model_meets_a_record_cut_anywhere():
     part = cut(record, 1333, 4 * 1020)
     assert compare(model, part).misfit == pytest.approx(1.0, abs=0.08)
     assert compare(Model(ONE_AXIS.rig), part).misfit > 2.0
+
+
+def test_a_delay_of_whole_samples_has_poles():
+    """Two samples of an analog loop make equal poles, at which the usual way to a Schur form may not end."""
+    rig = Rig.load(LEVITATOR).replace(sample_rate=2e4)
+    model = Model(rig).add("loop_delay", {"delay": 1e-4})
+    i_e = 0.5 * np.random.default_rng(105).standard_normal((8000, 1))
+    record = model.virtual_experiment(i_e, sensor_noise=1e-7, current_noise=1e-2, seed=5)
+    assert compare(model, record).misfit == pytest.approx(1.0, abs=0.1)

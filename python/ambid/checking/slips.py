@@ -39,6 +39,7 @@ from ambid.checking.soundness import PATH, SEVERITIES, Finding, LoopFigures, Rec
 from ambid.effects.slips import LEAST, MOST, ControllerGainError, ExcitationGainError
 from ambid.errors import RecordError
 from ambid.record import Record
+from ambid.record.checks import decays
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
@@ -60,6 +61,8 @@ UNITS = {("y", 1e3): "mm", ("y", 1e6): "um", ("i_e", 1e3): "mA", ("i_c", 1e3): "
 DOUBTFUL_GAIN, WRONG_GAIN = 0.02, 0.10
 """Relative error of a controller's gain, beyond five standard errors."""
 CONTROLLER_SLIP, EXCITATION_SLIP = ControllerGainError.name, ExcitationGainError.name
+HOLDS_BIAS = 0.1
+"""Relative difference up to which a mean of i_c is the bias current itself: the whole current was recorded."""
 LEAST_SHARE = 0.02
 """Part of i_c that an error of a gain has to be to matter; an integral acts below most lines."""
 
@@ -119,7 +122,7 @@ def _foreign(record: Record, rig: Rig) -> list[Finding]:
         ]
     if record.i_e is None:
         return [Finding.fault(record.name, "i_e was not logged", f"{todo}, whose controller rebuilds it")]
-    if not np.any(np.ptp(record.i_e, axis=0)) and (record.r is None or not np.any(np.ptp(record.r, axis=0))):
+    if record.is_free_response and not decays(record.y):
         what = "i_e is" if record.r is None else "i_e and r are"
         return [Finding.fault(record.name, f"{what} constant on every axis: no excitation", "excite the loop")]
     return []
@@ -129,6 +132,8 @@ def _record(record: Record, loop: NominalLoop) -> list[Finding]:
     lines = Lines.of(record)
     found = [Finding("warning", record.name, note, "noted on loading; see that it is meant") for note in record.notes]
     found += [*_travel(record, loop.rig), *_path(record), *_periods(record), *slips_of_clocks(record)]
+    if record.is_free_response:
+        return found
     if not len(lines.index):
         what = f"no line of i_e between its first few and {HIGHEST_FREQUENCY:g} of the sample rate"
         return [*found, Finding("warning", record.name, what, "excite within the bandwidth of the loop")]
@@ -160,7 +165,10 @@ def _travel(record: Record, rig: Rig) -> list[Finding]:
         if y[j] > gap[j]:
             what, todo = f"reaches {y[j]:.3g} m, the air gap is {gap[j]:g} m", "check air_gap, and that y is in metres"
         found.append(Finding("warning", f"{record.name}: y.{record.axes[j]}", what, todo))
-    i_c = np.zeros(len(bias)) if record.i_c is None else np.abs(record.i_c).max(axis=0)
+    i_c = np.zeros(len(bias))
+    if record.i_c is not None:
+        mean = record.i_c.mean(axis=0)
+        i_c = np.abs(record.i_c - np.where(np.abs(mean / bias - 1.0) < HOLDS_BIAS, mean, 0.0)).max(axis=0)
     j = int(np.argmax(i_c / bias))
     if i_c[j] > bias[j]:
         what = f"reaches {i_c[j]:.3g} A, more than the bias current of {bias[j]:g} A: a magnet cannot push"
@@ -268,7 +276,8 @@ def _slipped(where: str, signal: str, factor: float, by: str) -> Finding:
 def _gains(record: Record, fit: ControllerFit, scale: FloatArray, judged: NDArray[np.bool_]) -> list[Finding]:
     """The gains by which i_c follows, `scale` times those of the rig, are those of the rig."""
     off = np.abs(scale - 1.0)
-    matters = judged[:, None] & (off * fit.share > LEAST_SHARE)
+    least = np.maximum(LEAST_SHARE, fit.missed)[:, None]  # below what the whole equation misses no gain is determined
+    matters = judged[:, None] & (off * fit.share > least)
     excess = np.where(matters, off - 5.0 * fit.std_error, 0.0)
     doubtful = np.flatnonzero(excess.max(axis=0) > DOUBTFUL_GAIN)
     if not len(doubtful):

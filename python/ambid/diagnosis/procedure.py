@@ -14,7 +14,7 @@ from ambid.diagnosis.result import Diagnosis, Family
 from ambid.diagnosis.search import add_best, add_chosen, begin
 from ambid.diagnosis.state import Task
 from ambid.diagnosis.verdict import judged
-from ambid.diagnosis.wording import next_experiment, notes
+from ambid.diagnosis.wording import next_experiment, not_determined, notes
 from ambid.effects import CATALOGUE, Effect, find
 from ambid.errors import RigError, Stopped
 from ambid.identification import Estimate, ParameterEstimate, identify
@@ -105,10 +105,13 @@ def diagnose(
     estimate = identify(start, records)
     why = ""
     if estimate.status == "not_identifiable" and _is_lost_at(start, estimate):
-        names = ", ".join(sorted({name for direction in estimate.directions for name in direction}))
-        why = f"the records do not determine {names}; excite every axis, with more amplitude or over more periods"
+        why = not_determined(estimate.directions)
         if estimate.is_adequate or not estimate.comparison.is_judged:
             return Diagnosis.uninformative(estimate.model, records, [why], begun)
+    if not estimate.is_adequate and all(isinstance(record, Record) and record.is_free_response for record in records):
+        what = f"misfit {estimate.misfit:.3g}, bound {estimate.misfit_bound:.3g}: physics is missing"
+        why = f"{what}, but nothing drives the records, and a free response does not tell what; excite the loop"
+        return Diagnosis.uninformative(estimate.model, records, [why], begun)
     task = Task(_nominal(start), tuple(validate), tuple(catalogue), progress, is_chosen=chosen is not None)
     base = estimate.comparison
     if not base.is_adequate and not all(part.noise_is_measured for part in base.noise.parts):

@@ -32,6 +32,7 @@ from ambid.model import Model
 from ambid.model.operating_point import suffix
 from ambid.model.structure import is_nonlinear
 from ambid.noise import Comparison
+from ambid.record import Record
 from ambid.results import Tabular, plain
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
@@ -48,6 +49,7 @@ OWN = 1e-12
 """Part of the largest eigenvalue of probes' Gram matrix below which a direction is that of other probes."""
 SLIPS = (ControllerGainError, ExcitationGainError)
 KNOWN_COMMAND = "i_e comes from the recorded command, and holds whatever the controller's gains miss"
+UNDRIVEN = "nothing drives the records, and what an effect changes of a free response is not told from how it began"
 CONFUSABLE = 0.9
 """Two candidates whose freed responses have a larger cosine are called confusable."""
 
@@ -226,6 +228,7 @@ def rank(
 
     candidates, not_tried = [], {}
     present = {effect.name for effect in model.effects}
+    is_free = all(isinstance(record, Record) and record.is_free_response for record in comparison.noise.records)
     for done, effect in enumerate(catalogue):
         progress("ranking", done, len(catalogue))
         home = model.home_of(effect)
@@ -233,6 +236,9 @@ def rank(
             continue
         if home is None:
             not_tried[effect.name] = effect.why_not(model.rig)
+            continue
+        if is_free:
+            not_tried[effect.name] = UNDRIVEN
             continue
         if not comparison.noise.in_time and (why := _unseen_by_responses(home, effect)):
             not_tried[effect.name] = why

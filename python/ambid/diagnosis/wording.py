@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ambid.noise import Noise
 from ambid.noise.response_lines import ResponseLines
 from ambid.rig import PidController, Rig
 
-__all__ = ["next_experiment", "notes"]
+__all__ = ["next_experiment", "notes", "not_determined"]
 
 ENOUGH = 26.0
 """Evidence that tells two effects apart with 95 % certainty."""
@@ -31,6 +31,15 @@ WITHOUT_PERIODS = (
     "i_e does not repeat, or not often enough to see it: the noise is what no smooth response to i_e explains, and "
     "neither tones nor drift were looked for"
 )
+
+
+def not_determined(directions: Sequence[Mapping[str, float]]) -> str:
+    """Which changes of the parameters the records do not tell, and what would."""
+    told = []
+    for direction in directions:
+        parts = [f"{name} by {share:+.2g} %" for name, share in direction.items()]
+        told.append(f"a change of {' with '.join(parts)}")
+    return f"the records do not determine {', nor '.join(told)}; excite every axis, with more amplitude or for longer"
 
 
 def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:

@@ -133,6 +133,11 @@ def identify(
             f"weights = {weights!r}: eq. 9 is least squares in time, and frequency responses are among the records; "
             "leave weights out, or them"
         )
+    if free_response := next((record for record in in_time if record.is_free_response), None):
+        raise RecordError(
+            f"{free_response.path or free_response.name}: nothing drives this record, and eq. 9 simulates from rest; "
+            f"{notes[0] if notes else 'leave the weights out'}"
+        )
     factors = _factors(model, None if isinstance(weights, str) else weights)
     return _in_time(model, in_time, free_indices, limits, origins, factors, max_evaluations, progress, begun, notes)
 
@@ -178,7 +183,7 @@ def _likeliest(
     rough = WhitenedProblem(model, Noise.rough(stable, records), free, progress)  # x in units of the limits
     best, more = _best_of(rough, origins if not notes else [stable.theta[free]], limits, max_evaluations, ROUGHLY)
     in_time = tuple(record for record in records if isinstance(record, Record))
-    has_eq_9 = len(in_time) == len(records)
+    has_eq_9 = len(in_time) == len(records) and not any(record.is_free_response for record in in_time)
     if in_time and _is_kept_away(rough, best):
         # where everything is damped more there is a way around the edge of stability
         x, spent = damped_start(stable, in_time, free, limits)

@@ -36,6 +36,7 @@ from ambid.model.parameter import nominal
 from ambid.noise import Comparison
 from ambid.noise.colour import loop_noise
 from ambid.noise.transients import freed
+from ambid.record import Record
 
 __all__ = ["covariance", "lost", "sandwich", "score_covariance", "undetermined"]
 
@@ -70,13 +71,15 @@ def covariance(comparison: Comparison, free: Sequence[int]) -> FloatArray:
 def lost(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float]]:
     """Combinations of the free parameters that the excitation of the records does not determine, see `undetermined`.
 
-    Judged by the noise alone, whatever misfit is left. What a transient of noise tells of a loop counts for nothing.
+    Judged by the noise alone, whatever misfit is left. What a transient of noise tells of a loop counts for nothing,
+    unless a record is the free response of it.
     """
     model, scale = comparison.model, _sizes(comparison.model, free)
     hessian = comparison.noise.quadratic(model, free).hessian * np.outer(scale, scale)
     inverse, unseen = _inverse(hessian)
     own = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
-    if np.sqrt(np.diag(own).max(initial=0.0)) > DOUBTFUL:
+    is_driven = not any(isinstance(record, Record) and record.is_free_response for record in comparison.noise.records)
+    if is_driven and np.sqrt(np.diag(own).max(initial=0.0)) > DOUBTFUL:
         of_records = comparison.noise.by_record(comparison.noise.slopes(model, free) * scale)
         bases = comparison.noise.transients(model)
         slopes = np.vstack([freed(columns, basis) for columns, basis in zip(of_records, bases, strict=True)])

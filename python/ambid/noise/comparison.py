@@ -29,7 +29,14 @@ from ambid.threads import with_one_blas_thread
 
 __all__ = ["ADEQUATE", "ChannelComparison", "Comparison", "RecordComparison", "compare"]
 
-READ_IN = {"m": (1e6, "um"), "A": (1e3, "mA"), "m/A": (1e6, "um/A"), "A/A": (1e3, "mA/A")}
+READ_IN = {
+    "m": (1e6, "um"),
+    "A": (1e3, "mA"),
+    "m/A": (1e6, "um/A"),
+    "A/A": (1e3, "mA/A"),
+    "m/m": (1e6, "um/m"),
+    "A/m": (1e3, "mA/m"),
+}
 """Factors and names of the units that tables are printed in."""
 
 ADEQUATE = 1.10
@@ -337,6 +344,7 @@ def _of_response(here: Model, part: ResponseLines) -> RecordComparison:
     """A frequency response, each channel over all its inputs."""
     record, simulated = part.record, part.simulated(here)
     left, white = record.response - simulated, part.white(here, []).residual
+    of = "m" if all(name.startswith("r.") for name in record.inputs) else "A"
     rows = []
     for k, channel in enumerate(record.outputs):
         tables = (record.response, left, record.std)
@@ -344,7 +352,7 @@ def _of_response(here: Model, part: ResponseLines) -> RecordComparison:
         rows.append(
             ChannelComparison(
                 channel=channel,
-                unit="m/A" if channel.startswith("y.") else "A/A",
+                unit=f"{'m' if channel.startswith('y.') else 'A'}/{of}",
                 fit_percent=100.0 * (1.0 - residual / measured),
                 noise_ceiling_percent=100.0 * (1.0 - noise / measured),
                 measured_rms=measured,

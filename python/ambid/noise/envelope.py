@@ -16,6 +16,9 @@ HIGHEST = 24
 """Order of an autoregressive spectrum, at the most."""
 LINES_PER_ORDER = 10
 """So many lines, at the least, for every coefficient."""
+LEAST_LEFT = 1e-10
+"""Part of the power that coefficients may leave: of less the recursion has lost its digits, and would leave a negative
+power."""
 
 
 class Envelope:
@@ -47,6 +50,8 @@ class Envelope:
         a, left = self._coefficients.copy(), moments[0].copy()
         for order in range(1, highest + 1):  # Levinson's recursion, all channels at once
             reflection = -np.einsum("kc,kc->c", a[:order], moments[order:0:-1]) / np.maximum(left, 1e-300)
+            known = left * (1.0 - reflection**2) > LEAST_LEFT * moments[0]
+            reflection = np.where(known, reflection, 0.0)
             a[: order + 1] += reflection * a[order::-1]
             left = left * (1.0 - reflection**2)
             criterion = 2.0 * count * np.log(np.maximum(left, 1e-300)) + order * np.log(count)

@@ -116,7 +116,9 @@ def _left(
     found = []
     for lines, root in zip(several, roots, strict=True):
         parts = []
-        for own in (slice(0, axes), slice(axes, p))[: 1 + (p > axes)]:  # y, then i_c, whose colours differ most
+        for own in (slice(0, axes), slice(axes, p)):  # y, then i_c, whose colours differ most
+            if not len(range(p)[own]):  # y alone was recorded, or nothing drives
+                continue
             weight = 1.0 / np.exp(np.log(root[:, own]).mean(axis=1))[rows]
             left, taken = _beside(lines[rows][:, :, own], excitation[rows], powers, weight)
             parts.append((left, np.broadcast_to(taken[:, :, None], left.shape)))

@@ -62,7 +62,7 @@ def plot_frequency_response(
     if simulated is not None:
         left = np.abs(measured.response - simulated)[known, o, i]
         below.loglog(f, left, ".", color="black", ms=3, label="residual")
-    unit = _unit(output)
+    unit = _unit(output, inlet)
     dress(above, title=f"{output} / {inlet}", y=f"[{unit}]")
     dress(below, x="frequency [Hz]", y=f"[{unit}]")
     if ax is None:
@@ -80,7 +80,7 @@ def draw_response(measured: FrequencyResponse, simulated: ComplexArray | None = 
         for i, inlet in enumerate(measured.inputs):
             _draw_size(panels[o, i], measured, o, i, simulated)
             is_edge = (o == rows - 1, i == 0)
-            y = f"{output} [{_unit(output)}]" if is_edge[1] else ""
+            y = f"{output} [{_unit(output, inlet)}]" if is_edge[1] else ""
             dress(panels[o, i], title=inlet if o == 0 else "", x="frequency [Hz]" if is_edge[0] else "", y=y)
     handles, _ = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles=handles, loc="outside upper right", ncols=3, fontsize=SMALL, frameon=False)
@@ -101,5 +101,5 @@ def _draw_size(ax: Axes, measured: FrequencyResponse, o: int, i: int, simulated:
         ax.loglog(f, seen, color=SIMULATED, lw=1.0, label="simulated")
 
 
-def _unit(output: str) -> str:
-    return "m/A" if output.startswith("y.") else "A/A"
+def _unit(output: str, of: str) -> str:
+    return f"{'m' if output.startswith('y.') else 'A'}/{'m' if of.startswith('r.') else 'A'}"

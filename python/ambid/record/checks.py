@@ -32,6 +32,8 @@ LONGEST_STANDSTILL = 50
 """Samples at one value from which on a channel may have hung, if that is also `UNUSUAL` times as long as usual."""
 UNUSUAL = 5.0
 """What a coarse converter reads of a slow signal stands still, too: but not here and there so much longer."""
+DECAYED = 10.0
+"""Standard deviations at its end that a free response stands out by before: of noise alone 1e6 samples reach 5."""
 
 
 def order_of_axes(where: str, found: tuple[str, ...], wanted: tuple[str, ...], of: str) -> list[int]:
@@ -253,20 +255,34 @@ def _clipped(values: NDArray[np.float64]) -> tuple[float, float]:
     return 0.0, 0.0
 
 
+def decays(y: NDArray[np.float64]) -> bool:
+    """Whether y of an axis moves by far more in the first half of a record than it does in the last quarter."""
+    half, quarter = len(y) // 2, len(y) // 4
+    rest = y[-quarter:]
+    return bool(np.any(np.abs(y[:half] - rest.mean(axis=0)).max(axis=0) > DECAYED * rest.std(axis=0)))
+
+
 def notes_on_excitation(
-    where: str, axes: tuple[str, ...], i_e: NDArray[np.float64], r: NDArray[np.float64] | None = None
+    where: str,
+    axes: tuple[str, ...],
+    y: NDArray[np.float64],
+    i_e: NDArray[np.float64],
+    r: NDArray[np.float64] | None = None,
 ) -> list[str]:
-    """Refuse a record that nothing drives; note each axis that neither i_e nor the reference r moves."""
+    """Refuse a record that nothing drives and that does not decay; note each axis that neither i_e nor r moves."""
     moving = np.ptp(i_e, axis=0) >= SMALLEST_CHANGE
     if r is not None:
         moving |= np.ptp(r, axis=0) >= SMALLEST_CHANGE
     still = [axis for axis, moves in zip(axes, moving, strict=True) if not moves]
     what = "i_e is" if r is None else "i_e and r are"
+    if len(still) == len(axes) and decays(y):
+        judged = "what is judged is the free response, from the state in which the record begins"
+        return [f"{what} constant on every axis: {judged}"]
     if len(still) == len(axes):
         values = ", ".join(f"{value:.4g}" for value in i_e[0])
         raise RecordError(
             f"{where}: no excitation: {what} constant ({values} A) on every axis; "
-            "excite the loop, or check that what drives it was logged"
+            "excite the loop, begin the record where it has not come to rest, or check that what drives it was logged"
         )
     own = "i_e.{0} is" if r is None else "i_e.{0} and r.{0} are"
     return [

@@ -67,7 +67,7 @@ class LocalResponse(NamedTuple):
 
 
 def local_response(
-    where: str, i_e: FloatArray, outputs: FloatArray, sample_rate: float, period: int | None
+    where: str, drives: FloatArray, outputs: FloatArray, sample_rate: float, period: int | None
 ) -> LocalResponse:
     """The response of one record.
 
@@ -75,7 +75,8 @@ def local_response(
     ----------
     where : str
         For the messages.
-    i_e, outputs : ndarray, shape (N, axes), (N, channels)
+    drives, outputs : ndarray, shape (N, axes), (N, channels)
+        What drives it is i_e, r or both.
     sample_rate : float
         [Hz].
     period : int, optional
@@ -86,15 +87,15 @@ def local_response(
     RecordError
         If no axis is excited, or there are too few lines.
     """
-    power = np.var(i_e, axis=0)
+    power = np.var(drives, axis=0)
     excited = power > LEAST_EXCITED * power.max(initial=0.0)
     if not excited.any():
-        raise RecordError(f"{where}: i_e is constant on every axis: no excitation; excite the loop")
-    periods = len(i_e) // period if period else 1
-    samples = periods * period if period and periods else len(i_e)
+        raise RecordError(f"{where}: no excitation: neither i_e nor r moves on any axis; excite the loop")
+    periods = len(drives) // period if period else 1
+    samples = periods * period if period and periods else len(drives)
     periods = max(periods, 1)
     index = np.arange(periods, (samples + 1) // 2, periods)
-    u, z = (rfft(signal[:samples], axis=0)[index] / np.sqrt(samples) for signal in (i_e, outputs))
+    u, z = (rfft(signal[:samples], axis=0)[index] / np.sqrt(samples) for signal in (drives, outputs))
     u = u[:, excited]
     fitted = (DEGREE + 1) * (u.shape[1] + 1)
     width = fitted + FREE

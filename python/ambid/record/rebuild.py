@@ -17,6 +17,9 @@ NOT_LOGGED = "i_e was not logged"
 SAME = 1e-3
 """Part of the recorded command up to which what the law leaves is its rounding, and no excitation."""
 
+CLEARLY = 0.8
+"""Part of what an amplifier leaves of i_c under the present command that it must leave under an older one."""
+
 __all__ = ["NOT_LOGGED", "Rebuilt", "rebuild_excitation", "unexplained"]
 
 REBUILT_TOLERANCE = 0.6
@@ -47,8 +50,8 @@ def rebuild_excitation(
     From a recorded command i_ref this is direct. From the current i_c the amplifier's lag is inverted for a held input,
     i_c[k+1] = a i_c[k] + (1 - a) i_ref[k] with a = exp(-dt / tau_a), which amplifies the noise of i_c. An analog K acts
     on y taken as linear between the samples (first-order hold). A digital K is exact; the recorded command comes after
-    its delay, of which the whole samples are undone. Samples of i_e that act only after the end of the
-    record are continued periodically, or repeat the last one.
+    its delay, of which the whole samples are undone, unless i_c follows it later by as many: then it was recorded
+    before. Samples of i_e that act only after the end of the record are continued periodically, or repeat the last one.
 
     Parameters
     ----------
@@ -175,9 +178,29 @@ def _recover(
         source += f" (its noise is amplified {np.sqrt(1 + a**2) / (1 - a):.2g} times by undoing the amplifier's lag)"
     if controller.is_digital:
         feedback, integrating = _response(K, read)
-        command = command[int(controller.delay_samples) :]
+        whole = int(controller.delay_samples)
+        if i_ref is not None and i_c is not None and _is_before_delay(i_ref, i_c, whole):
+            source += f", recorded before its delay (i_c follows later by samples: {whole})"
+            whole = 0
+        command = command[whole:]
         command = command + feedback[: len(command)]
     return command, source, integrating
+
+
+def _is_before_delay(i_ref: FloatArray, i_c: FloatArray, whole: int) -> bool:
+    """Whether i_c follows a command that is so many samples old, and not the present one, through a first-order lag."""
+    if not whole:
+        return False
+    left = []
+    for late in (0, whole):
+        missed = 0.0
+        for command, current in zip(i_ref.T, i_c.T, strict=True):
+            known = np.column_stack([current[whole:-1], command[whole - late : len(command) - 1 - late]])
+            table = np.column_stack([known, np.ones(len(known))])
+            follows = table @ np.linalg.lstsq(table, current[whole + 1 :], rcond=None)[0]
+            missed += float(np.sum((current[whole + 1 :] - follows) ** 2))
+        left.append(missed)
+    return left[1] < CLEARLY * left[0]
 
 
 def _response(K: tuple[FloatArray, ...], y: FloatArray) -> tuple[FloatArray, bool]:

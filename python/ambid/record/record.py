@@ -25,6 +25,8 @@ from ambid.rig import Rig
 
 __all__ = ["Record"]
 
+SPENT = "i_c is left out: i_e was rebuilt from it and explains all of it, so that y alone is judged"
+"""Note on a record without periods whose i_e comes from i_c."""
 WITHOUT_I_C = (
     "i_c was not recorded: K_i, K_s and tau_e are found from y alone; "
     "a lag of the amplifier, a delay of the loop and a lag of the sensor cannot be told apart"
@@ -306,6 +308,11 @@ class Record:
         return any(note.startswith(NOT_LOGGED) for note in self.notes)
 
     @property
+    def is_free_response(self) -> bool:
+        """Whether nothing drives it: all that it tells is how it comes to rest."""
+        return not any(_moves(own) for own in (self.i_e, self.r) if own is not None)
+
+    @property
     def has_known_command(self) -> bool:
         """Whether i_e comes from the recorded command: it then holds whatever the controller's gains miss."""
         return self.is_rebuilt and self.i_ref is not None
@@ -316,7 +323,7 @@ class Record:
         return self.y if self.i_c is None else np.hstack([self.y, self.i_c])
 
     def frequency_response(self) -> FrequencyResponse:
-        """The response from the axes that are excited to y and i_c, with its uncertainty, by local polynomials.
+        """The response from what moves of i_e and r to y and i_c, with its uncertainty, by local polynomials.
 
         Over a band of neighbouring excited lines, 18 for one axis and 30 for four that are excited together by
         different sequences, the response is a polynomial of degree three, and so is the transient; where that does
@@ -335,14 +342,21 @@ class Record:
             raise RecordError(
                 f"{where}: i_e was not logged; load the record with its rig, whose controller rebuilds it"
             )
-        found = local_response(where, self.i_e, self.outputs, self.sample_rate, self.period)
-        inputs = [f"i_e.{axis}" for axis, is_excited in zip(self.axes, found.excited, strict=True) if is_excited]
+        moving = {name: own for name, own in (("i_e", self.i_e), ("r", self.r)) if own is not None and _moves(own)}
+        moving = moving or {"i_e": self.i_e}
+        sizes = np.repeat([1.0 if len(moving) == 1 else own.std() for own in moving.values()], len(self.axes))
+        drives = np.hstack(list(moving.values())) / sizes
+        found = local_response(where, drives, self.outputs, self.sample_rate, self.period)
+        names = [f"{signal}.{axis}" for signal in moving for axis in self.axes]
+        inputs = [name for name, is_excited in zip(names, found.excited, strict=True) if is_excited]
+        sizes = sizes[found.excited]
+        of_pairs = np.tile(sizes, len(self.channels))
         made = FrequencyResponse.from_arrays(
             found.frequency_hz,
-            found.response,
+            found.response / sizes,
             outputs=self.channels,
             inputs=inputs,
-            covariance=found.covariance,
+            covariance=found.covariance / np.outer(of_pairs, of_pairs),
             name=self.name,
             notes=self.notes,
             path=self.path,
@@ -410,8 +424,10 @@ class Record:
                 where=where,
             )
             record = replace(record, i_e=i_e, period=period, notes=(*record.notes, note))
+            if self.i_ref is None and period is None:
+                record = replace(record, i_c=None, notes=(*record.notes, SPENT))
         i_e, is_rebuilt = np.asarray(record.i_e), self.i_e is None and bool(np.any(record.i_e))
-        notes = checks.notes_on_excitation(where, record.axes, i_e, record.r)
+        notes = checks.notes_on_excitation(where, record.axes, record.y, i_e, record.r)
         if is_rebuilt and record.i_ref is not None:
             notes += checks.notes_on_limits(record.axes, record.i_ref)
         found = record.period if is_rebuilt else find_period(_scaled([i_e, record.r]))
@@ -450,6 +466,11 @@ class Record:
             note = f"{NOT_LOGGED}: taken as zero, the reference r drives the loop"
             return replace(self, i_e=np.zeros_like(self.y), notes=(*self.notes, note))
         return self
+
+
+def _moves(signal: NDArray[np.float64]) -> bool:
+    """Whether any axis of it changes."""
+    return bool(np.any(np.ptp(signal, axis=0)))
 
 
 def _as_array(where: str, signal: str, values: ArrayLike) -> NDArray[np.float64]:

@@ -78,11 +78,15 @@ fn decomposed(a: &DMatrix<f64>, vectors: Option<&mut Mat<f64>>) -> Option<Vec<C6
 }
 
 /// The matrix in states reflected at the plane across `(1, 1, ..)`, which mixes them all.
-fn reflected(a: &DMatrix<f64>) -> DMatrix<f64> {
-    let n = a.nrows();
+pub fn reflected(a: &DMatrix<f64>) -> DMatrix<f64> {
+    let h = reflection(a.nrows());
+    &h * a * &h
+}
+
+/// The reflection at the plane across `(1, 1, ..)`, its own inverse.
+pub fn reflection(n: usize) -> DMatrix<f64> {
     let part = 2.0 / n.max(1) as f64;
-    let rows = DMatrix::from_fn(n, n, |i, j| a[(i, j)] - part * a.column(j).sum());
-    DMatrix::from_fn(n, n, |i, j| rows[(i, j)] - part * rows.row(i).sum())
+    DMatrix::from_fn(n, n, |i, j| f64::from(i == j) - part)
 }
 
 #[cfg(test)]

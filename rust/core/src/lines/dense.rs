@@ -10,7 +10,7 @@ use nalgebra::{Complex, DMatrix, DVector};
 use super::Block;
 use super::triangular::{GROUP, Triangular};
 use crate::discretise::Discrete;
-use crate::eigen::NOT_CONVERGED;
+use crate::eigen::{NOT_CONVERGED, reflected, reflection};
 use crate::error::{Error, Result};
 use crate::lft::balancing;
 use crate::product::{LANES, Panels, Vector, dispatch, fma, load, product, store};
@@ -22,6 +22,12 @@ type C64 = Complex<f64>;
 const ITERATIONS: usize = 30;
 /// How many roundings of the diagonal count as zero beside it: what does not converge with one does so with a few.
 const LOOSE: [f64; 4] = [1.0, 8.0, 64.0, 512.0];
+
+/// Orthogonal states, as columns, and the matrix in them; `None` where its poles do not converge.
+fn schur(a: &DMatrix<f64>) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
+    let found = |loose: &f64| Schur::try_new(a.clone(), loose * f64::EPSILON, ITERATIONS * a.nrows());
+    LOOSE.iter().find_map(found).map(Schur::unpack)
+}
 
 /// A loop in states in which its A is triangular but for blocks of two on the diagonal.
 pub struct Dense {
@@ -47,9 +53,12 @@ impl Dense {
         let (n, nu, ny) = (t.len(), value.b.ncols(), value.c.nrows());
         let mut q = DMatrix::identity(n, n);
         if n > 1 {
-            let schur = |loose: &f64| Schur::try_new(value.a.clone(), loose * f64::EPSILON, ITERATIONS * n);
-            let schur = LOOSE.iter().find_map(schur);
-            let (turned, a) = schur.ok_or(Error::Singular { what: NOT_CONVERGED })?.unpack();
+            let (turned, a) = schur(&value.a)
+                .or_else(|| {
+                    let (turned, a) = schur(&reflected(&value.a))?;
+                    Some((reflection(n) * turned, a))
+                })
+                .ok_or(Error::Singular { what: NOT_CONVERGED })?;
             q = turned;
             let turn = |m: &mut Discrete| {
                 m.a = q.tr_mul(&m.a) * &q;
