@@ -68,7 +68,7 @@ def main(path: str) -> None:
         weak = "  weakly determined" if high - low > WEAK * abs(p.value) else ""
         print(f"{name:36s} {p.value:10.4g} {f'{low:.4g} .. {high:.4g}':>24s} {p.unit}{weak}")
     joint, law, kept = all_set_points(rows, published)
-    print("\nfive set-points at once:", *(step.line() for step in joint.history), repr(law), sep="\n")
+    print("\nfive set-points at once:", joint, repr(law), sep="\n")
     print(f"\n{HORIZON}-sample prediction of the rows that were not used, y [um] / i_c [uA]")
     print(f"{'':28s}", *(f"{record.name:>16s}" for record in kept))
     for name, model in [*((step.change, step.model) for step in joint.history), (f"{law.law.name} law", law.model)]:
@@ -108,7 +108,7 @@ def all_set_points(rows: np.ndarray, published: Rig) -> tuple[Diagnosis, LawFit,
         first, rest = (record_of(rows, own, gap, rig) for own in (slice(part.start, middle), slice(middle, part.stop)))
         train.append((replace(first, i_c=None) if gap == 13.5 else first).at(rig))
         kept.append(rest.at(rig))
-    joint = diagnose(train[-1].point, train, effects=["amplifier_bandwidth", "sampling_skew"])
+    joint = diagnose(train[-1].point, train)
     points = [record.point.bearings[0] for record in train]
     weight = [StaticForce(p.bias_current, p.air_gap, WEIGHT, 0.01 * WEIGHT) for p in points]
     return joint, fit_force_law(joint, DIPOLES, list(dict.fromkeys(weight))), kept

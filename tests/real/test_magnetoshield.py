@@ -55,6 +55,9 @@ def test_the_effects_lower_the_error_on_rows_that_were_not_used(told):
 def test_five_set_points_at_once_have_one_force_law(told):
     rows, *_ = told
     joint, law, kept = magnetoshield.all_set_points(rows, Rig.load(magnetoshield.RIG))
+    assert joint.verdict == "explained"
+    assert set(joint.effects) == {"amplifier_bandwidth", "sampling_skew"}
+    assert any(note.startswith("R.A_zeta changes with the operating point") for note in joint.notes)
     assert joint.history[-1].misfit < 1.3 < 9.0 < joint.history[0].misfit
     assert law.misfit < 3.0
     for static in law.static:

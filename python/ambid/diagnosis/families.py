@@ -87,13 +87,16 @@ def _near(state: State, own: Candidate, others: Sequence[Candidate]) -> list[_Me
 
 
 def _refitted(state: State, rest: Model, candidate: Candidate) -> Comparison | None:
-    """A candidate in the place of an effect, from its predicted and from typical values; the better of both."""
-    ends = []
+    """A candidate in the place of an effect, from its predicted values; where these lead nowhere, from typical ones."""
+    ends: list[Comparison] = []
     for values in (candidate.start, {}):
         try:
             ends.append(refit(state.fit.of(rest.add(candidate.effect, values)), step=ROUGHLY))
         except (UnstableLoopError, ModelError):
             continue
+        own = (p for p in ends[-1].model.parameters if p.name.startswith(f"{candidate.effect.name}."))
+        if not any(p.is_at_limit for p in own):
+            break
     return min(ends, key=lambda end: end.cost, default=None)
 
 

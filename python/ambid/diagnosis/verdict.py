@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ambid.diagnosis.apart import Changing, changing
 from ambid.diagnosis.drift import Change, largest_change
 from ambid.diagnosis.localisation import Localisation, localise
 from ambid.diagnosis.state import State, Task
@@ -66,6 +67,8 @@ class Verdict:
     is_stopped : bool
     is_chosen : bool
         Whether a person has chosen the effects.
+    changes : tuple of Changing
+        What is left where the effects explain each of several operating points by itself.
     """
 
     word: str
@@ -83,6 +86,7 @@ class Verdict:
     others: str
     is_stopped: bool
     is_chosen: bool
+    changes: tuple[Changing, ...]
 
     @property
     def is_to_the_noise(self) -> bool:
@@ -110,12 +114,14 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
     tones = tuple(tone for tone in left.tones if tone.power > OUTSTANDING)
     is_clean = not tones and (change is None or change.power < OVERTURNS)
     by_share = share > EXPLAINED_SHARE and len(effects) <= MOST_BY_SHARE
+    is_at_noise = _is_at_noise(task, state)
+    changes = () if is_at_noise or is_stopped or not is_clean else changing(state)
     sets = tuple(state.sets[name] for name in effects if len(state.sets.get(name, ())) > 1)
     fit, tried_share = state.fit, 0.0
     tried: tuple[str, ...] = ()
     if not effects and misfit <= max(tolerance, state.at_noise / state.dof) and is_clean:
         word = "adequate"
-    elif effects and (_is_at_noise(task, state) or by_share) and is_clean:
+    elif effects and (is_at_noise or by_share or changes) and is_clean:
         word = "ambiguous" if sets else "explained"
     elif is_stopped:
         word = "not_informative"
@@ -144,6 +150,7 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
         others,
         is_stopped,
         task.is_chosen,
+        changes,
     )
 
 

@@ -11,6 +11,7 @@ from ambid.diagnosis.result import Step
 from ambid.diagnosis.verdict import Verdict
 from ambid.effects.slips import ControllerGainError, ExcitationGainError
 from ambid.noise import Noise
+from ambid.noise.ramp import TAKEN_OUT
 from ambid.noise.response_lines import ResponseLines
 from ambid.rig import PidController, Rig
 
@@ -52,11 +53,20 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
         Of the records.
     """
     if verdict.word in ("explained", "ambiguous") and not verdict.is_to_the_noise:
+        why = (
+            "what is left stands out of the noise, since their formulas only approximate this machine or something "
+            "smaller is missing"
+        )
+        if verdict.changes:
+            why = (
+                "at every operating point by itself they explain all of it, with other values of what all points share"
+            )
         yield (
             f"in the main only: the effects explain {100 * verdict.share:.1f} % of the excess misfit, but J/dof "
-            f"{verdict.misfit:.2f} remains, above its bound {verdict.fit.bound:.2f}: what is left stands out of the "
-            "noise, since their formulas only approximate this machine or something smaller is missing"
+            f"{verdict.misfit:.2f} remains, above its bound {verdict.fit.bound:.2f}: {why}"
         )
+        for own in verdict.changes:
+            yield f"{own.parameter} changes with the operating point: from {' to '.join(own.ends)}"
     if verdict.is_chosen and verdict.word == "none_of_the_candidates":
         yield (
             f"chosen and kept: {', '.join(verdict.effects)}; the data do not confirm that this explains the misfit "
@@ -76,6 +86,7 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
             f"{change.frequency_hz:.3g} Hz ({change.power:.0f} in units of noise, 2 where nothing changes)"
         )
     for part in noise.parts:
+        yield from (f"{part.record.name}: {note}" for note in part.record.notes if note.startswith(TAKEN_OUT))
         if isinstance(part, ResponseLines):
             yield f"{part.record.name}: {OF_SMALL_MOTION}"
         elif not part.window.is_periodic:
@@ -123,6 +134,11 @@ def next_experiment(verdict: Verdict, history: Sequence[Step]) -> str:
         return "nothing is needed in this band and at this amplitude; a larger one would show nonlinear effects"
     if verdict.word == "ambiguous":
         return "; ".join(_apart(names, history) for names in verdict.sets)
+    if verdict.word == "explained" and verdict.changes:
+        return (
+            f"look for what changes {verdict.changes[0].parameter} from one operating point to the next, such as a "
+            "coil that warms, or a reading whose scale depends on the current; or diagnose each point by itself"
+        )
     if verdict.word == "explained" and not verdict.is_to_the_noise:
         cell = max(localise(verdict.fit).cells, key=lambda cell: cell.misfit)
         return (

@@ -1,0 +1,44 @@
+"""Several operating points that share all but one number: what is missing is named, and what changes is told."""
+
+from ambid.diagnosis import diagnose
+from hidden.bench import measured
+from hidden.one_axis import ONE_AXIS
+
+DELAY = {"loop_delay": {"seconds": 5e-5}}
+
+
+def at_two_points(hidden, tau_e):
+    """A record at each of two bias currents, whose lags are these."""
+    first = ONE_AXIS.rig.bearings[0].bias_current
+    found = []
+    for seed, (share, lag) in enumerate(zip((1.0, 0.9), tau_e, strict=True)):
+        bearing = ONE_AXIS.rig.bearings[0].model_copy(update={"bias_current": share * first})
+        rig = ONE_AXIS.rig.replace(name=f"{share} of the bias", bearings=(bearing,))
+        truth = {**ONE_AXIS.truth, "K_i": share * 185.0, "K_s": share**2 * 1.18e6, "tau_e": lag}
+        found.append(measured(rig, ONE_AXIS.excitation(1.0), hidden, seed=seed, **truth).at(rig))
+    return found
+
+
+def test_what_changes_between_points_is_told_beside_what_is_missing():
+    records = at_two_points(DELAY, (2.85e-4, 3.1e-4))
+    found = diagnose(records[0].point, records)
+    assert found.verdict == "explained", found
+    assert found.effects == ("loop_delay",)
+    assert not found.fit.is_adequate
+    (told,) = (note for note in found.notes if note.startswith("tau_e changes with the operating point"))
+    assert "0.000285" in told
+    assert "0.00031" in told
+    assert "tau_e" in found.next_experiment
+
+
+def test_points_that_share_everything_are_told_nothing():
+    records = at_two_points(DELAY, (2.85e-4, 2.85e-4))
+    found = diagnose(records[0].point, records)
+    assert found.verdict == "explained", found
+    assert found.fit.is_adequate
+    assert not any("changes with the operating point" in note for note in found.notes)
+
+
+def test_what_has_no_name_at_any_point_stays_nameless():
+    records = at_two_points({"cubic_bearing_force": {"coefficient": 1e15}}, (2.85e-4, 3.1e-4))
+    assert diagnose(records[0].point, records).verdict == "none_of_the_candidates"
