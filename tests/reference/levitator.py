@@ -20,7 +20,7 @@ Law = Callable[[float, float], float]
 
 @dataclass(frozen=True)
 class Levitator:
-    """`gain` is 1/R of a voltage-driven coil, else 1; with `gap` and `bias` the force is that of two magnets, or one."""
+    """`gain` is 1/R of a voltage-driven coil, else 1; with `gap` and `bias` the force is of two magnets, or one."""
 
     mass: float
     K_i: float

@@ -87,7 +87,7 @@ class Verdict:
     @property
     def is_to_the_noise(self) -> bool:
         """Whether the last model leaves no more than chance, or than is good enough, leaves."""
-        return self.misfit <= max(self.tolerance, self.fit.bound)
+        return self.misfit <= max(self.tolerance, self.fit.bound) and self.fit.loudest <= self.tolerance
 
 
 def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = False) -> Verdict:
@@ -108,7 +108,7 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
     left = state.fit.renewed() if effects else state.fit
     change = largest_change(left) if effects else where.change
     tones = tuple(tone for tone in left.tones if tone.power > OUTSTANDING)
-    is_clean = not tones and (change is None or change.power < OVERTURNS)
+    is_clean = not tones and (change is None or change.power < OVERTURNS) and left.loudest <= tolerance
     by_share = share > EXPLAINED_SHARE and len(effects) <= MOST_BY_SHARE
     sets = tuple(state.sets[name] for name in effects if len(state.sets.get(name, ())) > 1)
     fit, tried_share = state.fit, 0.0

@@ -71,7 +71,7 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
             yield f"{part.record.name}: {OF_SMALL_MOTION}"
         elif not part.window.is_periodic:
             yield f"{part.record.name}: {WITHOUT_PERIODS}"
-    yield from (own.uneven for own in verdict.fit.records if own.uneven)
+    yield from (told for own in verdict.fit.records for told in (own.uneven, own.louder) if told)
     if verdict.is_stopped:
         yield "stopped by Ctrl-C after the steps above: more may be missing, and rivals were not compared"
 

@@ -82,8 +82,8 @@ class FluxSaturation(Effect):
     name = "flux_saturation"
     physics = "the iron saturates: force per current falls at high flux"
     equation = (
-        "F = K_i i0 (B(x+)^2 - B(x-)^2)/(4 B(1) B'(1)), B(x) = x/(1 + (sigma x)^n)^(1/n), x+- = (1 +- i/i0)/(1 -+ s/s0); "
-        "of a single magnet F = K_i i0 (B(x+)^2 - B(1)^2)/(2 B(1) B'(1))"
+        "F = K_i i0 (B(x+)^2 - B(x-)^2)/(4 B(1) B'(1)), B(x) = x/(1 + (sigma x)^n)^(1/n), x+- = (1 +- i/i0)/(1 -+ s/s0)"
+        "; of a single magnet F = K_i i0 (B(x+)^2 - B(1)^2)/(2 B(1) B'(1))"
     )
     signature = "odd; K_i seems to fall with amplitude and with load"
     source = "Froehlich (1881) and its generalisation B = u/(1 + (sigma u)^n)^(1/n)"
