@@ -87,8 +87,9 @@ def _added(task: Task, state: State, ask: Ask | None) -> Iterator[State]:
         ranking = state.ranking
         tried = _worth_refitting(state, ranking)
         order = [pair for pair in refits(task, state, tried) if _explains(task, state, pair)]
-        if not order or _is_hopeless(state, order[0][1]):
-            order = _beyond_scores(task, state, tried) or order
+        if not order or order[0][1].cost > state.at_noise:
+            is_hopeless = not order or _is_hopeless(state, order[0][1])
+            order = _beyond_scores(task, state, tried, only_far=not is_hopeless) or order
         if not order:
             return
         candidate, better = order[0]
@@ -119,16 +120,21 @@ def _is_hopeless(state: State, better: Comparison) -> bool:
     return state.fit.cost > state.at_noise and state.fit.cost - better.cost < HOPELESS_SHARE * excess
 
 
-def _beyond_scores(task: Task, state: State, tried: Sequence[Candidate]) -> list[Refitted]:
+def _beyond_scores(task: Task, state: State, tried: Sequence[Candidate], *, only_far: bool) -> list[Refitted]:
     """The linear candidates that explain everything once they are refitted, whatever their scores say.
 
     A score is a derivative where the effect is absent: beside parameters that a large lag or delay has driven off, it
-    may be nothing or have the wrong sign.
+    may be nothing or have the wrong sign. Where another explains much, only those with far starts are tried.
     """
     if state.fit.cost < state.at_noise:
         return []
     model = state.fit.model
-    others = [c for c in state.ranking.candidates if c not in tried and model.add(c.effect, c.start).is_linear]
+    others = [
+        c
+        for c in state.ranking.candidates
+        if (c.effect.far_starts(model.home_of(c.effect) or model.rig) or not only_far and c not in tried)
+        and model.add(c.effect, c.start).is_linear
+    ]
     found = refits(task, state, others, whatever_promised=True)
     return [pair for pair in found if pair[1].cost < state.at_noise and _explains(task, state, pair)]
 

@@ -108,12 +108,13 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
     left = state.fit.renewed() if effects else state.fit
     change = largest_change(left) if effects else where.change
     tones = tuple(tone for tone in left.tones if tone.power > OUTSTANDING)
-    is_clean = not tones and (change is None or change.power < OVERTURNS) and left.loudest <= tolerance
+    is_clean = not tones and (change is None or change.power < OVERTURNS)
     by_share = share > EXPLAINED_SHARE and len(effects) <= MOST_BY_SHARE
     sets = tuple(state.sets[name] for name in effects if len(state.sets.get(name, ())) > 1)
     fit, tried_share = state.fit, 0.0
     tried: tuple[str, ...] = ()
-    if not effects and misfit <= max(tolerance, state.at_noise / state.dof) and is_clean:
+    is_small = misfit <= max(tolerance, state.at_noise / state.dof) and left.loudest <= tolerance
+    if not effects and is_small and is_clean:
         word = "adequate"
     elif effects and (_is_at_noise(task, state) or by_share) and is_clean:
         word = "ambiguous" if sets else "explained"

@@ -43,10 +43,13 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
         Of the records.
     """
     if verdict.word in ("explained", "ambiguous") and not verdict.is_to_the_noise:
+        left = f"J/dof {verdict.misfit:.2f} remains, above its bound {verdict.fit.bound:.2f}"
+        if verdict.misfit <= verdict.fit.bound:
+            left = f"{verdict.fit.loudest:.2g} times the noise remains while the machine moves"
         yield (
-            f"in the main only: the effects explain {100 * verdict.share:.1f} % of the excess misfit, but J/dof "
-            f"{verdict.misfit:.2f} remains, above its bound {verdict.fit.bound:.2f}: what is left stands out of the "
-            "noise, since their formulas only approximate this machine or something smaller is missing"
+            f"in the main only: the effects explain {100 * verdict.share:.1f} % of the excess misfit, but {left}: what "
+            "is left stands out of the noise, since their formulas only approximate this machine or something smaller "
+            "is missing"
         )
     if verdict.is_chosen and verdict.word == "none_of_the_candidates":
         yield (
