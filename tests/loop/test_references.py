@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from ambid import Model, Rig, RigError
+from ambid.effects.magnet import ForceNonlinearity
 from ambid.loop.response import frequency_response
 from ambid.rig import Amplifier, StateSpaceController, TransferFunctionController
 from reference.levitator import Levitator, pid, pid_matrices
@@ -72,16 +73,17 @@ def test_slopes_by_time_and_on_lines_agree_with_differences():
         assert np.abs(on_lines[..., j] - expected).max() < 1e-7 * np.abs(expected).max()
 
 
-def test_nonlinear_loop_follows_the_reference_too():
+@pytest.mark.parametrize("single", [False, True])
+def test_nonlinear_loop_follows_the_reference_too(single):
     r, i_e = drives(300)
     K_i, bias, gap = TRUTH.K_i, 0.9, 0.005
-    magnets = Levitator(TRUTH.mass, K_i, K_i * bias / gap, TRUTH.tau, gap=gap, bias=bias)
+    magnets = Levitator(TRUTH.mass, K_i, K_i * bias / gap, TRUTH.tau, gap=gap, bias=bias, single=single)
     truth = magnets.run(RATE, pid(*GAINS, RATE, 0.4), r, i_e)
     model = Model(rig()).with_values({"K_s.A_zeta": magnets.K_s})
     expected = np.hstack([truth["y"], truth["i_c"]])
     u = np.column_stack([i_e, r])
     linear = model.loop.simulate(model.theta, u)
-    model = model.add("force_nonlinearity", {"bias_ratio": 1.0})
+    model = model.add(ForceNonlinearity(single=single), {"bias_ratio": 1.0})
     found = model.loop.simulate(model.theta, u)
     assert np.abs(found - expected).max() < 1e-5 * np.abs(expected).max() < np.abs(linear - expected).max()
     assert_allclose(model.simulator().run(u), found, rtol=0, atol=1e-6 * np.abs(found).max())

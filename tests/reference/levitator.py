@@ -1,7 +1,7 @@
 """A levitator of one axis whose controller follows a reference, written from its physics, apart from the core.
 
 Held commands u reach the coil by ``tau i' = u/R - i``; the mass obeys ``m s'' = K_i i + K_s s``, or the law of two
-magnets that pull against each other.
+magnets that pull against each other, or of one that pulls against the weight.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Law = Callable[[float, float], float]
 
 @dataclass(frozen=True)
 class Levitator:
-    """`gain` is 1/R of a voltage-driven coil, else 1; with `gap` and `bias` the force is that of two magnets."""
+    """`gain` is 1/R of a voltage-driven coil, else 1; with `gap` and `bias` the force is of two magnets, or one."""
 
     mass: float
     K_i: float
@@ -30,6 +30,7 @@ class Levitator:
     gap: float | None = None
     bias: float = 0.0
     back_emf: float = 0.0
+    single: bool = False
 
     def rig(self, rate: float, controller: dict, off: float = 0.0) -> Rig:
         """Rig file of it, whose nominal K_i and K_s are off by a part of them."""
@@ -54,10 +55,12 @@ class Levitator:
         )
 
     def force(self, i: float, s: float) -> float:
-        """Of one magnet, or of two with ``K_s = K_i bias/gap`` at rest."""
+        """With ``K_s = K_i bias/gap`` at rest if it is not linear."""
         if self.gap is None:
             return self.K_i * i + self.K_s * s
         i, s = i / self.bias, s / self.gap
+        if self.single:
+            return 0.5 * self.K_i * self.bias * (((1.0 + i) / (1.0 - s)) ** 2 - 1.0)
         return 0.25 * self.K_i * self.bias * (((1.0 + i) / (1.0 - s)) ** 2 - ((1.0 - i) / (1.0 + s)) ** 2)
 
     def run(

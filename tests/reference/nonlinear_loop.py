@@ -194,7 +194,7 @@ def curve(kind, sigma, n):
     return lambda x: x / (1 + (sigma * x) ** n) ** (1 / n)
 
 
-def force_law(kind, nu, sigma=0.5, n=3.0, **digital) -> Plant:
+def force_law(kind, nu, sigma=0.5, n=3.0, single=False, **digital) -> Plant:
     @law(2)
     def extra_force(theta, z):
         nu, *own = theta[3 : 4 + len(shape)]
@@ -207,12 +207,15 @@ def force_law(kind, nu, sigma=0.5, n=3.0, **digital) -> Plant:
 
         h = 1e-3
         stencil = 8 * (b(1 + h) ** 2 - b(1 - h) ** 2) - (b(1 + 2 * h) ** 2 - b(1 - 2 * h) ** 2)
-        force = theta[K_I] * i0 / (2 * stencil / (12 * h)) * (pull(1) - pull(-1))
+        slope = stencil / (12 * h)
+        against = (pull(1) - b(1.0) ** 2) / slope if single else (pull(1) - pull(-1)) / (2 * slope)
+        force = theta[K_I] * i0 * against
         return force - theta[K_I] * z[0] - theta[K_S] * z[1]
 
     shape = {"unsaturated": (), "tanh": (sigma,), "power": (sigma, n)}[kind]
     parameters = {"K_i": K_I, "K_s": K_S, "nu": 3} | dict(zip(("sigma", "n"), range(4, 4 + len(shape)), strict=False))
     block = {"law": "force_law", "curve": kind, "parameters": parameters, "constants": {"bias": BIAS}}
+    block["single"] = single
     port = {"z": [{"i_f": 1.0}, {"s": 1.0}], "w": {"v": 1 / MASS}}
     return machine([port], [extra_force], [block], (nu, *shape), **digital)
 
@@ -286,6 +289,8 @@ KINDS = {
     "unsaturated": lambda **k: force_law("unsaturated", 1.0, **k),
     "tanh": lambda **k: force_law("tanh", 1.0, **k),
     "power": lambda **k: force_law("power", 0.8, **k),
+    "single": lambda **k: force_law("unsaturated", 1.0, single=True, **k),
+    "single power": lambda **k: force_law("power", 0.8, single=True, **k),
     "slew": slew_limit,
     "hysteresis": bouc_wen,
     "polynomials": polynomials,

@@ -43,6 +43,9 @@ def refits(task: Task, state: State, tried: Sequence[Candidate], *, whatever_pro
         starts = [(state.fit.model, candidate.start)]
         if candidate.from_start or state.fit.cost > FAR_OFF * state.dof or is_driven_off(task, state.fit.model):
             starts.append((nominal_with_effects_of(task, state.fit.model), candidate.start))
+        if whatever_promised:
+            far = candidate.effect.far_starts(state.fit.model.home_of(candidate.effect) or state.fit.model.rig)
+            starts += [(state.fit.model, dict(values)) for values in far]
         starts.append((state.fit.model, {}))  # typical small values, where the predicted ones make no stable loop
         ends: list[Comparison] = []
         for base, values in starts:

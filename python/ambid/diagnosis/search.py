@@ -87,8 +87,9 @@ def _added(task: Task, state: State, ask: Ask | None) -> Iterator[State]:
         ranking = state.ranking
         tried = _worth_refitting(state, ranking)
         order = [pair for pair in refits(task, state, tried) if _explains(task, state, pair)]
-        if not order or _is_hopeless(state, order[0][1]):
-            order = _beyond_scores(task, state, tried) or order
+        if not order or order[0][1].cost > state.at_noise:
+            is_hopeless = not order or _is_hopeless(state, order[0][1])
+            order = _beyond_scores(task, state, tried, only_far=not is_hopeless) or order
         if not order:
             return
         candidate, better = order[0]
@@ -96,8 +97,8 @@ def _added(task: Task, state: State, ask: Ask | None) -> Iterator[State]:
         promised = max(fall, candidate.score) if better.cost < state.at_noise < state.fit.cost else candidate.score
         if candidate.chance_of(min(fall, promised)) > np.log(ALPHA / len(ranking.candidates)):
             return  # the refit brings less than the score promised
-        if not state.added and state.fit.is_adequate and not stands(task, state, order[0]):
-            return  # nothing was missing, and the rest of the evidence knows nothing of it
+        if not state.added and state.fit.misfit <= state.fit.bound and not stands(task, state, order[0]):
+            return  # no misfit was left, and the rest of the evidence knows nothing of it
         if ask is not None and not ask(ranking, candidate):
             return
         if _is_hopeless(state, better):
@@ -119,16 +120,21 @@ def _is_hopeless(state: State, better: Comparison) -> bool:
     return state.fit.cost > state.at_noise and state.fit.cost - better.cost < HOPELESS_SHARE * excess
 
 
-def _beyond_scores(task: Task, state: State, tried: Sequence[Candidate]) -> list[Refitted]:
+def _beyond_scores(task: Task, state: State, tried: Sequence[Candidate], *, only_far: bool) -> list[Refitted]:
     """The linear candidates that explain everything once they are refitted, whatever their scores say.
 
     A score is a derivative where the effect is absent: beside parameters that a large lag or delay has driven off, it
-    may be nothing or have the wrong sign.
+    may be nothing or have the wrong sign. Where another explains much, only those with far starts are tried.
     """
     if state.fit.cost < state.at_noise:
         return []
     model = state.fit.model
-    others = [c for c in state.ranking.candidates if c not in tried and model.add(c.effect, c.start).is_linear]
+    others = [
+        c
+        for c in state.ranking.candidates
+        if (c.effect.far_starts(model.home_of(c.effect) or model.rig) or not only_far and c not in tried)
+        and model.add(c.effect, c.start).is_linear
+    ]
     found = refits(task, state, others, whatever_promised=True)
     return [pair for pair in found if pair[1].cost < state.at_noise and _explains(task, state, pair)]
 

@@ -91,7 +91,7 @@ class Verdict:
     @property
     def is_to_the_noise(self) -> bool:
         """Whether the last model leaves no more than chance, or than is good enough, leaves."""
-        return self.misfit <= max(self.tolerance, self.fit.bound)
+        return self.misfit <= max(self.tolerance, self.fit.bound) and self.fit.loudest <= self.tolerance
 
 
 def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = False) -> Verdict:
@@ -119,7 +119,8 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
     sets = tuple(state.sets[name] for name in effects if len(state.sets.get(name, ())) > 1)
     fit, tried_share = state.fit, 0.0
     tried: tuple[str, ...] = ()
-    if not effects and misfit <= max(tolerance, state.at_noise / state.dof) and is_clean:
+    is_small = misfit <= max(tolerance, state.at_noise / state.dof) and left.loudest <= tolerance
+    if not effects and is_small and is_clean:
         word = "adequate"
     elif effects and (is_at_noise or by_share or changes) and is_clean:
         word = "ambiguous" if sets else "explained"

@@ -53,6 +53,9 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
         Of the records.
     """
     if verdict.word in ("explained", "ambiguous") and not verdict.is_to_the_noise:
+        left = f"J/dof {verdict.misfit:.2f} remains, above its bound {verdict.fit.bound:.2f}"
+        if verdict.misfit <= verdict.fit.bound:
+            left = f"{verdict.fit.loudest:.2g} times the noise remains while the machine moves"
         why = (
             "what is left stands out of the noise, since their formulas only approximate this machine or something "
             "smaller is missing"
@@ -62,8 +65,7 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
                 "at every operating point by itself they explain all of it, with other values of what all points share"
             )
         yield (
-            f"in the main only: the effects explain {100 * verdict.share:.1f} % of the excess misfit, but J/dof "
-            f"{verdict.misfit:.2f} remains, above its bound {verdict.fit.bound:.2f}: {why}"
+            f"in the main only: the effects explain {100 * verdict.share:.1f} % of the excess misfit, but {left}: {why}"
         )
         for own in verdict.changes:
             yield f"{own.parameter} changes with the operating point: from {' to '.join(own.ends)}"
@@ -91,7 +93,7 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
             yield f"{part.record.name}: {OF_SMALL_MOTION}"
         elif not part.window.is_periodic:
             yield f"{part.record.name}: {WITHOUT_PERIODS}"
-    yield from (own.uneven for own in verdict.fit.records if own.uneven)
+    yield from (told for own in verdict.fit.records for told in (own.uneven, own.louder) if told)
     if verdict.is_stopped:
         yield "stopped by Ctrl-C after the steps above: more may be missing, and rivals were not compared"
 

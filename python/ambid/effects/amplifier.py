@@ -16,6 +16,10 @@ from ambid.rig import Rig
 
 IDEAL = "the amplifier is ideal: its current is what it is asked for (amplifier.time_constant = 0)"
 
+FAR = (3.0, 10.0, 30.0)
+"""Lags over that of the rig file that a refit starts from: a coil called ideal has a lag of a sample or less there, and
+in truth one of up to thirty; a refit comes down from up to a factor of three."""
+
 
 @dataclass(frozen=True)
 class AmplifierBandwidth(Effect):
@@ -93,6 +97,11 @@ class AmplifierBandwidth(Effect):
         bend = tau**2 * float(0.1 * longer * amplitudes[0] + 0.25 * amplitudes[1])
         q = float(np.clip(bend, 1e-3 * p**2, 4.0 * p**2))
         return {"frequency_hz": 1.0 / (2.0 * pi * np.sqrt(q)), "damping": max(0.06, 0.5 * p / np.sqrt(q))}
+
+    def far_starts(self, rig: Rig) -> Sequence[Mapping[str, float]]:
+        """Of a voltage-driven coil; from a lag that is far too short a score sees nothing of a lag of many samples."""
+        tau, resistance = rig.amplifier.time_constant, rig.amplifier.resistance
+        return [] if resistance is None else [{"inductance": times * resistance * tau} for times in FAR]
 
     def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
         """By how much its lag is longer than that of the rig file."""

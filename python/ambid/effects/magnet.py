@@ -15,6 +15,10 @@ from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
 from ambid.loop.plant import Plant
 from ambid.rig import Rig
 
+HOLDING = 0.8
+"""Part of the bias from which a mean current says that it holds a weight alone: of a pair of magnets that would carry
+it so, the lower one were all but off."""
+
 BIAS_RATIO = "nu: bias current of the rig file over the effective one"
 
 
@@ -26,19 +30,25 @@ class ForceNonlinearity(Effect):
     ----------
     held : tuple of float
         Current of each axis that holds the weight [A]; empty where it is not known.
+    single : bool
+        Whether one magnet holds the weight, with the bias current, and none acts against it.
     """
 
     name = "force_nonlinearity"
     physics = "the unsaturated force law k((i0+i)^2/(s0-s)^2 - (i0-i)^2/(s0+s)^2) in place of its linearisation"
-    equation = "F = K_i i0 (x+^2 - x-^2)/4, x+- = (1 +- i/i0)/(1 -+ s/s0), i0 = bias/nu, s0 = i0 K_i/K_s"
+    equation = (
+        "F = K_i i0 (x+^2 - x-^2)/4, x+- = (1 +- i/i0)/(1 -+ s/s0), i0 = bias/nu, s0 = i0 K_i/K_s; "
+        "of a single magnet F = K_i i0 (x+^2 - 1)/2"
+    )
     signature = "odd; grows with the cube of the amplitude, where current and displacement are large together"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, section 4.1"
 
     held: tuple[float, ...] = ()
+    single: bool = False
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
-        """About the currents that hold the weight."""
-        return [ForceNonlinearity(tuple(seen.held))]
+        """About the currents that hold the weight; of one magnet where that current is the bias, see `HOLDING`."""
+        return [ForceNonlinearity(single=True) if _is_single(seen) else ForceNonlinearity(tuple(seen.held))]
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Bias current of the rig file over the effective one: 1 for the law as it stands, 0 for the linear one."""
@@ -54,7 +64,7 @@ class ForceNonlinearity(Effect):
 
     def attach(self, plant: Plant) -> None:
         """What the law adds to ``K_i i + K_s s``, which stay the slopes at rest."""
-        _force_law(plant, "unsaturated", {"nu": self.slot("bias_ratio")}, self.held)
+        _force_law(plant, "unsaturated", {"nu": self.slot("bias_ratio")}, self.held, self.single)
 
 
 @dataclass(frozen=True)
@@ -65,22 +75,26 @@ class FluxSaturation(Effect):
     ----------
     held : tuple of float
         Current of each axis that holds the weight [A]; empty where it is not known.
+    single : bool
+        Whether one magnet holds the weight, with the bias current, and none acts against it.
     """
 
     name = "flux_saturation"
     physics = "the iron saturates: force per current falls at high flux"
     equation = (
         "F = K_i i0 (B(x+)^2 - B(x-)^2)/(4 B(1) B'(1)), B(x) = x/(1 + (sigma x)^n)^(1/n), x+- = (1 +- i/i0)/(1 -+ s/s0)"
+        "; of a single magnet F = K_i i0 (B(x+)^2 - B(1)^2)/(2 B(1) B'(1))"
     )
     signature = "odd; K_i seems to fall with amplitude and with load"
     source = "Froehlich (1881) and its generalisation B = u/(1 + (sigma u)^n)^(1/n)"
     contains = ("force_nonlinearity",)
 
     held: tuple[float, ...] = ()
+    single: bool = False
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
-        """About the currents that hold the weight."""
-        return [FluxSaturation(tuple(seen.held))]
+        """About the currents that hold the weight; of one magnet where that current is the bias, see `HOLDING`."""
+        return [FluxSaturation(single=True) if _is_single(seen) else FluxSaturation(tuple(seen.held))]
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Linear flux density at bias over that of saturation, sharpness of the knee, bias ratio of the square law."""
@@ -112,10 +126,16 @@ class FluxSaturation(Effect):
     def attach(self, plant: Plant) -> None:
         """The square law with the flux of saturating iron; K_i and K_s stay the slopes at rest."""
         slots = {"sigma": "level", "n": "sharpness", "nu": "bias_ratio"}
-        _force_law(plant, "power", {key: self.slot(name) for key, name in slots.items()}, self.held)
+        _force_law(plant, "power", {key: self.slot(name) for key, name in slots.items()}, self.held, self.single)
 
 
-def _force_law(plant: Plant, curve: str, slots: Mapping[str, str], held: Sequence[float]) -> None:
+def _is_single(seen: Seen) -> bool:
+    """Whether one magnet holds the weight of a plain mass: the mean of its recorded current is the bias."""
+    (bias, *more) = (bias for bias, _, _ in _of_axes(seen.rig))
+    return seen.rig.rotor.kind == "mass" and not more and bool(seen.held) and seen.held[0] >= HOLDING * bias
+
+
+def _force_law(plant: Plant, curve: str, slots: Mapping[str, str], held: Sequence[float], single: bool) -> None:
     """Add to the force of every axis what a force law has beyond ``K_i i + K_s s``.
 
     At another bias and gap than those of the reference the flux at rest is in proportion to bias over gap, and the
@@ -129,7 +149,7 @@ def _force_law(plant: Plant, curve: str, slots: Mapping[str, str], held: Sequenc
         own = {"K_i": f"K_i.{axis}", "K_s": f"K_s.{axis}", **slots}
         signals = [plant[f"i_f.{axis}"], plant[f"s.{axis}"]]
         constants = {"bias": bias, "held": load * gain_there / gain, "level": bias / stated * gap_there / gap}
-        plant.inject(f"f.{axis}", plant.block("force_law", signals, own, constants, curve=curve))
+        plant.inject(f"f.{axis}", plant.block("force_law", signals, own, constants, curve=curve, single=single))
 
 
 def _of_axes(rig: Rig) -> list[tuple[float, float, float]]:

@@ -149,6 +149,8 @@ class Estimate(Tabular):
         what = f"misfit {self.misfit:.2f}, bound {self.misfit_bound:.2f} (J/dof, 1 when the model is right)"
         if self.is_adequate:
             return f"{what}: nothing is missing that these records can show"
+        if (loudest := self.comparison.loudest) > 1.0:
+            what += f", but {loudest:.2g} times the noise while the machine moves"
         return f"{what}: physics is missing, however good the fit looks"
 
     @property

@@ -214,6 +214,10 @@ class Effect(ABC):
             start[p.name] = float(min(max(wanted * p.probe, least), most))
         return start
 
+    def far_starts(self, rig: Rig) -> Sequence[Mapping[str, float]]:
+        """Values far from the rig file's where a refit starts too, for an effect whose score cannot see so far."""
+        return ()
+
     def slot(self, parameter: str) -> str:
         """Name of a parameter in the model, such as ``loop_delay.delay``."""
         return f"{self.name}.{parameter}"

@@ -20,8 +20,10 @@ from ambid.model import Model
 from ambid.noise.chance import misfit_bound
 from ambid.noise.fit import with_average
 from ambid.noise.halves import uneven
+from ambid.noise.lines import RecordLines
 from ambid.noise.noise import Noise, Part
 from ambid.noise.response_lines import ResponseLines
+from ambid.noise.still import Louder
 from ambid.noise.window import notes_of
 from ambid.record import FrequencyResponse, Measurement, Record
 from ambid.results import Tabular, plain
@@ -89,6 +91,8 @@ class RecordComparison:
     uneven : str
         That the noise of a record without periods is not the same in both halves; empty where it may be, or where the
         model is not adequate.
+    louder : str
+        That more is left where the machine moves than where it stands still; empty where it may be chance.
     """
 
     record: Measurement
@@ -97,11 +101,12 @@ class RecordComparison:
     misfit: float
     repeatable_share: float
     uneven: str = ""
+    louder: str = ""
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What is to be said beside a result of this record."""
-        return (*notes_of(self.record), *([self.uneven] if self.uneven else []))
+        return (*notes_of(self.record), *(told for told in (self.uneven, self.louder) if told))
 
     @property
     def residual(self) -> FloatArray | ComplexArray:
@@ -203,8 +208,23 @@ class Comparison(Tabular):
 
     @property
     def is_adequate(self) -> bool:
-        """Whether the misfit is within its bound."""
-        return bool(self.misfit <= self.bound)
+        """Whether the misfit is within its bound, and no record holds more where it moves than where it stands."""
+        return bool(self.misfit <= self.bound) and self.loudest <= 1.0
+
+    @property
+    def loudest(self) -> float:
+        """Largest power of what is left in motion over that at rest, beyond chance; 1 where none is larger."""
+        return max((own.ratio for own in self._in_motion if own is not None), default=1.0)
+
+    @cached_property
+    def _in_motion(self) -> tuple[Louder | None, ...]:
+        """Of each record; nothing where the misfit tells it already, or the noise is not known."""
+        if not self.misfit <= self.bound:
+            return (None,) * len(self._records)
+        return tuple(
+            part.louder_in_motion(self.model.at(part.record)) if isinstance(part, RecordLines) else None
+            for part in self.noise.parts
+        )
 
     @property
     def tones(self) -> tuple[Tone, ...]:
@@ -221,6 +241,8 @@ class Comparison(Tabular):
             if self.is_adequate and isinstance(record, Record):
                 driven = self.model.excitation(record)[:, : len(record.axes)]
                 own = replace(own, uneven=uneven(record, own.residual.real, driven))
+            if louder := self._in_motion[k]:
+                own = replace(own, louder=louder.sentence(record.name))
             found.append(own)
         return tuple(found)
 

@@ -26,6 +26,7 @@ from ambid.noise.colour import back_through_loop
 from ambid.noise.in_time import NEUTRAL, InTime
 from ambid.noise.local import likelier_beside_excitation
 from ambid.noise.measured import Measured
+from ambid.noise.still import Louder, louder_in_motion
 from ambid.noise.transients import OWN, freed, orthonormal
 from ambid.noise.unexcited import Unexcited
 from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, Spectrum, between_lines, require_noise
@@ -257,6 +258,13 @@ class RecordLines:
         d = np.asarray(np.linalg.lstsq(columns, white, rcond=np.sqrt(OWN))[0])
         free = base.loop.core.free_response(base.theta, d, window.samples, self.record.samples)[:, :p]
         return np.asarray(self._in_time.samples(here, at_rest=bool(self._starts_at_rest)) + free)
+
+    def louder_in_motion(self, here: Model) -> Louder | None:
+        """Whether a model leaves more where the machine moves than where it stands still; not asked of periods."""
+        if self.window.is_periodic:
+            return None
+        left, whitening = self.residual_lines(here), self.spectrum.whitening
+        return louder_in_motion(left, whitening, self.index, self.simulated(here), self.record.sample_rate)
 
     def noise_power(self) -> FloatArray:
         """Power of the noise of each channel on the judged lines, shape (lines, p), in units of the lines."""

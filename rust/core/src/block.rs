@@ -31,10 +31,13 @@ pub enum Law {
     /// `s0 = K_i i0 / K_s`, `f = K_i i0 / (2 (B^2)'(1)) (B^2(x+) - B^2(x-))`, `x+- = (1 +- i/i0) / (1 -+ s/s0)`: near
     /// rest f is `K_i i + K_s s`, for any curve and any `nu`. `nu` is 1 at the nominal bias and 0 for the linear law,
     /// where w vanishes as `nu^2`. A magnet does not push: x is zero beyond the bias. The gap closes to a fiftieth.
+    /// A single magnet holds a constant load: `f = K_i i0 / (B^2)'(1) (B^2(x+) - B^2(1))`; its w vanishes as `nu`.
     /// Source: Schweitzer, Maslen (2009), "Magnetic Bearings", chapter 4.
     Force {
         /// Flux against magnetomotive force, both relative to rest.
         curve: Curve,
+        /// Whether there is no opposite magnet; then the bias is the current that holds the load.
+        single: bool,
         /// Bias current in A.
         bias: f64,
         /// Current in A that holds a constant load, such as the weight; i counts from it.

@@ -17,6 +17,8 @@ pub struct NonlinearBlock<'py> {
     #[pyo3(item, default)]
     curve: Option<String>,
     #[pyo3(item, default)]
+    single: bool,
+    #[pyo3(item, default)]
     parameters: BTreeMap<String, Option<usize>>,
     #[pyo3(item, default)]
     constants: BTreeMap<String, f64>,
@@ -56,7 +58,10 @@ impl NonlinearBlock<'_> {
             "force_law" => {
                 let or = |name: &str, usual: f64| self.constants.get(name).copied().unwrap_or(usual);
                 let (bias, held, level) = (self.constant("bias")?, or("held", 0.0), or("level", 1.0));
-                (Law::Force { curve: self.curve()?, bias, held, level }, &["bias", "held", "level"])
+                (
+                    Law::Force { curve: self.curve()?, single: self.single, bias, held, level },
+                    &["bias", "held", "level"],
+                )
             }
             "slew_limit" => (Law::Slew { smoothing: self.constant("smoothing")? }, &["smoothing"]),
             "bouc_wen" => {

@@ -19,8 +19,8 @@ pub(crate) enum Element {
 impl Element {
     pub fn new(law: &Law, values: Vec<f64>) -> Result<Self> {
         Ok(match law {
-            Law::Force { curve, bias, held, level } => {
-                Self::Force(Force::new(*curve, [*bias, *held, *level], &values)?)
+            Law::Force { curve, single, bias, held, level } => {
+                Self::Force(Force::new(*curve, *single, [*bias, *held, *level], &values)?)
             }
             Law::Slew { smoothing } => Self::Slew { inverse_limit: values[0], smoothing: *smoothing },
             Law::BoucWen { rate_smoothing, state_smoothing } => Self::BoucWen {

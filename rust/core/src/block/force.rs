@@ -11,8 +11,9 @@ const CLOSED: f64 = 0.02;
 
 /// `w = c (F - alpha - beta)` with `alpha = i/i0`, `beta = s/s0`, `c = K_i i0`.
 ///
-/// `F = (B^2(x+) - B^2(x-)) / (4 B(1) B'(1))`, `x+- = (1 +- alpha) / (1 -+ beta)`. Where a constant current holds a
-/// constant load, i counts from it, and the part of w that belongs to it is left out.
+/// `F = (B^2(x+) - B^2(x-)) / (2 (1 + o) B(1) B'(1))`, `x+ = (1 + alpha) / (1 - beta)`,
+/// `x- = (1 - o alpha) / (1 + o beta)`; o is 1 for a pair of magnets, 0 for one against a constant load. Where a
+/// constant current holds a constant load, i counts from it, and the part of w that belongs to it is left out.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Force {
     shape: Shape,
@@ -26,7 +27,9 @@ pub(crate) struct Force {
     per_current: f64,
     per_displacement: f64,
     scale: f64,
-    /// `1 / (4 B(1) B'(1))`, and the relative derivative of `B(1) B'(1)` by sigma and n.
+    /// o.
+    opposite: f64,
+    /// `1 / (2 (1 + o) B(1) B'(1))`, and the relative derivative of `B(1) B'(1)` by sigma and n.
     normal: f64,
     normal_slopes: [f64; 2],
     /// Current that holds a constant load; w there, and its derivatives by the coefficients.
@@ -36,12 +39,13 @@ pub(crate) struct Force {
 }
 
 impl Force {
-    pub fn new(curve: Curve, [bias, held, level]: [f64; 3], values: &[f64]) -> Result<Self> {
+    pub fn new(curve: Curve, single: bool, [bias, held, level]: [f64; 3], values: &[f64]) -> Result<Self> {
         let (k_i, k_s, nu) = (values[0], values[1], values[2]);
         let of = |place: usize| values.get(place).copied().unwrap_or(1.0);
         let shape = Shape { curve, sigma: level * of(3), n: of(4) };
         let (rest, slopes) = shape.at_rest();
         let linear = nu.abs() < NEGLIGIBLE;
+        let opposite = if single { 0.0 } else { 1.0 };
         let mut force = Self {
             shape,
             coefficients: values.len(),
@@ -53,7 +57,8 @@ impl Force {
             per_current: nu / bias,
             per_displacement: k_s * nu / (k_i * bias),
             scale: if linear { 0.0 } else { k_i * bias / nu },
-            normal: 0.25 / rest,
+            opposite,
+            normal: 0.5 / (1.0 + opposite) / rest,
             normal_slopes: slopes.map(|slope| slope / rest),
             held,
             at_held: 0.0,
@@ -88,8 +93,9 @@ impl Force {
         if SLOPES {
             return self.with_slopes::<FMA>(alpha, beta, z[1], by_coefficient);
         }
-        let gaps = [gap(1.0 - beta).0, gap(1.0 + beta).0];
-        let pull = self.shape.pull::<FMA>([((1.0 + alpha) / gaps[0]).max(0.0), ((1.0 - alpha) / gaps[1]).max(0.0)]);
+        let gaps = [gap(1.0 - beta).0, gap(1.0 + self.opposite * beta).0];
+        let currents = [1.0 + alpha, 1.0 - self.opposite * alpha];
+        let pull = self.shape.pull::<FMA>([(currents[0] / gaps[0]).max(0.0), (currents[1] / gaps[1]).max(0.0)]);
         (self.scale * ((pull[0] - pull[1]) * self.normal - alpha - beta) - self.at_held, [0.0; 2])
     }
 
@@ -101,16 +107,18 @@ impl Force {
         s: f64,
         by_coefficient: &mut [f64],
     ) -> (f64, [f64; 2]) {
-        let gaps = [gap(1.0 - beta), gap(1.0 + beta)];
+        let o = self.opposite;
+        let gaps = [gap(1.0 - beta), gap(1.0 + o * beta)];
         let per_gap = [1.0 / gaps[0].0, 1.0 / gaps[1].0];
-        let x = [((1.0 + alpha) * per_gap[0]).max(0.0), ((1.0 - alpha) * per_gap[1]).max(0.0)];
+        let x = [((1.0 + alpha) * per_gap[0]).max(0.0), ((1.0 - o * alpha) * per_gap[1]).max(0.0)];
         let flux = self.shape.flux::<FMA>(x);
+        let moved = [per_gap[0], o * per_gap[1]];
         // F, and its derivatives by alpha, beta, sigma, n
         let (mut value, mut by_alpha, mut by_beta, mut by_shape) = (0.0, 0.0, 0.0, [0.0; 2]);
         for (k, sign) in [1.0, -1.0].into_iter().enumerate() {
             let flux = flux[k];
             let twice = 2.0 * flux.value * self.normal;
-            let by_current = twice * flux.by_x * per_gap[k];
+            let by_current = twice * flux.by_x * moved[k];
             value += sign * flux.value * flux.value * self.normal;
             by_alpha += by_current;
             by_beta += by_current * x[k] * gaps[k].1;

@@ -135,7 +135,8 @@ pub fn saturating(gyroscopic: f64, axes: usize, substeps: Option<usize>) -> Prob
     let block = |axis: usize| {
         let parameter = Coefficient::Parameter;
         let coefficients = vec![parameter(axis), parameter(4 + axis), parameter(strength), Coefficient::Constant(0.4)];
-        Block::new(Law::Force { curve: Curve::Tanh, bias: 6.0, held: 0.0, level: 1.0 }, coefficients).expect("allowed")
+        Block::new(Law::Force { curve: Curve::Tanh, single: false, bias: 6.0, held: 0.0, level: 1.0 }, coefficients)
+            .expect("allowed")
     };
     let lft = Lft::with_blocks(lft.a.clone(), b, c, d, lft.gains.clone(), (0..axes).map(block).collect());
     theta.push(1.0);

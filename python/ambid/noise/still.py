@@ -1,0 +1,110 @@
+"""Is what a model leaves louder where the machine moves than where it stands still, as before and after a step?
+
+Noise goes on where nothing moves; what a model misses does not. A step moves a machine for a small part of a record,
+and over the whole record what is missing then is lost in the noise, however far it stands out of it there and then.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, rfft
+from scipy.special import fdtrc
+
+from ambid.arrays import ComplexArray, FloatArray
+
+__all__ = ["Louder", "louder_in_motion"]
+
+PARTS = 40
+"""Stretches of a record that are held against each other: short beside the time between steps, and enough to tell how
+much noise changes from one to the next."""
+LEAST_SAMPLES = 16
+"""Samples of a stretch that is judged."""
+BAND = 0.8
+"""Part of the motion, by power of its whitened rate, that the band which is looked at holds: above, all is noise."""
+AT_REST = 0.01
+"""Part of the motion, by power of its rate, that all stretches which stand still have together: 20 dB down."""
+LEAST_STILL = 0.5
+"""Part of the stretches that must stand still; below it the record is excited all along."""
+AT_MOST = 1e-4
+"""Chance that noise alone is called louder in motion, as for noise that is uneven; a step that is missed has less."""
+
+
+class Louder(NamedTuple):
+    """What is left in motion: its power over that at rest, below which frequency, and the part of the time."""
+
+    ratio: float
+    below_hz: float
+    part: float
+
+    def sentence(self, record: str) -> str:
+        """In words, of the record with this name."""
+        return (
+            f"{record}: where the record moves, {100 * self.part:.0f} % of its time, the residual below "
+            f"{self.below_hz:.3g} Hz has {self.ratio:.2g} times the power of where it stands still: noise does not "
+            "know of the motion, so that physics is missing, and parameters may be further off than their intervals "
+            "say; move it more often"
+        )
+
+
+def louder_in_motion(
+    left: ComplexArray, whitening: ComplexArray, index: NDArray[np.intp], response: FloatArray, rate: float
+) -> Louder | None:
+    """Hold what is left of a record without periods, where it moves, against what is left where it stands still.
+
+    In the band where the machine moves, the mean power of the whitened residual over the stretches that move, over that
+    of those that stand still, is held against F. What a stretch has of degrees of freedom is told by the scatter of
+    those that stand still, 2 mean^2/variance: noise may change on the way.
+
+    Parameters
+    ----------
+    left : ndarray, shape (lines, p)
+        Residual on lines.
+    whitening : ndarray, shape (lines, p, p)
+    index : ndarray of int
+        The lines.
+    response : ndarray, shape (N, p)
+        Of the model, with its transient.
+    rate : float
+        Samples per second.
+
+    Returns
+    -------
+    Louder or None
+        None where chance would bring as much, the record moves all along, or it is too short or too long to tell.
+    """
+    samples = len(response)
+    length = samples // PARTS
+    if length < LEAST_SAMPLES:
+        return None
+    change = np.diff(response, axis=0, append=response[-1:])
+    motion = _powers(change / np.maximum(change.std(axis=0), 1e-300), length)
+    order = np.argsort(motion)
+    is_still = np.zeros(PARTS, dtype=bool)
+    is_still[order[np.cumsum(motion[order]) < AT_REST * motion.sum()]] = True
+    if is_still.sum() < LEAST_STILL * PARTS or is_still.all():
+        return None
+    power = np.cumsum(np.sum(np.abs(_whitened(whitening, rfft(change, axis=0)[index])) ** 2, axis=1))
+    top = int(np.searchsorted(power, BAND * power[-1])) + 1
+    if index[top - 1] - index[0] != top - 1:
+        return None  # of so long a record not every line is judged
+    lines = np.zeros((samples // 2 + 1, left.shape[1]), dtype=complex)
+    lines[index[:top]] = _whitened(whitening, left)[:top]
+    powers = _powers(irfft(lines, n=samples, axis=0), length)
+    still, moved = powers[is_still], powers[~is_still]
+    ratio, free = moved.mean() / still.mean(), 2.0 * still.mean() ** 2 / still.var(ddof=1)
+    if fdtrc(free * len(moved), free * len(still), ratio) > AT_MOST:
+        return None
+    return Louder(float(ratio), float(index[top - 1] * rate / samples), len(moved) / PARTS)
+
+
+def _whitened(whitening: ComplexArray, lines: ComplexArray) -> ComplexArray:
+    return np.asarray((whitening @ lines[..., None])[..., 0])
+
+
+def _powers(signal: FloatArray, length: int) -> FloatArray:
+    """Power of a signal in each stretch, summed over its channels."""
+    cut = signal[: PARTS * length].reshape(PARTS, length, -1)
+    return np.asarray(np.mean(np.sum(cut**2, axis=2), axis=1))
