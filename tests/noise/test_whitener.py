@@ -10,6 +10,7 @@ from ambid.diagnosis import compare
 from ambid.excitation import prbs
 from ambid.identification import identify
 from ambid.model import Model
+from ambid.noise.damped import DampedWindow
 from ambid.noise.window import Window
 from reference.whitening import Whitening
 
@@ -128,3 +129,14 @@ def test_some_lines_are_those_of_the_whole_transform():
     found = np.concatenate([window.excited_lines(signal), window.single_lines(signal, more)])
     assert_allclose(found, window.lines(signal)[index], atol=1e-12)
     assert_allclose(window.points(index), np.exp(2j * np.pi * index / 300))
+
+
+def test_lines_of_a_fading_signal_are_its_transform_off_the_unit_circle():
+    window = DampedWindow.like(Window(50, 4, 7), 0.02)
+    signal = np.random.default_rng(3).standard_normal((300, 2))
+    part, k = signal[7:207], np.arange(200)
+    w = window.points(window.excited)
+    assert np.allclose(np.abs(w), np.exp(0.02))
+    expected = w[:, None] ** -k @ part / np.linalg.norm(np.exp(-0.02 * k))
+    np.testing.assert_allclose(window.excited_lines(signal), expected, atol=1e-12)
+    np.testing.assert_allclose(window.single_lines(signal, window.excited[3:5]), expected[3:5], atol=1e-12)

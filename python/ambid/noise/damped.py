@@ -46,8 +46,12 @@ class DampedWindow(Window):
         """Lines as points of the circle."""
         return np.exp(self.fading) * super().points(index)
 
-    def some_lines(self, signal: FloatArray, more: NDArray[np.intp]) -> ComplexArray:
+    def excited_lines(self, signal: FloatArray) -> ComplexArray:
         """Lines of the fading signal, at the power of noise that lasts."""
-        faded = np.exp(-self.fading * np.arange(self.samples))
-        lines = rfft(self.cut(signal) * faded[:, None], axis=0)
-        return np.asarray(lines[np.concatenate([self.excited, more])] / np.linalg.norm(faded))
+        return self.single_lines(signal, self.excited)
+
+    def single_lines(self, signal: FloatArray, index: NDArray[np.intp]) -> ComplexArray:
+        """The same of a few lines."""
+        part = self.cut(signal)
+        faded = np.exp(-self.fading * np.arange(self.samples)).reshape(-1, *[1] * (part.ndim - 1))
+        return np.asarray(rfft(part * faded, axis=0)[index] / np.linalg.norm(faded))
