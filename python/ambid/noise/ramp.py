@@ -36,7 +36,7 @@ PLAIN = 3
 """Degree of a polynomial that follows any ramp well enough to see that there is one."""
 CLEAR = 10.0
 """Power that the model leaves of these lines, over what is left of it beside a plain ramp, from which on there is one.
-Noise stays below 1.2, and missing physics, whose residual is no polynomial of time, reaches 2."""
+Noise stays below 1.2, and missing physics, whose residual is no polynomial of time, below 2."""
 MOST = 10
 """Highest degree of what is taken out: a path that goes forth and back, to a hundred-thousandth."""
 ENOUGH = 1.2
