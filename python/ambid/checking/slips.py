@@ -186,7 +186,7 @@ def _path(record: Record) -> list[Finding]:
     if far[j] < MOVED * within[j]:
         return []
     what = f"y.{record.axes[j]} moves by {1e6 * far[j]:.3g} um from part to part: "
-    what += "the record passes through operating points, which is no drift of the machine; slow, it is taken out"
+    what += "the record passes through operating points, which is no drift of the machine, but hides what is missing"
     todo = "cut it where it stands (Record.rows), and give each part the rig of its operating point"
     return [Finding("warning", f"{record.name}: {PATH}", what, todo)]
 

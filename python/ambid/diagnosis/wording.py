@@ -11,7 +11,6 @@ from ambid.diagnosis.result import Step
 from ambid.diagnosis.verdict import Verdict
 from ambid.effects.slips import ControllerGainError, ExcitationGainError
 from ambid.noise import Noise
-from ambid.noise.ramp import TAKEN_OUT
 from ambid.noise.response_lines import ResponseLines
 from ambid.rig import PidController, Rig
 
@@ -88,7 +87,6 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
             f"{change.frequency_hz:.3g} Hz ({change.power:.0f} in units of noise, 2 where nothing changes)"
         )
     for part in noise.parts:
-        yield from (f"{part.record.name}: {note}" for note in part.record.notes if note.startswith(TAKEN_OUT))
         if isinstance(part, ResponseLines):
             yield f"{part.record.name}: {OF_SMALL_MOTION}"
         elif not part.window.is_periodic:

@@ -8,7 +8,6 @@ most of what the model leaves of the lowest lines, it is fitted beside the trans
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -23,10 +22,7 @@ from ambid.noise.transients import OWN, freed, orthonormal
 from ambid.noise.window import Window
 from ambid.record import Record
 
-__all__ = ["TAKEN_OUT", "without_ramp"]
-
-TAKEN_OUT = "a slow ramp was taken out"
-"""How the note begins."""
+__all__ = ["without_ramp"]
 
 LOWEST = 200
 """Lines that a ramp is looked for on, from the lowest on: further up less than a ten-thousandth of its power is."""
@@ -56,40 +52,25 @@ def without_ramp(here: Model, record: Record) -> Record:
     is_between = window.periods >= SEVERAL
     index = window.between(window.periods) if is_between else np.arange(1, (window.samples + 1) // 2)
     index = index[:LOWEST]
-    lines = _lowest_of_path(window, record.samples, int(index[-1]) + 1)[index]
+    time = (2.0 * (np.arange(record.samples) - window.first) + 1.0) / window.samples - 1.0
+    path = legvander(time, MOST)[:, 1:]
     try:
-        left, columns = _beside_others(here, record, window, index, lines, is_between=is_between)
+        left, columns = _beside_others(here, record, window, index, window.lines(path)[index], is_between=is_between)
     except UnstableLoopError:  # it has no transient
         return record
     p = len(record.channels)
-
-    def power(degree: int) -> float:
-        return float(np.sum(freed(left, orthonormal(columns[:, : degree * p])) ** 2))
-
-    if float(left @ left) <= CLEAR * power(PLAIN):
+    bases = [orthonormal(columns[:, : degree * p]) for degree in range(MOST + 1)]
+    power = [float(left @ left - np.sum((basis.T @ left) ** 2)) for basis in bases]
+    if power[0] < CLEAR * power[PLAIN]:
         return record
-    least = ENOUGH * power(MOST)
-    degree = next(degree for degree in range(1, MOST + 1) if power(degree) <= least)
+    degree = next(k for k, own in enumerate(power) if own < ENOUGH * power[MOST])
     size = np.linalg.norm(columns[:, : degree * p], axis=0)
     amplitudes = np.linalg.lstsq(columns[:, : degree * p] / size, left, rcond=np.sqrt(OWN))[0] / size
-    ramp = _path(window, record.samples)[:, :degree] @ amplitudes.reshape(degree, p)
+    ramp = path[:, :degree] @ amplitudes.reshape(degree, p)
     y, i_c = np.split(record.outputs - ramp, [len(record.axes)], axis=1)
-    moved = zip(record.channels, np.ptp(ramp, axis=0), strict=True)
-    told = ", ".join(f"{c} {size:.2g} {'m' if c.startswith('y.') else 'A'}" for c, size in moved)
-    note = f"{TAKEN_OUT}, a polynomial of degree {degree} over the record ({told}): no noise, and not the model's"
+    told = ", ".join(f"{c} by {size:.3g}" for c, size in zip(record.channels, np.ptp(ramp, axis=0), strict=True))
+    note = f"a slow ramp was taken out, a polynomial of degree {degree} over the record ({told}; SI units): no noise"
     return replace(record, y=y, i_c=None if record.i_c is None else i_c, notes=(*record.notes, note))
-
-
-def _path(window: Window, samples: int) -> FloatArray:
-    """Polynomials of every degree above none, orthogonal over the window, shape (samples, degrees)."""
-    time = (2.0 * (np.arange(samples) - window.first) + 1.0) / window.samples - 1.0
-    return np.asarray(legvander(time, MOST)[:, 1:], dtype=np.float64)
-
-
-@lru_cache(maxsize=8)
-def _lowest_of_path(window: Window, samples: int, upto: int) -> ComplexArray:
-    """Their lines, up to one."""
-    return window.lines(_path(window, samples))[:upto].copy()
 
 
 def _beside_others(
