@@ -85,10 +85,9 @@ class RecordLines:
     """
 
     def __init__(self, model: Model, measured: Measured, tones: Sequence[Tone] = (), *, rough: bool = False) -> None:
-        self._base = here = _shaping(model.at(measured.whole))
-        self.measured = measured = measured.without_ramp(here)
-        self.record, self.window = measured.record, measured.window
+        self.measured, self.record, self.window = measured, measured.record, measured.window
         self.tones = tuple(tones)
+        self._base = here = _shaping(model.at(self.record))
         self.unexcited = Unexcited(here, measured)
         own = [f for effect in here.acting for f in effect.frequencies_hz(here.rig)]
         self.more = self._around([*own, *(tone.frequency_hz for tone in tones)])

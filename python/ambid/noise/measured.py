@@ -7,10 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from ambid.arrays import ComplexArray, FloatArray
-from ambid.model import Model
 from ambid.noise.converter import repeated_rounding
 from ambid.noise.damped import DampedWindow
-from ambid.noise.ramp import without_ramp
 from ambid.noise.window import Window
 from ambid.record import Record
 
@@ -25,21 +23,13 @@ class Measured:
     record : Record
     damping : float
         Rate at which its samples fade away [1/s].
-    whole : Record, optional
-        With the slow ramp that was taken out of `record`, if any.
     """
 
-    def __init__(self, record: Record, damping: float = 0.0, whole: Record | None = None) -> None:
+    def __init__(self, record: Record, damping: float = 0.0) -> None:
         self.record, self.window = record, Window.of(record)
-        self.damping, self.whole = damping, record if whole is None else whole
         if damping:
             self.window = DampedWindow.like(self.window, damping / record.sample_rate)
         self.channels = len(record.channels)
-
-    def without_ramp(self, here: Model) -> Measured:
-        """The same without the slow ramp that stands beside a model; itself where there was none and is none."""
-        record = without_ramp(here, self.whole)
-        return self if record is self.record else Measured(record, self.damping, self.whole)
 
     @cached_property
     def excited(self) -> ComplexArray:
