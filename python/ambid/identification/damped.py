@@ -25,8 +25,14 @@ UNFELT = 0.01
 """Part by which a record fades away at last: a loop that decays slowly is told from one that grows by as little."""
 MOST = 40
 """Evaluations of each of them."""
+CORRECTIONS, BEYOND = 8, 0.1
+"""Steps to a loop that decays fast enough, and the part of each by which it goes too far: the rate is not linear."""
+STEP = 1e-6
+"""Of a parameter, from which the slope of the rate of decay is taken."""
+TINY = 1e-9
+"""Least value of x: bounds of zero are open."""
 HALVINGS = 12
-"""Of the way back to a stable loop."""
+"""Of the way back to a stable loop, where steps do not lead there."""
 
 
 def damped_start(stable: Model, records: Sequence[Record], free: list[int], limits: Limits) -> tuple[FloatArray, int]:
@@ -53,14 +59,15 @@ def damped_start(stable: Model, records: Sequence[Record], free: list[int], limi
     own = [linear.names.index(stable.names[free[k]]) for k in shared]
     bounds = limits[0][shared], limits[1][shared]
     begin, theta, evaluations = linear.theta, linear.theta, 0
-    for damping in _dampings(linear, records):
+    dampings = _dampings(linear, records)
+    for damping, then in zip(dampings, (*dampings[1:], 0.0), strict=True):
         problem = WhitenedProblem(linear, Noise.rough(linear, records, damping), own)
-        theta = _back(linear, begin, theta, -damping)
         end = problem.descend(theta[own] / problem.scale, bounds, MOST, ROUGHLY)
         if end.status == "stopped":
             raise KeyboardInterrupt from None
-        theta, evaluations = end.theta, evaluations + problem.evaluations
-    found = dict(zip(linear.names, _back(linear, begin, theta, 0.0), strict=True))
+        evaluations += problem.evaluations
+        theta = _back(problem, begin, end.theta, -then, bounds)
+    found = dict(zip(linear.names, theta, strict=True))
     scale = np.array([stable.parameters[i].scale for i in free])
     return np.array([found.get(stable.names[i], stable.theta[i]) for i in free]) / scale, evaluations
 
@@ -80,13 +87,33 @@ def _growth(model: Model) -> float:
     return float(np.linalg.eigvals(open_plant(model.rig, model.acting).closed(at)[0]).real.max())
 
 
-def _back(model: Model, begin: FloatArray, theta: FloatArray, least: float) -> FloatArray:
-    """As much of the way from `begin` to `theta` as the loop decays by more than `least` [1/s]."""
+def _back(problem: WhitenedProblem, begin: FloatArray, theta: FloatArray, least: float, bounds: Limits) -> FloatArray:
+    """Values near `theta` whose loop decays by more than `least` [1/s]: those that cost the fit least, by its Hessian;
+    failing them, as much of the way from `begin` as does."""
+    model, own, scale = problem.model, problem.free, problem.scale
     if model.with_theta(theta).decay_rate > least:
         return theta
+    hessian = problem.normal_equations(theta[own] / scale)[0]
+    nearest = theta.copy()
+    for _ in range(CORRECTIONS):
+        decays = model.with_theta(nearest).decay_rate
+        if decays > least:
+            return nearest
+        slope = _slope(model.with_theta(nearest), own, scale)
+        way = np.linalg.lstsq(hessian, slope)[0]
+        x = nearest[own] / scale + (1.0 + BEYOND) * (least - decays) / (slope @ way) * way
+        nearest[own] = scale * np.clip(x, np.maximum(bounds[0], TINY), bounds[1])
     low, high = 0.0, 1.0
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         decays = model.with_theta(begin + middle * (theta - begin)).decay_rate > least
         low, high = (middle, high) if decays else (low, middle)
     return np.asarray(begin + low * (theta - begin))
+
+
+def _slope(model: Model, own: list[int], scale: FloatArray) -> FloatArray:
+    """Of the rate of decay by each parameter in units of its scale: it shows a way and is in no result, so that
+    differences do."""
+    begin, steps = model.decay_rate, np.zeros((len(own), len(model.theta)))
+    steps[range(len(own)), own] = STEP * scale
+    return np.array([model.with_theta(model.theta + step).decay_rate - begin for step in steps]) / STEP
