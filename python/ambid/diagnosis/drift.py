@@ -1,9 +1,12 @@
 """Do parameters change during a record? What does not repeat, held against the patterns of the parameters.
 
 If K_i of an axis changes as m(t), the response changes by about m(t) psi(t), psi being its derivative by K_i. On the
-excited lines l = M k of the spectrum stands psi; what m(t) holds at d cycles per record moves it to the lines M k + d.
-The residual there, whitened, is projected on psi; noise alone leaves a chi-squared of two degrees. A ramp stands
-mostly at one cycle per record.
+excited lines l = M k of the spectrum stands psi; what m(t) holds at d cycles per record moves it to the lines M k + d,
+and, taken back through the loop, changes it little on the way. The residual there, whitened, is projected on psi; noise
+alone leaves a chi-squared of two degrees. A ramp stands mostly at one cycle per record.
+
+What changes is louder than noise on the very lines that tell the noise, and hides behind itself, the more the larger
+it is. So what is suspected is taken out of them by least squares, and all is whitened by what is left, and tried again.
 """
 
 from __future__ import annotations
@@ -12,14 +15,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import convolve1d
 from scipy.special import chdtri
 
+from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.diagnosis.chance import independent_tests
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.lines import RecordLines, as_lines
 from ambid.noise.tones import Between
+from ambid.noise.whitener import Spectrum, between_lines
 
 __all__ = ["Change", "largest_change"]
 
@@ -27,6 +33,8 @@ FASTEST = 24
 """Cycles per record up to which changes are looked for."""
 RARE = 1e-4
 """Chance that noise alone is taken for a change of some parameter."""
+SUSPECTED = 0.01
+"""The same, below which a change is taken out of the lines that tell the noise."""
 
 
 @dataclass(frozen=True)
@@ -66,17 +74,16 @@ def largest_change(comparison: Comparison) -> Change | None:
     tried = 0.0
     for part in comparison.noise.in_time:
         record, window = part.record, part.window.settled
-        # nearer to its own excited line than to the next: a shift further on is one of the next back
-        shifts = np.arange(1, min(FASTEST, (window.periods - 1) // 2) + 1)
+        shifts = np.arange(1, min(FASTEST, window.periods * (len(window.excited) // 2)) + 1)
+        # a line half-way between two excited ones is on either side of one, and cannot tell them apart
+        shifts = shifts[2 * shifts % window.periods != 0]
         if not len(shifts):
-            continue  # every line is excited, or the two sides of one are those of the next
+            continue
         patterns = _patterns(part, model, [k for k, _ in bases])
         acting = np.flatnonzero(np.abs(patterns).max(axis=(0, 1)) > 0.0)  # not those of other bias currents
-        patterns = patterns[..., acting]
-        amplitudes, powers = _sideband_powers(part, patterns, shifts)
-        stacked = patterns.reshape(-1, len(acting))
-        unit = stacked / np.linalg.norm(stacked, axis=0)
-        tried += len(shifts) * independent_tests(unit.conj().T @ unit, len(acting))
+        sidebands = _Sidebands(part, patterns[..., acting], shifts)
+        amplitudes, powers = sidebands.tested()
+        tried += sidebands.tests
         k, j = np.unravel_index(np.argmax(powers), powers.shape)
         index, name = bases[acting[j]]
         relative = 2.0 * float(np.abs(amplitudes[k, j])) / abs(model.theta[index])
@@ -93,26 +100,100 @@ def _patterns(part: RecordLines, model: Model, free: list[int]) -> ComplexArray:
     return as_lines(slopes, p)[:count]
 
 
-def _sideband_powers(
-    part: RecordLines, patterns: ComplexArray, shifts: NDArray[np.intp]
-) -> tuple[ComplexArray, FloatArray]:
-    """Amplitude of each pattern at each shift, and its power in units of noise, both of shape (shifts, patterns)."""
-    window = part.window.settled
-    between = Between.of(part, window.between(window.periods), part.tones)
-    count = len(window.excited)
-    # the lines have been taken back through the loop, each at its own frequency; what is left of S is smooth
-    inner = part.spectrum.inner[:count]
-    sides = np.array([d * side for d in shifts for side in (1, -1)])
-    at = window.excited[:, None] + sides
-    inside = (at > 0) & (at < len(between.lines))
-    moved = np.where(inside[..., None], between.lines[np.clip(at, 0, len(between.lines) - 1)], 0.0)
-    white = np.einsum("kcd,ksd->ksc", inner, moved)
-    # noise with peaks that the spectrum does not follow is louder at some lines, whatever the shift
-    power = np.mean(np.abs(white) ** 2, axis=2) / 2.0
-    others = np.abs(sides)[:, None] != np.abs(sides)
-    louder = np.maximum(1.0, power @ others / np.maximum(inside @ others, 1))
-    white /= np.sqrt(louder)[..., None]
-    energy = np.sum(np.abs(patterns) ** 2, axis=(0, 1))
-    found = np.einsum("kcj,ksc->sj", patterns.conj(), white) / energy
-    amplitudes = 0.5 * (found[0::2] + found[1::2].conj())
-    return amplitudes, 2.0 * energy * np.abs(amplitudes) ** 2
+class _Sidebands:
+    """The unexcited lines of a record, and the patterns that a change would move to them.
+
+    Parameters
+    ----------
+    part : RecordLines
+    patterns : ndarray, shape (lines, p, patterns)
+        Whitened, on the excited lines.
+    shifts : ndarray of int
+        Of the lines, to either side.
+
+    Attributes
+    ----------
+    tests : float
+        How many independent ones the patterns at all shifts are.
+    """
+
+    def __init__(self, part: RecordLines, patterns: ComplexArray, shifts: NDArray[np.intp]) -> None:
+        self.window, self.shifts = part.window.settled, shifts
+        between = Between.of(part, self.window.between(self.window.periods), part.tones)
+        # the lines have been taken back through the loop, each at its own frequency; what is left of S is smooth
+        self.lines, self.inner = between.lines, between.inner
+        self.patterns = np.linalg.solve(self.inner, patterns)
+        stacked = patterns.reshape(-1, patterns.shape[2])
+        unit = stacked / np.linalg.norm(stacked, axis=0)
+        self.tests = len(shifts) * independent_tests(unit.conj().T @ unit, unit.shape[1])
+        lines, last = np.arange(len(self.lines)), len(self.inner) - 1
+        self.nearest = np.clip(np.round(lines / self.window.periods).astype(np.intp) - self.window.lowest, 0, last)
+
+    def tested(self) -> tuple[ComplexArray, FloatArray]:
+        """Amplitude of each pattern at each shift, and its power in units of noise, both (shifts, patterns)."""
+        seen, enough = np.zeros(len(self.shifts), dtype=bool), chdtri(2, SUSPECTED / self.tests)
+        left, inner = self.lines, self.inner
+        while True:
+            grams, projections = self._projected(inner, self._louder(left, inner))
+            energy = np.einsum("sjj->sj", grams).real
+            powers = np.abs(projections[..., 0]) ** 2 / energy
+            new = (powers.max(axis=1) > enough) & ~seen
+            if not new.any():
+                return projections[..., 0] / energy, powers
+            seen |= new
+            amplitudes = np.linalg.pinv(grams, hermitian=True) @ projections
+            left = self._without(amplitudes[..., 0] * seen[:, None])
+            inner = self._whitening(left, int(seen.sum()))
+
+    def _projected(self, inner: ComplexArray, louder: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Inner products of the patterns at each shift with each other, (shifts, q, q), and with the lines, (.., q, 1).
+
+        The lines may be louder than their noise; a change of real m(t) has conjugate amplitudes on the two sides.
+        """
+        q, count = self.patterns.shape[2], len(self.patterns)
+        grams = np.zeros((len(self.shifts), q, q), dtype=complex)
+        projections = np.zeros((len(self.shifts), q, 1), dtype=complex)
+        white = _core.through(inner[self.nearest], self.lines) / np.sqrt(louder)[:, None]
+        for sign in (1, -1):
+            before = None
+            for n, d in enumerate(self.shifts):
+                offset = int(np.round(d / self.window.periods)) * sign
+                own = slice(max(-offset, 0), count - max(offset, 0))
+                if offset != before:
+                    flat = (inner[own.start + offset : own.stop + offset] @ self.patterns[own]).reshape(-1, q)
+                    across, before = flat.conj().T, offset
+                    gram = across @ flat
+                projection = across @ white[self._places(own, sign * d)].reshape(-1, 1)
+                grams[n] += gram if sign > 0 else gram.conj()
+                projections[n] += projection if sign > 0 else projection.conj()
+        return grams, projections
+
+    def _without(self, amplitudes: ComplexArray) -> ComplexArray:
+        """The lines without so much of each pattern at each shift, shape (shifts, q)."""
+        left, count = self.lines.copy(), len(self.patterns)
+        for d, own in zip(self.shifts, amplitudes, strict=True):
+            for side, amplitude in ((d, own), (-d, own.conj())):
+                offset = int(np.round(side / self.window.periods))
+                here = slice(max(-offset, 0), count - max(offset, 0))
+                left[self._places(here, side)] -= self.patterns[here] @ amplitude
+        return left
+
+    def _places(self, patterns: slice, side: int) -> NDArray[np.intp]:
+        """The lines to which a shift moves patterns."""
+        return np.asarray(self.window.excited[patterns] + side)
+
+    def _whitening(self, left: ComplexArray, shifts: int) -> ComplexArray:
+        """What whitens lines that hold no more than noise, by themselves; patterns were taken out of them."""
+        index, periods = self.window.between(self.window.periods), self.window.periods
+        covariance, spread = between_lines(left[index], index / periods, self.window.excited / periods)
+        taken = self.patterns.shape[2] * shifts / (len(index) * left.shape[1])
+        flat = np.tile(np.eye(left.shape[1], dtype=complex), (len(self.inner), 1, 1))
+        return Spectrum.of(covariance / max(1.0 - taken, 0.5), flat, spread).inner
+
+    def _louder(self, left: ComplexArray, inner: ComplexArray) -> FloatArray:
+        """Power of the lines around each, over that of their noise: peaks that the spectrum does not follow."""
+        power = np.mean(np.abs(_core.through(inner[self.nearest], left)) ** 2, axis=1) / 2.0
+        known, around = (power > 0.0).astype(float), np.ones(2 * self.window.periods + 1)
+        around[self.window.periods] = 0.0
+        counted = np.maximum(convolve1d(known, around, mode="constant"), 1.0)
+        return np.maximum(1.0, convolve1d(power, around, mode="constant") / counted)
