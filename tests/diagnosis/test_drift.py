@@ -6,7 +6,10 @@ import pytest
 import ambid
 from ambid.diagnosis import diagnose
 from ambid.diagnosis.drift import largest_change
+from ambid.diagnosis.verdict import OVERTURNS
+from benchmarks.null_cells import made
 from hidden.bench import simulate
+from hidden.experiment import experiment
 from hidden.families import BENCHES
 from hidden.one_axis import ONE_AXIS
 
@@ -46,6 +49,25 @@ def test_a_stiffness_that_swings_is_seen_at_its_frequency():
     assert change is not None
     assert change.cycles == 2
     assert change.frequency_hz == pytest.approx(1.4, rel=0.01)
+
+
+@pytest.mark.parametrize("hidden", [("force_current_drift", 1), ("parametric_stiffness", 6)])
+def test_a_small_change_does_not_hide_in_the_noise_that_it_raises(hidden):
+    """Half a per cent of K_i, or of K_s at 3.7 Hz, more cycles a record than there are periods."""
+    effect, cycles = hidden
+    rig, record, _, _ = experiment(effect, "clear", 5, kind="compressor")
+    change = largest_change(ambid.identify(rig, record).comparison)
+    assert change is not None
+    assert change.power > OVERTURNS
+    assert change.cycles == cycles
+
+
+@pytest.mark.parametrize("index", [1305, 1235])
+def test_a_peak_of_noise_on_a_line_or_two_is_no_change(index):
+    """Modes of 0.1 %: there the noise has peaks, and a pattern may have nearly all of its energy on one line."""
+    rig, record = made(index)
+    change = largest_change(ambid.identify(rig, record).comparison)
+    assert change is None or change.power < OVERTURNS
 
 
 def test_a_record_of_a_drifting_force_is_not_adequate():

@@ -10,7 +10,6 @@ pytestmark = pytest.mark.slow
 BEYOND_JUDGEMENT = {
     "command_quantisation": "of this size it adds noise, and nothing that repeats",
     "coulomb_friction": "before it slips it is a spring, which has a name",
-    "parametric_stiffness": "eight cycles a record, which three settled periods cannot tell from what is beside them",
 }
 
 

@@ -36,6 +36,10 @@ RARE = 1e-4
 SUSPECTED = 0.01
 """The same, below which a change is taken out of the lines that tell the noise."""
 
+SHARE, EVENED = 0.05, 30
+"""Of a pattern's energy on any one line, by so many roundings off: a peak of noise that the spectrum does not follow
+stands on a line or two, a change on all of them."""
+
 
 @dataclass(frozen=True)
 class Change:
@@ -123,6 +127,10 @@ class _Sidebands:
         # the lines have been taken back through the loop, each at its own frequency; what is left of S is smooth
         self.lines, self.inner = between.lines, between.inner
         self.patterns = np.linalg.solve(self.inner, patterns)
+        energy = level = np.sum(np.abs(patterns) ** 2, axis=1)
+        for _ in range(EVENED):
+            level = SHARE * np.minimum(energy, level).sum(axis=0)
+        self.weights = np.sqrt(np.minimum(1.0, level / np.maximum(energy, 1e-300)))
         stacked = patterns.reshape(-1, patterns.shape[2])
         unit = stacked / np.linalg.norm(stacked, axis=0)
         self.tests = len(shifts) * independent_tests(unit.conj().T @ unit, unit.shape[1])
@@ -134,25 +142,26 @@ class _Sidebands:
         seen, enough = np.zeros(len(self.shifts), dtype=bool), chdtri(2, SUSPECTED / self.tests)
         left, inner = self.lines, self.inner
         while True:
-            grams, projections = self._projected(inner, self._louder(left, inner))
-            energy = np.einsum("sjj->sj", grams).real
-            powers = np.abs(projections[..., 0]) ** 2 / energy
+            grams, projections, variances = self._projected(inner, self._louder(left, inner))
+            powers = np.abs(projections) ** 2 / variances
             new = (powers.max(axis=1) > enough) & ~seen
             if not new.any():
-                return projections[..., 0] / energy, powers
+                return projections / np.einsum("sjj->sj", grams), powers
             seen |= new
-            amplitudes = np.linalg.pinv(grams, hermitian=True) @ projections
+            amplitudes = np.linalg.pinv(grams) @ projections[..., None]
             left = self._without(amplitudes[..., 0] * seen[:, None])
             inner = self._whitening(left, int(seen.sum()))
 
-    def _projected(self, inner: ComplexArray, louder: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Inner products of the patterns at each shift with each other, (shifts, q, q), and with the lines, (.., q, 1).
+    def _projected(self, inner: ComplexArray, louder: FloatArray) -> tuple[ComplexArray, ComplexArray, FloatArray]:
+        """Inner products of the patterns at each shift with each other, shape (shifts, q, q), and with the lines, shape
+        (shifts, q), and half the variance of these.
 
         The lines may be louder than their noise; a change of real m(t) has conjugate amplitudes on the two sides.
         """
         q, count = self.patterns.shape[2], len(self.patterns)
         grams = np.zeros((len(self.shifts), q, q), dtype=complex)
-        projections = np.zeros((len(self.shifts), q, 1), dtype=complex)
+        projections = np.zeros((len(self.shifts), q), dtype=complex)
+        variances = np.zeros((len(self.shifts), q))
         white = _core.through(inner[self.nearest], self.lines) / np.sqrt(louder)[:, None]
         for sign in (1, -1):
             before = None
@@ -160,13 +169,15 @@ class _Sidebands:
                 offset = int(np.round(d / self.window.periods)) * sign
                 own = slice(max(-offset, 0), count - max(offset, 0))
                 if offset != before:
-                    flat = (inner[own.start + offset : own.stop + offset] @ self.patterns[own]).reshape(-1, q)
-                    across, before = flat.conj().T, offset
-                    gram = across @ flat
-                projection = across @ white[self._places(own, sign * d)].reshape(-1, 1)
+                    moved = inner[own.start + offset : own.stop + offset] @ self.patterns[own]
+                    weighed = (moved * self.weights[own, None]).reshape(-1, q)
+                    across, before = weighed.conj().T, offset
+                    gram, variance = across @ moved.reshape(-1, q), np.sum(np.abs(weighed) ** 2, axis=0)
+                projection = across @ white[self._places(own, sign * d)].ravel()
                 grams[n] += gram if sign > 0 else gram.conj()
                 projections[n] += projection if sign > 0 else projection.conj()
-        return grams, projections
+                variances[n] += variance
+        return grams, projections, variances
 
     def _without(self, amplitudes: ComplexArray) -> ComplexArray:
         """The lines without so much of each pattern at each shift, shape (shifts, q)."""

@@ -24,8 +24,8 @@ MOST_BY_SHARE = 2
 EXPLAINED_SHARE = 0.985
 """Part of the excess misfit that a set of effects must explain where its own formulas are approximations."""
 OVERTURNS = 65.0
-"""Power of a change during a record that overturns a verdict: what has none stays below it, and one of 15 % in K_i has
-2e5. Smaller ones are told beside it."""
+"""Power of a change during a record that overturns a verdict: what has none stays below it, and one of half a per cent
+of K_i on four axes has 200. Smaller ones are told beside it."""
 BEYOND_NOISE = 3.0
 """Standard deviations of J above its degrees of freedom that are more than noise."""
 OTHER_AMPLITUDE = 0.2
