@@ -36,7 +36,7 @@ F = np.geomspace(3.0, 3000.0, 120)
 @pytest.mark.parametrize("effect", [None, "loop_delay", "seal_forces"])
 def test_slopes_are_those_of_the_response(truth, effect):
     model = truth if effect is None else truth.add(effect)
-    part = ResponseLines(response_of(truth, F))
+    part = ResponseLines(response_of(truth, F), truth)
     free = list(range(len(model.names)))
     slopes = part.slopes(model, free)
     for k in free:
@@ -90,9 +90,31 @@ def test_the_noise_of_all_pairs_may_be_correlated(truth):
     error = scale * ((white[..., 0] + 1j * white[..., 1]).T @ mixture.T)
     covariance = scale[:, :, None] * (mixture @ mixture.T) * scale[:, None, :] + 0j
     std = np.sqrt(np.einsum("kii->ki", covariance).real).reshape(clean.std.shape)
-    model_h = ResponseLines(clean).simulated(truth)
+    model_h = ResponseLines(clean, truth).simulated(truth)
     own = replace(clean, response=model_h + error.reshape(model_h.shape), std=std, covariance=covariance)
     assert compare(truth, own).misfit == pytest.approx(1.0, abs=0.04)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.9])
+def test_errors_that_go_together_count_as_fewer(truth, share):
+    """Where the std alone is known, the scatter of the residual over frequency tells sum l^2 / sum l to a third.
+
+    A misfit that is smooth over frequency does not bring more.
+    """
+    clean, found = response_of(truth, F, share=0.0), []
+    model_h = ResponseLines(clean, truth).simulated(truth)
+    off = truth.with_values({"tau_e": 1.3 * truth.rig.actuator.time_constant})
+    for seed in range(10):
+        random = np.random.default_rng(seed).standard_normal((2, len(F), 1 + clean.response[0].size)) / np.sqrt(2.0)
+        white = random[0] + 1j * random[1]
+        mixed = np.sqrt(1.0 - share) * white[:, 1:] + np.sqrt(share) * white[:, :1]
+        own = replace(clean, response=model_h + clean.std * mixed.reshape(model_h.shape))
+        found.append([np.mean(ResponseLines(own, model).spreads) for model in (truth, off)])
+    pairs = clean.response[0].size
+    expected = 1.0 + (pairs - 1) * share**2
+    at_truth, with_misfit = np.mean(found, axis=0)
+    assert at_truth == pytest.approx(expected, rel=0.33)
+    assert with_misfit < 1.33 * expected
 
 
 def test_a_channel_that_the_loop_lacks_is_refused(truth):
@@ -116,7 +138,7 @@ def test_a_nonlinear_model_acts_as_at_rest(truth):
     own = response_of(truth, F)
     law = truth.add("force_nonlinearity", {"bias_ratio": 1.0})
     assert compare(law, own).cost == pytest.approx(compare(truth, own).cost)
-    part = ResponseLines(own)
+    part = ResponseLines(own, truth)
     index = law.names.index("force_nonlinearity.bias_ratio")
     assert not part.slopes(law, [index]).any()
 

@@ -64,13 +64,32 @@ def test_a_pair_that_was_not_measured_stays_so(measured, tmp_path):
         np.testing.assert_array_equal(again.measured, some.measured)
 
 
-def test_the_covariance_is_kept_in_mat(tmp_path):
-    record = ONE_AXIS_RECORD()
-    made = record.frequency_response()
-    made.save(tmp_path / "frf.mat")
-    again = FrequencyResponse.load(tmp_path / "frf.mat", RIG)
-    np.testing.assert_allclose(again.covariance, made.covariance)
+@pytest.mark.parametrize("suffix", [".csv", ".mat"])
+def test_the_covariance_is_kept(tmp_path, suffix):
+    made = ONE_AXIS_RECORD().frequency_response()
+    made.save(tmp_path / f"frf{suffix}")
+    again = FrequencyResponse.load(tmp_path / f"frf{suffix}", RIG)
+    np.testing.assert_allclose(again.covariance, made.covariance, rtol=1e-11, atol=0.0)
     np.testing.assert_allclose(again.std, made.std)
+    assert again.notes == ()
+
+
+def test_a_covariance_of_a_pair_that_is_not_there_is_told(measured, tmp_path):
+    path = tmp_path / "frf.csv"
+    header, *lines = rows(measured)
+    path.write_text("\n".join([f"{header},cov_re y.B / i_e.B", *(f"{line},0" for line in lines)]) + "\n")
+    found = FrequencyResponse.load(path, RIG)
+    assert found.notes == ("columns not used: cov_re y.B / i_e.B",)
+    assert found.covariance is None
+
+
+def test_a_covariance_of_some_pairs_alone_is_refused(measured, tmp_path):
+    path = tmp_path / "frf.csv"
+    header, *lines = rows(measured)
+    own = "y.A_zeta / i_e.A_zeta"
+    path.write_text("\n".join([f"{header},cov_re {own},cov_im {own}", *(f"{line},1e-16,0" for line in lines)]) + "\n")
+    with pytest.raises(RecordError, match="covariance at 5 Hz is none of the errors of 2 pairs"):
+        FrequencyResponse.load(path, RIG)
 
 
 def ONE_AXIS_RECORD(seed=1, periods=4):

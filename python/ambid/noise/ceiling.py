@@ -35,7 +35,7 @@ def noise_ceiling(record: Record) -> dict[str, float]:
     """
     kept = record.periods - 1
     ceiling = {}
-    for channel, values in zip(record.channels, record.outputs.T, strict=True):
+    for channel, values in zip(record.channels, (x for part in record.parts for x in part.T), strict=True):
         if record.period is None or kept < 2:
             ceiling[channel] = float("nan")
             continue

@@ -113,8 +113,10 @@ class RecordComparison:
         """Measured minus simulated, shape of `simulated`; means over time removed."""
         if isinstance(self.record, FrequencyResponse):
             return np.asarray(self.record.response - self.simulated)
-        left = self.record.outputs - self.simulated
-        return np.asarray(left - np.nanmean(left, axis=0))
+        left = self.record.outputs
+        left -= self.simulated.real
+        left -= [float(np.nanmean(channel)) for channel in left.T]
+        return left
 
 
 class Comparison(Tabular):
@@ -238,7 +240,7 @@ class Comparison(Tabular):
         for k, record in enumerate(self._records):
             part = None if self._noise is None else self._noise.parts[k]
             own = _unjudged(self.model, record) if part is None else _one(self.model, part)
-            if self.is_adequate and isinstance(record, Record):
+            if self.is_adequate and isinstance(record, Record) and record.period is None:
                 driven = self.model.excitation(record)[:, : len(record.axes)]
                 own = replace(own, uneven=uneven(record, own.residual.real, driven))
             if louder := self._in_motion[k]:
@@ -345,7 +347,7 @@ def compare(model: Model, records: Measurement | Sequence[Measurement]) -> Compa
     with model.loop.telling_the_mode(model.theta):
         for record in records:
             if isinstance(record, FrequencyResponse):  # refuses a loop that is unstable or lacks its channels
-                ResponseLines(record).simulated(model.at(record))
+                ResponseLines(record, model).simulated(model.at(record))
         return Comparison(model, records)
 
 
@@ -390,7 +392,7 @@ def _of_response(here: Model, part: ResponseLines) -> RecordComparison:
 def _unjudged(model: Model, record: Measurement) -> RecordComparison:
     """A record whose noise is not known, against a response from rest."""
     if isinstance(record, FrequencyResponse):
-        return _of_response(model.at(record), ResponseLines(record))
+        return _of_response(model.at(record), ResponseLines(record, model))
     unknown = np.full(len(record.channels), np.nan)
     return _compared(record, model.response(record)[:, : len(unknown)], unknown, unknown, np.nan)
 

@@ -8,7 +8,7 @@ is from, linearised at rest, takes up what is left.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -94,7 +94,7 @@ class RecordLines:
         self._every = max(1, len(self.window.excited) // FEW) if rough else 1
         self.index = np.concatenate([self.window.excited, self.more])[:: self._every]
         self.points = self.window.points(self.index)
-        self._z = self._judged(self.record.outputs, measured.excited)
+        self._z = self._some(measured.excited, measured.single)
         self._in_time = InTime(self.record, self.window, self._judged, 0 if len(self.more) else self._every)
         self._data: dict[tuple[Effect, ...], _core.LineData] = {}  # by the disturbances that drive a model
         self._transients: dict[tuple[_core.ClosedLoop, bytes], tuple[FloatArray, int]] = {}
@@ -242,11 +242,11 @@ class RecordLines:
         u = np.ascontiguousarray(rfft(inputs.reshape(-1, length, core.inputs).mean(axis=0), axis=0))
         points = np.exp(2j * np.pi * np.arange(length // 2 + 1) / length)
         lines, _, _ = core.lines(here.theta, [], points, u, None, False)
-        steady = irfft(lines[:, :p], n=length, axis=0)
-        if repeats:
-            return np.asarray(y + np.resize(steady, (samples, p)))
-        y[window.samples :] = np.nan
-        y[: window.samples] += steady
+        if not repeats:
+            y[window.samples :] = np.nan
+        for k in range(p):  # one by one: of a long record without periods all are large
+            steady = irfft(lines[:, k], n=length)
+            y[:, k] += np.resize(steady, samples) if repeats else np.pad(steady, (0, samples - length))
         return np.asarray(y)
 
     def _simulated_in_time(self, here: Model) -> FloatArray:
@@ -299,11 +299,13 @@ class RecordLines:
             both = i_e
         return both[:, np.any(both, axis=0)]
 
-    def _judged(self, signal: FloatArray, excited: ComplexArray | None = None) -> ComplexArray:
-        """The judged lines of a signal that starts with the record; those that are excited may be known."""
-        lines = self.window.excited_lines(signal) if excited is None else excited
-        if len(self.more):
-            lines = np.concatenate([lines, self.window.single_lines(signal, self.more)])
+    def _judged(self, signal: FloatArray) -> ComplexArray:
+        """The judged lines of a signal that starts with the record."""
+        return self._some(self.window.excited_lines(signal), lambda index: self.window.single_lines(signal, index))
+
+    def _some(self, excited: ComplexArray, single: Callable[[NDArray[np.intp]], ComplexArray]) -> ComplexArray:
+        """Those that are judged of the excited lines, and of others, which are told one by one."""
+        lines = np.concatenate([excited, single(self.more)]) if len(self.more) else excited
         return np.ascontiguousarray(lines[:: self._every])
 
     def _rough(self) -> Spectrum:

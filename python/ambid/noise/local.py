@@ -30,7 +30,7 @@ MOST_TAKEN = 0.95
 """Part of a line's noise that a regression may take, at the most, for the rest to tell its power."""
 FEW = 4000
 """Lines up to which regressions are wide beside the colour of the noise, and are weighted by it."""
-TOGETHER = 4_000_000
+TOGETHER = 500_000
 """Numbers of regressions that are held in memory at a time."""
 SMOOTH = 1.0 / 3.0
 """Part of a line's number over which the power of noise is even."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.noise.converter import repeated_rounding
@@ -34,12 +35,20 @@ class Measured:
     @cached_property
     def excited(self) -> ComplexArray:
         """Excited lines of y and i_c that are judged, shape (lines, p)."""
-        return self.window.excited_lines(self.record.outputs)
+        return np.hstack([self.window.excited_lines(part) for part in self.record.parts])
 
     @cached_property
     def quiet(self) -> ComplexArray:
         """All lines of y and i_c over the periods that noise is taken from, shape (lines, p)."""
-        return self.window.settled.lines(self.record.outputs)
+        settled, axes = self.window.settled, len(self.record.axes)
+        lines = np.empty((settled.samples // 2 + 1, self.channels), dtype=complex)
+        for k, part in enumerate(self.record.parts):  # one by one: of a long record both are large
+            lines[:, k * axes : (k + 1) * axes] = settled.lines(part)
+        return lines
+
+    def single(self, index: NDArray[np.intp]) -> ComplexArray:
+        """A few lines of y and i_c, shape (lines, p)."""
+        return np.hstack([self.window.single_lines(part, index) for part in self.record.parts])
 
     @cached_property
     def rounding(self) -> FloatArray:
@@ -50,6 +59,6 @@ class Measured:
             power = np.median(np.abs(quiet) ** 2, axis=0) / np.log(2.0)
         else:
             power = np.full(self.channels, np.inf)  # then what is left of excited lines tells all of it
-        columns = self.record.outputs.T
+        columns = (column for part in self.record.parts for column in part.T)
         own = [repeated_rounding(x, float(noise)) for x, noise in zip(columns, power, strict=True)]
         return self.window.periods * np.array(own)

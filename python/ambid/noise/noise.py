@@ -78,7 +78,7 @@ class Noise:
         parts: list[Part] = []
         for own in measured:
             if isinstance(own, FrequencyResponse):
-                parts.append(ResponseLines(own))
+                parts.append(ResponseLines(own, model))
                 continue
             part = RecordLines(model, own)
             if tones := find_tones(model, part):
@@ -101,7 +101,7 @@ class Noise:
         measured = [_before_models(record, damping) for record in records]
         other._take(
             [
-                ResponseLines(own) if isinstance(own, FrequencyResponse) else RecordLines(model, own, rough=True)
+                ResponseLines(own, model) if isinstance(own, FrequencyResponse) else RecordLines(model, own, rough=True)
                 for own in measured
             ]
         )

@@ -8,9 +8,12 @@ motion: a nonlinear model acts as its loop at rest.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.special import polygamma
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import ModelError, RecordError
@@ -25,6 +28,11 @@ HIDDEN = 0.5
 """Whitened difference by which nonlinear effects may change the loop at rest and count as absent there: it moves no
 parameter by more than half a standard error."""
 
+INDEPENDENT = np.array([1e-2, 1e6])
+"""Between these the number of independent pairs is sought."""
+TINY = 1e-300
+"""In place of nothing, where a logarithm is taken."""
+
 
 class ResponseLines:
     """The lines of a measured frequency response, and their noise; what `RecordLines` is of a record in time.
@@ -32,6 +40,8 @@ class ResponseLines:
     Parameters
     ----------
     response : FrequencyResponse
+    model : Model
+        Its residual tells how much the errors of pairs are one, where their covariance is not known.
 
     Attributes
     ----------
@@ -44,18 +54,34 @@ class ResponseLines:
     noise_is_measured = True
     tones: tuple[Tone, ...] = ()
 
-    def __init__(self, response: FrequencyResponse) -> None:
+    def __init__(self, response: FrequencyResponse, model: Model) -> None:
         self.record = self.measured = response
+        self._base = model.at(response)
         pairs = response.response[0].size
         self._known = response.measured.reshape(-1, pairs)
         self._z = np.where(self._known, response.response.reshape(-1, pairs), 0.0)
         self.whitening = _whitening(response, self._known)
         self.numbers, self.judged = 2 * self._known.size, 2 * int(self._known.sum())
 
-    @property
+    @cached_property
     def spreads(self) -> FloatArray:
-        """1 for every number: the variance is known apart from the residual."""
-        return np.ones(self.numbers)
+        """1 for every number where the covariance is known: it is, apart from the residual, for every direction.
+
+        Where the std alone is known, errors may go together, and the variance on a direction is up to the largest
+        eigenvalue of their correlation. The more they do, the more the power of the residual scatters from frequency to
+        frequency: with eigenvalues l of P pairs it is about a mean square of P / D independent numbers, D = sum l^2 /
+        sum l, whose logarithm has the variance psi'(P / D), the trigamma function. Each is held against both of its
+        neighbours, since misfit is smooth.
+        """
+        if self.record.covariance is not None:
+            return np.ones(self.numbers)
+        pairs = self._known.sum(axis=1)
+        power = np.sum(self.white(self._base, []).residual.reshape(len(pairs), -1) ** 2, axis=1)[pairs > 0]
+        apart = np.diff(np.log(np.maximum(power / pairs[pairs > 0], TINY)), n=2)
+        scatter = np.clip(np.sum(apart**2) / (6.0 * max(1, len(apart))), *polygamma(1, INDEPENDENT[::-1]))
+        logarithm = brentq(lambda own: polygamma(1, np.exp(own)) - scatter, *np.log(INDEPENDENT))
+        most = float(np.median(pairs[pairs > 0]))
+        return np.full(self.numbers, np.clip(most / np.exp(logarithm), 1.0, most))
 
     def white(self, here: Model, free: Sequence[int], *, roughly: bool = False) -> White:
         """Residual and derivatives, as `RecordLines.white`; there is no transient, and no rough way."""

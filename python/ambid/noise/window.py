@@ -104,19 +104,22 @@ class Window:
 
     def lines(self, signal: FloatArray) -> ComplexArray:
         """R(l) for l = 0 .. M N / 2 of a signal of shape (samples, ...), which starts with the record."""
-        return rfft(self.cut(signal), axis=0) / np.sqrt(self.samples)
+        lines = rfft(self.cut(signal), axis=0)
+        lines /= np.sqrt(self.samples)
+        return np.asarray(lines)
 
     def excited_lines(self, signal: FloatArray) -> ComplexArray:
         """R(l) of the excited lines; the mean over the periods holds all that is excited."""
         part = self.cut(signal)
+        if not self.is_periodic:
+            return self.of_period(part)
         return self.of_period(part.reshape(self.periods, self.period, *part.shape[1:]).sum(axis=0))
 
     def single_lines(self, signal: FloatArray, index: NDArray[np.intp]) -> ComplexArray:
         """R(l) of a few lines."""
         part = self.cut(signal)
-        angles = 2.0 * np.pi / self.samples * np.outer(index, np.arange(self.samples))
-        flat = part.reshape(self.samples, -1)
-        lines = np.cos(angles) @ flat - 1j * (np.sin(angles) @ flat)
+        turn, flat = 2.0 * np.pi / self.samples * np.arange(self.samples), part.reshape(self.samples, -1)
+        lines = np.array([np.cos(l * turn) @ flat - 1j * (np.sin(l * turn) @ flat) for l in index], dtype=complex)
         return lines.reshape(len(index), *part.shape[1:]) / np.sqrt(self.samples)
 
     def of_period(self, folded: FloatArray) -> ComplexArray:

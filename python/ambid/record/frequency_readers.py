@@ -19,6 +19,8 @@ __all__ = ["RawResponse", "holds_response", "read_response"]
 
 COLUMNS = ("frequency_hz", "output", "input", "re", "im")
 FURTHER = ("std", "coherence", "averages")
+COVARIANCE = ("cov_re", "cov_im")
+"""Of a row's error with that of the pair that the column names beside it, at the same frequency: real and imaginary."""
 UNIVERSAL = (".uff", ".unv")
 FRF, COHERENCE = 4, 6
 """Types of functions of the sets 58."""
@@ -130,7 +132,8 @@ def _from_csv(path: Path) -> RawResponse:
         raise RecordError(f"{path}: no column {', '.join(missing)}; the columns are {', '.join(header)}")
     if len(rows) == 1:
         raise RecordError(f"{path}: a header without rows; measure again")
-    at = {name: header.index(name) for name in (*COLUMNS, *FURTHER) if name in header}
+    known = (*COLUMNS, *FURTHER, *(name for name in header if name.startswith(COVARIANCE)))
+    at = {name: header.index(name) for name in known if name in header}
     places: dict[tuple[float, str, str], dict[str, float]] = {}
     for number, row in enumerate(rows[1:], start=1):
         if len(row) != len(header):
@@ -144,15 +147,17 @@ def _from_csv(path: Path) -> RawResponse:
             what = f"{key[1]} / {key[2]} at {key[0]:g} Hz"
             raise RecordError(f"{path}: row {number}: {what} is there already; keep one of the two")
         places[key] = values
-    unused = [name for name in header if name not in at]
     raw = _tabled(places)
+    pairs = [f"{output} / {inlet}" for output in raw.outputs for inlet in raw.inputs]
+    used = {*COLUMNS, *FURTHER, *(f"{part} {pair}" for part in COVARIANCE for pair in pairs)}
+    unused = [name for name in header if name not in used]
     raw.notes = [f"columns not used: {', '.join(unused)}"] if unused else []
     return raw
 
 
 def _number(path: Path, name: str, row: int, cell: str) -> float:
     """A cell; NaN where one that may be empty is."""
-    if not cell and name in FURTHER:
+    if not cell and name not in COLUMNS:
         return np.nan
     try:
         return float(cell)
@@ -172,6 +177,12 @@ def _tabled(places: dict[tuple[float, str, str], dict[str, float]]) -> RawRespon
     for (frequency, output, inlet), values in places.items():
         own = [values.get(name, np.nan) for name in names]
         table[:, where[frequency], rows[output], columns[inlet]] = own
+    covariance = np.full((len(f), table[0, 0].size, table[0, 0].size), np.nan, dtype=complex)
+    beside = [[f"{part} {output} / {inlet}" for part in COVARIANCE] for output in outputs for inlet in inputs]
+    for (frequency, output, inlet), values in places.items():
+        cells = [complex(values.get(re, np.nan), values.get(im, np.nan)) for re, im in beside]
+        covariance[where[frequency], rows[output] * len(inputs) + columns[inlet]] = cells
+    covariance = np.where(np.isnan(covariance), covariance.conj().transpose(0, 2, 1), covariance)
     known = table[4][np.isfinite(table[4])]
     return RawResponse(
         f,
@@ -181,6 +192,7 @@ def _tabled(places: dict[tuple[float, str, str], dict[str, float]]) -> RawRespon
         table[2],
         table[3],
         float(np.median(known)) if len(known) else None,
+        None if np.isnan(covariance).all() else covariance,
     )
 
 

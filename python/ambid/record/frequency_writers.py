@@ -10,6 +10,7 @@ import scipy.io
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
+from ambid.record.frequency_readers import COVARIANCE
 from ambid.writing import whole_file
 
 __all__ = ["require_response_format", "write_response"]
@@ -54,9 +55,15 @@ def write_response(
                 content["covariance"] = covariance
             scipy.io.savemat(stream, content, do_compression=True)
             return
-        lines = ["frequency_hz,output,input,re,im,std"]
+        pairs = [f"{output} / {inlet}" for output in outputs for inlet in inputs]
+        of_pairs = [f",{part} {pair}" for pair in pairs for part in COVARIANCE] if covariance is not None else []
+        lines = ["frequency_hz,output,input,re,im,std" + "".join(of_pairs)]
         for k, o, i in np.argwhere(np.isfinite(response)):
             h = response[k, o, i]
             numbers = f"{h.real:.17g},{h.imag:.17g},{std[k, o, i]:.9g}"
+            if covariance is not None:  # Hermitian: the other half of it needs no words
+                row = len(inputs) * o + i
+                numbers += "".join(f",{c.real:.12g},{c.imag:.12g}" for c in covariance[k, row, : row + 1])
+                numbers += ",," * (len(pairs) - row - 1)
             lines.append(f"{frequency_hz[k]:.17g},{outputs[o]},{inputs[i]},{numbers}")
         stream.write("\n".join([*lines, ""]).encode())

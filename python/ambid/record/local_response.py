@@ -30,6 +30,8 @@ DEGREE = 3
 """Of the polynomials: beside two poles it leaves two numbers for what is further away."""
 ORDER = 2
 """Of the polynomial that all responses may be divided by: two poles within reach of a band, such as those of a mode."""
+STEPS = 3
+"""Steps of Gauss and Newton from there to the least squares that the covariance is of."""
 ROUNDS = 4
 """So often is that polynomial found anew, weighted by the one before."""
 SHARPER = 50.0
@@ -156,8 +158,14 @@ def _band(u: ComplexArray, z: ComplexArray) -> _Band:
     fall = 2.0 * float(np.sum(np.sum(np.abs(plain.left) ** 2, axis=0) / power)) - 2.0 * free * z.shape[1]
     has_poles = fall > SHARPER
     poles = poles[: ORDER * has_poles]
-    below, below_nodes = (1.0 + _powers(at, ORDER + 1)[:, 1 : 1 + len(poles)] @ poles for at in (x, nodes))
-    fit = _fitted(table / below[:, None], z)
+    fit = _fitted(table / _below(x, poles)[:, None], z)
+    for _ in range(STEPS if has_poles else 0):
+        own, _ = _by_poles(table, z, x, poles, fit)
+        own = own / np.sqrt(power)
+        information = np.einsum("lkc,lmc->km", own.conj(), own)
+        poles = poles + np.linalg.solve(information, np.einsum("lkc,lc->k", own.conj(), fit.left / np.sqrt(power)))
+        fit = _fitted(table / _below(x, poles)[:, None], z)
+    below_nodes = _below(nodes, poles)
     # values at the nodes: of each input its polynomial, nothing of the transient
     told = np.zeros((len(NODES), inputs, inputs + 1, DEGREE + 1), dtype=complex)
     for j in range(inputs):
@@ -167,15 +175,31 @@ def _band(u: ComplexArray, z: ComplexArray) -> _Band:
     response = (told @ fit.numbers).transpose(0, 2, 1)
     shared = np.zeros((len(NODES), response[0].size, len(poles)), dtype=complex)
     if has_poles:
-        bent = -(_powers(x, ORDER + 1)[:, 1:] / below[:, None])[:, :, None] * (z - fit.left)[:, None, :]
-        taken = np.einsum("ql,lkc->qkc", fit.inverse, bent)
-        own = (bent - np.einsum("lq,qkc->lkc", table / below[:, None], taken)) / np.sqrt(power)
-        information = np.einsum("lkc,lmc->km", own.conj(), own)
-        root = np.linalg.cholesky(np.linalg.inv(information))
+        own, taken = _by_poles(table, z, x, poles, fit)
+        own = own / np.sqrt(power)
+        inverse = np.linalg.inv(np.einsum("lkc,lmc->km", own.conj(), own))
+        pull = np.einsum("lkc,lc->lk", own.conj(), fit.left / np.sqrt(power))
+        meat = pull.T @ pull.conj() * len(u) / free
+        root = np.linalg.cholesky(inverse @ meat @ inverse)
         direct = -(_powers(nodes, ORDER + 1)[:, 1:] / below_nodes[:, None])[:, None, None, :] * response[..., None]
         moved = direct - np.einsum("njq,qkc->ncjk", told, taken)
         shared = moved.reshape(len(NODES), -1, ORDER) @ root
     return _Band(response, spread, shared, fit.left, free - len(poles) / z.shape[1])
+
+
+def _below(x: FloatArray, poles: ComplexArray) -> ComplexArray:
+    """The polynomial under all responses."""
+    return np.asarray(1.0 + _powers(x, ORDER + 1)[:, 1 : 1 + len(poles)] @ poles)
+
+
+def _by_poles(
+    table: ComplexArray, z: ComplexArray, x: FloatArray, poles: ComplexArray, fit: _Fit
+) -> tuple[ComplexArray, ComplexArray]:
+    """Derivative of what is fitted by the coefficients below, (lines, orders, channels), and what the numbers take."""
+    below = _below(x, poles)
+    bent = -(_powers(x, ORDER + 1)[:, 1:] / below[:, None])[:, :, None] * (z - fit.left)[:, None, :]
+    taken = np.einsum("ql,lkc->qkc", fit.inverse, bent)
+    return bent - np.einsum("lq,qkc->lkc", table / below[:, None], taken), taken
 
 
 class _Fit(NamedTuple):

@@ -319,8 +319,13 @@ class Record:
 
     @property
     def outputs(self) -> NDArray[np.float64]:
-        """The recorded outputs of the loop, y and i_c, shape (N, channels)."""
-        return self.y if self.i_c is None else np.hstack([self.y, self.i_c])
+        """The recorded outputs of the loop, y and i_c, shape (N, channels); a copy, which of a long record is large."""
+        return np.hstack(self.parts)
+
+    @property
+    def parts(self) -> tuple[NDArray[np.float64], ...]:
+        """The same one by one: y, and i_c where it was recorded, shape (N, n) each."""
+        return (self.y,) if self.i_c is None else (self.y, self.i_c)
 
     def frequency_response(self) -> FrequencyResponse:
         """The response from what moves of i_e and r to y and i_c, with its uncertainty, by local polynomials.
