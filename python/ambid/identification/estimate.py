@@ -140,7 +140,11 @@ class Estimate(Tabular):
         if not self.comparison.is_judged:
             return "record three periods or more: without the noise nobody can tell whether the model is right"
         if self.status == "not_identifiable":
-            return "excite every axis, with more amplitude or over more periods: not all parameters are determined"
+            missed = "" if self.comparison.is_adequate else "; physics is missing too: ambid diagnose RIG RECORD"
+            return (
+                "excite every axis, at more frequencies, with more amplitude or over more periods: not all parameters "
+                f"are determined{missed}"
+            )
         if self.curvature is not None:
             return (
                 "fit the force law in place of its slopes: ambid diagnose RIG RECORD --effects force_nonlinearity; or "
