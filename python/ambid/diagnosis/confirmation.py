@@ -14,7 +14,7 @@ from ambid.diagnosis.state import State, Task
 from ambid.errors import RecordError, UnstableLoopError
 from ambid.identification.minimum import ROUGHLY, refit
 from ambid.noise import Comparison
-from ambid.record import FrequencyResponse, Measurement
+from ambid.record import FrequencyResponse, Measurement, Record
 
 __all__ = ["stands"]
 
@@ -50,8 +50,11 @@ def stands(task: Task, state: State, pair: Refitted) -> bool:
     if not all(halves):
         return True
     for k in (0, 1):
+        own = [half[k] for half in halves]
+        if all(isinstance(record, Record) and record.is_free_response for record in own):
+            continue  # a step moves one half only
         try:
-            base = refit(Comparison(state.fit.model, [half[k] for half in halves]), step=ROUGHLY)
+            base = refit(Comparison(state.fit.model, own), step=ROUGHLY)
             fall = base.cost - refit(base.of(better.model), step=ROUGHLY).cost
         except (RecordError, UnstableLoopError):
             continue  # too short to be judged

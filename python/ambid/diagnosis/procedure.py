@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -18,10 +18,11 @@ from ambid.diagnosis.wording import next_experiment, not_determined, notes
 from ambid.effects import CATALOGUE, Effect, find
 from ambid.errors import RigError, Stopped
 from ambid.identification import Estimate, ParameterEstimate, identify
-from ambid.identification.covariance import covariance, lost
+from ambid.identification.covariance import covariance, lost, only_frequency, weakest
 from ambid.identification.minimum import refit
 from ambid.model import Model
 from ambid.model.parameter import nominal
+from ambid.noise import Comparison
 from ambid.noise.comparison import ADEQUATE
 from ambid.record import Measurement, Record
 from ambid.rig import Rig
@@ -103,14 +104,7 @@ def diagnose(
     if stops:
         return Diagnosis.uninformative(start, records, stops, begun)
     estimate = identify(start, records)
-    why = ""
-    if estimate.status == "not_identifiable" and _is_lost_at(start, estimate):
-        why = not_determined(estimate.directions)
-        if estimate.is_adequate or not estimate.comparison.is_judged:
-            return Diagnosis.uninformative(estimate.model, records, [why], begun)
-    if not estimate.is_adequate and all(isinstance(record, Record) and record.is_free_response for record in records):
-        what = f"misfit {estimate.misfit:.3g}, bound {estimate.misfit_bound:.3g}: physics is missing"
-        why = f"{what}, but nothing drives the records, and a free response does not tell what; excite the loop"
+    if why := _uninformed(start, estimate):
         return Diagnosis.uninformative(estimate.model, records, [why], begun)
     task = Task(_nominal(start), tuple(validate), tuple(catalogue), progress, is_chosen=chosen is not None)
     base = estimate.comparison
@@ -152,7 +146,7 @@ def diagnose(
         next_experiment=next_experiment(verdict, state.history),
         seconds=time.perf_counter() - begun,
         notes=(
-            *([why] if why else []),
+            *_undetermined(start, verdict.fit),
             *notes(verdict, state.fit.noise),
             *(f"{f.where}: {f.what}; {f.todo}" for f in findings if f.is_of_path),
         ),
@@ -169,8 +163,29 @@ def _nominal(start: Model) -> Model:
     return told if told.is_stable else start
 
 
-def _is_lost_at(start: Model, estimate: Estimate) -> bool:
-    """Whether parameters are not determined at their start either; misfit may have driven them where nothing is."""
-    if estimate.is_adequate or not start.is_stable:
-        return True
-    return bool(lost(estimate.comparison.of(start), range(len(start.names))))
+def _uninformed(start: Model, estimate: Estimate) -> str:
+    """Why the records cannot tell what is missing, with the misfit, if there is one; empty where they can."""
+    comparison, names = estimate.comparison, range(len(start.names))
+    frequency = only_frequency(comparison, names) if comparison.is_judged else None
+    if estimate.is_adequate or not comparison.is_judged:
+        return not_determined(estimate.directions, frequency) if estimate.directions else ""
+    what = f"misfit {estimate.misfit:.3g}, bound {estimate.misfit_bound:.3g}: physics is missing"
+    if all(isinstance(record, Record) and record.is_free_response for record in estimate.records):
+        return f"{what}, but nothing drives the records, and a free response does not tell what; excite the loop"
+    if frequency is None:
+        return ""
+    directions = estimate.directions or (weakest(comparison.of(start), names) if start.is_stable else [])
+    return f"{what}, but {not_determined(directions, frequency)}"
+
+
+def _undetermined(start: Model, fit: Comparison) -> Iterator[str]:
+    """What of the base model the records do not determine, beside whatever was found.
+
+    Misfit that is left may have driven the parameters where nothing is determined: then it is asked where they began.
+    """
+    directions = lost(fit, range(len(fit.model.names)))
+    if directions and not fit.is_adequate and start.is_stable:
+        directions = lost(fit.of(start), range(len(start.names)))
+    own = [direction for direction in directions if not direction.keys().isdisjoint(start.names)]
+    if own:
+        yield not_determined(own)

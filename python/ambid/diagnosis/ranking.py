@@ -29,7 +29,6 @@ from ambid.effects.slips import ControllerGainError, ExcitationGainError
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.minimum import SUBSTEPS
 from ambid.model import Model
-from ambid.model.operating_point import suffix
 from ambid.model.structure import is_nonlinear
 from ambid.noise import Comparison
 from ambid.record import Record
@@ -291,10 +290,7 @@ def see(comparison: Comparison) -> Seen:
         for k, name in enumerate(watched, start=2):
             peaks[name] = max(peaks[name], float(found[k * n : (k + 1) * n].max()))
     tones = {round(tone.frequency_hz, 3): tone for own in noise.tones for tone in own}
-    at_home = [record for record in records if not suffix(record.point or model.rig, model.rig)]
-    measured = [record.i_c.mean(axis=0) for record in at_home if record.i_c is not None]
-    held = tuple(np.mean(measured, axis=0).tolist()) if measured else ()
-    return Seen(model.rig, peaks, tuple(tones.values()), held)
+    return Seen(model.rig, peaks, tuple(tones.values()), comparison.held)
 
 
 class _Point:

@@ -33,13 +33,27 @@ WITHOUT_PERIODS = (
 )
 
 
-def not_determined(directions: Sequence[Mapping[str, float]]) -> str:
-    """Which changes of the parameters the records do not tell, and what would."""
+def not_determined(directions: Sequence[Mapping[str, float]], frequency_hz: float | None = None) -> str:
+    """Which changes of the parameters the records do not tell, and what would.
+
+    Parameters
+    ----------
+    directions : sequence of mapping of str to float
+        Relative changes by parameter.
+    frequency_hz : float, optional
+        The only one that is excited.
+    """
     told = []
     for direction in directions:
         parts = [f"{name} by {share:+.2g} %" for name, share in direction.items()]
         told.append(f"a change of {' with '.join(parts)}")
-    return f"the records do not determine {', nor '.join(told)}; excite every axis, with more amplitude or for longer"
+    what = f"the records do not determine {', nor '.join(told)}" if told else ""
+    if frequency_hz is None:
+        return f"{what}; excite every axis, with more amplitude or for longer"
+    only = (
+        f"all excitation is at {frequency_hz:.4g} Hz, where each channel gives two numbers, whatever the machine does"
+    )
+    return f"{f'{what}: ' if what else ''}{only}; excite at three frequencies or more, or by steps or noise"
 
 
 def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:

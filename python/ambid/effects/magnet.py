@@ -46,7 +46,7 @@ class ForceNonlinearity(Effect):
     held: tuple[float, ...] = ()
     single: bool = False
 
-    def variants(self, seen: Seen) -> Sequence[Effect]:
+    def variants(self, seen: Seen) -> Sequence[ForceNonlinearity]:
         """About the currents that hold the weight; of one magnet where that current is the bias, see `HOLDING`."""
         return [ForceNonlinearity(single=True) if _is_single(seen) else ForceNonlinearity(tuple(seen.held))]
 

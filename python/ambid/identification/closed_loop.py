@@ -11,6 +11,7 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.errors import ModelError, RecordError, Stopped, UnstableLoopError
 from ambid.identification.covariance import covariance, lost, sandwich, undetermined
+from ambid.identification.curvature import curvature
 from ambid.identification.damped import damped_start
 from ambid.identification.estimate import Estimate, ParameterEstimate
 from ambid.identification.minimum import ROUGHLY, WhitenedProblem
@@ -380,6 +381,11 @@ def _estimate(
     begun: float,
 ) -> Estimate:
     model, free = problem.model, problem.free
+    curved = None
+    if comparison.is_judged and not directions and end.status != "stopped":
+        curved = curvature(comparison, free, limits, covariance)
+    if curved is not None:
+        covariance = covariance + np.outer(curved.shift, curved.shift)
     unknown = {name for direction in directions for name in direction}
     parameters = {}
     for k, i in enumerate(free):
@@ -396,6 +402,8 @@ def _estimate(
         notes = [*notes, f"at a bound: {', '.join(at)}"]
     if comparison.is_judged and not comparison.is_adequate:
         notes = [*notes, MISFIT]
+    if curved is not None:
+        notes = [*notes, curved.sentence()]
     estimate = Estimate(
         model=comparison.model,
         parameters=parameters,
@@ -405,6 +413,7 @@ def _estimate(
         seconds=time.perf_counter() - begun,
         comparison=comparison,
         directions=directions,
+        curvature=curved,
         notes=(*(note for own in comparison.records for note in own.notes), *notes),
     )
     if end.status == "stopped":

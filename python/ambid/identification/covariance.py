@@ -35,10 +35,10 @@ from ambid.model import Model
 from ambid.model.parameter import nominal
 from ambid.noise import Comparison
 from ambid.noise.colour import loop_noise
-from ambid.noise.transients import freed
+from ambid.noise.transients import freed, orthonormal
 from ambid.record import Record
 
-__all__ = ["covariance", "lost", "sandwich", "score_covariance", "undetermined"]
+__all__ = ["covariance", "lost", "only_frequency", "sandwich", "score_covariance", "undetermined", "weakest"]
 
 UNSEEN_VARIANCE = 1e6
 """Relative variance that stands for infinity, for a combination that moves no output."""
@@ -46,6 +46,11 @@ WHOLLY_UNKNOWN = 1.0
 """A combination of parameters with a relative standard deviation above this is not identifiable."""
 DOUBTFUL = 0.05
 """Relative standard deviation above which it is asked what the excitation alone determines."""
+RESOLVED = 0.01
+"""Relative difference of frequencies at which two records of a single sine each have not the same."""
+ELSEWHERE = 0.01
+"""Part of the misfit of one sine that may stand beside its line: a start that a wrong model takes otherwise leaves a
+thousandth, harmonics of a curved force nearly all."""
 BANDS = 40
 """Bands of lines of each record whose scores count as independent where misfit is left."""
 
@@ -80,12 +85,54 @@ def lost(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float]]:
     own = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
     is_driven = not any(isinstance(record, Record) and record.is_free_response for record in comparison.noise.records)
     if is_driven and np.sqrt(np.diag(own).max(initial=0.0)) > DOUBTFUL:
-        of_records = comparison.noise.by_record(comparison.noise.slopes(model, free) * scale)
-        bases = comparison.noise.transients(model)
-        slopes = np.vstack([freed(columns, basis) for columns, basis in zip(of_records, bases, strict=True)])
-        inverse, unseen = _inverse(slopes.T @ slopes)
+        inverse, unseen = _by_excitation(comparison, free)
         own = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
     return undetermined(own * np.outer(scale, scale), model, free)
+
+
+def weakest(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float]]:
+    """Combinations of the free parameters that the excitation determines least, whether enough or not."""
+    scale = _sizes(comparison.model, free)
+    inverse, unseen = _by_excitation(comparison, free)
+    own = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
+    worst = 2.0 * WHOLLY_UNKNOWN**2 / np.linalg.eigvalsh(own)[-1]
+    return undetermined(worst * own * np.outer(scale, scale), comparison.model, free)
+
+
+def only_frequency(comparison: Comparison, free: Sequence[int]) -> float | None:
+    """The one frequency at which records in time tell all that they tell beside noise [Hz].
+
+    There a loop is two numbers for each channel, whatever is in it, and no effect is told from another. None where the
+    excitation tells more than nothing of a parameter beside such numbers, as `WHOLLY_UNKNOWN` has it, where more than
+    noise is left beside them, such as harmonics, or where nothing drives a record.
+    """
+    parts, records = comparison.noise.in_time, comparison.noise.records
+    if len(parts) < len(records) or any(part.record.is_free_response for part in parts):
+        return None
+    rest, left = np.zeros((len(free), len(free))), 0.0
+    residuals = comparison.noise.by_record(comparison.residual)
+    for part, residual, columns, basis in zip(parts, residuals, *_driven(comparison, free), strict=True):
+        told = orthonormal(np.hstack([basis, part.constant_responses]))
+        columns, residual = freed(columns, told), freed(residual, told)
+        rest, left = rest + columns.T @ columns, left + float(residual @ residual)
+    at_noise = max(comparison.bound * comparison.dof, ELSEWHERE * comparison.cost)
+    if np.linalg.eigvalsh(rest)[-1] > 1.0 / WHOLLY_UNKNOWN**2 or left > at_noise:
+        return None
+    frequencies = [part.index[part.loudest] * part.record.sample_rate / part.window.samples for part in parts]
+    return float(frequencies[0]) if np.ptp(frequencies) < RESOLVED * frequencies[0] else None
+
+
+def _by_excitation(comparison: Comparison, free: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+    """`_inverse` of what the excitation alone tells, by the scaled parameters."""
+    parts = zip(*_driven(comparison, free), strict=True)
+    slopes = np.vstack([freed(columns, basis) for columns, basis in parts])
+    return _inverse(slopes.T @ slopes)
+
+
+def _driven(comparison: Comparison, free: Sequence[int]) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Whitened derivatives by the scaled parameters, and what a transient can look like, of each record."""
+    model, noise = comparison.model, comparison.noise
+    return noise.by_record(noise.slopes(model, free) * _sizes(model, free)), noise.transients(model)
 
 
 def _sizes(model: Model, free: Sequence[int]) -> FloatArray:

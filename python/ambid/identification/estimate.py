@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import ComplexArray, FloatArray
+from ambid.identification.curvature import Curvature
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.record import Measurement
@@ -82,6 +83,8 @@ class Estimate(Tabular):
         Wall time.
     comparison : Comparison
         The model against its records, in the noise that it was fitted in.
+    curvature : Curvature or None
+        What the law of a single magnet would move, where it counts beside the noise.
     notes : tuple of str
     """
 
@@ -93,6 +96,7 @@ class Estimate(Tabular):
     seconds: float
     comparison: Comparison
     directions: list[dict[str, float]] = field(default_factory=list)
+    curvature: Curvature | None = None
     notes: tuple[str, ...] = ()
 
     @property
@@ -127,8 +131,8 @@ class Estimate(Tabular):
 
     @property
     def is_adequate(self) -> bool:
-        """Whether the misfit is within its bound."""
-        return self.comparison.is_adequate
+        """Whether the misfit is within its bound, and no curvature of the force is seen that a slope cannot have."""
+        return self.comparison.is_adequate and not (self.curvature is not None and self.curvature.is_seen)
 
     @property
     def next(self) -> str:
@@ -136,7 +140,16 @@ class Estimate(Tabular):
         if not self.comparison.is_judged:
             return "record three periods or more: without the noise nobody can tell whether the model is right"
         if self.status == "not_identifiable":
-            return "excite every axis, with more amplitude or over more periods: not all parameters are determined"
+            missed = "" if self.comparison.is_adequate else "; physics is missing too: ambid diagnose RIG RECORD"
+            return (
+                "excite every axis, at more frequencies, with more amplitude or over more periods: not all parameters "
+                f"are determined{missed}"
+            )
+        if self.curvature is not None:
+            return (
+                "fit the force law in place of its slopes: ambid diagnose RIG RECORD --effects force_nonlinearity; or "
+                "record a smaller motion"
+            )
         if self.is_adequate:
             return "hold the model against a record at another amplitude: ambid compare RIG RECORD --model MODEL"
         return "name what is missing: ambid diagnose RIG RECORD"
@@ -151,6 +164,8 @@ class Estimate(Tabular):
             return f"{what}: nothing is missing that these records can show"
         if (loudest := self.comparison.loudest) > 1.0:
             what += f", but {loudest:.2g} times the noise while the machine moves"
+        if self.comparison.is_adequate:
+            return f"{what}, but the curved force of a single magnet is seen: K_i and K_s change on the way"
         return f"{what}: physics is missing, however good the fit looks"
 
     @property

@@ -17,6 +17,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError, UnstableLoopError
 from ambid.loop.effect import Tone
 from ambid.model import Model
+from ambid.model.operating_point import suffix
 from ambid.noise.chance import misfit_bound
 from ambid.noise.fit import with_average
 from ambid.noise.halves import uneven
@@ -227,6 +228,14 @@ class Comparison(Tabular):
             part.louder_in_motion(self.model.at(part.record)) if isinstance(part, RecordLines) else None
             for part in self.noise.parts
         )
+
+    @property
+    def held(self) -> tuple[float, ...]:
+        """Mean current of each axis at the model's own operating point [A]; empty where it was not recorded."""
+        in_time = [record for record in self._records if isinstance(record, Record)]
+        at_home = [record for record in in_time if not suffix(record.point or self.model.rig, self.model.rig)]
+        measured = [record.i_c.mean(axis=0) for record in at_home if record.i_c is not None]
+        return tuple(np.mean(measured, axis=0).tolist()) if measured else ()
 
     @property
     def tones(self) -> tuple[Tone, ...]:

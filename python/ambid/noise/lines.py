@@ -299,6 +299,21 @@ class RecordLines:
             both = i_e
         return both[:, np.any(both, axis=0)]
 
+    @property
+    def loudest(self) -> int:
+        """Which of the judged lines holds most of the excitation."""
+        return int(np.argmax(np.sum(np.abs(self._excitation) ** 2, axis=1)))
+
+    @property
+    def constant_responses(self) -> FloatArray:
+        """Whitened responses, in and out of phase, that are the same at every frequency, shape (numbers, 2 p).
+
+        To what drives the axes together as on the loudest line.
+        """
+        drive = self._excitation @ self._excitation[self.loudest].conj()
+        lines = drive[:, None, None] * np.eye(self.measured.channels)
+        return self.whiten(np.concatenate([lines, 1j * lines], axis=2))
+
     def _judged(self, signal: FloatArray) -> ComplexArray:
         """The judged lines of a signal that starts with the record."""
         return self._some(self.window.excited_lines(signal), lambda index: self.window.single_lines(signal, index))

@@ -1,0 +1,141 @@
+"""Does the curvature of a single magnet's force law count in a fit of its linearisation?
+
+The pull of one magnet goes with ((i0 + i)/(s0 - s))^2. Of a pair that pulls against each other the even orders cancel;
+of a single magnet they do not, and a step moves its K_i and K_s by as much, in parts, as it moves the gap. The fit is
+done once more with the law in place of its slopes: how far the parameters move then, and whether J falls, tells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ambid.arrays import FloatArray
+from ambid.effects import Seen
+from ambid.effects.magnet import ForceNonlinearity
+from ambid.errors import ModelError, UnstableLoopError
+from ambid.identification.minimum import ROUGHLY, SUBSTEPS, WhitenedProblem
+from ambid.identification.problem import Limits
+from ambid.noise import Comparison
+from ambid.record import Record
+
+__all__ = ["Curvature", "curvature"]
+
+SEEN = 12.0
+"""Fall of J by which records tell the law from its slopes, with no parameter more: three and a half standard deviations
+of what chance brings at the worst."""
+MATTERS = 0.5
+"""Standard errors by which a parameter must move for it to be told: less widens no interval by more than an eighth."""
+MOST_EVALUATIONS = 30
+"""Of the fit with the law; it starts near its end."""
+
+
+@dataclass(frozen=True)
+class Curvature:
+    """The fit with the law of a single magnet, beside that of its slopes.
+
+    Attributes
+    ----------
+    values : dict of str to (float, float)
+        Free parameters in the fit of the slopes, and in that of the law.
+    shift : ndarray, shape (free,)
+        First less second.
+    travel, swing : float
+        Largest departure of y and of i_c from where a record begins, over the air gap and over the bias current.
+    misfits : tuple of float
+        J/dof of both fits.
+    is_seen : bool
+        Whether the records tell the law from its slopes.
+    """
+
+    values: dict[str, tuple[float, float]]
+    shift: FloatArray
+    travel: float
+    swing: float
+    misfits: tuple[float, float]
+    is_seen: bool
+
+    def sentence(self) -> str:
+        """What is to be said beside the estimate."""
+        what = (
+            f"y moves by {100 * self.travel:.2g} % of the gap and i_c by {100 * self.swing:.2g} % of the bias, and the "
+            "force of a single magnet is curved"
+        )
+        seen = "which these records can neither show nor exclude"
+        if self.is_seen:
+            seen = f"which these records show: with its square law J/dof is {self.misfits[1]:.3g}"
+        told = ", ".join(f"{name} {law:.4g} instead of {slope:.4g}" for name, (slope, law) in self.values.items())
+        return f"{what}, {seen}; by the law {told}, and the intervals are widened by the difference"
+
+
+def curvature(comparison: Comparison, free: Sequence[int], limits: Limits, covariance: FloatArray) -> Curvature | None:
+    """Fit the law of a single magnet, if the records are of one, from where its slopes were fitted.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Of a linear model at its fit.
+    free : sequence of int
+        What was fitted.
+    limits : tuple of ndarray
+        Bounds of these parameters over their scales.
+    covariance : ndarray, shape (free, free)
+        Of the fit.
+
+    Returns
+    -------
+    Curvature or None
+        None where no single magnet is seen, where the records exclude its curvature, or where they neither show it nor
+        leave it room to move a parameter.
+    """
+    law = _law(comparison)
+    if law is None:
+        return None
+    slopes, noise, at = comparison.model, comparison.noise, list(free)
+    try:
+        model = slopes.add(law, {p.name: p.probe for p in law.parameters(slopes.rig)}).with_substeps(SUBSTEPS)
+        problem = WhitenedProblem(model, noise, at)
+        end = problem.descend(model.theta[at] / problem.scale, limits, MOST_EVALUATIONS, ROUGHLY)
+    except (UnstableLoopError, ModelError):
+        return None
+    if end.status == "stopped":
+        raise KeyboardInterrupt from None
+    fall, level = comparison.cost - end.cost, SEEN * max(1.0, comparison.misfit)
+    if fall < -level:
+        return None
+    shift, is_seen = slopes.theta[at] - end.theta[at], fall > level
+    if not is_seen and np.all(np.abs(shift) < MATTERS * np.sqrt(np.diag(covariance))):
+        return None
+    travel, swing = _excursion(comparison)
+    return Curvature(
+        values={slopes.names[i]: (float(slopes.theta[i]), float(end.theta[i])) for i in at},
+        shift=shift,
+        travel=travel,
+        swing=swing,
+        misfits=(comparison.misfit, float(end.cost) / comparison.dof),
+        is_seen=bool(is_seen),
+    )
+
+
+def _law(comparison: Comparison) -> ForceNonlinearity | None:
+    """The law of a single magnet, if the records tell one from its slopes, and say that one holds the weight."""
+    model, records = comparison.model, comparison.noise.records
+    are_driven = all(isinstance(record, Record) and not record.is_free_response for record in records)
+    law = ForceNonlinearity()
+    if not are_driven or not model.is_linear or law.why_not(model.rig):
+        return None
+    (variant,) = law.variants(Seen(model.rig, {}, (), comparison.held))
+    return variant if variant.single else None
+
+
+def _excursion(comparison: Comparison) -> tuple[float, float]:
+    """Largest departure of y and of i_c, as simulated, from where a record begins, over gap and bias."""
+    found = []
+    for own in comparison.records:
+        (bearing,) = comparison.model.at(own.record).rig.bearings
+        y, i_c = np.nanmax(np.abs(own.simulated - own.simulated[0]), axis=0)[:2]
+        found.append((y / bearing.air_gap, i_c / bearing.bias_current))
+    travel, swing = np.max(found, axis=0)
+    return float(travel), float(swing)
