@@ -396,8 +396,10 @@ def _estimate(
         notes = [*notes, f"at a bound: {', '.join(at)}"]
     if comparison.is_judged and not comparison.is_adequate:
         notes = [*notes, MISFIT]
+    whole = np.full((len(model.names),) * 2, np.nan)
+    whole[np.ix_(free, free)] = covariance
     estimate = Estimate(
-        model=comparison.model,
+        model=comparison.model.with_covariance(whole),
         parameters=parameters,
         covariance=covariance,
         status="not_identifiable" if directions else end.status,
