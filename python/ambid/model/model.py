@@ -413,9 +413,7 @@ class Model:
         covariance : array_like, shape (parameters, parameters), optional
             NaN for parameters that were not free; default: the model's own.
         """
-        write_model(
-            Path(path), self.structure, self.parameters, self._covariance if covariance is None else covariance
-        )
+        write_model(Path(path), self.structure, self.parameters, self._covariance if covariance is None else covariance)
 
     @classmethod
     def load(cls, path: str | Path, rig: Rig | None = None, *, catalogue: Sequence[Effect] = CATALOGUE) -> Model:

@@ -7,9 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from ambid.arrays import FloatArray
+from ambid.effects.slips import ExcitationGainError
 from ambid.errors import InputError, UnstableLoopError
 from ambid.model import Model
-from ambid.robustness.peaks import Peaks, find_peaks, gains, slopes_of
+from ambid.robustness.peaks import Peaks, find_peaks, gains, peaks_of, slopes_of
 from ambid.robustness.result import ZONES, AxisMargins, Margin, Margins, zone_of
 from ambid.robustness.sensitivity import BrokenLoop, Place
 from ambid.robustness.uncertainty import COVERED, Draws, Uncertainty, drawn, is_stable, worst_of_ellipsoid
@@ -19,9 +20,9 @@ DRAWS = 500
 FEWEST_DRAWS, MOST_DRAWS = 40, 100_000
 """Below, a 95 % interval has no draw beyond its ends; above, the curves of four axes fill a small computer's memory."""
 APART = 0.25
-"""Relative difference between the spread of the draws and that by slopes from which on it is told: the peak is bent over
-the interval."""
-NO_COVARIANCE = "the model has no covariance: these are nominal margins; identify, save, and give the model for their spread"
+"""Relative difference between the spread of the draws and that by slopes from which on it is told: the peak is bent
+over the interval."""
+NO_COVARIANCE = "the model has no covariance: these are nominal margins; identify and save one for their spread"
 
 
 def margins(
@@ -71,8 +72,8 @@ def margins(
     if not is_stable(loop, theta):
         slowest = loop.model.poles()[0]
         raise UnstableLoopError(
-            f"{model.rig.path or model.rig.name}: the loop is unstable at these values (a pole at {slowest:.4g} 1/s) and "
-            "has no margins; check the rig, or identify first and give the model"
+            f"{model.rig.path or model.rig.name}: the loop is unstable at these values (a pole at {slowest:.4g} 1/s), "
+            "and has no margins; check the rig, or identify first and give the model"
         )
     grid = loop.grid(theta)
     values = gains(loop.sensitivity(theta, grid))
@@ -110,15 +111,31 @@ def margins(
     )
 
 
+def sensitivity_peaks(model: Model) -> tuple[FloatArray, FloatArray]:
+    """Peaks of |S_jj| of every axis of a linear model, the loop broken at the controller's output, and where they are.
+
+    Returns
+    -------
+    values, frequency_hz : ndarray, shape (axes,)
+    """
+    loop = BrokenLoop(model, "controller")
+    peaks = peaks_of(loop, model.theta)
+    return peaks.values[: loop.axes], peaks.frequency_hz[: loop.axes]
+
+
 def _linear(model: Model) -> tuple[Model, list[str]]:
-    """The model as its loop answers small motion, and what was left out."""
+    """The model as its loop answers small motion, and what was left out; the scale of i_e is not in the loop."""
     linear = model.without_nonlinear()
     left_out = [effect.name for effect in model.effects if effect not in linear.effects]
-    if not left_out:
+    if ExcitationGainError() in linear.effects:
+        linear = linear.without(ExcitationGainError.name)
+    if linear is model:
         return model, []
     kept = [model.names.index(name) for name in linear.names]
     if model.covariance is not None:
         linear = linear.with_covariance(model.covariance[np.ix_(kept, kept)])
+    if not left_out:
+        return linear, []
     return linear, [f"{', '.join(left_out)}: not linear, and left out; the margins are those of small motion"]
 
 

@@ -49,8 +49,9 @@ class Margin:
     worst_at: dict[str, float] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain data, as in JSON; null where a number is infinite."""
-        return plain({**vars(self), "ci95": None if self.ci95 is None else list(self.ci95)})
+        """Plain data, as in JSON; null where a number is infinite, and whether an unstable loop makes the worst so."""
+        reaches = self.worst in (0.0, inf)
+        return plain({**vars(self), "ci95": self.ci95 and list(self.ci95), "worst_is_unstable": reaches})
 
 
 @dataclass(frozen=True)
@@ -183,7 +184,8 @@ class Margins(Tabular):
         return [*lines, *(f"note: {note}" for note in self.notes)]
 
     def __repr__(self) -> str:
-        head = f"{'axis':14s} {'peak':>6s} {'dB':>6s} {'at Hz':>8s}  {'95 % interval':16s} {'worst':>8s} {'zone':8s} {'disk':>5s}"
+        head = f"{'axis':14s} {'peak':>6s} {'dB':>6s} {'at Hz':>8s}  {'95 % interval':16s} "
+        head += f"{'worst':>8s} {'zone':8s} {'disk':>5s}"
         lines = [head, "-" * len(head)]
         for own in self.axes:
             likely = own.zone_probability.get(own.zone)

@@ -20,8 +20,8 @@ PLACES = {"controller": "the controller's output", "sensor": "the sensors"}
 PER_DECADE = 40
 """Frequencies a decade of the grid, beside those of the poles."""
 BEYOND = 5.0
-"""Factor by which the grid goes beyond the slowest and the fastest pole: there S is 0 or 1 to a few per cent, and has no
-peak."""
+"""Factor by which the grid goes beyond the slowest and the fastest pole: there S is 0 or 1 to a few per cent, and has
+no peak."""
 AROUND_POLES = np.array([-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0])
 """Frequencies of the grid around that of each pole, in its decay rates: every sharp peak of S stands on a pole."""
 
@@ -30,12 +30,12 @@ class BrokenLoop:
     """The loop of a model, broken at one place: ``S = (I + L)^-1``.
 
     At the controller's output L is K G, at the sensors G K; a digital loop is taken from sample to sample of its
-    controller, with hold and delay exact, as the controller itself would measure it. Gains of i_e do not matter.
+    controller, with hold and delay exact, as the controller itself would measure it.
 
     Parameters
     ----------
     model : Model
-        Without nonlinear effects.
+        Without nonlinear effects, and without a scale of i_e.
     place : {"controller", "sensor"}
 
     Attributes
@@ -63,7 +63,7 @@ class BrokenLoop:
         self._law = _Law(model) if place == "controller" else None
 
     def grid(self, theta: FloatArray) -> FloatArray:
-        """Frequencies [Hz], shape (F,), that no peak of S falls between; the last one of a digital loop is Nyquist's."""
+        """Frequencies [Hz], shape (F,), that no peak of S falls between; a digital loop's end at Nyquist's."""
         poles = self._loop.poles(theta)
         size = np.abs(poles[np.abs(poles) > 0.0]) / (2.0 * np.pi)
         low, high = size.min() / BEYOND, BEYOND * size.max()
@@ -128,4 +128,4 @@ class _Law:
 
     def _points(self, frequency_hz: FloatArray) -> ComplexArray:
         s = 2j * np.pi * frequency_hz
-        return np.exp(s / self.rig.sample_rate) if self.rig.controller.is_digital else s
+        return np.asarray(np.exp(s / self.rig.sample_rate) if self.rig.controller.is_digital else s, np.complex128)
