@@ -56,5 +56,7 @@ from .rig import Controller as Controller
 from .rig import Rig as Rig
 from .rig import StateSpaceController as StateSpaceController
 from .rig import TransferFunctionController as TransferFunctionController
+from .robustness import Margins as Margins
+from .robustness import margins as margins
 
 __version__: str

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+import ambid
 from ambid.diagnosis import Candidate, Localisation, Ranking, compare
 from ambid.diagnosis.localisation import Growth, MisfitMap
 from ambid.diagnosis.ports import Port, Term
@@ -19,11 +20,14 @@ from ambid.plot import (
     plot_misfit_map,
     plot_needed,
     plot_ranking,
+    plot_sensitivity,
     plot_staircase,
     save_comparison,
     worst_stretch,
 )
 from ambid.plot.ranking import needed_score
+from ambid.plot.style import GUIDE
+from places import LEVITATOR
 
 
 @pytest.fixture(scope="module")
@@ -223,3 +227,17 @@ def test_growth_needs_two_amplitudes():
 def test_matplotlib_is_loaded_only_for_drawing():
     code = "import sys, ambid, ambid.plot; assert not any(m.startswith('matplotlib') for m in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_the_sensitivity_is_drawn_with_band_peaks_and_zones():
+    model = ambid.Model(ambid.Rig.load(LEVITATOR))
+    found = ambid.margins(model.with_covariance(np.diag((0.05 * model.theta) ** 2)), draws=40)
+    (ax,) = axes()
+    plot_sensitivity(found, ax)
+    (curve,) = [line for line in ax.lines if len(line.get_xdata()) == len(found.frequency_hz)]
+    np.testing.assert_array_equal(curve.get_ydata(), found.sensitivity[:, 0])
+    assert len(ax.collections) == 1
+    levels = [line.get_ydata()[0] for line in ax.lines if line.get_color() == GUIDE]
+    assert levels == [3.0, 4.0, 5.0]
+    assert found.axes[0].sensitivity.value in [line.get_ydata()[0] for line in ax.lines]
+    plot_sensitivity(ambid.margins(model), axes()[0])

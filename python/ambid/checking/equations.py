@@ -140,6 +140,8 @@ class NominalLoop:
     gain_factor : float or None
         1 where the nominal loop is stable; else the nearest common factor on all K_i that makes it so; None if none
         does. K_i is taken with this factor in `closed` and `poles`, not in `machine`.
+    model : Model
+        With `gain_factor`.
     nominal_poles, poles : ndarray
         Of the nominal closed loop, and of the one with `gain_factor` [1/s], slowest first.
     moved_by_worst : str
@@ -153,12 +155,13 @@ class NominalLoop:
         self.nominal_poles = nominal.poles()
         self.moved_by_worst = moved_by_worst(nominal.loop.state_space(nominal.theta)[0], self.rotor)
         self.gain_factor: float | None = None
-        self.poles = self.nominal_poles
+        self.model, self.poles = nominal, self.nominal_poles
         for factor in GAIN_FACTORS:
             values = {p.name: factor * p.value for p in nominal.parameters if p.name.startswith("K_i.")}
-            poles = nominal.with_values(values).poles()
+            model = nominal.with_values(values)
+            poles = model.poles()
             if poles.real.max() < 0.0:
-                self.gain_factor, self.poles = factor, poles
+                self.gain_factor, self.model, self.poles = factor, model, poles
                 break
 
     @cached_property

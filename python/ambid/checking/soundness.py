@@ -13,11 +13,10 @@ from ambid.noise import noise_ceiling
 from ambid.record import Record
 from ambid.results import plain
 from ambid.rig import Rig
+from ambid.robustness import sensitivity_peaks, zone_of
 
 Severity = Literal["fault", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("fault", "warning", "note")
-ZONES = ((3.0, "A"), (4.0, "B"), (5.0, "C"), (np.inf, "D"))
-"""Largest peak sensitivity of each zone, ISO 14839-3."""
 PATH = "operating point"
 """Where a finding is about a record that does not stay at one."""
 MOST_LISTED = 15
@@ -109,10 +108,10 @@ class LoopFigures:
         open_poles = loop.open_poles[loop.open_poles.real > 1e-6 * np.abs(loop.open_poles).max()]
         f = np.union1d(np.geomspace(1.0, 0.4 * rate, 500), swinging.imag / (2.0 * np.pi))
         f = f[f <= 0.4 * rate]
-        sensitivity = np.einsum("ljj->lj", loop.sensitivity(f))
-        at, axis = np.unravel_index(np.argmax(np.abs(sensitivity)), sensitivity.shape)
-        follows = f[(np.abs(1.0 - sensitivity) > 0.7).any(axis=1)]
+        follows = f[(np.abs(1.0 - np.einsum("ljj->lj", loop.sensitivity(f))) > 0.7).any(axis=1)]
         stable = loop.gain_factor is not None
+        peak, at_hz = sensitivity_peaks(loop.model) if stable else (np.array([np.nan]),) * 2
+        worst = int(np.argmax(peak))
         return cls(
             mass=float(translation @ translation),
             bending_hz=tuple(hz[hz > 0.0].tolist()),
@@ -120,16 +119,16 @@ class LoopFigures:
             gain_factor=loop.gain_factor,
             slowest_pole=complex(loop.poles[0]),
             least_damped=tuple(modes)[:3],
-            peak_sensitivity=float(np.abs(sensitivity[at, axis])) if stable else float("nan"),
-            peak_sensitivity_hz=float(f[at]) if stable else float("nan"),
-            peak_sensitivity_axis=loop.rig.axes[axis],
+            peak_sensitivity=float(peak[worst]),
+            peak_sensitivity_hz=float(at_hz[worst]),
+            peak_sensitivity_axis=loop.rig.axes[worst],
             bandwidth_hz=float(follows.max(initial=0.0)),
         )
 
     @property
     def zone(self) -> str:
         """Zone of the peak sensitivity, A to D (ISO 14839-3); empty for an unstable loop."""
-        return next((zone for most, zone in ZONES if self.peak_sensitivity < most), "")
+        return "" if np.isnan(self.peak_sensitivity) else zone_of(self.peak_sensitivity)
 
 
 @dataclass(frozen=True)

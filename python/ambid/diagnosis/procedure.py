@@ -123,8 +123,8 @@ def diagnose(
     except KeyboardInterrupt:
         is_stopped = True
     verdict = judged(task, state, tolerance, is_stopped=is_stopped)
-    model = verdict.fit.model.with_substeps(None)
-    spread = covariance(verdict.fit, range(len(model.names)))
+    spread = covariance(verdict.fit, range(len(verdict.fit.model.names)))
+    model = verdict.fit.model.with_substeps(None).with_covariance(spread)
     diagnosis = Diagnosis(
         verdict=verdict.word,
         effects=verdict.effects,

@@ -404,8 +404,10 @@ def _estimate(
         notes = [*notes, MISFIT]
     if curved is not None:
         notes = [*notes, curved.sentence()]
+    whole = np.full((len(model.names),) * 2, np.nan)
+    whole[np.ix_(free, free)] = covariance
     estimate = Estimate(
-        model=comparison.model,
+        model=comparison.model.with_covariance(whole),
         parameters=parameters,
         covariance=covariance,
         status="not_identifiable" if directions else end.status,

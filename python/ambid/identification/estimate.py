@@ -68,7 +68,7 @@ class Estimate(Tabular):
     Attributes
     ----------
     model : Model
-        The model at the estimated values, ready to simulate.
+        The model at the estimated values, with their covariance, ready to simulate.
     parameters : dict of str to ParameterEstimate
         Every free parameter.
     covariance : ndarray, shape (free, free)
@@ -198,11 +198,7 @@ class Estimate(Tabular):
 
     def save(self, path: str | Path) -> None:
         """Write the identified model, with its covariance, for ``--model`` and `Model.load`."""
-        names = list(self.parameters)
-        at = [self.model.names.index(name) for name in names]
-        full = np.full((len(self.model.names),) * 2, np.nan)
-        full[np.ix_(at, at)] = self.covariance
-        self.model.save(path, full)
+        self.model.save(path)
 
     def table(self) -> dict[str, list[Any]]:
         """Parameters, a row each."""

@@ -108,16 +108,24 @@ class Lft:
 
     def closed(self, values: Mapping[str, float]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """A, B, C, D between inputs and outputs, with a value for each slot; without the nonlinear blocks."""
+        inputs, outputs = len(self.inputs), len(self.outputs)
+        A, B, C, D = self.closed_with_ports(values)
+        return A, B[:, :inputs], C[:outputs], D[:outputs, :inputs]
+
+    def closed_with_ports(self, values: Mapping[str, float]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """The same from inputs, and what is added to each w, to outputs and each z."""
         inputs, outputs, ports = len(self.inputs), len(self.outputs), len(self.ports)
         delta = np.array([port.scale * values[port.slot] ** port.power for port in self.ports])
         w, z = slice(inputs, inputs + ports), slice(outputs, outputs + ports)
-        gain = np.linalg.solve(np.eye(ports) - delta[:, None] * self.D[z, w], np.diag(delta))
-        to_x, to_y = self.B[:, w] @ gain, self.D[:outputs, w] @ gain
+        back = np.eye(ports) - delta[:, None] * self.D[z, w]
+        gain, added = np.linalg.solve(back, np.diag(delta)), np.linalg.inv(back)
+        C, D = self.C[: outputs + ports], self.D[: outputs + ports]
+        to_x, to_y = self.B[:, w] @ gain, D[:, w] @ gain
         return (
             self.A + to_x @ self.C[z],
-            self.B[:, :inputs] + to_x @ self.D[z, :inputs],
-            self.C[:outputs] + to_y @ self.C[z],
-            self.D[:outputs, :inputs] + to_y @ self.D[z, :inputs],
+            np.hstack([self.B[:, :inputs] + to_x @ self.D[z, :inputs], self.B[:, w] @ added]),
+            C + to_y @ self.C[z],
+            np.hstack([D[:, :inputs] + to_y @ self.D[z, :inputs], D[:, w] @ added]),
         )
 
 

@@ -206,6 +206,48 @@ class Loop:
             return response
         return frequency_response(self.state_space(theta), np.exp(2j * np.pi * frequency_hz * self.sample_time))
 
+    def frequency_slopes(
+        self, theta: ArrayLike, frequency_hz: FloatArray, u: ComplexArray, free: Sequence[int]
+    ) -> ComplexArray:
+        """Exact derivative of `frequency_response`, times inputs `u`, by the parameters in `free`.
+
+        Parameters
+        ----------
+        theta : array_like, shape (parameters,)
+        frequency_hz : ndarray, shape (F,)
+        u : ndarray, shape (F, inputs)
+        free : sequence of int
+
+        Returns
+        -------
+        ndarray, shape (F, outputs, len(free))
+
+        Raises
+        ------
+        UnstableLoopError
+            If a digital loop is unstable at `theta`.
+        """
+        values, inputs = _vector(theta), np.array(u, dtype=np.complex128)
+        if not self._is_analog:
+            points = np.exp(2j * np.pi * frequency_hz * self.sample_time)
+            return self.core.lines(values, list(free), points, inputs, None, False)[1]
+        at = {slot: values[index] for slot, index in self._filled_by.items()}
+        s, outputs = 2j * np.pi * frequency_hz, len(self.outputs)
+        if self.lft.late is not None:
+            excited = [k for k, name in enumerate(self.inputs) if name.startswith("i_e.")]
+            inputs[:, excited] *= np.exp(-s * at[self.lft.late])[:, None]
+        response = frequency_response(self.lft.closed_with_ports(at), s)
+        seen = np.einsum("lzu,lu->lz", response[:, outputs:, : len(self.inputs)], inputs)
+        slopes = np.zeros((len(s), outputs, self.parameters), dtype=np.complex128)
+        for k, port in enumerate(self.lft.ports):
+            slope = port.scale * port.power * at[port.slot] ** (port.power - 1)
+            of_w = response[:, :outputs, len(self.inputs) + k]
+            slopes[:, :, self._filled_by[port.slot]] += of_w * (slope * seen[:, k])[:, None]
+        if self.lft.late is not None:
+            late = np.einsum("lyu,lu->ly", response[:, :outputs][:, :, excited], inputs[:, excited])
+            slopes[:, :, self._filled_by[self.lft.late]] -= s[:, None] * late
+        return slopes[:, :, list(free)]
+
     def simulator(self, theta: ArrayLike) -> Simulator:
         """Return the loop at `theta`, at rest, to be stepped sample by sample."""
         return Simulator(self, theta)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ambid.arrays import FloatArray
 from ambid.effects import Effect, find
 from ambid.errors import ModelError
 from ambid.model.parameter import Parameter
@@ -47,8 +48,10 @@ def write_model(
         stream.write(json.dumps(text, indent=1).encode())
 
 
-def read_model(path: Path, rig: Rig | None, catalogue: Sequence[Effect]) -> tuple[Structure, list[Parameter]]:
-    """Read what `write_model` wrote.
+def read_model(
+    path: Path, rig: Rig | None, catalogue: Sequence[Effect]
+) -> tuple[Structure, list[Parameter], FloatArray | None]:
+    """Read what `write_model` wrote; the covariance is None where the file has none.
 
     Parameters
     ----------
@@ -73,11 +76,11 @@ def read_model(path: Path, rig: Rig | None, catalogue: Sequence[Effect]) -> tupl
 
 def _model_of(
     path: Path, text: dict[str, Any], rig: Rig | None, catalogue: Sequence[Effect]
-) -> tuple[Structure, list[Parameter]]:
+) -> tuple[Structure, list[Parameter], FloatArray | None]:
     if text.get("format") != FORMAT:
         raise ModelError(f"{path}: format = {text.get('format')!r}, expected {FORMAT!r}, as --save writes it")
     stored = [_parameter(path, name, entry) for name, entry in text["parameters"].items()]
-    _require_covariance(path, text.get("covariance"), len(stored))
+    covariance = _covariance(text.get("covariance"))
     effects = [(entry["name"], {k: v for k, v in entry.items() if k != "name"}) for entry in text["effects"]]
     points = tuple(Rig.from_toml(point, path) for point in text.get("points", ()))
     machine = Rig.from_toml(text["rig"], path) if rig is None else rig
@@ -92,9 +95,11 @@ def _model_of(
         structure = Structure(machine, found, points, machine)
         parameters = _with_limits(stored, structure.usual_parameters())
         structure.require_filled(parameters)
+        if covariance is not None:
+            _require_covariance(covariance, len(parameters))
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from None
-    return structure, parameters
+    return structure, parameters, covariance
 
 
 def _parameter(path: Path, name: str, entry: Mapping[str, Any]) -> Parameter:
@@ -106,24 +111,30 @@ def _parameter(path: Path, name: str, entry: Mapping[str, Any]) -> Parameter:
     return Parameter(name, float(value), unit, tuple(slots))
 
 
-def _require_covariance(path: Path, rows: Any, count: int) -> None:
-    """Refuse what is no covariance of as many parameters; a parameter that was not free has null with all others."""
+def _covariance(rows: Any) -> FloatArray | None:
     if rows is None:
-        return
-    matrix = np.array([[np.nan if entry is None else entry for entry in row] for row in rows], dtype=float)
+        return None
+    return np.array([[np.nan if entry is None else entry for entry in row] for row in rows], dtype=np.float64)
+
+
+def _require_covariance(matrix: FloatArray, count: int) -> None:
+    """Refuse what is no covariance of as many parameters; one that was not free has NaN with all others.
+
+    Raises
+    ------
+    ModelError
+    """
     if matrix.shape != (count, count):
-        raise ModelError(
-            f"{path}: covariance has the shape {matrix.shape}: expected {(count, count)}, a row a parameter"
-        )
+        raise ModelError(f"covariance has the shape {matrix.shape}: expected {(count, count)}, a row a parameter")
     free = np.isfinite(np.diag(matrix))
     known = matrix[np.ix_(free, free)]
     scale = np.sqrt(np.abs(np.diag(known)))
     scale[scale == 0.0] = 1.0
     scaled = known / scale / scale[:, None]
     if not np.array_equal(np.isfinite(matrix), np.outer(free, free)) or not np.allclose(scaled, scaled.T, 0, ROUNDING):
-        raise ModelError(f"{path}: covariance is not symmetric, or not finite where its diagonal is; identify again")
+        raise ModelError("covariance is not symmetric, or not finite where its diagonal is; identify again")
     if known.size and np.linalg.eigvalsh(scaled).min() < -ROUNDING:
-        raise ModelError(f"{path}: covariance gives a sum of parameters a negative variance; identify again")
+        raise ModelError("covariance gives a sum of parameters a negative variance; identify again")
 
 
 def _with_limits(stored: Sequence[Parameter], usual: Sequence[Parameter]) -> list[Parameter]:

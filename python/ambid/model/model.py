@@ -67,6 +67,7 @@ class Model:
 
     def _take(self, structure: Structure, parameters: tuple[Parameter, ...]) -> None:
         self.structure, self.parameters = structure, parameters
+        self._covariance: NDArray[np.float64] | None = None
         self._loops: dict[Rig | None, Loop] = {}  # of other operating points, and of this one: None
         self._noisy: list[Loop] = []  # the one with noise inputs, once it is compiled
 
@@ -119,6 +120,29 @@ class Model:
     def theta(self) -> NDArray[np.float64]:
         """Values of all parameters, in the order of `names`, SI units."""
         return np.array([parameter.value for parameter in self.parameters])
+
+    @property
+    def covariance(self) -> NDArray[np.float64] | None:
+        """Of the parameters, shape (parameters, parameters); NaN for those that were not free.
+
+        None where no identification gave the values: a change of a value or of the structure drops it.
+        """
+        return self._covariance
+
+    def with_covariance(self, covariance: ArrayLike) -> Model:
+        """Return the model with the covariance of its parameters, NaN for those that were not free.
+
+        Raises
+        ------
+        ModelError
+            If its shape is another.
+        """
+        matrix = np.array(covariance, dtype=np.float64)
+        if matrix.shape != (len(self.names),) * 2:
+            raise ModelError(f"covariance has the shape {matrix.shape}: expected a row a parameter, {len(self.names)}")
+        model = self.with_theta(self.theta)
+        model._covariance = matrix
+        return model
 
     def with_values(self, values: Mapping[str, float]) -> Model:
         """Return the model with other values of some parameters.
@@ -195,7 +219,7 @@ class Model:
         here = Model._of(replace(self.structure, rig=rig, points=()), own)
         if rig not in self._loops:
             self._loops[rig] = here.loop
-        here._loops[None] = self._loops[rig]
+        here._loops[None], here._covariance = self._loops[rig], self._covariance
         return here
 
     def home_of(self, effect: Effect) -> Rig | None:
@@ -387,9 +411,9 @@ class Model:
         ----------
         path : str or Path
         covariance : array_like, shape (parameters, parameters), optional
-            NaN for parameters that were not free.
+            NaN for parameters that were not free; default: the model's own.
         """
-        write_model(Path(path), self.structure, self.parameters, covariance)
+        write_model(Path(path), self.structure, self.parameters, self._covariance if covariance is None else covariance)
 
     @classmethod
     def load(cls, path: str | Path, rig: Rig | None = None, *, catalogue: Sequence[Effect] = CATALOGUE) -> Model:
@@ -409,7 +433,9 @@ class Model:
         ModelError
             If the file is none of ours or has been broken, or an effect of it is not in the catalogue.
         """
-        return cls._of(*read_model(Path(path), rig, catalogue))
+        structure, parameters, covariance = read_model(Path(path), rig, catalogue)
+        model = cls._of(structure, parameters)
+        return model if covariance is None else model.with_covariance(covariance)
 
     def __repr__(self) -> str:
         rows = [f"  {p.name:12s} {p.value:12.6g} {p.unit}" for p in self.parameters]

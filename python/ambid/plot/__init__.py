@@ -9,6 +9,7 @@ from ambid.plot.misfit import plot_growth, plot_misfit_map
 from ambid.plot.needed import plot_needed
 from ambid.plot.ranking import plot_ranking, save_ranking
 from ambid.plot.responses import draw_response, plot_frequency_response
+from ambid.plot.sensitivity import plot_sensitivity, save_sensitivity
 from ambid.plot.signals import picture_files, plot_comparison, save_comparison, worst_stretch
 from ambid.plot.staircase import plot_staircase
 from ambid.plot.style import check_format, save_figure
@@ -24,10 +25,12 @@ __all__ = [
     "plot_misfit_map",
     "plot_needed",
     "plot_ranking",
+    "plot_sensitivity",
     "plot_staircase",
     "save_campaign",
     "save_comparison",
     "save_figure",
     "save_ranking",
+    "save_sensitivity",
     "worst_stretch",
 ]

@@ -15,7 +15,7 @@ import numpy as np
 
 from words import table
 
-ENGINE = ("record", "noise", "identification", "checking", "diagnosis")
+ENGINE = ("record", "noise", "identification", "robustness", "checking", "diagnosis")
 """Packages whose constants decide something."""
 
 

@@ -1,0 +1,6 @@
+"""How far a loop is from instability: peaks of its sensitivity under uncertainty, and the uncertain model itself."""
+
+from ambid.robustness.procedure import margins, sensitivity_peaks
+from ambid.robustness.result import ZONES, AxisMargins, Margin, Margins, zone_of
+
+__all__ = ["ZONES", "AxisMargins", "Margin", "Margins", "margins", "sensitivity_peaks", "zone_of"]

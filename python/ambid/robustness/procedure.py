@@ -1,0 +1,214 @@
+"""Margins of a model, nominal and under the uncertainty of its parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ambid.arrays import FloatArray
+from ambid.effects.slips import ExcitationGainError
+from ambid.errors import InputError, UnstableLoopError
+from ambid.model import Model
+from ambid.robustness.peaks import Peaks, find_peaks, gains, peaks_of, slopes_of
+from ambid.robustness.result import ZONES, AxisMargins, Margin, Margins, zone_of
+from ambid.robustness.sensitivity import BrokenLoop, Place
+from ambid.robustness.uncertainty import COVERED, Draws, Uncertainty, drawn, is_stable, worst_of_ellipsoid
+
+DRAWS = 500
+"""Draws of the parameters: they tell a probability to 2 % (one standard error), which no zone asks more of."""
+FEWEST_DRAWS, MOST_DRAWS = 40, 100_000
+"""Below, a 95 % interval has no draw beyond its ends; above, the curves of four axes fill a small computer's memory."""
+APART = 0.25
+"""Relative difference between the spread of the draws and that by slopes from which on it is told: the peak is bent
+over the interval."""
+NO_COVARIANCE = "the model has no covariance: these are nominal margins; identify and save one for their spread"
+
+
+def margins(
+    model: Model,
+    *,
+    at: Place = "controller",
+    draws: int = DRAWS,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Margins:
+    """Find peaks of the sensitivity, disk margins and zones after ISO 14839-3, with their uncertainty.
+
+    Peaks are exact over frequency, for each axis with all others closed, and for all together.
+
+    Parameters
+    ----------
+    model : Model
+        Such as `Estimate.model` or one that `Model.load` read; without a covariance of its parameters the margins are
+        nominal. Nonlinear effects are left out, which is told.
+    at : {"controller", "sensor"}
+        Where the loop is broken: at the controller's output or at the sensors.
+    draws : int
+        Of the parameters from their normal distribution.
+    seed : int
+    progress : callable, optional
+        Takes the number of draws that are done, and of all.
+
+    Returns
+    -------
+    Margins
+
+    Raises
+    ------
+    InputError
+        If `at`, `draws` or `seed` is not allowed.
+    UnstableLoopError
+        If the loop is unstable at the model's values: it has no margins.
+    ModelError
+        If most draws have values that physics does not allow.
+    """
+    if not FEWEST_DRAWS <= draws <= MOST_DRAWS:
+        raise InputError(f"draws = {draws}: expected {FEWEST_DRAWS} to {MOST_DRAWS}")
+    if seed < 0:
+        raise InputError(f"seed = {seed}: expected 0 or more")
+    linear, notes = _linear(model)
+    loop, theta = BrokenLoop(linear, at), linear.theta
+    if not is_stable(loop, theta):
+        slowest = loop.model.poles()[0]
+        raise UnstableLoopError(
+            f"{model.rig.path or model.rig.name}: the loop is unstable at these values (a pole at {slowest:.4g} 1/s), "
+            "and has no margins; check the rig, or identify first and give the model"
+        )
+    grid = loop.grid(theta)
+    values = gains(loop.sensitivity(theta, grid))
+    peaks = find_peaks(lambda f: loop.sensitivity(theta, f), grid, values)
+    uncertainty, found = Uncertainty.of(linear), None
+    every = list(map(_nominal, peaks.values, peaks.frequency_hz))
+    if uncertainty is None:
+        notes.append(NO_COVARIANCE)
+    else:
+        found = drawn(loop, uncertainty, draws, seed, grid, progress or (lambda *_: None))
+        every = _spread(loop, uncertainty, peaks, found)
+        notes += _remarks(every[: loop.axes], found, linear.rig.axes)
+    n = loop.axes
+    axes = tuple(
+        AxisMargins(axis, every[j], _disk(every[n + j]), zone_of(every[j].value), _chances(found, [j]))
+        for j, axis in enumerate(linear.rig.axes)
+    )
+    tail = 0.5 * (1.0 - COVERED)
+    return Margins(
+        model=model,
+        at=at,
+        axes=axes,
+        multivariable=every[2 * n],
+        disk=_disk(every[2 * n + 1]),
+        zone=zone_of(float(peaks.values[:n].max())),
+        zone_probability=_chances(found, range(n)),
+        draws=0 if found is None else len(found.z),
+        unstable=0 if found is None else found.unstable,
+        outside=0 if found is None else found.outside,
+        seed=seed,
+        frequency_hz=grid,
+        sensitivity=values[:, :n],
+        band=None if found is None or not len(found.curves) else np.quantile(found.curves, (tail, 1.0 - tail), axis=0),
+        notes=tuple(notes),
+    )
+
+
+def sensitivity_peaks(model: Model) -> tuple[FloatArray, FloatArray]:
+    """Peaks of |S_jj| of every axis of a linear model, the loop broken at the controller's output, and where they are.
+
+    Returns
+    -------
+    values, frequency_hz : ndarray, shape (axes,)
+    """
+    loop = BrokenLoop(model, "controller")
+    peaks = peaks_of(loop, model.theta)
+    return peaks.values[: loop.axes], peaks.frequency_hz[: loop.axes]
+
+
+def _linear(model: Model) -> tuple[Model, list[str]]:
+    """The model as its loop answers small motion, and what was left out; the scale of i_e is not in the loop."""
+    linear = model.without_nonlinear()
+    left_out = [effect.name for effect in model.effects if effect not in linear.effects]
+    if ExcitationGainError() in linear.effects:
+        linear = linear.without(ExcitationGainError.name)
+    if linear is model:
+        return model, []
+    kept = [model.names.index(name) for name in linear.names]
+    if model.covariance is not None:
+        linear = linear.with_covariance(model.covariance[np.ix_(kept, kept)])
+    if not left_out:
+        return linear, []
+    return linear, [f"{', '.join(left_out)}: not linear, and left out; the margins are those of small motion"]
+
+
+def _nominal(value: float, frequency_hz: float) -> Margin:
+    return Margin(float(value), float(frequency_hz))
+
+
+def _spread(loop: BrokenLoop, uncertainty: Uncertainty, peaks: Peaks, found: Draws) -> list[Margin]:
+    """Every peak with its interval, standard error and worst case."""
+    slopes = slopes_of(loop, uncertainty.theta, peaks, uncertainty.free) @ uncertainty.root
+    errors = np.linalg.norm(slopes, axis=1)
+    within = np.linalg.norm(found.z, axis=1) <= uncertainty.radius
+    names = loop.model.names
+    every = []
+    for gain, (value, frequency) in enumerate(zip(peaks.values, peaks.frequency_hz, strict=True)):
+        starts = [_towards(slopes[gain], uncertainty.radius)]
+        if within.any():
+            starts.append(found.z[within][found.peaks[within, gain].argmax()])
+        worst, theta = worst_of_ellipsoid(loop, uncertainty, gain, starts)
+        every.append(
+            Margin(
+                value=float(value),
+                frequency_hz=float(frequency),
+                ci95=found.interval(gain),
+                std_error=float(errors[gain]) if gain < 2 * loop.axes else None,
+                worst=worst,
+                worst_at={names[k]: float(theta[k]) for k in uncertainty.free},
+            )
+        )
+    return every
+
+
+def _towards(slope: FloatArray, radius: float) -> FloatArray:
+    size = np.linalg.norm(slope)
+    return radius * slope / size if size > 0.0 else slope
+
+
+def _disk(peak: Margin) -> Margin:
+    """The disk margin, one over the peak of |S - 1/2|."""
+    low, high = (None, None) if peak.ci95 is None else peak.ci95
+    return Margin(
+        value=1.0 / peak.value,
+        frequency_hz=peak.frequency_hz,
+        ci95=None if low is None or high is None else (1.0 / high, 1.0 / low),
+        std_error=None if peak.std_error is None else peak.std_error / peak.value**2,
+        worst=None if peak.worst is None else 1.0 / peak.worst,
+        worst_at=peak.worst_at,
+    )
+
+
+def _chances(found: Draws | None, axes: list[int] | range) -> dict[str, float]:
+    """Share of the draws whose worst axis is in each zone."""
+    if found is None:
+        return {}
+    zones = [zone_of(peak) for peak in found.peaks[:, list(axes)].max(axis=1)]
+    return {zone: zones.count(zone) / len(zones) for _, zone in ZONES}
+
+
+def _remarks(of_axes: list[Margin], found: Draws, axes: tuple[str, ...]) -> list[str]:
+    """What a reader must know of the draws."""
+    notes = []
+    if found.unstable:
+        notes.append(f"{found.unstable} of {len(found.z)} draws are unstable; they count as zone D")
+    if found.outside:
+        notes.append(f"{found.outside} draws were left out: they have values that physics does not allow")
+    bent = []
+    for j, (axis, own) in enumerate(zip(axes, of_axes, strict=True)):
+        stable = found.peaks[np.isfinite(found.peaks[:, j]), j]
+        if own.std_error and len(stable) > 1 and abs(stable.std() / own.std_error - 1.0) > APART:
+            bent.append(axis)
+    if bent:
+        notes.append(
+            f"{', '.join(bent)}: the draws spread otherwise than the slope of the peak tells, by more than "
+            f"{100 * APART:.0f} %: the peak is bent over the interval; trust the interval, not the standard error"
+        )
+    return notes

@@ -1,0 +1,285 @@
+"""Margins against closed forms, python-control, an independent bench, and the loop itself at other values."""
+
+import json
+
+import control
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.signal
+import scipy.stats
+from numpy.testing import assert_allclose
+
+import ambid
+from ambid.errors import InputError, UnstableLoopError
+from ambid.model import Model
+from ambid.robustness import zone_of
+from ambid.robustness.peaks import peaks_of, slopes_of
+from ambid.robustness.sensitivity import BrokenLoop
+from places import LEVITATOR
+from virtual import VirtualBench
+
+
+def digital(rig, **keys):
+    return rig.replace(controller=rig.controller.model_copy(update={"implementation": "digital", **keys}))
+
+
+@pytest.fixture(scope="module")
+def levitator():
+    return ambid.Rig.load(LEVITATOR)
+
+
+@pytest.fixture(scope="module")
+def spread(levitator):
+    """A model of one axis whose parameters are known to 5 %."""
+    model = Model(levitator)
+    return model.with_covariance(np.diag((0.05 * model.theta) ** 2))
+
+
+def one_axis(rig):
+    """K and G of a mass on one axis, from its equations."""
+    pid, own = rig.controller, rig.bearings[0]
+    K = control.tf([pid.proportional], [1.0]) + control.tf([pid.integral], [1.0, 0.0])
+    K += control.tf([pid.derivative, 0.0], [pid.derivative_time_constant, 1.0])
+    mass = ambid.check(rig).loop.mass
+    G = control.tf([own.force_current[0]], [mass, 0.0, -own.force_displacement[0]])
+    for lag in (rig.amplifier.time_constant, rig.actuator.time_constant):
+        G *= control.tf([1.0], [lag, 1.0])
+    return K, G
+
+
+def peak_of(system):
+    """By bisection on the Hamiltonian, in milliseconds and with balanced states, as its tolerances are absolute."""
+    A, scaling = scipy.linalg.matrix_balance(1e-3 * system.A, permute=False)
+    size = np.diag(scaling)
+    B, C = 1e-3 * system.B / size[:, None], system.C * size
+    drive = np.sqrt(np.linalg.norm(C) / np.linalg.norm(B))
+    return control.system_norm(control.ss(A, drive * B, C / drive, system.D), "inf", tol=1e-10)
+
+
+def test_peak_and_disk_margin_of_an_analog_axis_are_those_of_python_control(levitator):
+    pid = ambid.rig.PidController(
+        implementation="analog", proportional=9e3, integral=2e5, derivative=15.0, derivative_time_constant=1e-4
+    )
+    rig = levitator.replace(controller=pid)
+    K, G = one_axis(rig)
+    S = control.feedback(control.ss([], [], [], [[1.0]]), control.ss(K) * control.ss(G))
+    found = ambid.margins(Model(rig))
+    (own,) = found.axes
+    assert own.sensitivity.value == pytest.approx(peak_of(S), rel=1e-7)
+    assert own.disk.value == pytest.approx(1.0 / peak_of(S - 0.5), rel=1e-7)
+    assert found.multivariable.value == pytest.approx(own.sensitivity.value, rel=1e-9)
+    assert found.disk.value == pytest.approx(own.disk.value, rel=1e-9)
+    gain, phase, *_ = control.stability_margins(K * G)
+    low, high = (float(part) for part in found.summary()[1].split("x ")[1].split(",")[0].split(" .. "))
+    assert not low <= gain <= high
+    assert float(found.summary()[1].split("+-")[1].split()[0]) <= phase
+
+
+@pytest.mark.parametrize("place", ["controller", "sensor"])
+def test_four_analog_axes_are_those_of_an_independent_bench(place):
+    bench = VirtualBench()
+    slope, drive = bench.continuous()
+    read = np.zeros((4, 28))
+    read[:, :6] = bench._sensing()
+    f = np.geomspace(0.5, 2e4, 200_000)
+    if place == "sensor":
+        S = ambid.loop.response.frequency_response((slope, drive[:, 4:], read, np.eye(4)), 2j * np.pi * f)
+    else:
+        y = ambid.loop.response.frequency_response((slope, drive[:, :4], read, np.zeros((4, 4))), 2j * np.pi * f)
+        s, own = 2j * np.pi * f, bench
+        K = own.proportional + own.integral / s + own.derivative * s / (own.derivative_time_constant * s + 1.0)
+        S = np.eye(4) - K[:, None, None] * y
+    found = ambid.margins(Model(bench.rig()), at=place)
+    for j, own in enumerate(found.axes):
+        peak = np.abs(S[:, j, j])
+        assert own.sensitivity.value == pytest.approx(peak.max(), rel=1e-6)
+        assert own.sensitivity.frequency_hz == pytest.approx(f[peak.argmax()], rel=1e-3)
+        assert own.disk.value == pytest.approx(1.0 / np.abs(S[:, j, j] - 0.5).max(), rel=1e-6)
+        assert own.sensitivity.value >= peak.max() * (1.0 - 1e-10)
+    half = S - 0.5 * np.eye(4)
+    assert found.multivariable.value == pytest.approx(np.linalg.norm(S, 2, axis=(1, 2)).max(), rel=1e-6)
+    assert found.disk.value == pytest.approx(1.0 / np.linalg.norm(half, 2, axis=(1, 2)).max(), rel=1e-6)
+
+
+@pytest.mark.parametrize("faster", [1, 2], ids="{} steps a sample".format)
+def test_a_digital_axis_is_taken_from_sample_to_sample_of_its_controller(levitator, faster):
+    rate = faster * levitator.sample_rate
+    pid = ambid.rig.PidController(
+        implementation="digital", proportional=9e3, integral=2e5, derivative=15.0, derivative_time_constant=2e-4,
+        sample_rate=rate, delay_samples=2.0,
+    )  # fmt: skip
+    rig = levitator.replace(controller=pid)
+    K, G = one_axis(rig)
+    f = np.geomspace(1.0, 0.5 * rate, 200_000)
+    z = np.exp(2j * np.pi * f / rate)
+    K = control.sample_system(control.ss(K), 1.0 / rate, "bilinear")
+    A, B, C, D, _ = scipy.signal.cont2discrete([getattr(control.ss(G), name) for name in "ABCD"], 1.0 / rate)
+    G = control.ss(A, B, C, D, 1.0 / rate)
+    S = np.abs(1.0 / (1.0 + K(z) * G(z) / z**2))
+    (own,) = ambid.margins(Model(rig)).axes
+    assert own.sensitivity.value == pytest.approx(S.max(), rel=1e-6)
+    assert own.sensitivity.frequency_hz == pytest.approx(f[S.argmax()], rel=1e-3)
+
+
+def test_a_delay_of_an_analog_loop_is_exact(levitator):
+    rig = levitator.replace(
+        controller=ambid.rig.PidController(
+            implementation="analog", proportional=9e3, derivative=15.0, derivative_time_constant=1e-4
+        )
+    )
+    K, G = one_axis(rig)
+    model = Model(rig).add("loop_delay", {"delay": 1e-4})
+    f = np.geomspace(1.0, 3000.0, 200_000)
+    s = 2j * np.pi * f
+    S = np.abs(1.0 / (1.0 + K(s) * G(s) * np.exp(-1e-4 * s)))
+    (own,) = ambid.margins(model).axes
+    assert own.sensitivity.value == pytest.approx(S.max(), rel=1e-7)
+
+
+def test_a_sharp_mode_is_not_lost_between_the_frequencies(rig):
+    """The peak on a bending mode with little damping, against a grid of 300 000 points."""
+    loop = BrokenLoop(Model(rig), "controller")
+    theta = loop.model.theta
+    peaks = peaks_of(loop, theta)
+    f = np.linspace(1.0, 0.5 * rig.sample_rate, 300_000)
+    S = np.abs(np.einsum("ljj->lj", loop.sensitivity(theta, f))).max(axis=0)
+    assert np.all(peaks.values[:4] >= S * (1.0 - 1e-12))
+    assert_allclose(peaks.values[:4], S, rtol=1e-3)
+
+
+@pytest.mark.parametrize("place", ["controller", "sensor"])
+@pytest.mark.parametrize("kind", ["analog", "analog, late", "digital", "twice as fast"])
+def test_slopes_of_the_peaks_are_exact(place, kind, demo_rig):
+    own = demo_rig
+    if not kind.startswith("analog"):
+        rate = demo_rig.sample_rate * (2 if kind == "twice as fast" else 1)
+        own = digital(demo_rig, delay_samples=0.5, sample_rate=rate)
+    model = Model(own)
+    if kind in ("analog, late", "twice as fast"):
+        model = model.add("loop_delay").add("controller_gain_error", {"proportional": 0.03}).add("sensor_lag")
+    theta = model.theta * (1.0 + 0.02 * np.random.default_rng(0).standard_normal(len(model.names)))
+    loop = BrokenLoop(model, place)
+    free = range(len(theta))
+    slopes = slopes_of(loop, theta, peaks_of(loop, theta), free) * theta
+    for k in free:
+        step = np.where(np.arange(len(theta)) == k, 1e-4 * theta, 0.0)
+        difference = (peaks_of(loop, theta + step).values - peaks_of(loop, theta - step).values) / 2e-4
+        assert_allclose(slopes[:, k], difference, atol=2e-5 * np.abs(slopes).max())
+
+
+def test_zones_are_those_of_the_standard():
+    assert [zone_of(10.0 ** (level / 20.0)) for level in (9.5, 9.6, 12.0, 12.1, 13.9, 14.0, 40.0)] == list("ABBCCDD")
+    assert zone_of(np.inf) == "D"
+
+
+def test_the_scale_of_i_e_does_not_matter(levitator):
+    plain, scaled = Model(levitator), Model(levitator).add("excitation_gain_error", {"scale": 0.5})
+    values = [ambid.margins(model).axes[0].sensitivity.value for model in (plain, scaled)]
+    assert values[0] == pytest.approx(values[1], rel=1e-9)
+
+
+def test_without_a_covariance_margins_are_nominal_and_say_so(levitator):
+    found = ambid.margins(Model(levitator))
+    assert (found.draws, found.zone_probability, found.band) == (0, {}, None)
+    assert found.axes[0].sensitivity.ci95 is found.axes[0].sensitivity.worst is None
+    assert "no covariance" in found.notes[0]
+    json.dumps(found.to_json(), allow_nan=False)
+
+
+def test_draws_slope_and_ellipsoid_agree_where_the_uncertainty_is_small(levitator):
+    model = Model(levitator)
+    own = model.with_covariance(np.diag((1e-3 * model.theta) ** 2))
+    found = ambid.margins(own, draws=2000).axes[0].sensitivity
+    half = 0.5 * (found.ci95[1] - found.ci95[0])
+    assert half == pytest.approx(1.96 * found.std_error, rel=0.08)
+    radius = np.sqrt(scipy.stats.chi2.ppf(0.95, 3))
+    assert found.worst - found.value == pytest.approx(radius * found.std_error, rel=0.05)
+    z = (np.array(list(found.worst_at.values())) - model.theta) / (1e-3 * model.theta)
+    assert np.linalg.norm(z) == pytest.approx(radius, rel=1e-9)
+
+
+def test_no_draw_within_the_ellipsoid_is_worse_than_the_worst(spread):
+    found = ambid.margins(spread, draws=300).axes[0]
+    loop, worst = BrokenLoop(spread, "controller"), found.sensitivity.worst
+    z = np.random.default_rng(5).standard_normal((300, 3))
+    z *= np.sqrt(scipy.stats.chi2.ppf(0.95, 3)) / np.linalg.norm(z, axis=1)[:, None]
+    values = [peaks_of(loop, spread.theta * (1.0 + 0.05 * each)).values for each in z]
+    assert max(value[0] for value in values) <= worst * (1.0 + 1e-9)
+    assert max(value[1] for value in values) <= (1.0 + 1e-9) / found.disk.worst
+
+
+def test_a_seed_gives_the_same_and_another_other_draws(spread):
+    one, same, other = (ambid.margins(spread, draws=50, seed=seed).to_json() for seed in (1, 1, 2))
+    assert one == same
+    assert one["axes"]["A_zeta"]["sensitivity"]["ci95"] != other["axes"]["A_zeta"]["sensitivity"]["ci95"]
+
+
+def test_unstable_draws_are_in_the_worst_zone_and_told(levitator):
+    model = Model(levitator)
+    wide = model.with_covariance(np.diag((0.3 * model.theta) ** 2))
+    found = ambid.margins(wide, draws=300)
+    loop = BrokenLoop(wide, "controller")
+    draws = np.random.default_rng(0).standard_normal((300, 3))
+    thetas = [theta for z in draws if np.all((theta := model.theta * (1.0 + 0.3 * z)) > 0.0)]
+    unstable = sum(loop.model.loop.poles(theta).real.max() >= 0.0 for theta in thetas)
+    assert found.unstable == unstable > 0
+    assert found.zone_probability["D"] >= unstable / found.draws
+    assert sum(found.zone_probability.values()) == pytest.approx(1.0)
+    assert any(f"{unstable} of {found.draws} draws are unstable" in note for note in found.notes)
+    own = found.axes[0]
+    assert own.sensitivity.worst == np.inf
+    assert own.disk.worst == 0.0
+    assert own.disk.ci95[0] <= own.disk.value <= own.disk.ci95[1]
+    told = json.loads(json.dumps(found.to_json(), allow_nan=False))["axes"]["A_zeta"]
+    assert told["sensitivity"]["worst"] is None
+    assert told["sensitivity"]["worst_is_unstable"]
+    assert "unstable" in repr(found)
+
+
+def test_an_unstable_loop_has_no_margins(levitator):
+    weak = Model(levitator).with_values({"K_i.A_zeta": 1e-3})
+    with pytest.raises(UnstableLoopError, match="no margins"):
+        ambid.margins(weak)
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [({"at": "amplifier"}, "at = 'amplifier'"), ({"draws": 3}, "draws = 3: expected 40"), ({"seed": -1}, "seed = -1")],
+)
+def test_what_is_not_allowed_is_refused(spread, keys, said):
+    with pytest.raises(InputError, match=said):
+        ambid.margins(spread, **keys)
+
+
+def test_a_nonlinear_effect_is_left_out_and_told(levitator):
+    plain = Model(levitator)
+    model = plain.add("flux_saturation")
+    model = model.with_covariance(np.diag((0.01 * model.theta) ** 2))
+    found = ambid.margins(model, draws=50)
+    assert "flux_saturation: not linear" in found.notes[0]
+    assert found.axes[0].sensitivity.value == ambid.margins(plain).axes[0].sensitivity.value
+    assert list(found.axes[0].sensitivity.worst_at) == list(plain.names)
+
+
+def test_the_covariance_goes_with_the_model_until_a_value_changes(spread, tmp_path):
+    spread.save(tmp_path / "model.json")
+    again = Model.load(tmp_path / "model.json")
+    assert_allclose(again.covariance, spread.covariance)
+    assert again.with_values({"tau_e": 1e-4}).covariance is None
+    assert again.add("sensor_lag").covariance is None
+    with pytest.raises(ambid.ModelError, match=r"shape \(2, 2\)"):
+        spread.with_covariance(np.eye(2))
+
+
+def test_intervals_hold_the_truth(levitator):
+    """A few seeds of what `tests/benchmarks/margins.py` does with 200: at least 10 of 12 are expected of 95 %."""
+    i_e = ambid.prbs(9, amplitude=0.3, hold=2, axes=1, periods=4)
+    truth = ambid.margins(Model(levitator)).axes[0].sensitivity.value
+    start = Model(levitator).with_values({"K_i.A_zeta": 1.05 * Model(levitator).theta[0]})
+    inside = 0
+    for seed in range(12):
+        estimate = ambid.identify(start, Model(levitator).virtual_experiment(i_e, seed=seed))
+        low, high = ambid.margins(estimate.model, draws=200, seed=seed).axes[0].sensitivity.ci95
+        inside += low <= truth <= high
+    assert inside >= 10
