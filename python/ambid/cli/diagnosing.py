@@ -78,9 +78,12 @@ def compare_command(
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
     with stoppable():
         comparison = ambid.compare(start, loaded)
-        where = _where(comparison)
+        where, matrices = _where(comparison), ambid.misfit_matrix(comparison) if comparison.is_judged else ()
     largest = ["", "largest misfit:", *map(_line, where[:MOST_PRINTED])] if where else []
-    data = comparison.to_json() | {"where": [asdict(cell) for cell in where]}
+    data = comparison.to_json() | {
+        "where": [asdict(cell) for cell in where],
+        "matrix": [own.to_json() for own in matrices],
+    }
     text = "\n".join([repr(comparison), *largest])
     conclude(text, data, json_file, quiet, lambda: ambid.plot.save_comparison(comparison, plot) if plot else ())
 

@@ -1,5 +1,6 @@
 """What the model lacks: compare, localise, rank the candidates, add what the data support, and say what was found."""
 
+from ambid.diagnosis.by_excitation import MisfitMatrix, misfit_matrix
 from ambid.diagnosis.localisation import Localisation, localise
 from ambid.diagnosis.procedure import diagnose
 from ambid.diagnosis.ranking import Candidate, Ranking, rank
@@ -11,10 +12,12 @@ __all__ = [
     "Comparison",
     "Diagnosis",
     "Localisation",
+    "MisfitMatrix",
     "Ranking",
     "Step",
     "compare",
     "diagnose",
     "localise",
+    "misfit_matrix",
     "rank",
 ]

@@ -120,6 +120,13 @@ class RecordLines:
         relative = np.abs(self.residual_lines(here)[:count]) ** 2 / self.noise_power()[:count]
         return frequency, np.asarray(relative)
 
+    @property
+    def excitations(self) -> tuple[tuple[str, ...], ComplexArray]:
+        """Each axis of i_e and r that moves: its name, and its excited lines, shape (lines, inputs)."""
+        moves = np.any(self._driven, axis=0)
+        names = (name for name, is_moving in zip(self._base.loop.inputs, moves, strict=False) if is_moving)
+        return tuple(names), self._driven[: len(self.window.excited), moves]
+
     def by_line(self, rows: FloatArray) -> FloatArray:
         """Rows of whitened numbers, summed line by line."""
         return np.asarray(rows.reshape(len(self.index), -1, rows.shape[1]).sum(axis=1))
