@@ -10,10 +10,13 @@ from .checking import check as check
 from .diagnosis import Diagnosis as Diagnosis
 from .diagnosis import Localisation as Localisation
 from .diagnosis import MisfitMatrix as MisfitMatrix
+from .diagnosis import Prediction as Prediction
 from .diagnosis import Ranking as Ranking
 from .diagnosis import diagnose as diagnose
 from .diagnosis import localise as localise
+from .diagnosis import misfit_maps as misfit_maps
 from .diagnosis import misfit_matrix as misfit_matrix
+from .diagnosis import predict as predict
 from .diagnosis import rank as rank
 from .effects import CATALOGUE as CATALOGUE
 from .effects import Effect as Effect

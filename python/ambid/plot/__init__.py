@@ -8,6 +8,7 @@ from ambid.plot.force_current import plot_campaign, save_campaign
 from ambid.plot.matrix import plot_misfit_matrix
 from ambid.plot.misfit import plot_growth, plot_misfit_map
 from ambid.plot.needed import plot_needed
+from ambid.plot.prediction import plot_prediction, save_prediction
 from ambid.plot.ranking import plot_ranking, save_ranking
 from ambid.plot.responses import draw_responses, plot_frequency_response, save_responses
 from ambid.plot.signals import picture_files, plot_comparison, save_comparison, worst_stretch
@@ -25,11 +26,13 @@ __all__ = [
     "plot_misfit_map",
     "plot_misfit_matrix",
     "plot_needed",
+    "plot_prediction",
     "plot_ranking",
     "plot_staircase",
     "save_campaign",
     "save_comparison",
     "save_figure",
+    "save_prediction",
     "save_ranking",
     "save_responses",
     "worst_stretch",
