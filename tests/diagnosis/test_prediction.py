@@ -13,7 +13,7 @@ from ambid.errors import InputError
 @pytest.fixture(scope="module")
 def late(bench, i_e):
     """A bench whose controller is a little late."""
-    model = ambid.Model(bench.rig()).add("loop_delay", {"delay": 4e-6})
+    model = ambid.Model(bench.rig()).add("loop_delay", {"delay": 1.2e-5})
     return model.virtual_experiment(i_e, seed=5)
 
 
