@@ -29,7 +29,9 @@ def test_the_residual_that_would_be_left_is_that_of_a_refit(ranking):
     refitted = ambid.identify(comparison.model.add("loop_delay"), record).model
     (now,), (left,) = misfit_maps(comparison), misfit_maps(comparison.of(refitted))
     np.testing.assert_allclose(told.now[0].misfit, now.misfit)
-    np.testing.assert_allclose(told.then[0].misfit, left.misfit, rtol=0.05, atol=0.15)
+    apart = np.abs(told.then[0].misfit - left.misfit)
+    assert np.nanmax(apart) < 0.5 < 5.0 < np.nanmax(now.misfit)  # two lines in the lowest band
+    assert np.nanmedian(apart) < 0.01
     assert told.misfit_now > 1.3
     assert np.nanmax(told.part()) > 1.0
     assert told.misfit_then == pytest.approx(comparison.of(refitted).misfit, abs=0.02)
@@ -39,10 +41,10 @@ def test_its_curves_and_sums_agree(ranking):
     told = ambid.predict(ranking, "loop_delay")
     (candidate,) = ranking.candidates
     left = candidate.residual - candidate.size * candidate.direction
-    fall = ranking.comparison.cost - float(left @ left)
-    assert fall == pytest.approx(candidate.score, rel=1e-3)
+    fall = float(candidate.residual @ candidate.residual - left @ left)
+    assert fall == pytest.approx(candidate.score, rel=1e-6)
     assert len(told.curves[0][0].misfit) > len(told.now[0].misfit)
-    assert told.lines()[0].startswith("loop_delay: misfit 1.")
+    assert told.lines()[0].startswith("loop_delay: misfit ")
 
 
 def test_a_name_that_is_no_candidate_is_refused(ranking):
