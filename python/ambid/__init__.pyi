@@ -9,9 +9,14 @@ from .checking import Soundness as Soundness
 from .checking import check as check
 from .diagnosis import Diagnosis as Diagnosis
 from .diagnosis import Localisation as Localisation
+from .diagnosis import MisfitMatrix as MisfitMatrix
+from .diagnosis import Prediction as Prediction
 from .diagnosis import Ranking as Ranking
 from .diagnosis import diagnose as diagnose
 from .diagnosis import localise as localise
+from .diagnosis import misfit_maps as misfit_maps
+from .diagnosis import misfit_matrix as misfit_matrix
+from .diagnosis import predict as predict
 from .diagnosis import rank as rank
 from .effects import CATALOGUE as CATALOGUE
 from .effects import Effect as Effect
@@ -45,7 +50,9 @@ from .model import Model as Model
 from .model import Parameter as Parameter
 from .noise import Comparison as Comparison
 from .noise import Noise as Noise
+from .noise import Responses as Responses
 from .noise import compare as compare
+from .noise import frequency_responses as frequency_responses
 from .noise import noise_ceiling as noise_ceiling
 from .record import ChannelMap as ChannelMap
 from .record import FrequencyResponse as FrequencyResponse

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from html import escape
 from math import isfinite
 from typing import Any
@@ -45,6 +46,17 @@ class Tabular(ABC):
         body = "".join(f"<tr>{row}</tr>" for row in rows)
         said = "".join(f"<p>{escape(line)}</p>" for line in self.summary())
         return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{said}"
+
+
+def picture(name: str) -> Callable[..., Any]:
+    """A method that draws a result by the function of this name in `ambid.plot`, which is opened when it is called."""
+
+    def draw(result: object, *args: Any, **kwargs: Any) -> Any:
+        return getattr(importlib.import_module("ambid.plot"), name)(result, *args, **kwargs)
+
+    draw.__name__ = draw.__qualname__ = name
+    draw.__doc__ = f"Draw it: `ambid.plot.{name}`, with the same arguments."
+    return draw
 
 
 def _cell(value: Any) -> str:

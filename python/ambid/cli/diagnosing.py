@@ -78,9 +78,12 @@ def compare_command(
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
     with stoppable():
         comparison = ambid.compare(start, loaded)
-        where = _where(comparison)
+        where, matrices = _where(comparison), ambid.misfit_matrix(comparison) if comparison.is_judged else ()
     largest = ["", "largest misfit:", *map(_line, where[:MOST_PRINTED])] if where else []
-    data = comparison.to_json() | {"where": [asdict(cell) for cell in where]}
+    data = comparison.to_json() | {
+        "where": [asdict(cell) for cell in where],
+        "matrix": [own.to_json() for own in matrices],
+    }
     text = "\n".join([repr(comparison), *largest])
     conclude(text, data, json_file, quiet, lambda: ambid.plot.save_comparison(comparison, plot) if plot else ())
 
@@ -93,24 +96,40 @@ def rank_command(
     columns: Columns = [],  # noqa: B006
     sample_rate: SampleRate = None,
     allow: Allow = [],  # noqa: B006
+    predict: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Tell what this effect would leave, by channel and band; --plot draws that.",
+            autocompletion=known_effects,
+        ),
+    ] = None,
     json_file: JsonFile = None,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw the ranking.")] = None,
     quiet: Quiet = False,
 ) -> None:
     """Score every effect that the model lacks by what adding it would bring; only the model itself is fitted."""
     ambid.plot.check_format(plot)
+    if predict is not None:
+        ambid.effects.find(predict)  # refuses a name that is none
     require_outputs({"RIG": rig, "RECORD": records, "--model": model}, {"--json": json_file, "--plot": plot})
     machine = ambid.Rig.load(rig)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
     with stoppable(), progress(quiet, "ranking") as told:
         ranking = ambid.rank(ambid.identify(start, loaded).comparison, progress=with_time_left(told))
-    conclude(
-        ranking,
-        ranking.to_json(),
-        json_file,
-        quiet,
-        lambda: () if plot is None else [ambid.plot.save_ranking(ranking, plot)],
-    )
+        expected = None if predict is None else ambid.predict(ranking, predict)
+    text, data = [repr(ranking)], ranking.to_json()
+    if expected is not None:
+        text, data = [*text, "", *expected.lines()], data | {"prediction": expected.to_json()}
+
+    def drawing() -> Sequence[Path]:
+        if plot is None:
+            return ()
+        return [
+            ambid.plot.save_ranking(ranking, plot) if expected is None else ambid.plot.save_prediction(expected, plot)
+        ]
+
+    conclude("\n".join(text), data, json_file, quiet, drawing)
 
 
 def diagnose_command(

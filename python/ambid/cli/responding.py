@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -22,16 +22,21 @@ from ambid.cli.options import (
     RigFile,
     SampleRate,
 )
-from ambid.cli.outputs import conclude, pictures, require_outputs
+from ambid.cli.outputs import Files, conclude, pictures, require_outputs
 from ambid.cli.signals import stoppable
 from ambid.errors import InputError
-from ambid.results import plain
 
 
 def frequency_response_command(
     rig: RigFile,
     records: RecordFiles,
     model: ModelFile = None,
+    before: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MODEL", help="Another saved model to draw and tell beside, such as one without an effect."
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Write the measured responses (.csv, .mat); several get numbered names."),
@@ -44,7 +49,10 @@ def frequency_response_command(
     plot: PlotFile = None,
     quiet: Quiet = False,
 ) -> None:
-    """Make frequency responses of records, with their uncertainty, and hold the model's against them."""
+    """Make frequency responses of records, with their uncertainty, and hold the model's against them.
+
+    Tells which excitation the model answers wrongly at which output, band by band, with the sign of the real part.
+    """
     from ambid.record.frequency_writers import require_response_format  # not at the top: --help need not open that room
 
     count = sum(record.suffix.lower() != ".toml" for record in records)
@@ -53,13 +61,20 @@ def frequency_response_command(
         require_response_format(path)
         if path.exists() and not force:
             raise InputError(f"--out {path}: is there already; give another file, or replace it with --force")
-    outputs = {"--out": written, "--json": json_file, "--plot": pictures(plot, records)}
-    require_outputs({"RIG": rig, "RECORD": records, "--model": model}, outputs, replaced=["--out"])
+    drawn = pictures(plot, records)
+    outputs = {"--out": written, "--json": json_file, "--plot": drawn}
+    inputs: Files = {"RIG": rig, "RECORD": records, "--model": model, "--before": before}
+    require_outputs(inputs, outputs, replaced=["--out"])
     machine = ambid.Rig.load(rig)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate)
     with stoppable():
         measured = [own.frequency_response() if isinstance(own, ambid.Record) else own for own in loaded]
         comparison = ambid.compare(start, measured)
+        in_signals = ambid.compare(start, loaded)
+        others = [] if before is None else [load_model(machine, before).covering(loaded)]
+        told = [ambid.frequency_responses(in_signals, k, others) for k in range(len(loaded))]
+        matrices = ambid.misfit_matrix(in_signals) if in_signals.is_judged else ()
+    by_excitation = [line for own in matrices for line in (f"{own.record}, by excitation:", *_indented(own.lines()))]
 
     def saved() -> Sequence[Path]:
         for own, path in zip(measured, written, strict=bool(written)):
@@ -67,26 +82,20 @@ def frequency_response_command(
         return written
 
     conclude(
-        "\n".join([*map(repr, measured), "", repr(comparison), *(note for own in measured for note in own.notes)]),
-        {"responses": [_as_dict(own) for own in comparison.records], **comparison.to_json()},
+        "\n".join(
+            [*map(repr, measured), "", repr(comparison), *by_excitation, *(n for own in measured for n in own.notes)]
+        ),
+        {
+            "responses": [own.to_json() for own in told],
+            "matrix": [own.to_json() for own in matrices],
+            **comparison.to_json(),
+        },
         json_file,
         quiet,
         saved,
-        lambda: ambid.plot.save_comparison(comparison, plot) if plot else (),
+        lambda: [ambid.plot.save_responses(own, path) for own, path in zip(told, drawn, strict=bool(drawn))],
     )
 
 
-def _as_dict(own: Any) -> dict[str, Any]:
-    """The measured and modelled responses of one record; complex numbers are [re, im]."""
-    measured = own.record
-    return plain(
-        {
-            "record": measured.name,
-            "frequency_hz": measured.frequency_hz.tolist(),
-            "outputs": list(measured.outputs),
-            "inputs": list(measured.inputs),
-            "response": measured.response.tolist(),
-            "std": measured.std.tolist(),
-            "model": own.simulated.tolist(),
-        }
-    )
+def _indented(lines: Sequence[str]) -> list[str]:
+    return [f"  {line}" for line in lines] or ["  nothing beyond chance"]

@@ -1,6 +1,8 @@
 """What the model lacks: compare, localise, rank the candidates, add what the data support, and say what was found."""
 
-from ambid.diagnosis.localisation import Localisation, localise
+from ambid.diagnosis.by_excitation import MisfitMatrix, misfit_matrix
+from ambid.diagnosis.localisation import Localisation, localise, misfit_maps
+from ambid.diagnosis.prediction import Prediction, predict
 from ambid.diagnosis.procedure import diagnose
 from ambid.diagnosis.ranking import Candidate, Ranking, rank
 from ambid.diagnosis.result import Diagnosis, Step
@@ -11,10 +13,15 @@ __all__ = [
     "Comparison",
     "Diagnosis",
     "Localisation",
+    "MisfitMatrix",
+    "Prediction",
     "Ranking",
     "Step",
     "compare",
     "diagnose",
     "localise",
+    "misfit_maps",
+    "misfit_matrix",
+    "predict",
     "rank",
 ]

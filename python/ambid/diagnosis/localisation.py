@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from ambid.noise.tones import OUTSTANDING
 from ambid.record import Record
 from ambid.threads import with_one_blas_thread
 
-__all__ = ["Cell", "Growth", "Localisation", "MisfitMap", "localise"]
+__all__ = ["Cell", "Growth", "Localisation", "MisfitMap", "localise", "misfit_maps"]
 
 BANDS = 12
 """Bands of the map, of equal ratio in frequency."""
@@ -70,6 +71,15 @@ class MisfitMap:
     edges_hz: FloatArray
     line_hz: float
     misfit: FloatArray
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data, as in JSON."""
+        return {
+            "record": self.record,
+            "channels": list(self.channels),
+            "edges_hz": self.edges_hz.tolist(),
+            "misfit": self.misfit.tolist(),
+        }
 
 
 @dataclass(frozen=True)
@@ -198,11 +208,9 @@ def localise(comparison: Comparison) -> Localisation:
     worst = int(np.argmax(misfits))
     ports = needed_at_ports(comparison, worst)
     found = Localisation((), ports, left.tones, change, (), np.nan, ())
-    maps, growth, cells = [], [], []
-    for part in noise.parts:
+    maps, growth, cells = misfit_maps(comparison), [], []
+    for part, own in zip(noise.parts, maps, strict=True):
         record = part.record
-        own = _map(part, model)
-        maps.append(own)
         is_at_worst = record.point == noise.records[worst].point
         if isinstance(part, RecordLines) and part.window.is_periodic and is_at_worst:
             growth.append(_growth(part, model))
@@ -221,15 +229,36 @@ def localise(comparison: Comparison) -> Localisation:
             )
         )
     cells.sort(key=lambda cell: -cell.misfit)
-    return Localisation(tuple(maps), ports, left.tones, change, tuple(growth), _exponent(growth), tuple(cells), worst)
+    return Localisation(maps, ports, left.tones, change, tuple(growth), _exponent(growth), tuple(cells), worst)
 
 
-def _map(part: RecordLines | ResponseLines, model: Model) -> MisfitMap:
+def misfit_maps(comparison: Comparison, white: FloatArray | None = None, bands: int = BANDS) -> tuple[MisfitMap, ...]:
+    """The misfit of every record by band and channel: of the last model of a diagnosis, that nothing is left.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    white : ndarray, optional
+        Whitened residual of all records in a row; default: that of the comparison.
+    bands : int
+        Of equal ratio in frequency.
+
+    Raises
+    ------
+    RecordError
+        If the noise of a record is not known.
+    """
+    noise = comparison.noise
+    residual = noise.by_record(comparison.residual if white is None else white)
+    return tuple(_map(part, own, bands) for part, own in zip(noise.parts, residual, strict=True))
+
+
+def _map(part: RecordLines | ResponseLines, white: FloatArray, bands: int) -> MisfitMap:
     """From the power of each line and channel over that of its noise."""
-    frequency, alone = part.misfit_by_channel(model.at(part.record))
-    edges = np.geomspace(frequency[0], frequency[-1] * 1.0001, BANDS + 1)
-    table = np.full((BANDS, alone.shape[1]), np.nan)
-    for b in range(BANDS):
+    frequency, alone = part.by_channel(white)
+    edges = np.geomspace(frequency[0], frequency[-1] * 1.0001, bands + 1)
+    table = np.full((bands, alone.shape[1]), np.nan)
+    for b in range(bands):
         inside = (frequency >= edges[b]) & (frequency < edges[b + 1])
         if inside.any():
             table[b] = np.mean(alone[inside], axis=0)

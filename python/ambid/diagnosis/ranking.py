@@ -32,7 +32,7 @@ from ambid.model import Model
 from ambid.model.structure import is_nonlinear
 from ambid.noise import Comparison
 from ambid.record import Record
-from ambid.results import Tabular, plain
+from ambid.results import Tabular, picture, plain
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
@@ -78,6 +78,10 @@ class Candidate:
         Value of each probed parameter that these data would just show; what is smaller stays invisible.
     direction : ndarray, shape (lines,), or None
         Whitened response change, freed from what the known parameters absorb, of unit norm.
+    size : float
+        Norm of that change at the predicted values.
+    residual : ndarray, shape (lines,), or None
+        Whitened residual, freed alike, that it was judged by; shared by the candidates of a ranking.
     from_start : bool
         Whether it was judged at the values that the diagnosis started from, no stable loop with it being near the fit.
     spread : float
@@ -96,6 +100,8 @@ class Candidate:
     confusable_with: tuple[str, ...] = ()
     smallest_visible: dict[str, float] = field(default_factory=dict)
     direction: FloatArray | None = field(default=None, repr=False, compare=False)
+    size: float = 0.0
+    residual: FloatArray | None = field(default=None, repr=False, compare=False)
     from_start: bool = False
     spread: float = 1.0
     one_sided: int = 0
@@ -146,11 +152,16 @@ class Ranking(Tabular):
         J/dof of the model as it stands.
     not_tried : dict of str to str
         Effects that make no sense on this rig or could not be judged, and why.
+    comparison : Comparison or None
+        What it was judged in.
     """
 
     candidates: tuple[Candidate, ...]
     misfit: float
     not_tried: dict[str, str]
+    comparison: Comparison | None = None
+
+    plot = picture("plot_ranking")
 
     def find(self, name: str) -> Candidate | None:
         """The candidate of that name, if there is one."""
@@ -263,7 +274,7 @@ def rank(
     for k, candidate in enumerate(candidates):
         near = [c.effect.name for j, c in enumerate(candidates) if j != k and cosines[k, j] > CONFUSABLE]
         ranked.append(replace(candidate, confusable_with=tuple(near)))
-    return Ranking(tuple(ranked), here.cost / here.dof, not_tried)
+    return Ranking(tuple(ranked), here.cost / here.dof, not_tried, comparison)
 
 
 def _unseen_by_responses(rig: Rig, effect: Effect) -> str:
@@ -433,6 +444,8 @@ def _score(point: _Point, effect: Effect, of: _Subspace, cost: float) -> Candida
         predicted_misfit=(cost - fall) / (point.dof - degrees),
         smallest_visible=_smallest_visible(effect.probes(rig), of.size),
         direction=direction / norm if norm > 0.0 else direction,
+        size=norm,
+        residual=point.residual,
         spread=spread,
         one_sided=int(np.sum(low == 0.0)),
     )

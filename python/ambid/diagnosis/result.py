@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.diagnosis.localisation import Cell, Localisation
+from ambid.diagnosis.localisation import Cell, Localisation, MisfitMap, misfit_maps
+from ambid.diagnosis.moves import TOLD, Moved
 from ambid.diagnosis.ranking import Ranking
 from ambid.identification import ParameterEstimate
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.window import notes_of
 from ambid.record import Measurement
-from ambid.results import Tabular, plain
+from ambid.results import Tabular, picture, plain
 
 VERDICTS = {
     "adequate": "nothing is missing that these data can show, in this band and at this amplitude",
@@ -71,6 +72,8 @@ class Step:
         Of what is still outside the model.
     model : Model
         With the values of all parameters.
+    moved : tuple of Moved
+        Parameters of the step before, those that this one moved by most standard errors first.
     removed : str or None
         Effect that this step took out again.
     added : str or None
@@ -85,6 +88,7 @@ class Step:
     predicted_misfit: float | None
     ranking: Ranking
     model: Model
+    moved: tuple[Moved, ...] = ()
     removed: str | None = None
     added: str | None = None
 
@@ -103,6 +107,10 @@ class Step:
             text += f"   validation {self.validation_misfit:.3f}, {self.validation_fit_percent['average']:.2f} %"
         return text
 
+    def moves(self, most: int = 4) -> list[str]:
+        """Which parameters the step moved most, beyond `TOLD` standard errors, a line each."""
+        return [f"  {self.change} moved {own.line()}" for own in self.moved[:most] if abs(own.errors) > TOLD]
+
     def as_dict(self) -> dict[str, Any]:
         """Plain data, as in JSON."""
         return {
@@ -112,6 +120,7 @@ class Step:
             "misfit": self.misfit,
             "validation_misfit": self.validation_misfit,
             "candidates": [candidate.as_dict() for candidate in self.ranking.candidates],
+            "moved": [own.as_dict() for own in self.moved],
         }
 
 
@@ -193,6 +202,13 @@ class Diagnosis(Tabular):
             notes=tuple(why),
         )
 
+    plot = picture("plot_staircase")
+
+    @property
+    def left(self) -> tuple[MisfitMap, ...]:
+        """The misfit map of the last model, of every record: where nothing is left, it is 1 throughout."""
+        return () if self.fit is None or not self.fit.is_judged else misfit_maps(self.fit)
+
     @property
     def where(self) -> tuple[Cell, ...]:
         """Cells of the misfit map of the base model, largest misfit first."""
@@ -222,6 +238,7 @@ class Diagnosis(Tabular):
                     }
                     for c in self.where[:20]
                 ],
+                "left": [own.as_dict() for own in self.left],
                 "parameters": {name: p.as_dict() for name, p in self.parameters.items()},
                 "misfit": np.nan if self.fit is None else self.fit.misfit,
                 "misfit_bound": np.nan if self.fit is None else self.fit.bound,
@@ -264,6 +281,7 @@ class Diagnosis(Tabular):
         lines += [f"  cannot be told apart: {', '.join(names)}" for names in self.ambiguous_sets]
         lines += [f"  {family.line()}" for family in self.families.values()]
         lines += ["", *(step.line() for step in self.history)]
+        lines += [line for step in self.history for line in step.moves()]
         own = [p for p in self.model.parameters if p.typical is not None]
         if own:
             lines += [""]

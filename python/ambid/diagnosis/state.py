@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from ambid.diagnosis.moves import moved, standard_errors
 from ambid.diagnosis.ranking import Candidate, Progress, Ranking
 from ambid.diagnosis.result import Step
 from ambid.effects import Effect
@@ -125,15 +126,18 @@ def noted(
         else:
             validation = validation.of(state.fit.model)
         misfit = validation.cost / (validation.dof + len(validation.model.names))  # nothing was fitted to them
+    after = state.fit.model
+    shifted = moved(state.history[-1].model, after, standard_errors(state.fit)) if state.history else ()
     step = Step(
-        effects=tuple(effect.name for effect in state.fit.model.effects),
+        effects=tuple(effect.name for effect in after.effects),
         fit_percent=state.fit.fit_percent,
         validation_fit_percent=None if validation is None else validation.fit_percent,
         misfit=state.fit.cost / state.dof,
         validation_misfit=misfit,
         predicted_misfit=None if predicted is None else predicted.predicted_misfit,
         ranking=ranking,
-        model=state.fit.model,
+        model=after,
+        moved=shifted,
         removed=removed,
         added=added if predicted is None else predicted.effect.name,
     )

@@ -3,5 +3,6 @@
 from ambid.noise.ceiling import noise_ceiling
 from ambid.noise.comparison import Comparison, compare
 from ambid.noise.noise import Noise, Quadratic
+from ambid.noise.responses import Responses, frequency_responses
 
-__all__ = ["Comparison", "Noise", "Quadratic", "compare", "noise_ceiling"]
+__all__ = ["Comparison", "Noise", "Quadratic", "Responses", "compare", "frequency_responses", "noise_ceiling"]

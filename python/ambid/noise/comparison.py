@@ -27,7 +27,7 @@ from ambid.noise.response_lines import ResponseLines
 from ambid.noise.still import Louder
 from ambid.noise.window import notes_of
 from ambid.record import FrequencyResponse, Measurement, Record
-from ambid.results import Tabular, plain
+from ambid.results import Tabular, picture, plain
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["ADEQUATE", "ChannelComparison", "Comparison", "RecordComparison", "compare"]
@@ -288,6 +288,9 @@ class Comparison(Tabular):
         """The record and channel whose residual is largest in units of its noise."""
         pairs = [(r.record.name, c) for r in self.records for c in r.channels]
         return max(pairs, key=lambda pair: pair[1].residual_rms / pair[1].noise_rms if pair[1].noise_rms > 0 else 0.0)
+
+    plot = picture("plot_comparison")
+    plot_frequency_response = picture("plot_frequency_response")
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""

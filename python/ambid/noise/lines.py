@@ -113,12 +113,20 @@ class RecordLines:
 
     judged = numbers
 
-    def misfit_by_channel(self, here: Model) -> tuple[FloatArray, FloatArray]:
-        """Excited lines [Hz], and power of the residual of each channel over that of its noise, shape (lines, p)."""
+    def by_channel(self, white: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Excited lines [Hz], and the power of whitened numbers in each channel over its noise, shape (lines, p)."""
         count = len(self.window.excited)
         frequency = self.window.excited * self.record.sample_rate / self.window.samples
-        relative = np.abs(self.residual_lines(here)[:count]) ** 2 / self.noise_power()[:count]
-        return frequency, np.asarray(relative)
+        lines = as_lines(white, self.measured.channels)[:count, :, None]
+        back = (_core.inverses(self.spectrum.whitening)[:count] @ lines)[..., 0]
+        return frequency, np.asarray(np.abs(back) ** 2 / self.noise_power()[:count])
+
+    @property
+    def excitations(self) -> tuple[tuple[str, ...], ComplexArray]:
+        """Each axis of i_e and r that moves: its name, and its excited lines, shape (lines, inputs)."""
+        moves = np.any(self._driven, axis=0)
+        names = (name for name, is_moving in zip(self._base.loop.inputs, moves, strict=False) if is_moving)
+        return tuple(names), self._driven[: len(self.window.excited), moves]
 
     def by_line(self, rows: FloatArray) -> FloatArray:
         """Rows of whitened numbers, summed line by line."""

@@ -19,7 +19,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import ModelError, RecordError
 from ambid.loop.effect import Tone
 from ambid.model import Model
-from ambid.noise.lines import White
+from ambid.noise.lines import White, as_lines
 from ambid.record import FrequencyResponse
 
 __all__ = ["ResponseLines"]
@@ -115,9 +115,11 @@ class ResponseLines:
         """The frequencies as points of the unit circle, at the sample rate of the loop."""
         return np.exp(2j * np.pi * self.record.frequency_hz * here.loop.sample_time)
 
-    def misfit_by_channel(self, here: Model) -> tuple[FloatArray, FloatArray]:
-        """Frequencies [Hz], and power of the residual of each output over that of its noise, shape (F, outputs)."""
-        left = np.abs(self.record.response - self.simulated(here)) ** 2 / self.record.std**2
+    def by_channel(self, white: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Frequencies [Hz], and the power of whitened numbers in each output over its noise, shape (F, outputs)."""
+        lines = as_lines(white, self._known.shape[1])[..., None]
+        back = (np.linalg.pinv(self.whitening) @ lines).reshape(self.record.response.shape)
+        left = np.where(self.record.measured, np.abs(back) ** 2, np.nan) / self.record.std**2
         count = np.sum(self.record.measured, axis=2)
         relative = np.nansum(left, axis=2) / np.maximum(count, 1)
         return self.record.frequency_hz, np.where(count > 0, relative, np.nan)

@@ -5,10 +5,12 @@ global state is touched. All are legible in black and white.
 """
 
 from ambid.plot.force_current import plot_campaign, save_campaign
+from ambid.plot.matrix import plot_misfit_matrix
 from ambid.plot.misfit import plot_growth, plot_misfit_map
 from ambid.plot.needed import plot_needed
+from ambid.plot.prediction import plot_prediction, save_prediction
 from ambid.plot.ranking import plot_ranking, save_ranking
-from ambid.plot.responses import draw_response, plot_frequency_response
+from ambid.plot.responses import draw_responses, plot_frequency_response, save_responses
 from ambid.plot.sensitivity import plot_sensitivity, save_sensitivity
 from ambid.plot.signals import picture_files, plot_comparison, save_comparison, worst_stretch
 from ambid.plot.staircase import plot_staircase
@@ -16,21 +18,25 @@ from ambid.plot.style import check_format, save_figure
 
 __all__ = [
     "check_format",
-    "draw_response",
+    "draw_responses",
     "picture_files",
     "plot_campaign",
     "plot_comparison",
     "plot_frequency_response",
     "plot_growth",
     "plot_misfit_map",
+    "plot_misfit_matrix",
     "plot_needed",
+    "plot_prediction",
     "plot_ranking",
     "plot_sensitivity",
     "plot_staircase",
     "save_campaign",
     "save_comparison",
     "save_figure",
+    "save_prediction",
     "save_ranking",
     "save_sensitivity",
+    "save_responses",
     "worst_stretch",
 ]

@@ -9,7 +9,7 @@ import numpy as np
 
 from ambid.diagnosis import Localisation
 from ambid.errors import InputError
-from ambid.plot.style import AXIS_COLOURS, GUIDE, LABEL, SMALL, dress, new_figure
+from ambid.plot.style import AXIS_COLOURS, GUIDE, LABEL, SMALL, band_text, dress, new_figure, short_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,13 +55,13 @@ def plot_misfit_map(localisation: Localisation, record: int = 0, ax: Axes | None
     )
     for b, row in enumerate(found.misfit):
         for c, misfit in enumerate(row):
-            text = _short(misfit) if np.isfinite(misfit) else "no line"
+            text = short_number(misfit) if np.isfinite(misfit) else "no line"
             dark = np.isfinite(misfit) and norm(misfit) > 0.6
             ax.text(
                 c + 0.5, b + 0.5, text, ha="center", va="center", fontsize=SMALL, color="white" if dark else "black"
             )
     ax.set_xticks(np.arange(channels) + 0.5, found.channels)
-    ax.set_yticks(np.arange(bands) + 0.5, [_band(*edges) for edges in pairwise(found.edges_hz)])
+    ax.set_yticks(np.arange(bands) + 0.5, [band_text(*edges) for edges in pairwise(found.edges_hz)])
     dress(ax, title=f"{found.record}: misfit by band and channel, in times noise power", y="band [Hz]", grid=None)
     ax.tick_params(length=0)
     ax.spines[["left", "bottom"]].set_visible(False)
@@ -105,16 +105,3 @@ def plot_growth(localisation: Localisation, ax: Axes | None = None) -> Axes:
     dress(ax, title="Growth with amplitude", x="rms of i_e [A]", y="unexplained y, rms [µm]")
     ax.legend(fontsize=SMALL, frameon=False)
     return ax
-
-
-def _short(misfit: float) -> str:
-    """Two or three digits that fit into a cell."""
-    if misfit >= 9.5e5:
-        return f"{misfit / 1e6:.2g} M"
-    if misfit >= 9950.0:
-        return f"{misfit / 1e3:.0f} k"
-    return f"{misfit:.0f}" if misfit >= 99.5 else f"{misfit:.2g}" if misfit >= 9.95 else f"{misfit:.1f}"
-
-
-def _band(low: float, high: float) -> str:
-    return f"{low:.1f} – {high:.1f}" if high < 9.95 else f"{low:.0f} – {high:.0f}"

@@ -1,104 +1,213 @@
-"""Measured and modelled frequency responses, with the band of the noise."""
+"""Measured and modelled frequency responses, with the band of the noise: size, phase, and what a model leaves."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ambid.arrays import ComplexArray
-from ambid.errors import InputError
-from ambid.plot.style import BAND, LABEL, MEASURED, SIMULATED, SMALL, dress, new_figure
+from ambid.arrays import FloatArray
+from ambid.model import Model
+from ambid.noise import Comparison
+from ambid.noise.responses import Modelled, Responses, frequency_responses
+from ambid.plot.style import (
+    BAND,
+    GUIDE,
+    LABEL,
+    SIMULATED,
+    SMALL,
+    check_format,
+    dress,
+    new_figure,
+    plain_log,
+    save_figure,
+)
 from ambid.record import FrequencyResponse
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
+SIGMAS = 2.0
+"""Standard deviations that the band of the noise reaches to each side; what is smaller has no phase to be seen."""
 HIDDEN = 0.3
 """Part of the smallest measured value below which a modelled one is not drawn."""
-SIGMAS = 2.0
-"""Standard deviations that the band of the noise reaches to each side."""
+UNSEEN = "#a8a8a8"
+DOTS: dict[str, Any] = {"marker": "o", "ls": "none", "ms": 3.2, "mfc": "white", "mec": "#404040", "mew": 0.7}
+STYLES: tuple[dict[str, Any], ...] = (
+    {"color": SIMULATED, "ls": "-", "lw": 1.3, "zorder": 4},
+    {"color": "#1f4e8c", "ls": (0, (5, 2)), "lw": 1.3, "zorder": 3},
+    {"color": GUIDE, "ls": ":", "lw": 1.3, "zorder": 3},
+)
+"""Of the model and of those before it: dashed and dotted, so that they differ in grey too."""
+MARKS = ("o", "x", "+")
+"""Of what each of them leaves."""
 
 
 def plot_frequency_response(
-    measured: FrequencyResponse,
-    output: str,
-    inlet: str,
-    simulated: ComplexArray | None = None,
+    found: Comparison | Responses | FrequencyResponse,
+    output: str | None = None,
+    inlet: str | None = None,
+    *,
+    record: int = 0,
+    before: Model | Sequence[Model] = (),
     ax: Sequence[Axes] | None = None,
 ) -> NDArray[np.object_]:
-    """Draw the size of one pair over frequency, and below it what a model leaves of it beside the noise.
+    """Draw one pair over frequency: size and phase, measured and modelled, and what each model leaves beside the noise.
 
     Parameters
     ----------
-    measured : FrequencyResponse
-    output, inlet : str
-        Such as ``y.A_zeta`` and ``i_e.A_zeta``.
-    simulated : ndarray, shape (F, outputs, inputs), optional
-        Response of a model, such as `RecordComparison.simulated`.
-    ax : two Axes, optional
-        For the response and for what is left; without a model the second stays with the noise alone.
+    found : Comparison, Responses or FrequencyResponse
+        Of a frequency response alone there is no model to draw.
+    output, inlet : str, optional
+        Such as ``y.A_zeta`` and ``i_e.A_zeta``; default: the pair that the model, or the one before it, misses most.
+    record : int
+        Which of the records of a comparison.
+    before : Model or sequence of Model
+        Drawn beside the model of a comparison, such as the one without the effect.
+    ax : three Axes, optional
+        For the size, the phase, and what is left; default: those of a new figure. Of two the phase is left out.
 
     Returns
     -------
-    ndarray of Axes, shape (2,)
+    ndarray of Axes, shape (3,)
 
     Raises
     ------
     InputError
-        If there is no such pair.
+        If there is no such record or pair.
+    RecordError
+        If the record gives no frequency response.
     """
-    if output not in measured.outputs or inlet not in measured.inputs:
-        raise InputError(f"{measured.name}: no pair {output} / {inlet}; it has {', '.join(measured.pairs)}")
-    above, below = new_figure(9.0, 4.2).subplots(2, 1, sharex=True, height_ratios=[3, 1.4]) if ax is None else ax
-    o, i = measured.outputs.index(output), measured.inputs.index(inlet)
-    _draw_size(above, measured, o, i, simulated)
-    known = measured.measured[:, o, i]
-    f, std = measured.frequency_hz[known], measured.std[known, o, i]
-    below.loglog(f, std, color=MEASURED, lw=3.0, label="noise, sigma")
-    if simulated is not None:
-        left = np.abs(measured.response - simulated)[known, o, i]
-        below.loglog(f, left, ".", color="black", ms=3, label="residual")
+    told = _responses(found, record, before)
+    measured = told.measured
+    worst = told.worst if told.modelled else (measured.outputs[0], measured.inputs[0])
+    output, inlet = output or worst[0], inlet or worst[1]
+    o, i = told.place(output, inlet)
+    own = new_figure(9.0, 6.2).subplots(3, 1, sharex=True, height_ratios=[3, 1.6, 1.6]) if ax is None else ax
+    size, *phases, left = own
+    _draw_size(size, told, o, i)
+    for phase in phases:
+        _draw_phase(phase, told, o, i)
+        dress(phase, y="phase [°]")
+    _draw_left(left, told, o, i)
     unit = _unit(output, inlet)
-    dress(above, title=f"{output} / {inlet}", y=f"[{unit}]")
-    dress(below, x="frequency [Hz]", y=f"[{unit}]")
+    dress(size, title=f"{measured.name}: {output} by {inlet}", y=f"size [{unit}]")
+    dress(left, x="frequency [Hz]", y=f"left [{unit}]")
+    plain_log(left.xaxis)
     if ax is None:
-        handles = [*above.get_legend_handles_labels()[0], *below.get_legend_handles_labels()[0]]
-        above.figure.legend(handles=handles, loc="outside upper right", ncols=5, fontsize=SMALL, frameon=False)
-    return np.array([above, below])
+        _legend(size.figure, size, left)
+    return np.array(list(own))
 
 
-def draw_response(measured: FrequencyResponse, simulated: ComplexArray | None = None, title: str = "") -> Figure:
-    """Draw the size of every pair: a row an output, a column an input."""
+def draw_responses(told: Responses, title: str = "") -> Figure:
+    """Draw size and phase of every pair: a row an output, a column an input."""
+    measured = told.measured
     rows, columns = len(measured.outputs), len(measured.inputs)
-    figure = new_figure(2.0 + 2.6 * columns, 1.0 + 1.6 * rows)
-    panels = figure.subplots(rows, columns, sharex=True, sharey="row", squeeze=False)
+    figure = new_figure(max(5.0, 1.0 + 2.3 * columns), 0.9 + 1.72 * rows)
+    grid = figure.add_gridspec(2 * rows, columns, height_ratios=[1.9, 1.0] * rows)
+    size = None
     for o, output in enumerate(measured.outputs):
+        first = None
         for i, inlet in enumerate(measured.inputs):
-            _draw_size(panels[o, i], measured, o, i, simulated)
-            is_edge = (o == rows - 1, i == 0)
-            y = f"{output} [{_unit(output, inlet)}]" if is_edge[1] else ""
-            dress(panels[o, i], title=inlet if o == 0 else "", x="frequency [Hz]" if is_edge[0] else "", y=y)
-    handles, _ = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles=handles, loc="outside upper right", ncols=3, fontsize=SMALL, frameon=False)
-    figure.suptitle(title or f"{measured.name}: frequency response", fontsize=LABEL + 1, x=0.01, ha="left")
+            size = figure.add_subplot(grid[2 * o, i], sharey=first)
+            phase = figure.add_subplot(grid[2 * o + 1, i], sharex=size)
+            _draw_size(size, told, o, i)
+            _draw_phase(phase, told, o, i)
+            unit = f"{output}\n[{_unit(output, inlet)}]" if i == 0 else ""
+            dress(size, title=f"by {inlet}" if o == 0 else "", y=unit)
+            dress(phase, x="frequency [Hz]" if o == rows - 1 else "", y="[°]" if i == 0 else "")
+            size.tick_params(labelbottom=False, labelleft=i == 0)
+            phase.tick_params(labelbottom=o == rows - 1, labelleft=i == 0)
+            first = first or size
+    if size is not None:
+        _legend(figure, size)
+    figure.suptitle(title or f"{measured.name}: frequency responses", fontsize=LABEL + 1, x=0.01, ha="left")
     return figure
 
 
-def _draw_size(ax: Axes, measured: FrequencyResponse, o: int, i: int, simulated: ComplexArray | None) -> None:
+def save_responses(told: Responses, path: str | Path) -> Path:
+    """Write the picture of `draw_responses`.
+
+    Raises
+    ------
+    InputError
+        If the suffix is none of .png, .pdf, .svg.
+    """
+    path = Path(path)
+    check_format(path)
+    save_figure(draw_responses(told), path)
+    return path
+
+
+def _responses(
+    found: Comparison | Responses | FrequencyResponse, record: int, before: Model | Sequence[Model]
+) -> Responses:
+    if isinstance(found, FrequencyResponse):
+        return Responses(found, ())
+    if isinstance(found, Comparison):
+        return frequency_responses(found, record, [before] if isinstance(before, Model) else before)
+    return found
+
+
+def _draw_size(ax: Axes, told: Responses, o: int, i: int) -> None:
+    measured = told.measured
     known = measured.measured[:, o, i]
-    f, size = measured.frequency_hz[known], np.abs(measured.response[known, o, i])
-    reach = SIGMAS * measured.std[known, o, i]
-    low = np.maximum(size - reach, 0.1 * size)  # a band down to nothing has no place on a logarithmic scale
-    ax.fill_between(f, low, size + reach, facecolor=BAND, lw=0.0, label="noise, ±2 sigma")
-    ax.loglog(f, size, ".", color=MEASURED, ms=4, label="measured")
-    if simulated is not None:
-        seen = np.abs(simulated[known, o, i])
-        seen[seen < HIDDEN * size.min(initial=np.inf)] = np.nan
-        ax.loglog(f, seen, color=SIMULATED, lw=1.0, label="simulated")
+    f, size, std = measured.frequency_hz[known], np.abs(measured.response[known, o, i]), measured.std[known, o, i]
+    low = np.maximum(size - SIGMAS * std, 0.1 * size)  # a band down to nothing has no place on a logarithmic scale
+    ax.fill_between(f, low, size + SIGMAS * std, facecolor=BAND, lw=0.0, label=f"noise, ±{SIGMAS:g} sigma")
+    seen = size > SIGMAS * std
+    ax.loglog(f[~seen], size[~seen], ".", color=UNSEEN, ms=3.0, mew=0.0)
+    ax.loglog(f[seen], size[seen], label="measured", **DOTS)
+    for own, style in zip(told.modelled, STYLES, strict=False):
+        drawn = np.abs(own.response[:, o, i])
+        name = own.name if drawn.any() else f"{own.name}: nothing"
+        drawn[drawn < HIDDEN * size.min(initial=np.inf)] = np.nan
+        ax.loglog(own.frequency_hz, drawn, label=name, **style, **_marked(own, measured))
+
+
+def _draw_phase(ax: Axes, told: Responses, o: int, i: int) -> None:
+    measured = told.measured
+    seen = np.nan_to_num(np.abs(measured.response[:, o, i]) / measured.std[:, o, i]) > SIGMAS
+    angle = np.degrees(np.angle(measured.response[seen, o, i]))
+    ax.semilogx(measured.frequency_hz[seen], angle, **DOTS)
+    for own, style in zip(told.modelled, STYLES, strict=False):
+        size = np.abs(own.response[:, o, i])
+        told_of = np.where(size > 0.0, np.degrees(np.angle(own.response[:, o, i])), np.nan)
+        ax.semilogx(own.frequency_hz, _unbroken(told_of), **style, **_marked(own, measured))
+    ax.set_ylim(-200.0, 200.0)
+    ax.set_yticks([-180, 0, 180])
+
+
+def _draw_left(ax: Axes, told: Responses, o: int, i: int) -> None:
+    measured = told.measured
+    known = measured.measured[:, o, i]
+    f = measured.frequency_hz[known]
+    ax.loglog(f, measured.std[known, o, i], color=BAND, lw=3.0, label="noise, sigma")
+    for own, style, mark in zip(told.modelled, STYLES, MARKS, strict=False):
+        left = np.abs(measured.response - own.at_measured)[known, o, i]
+        label = f"left by {own.name}"
+        ax.loglog(f, left, mark, color=style["color"], ms=3.0, mew=0.7, mfc="none", label=label, zorder=style["zorder"])
+
+
+def _marked(own: Modelled, measured: FrequencyResponse) -> dict[str, Any]:
+    """Dots on the line of a model that is known at the measured frequencies alone."""
+    return {"marker": ".", "ms": 3.5} if len(own.frequency_hz) == len(measured.frequency_hz) else {}
+
+
+def _unbroken(degrees: FloatArray) -> FloatArray:
+    """Phases without a line where they turn over from 180 to -180 degrees."""
+    told = degrees.copy()
+    told[1:][np.abs(np.diff(degrees)) > 180.0] = np.nan
+    return told
+
+
+def _legend(figure: Any, *panels: Axes) -> None:
+    handles = [handle for panel in panels for handle in panel.get_legend_handles_labels()[0]]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
 
 
 def _unit(output: str, of: str) -> str:

@@ -12,7 +12,8 @@ from ambid.errors import InputError
 from ambid.model import Model
 from ambid.noise import Comparison, compare
 from ambid.noise.comparison import RecordComparison
-from ambid.plot.responses import draw_response, plot_frequency_response
+from ambid.noise.responses import frequency_responses
+from ambid.plot.responses import draw_responses, plot_frequency_response
 from ambid.plot.style import (
     BAND,
     GUIDE,
@@ -49,7 +50,7 @@ def plot_comparison(
 ) -> NDArray[np.object_]:
     """Draw a readable stretch of one channel: measured and simulated, and the residual with the noise below it.
 
-    Of a frequency response the pair of this channel that is missed most, over all frequencies.
+    Of a frequency response the pair of this channel that is missed most, as `plot_frequency_response` draws it.
 
     Parameters
     ----------
@@ -78,9 +79,9 @@ def plot_comparison(
     k = _column(one, channel)
     row = one.channels[k]
     if isinstance(one.record, FrequencyResponse):
-        left = np.abs(one.residual[:, k]) / one.record.std[:, k]
-        inlet = one.record.inputs[int(np.argmax(np.nansum(left**2, axis=0)))]
-        return plot_frequency_response(one.record, row.channel, inlet, np.asarray(one.simulated), ax)
+        told = frequency_responses(comparison, record)
+        inlet = one.record.inputs[int(np.argmax(np.nansum(told.left()[:, k], axis=0)))]
+        return plot_frequency_response(told, row.channel, inlet, ax=ax)
     rate = one.record.sample_rate
     begin, end = worst_stretch(comparison, record, row.channel) if stretch is None else stretch
     span = slice(max(0, round(begin * rate)), max(2, round(end * rate)))
@@ -147,7 +148,7 @@ def draw_record(comparison: Comparison, record: int = 0) -> Figure:
     if np.isfinite(one.misfit):
         title += f"   (misfit {one.misfit:.2f}, 1 when the model is right)"
     if isinstance(one.record, FrequencyResponse):
-        return draw_response(one.record, np.asarray(one.simulated), title)
+        return draw_responses(frequency_responses(comparison, record), title)
     axes, signals = one.record.axes, sorted({c.channel.split(".")[0] for c in one.channels}, reverse=True)
     stretch = worst_stretch(comparison, record)
     figure = new_figure(6.2 * len(signals), 2.6 * len(axes) + 0.8)

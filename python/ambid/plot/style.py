@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MEASURED, SIMULATED, BAND, GUIDE = "#a8a8a8", "#a32a00", "#c9dcee", "#555555"
+NOTHING = "#ececec"
+"""Of cells that say nothing."""
 AXIS_COLOURS = ("#1f4e8c", "#c05a00", "#2e7d4f", "#7b4a9e")
 AXIS_MARKERS = ("o", "s", "^", "D")
 TITLE, LABEL, SMALL = 10, 9, 8
@@ -30,6 +32,20 @@ def shown_in(unit: str) -> tuple[float, str]:
 def misfit_text(value: float) -> str:
     """A misfit J/dof with as many digits as matter."""
     return f"{value:.2f}" if value < 9.995 else f"{value:.1f}" if value < 99.95 else f"{value:.0f}"
+
+
+def short_number(value: float) -> str:
+    """Two or three digits that fit into a cell."""
+    if value >= 9.5e5:
+        return f"{value / 1e6:.2g} M"
+    if value >= 9950.0:
+        return f"{value / 1e3:.0f} k"
+    return f"{value:.0f}" if value >= 99.5 else f"{value:.2g}" if value >= 9.95 else f"{value:.1f}"
+
+
+def band_text(low: float, high: float) -> str:
+    """From and to of a band."""
+    return f"{low:.1f} – {high:.1f}" if high < 9.95 else f"{low:.0f} – {high:.0f}"
 
 
 def plain_log(axis: Axis) -> None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from ambid.diagnosis import Diagnosis, Step
+from ambid.diagnosis import Diagnosis, Step, moves
+from ambid.diagnosis.moves import Moved
 from ambid.loop.geometry import rotor_of
 from ambid.model import Model
 from ambid.noise import Comparison
@@ -37,37 +37,9 @@ def standard_errors(diagnosis: Diagnosis) -> dict[str, float]:
     return {name: np.nan if p.std_error is None else p.std_error for name, p in diagnosis.parameters.items()}
 
 
-@dataclass(frozen=True)
-class Moved:
-    """A parameter that adding effects has moved.
-
-    Attributes
-    ----------
-    name, unit : str
-    before, after : float
-    percent : float
-        Of the value before.
-    errors : float
-        In standard errors of the value after; NaN where that is unknown.
-    """
-
-    name: str
-    unit: str
-    before: float
-    after: float
-    percent: float
-    errors: float
-
-
 def moved(diagnosis: Diagnosis, errors: dict[str, float]) -> list[Moved]:
     """Parameters of the base model that the effects have moved, most percent first."""
-    before = {p.name: p.value for p in diagnosis.history[0].model.parameters}
-    found = []
-    for p in diagnosis.model.parameters:
-        if p.name in before:
-            by = p.value - before[p.name]
-            share = 100.0 * by / abs(before[p.name]) if before[p.name] else np.nan
-            found.append(Moved(p.name, p.unit, before[p.name], p.value, share, by / errors[p.name]))
+    found = moves.moved(diagnosis.history[0].model, diagnosis.model, errors)
     return sorted(found, key=lambda m: -abs(m.percent))
 
 

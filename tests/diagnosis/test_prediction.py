@@ -1,0 +1,77 @@
+"""What would be left with an effect is what its refit leaves, where it is small; and what adding it moved is told."""
+
+import json
+
+import numpy as np
+import pytest
+
+import ambid
+from ambid.diagnosis import misfit_maps
+from ambid.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def late(bench, i_e):
+    """A bench whose controller is a little late."""
+    model = ambid.Model(bench.rig()).add("loop_delay", {"delay": 1.2e-5})
+    return model.virtual_experiment(i_e, seed=5)
+
+
+@pytest.fixture(scope="module")
+def ranking(bench, late):
+    return ambid.rank(ambid.identify(bench.rig(), late).comparison, [ambid.effects.find("loop_delay")])
+
+
+def test_the_residual_that_would_be_left_is_that_of_a_refit(ranking):
+    told = ambid.predict(ranking, "loop_delay")
+    comparison = ranking.comparison
+    (record,) = [own.record for own in comparison.records]
+    refitted = ambid.identify(comparison.model.add("loop_delay"), record).model
+    (now,), (left,) = misfit_maps(comparison), misfit_maps(comparison.of(refitted))
+    np.testing.assert_allclose(told.now[0].misfit, now.misfit)
+    apart = np.abs(told.then[0].misfit - left.misfit)
+    assert np.nanmax(apart) < 0.5 < 5.0 < np.nanmax(now.misfit)  # two lines in the lowest band
+    assert np.nanmedian(apart) < 0.01
+    assert told.misfit_now > 1.3
+    assert np.nanmax(told.part()) > 1.0
+    assert told.misfit_then == pytest.approx(comparison.of(refitted).misfit, abs=0.02)
+
+
+def test_its_curves_and_sums_agree(ranking):
+    told = ambid.predict(ranking, "loop_delay")
+    (candidate,) = ranking.candidates
+    left = candidate.residual - candidate.size * candidate.direction
+    fall = float(candidate.residual @ candidate.residual - left @ left)
+    assert fall == pytest.approx(candidate.score, rel=1e-6)
+    assert len(told.curves[0][0].misfit) > len(told.now[0].misfit)
+    assert told.lines()[0].startswith("loop_delay: misfit ")
+
+
+def test_a_name_that_is_no_candidate_is_refused(ranking):
+    with pytest.raises(InputError, match="seal: no candidate of this ranking; it has loop_delay"):
+        ambid.predict(ranking, "seal")
+
+
+def test_it_is_drawn_channel_by_channel(ranking):
+    panels = ambid.predict(ranking, "loop_delay").plot()
+    assert [panel.get_title(loc="left") for panel in panels] == list(ranking.comparison.records[0].record.channels)
+    assert [line.get_label() for line in panels[0].lines] == ["now", "with loop_delay, predicted", "noise alone"]
+    with pytest.raises(InputError, match="record = 1"):
+        ambid.predict(ranking, "loop_delay").plot(record=1)
+
+
+def test_what_moved_is_told_with_the_last_map(bench, late):
+    found = ambid.diagnose(bench.rig(), late, catalogue=[ambid.effects.find("loop_delay")])
+    base, last = found.history
+    assert base.moved == ()
+    (own,) = [m for m in last.moved if m.name == "tau_e"]
+    assert own.before > own.after
+    assert own.errors == pytest.approx((own.after - own.before) / found.parameters["tau_e"].std_error, rel=0.05)
+    assert own.nominal == bench.tau_e
+    assert "towards the rig file's 0.00022" in own.line()
+    assert any("moved tau_e" in line for line in repr(found).splitlines())
+    (left,) = found.left
+    assert np.nanmax(left.misfit) < 2.0
+    told = json.loads(json.dumps(found.to_json(), allow_nan=False))
+    assert told["history"][1]["moved"][0]["parameter"] == last.moved[0].name
+    assert np.shape(told["left"][0]["misfit"]) == left.misfit.shape
