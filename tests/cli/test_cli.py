@@ -30,6 +30,7 @@ COMMANDS = (
     "effects",
     "simulate",
     "frequency-response",
+    "margins",
     "rank",
     "demo",
 )
