@@ -19,12 +19,14 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from ambid.cli import main, signals
-from faults.files import left_over, state, write_old
+from faults.files import is_writing, left_over, state, write_old
 
 BEYOND = 1.05
 """Moments reach this far, in units of the time that a run takes."""
-BEFORE = 0.95
-"""Half of them begin here, in units of the time after which the first file is written."""
+ENDED = os.WEXITED | os.WNOHANG | os.WNOWAIT
+"""Tell whether a process has ended, and leave it there."""
+LOOKS = 2e-4
+"""Seconds between looks at whether a command has begun to write."""
 
 
 def launch(arguments):
@@ -45,14 +47,16 @@ def launch(arguments):
         os._exit(code)
 
 
-def run(arguments, outputs, name="", moment=0.0):
-    """One run, with a signal if it is named; what it left."""
+def run(arguments, outputs, name="", moment=0.0, writing=False):
+    """One run, with a signal if it is named, so long after it began, or began to write; what it left."""
     for path in outputs:
         write_old(path)
     begun, at = time.perf_counter(), time.time()
     number = launch(arguments)
     if name:
-        time.sleep(max(0.0, begun + moment - time.perf_counter()))
+        while writing and not is_writing(outputs) and os.waitid(os.P_PID, number, ENDED) is None:
+            time.sleep(LOOKS)
+        time.sleep(max(0.0, (time.perf_counter() if writing else begun) + moment - time.perf_counter()))
         os.kill(number, signal.Signals[name])  # a process that has ended is there until it is waited for
     _, status = os.waitpid(number, 0)
     return {
@@ -75,17 +79,20 @@ def go(task):
     found = [run(arguments, outputs) for _ in range(3)]
     first, last = (sorted(one[key] for one in found)[1] for key in ("first", "seconds"))
     return found + [
-        run(arguments, outputs, name, moment)
+        run(arguments, outputs, name, *moment)
         for name, count in task["moments"].items()
-        for moment in spread(count, BEFORE * first, BEYOND * last)
+        for moment in spread(count, BEYOND * last, BEYOND * (last - first))
     ]
 
 
-def spread(count, first, last):
-    """So many moments: half of them over the whole run, half of them where its files are written."""
+def spread(count, whole, writing):
+    """So many moments: half of them over the whole run, half of them from when its files begin to be written.
+
+    Those do not go by the clock of an undisturbed run, which a loaded machine leaves behind.
+    """
     early, late = count - count // 2, count // 2
-    return [last * (k + 0.5) / early for k in range(early)] + [
-        first + (last - first) * (k + 0.5) / late for k in range(late)
+    return [(whole * (k + 0.5) / early, False) for k in range(early)] + [
+        (writing * (k + 0.5) / late, True) for k in range(late)
     ]
 
 

@@ -21,6 +21,11 @@ def left_over():
     return len(found)
 
 
+def is_writing(paths):
+    """Whether a temporary file is there, or one of these is no longer the old one."""
+    return any(Path().glob("**/.ambid-*.tmp")) or any(Path(path).stat().st_size != len(OLD) for path in paths)
+
+
 def state(path):
     """`old`, `new`, `none` or `broken`."""
     if not path.exists():

@@ -27,7 +27,7 @@ from ambid.cli.options import (
     known_effects,
     names,
 )
-from ambid.cli.outputs import conclude, drawn, pictures, require_outputs, saved
+from ambid.cli.outputs import Files, conclude, drawn, pictures, require_outputs, saved
 from ambid.cli.signals import exit_code, stoppable
 from ambid.cli.terminal import confirm, progress, require_terminal, say, with_time_left
 from ambid.errors import InputError, RecordError, Stopped
@@ -73,9 +73,7 @@ def compare_command(
 ) -> None:
     """Show where and by how much the model misses the measurement; nothing is fitted."""
     outputs = {"--json": json_file, "--plot": pictures(plot, records)}
-    require_outputs({"RIG": rig, "RECORD": records, "--model": model}, outputs)
-    machine = ambid.Rig.load(rig)
-    start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
+    start, loaded = _opened(rig, records, model, period, columns, sample_rate, allow, outputs)
     with stoppable():
         comparison = ambid.compare(start, loaded)
         where, matrices = _where(comparison), ambid.misfit_matrix(comparison) if comparison.is_judged else ()
@@ -112,9 +110,8 @@ def rank_command(
     ambid.plot.check_format(plot)
     if predict is not None:
         ambid.effects.find(predict)  # refuses a name that is none
-    require_outputs({"RIG": rig, "RECORD": records, "--model": model}, {"--json": json_file, "--plot": plot})
-    machine = ambid.Rig.load(rig)
-    start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
+    outputs = {"--json": json_file, "--plot": plot}
+    start, loaded = _opened(rig, records, model, period, columns, sample_rate, allow, outputs)
     with stoppable(), progress(quiet, "ranking") as told:
         ranking = ambid.rank(ambid.identify(start, loaded).comparison, progress=with_time_left(told))
         expected = None if predict is None else ambid.predict(ranking, predict)
@@ -200,6 +197,22 @@ def diagnose_command(
     )
     if is_stopped:
         raise typer.Exit(exit_code())
+
+
+def _opened(
+    rig: Path,
+    records: list[Path],
+    model: Path | None,
+    period: int | None,
+    columns: list[str],
+    sample_rate: float | None,
+    allow: list[str],
+    outputs: Files,
+) -> tuple[ambid.Model, list[ambid.Record | ambid.FrequencyResponse]]:
+    """Model and records of a command, once it is known that its outputs can be written."""
+    require_outputs({"RIG": rig, "RECORD": records, "--model": model}, outputs)
+    machine = ambid.Rig.load(rig)
+    return load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
 
 
 def _where(comparison: ambid.Comparison) -> Sequence[Cell]:

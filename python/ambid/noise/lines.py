@@ -35,6 +35,8 @@ __all__ = ["RecordLines", "White", "as_lines"]
 
 REMEMBERED = 8
 """Models whose transients are kept."""
+FORGOTTEN = 1e-16
+"""Part of a transient that is left where it is nothing beside what it was."""
 FEW = 400
 """Lines that lead a fit near its optimum."""
 
@@ -243,7 +245,10 @@ class RecordLines:
         if not here.is_linear:
             return self._simulated_in_time(here)
         transient, _ = self.transient(here)
-        y = core.free_response(here.theta, transient, window.samples, samples)[:, :p]
+        y, until = np.zeros((samples, p)), samples
+        if here.decay_rate > NEUTRAL:
+            until = int(min(samples, np.ceil(-np.log(FORGOTTEN) / here.decay_rate * self.record.sample_rate)))
+        y[:until] = core.free_response(here.theta, transient, window.samples, until)[:, :p]
         inputs = here.excitation(self.record)[: window.samples]
         repeats = core.inputs == here.loop.driven
         length = window.period if repeats else window.samples

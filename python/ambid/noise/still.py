@@ -80,7 +80,7 @@ def louder_in_motion(
     if length < LEAST_SAMPLES:
         return None
     change = np.diff(response, axis=0, append=response[-1:])
-    motion = _powers(change / np.maximum(change.std(axis=0), 1e-300), length)
+    motion = np.sum(_powers(change, length) / np.maximum(np.einsum("kc,kc->c", change, change), 1e-300), axis=1)
     order = np.argsort(motion)
     is_still = np.zeros(PARTS, dtype=bool)
     is_still[order[np.cumsum(motion[order]) < AT_REST * motion.sum()]] = True
@@ -92,7 +92,7 @@ def louder_in_motion(
         return None  # of so long a record not every line is judged
     lines = np.zeros((samples // 2 + 1, left.shape[1]), dtype=complex)
     lines[index[:top]] = _whitened(whitening, left)[:top]
-    powers = _powers(irfft(lines, n=samples, axis=0), length)
+    powers = _powers(irfft(lines, n=samples, axis=0), length).sum(axis=1)
     still, moved = powers[is_still], powers[~is_still]
     ratio, free = moved.mean() / still.mean(), 2.0 * still.mean() ** 2 / still.var(ddof=1)
     if fdtrc(free * len(moved), free * len(still), ratio) > AT_MOST:
@@ -105,6 +105,6 @@ def _whitened(whitening: ComplexArray, lines: ComplexArray) -> ComplexArray:
 
 
 def _powers(signal: FloatArray, length: int) -> FloatArray:
-    """Power of a signal in each stretch, summed over its channels."""
+    """Power of each channel of a signal in each stretch."""
     cut = signal[: PARTS * length].reshape(PARTS, length, -1)
-    return np.asarray(np.mean(np.sum(cut**2, axis=2), axis=1))
+    return np.asarray(np.einsum("pkc,pkc->pc", cut, cut) / length)

@@ -119,17 +119,17 @@ def _at_narrow_modes(here: Model, count: int, spacing: float, beyond: int) -> ND
 def _outstanding(part: RecordLines) -> NDArray[np.intp]:
     """Unexcited lines that, as they were recorded, stand out among those beside them."""
     window = part.window.settled
-    lines = part.measured.quiet.copy()
-    lines[:: window.periods] = 0.0
-    power = _under_hann(lines, window)
-    is_between = np.arange(len(power)) % window.periods != 0
+    is_between = np.arange(len(part.measured.quiet)) % window.periods != 0
     counted = np.maximum(convolve1d(is_between.astype(float), BESIDE), 1.0)
-    stands_out = power > SCREENED * convolve1d(power, BESIDE, axis=0) / counted[:, None]
-    return np.flatnonzero(stands_out.any(axis=1))
+    stands_out = np.zeros(len(is_between), dtype=bool)
+    for lines in part.measured.quiet.T:  # one by one: of a long record all are large
+        power = _under_hann(np.where(is_between, lines, 0.0), window)
+        stands_out |= power > SCREENED * convolve1d(power, BESIDE) / counted
+    return np.flatnonzero(stands_out)
 
 
 def _under_hann(lines: ComplexArray, window: Window) -> FloatArray:
-    """Power of unexcited lines under a Hann window."""
+    """Power of the unexcited lines of one channel under a Hann window."""
     hann = lines.copy()
     hann[1:-1] -= 0.5 * (lines[:-2] + lines[2:])
     hann[:: window.periods] = 0.0
@@ -196,15 +196,17 @@ class Between:
     @cached_property
     def power(self) -> FloatArray:
         """Power of the lines under a Hann window over the median of the unexcited ones around, shape (lines, p)."""
-        power = _under_hann(self.lines, self.window)
-        known = np.flatnonzero(power.any(axis=1))
-        relative = np.zeros_like(power)
-        if len(known):
-            own = power[known]
-            middle = median_filter(own, size=(2 * NEIGHBOURS + 1, 1), mode="nearest") / np.log(2.0)
-            counted = np.maximum(convolve1d((power[:, 0] > 0.0).astype(float), BESIDE), 1.0)
-            beside = convolve1d(power, BESIDE, axis=0)[known] / counted[known, None]
-            relative[known] = own / np.maximum(np.maximum(middle, beside), 1e-300)
+        relative = np.zeros(self.lines.shape)
+        is_known = np.asarray(self.lines.any(axis=1))
+        is_known[1:-1] |= is_known[:-2] | is_known[2:]
+        is_known[:: self.window.periods] = False
+        known = np.flatnonzero(is_known)
+        counted = np.maximum(convolve1d(is_known.astype(float), BESIDE), 1.0)[known]
+        for k, lines in enumerate(self.lines.T if len(known) else ()):
+            power = _under_hann(lines, self.window)
+            middle = median_filter(power[known], size=2 * NEIGHBOURS + 1, mode="nearest") / np.log(2.0)
+            beside = convolve1d(power, BESIDE)[known] / counted
+            relative[known, k] = power[known] / np.maximum(np.maximum(middle, beside), 1e-300)
         relative[:2] = relative[-2:] = 0.0
         return relative
 
@@ -213,13 +215,16 @@ class Between:
         near = np.arange(max(int(place) - 1, 1), min(int(place) + 3, len(self.lines) - 1))
         excited = int(np.clip(round(place / self.window.periods) - self.window.lowest, 0, len(self.inner) - 1))
         level = 2.0 * np.sum(np.abs(np.linalg.inv(self.inner[excited])) ** 2, axis=1)
-        return float(np.max(_under_hann(self.lines, self.window)[near] / (UNDER_HANN * level), initial=0.0))
+        power = np.stack([_under_hann(lines, self.window)[near] for lines in self.lines.T], axis=1)
+        return float(np.max(power / (UNDER_HANN * level), initial=0.0))
 
     def loudest(self, hidden: NDArray[np.bool_]) -> tuple[int, int, float]:
         """Line, channel and relative power of the line that stands out most, of those that are not hidden."""
-        power = np.where(hidden[:, None], 0.0, self.power)
-        line, channel = divmod(int(np.argmax(power)), power.shape[1])
-        return line, channel, float(power[line, channel])
+        seen = np.flatnonzero(self.power.any(axis=1) & ~hidden)
+        if not len(seen):
+            return 0, 0, 0.0
+        row, channel = divmod(int(np.argmax(self.power[seen])), self.power.shape[1])
+        return int(seen[row]), channel, float(self.power[seen[row], channel])
 
     def at(self, line: float) -> tuple[float, int]:
         """Relative power at a place between lines, and the channel where it is largest."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ambid.campaigns import Campaign
 from ambid.campaigns.result import STATIC
-from ambid.plot.style import check_format, new_figure, save_figure
+from ambid.plot.style import new_figure, save_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -76,9 +76,4 @@ def save_campaign(campaign: Campaign, path: str | Path) -> Path:
     InputError
         If the suffix is none of .png, .pdf, .svg.
     """
-    path = Path(path)
-    check_format(path)
-    figure = new_figure(7.5, 5.0)
-    plot_campaign(campaign, figure.add_subplot())
-    save_figure(figure, path)
-    return path
+    return save_axes(lambda ax: plot_campaign(campaign, ax), 7.5, path)

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from ambid.diagnosis import Candidate, Ranking
 from ambid.diagnosis.ranking import ALPHA
-from ambid.plot.style import LABEL, SMALL, check_format, dress, misfit_text, new_figure, save_figure
+from ambid.plot.style import LABEL, SMALL, dress, misfit_text, new_figure, save_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -103,12 +103,7 @@ def save_ranking(ranking: Ranking, path: str | Path) -> Path:
     InputError
         If the suffix is none of .png, .pdf, .svg.
     """
-    path = Path(path)
-    check_format(path)
-    figure = new_figure(9.0, 5.0)
-    plot_ranking(ranking, figure.add_subplot())
-    save_figure(figure, path)
-    return path
+    return save_axes(lambda ax: plot_ranking(ranking, ax), 9.0, path)
 
 
 def needed_score(candidate: Candidate, ranking: Ranking) -> float:

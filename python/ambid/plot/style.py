@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -115,3 +116,19 @@ def save_figure(figure: Figure, path: Path, dpi: int = 130) -> None:
     """
     with whole_file(path) as stream:
         figure.savefig(stream, format=path.suffix[1:].lower(), dpi=dpi)
+
+
+def save_axes(draw: Callable[[Axes], object], width: float, path: str | Path) -> Path:
+    """Write a picture of one pair of axes, `width` by 5 inches.
+
+    Raises
+    ------
+    InputError
+        If the suffix is none of .png, .pdf, .svg.
+    """
+    path = Path(path)
+    check_format(path)
+    figure = new_figure(width, 5.0)
+    draw(figure.add_subplot())
+    save_figure(figure, path)
+    return path

@@ -13,20 +13,17 @@ from numpy.typing import ArrayLike, NDArray
 from ambid.errors import RecordError
 from ambid.record import checks
 from ambid.record.channel_map import ChannelMap
+from ambid.record.driven import driven
 from ambid.record.frequency_response import FrequencyResponse
 from ambid.record.local_response import local_response
-from ambid.record.mending import mended_excitation, mended_outputs
-from ambid.record.period import find_period
 from ambid.record.raw import SIGNALS, raw_record
 from ambid.record.readers import opened
-from ambid.record.rebuild import NOT_LOGGED, rebuild_excitation
+from ambid.record.rebuild import NOT_LOGGED
 from ambid.record.writers import write
 from ambid.rig import Rig
 
 __all__ = ["Record"]
 
-SPENT = "i_c is left out: i_e was rebuilt from it and explains all of it, so that y alone is judged"
-"""Note on a record without periods whose i_e comes from i_c."""
 WITHOUT_I_C = (
     "i_c was not recorded: K_i, K_s and tau_e are found from y alone; "
     "a lag of the amplifier, a delay of the loop and a lag of the sensor cannot be told apart"
@@ -241,7 +238,9 @@ class Record:
         more = checks.notes_on_clipping(where, record.axes, record.y, record.i_c)
         if record.i_c is None:
             more.append(WITHOUT_I_C)
-        return replace(record, notes=(*record.notes, *more))._with_excitation(rig)
+        signals, period, told = driven(where, rig, record.axes, record.sample_rate, record._signals, period)
+        own: dict[str, Any] = {signal: signals.get(signal) for signal in SIGNALS}
+        return replace(record, **own, period=period, notes=(*record.notes, *more, *told))
 
     def at(self, rig: Rig) -> Record:
         """The record as one of another operating point than the model's: other speed, bias current or controller.
@@ -268,7 +267,8 @@ class Record:
 
     def rows(self, first: int, end: int) -> Record:
         """The same record from sample `first` up to `end`, counted from 0."""
-        return self._with_signals({name: own[first:end] for name, own in self._signals.items()})
+        own: dict[str, Any] = {name: array[first:end] for name, array in self._signals.items()}
+        return replace(self, **own)
 
     @property
     def samples(self) -> int:
@@ -393,11 +393,6 @@ class Record:
         """What was recorded, by name."""
         return {name: own for name in SIGNALS if (own := getattr(self, name)) is not None}
 
-    def _with_signals(self, signals: Mapping[str, NDArray[np.float64]]) -> Record:
-        """The same record with other arrays of what was recorded."""
-        own: dict[str, Any] = {name: signals.get(name) for name in SIGNALS}
-        return replace(self, **own)
-
     def _columns(self) -> Iterator[tuple[str, NDArray[np.float64]]]:
         for signal, array in self._signals.items():
             yield from ((f"{signal}.{axis}", array[:, j]) for j, axis in enumerate(self.axes))
@@ -411,67 +406,6 @@ class Record:
         own: dict[str, Any] = {name: array[:, order] for name, array in self._signals.items()}
         return replace(self, axes=axes, notes=(*self.notes, note), **own)
 
-    def _with_excitation(self, rig: Rig | None) -> Record:
-        """The same record with i_e rebuilt where needed and possible, its period, and notes on both."""
-        record, where = self._with_reference(rig), str(self.path or self.name)
-        if record.i_e is None:
-            if rig is None:
-                note = f"{NOT_LOGGED}: load the record with its rig, whose controller rebuilds it"
-                return replace(record, notes=(*record.notes, note))
-            i_e, period, note = rebuild_excitation(
-                rig,
-                self.sample_rate,
-                y=self.y,
-                i_ref=self.i_ref,
-                i_c=self.i_c,
-                r=self.r,
-                period=self.period,
-                where=where,
-            )
-            record = replace(record, i_e=i_e, period=period, notes=(*record.notes, note))
-            if self.i_ref is None and period is None:
-                record = replace(record, i_c=None, notes=(*record.notes, SPENT))
-        i_e, is_rebuilt = np.asarray(record.i_e), self.i_e is None and bool(np.any(record.i_e))
-        notes = checks.notes_on_excitation(where, record.axes, record.y, i_e, record.r)
-        if is_rebuilt and record.i_ref is not None:
-            notes += checks.notes_on_limits(record.axes, record.i_ref)
-        found = record.period if is_rebuilt else find_period(_scaled([i_e, record.r]))
-        what = "i_e repeats" if record.r is None else "what drives the loop repeats"
-        if self.period and found and self.period % found:
-            notes.append(f"a period of {self.period} samples was stated, but {what} after {found}")
-        period = record.period or found
-        if found is None and self.i_e is not None and record.r is None:
-            signals, mended, more = mended_excitation(record._signals, record.axes)
-            record, period, notes = record._with_signals(signals), period or mended, [*notes, *more]
-        record = replace(record, period=period)
-        if record.period is not None and record.periods >= 3:
-            signals, more = mended_outputs(record._signals, record.axes, record.period)
-            record, notes = record._with_signals(signals) if more else record, [*notes, *more]
-        if record.periods < 3:
-            count = f"{record.periods} whole periods" if record.period else "no period"
-            of = "i_e" if record.r is None else "i_e and r"
-            notes.append(f"{count} of {of} found: the noise ceiling needs 3, and is not estimated")
-        return replace(record, notes=(*record.notes, *notes))
-
-    def _with_reference(self, rig: Rig | None) -> Record:
-        """The same record as its rig's controller takes the reference; notes on one that does not act."""
-        if self.r is None or rig is None:
-            return self
-        where = str(self.path or self.name)
-        if not rig.controller.follows_reference:
-            is_alone = self.i_e is None or not np.any(np.ptp(self.i_e, axis=0))
-            if is_alone and np.any(np.ptp(self.r, axis=0)):
-                raise RecordError(
-                    f"{where}: the reference r drives this record, but the rig's controller acts on y alone; write "
-                    "reference = true in [controller]"
-                )
-            note = "r was recorded, but the rig's controller does not act on it (reference is not true): left out"
-            return replace(self, r=None, notes=(*self.notes, note))
-        if self.i_e is None and self.i_ref is None:
-            note = f"{NOT_LOGGED}: taken as zero, the reference r drives the loop"
-            return replace(self, i_e=np.zeros_like(self.y), notes=(*self.notes, note))
-        return self
-
 
 def _moves(signal: NDArray[np.float64]) -> bool:
     """Whether any axis of it changes."""
@@ -483,10 +417,3 @@ def _as_array(where: str, signal: str, values: ArrayLike) -> NDArray[np.float64]
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise RecordError(f"{where}: {signal} is not an array of real numbers ({error}); give N x axes") from None
-
-
-def _scaled(signals: Sequence[NDArray[np.float64] | None]) -> NDArray[np.float64]:
-    """Signals of several units beside each other, each over the largest rms of its axes."""
-    own = [s for s in signals if s is not None]
-    sizes = [float(s.std(axis=0).max()) for s in own]
-    return np.hstack([s / size for s, size in zip(own, sizes, strict=True) if size > 0.0] or own)

@@ -1,0 +1,129 @@
+"""What drives a record: the reference, the excitation, logged or rebuilt, its period, and what is mended by it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambid.errors import RecordError
+from ambid.record import checks
+from ambid.record.mending import mended_excitation, mended_outputs
+from ambid.record.period import find_period
+from ambid.record.rebuild import NOT_LOGGED, rebuild_excitation
+from ambid.rig import Rig
+
+__all__ = ["Driven", "driven"]
+
+SPENT = "i_c is left out: i_e was rebuilt from it and explains all of it, so that y alone is judged"
+"""Note on a record without periods whose i_e comes from i_c."""
+FEWEST = 3
+"""Periods that tell the noise by themselves."""
+
+Signals = dict[str, NDArray[np.float64]]
+"""What was recorded, by name."""
+
+
+class Driven(NamedTuple):
+    """The signals of a record once it is known what drives it, samples per period, and notes on both."""
+
+    signals: Signals
+    period: int | None
+    notes: list[str]
+
+
+def driven(
+    where: str, rig: Rig | None, axes: tuple[str, ...], sample_rate: float, logged: Signals, stated: int | None
+) -> Driven:
+    """Find what drives a record.
+
+    Parameters
+    ----------
+    where : str
+        For the messages.
+    rig : Rig, optional
+        Its controller rebuilds i_e where that was not logged.
+    axes : tuple of str
+    sample_rate : float
+        [Hz].
+    logged : dict
+        Arrays of shape (N, axes); they are not changed.
+    stated : int, optional
+        Samples per period, if it was stated.
+
+    Raises
+    ------
+    RecordError
+        If i_e cannot be rebuilt, nothing drives the loop, or the controller does not act on the reference that does.
+    """
+    signals, told = _with_reference(where, rig, logged)
+    period = stated
+    if "i_e" not in signals:
+        if rig is None:
+            return Driven(
+                signals, stated, [f"{NOT_LOGGED}: load the record with its rig, whose controller rebuilds it"]
+            )
+        i_e, period, note = rebuild_excitation(
+            rig,
+            sample_rate,
+            y=logged["y"],
+            i_ref=logged.get("i_ref"),
+            i_c=logged.get("i_c"),
+            r=logged.get("r"),
+            period=stated,
+            where=where,
+        )
+        signals, told = {**signals, "i_e": i_e}, [*told, note]
+        if "i_ref" not in logged and period is None:
+            signals.pop("i_c", None)
+            told.append(SPENT)
+    i_e, r = signals["i_e"], signals.get("r")
+    is_rebuilt = "i_e" not in logged and bool(np.any(i_e))
+    notes = checks.notes_on_excitation(where, axes, signals["y"], i_e, r)
+    if is_rebuilt and "i_ref" in signals:
+        notes += checks.notes_on_limits(axes, signals["i_ref"])
+    found = period if is_rebuilt else find_period(_scaled([i_e, r]))
+    what = "i_e repeats" if r is None else "what drives the loop repeats"
+    if stated and found and stated % found:
+        notes.append(f"a period of {stated} samples was stated, but {what} after {found}")
+    period = period or found
+    if found is None and "i_e" in logged and r is None:
+        signals, mended, more = mended_excitation(signals, axes)
+        period, notes = period or mended, [*notes, *more]
+    periods = len(signals["y"]) // period if period else 0
+    if period is not None and periods >= FEWEST:
+        mended_signals, more = mended_outputs(signals, axes, period)
+        signals, notes = mended_signals if more else signals, [*notes, *more]
+    if periods < FEWEST:
+        count = f"{periods} whole periods" if period else "no period"
+        of = "i_e" if r is None else "i_e and r"
+        notes.append(f"{count} of {of} found: the noise ceiling needs {FEWEST}, and is not estimated")
+    return Driven(signals, period, [*told, *notes])
+
+
+def _with_reference(where: str, rig: Rig | None, logged: Signals) -> tuple[Signals, list[str]]:
+    """The signals as the rig's controller takes the reference; notes on one that does not act."""
+    if "r" not in logged or rig is None:
+        return logged, []
+    if not rig.controller.follows_reference:
+        is_alone = "i_e" not in logged or not np.any(np.ptp(logged["i_e"], axis=0))
+        if is_alone and np.any(np.ptp(logged["r"], axis=0)):
+            raise RecordError(
+                f"{where}: the reference r drives this record, but the rig's controller acts on y alone; write "
+                "reference = true in [controller]"
+            )
+        note = "r was recorded, but the rig's controller does not act on it (reference is not true): left out"
+        return {name: own for name, own in logged.items() if name != "r"}, [note]
+    if "i_e" not in logged and "i_ref" not in logged:
+        note = f"{NOT_LOGGED}: taken as zero, the reference r drives the loop"
+        return {**logged, "i_e": np.zeros_like(logged["y"])}, [note]
+    return logged, []
+
+
+def _scaled(signals: Sequence[NDArray[np.float64] | None]) -> NDArray[np.float64]:
+    """Signals of several units beside each other, each over the largest rms of its axes."""
+    own = [s for s in signals if s is not None]
+    sizes = [float(s.std(axis=0).max()) for s in own]
+    return np.hstack([s / size for s, size in zip(own, sizes, strict=True) if size > 0.0] or own)
