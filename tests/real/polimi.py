@@ -8,7 +8,8 @@ The step of the PID gives K_i 0.77 with an interval of 2 %, that of the LQI 1.4 
 currents of both agree to 4 %, and the ratio K_s/K_i of each is that of its own holding currents. That of the PID is no
 better known for its interval: its misfit in motion bends it, and eq. 9 finds 0.86 in the same record. Of what might do
 so one thing is seen, currents that are read half a millisecond before the heights (`sampling_skew`), which leaves 1.3
-times the noise of 3.0; nothing that was tried moves K_i to the other value. The induced voltage is that of K_e = K_i.
+times the noise of 3.0; nothing that was tried moves K_i to the other value. The induced voltage that
+is found agrees with K_e = K_i.
 
 The records are from github.com/Bocchio01/062020-Lab-Mechatronics (MIT licence): INTECO MLS2EM, upper coil.
 """
