@@ -34,8 +34,9 @@ from ambid.checking.equations import (
 )
 from ambid.checking.instants import slips_of_clocks, slips_of_instants
 from ambid.checking.law import Law, find_laws
+from ambid.checking.path import path
 from ambid.checking.rig_slips import slips_of_rig
-from ambid.checking.soundness import PATH, SEVERITIES, Finding, LoopFigures, RecordFigures, Severity, Soundness
+from ambid.checking.soundness import SEVERITIES, Finding, LoopFigures, RecordFigures, Severity, Soundness
 from ambid.effects.slips import LEAST, MOST, ControllerGainError, ExcitationGainError
 from ambid.errors import RecordError
 from ambid.record import Record
@@ -49,10 +50,6 @@ ALIKE = 0.5
 """Correlation above which two signals have to do with each other."""
 NOMINAL = 0.8
 """Correlation with the nominal response from which on its size must be right; hidden lags of a sample leave 0.6."""
-PARTS = 8
-"""Of a record, whose means of y are held against each other."""
-MOVED = 2.0
-"""Standard deviations of y within a part by which its mean may move; an excitation moves it by less."""
 UNEXPLAINED = 0.4
 """Part of i_c, by rms, that the controller's equation may miss before a wrong column or excitation is sought."""
 SLIPS = (-1.0, 1e3, 1e-3, 1e6, 1e-6)
@@ -131,7 +128,7 @@ def _foreign(record: Record, rig: Rig) -> list[Finding]:
 def _record(record: Record, loop: NominalLoop) -> list[Finding]:
     lines = Lines.of(record)
     found = [Finding("warning", record.name, note, "noted on loading; see that it is meant") for note in record.notes]
-    found += [*_travel(record, loop.rig), *_path(record), *_periods(record), *slips_of_clocks(record)]
+    found += [*_travel(record, loop.rig), *path(record), *_periods(record), *slips_of_clocks(record)]
     if record.is_free_response:
         return found
     if not len(lines.index):
@@ -175,20 +172,6 @@ def _travel(record: Record, rig: Rig) -> list[Finding]:
         todo = "excite less, or check bias_current"
         found.append(Finding("warning", f"{record.name}: i_c.{record.axes[j]}", what, todo))
     return found
-
-
-def _path(record: Record) -> list[Finding]:
-    """The mean of y stays where it is: a set-point, speed or load that moves it makes other operating points of it."""
-    parts = np.array([part.mean(axis=0) for part in np.array_split(record.y, PARTS)])
-    within = np.mean([part.std(axis=0) for part in np.array_split(record.y, PARTS)], axis=0)
-    far = np.ptp(parts, axis=0)
-    j = int(np.argmax(far / within))
-    if far[j] < MOVED * within[j]:
-        return []
-    what = f"y.{record.axes[j]} moves by {1e6 * far[j]:.3g} um from part to part: "
-    what += "the record passes through operating points, which is no drift of the machine, but hides what is missing"
-    todo = "cut it where it stands (Record.rows), and give each part the rig of its operating point"
-    return [Finding("warning", f"{record.name}: {PATH}", what, todo)]
 
 
 def _periods(record: Record) -> list[Finding]:

@@ -102,11 +102,13 @@ def identify_command(
 
 
 def _slips(machine: ambid.Rig, loaded: list[ambid.Record], estimate: ambid.Estimate) -> list[str]:
-    """What `check` finds where the misfit is above its bound: dirt on a record looks like missing physics."""
+    """What `check` finds where the misfit is above its bound: dirt on a record looks like missing physics.
+
+    Operating points that a record passes through are told in any case: they hide what is missing.
+    """
+    told, findings = set(estimate.notes), ambid.check(machine, loaded).findings
     if estimate.is_adequate or not estimate.comparison.is_judged:
-        return []
-    told = set(estimate.notes)
-    findings = ambid.check(machine, loaded).findings
+        findings = tuple(found for found in findings if found.is_of_path)
     return [
         f"{found.severity}: {found.where}: {found.what}; {found.todo}"
         for found in findings
