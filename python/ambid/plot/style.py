@@ -24,9 +24,9 @@ FORMATS = (".png", ".pdf", ".svg")
 UNITS = {"m": (1e6, "µm"), "A": (1e3, "mA"), "m/s": (1e3, "mm/s")}
 
 
-def shown_in(unit: str) -> tuple[float, str]:
-    """Factor and name of the unit in which an SI unit is drawn."""
-    return UNITS.get(unit, (1.0, unit))
+def shown_in(unit: str, largest: float = 0.0) -> tuple[float, str]:
+    """Factor and name of the unit in which an SI unit is drawn; currents of 1 A and more in amperes."""
+    return (1.0, unit) if unit == "A" and largest >= 1.0 else UNITS.get(unit, (1.0, unit))
 
 
 def misfit_text(value: float) -> str:
