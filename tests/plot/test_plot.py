@@ -195,17 +195,29 @@ def test_staircase_holds_the_ledger(demo_record, demo_estimate):
         plot_staircase(SimpleNamespace(history=[], records=(), verdict="not_informative"))
 
 
-def test_needed_signal_of_a_port():
+def test_needed_signal_of_a_port_as_means_over_bins():
     given = axes(1, 3)
     port = localisation().ports[0]
     assert list(plot_needed(port, given, axes=["A", "B"])) == list(given)
-    dots = given[0].lines[0]
-    x, y = (np.asarray(values) for values in dots.get_data())
-    np.testing.assert_allclose(y, 1e15 * (1e-6 * x) ** 3)
-    assert len({line.get_marker() for line in given[0].lines[:2]}) == 2
+    lines = {line.get_label(): line for line in given[0].lines}
+    x, y = lines["A"].get_data()
+    order = np.argsort(port.against["s"][:, 0])
+    parts = np.array_split(order, len(x))
+    np.testing.assert_allclose(x, [1e6 * port.against["s"][own, 0].mean() for own in parts])
+    np.testing.assert_allclose(y, [port.needed[own, 0].mean() for own in parts])
+    assert lines["A"].get_marker() != lines["B"].get_marker()
+    assert [len(ax.collections) for ax in given] == [1, 1, 1]
     labels = [{line.get_label() for line in ax.lines} for ax in given]
     assert "s^3, less its line" in labels[0]
     assert not any("s^3, less its line" in own for own in labels[1:])
+
+
+def test_a_shape_that_explains_less_than_half_is_not_drawn_nor_a_port():
+    port = localisation().ports[0]
+    weak = replace(port, terms=(replace(port.terms[0], share=0.4),))
+    assert not any("s^3" in line.get_label() for line in plot_needed(weak)[0].lines)
+    with pytest.raises(InputError, match="a force explains 40 % of the excess misfit"):
+        plot_needed(replace(port, share=0.4))
 
 
 def test_a_shape_over_the_other_axis_gets_a_panel_of_its_own():
@@ -216,18 +228,19 @@ def test_a_shape_over_the_other_axis_gets_a_panel_of_its_own():
     plot_needed(replace(port, needed=other, terms=(term,)), given)
     assert "other axis" in given[2].get_xlabel()
     for line in given[2].lines[:2]:
-        x, y = (np.asarray(values) for values in line.get_data())
+        x, y = line.get_data()
         np.testing.assert_allclose(y, 3e6 * 1e-6 * x)
 
 
 def test_only_bands_with_something_to_see_are_drawn():
     found = localisation()
-    ax = plot_needed(found)[0]
-    lines = int(5000 / 10) + 1
-    spectrum = np.fft.rfft(found.ports[0].needed[:, 0])
-    spectrum[100:lines] = 0.0  # from 1000 Hz on the map shows noise alone, and from 100 to 1000 Hz enough
-    expected = set(np.round(np.fft.irfft(spectrum), 9))
-    assert set(np.round(ax.lines[0].get_ydata(), 9)) <= expected
+    port = found.ports[0]
+    spectrum = np.fft.rfft(port.needed, axis=0)
+    spectrum[100:501] = 0.0  # from 1000 Hz on the map shows noise alone, and from 100 to 1000 Hz enough
+    seen = np.fft.irfft(spectrum, axis=0)
+    drawn = plot_needed(found)[0].lines[0].get_ydata()
+    np.testing.assert_allclose(drawn, plot_needed(replace(port, needed=seen))[0].lines[0].get_ydata(), atol=1e-9)
+    assert np.abs(drawn - plot_needed(port)[0].lines[0].get_ydata()).max() > 1e-3
     with pytest.raises(InputError, match="no port"):
         plot_needed(localisation(ports=()))
 

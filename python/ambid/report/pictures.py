@@ -21,7 +21,7 @@ from ambid.plot import (
     plot_staircase,
     worst_stretch,
 )
-from ambid.plot.needed import SEEN
+from ambid.plot.needed import HALF, SEEN
 from ambid.plot.signals import legend
 from ambid.plot.style import LABEL, new_figure
 from ambid.record import FrequencyResponse
@@ -106,6 +106,8 @@ def needed(where: Localisation, axes: tuple[str, ...]) -> Picture | None:
     if not where.ports or not len(where.ports[0].needed) or np.nanmax(where.maps[where.worst].misfit) <= SEEN:
         return None
     port = where.ports[0]
+    if port.share < HALF:
+        return None
     best = port.terms[0] if port.terms else None
     if best is None:
         shape = "No simple shape is tried at this port."
