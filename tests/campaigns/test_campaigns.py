@@ -1,18 +1,19 @@
 """A campaign over bias currents: what is found, how it is laid out, drawn and printed, and what is refused."""
 
+import csv
 import json
 import shutil
 
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 import ambid
 from ambid.campaigns import campaign
 from ambid.errors import InputError, RecordError, RigError, Stopped, UnstableLoopError
 from ambid.excitation import prbs
-from ambid.plot.force_current import plot_campaign, save_campaign
+from ambid.plot import plot_campaign, save_campaign
 from ambid.rig import Rig
 from places import BENCH
 from reference.static_loads import CROSS, reactions
@@ -107,21 +108,66 @@ def test_json_and_tables(found, template):
     lines = repr(found).splitlines()
     k_i = found.points[1].force_current("static", "B_eta")
     assert any(line.split()[:3] == ["10A", "B_eta", "10"] and f"{k_i.value:.2f} [" in line for line in lines)
-    assert sum(line.split()[:1] == ["6A"] for line in lines) == 4 + 8 + 2
+    assert sum(line.split()[:1] == ["6A"] for line in lines) == 4 + 2 + 2
     assert "forces: f = K_i i + K_s s, K_s > 0 destabilises" in lines
 
 
-def test_picture(found, tmp_path):
-    ax = plot_campaign(found)
-    assert isinstance(ax, Axes)
-    assert len(ax.containers) == 4 * 3
-    assert ax.containers[0].has_yerr
-    drawn = {text.get_text() for text in ax.get_legend().get_texts()}
-    assert {"A_zeta, prbs_small", "B_eta, static loading"} <= drawn
-    assert plot_campaign(found, ax) is ax
-    assert imread(save_campaign(found, tmp_path / "k_i.png")).shape[0] > 300
+def test_pictures_of_two_methods_a_panel_for_each_axis(found, tmp_path):
+    panels = plot_campaign(found)
+    assert [panel.get_title(loc="left") for panel in panels] == [f"K_i.{axis}" for axis in found.axes]
+    static = panels[3].containers[2]
+    assert static.has_yerr
+    assert static.get_label() == "static loading"
+    k_i = [point.force_current("static", "B_eta") for point in found.points]
+    np.testing.assert_allclose(static.lines[0].get_ydata(), [p.value for p in k_i])
+    strip = panels[3].figure.axes[7]
+    assert strip.get_ylabel() == "off their mean [%]"
+    low = strip.containers[2].lines[2][0].get_segments()[0][0, 1]
+    means = np.mean([found.points[0].force_current(method, "B_eta").value for method in found.methods])
+    assert low == pytest.approx(100.0 * (k_i[0].ci95[0] / means - 1.0))
+    styles = {(c.lines[0].get_marker(), str(c.lines[0].get_linestyle())) for c in panels[0].containers}
+    assert len(styles) == 3
+
+
+def test_other_quantities_are_drawn_and_the_axes_that_are_given_are_used(found, tmp_path):
+    (given,) = Figure().subplots(1, 1, squeeze=False).ravel()
+    assert list(plot_campaign(found, "tau_e", [given])) == [given]
+    tau_e = found.points[0].runs[0].joint.parameters["tau_e"].value
+    assert given.containers[0].lines[0].get_ydata()[0] == pytest.approx(1e6 * tau_e)
+    assert given.get_ylabel() == "[µs]"
+    files = save_campaign(found, tmp_path / "bench.png")
+    assert [file.name for file in files] == ["bench.png", "bench_K_s.png", "bench_tau_e.png"]
+    assert all(imread(file).shape[0] > 300 for file in files)
+    for quantity, ax, said in (("K_x", None, "expected one of K_i, K_s, tau_e"), ("K_s", [given], "1 axes for 4")):
+        with pytest.raises(InputError, match=said):
+            plot_campaign(found, quantity, ax)
     with pytest.raises(InputError, match=r"k_i\.bmp"):
         save_campaign(found, tmp_path / "k_i.bmp")
+
+
+def test_tables_as_csv_and_for_latex(found, tmp_path):
+    k_i, k_s, tau_e = found.save_tables(tmp_path / "bench.csv")
+    rows = list(csv.reader(k_s.open()))
+    assert rows[0][:5] == ["folder", "records", "i0 [A]", "A_zeta", "RSD %"]
+    assert float(rows[1][3]) == pytest.approx(found.points[0].runs[0].joint.parameters["K_s.A_zeta"].value, rel=1e-4)
+    assert len(rows) == 1 + 4
+    assert len(list(csv.reader(k_i.open()))) == 1 + 8
+    assert len(list(csv.reader(tau_e.open()))) == 1 + 4
+    *_, latex = found.save_tables(tmp_path / "bench.tex")
+    text = latex.read_text()
+    assert r"$\tau_e$ & RSD \%" in text
+    assert r"prbs\_large" in text
+    assert text.count("tabular") == 2
+    with pytest.raises(InputError, match=r"bench\.xls: the suffix is \.xls; expected \.csv or \.tex"):
+        found.save_tables(tmp_path / "bench.xls")
+
+
+def test_deflection_is_taken_in_by_static_loading(found, template):
+    bent = campaign(template, deflection=True)
+    for own, other in zip(found.points, bent.points, strict=True):
+        k_i = [point.force_current("static", "A_zeta").value for point in (own, other)]
+        assert 1e-4 < abs(k_i[1] / k_i[0] - 1.0) < 0.05
+        assert own.force_current("prbs_small", "A_zeta").value == other.force_current("prbs_small", "A_zeta").value
 
 
 def test_what_is_missing_is_said(broken):

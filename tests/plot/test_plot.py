@@ -25,8 +25,7 @@ from ambid.plot import (
     save_comparison,
     worst_stretch,
 )
-from ambid.plot.ranking import needed_score
-from ambid.plot.style import GUIDE
+from ambid.plot.style import GUIDE, shown_in
 from places import LEVITATOR
 
 
@@ -86,6 +85,19 @@ def test_signals_are_those_of_the_record_and_the_model(comparison):
     assert above.get_title(loc="left").startswith("y.A_eta: fit 9")
 
 
+def test_before_and_after_share_a_scale_and_large_currents_are_amperes(comparison):
+    wrong = comparison.model.with_values({"K_i.A_zeta": 250.0})
+    above, below = plot_comparison(comparison, 0, "i_c.A_zeta", before=wrong)
+    lines = {line.get_label(): line for line in below.lines}
+    assert np.ptp(lines["residual before"].get_ydata()) > np.ptp(lines["residual"].get_ydata())
+    assert "simulated before" in {line.get_label() for line in above.lines}
+    assert above.get_title(loc="right").endswith("where i_c.A_zeta is missed most")
+    assert shown_in("A", 0.9) == (1e3, "mA")
+    assert shown_in("A", 1.0) == (1.0, "A")
+    with pytest.raises(InputError, match="stretch 2 to 1 s"):
+        plot_comparison(comparison, stretch=(2.0, 1.0))
+
+
 def test_a_model_and_a_record_will_do_and_axes_are_used(demo_estimate, demo_record):
     given = axes(2)
     found = plot_comparison((demo_estimate.model, demo_record), ax=given)
@@ -114,58 +126,59 @@ def test_saved_pictures_and_refused_suffix(comparison, tmp_path):
         save_comparison(comparison, tmp_path / "a.xyz")
 
 
-def test_misfit_map_holds_the_table():
+def test_misfit_map_holds_the_table_and_greys_what_chance_may_bring():
     (given,) = axes()
     found = localisation()
     assert plot_misfit_map(found, ax=given) is given
-    np.testing.assert_array_equal(given.collections[0].get_array(), np.ma.masked_invalid(found.maps[0].misfit))
+    told = np.ma.masked_where(~(found.maps[0].misfit > 2.0), found.maps[0].misfit)
+    np.testing.assert_array_equal(given.collections[0].get_array(), told)
     assert [text.get_text() for text in given.texts] == ["200", "3000", "no line", "50", "1.0", "1.2"]
+    assert len({text.get_color() for text in given.texts[2:3] + given.texts[4:]}) == 1
+    assert given.texts[4].get_color() != given.texts[0].get_color()
     assert [label.get_text() for label in given.get_xticklabels()] == ["y.A_zeta", "y.A_eta"]
+    assert plot_misfit_map(found.maps, largest=1e6).collections[0].norm.vmax == 1e6
     with pytest.raises(InputError, match="record = 1"):
         plot_misfit_map(found, 1)
 
 
-def test_ranking_bars_are_the_scores():
+def test_ranking_goes_from_now_to_what_each_candidate_predicts():
     (given,) = axes()
-    assert plot_ranking(ranking(), given) is given
+    found = ranking()
+    assert plot_ranking(found, given) is given
     bars = given.patches
-    assert [bar.get_width() for bar in bars] == [1000.0, 900.0, 2.0]
-    assert [bar.get_hatch() for bar in bars] == [None, "////", None]
+    assert [bar.get_x() + bar.get_width() for bar in bars] == pytest.approx([5.0, 5.0, 5.0])
+    assert [bar.get_x() for bar in bars] == pytest.approx([c.predicted_misfit for c in found.candidates])
+    dots = [line for line in given.lines if line.get_marker() == "o"]
+    assert [dot.get_markerfacecolor() == "white" for dot in dots] == [False, True, False]
     assert bars[2].get_facecolor() != bars[1].get_facecolor()
     assert [label.get_text() for label in given.get_yticklabels()] == ["first", "twin", "noise"]
-    assert {"1.00", "1.50"} <= {text.get_text() for text in given.texts}
+    assert {"1.00", "1.50", "100.0 %", "88 %"} <= {text.get_text() for text in given.texts}
 
 
-def test_the_significance_tick_agrees_with_the_ranking():
-    found = ranking()
-    for one in found.candidates:
-        assert (one.score > needed_score(one, found)) == (one in found.significant)
-    for score, more, is_significant in (
-        (15.5, {}, True),
-        (15.5, {"variants": 100}, False),
-        (15.5, {"variants": 100, "one_sided": 1}, True),
-        (6.7, {"one_sided": 1}, True),
-        (6.7, {"one_sided": 1, "spread": 1.3}, False),
-    ):
-        alone = Ranking((candidate("alone", score, 1, **more),), 2.0, {})
-        assert bool(alone.significant) is is_significant
-        assert (needed_score(alone.candidates[0], alone) < score) is is_significant
+def test_a_p_value_that_no_number_holds_is_not_told_as_one():
+    large, small = candidate("large", 1e6, 1), candidate("small", 20.0, 1)
+    assert large.p_text == "< 1e-300"
+    assert float(small.p_text) == pytest.approx(small.p_value, rel=0.1)
+    assert "< 1e-300" in repr(Ranking((large, small), 5.0, {}))
 
 
 def test_an_empty_ranking_is_drawn_empty():
     assert not plot_ranking(Ranking((), 1.0, {})).patches
 
 
-def test_staircase_holds_the_ledger(demo_record):
+def test_staircase_holds_the_ledger(demo_record, demo_estimate):
+    model = demo_estimate.model
+    before = model.with_values({"tau_e": 1.1 * model.theta[-1]})
     steps = [
         SimpleNamespace(effects=(), change="base model", misfit=50.0, validation_misfit=40.0, predicted_misfit=None),
         SimpleNamespace(effects=("seal",), change="+ seal", misfit=1.0, validation_misfit=1.1, predicted_misfit=1.5),
     ]
-    for step, fit in zip(steps, (90.0, 95.0), strict=True):
-        step.fit_percent = step.validation_fit_percent = {"average": fit}
+    for step, fit, own in zip(steps, (90.0, 95.0), (before, model), strict=True):
+        step.fit_percent, step.model = {"average": fit}, own
     given = axes(1, 2)
-    fit = SimpleNamespace(noise_ceiling_percent={"average": 96.5})
-    diagnosis = SimpleNamespace(history=steps, records=(demo_record,), verdict="explained", fit=fit)
+    diagnosis = SimpleNamespace(
+        history=steps, verdict="explained", model=model, parameters=demo_estimate.parameters, records=(demo_record,)
+    )
     left, right = plot_staircase(diagnosis, given)
     assert [left, right] == list(given)
     lines = {line.get_label(): list(line.get_ydata()) for line in left.lines}
@@ -173,23 +186,41 @@ def test_staircase_holds_the_ledger(demo_record):
     assert lines["validation"] == [40.0, 1.1]
     assert lines["predicted by the ranking"] == [1.5]
     assert lines["noise alone"] == [1.0, 1.0]
-    assert [label.get_text() for label in left.get_xticklabels()] == ["base model", "+ seal"]
-    assert right.lines[-1].get_ydata()[0] == pytest.approx(3.5)
+    assert [label.get_text() for label in left.get_xticklabels()] == [
+        "base model\nfit of y 90.00 %",
+        "+ seal\nfit of y 95.00 %",
+    ]
+    assert [label.get_text() for label in right.get_yticklabels()] == list(model.names)
+    moved = [container.lines[0].get_xdata()[0] for container in right.containers]
+    assert moved[-1] == pytest.approx(100.0 * (1.0 / 1.1 - 1.0))
+    assert moved[:-1] == pytest.approx([0.0] * 8)
     with pytest.raises(InputError, match="not_informative"):
         plot_staircase(SimpleNamespace(history=[], records=(), verdict="not_informative"))
 
 
-def test_needed_signal_of_a_port():
+def test_needed_signal_of_a_port_as_means_over_bins():
     given = axes(1, 3)
     port = localisation().ports[0]
     assert list(plot_needed(port, given, axes=["A", "B"])) == list(given)
-    dots = given[0].lines[0]
-    x, y = (np.asarray(values) for values in dots.get_data())
-    np.testing.assert_allclose(y, 1e15 * (1e-6 * x) ** 3)
-    assert len({line.get_marker() for line in given[0].lines[:2]}) == 2
+    lines = {line.get_label(): line for line in given[0].lines}
+    x, y = lines["A"].get_data()
+    order = np.argsort(port.against["s"][:, 0])
+    parts = np.array_split(order, len(x))
+    np.testing.assert_allclose(x, [1e6 * port.against["s"][own, 0].mean() for own in parts])
+    np.testing.assert_allclose(y, [port.needed[own, 0].mean() for own in parts])
+    assert lines["A"].get_marker() != lines["B"].get_marker()
+    assert [len(ax.collections) for ax in given] == [1, 1, 1]
     labels = [{line.get_label() for line in ax.lines} for ax in given]
     assert "s^3, less its line" in labels[0]
     assert not any("s^3, less its line" in own for own in labels[1:])
+
+
+def test_a_shape_that_explains_less_than_half_is_not_drawn_nor_a_port():
+    port = localisation().ports[0]
+    weak = replace(port, terms=(replace(port.terms[0], share=0.4),))
+    assert not any("s^3" in line.get_label() for line in plot_needed(weak)[0].lines)
+    with pytest.raises(InputError, match="a force explains 40 % of the excess misfit"):
+        plot_needed(replace(port, share=0.4))
 
 
 def test_a_shape_over_the_other_axis_gets_a_panel_of_its_own():
@@ -200,18 +231,19 @@ def test_a_shape_over_the_other_axis_gets_a_panel_of_its_own():
     plot_needed(replace(port, needed=other, terms=(term,)), given)
     assert "other axis" in given[2].get_xlabel()
     for line in given[2].lines[:2]:
-        x, y = (np.asarray(values) for values in line.get_data())
+        x, y = line.get_data()
         np.testing.assert_allclose(y, 3e6 * 1e-6 * x)
 
 
 def test_only_bands_with_something_to_see_are_drawn():
     found = localisation()
-    ax = plot_needed(found)[0]
-    lines = int(5000 / 10) + 1
-    spectrum = np.fft.rfft(found.ports[0].needed[:, 0])
-    spectrum[100:lines] = 0.0  # from 1000 Hz on the map shows noise alone, and from 100 to 1000 Hz enough
-    expected = set(np.round(np.fft.irfft(spectrum), 9))
-    assert set(np.round(ax.lines[0].get_ydata(), 9)) <= expected
+    port = found.ports[0]
+    spectrum = np.fft.rfft(port.needed, axis=0)
+    spectrum[100:501] = 0.0  # from 1000 Hz on the map shows noise alone, and from 100 to 1000 Hz enough
+    seen = np.fft.irfft(spectrum, axis=0)
+    drawn = plot_needed(found)[0].lines[0].get_ydata()
+    np.testing.assert_allclose(drawn, plot_needed(replace(port, needed=seen))[0].lines[0].get_ydata(), atol=1e-9)
+    assert np.abs(drawn - plot_needed(port)[0].lines[0].get_ydata()).max() > 1e-3
     with pytest.raises(InputError, match="no port"):
         plot_needed(localisation(ports=()))
 

@@ -18,7 +18,9 @@ __all__ = ["campaign"]
 
 
 @with_one_blas_thread
-def campaign(folder: str | Path, *, progress: Callable[[int, int, str], None] | None = None) -> Campaign:
+def campaign(
+    folder: str | Path, *, deflection: bool = False, progress: Callable[[int, int, str], None] | None = None
+) -> Campaign:
     """Identify the bench at every bias current, and hold K_i against static loading (Fig. 4, Tables 2 and 3).
 
     Every record is identified by itself, for the scatter over the runs, and all records of one kind jointly, for the
@@ -30,6 +32,8 @@ def campaign(folder: str | Path, *, progress: Callable[[int, int, str], None] | 
         Holds one folder per bias current, each with ``rig.toml``, records named ``<kind>_<N>`` such as
         ``prbs_small_1.mat`` in any format that `Record.load` reads, and static loadings ``static_<N>.csv``. Hidden
         files, and those with other suffixes, are not looked at.
+    deflection : bool
+        Whether static loading takes in K_s s of the bent rotor, as `static_load` does.
     progress : callable, optional
         Called before each step with the number of steps done, their total, and what is next.
 
@@ -63,7 +67,7 @@ def campaign(folder: str | Path, *, progress: Callable[[int, int, str], None] | 
         for kind, records in content.records.items():
             single = tuple(fit(content.rig, [record], content.folder / record.name) for record in records)
             runs.append(Runs(kind, fit(single[0].model, records, content.folder / kind), single))
-        static = static_load(content.rig, content.loadings) if content.loadings else None
+        static = static_load(content.rig, content.loadings, deflection=deflection) if content.loadings else None
         return BiasPoint(content.folder, content.rig, tuple(runs), static)
 
     points: list[BiasPoint] = []

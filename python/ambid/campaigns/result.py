@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ambid.campaigns.tables import Table, save_tables
 from ambid.identification import Estimate, ParameterEstimate, StaticEstimate
+from ambid.results import picture
 from ambid.rig import Rig
 
 __all__ = ["BiasPoint", "Campaign", "Runs"]
@@ -167,53 +169,81 @@ class Campaign:
             "notes": list(self.notes),
         }
 
+    @property
+    def tables(self) -> tuple[Table, ...]:
+        """K_i by every method, K_s with its scatter, tau_e with its scatter and the fit (Tables 2 and 3)."""
+        return _force_current(self), _force_displacement(self), _lag(self)
+
+    def save_tables(self, path: str | Path) -> list[Path]:
+        """Write the tables, a file each, such as ``bench_K_s.csv`` for ``bench.csv``; or .tex.
+
+        Raises
+        ------
+        InputError
+            If the suffix is neither .csv nor .tex.
+        """
+        return save_tables(self.tables, path)
+
+    plot = picture("plot_campaign")
+
     def __repr__(self) -> str:
-        lines = ["K_i [N/A] with 95 % interval, by closed-loop identification and by static loading", *self._k_i(), ""]
-        lines += ["K_s [N/m] and its relative standard deviation over the runs", *self._k_s(), ""]
-        lines += ["tau_e and its relative standard deviation over the runs; average fit of y", *self._tau_e(), ""]
+        lines = [line for table in self.tables for line in (*table.lines(), "")]
         lines += ["forces: f = K_i i + K_s s, K_s > 0 destabilises"]
         lines += [f"note: {point.folder.name}: {note}" for point in self.points for note in point.notes]
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
 
-    def _k_i(self) -> list[str]:
-        rows = [
-            [*_place(point, axis), *(_interval(point.force_current(method, axis)) for method in self.methods)]
-            for point in self.points
-            for axis in self.axes
-        ]
-        return _table(["folder", "axis", "i0 [A]", *self.methods], rows)
 
-    def _k_s(self) -> list[str]:
-        rows = [
-            [*_place(point, axis), runs.kind, *_over_runs(runs, f"K_s.{axis}")]
-            for point in self.points
-            for axis in self.axes
-            for runs in point.runs
-        ]
-        return _table(["folder", "axis", "i0 [A]", "records", "K_s [N/m]", "RSD %"], rows)
-
-    def _tau_e(self) -> list[str]:
-        rows = [
-            [
-                point.folder.name,
-                runs.kind,
-                *_over_runs(runs, "tau_e"),
-                f"{runs.joint.fit_percent['average']:.2f}",
-                f"{runs.joint.noise_ceiling_percent['average']:.2f}",
-            ]
-            for point in self.points
-            for runs in point.runs
-        ]
-        return _table(["folder", "records", "tau_e [s]", "RSD %", "fit %", "noise ceiling %"], rows)
+def _force_current(campaign: Campaign) -> Table:
+    rows = tuple(
+        (
+            point.folder.name,
+            axis,
+            f"{point.bias_current(axis):g}",
+            *(_interval(point.force_current(method, axis)) for method in campaign.methods),
+        )
+        for point in campaign.points
+        for axis in campaign.axes
+    )
+    title = "K_i [N/A] with 95 % interval, by closed-loop identification and by static loading"
+    return Table("K_i", title, ("folder", "axis", "i0 [A]", *campaign.methods), rows)
 
 
-def _place(point: BiasPoint, axis: str) -> list[str]:
-    return [point.folder.name, axis, f"{point.bias_current(axis):g}"]
+def _force_displacement(campaign: Campaign) -> Table:
+    rows = []
+    for point in campaign.points:
+        for runs in point.runs:
+            cells = [cell for axis in campaign.axes for cell in _over_runs(runs, f"K_s.{axis}")]
+            rows.append((point.folder.name, runs.kind, _bias(point, campaign), *cells))
+    heading = [name for axis in campaign.axes for name in (axis, "RSD %")]
+    title = "K_s [N/m] and its relative standard deviation over the runs, by axis"
+    return Table("K_s", title, ("folder", "records", "i0 [A]", *heading), tuple(rows))
 
 
-def _over_runs(runs: Runs, name: str) -> list[str]:
+def _lag(campaign: Campaign) -> Table:
+    rows = tuple(
+        (
+            point.folder.name,
+            runs.kind,
+            _bias(point, campaign),
+            *_over_runs(runs, "tau_e"),
+            f"{runs.joint.fit_percent['average']:.2f}",
+            f"{runs.joint.noise_ceiling_percent['average']:.2f}",
+        )
+        for point in campaign.points
+        for runs in point.runs
+    )
+    title = "tau_e [s] and its relative standard deviation over the runs; average fit of y"
+    return Table("tau_e", title, ("folder", "records", "i0 [A]", "tau_e", "RSD %", "fit %", "noise ceiling %"), rows)
+
+
+def _bias(point: BiasPoint, campaign: Campaign) -> str:
+    """Bias currents of all bearings, one number where they are the same."""
+    return " / ".join(dict.fromkeys(f"{point.bias_current(axis):g}" for axis in campaign.axes))
+
+
+def _over_runs(runs: Runs, name: str) -> tuple[str, str]:
     value, rsd = runs.joint.parameters[name].value, runs.rsd_percent(name)
-    return ["not identifiable" if value is None else f"{value:.5g}", "-" if rsd is None else f"{rsd:.2f}"]
+    return "not identifiable" if value is None else f"{value:.5g}", "-" if rsd is None else f"{rsd:.2f}"
 
 
 def _interval(p: ParameterEstimate | None) -> str:
@@ -222,12 +252,3 @@ def _interval(p: ParameterEstimate | None) -> str:
     if p.value is None or p.ci95 is None:
         return "not identifiable"
     return f"{p.value:.2f} [{p.ci95[0]:.2f}, {p.ci95[1]:.2f}]"
-
-
-def _table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of a table; its columns are as wide as they need to be."""
-    widths = [max(map(len, column)) for column in zip(heading, *rows, strict=True)]
-    lines = [
-        "  ".join(f"{cell:>{width}s}" for cell, width in zip(row, widths, strict=True)) for row in (heading, *rows)
-    ]
-    return [lines[0], "-" * len(lines[0]), *lines[1:]]

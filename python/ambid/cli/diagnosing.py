@@ -14,6 +14,7 @@ import ambid
 from ambid.cli.files import in_time, load_model, load_records
 from ambid.cli.options import (
     Allow,
+    Before,
     Columns,
     JsonFile,
     ModelFile,
@@ -26,6 +27,7 @@ from ambid.cli.options import (
     Validation,
     known_effects,
     names,
+    span,
 )
 from ambid.cli.outputs import Files, conclude, drawn, pictures, require_outputs, saved
 from ambid.cli.signals import exit_code, stoppable
@@ -67,13 +69,18 @@ def compare_command(
     columns: Columns = [],  # noqa: B006
     sample_rate: SampleRate = None,
     allow: Allow = [],  # noqa: B006
+    before: Before = None,
+    stretch: Annotated[
+        str | None, typer.Option(metavar="FROM:TO", help="What to draw [s]; default: where the model misses most.")
+    ] = None,
     json_file: JsonFile = None,
     plot: PlotFile = None,
     quiet: Quiet = False,
 ) -> None:
     """Show where and by how much the model misses the measurement; nothing is fitted."""
     outputs = {"--json": json_file, "--plot": pictures(plot, records)}
-    start, loaded = _opened(rig, records, model, period, columns, sample_rate, allow, outputs)
+    shown = None if stretch is None else span("--stretch", stretch, "0.5:0.56")
+    start, loaded = _opened(rig, records, model, period, columns, sample_rate, allow, outputs, before)
     with stoppable():
         comparison = ambid.compare(start, loaded)
         where, matrices = _where(comparison), ambid.misfit_matrix(comparison) if comparison.is_judged else ()
@@ -83,7 +90,14 @@ def compare_command(
         "matrix": [own.to_json() for own in matrices],
     }
     text = "\n".join([repr(comparison), *largest])
-    conclude(text, data, json_file, quiet, lambda: ambid.plot.save_comparison(comparison, plot) if plot else ())
+
+    def drawing() -> Sequence[Path]:
+        if plot is None:
+            return ()
+        earlier = None if before is None else load_model(start.rig, before).covering(loaded)
+        return ambid.plot.save_comparison(comparison, plot, stretch=shown, before=earlier)
+
+    conclude(text, data, json_file, quiet, drawing)
 
 
 def rank_command(
@@ -208,9 +222,10 @@ def _opened(
     sample_rate: float | None,
     allow: list[str],
     outputs: Files,
+    before: Path | None = None,
 ) -> tuple[ambid.Model, list[ambid.Record | ambid.FrequencyResponse]]:
     """Model and records of a command, once it is known that its outputs can be written."""
-    require_outputs({"RIG": rig, "RECORD": records, "--model": model}, outputs)
+    require_outputs({"RIG": rig, "RECORD": records, "--model": model, "--before": before}, outputs)
     machine = ambid.Rig.load(rig)
     return load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
 

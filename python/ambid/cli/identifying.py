@@ -33,6 +33,8 @@ from ambid.errors import Stopped
 
 UNFINISHED = ("not_identifiable", "max_evaluations")
 
+Deflection = Annotated[bool, typer.Option("--deflection", help="Take in K_s s of the bent rotor.")]
+
 
 def identify_command(
     rig: RigFile,
@@ -127,7 +129,7 @@ def _weights(texts: list[str]) -> str | dict[str, float]:
 def static_load_command(
     rig: RigFile,
     loads: Annotated[list[Path], typer.Argument(metavar="LOADS...", help="Static loadings (.csv).")],
-    deflection: Annotated[bool, typer.Option("--deflection", help="Take in K_s s of the bent rotor.")] = False,
+    deflection: Deflection = False,
     json_file: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
@@ -145,18 +147,32 @@ def campaign_command(
         Path,
         typer.Argument(metavar="DIR", help="One folder per bias current: rig.toml, <kind>_<N>.mat, static_<N>.csv."),
     ],
+    deflection: Deflection = False,
     json_file: JsonFile = None,
-    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw K_i against bias current.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw K_i, K_s and tau_e against bias current, a file each.")
+    ] = None,
+    table: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the tables, a file each (.csv, .tex).")
+    ] = None,
     quiet: Quiet = False,
 ) -> None:
     """Find K_i by both methods, K_s and tau_e at every bias current of a campaign."""
-    ambid.plot.check_format(plot)
-    require_outputs({}, {"--json": json_file, "--plot": plot})
+    from ambid.campaigns.tables import table_files  # not at the top: --help need not open that room
+
+    outputs = {
+        "--json": json_file,
+        "--plot": [] if plot is None else ambid.plot.campaign_files(plot),
+        "--table": [] if table is None else table_files(table),
+    }
+    require_outputs({}, outputs)
     is_stopped = False
     with stoppable(), progress(quiet, "campaign") as report:
         try:
             found = ambid.campaign(
-                folder, progress=lambda done, total, where: report(f"{done} of {total} done, now {where}")
+                folder,
+                deflection=deflection,
+                progress=lambda done, total, where: report(f"{done} of {total} done, now {where}"),
             )
         except Stopped as stopped:
             if not isinstance(stopped.result, ambid.Campaign):
@@ -167,7 +183,8 @@ def campaign_command(
         found.to_json(),
         json_file,
         quiet,
-        lambda: () if plot is None else [ambid.plot.save_campaign(found, plot)],
+        lambda: () if plot is None else ambid.plot.save_campaign(found, plot),
+        lambda: () if table is None else found.save_tables(table),
     )
     if is_stopped:
         raise typer.Exit(exit_code())

@@ -24,6 +24,10 @@ RecordFiles = Annotated[
 ]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the result as JSON; - prints it.")]
 ModelFile = Annotated[Path | None, typer.Option("--model", metavar="MODEL", help="Start from what --save wrote.")]
+Before = Annotated[
+    Path | None,
+    typer.Option(metavar="MODEL", help="Another saved model to draw beside, such as the one without an effect."),
+]
 PlotFile = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw measured against simulated.")]
 Period = Annotated[int | None, typer.Option(help="Samples per period of the excitation; default: found from i_e.")]
 Columns = Annotated[
@@ -125,10 +129,18 @@ def number(option: str, text: str) -> float:
         raise InputError(f"{option}: {text!r} is no number; give one in SI units, such as 3e-4") from None
 
 
+def span(option: str, text: str, example: str) -> tuple[float, float]:
+    """The two numbers of ``FROM:TO``."""
+    low, colon, high = text.partition(":")
+    if not colon:
+        raise InputError(f"{option} {text}: expected FROM:TO, such as {option} {example}")
+    return number(option, low), number(option, high)
+
+
 def bound(text: str) -> tuple[str, tuple[float, float]]:
     """Name and limits of ``NAME=LOW:HIGH``."""
-    name, span = assignment("--bound", text, "tau_e=1e-4:1e-3")
-    low, colon, high = span.partition(":")
+    name, limits = assignment("--bound", text, "tau_e=1e-4:1e-3")
+    low, colon, high = limits.partition(":")
     if not colon:
         raise InputError(f"--bound {text}: expected NAME=LOW:HIGH, such as --bound tau_e=1e-4:1e-3")
     return name, (number("--bound", low), number("--bound", high))

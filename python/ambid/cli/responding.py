@@ -11,6 +11,7 @@ import typer
 import ambid
 from ambid.cli.files import load_model, load_records
 from ambid.cli.options import (
+    Before,
     Columns,
     Force,
     JsonFile,
@@ -31,12 +32,7 @@ def frequency_response_command(
     rig: RigFile,
     records: RecordFiles,
     model: ModelFile = None,
-    before: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="MODEL", help="Another saved model to draw and tell beside, such as one without an effect."
-        ),
-    ] = None,
+    before: Before = None,
     out: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Write the measured responses (.csv, .mat); several get numbered names."),

@@ -129,6 +129,8 @@ class Port:
         Least squares in units of noise, beside the parameters of the model: given signals over one period, shape
         (N, axes, k), the k weights at which they act at this port, and the part of the excess misfit that they explain.
         What is known of the weights beforehand are rows of k columns and what they should give, in standard deviations.
+    share : float
+        Part of the excess misfit that a signal at this port explains, whatever its shape.
     """
 
     name: str
@@ -140,6 +142,7 @@ class Port:
     against: dict[str, FloatArray]
     terms: tuple[Term, ...]
     weights: Callable[[FloatArray, FloatArray, FloatArray], tuple[FloatArray, float]] = field(repr=False, compare=False)
+    share: float = 1.0
 
 
 class _Inlets(Effect):
@@ -206,7 +209,8 @@ def needed_at_ports(comparison: Comparison, index: int = 0) -> tuple[Port, ...]:
         needed = irfft(full, n=window.period, axis=0)
         terms = _terms(name, against, way, white, cost, basis, window)
         weights = partial(_weights, way=way, white=white, cost=cost, basis=basis, window=window)
-        found.append(Port(name, unit, meaning, misfit, free, needed, against, terms, weights))
+        share = _share(cost, white.size * 2, float(np.sum(np.abs(left) ** 2)), free)
+        found.append(Port(name, unit, meaning, misfit, free, needed, against, terms, weights, share))
     return tuple(sorted(found, key=_by_misfit_then_shape))
 
 
@@ -232,8 +236,15 @@ def _of_response(model: Model, part: ResponseLines) -> tuple[Port, ...]:
         scale = np.abs(way).max(axis=(1, 2), keepdims=True) + 1e-300
         free = part.judged - 2 * int(np.linalg.matrix_rank(way / scale, tol=1e-9).sum())
         misfit = float(np.sum(np.abs(left) ** 2)) / free if free > 0 else np.nan
-        found.append(Port(name, unit, meaning, misfit, free, nothing, {}, (), _no_signal))
+        share = _share(float(np.sum(np.abs(white) ** 2)), part.judged, float(np.sum(np.abs(left) ** 2)), free)
+        found.append(Port(name, unit, meaning, misfit, free, nothing, {}, (), _no_signal, share))
     return tuple(sorted(found, key=_by_misfit_then_shape))
+
+
+def _share(cost: float, numbers: int, left: float, free: int) -> float:
+    """Part of what is more than noise in a cost of so many numbers that is gone with a signal, which has its own."""
+    excess = cost - numbers
+    return float(np.clip(1.0 - (left - free) / excess, 0.0, 1.0)) if excess > 0.0 else 0.0
 
 
 def _no_signal(*_: FloatArray) -> tuple[FloatArray, float]:

@@ -49,6 +49,8 @@ OWN = 1e-12
 SLIPS = (ControllerGainError, ExcitationGainError)
 KNOWN_COMMAND = "i_e comes from the recorded command, and holds whatever the controller's gains miss"
 UNDRIVEN = "nothing drives the records, and what an effect changes of a free response is not told from how it began"
+SMALLEST_TOLD = 1e-300
+"""Smaller p-values are not printed as numbers: they are as good as none, and their order is that of the scores."""
 CONFUSABLE = 0.9
 """Two candidates whose freed responses have a larger cosine are called confusable."""
 
@@ -128,6 +130,11 @@ class Candidate:
         """Of the score when the effect is absent."""
         return float(np.exp(self.chance))
 
+    @property
+    def p_text(self) -> str:
+        """The p-value as it is printed: what is smaller than a number can hold ranks nothing."""
+        return f"{self.p_value:.2g}" if self.p_value > SMALLEST_TOLD else f"< {SMALLEST_TOLD:.0e}"
+
     def as_dict(self) -> dict[str, Any]:
         """Plain data, as in JSON."""
         return {
@@ -201,7 +208,7 @@ class Ranking(Tabular):
         ]
         for c in self.candidates:
             values = ", ".join(f"{name} {value:.3g}" for name, value in c.start.items())
-            lines.append(f"{c.effect.name:24s} {c.score:11.1f} {c.p_value:9.2g} {c.predicted_misfit:12.3f}  {values}")
+            lines.append(f"{c.effect.name:24s} {c.score:11.1f} {c.p_text:>9s} {c.predicted_misfit:12.3f}  {values}")
         lines += [f"{name:24s} not tried: {why}" for name, why in self.not_tried.items()]
         return "\n".join(lines)
 

@@ -4,7 +4,7 @@ Every function draws on the axes that it is given, or on those of a new figure (
 global state is touched. All are legible in black and white.
 """
 
-from ambid.plot.force_current import plot_campaign, save_campaign
+from ambid.plot.campaign import campaign_files, plot_campaign, save_campaign
 from ambid.plot.matrix import plot_misfit_matrix
 from ambid.plot.misfit import plot_growth, plot_misfit_map
 from ambid.plot.needed import plot_needed
@@ -17,6 +17,7 @@ from ambid.plot.staircase import plot_staircase
 from ambid.plot.style import check_format, save_figure
 
 __all__ = [
+    "campaign_files",
     "check_format",
     "draw_responses",
     "picture_files",

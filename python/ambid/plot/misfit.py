@@ -2,29 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ambid.arrays import FloatArray
 from ambid.diagnosis import Localisation
+from ambid.diagnosis.localisation import MisfitMap
 from ambid.errors import InputError
-from ambid.plot.style import AXIS_COLOURS, GUIDE, LABEL, SMALL, band_text, dress, new_figure, short_number
+from ambid.noise.chance import misfit_bound
+from ambid.plot.style import AXIS_COLOURS, GUIDE, LABEL, NOTHING, SMALL, band_text, dress, new_figure, short_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+FAINT = "#8a8a8a"
 
-def plot_misfit_map(localisation: Localisation, record: int = 0, ax: Axes | None = None) -> Axes:
-    """Draw the misfit of every band and channel: the darker, the more; the palest is noise alone.
+
+def plot_misfit_map(
+    found: Localisation | Sequence[MisfitMap], record: int = 0, ax: Axes | None = None, *, largest: float = np.nan
+) -> Axes:
+    """Draw the misfit of every band and channel: the darker, the more; grey is what chance may bring, and says nothing.
 
     Parameters
     ----------
-    localisation : Localisation
+    found : Localisation or sequence of MisfitMap
+        Of the base model, or, such as `Diagnosis.left`, of the last one.
     record : int
         Which of the records.
     ax : Axes, optional
         Default: those of a new figure.
+    largest : float
+        Misfit of the darkest colour; default: the largest of the map. Two maps to be compared should share it.
 
     Returns
     -------
@@ -37,38 +48,45 @@ def plot_misfit_map(localisation: Localisation, record: int = 0, ax: Axes | None
     """
     from matplotlib.colors import LogNorm
 
-    count = len(localisation.maps)
+    maps = found.maps if isinstance(found, Localisation) else tuple(found)
+    count = len(maps)
     if not 0 <= record < count:
         raise InputError(f"record = {record}: expected 0 to {count - 1}, so many records were localised")
-    found = localisation.maps[record]
-    bands, channels = found.misfit.shape
+    one = maps[record]
+    bands, channels = one.misfit.shape
     ax = new_figure(9.0, 0.28 * bands + 1.0).add_subplot() if ax is None else ax
-    norm = LogNorm(1.0, max(100.0, float(np.nanmax(found.misfit))), clip=True)
+    told = one.misfit > _by_chance(one)[:, None]
+    norm = LogNorm(1.0, max(100.0, float(np.nanmax([largest, np.nanmax(one.misfit)]))), clip=True)
     image = ax.pcolormesh(
         np.arange(channels + 1),
         np.arange(bands + 1),
-        found.misfit,
+        np.ma.masked_where(~told, one.misfit),
         norm=norm,
         cmap="YlOrBr",
         edgecolors="white",
         lw=1.0,
     )
-    for b, row in enumerate(found.misfit):
+    for b, row in enumerate(one.misfit):
         for c, misfit in enumerate(row):
             text = short_number(misfit) if np.isfinite(misfit) else "no line"
-            dark = np.isfinite(misfit) and norm(misfit) > 0.6
-            ax.text(
-                c + 0.5, b + 0.5, text, ha="center", va="center", fontsize=SMALL, color="white" if dark else "black"
-            )
-    ax.set_xticks(np.arange(channels) + 0.5, found.channels)
-    ax.set_yticks(np.arange(bands) + 0.5, [band_text(*edges) for edges in pairwise(found.edges_hz)])
-    dress(ax, title=f"{found.record}: misfit by band and channel, in times noise power", y="band [Hz]", grid=None)
+            colour = FAINT if not told[b, c] else "white" if norm(misfit) > 0.6 else "black"
+            ax.text(c + 0.5, b + 0.5, text, ha="center", va="center", fontsize=SMALL, color=colour)
+    ax.set_facecolor(NOTHING)
+    ax.set_xticks(np.arange(channels) + 0.5, one.channels)
+    ax.set_yticks(np.arange(bands) + 0.5, [band_text(*edges) for edges in pairwise(one.edges_hz)])
+    dress(ax, title=f"{one.record}: misfit by band and channel, in times noise power", y="band [Hz]", grid=None)
     ax.tick_params(length=0)
     ax.spines[["left", "bottom"]].set_visible(False)
     bar = ax.figure.colorbar(image, ax=ax, pad=0.01, fraction=0.03)
-    bar.set_label("times noise power (1 = noise alone)", fontsize=LABEL)
+    bar.set_label("times noise power (grey: may be chance)", fontsize=LABEL)
     bar.ax.tick_params(labelsize=SMALL)
     return ax
+
+
+def _by_chance(one: MisfitMap) -> FloatArray:
+    """Misfit of each band that chance may bring, by its number of lines."""
+    lines = np.maximum(np.diff(one.edges_hz) / one.line_hz, 1.0)
+    return np.array([misfit_bound(int(2.0 * count)) for count in lines])
 
 
 def plot_growth(localisation: Localisation, ax: Axes | None = None) -> Axes:

@@ -14,7 +14,7 @@ from ambid.diagnosis import Localisation
 from ambid.diagnosis.localisation import SHAPED
 from ambid.diagnosis.ports import TERMS, Port, Term
 from ambid.errors import InputError
-from ambid.plot.style import AXIS_COLOURS, AXIS_MARKERS, LABEL, SMALL, dress, new_figure, shown_in
+from ambid.plot.style import AXIS_COLOURS, AXIS_MARKERS, BAND, LABEL, SMALL, dress, new_figure, shown_in
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,9 +37,10 @@ PANELS = {
     "sensor": ("y", "v", "i_f"),
     "reading": ("s", "v", "i_f"),
 }
-DOTS = 500
-"""Samples drawn of each axis."""
+HALF = 0.5
+"""Part of the excess misfit that a port, and a shape, must explain to be drawn."""
 BINS = 15
+OTHER_AXIS = " of the other axis"
 SEEN = 3.0
 """Misfit of a band, in times noise, beyond which what it needs is more than noise carried back to the port."""
 
@@ -47,7 +48,7 @@ SEEN = 3.0
 def plot_needed(
     found: Localisation | Port, ax: Sequence[Axes] | None = None, *, axes: Sequence[str] = ()
 ) -> NDArray[np.object_]:
-    """Draw the needed signal of the best port against displacement, velocity and current.
+    """Draw the needed signal of the best port against displacement, velocity and current, as means over bins.
 
     Parameters
     ----------
@@ -60,38 +61,44 @@ def plot_needed(
     Returns
     -------
     ndarray of Axes, shape (3,)
-        Each axis has a marker of its own; the black line is the mean over all axes. Where the best shape is one of a
-        single signal and explains much, it is drawn too, less the straight line that the model's own gains take up;
-        if it is one of the other axis of a bearing, that takes the place of the current, its sign as it acts.
-        Of a localisation, only the bands are drawn whose misfit is more than `SEEN` times noise.
+        Means over bins that hold equally many samples, a marker for each axis, and the band that two thirds of the
+        samples of all axes lie in. Where the best shape is one of a single signal and explains more than half, it is
+        drawn too, less the straight line that the model's own gains take up; if it is one of the other axis of a
+        bearing, that takes the place of the current, its sign as it acts. Of a localisation, only the bands are drawn
+        whose misfit is more than `SEEN` times noise.
 
     Raises
     ------
     InputError
-        If there is no port.
+        If there is no port, or it explains less than half of the excess misfit: then its signal is no shape.
     """
     port = found if isinstance(found, Port) else _best_in_seen_bands(found)
     if not len(port.needed):
         raise InputError("nothing to draw: a frequency response has no signal over time; expected a record in time")
+    if port.share < HALF:
+        raise InputError(
+            f"nothing to draw: a {port.name} explains {100 * port.share:.0f} % of the excess misfit; a shape needs "
+            "more than half"
+        )
     panels = new_figure(9.0, 3.4).subplots(1, 3, sharey=True) if ax is None else ax
-    factor, unit = shown_in(port.unit)
+    factor, unit = shown_in(port.unit, float(np.abs(port.needed).max()))
     names = list(axes) or [f"axis {k + 1}" for k in range(port.needed.shape[1])]
-    chosen = np.random.default_rng(0).permutation(len(port.needed))[:DOTS]
     for panel, key in zip(panels, _keys(port), strict=True):
         label, scale = SIGNALS[key]
         x = _signed(port, key)
+        centres, _, low, high = _bins(x, port.needed)
+        spread = {"facecolor": BAND, "lw": 0.0, "label": "two thirds of the samples"}
+        panel.fill_between(scale * centres, factor * low, factor * high, **spread)
         for k, name in enumerate(names):
             style: dict[str, Any] = {"color": AXIS_COLOURS[k % len(AXIS_COLOURS)], "label": name}
-            style |= {"ms": 2.8, "mfc": "none", "mew": 0.6, "alpha": 0.7, "ls": "none", "rasterized": True}
-            marker = AXIS_MARKERS[k % len(AXIS_MARKERS)]
-            panel.plot(scale * x[chosen, k], factor * port.needed[chosen, k], marker=marker, **style)
-        centres, means = _means(x, port.needed)
-        panel.plot(scale * centres, factor * means, "-", color="black", lw=2.2, label="mean")
+            style |= {"ms": 4.5, "mfc": "white", "mew": 1.0, "lw": 0.8}
+            at, means, _, _ = _bins(x[:, k], port.needed[:, k])
+            panel.plot(scale * at, factor * means, marker=AXIS_MARKERS[k % len(AXIS_MARKERS)], **style)
         curve = _curve(port, key)
         if curve is not None:
             term, at, values = curve
             label_of = f"{term.shape}, less its line" if key in TAKEN_UP else term.shape
-            panel.plot(scale * at, factor * values, "--", color="#d00000", lw=1.8, label=label_of)
+            panel.plot(scale * at, factor * values, "--", color="black", lw=1.8, label=label_of)
         panel.axhline(0.0, color="black", lw=0.5)
         dress(panel, x=label)
     panels[0].set_ylabel(f"needed {port.name} [{unit}]", fontsize=LABEL)
@@ -116,20 +123,19 @@ def _best_in_seen_bands(found: Localisation) -> Port:
     return replace(port, needed=irfft(spectrum, n=len(port.needed), axis=0))
 
 
-def _means(x: FloatArray, needed: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Mean of the needed signal over bins of x that hold equally many samples, all axes together."""
+def _bins(x: FloatArray, needed: FloatArray) -> FloatArray:
+    """Means of x and of the needed signal, and the 1/6 and 5/6 quantiles, over bins of equally many samples."""
     order = np.argsort(x, axis=None)
     parts = zip(np.array_split(x.ravel()[order], BINS), np.array_split(needed.ravel()[order], BINS), strict=True)
-    return tuple(np.array([(a.mean(), b.mean()) for a, b in parts]).T)  # type: ignore[return-value]
+    return np.array([(a.mean(), b.mean(), *np.quantile(b, [1 / 6, 5 / 6])) for a, b in parts]).T
 
 
 def _keys(port: Port) -> tuple[str, ...]:
-    """Signals of the three panels."""
-    keys = PANELS[port.name]
-    for other in ("s_other", "v_other"):
-        if _curve(port, other) is not None:
-            return (*keys[:2], other)
-    return keys
+    """Signals of the three panels; that of the other axis where the best shape is one of it."""
+    keys, best = PANELS[port.name], port.terms[0] if port.terms else None
+    if best is None or best.share <= SHAPED or not best.shape.endswith(OTHER_AXIS):
+        return keys
+    return (*keys[:2], "s_other" if best.shape == f"s{OTHER_AXIS}" else "v_other")
 
 
 def _signed(port: Port, key: str) -> FloatArray:
@@ -139,7 +145,7 @@ def _signed(port: Port, key: str) -> FloatArray:
 
 def _curve(port: Port, key: str) -> tuple[Term, FloatArray, FloatArray] | None:
     """The best shape over one signal, mean of the axes; None where it takes another signal or explains little."""
-    if not port.terms or port.terms[0].share <= SHAPED:
+    if not port.terms or port.terms[0].share <= HALF:
         return None
     term = port.terms[0]
     x = np.sort(port.against[key], axis=0)

@@ -1,26 +1,43 @@
-"""The ranked candidates as bars."""
+"""The ranked candidates: the misfit that each predicts, between what it is now and noise alone."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.optimize import brentq
 
-from ambid.diagnosis import Candidate, Ranking
-from ambid.diagnosis.ranking import ALPHA
-from ambid.plot.style import LABEL, SMALL, dress, misfit_text, new_figure, save_axes
+from ambid.diagnosis import Ranking
+from ambid.plot.style import (
+    AXIS_COLOURS,
+    GUIDE,
+    LABEL,
+    NOTHING,
+    SMALL,
+    check_format,
+    dress,
+    misfit_text,
+    new_figure,
+    plain_log,
+    save_figure,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 MOST = 12
-FIRST, LIKE_FIRST, OTHER, CHANCE = "#1f4e8c", "#8fb3d9", "#8fb3d9", "#e4e4e4"
+FALL = AXIS_COLOURS[0]
+UNSURE = "#9a9a9a"
+LEAST = 0.8
+"""Of the scale: a predicted misfit a little below 1 is chance."""
+NEAR_NOISE = 1.05
+"""Misfit from which on there is an excess to take a part of."""
+CELL: dict[str, Any] = {"va": "center", "ha": "right", "fontsize": SMALL}
 
 
 def plot_ranking(ranking: Ranking, ax: Axes | None = None, *, most: int = MOST) -> Axes:
-    """Draw the scores of the first candidates, the score that chance would reach, and the misfit each predicts.
+    """Draw the misfit that each of the first candidates predicts, between the misfit now and noise alone.
 
     Parameters
     ----------
@@ -33,65 +50,49 @@ def plot_ranking(ranking: Ranking, ax: Axes | None = None, *, most: int = MOST) 
     Returns
     -------
     Axes
-        Bars from top to bottom in rank order; hatched where these data can hardly tell the candidate from the first,
-        pale where its score may be chance.
+        A row each from top to bottom in rank order: a bar from the misfit now down to the predicted one, its end a
+        filled dot; hollow where these data can hardly tell the candidate from the first, grey where its score may be
+        chance. To the right the predicted misfit, and the part of the excess misfit that it takes away.
     """
     from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
 
     shown = ranking.candidates[:most]
-    ax = new_figure(9.0, 0.26 * max(len(shown), 3) + 1.3).add_subplot() if ax is None else ax
+    ax = _figure(ranking, most).add_subplot() if ax is None else ax
     significant = {c.effect.name for c in ranking.significant}
     like_first = set(shown[0].confusable_with) if shown else set()
-    least = [needed_score(c, ranking) for c in shown]
-    right = 3.0 * max([*(c.score for c in shown), *least, 10.0])
-    for row, (candidate, score) in enumerate(zip(shown, least, strict=True)):
-        name = candidate.effect.name
-        ax.barh(
-            row,
-            max(candidate.score, 1.0),
-            height=0.72,
-            color=CHANCE if name not in significant else FIRST if row == 0 else OTHER,
-            edgecolor="black",
-            linewidth=0.6,
-            hatch="////" if name in like_first else None,
-        )
-        ax.plot([score, score], [row - 0.46, row + 0.46], color="black", lw=1.6)
-        ax.text(
-            1.015,
-            row,
-            misfit_text(candidate.predicted_misfit),
-            transform=ax.get_yaxis_transform(),
-            va="center",
-            fontsize=SMALL,
-        )
-    ax.text(
-        1.015, -0.85, "misfit then", transform=ax.get_yaxis_transform(), va="center", fontsize=SMALL, style="italic"
-    )
+    now = max(ranking.misfit, 1.0)
+    place = ax.get_yaxis_transform()
+    for row, candidate in enumerate(shown):
+        name, then = candidate.effect.name, max(candidate.predicted_misfit, LEAST)
+        colour = FALL if name in significant else UNSURE
+        ax.barh(row, now - then, left=then, height=0.3, color=colour if name in significant else NOTHING, lw=0.0)
+        fill = "white" if name in like_first else colour
+        ax.plot([then], [row], marker="o", ms=6, mfc=fill, mec=colour, mew=1.4, ls="none", zorder=3)
+        taken = 100.0 * (now - candidate.predicted_misfit) / (now - 1.0) if now > NEAR_NOISE else np.nan
+        share = _percent(taken)
+        ax.text(1.09, row, misfit_text(candidate.predicted_misfit), transform=place, **CELL)
+        ax.text(1.20, row, share, transform=place, **CELL)
+    ax.text(1.09, -0.95, "misfit then", transform=place, style="italic", **CELL)
+    ax.text(1.20, -0.95, "of excess", transform=place, style="italic", **CELL)
+    ax.axvline(now, color="black", lw=1.2)
+    ax.axvline(1.0, color=GUIDE, lw=1.2, ls="--")
     ax.set_xscale("log")
-    ax.set_xlim(1.0, right)
+    right = max(now, 2.0)
+    ax.set_xlim(LEAST, right * (right / LEAST) ** 0.05)
+    plain_log(ax.xaxis)
     ax.set_ylim(len(shown) - 0.4, -0.6)
     ax.set_yticks(range(len(shown)), [c.effect.name for c in shown])
-    dress(ax, x="score: fall of J that adding it would bring", grid="x")
-    ax.set_title(
-        f"Candidates when the misfit was {misfit_text(ranking.misfit)}", fontsize=LABEL + 1, loc="left", pad=16
-    )
-    handles: list[Patch | Line2D] = [
-        Line2D([], [], color="black", lw=1.6, label=f"significant beyond ({100 * ALPHA:g} % over the catalogue)"),
-        Patch(facecolor=CHANCE, edgecolor="black", lw=0.6, label="may be chance"),
-    ]
+    dress(ax, x="misfit J/dof: now (line to the right), then (dot), noise alone (dashed)", grid="x")
+    ax.set_title(f"Candidates: misfit {misfit_text(ranking.misfit)} now", fontsize=LABEL + 1, loc="left", pad=16)
+    style: dict[str, Any] = {"marker": "o", "ms": 6, "mew": 1.4, "ls": "none"}
+    handles = [Line2D([], [], mfc=FALL, mec=FALL, label="beyond chance", **style)]
     if like_first:
-        handles.append(
-            Patch(facecolor=LIKE_FIRST, edgecolor="black", lw=0.6, hatch="////", label="hardly told from the first")
-        )
-    ax.legend(
-        handles=handles,
-        loc="upper left",
-        bbox_to_anchor=(0.0, -0.6 / max(len(shown), 3) - 0.06),
-        ncols=3,
-        fontsize=SMALL,
-        frameon=False,
-    )
+        text = "hardly told from the first"
+        handles.append(Line2D([], [], mfc="white", mec=FALL, label=text, **style))
+    if len(significant) < len(ranking.candidates):
+        handles.append(Line2D([], [], mfc=UNSURE, mec=UNSURE, label="may be chance", **style))
+    below = (0.0, -0.62 / max(len(shown), 3) - 0.08)
+    ax.legend(handles=handles, loc="upper left", bbox_to_anchor=below, ncols=3, fontsize=SMALL, frameon=False)
     return ax
 
 
@@ -103,10 +104,21 @@ def save_ranking(ranking: Ranking, path: str | Path) -> Path:
     InputError
         If the suffix is none of .png, .pdf, .svg.
     """
-    return save_axes(lambda ax: plot_ranking(ranking, ax), 9.0, path)
+    path = Path(path)
+    check_format(path)
+    figure = _figure(ranking, MOST)
+    plot_ranking(ranking, figure.add_subplot())
+    save_figure(figure, path)
+    return path
 
 
-def needed_score(candidate: Candidate, ranking: Ranking) -> float:
-    """Score beyond which a candidate is significant, over the catalogue and over its own variants."""
-    level = np.log(ALPHA / max(1, len(ranking.candidates)))
-    return float(brentq(lambda score: candidate.chance_of(score) - level, 0.0, 1e4))
+def _figure(ranking: Ranking, most: int) -> Figure:
+    """As high as its rows need."""
+    return new_figure(9.0, 0.28 * max(min(len(ranking.candidates), most), 3) + 1.4)
+
+
+def _percent(taken: float) -> str:
+    """A part of the excess misfit."""
+    if not np.isfinite(taken):
+        return "–"
+    return f"{min(taken, 100.0):.{0 if 9.95 <= taken < 99.0 else 1}f} %" if taken >= 0.1 else "< 0.1 %"

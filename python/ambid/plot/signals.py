@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
     from numpy.typing import NDArray
 
+BEFORE = "#1f4e8c"
 SECONDS = 0.06
 """Length of the stretch that is drawn, where nothing else is asked for."""
 FEWEST = 100
@@ -47,6 +48,7 @@ def plot_comparison(
     ax: Sequence[Axes] | None = None,
     *,
     stretch: tuple[float, float] | None = None,
+    before: Model | None = None,
 ) -> NDArray[np.object_]:
     """Draw a readable stretch of one channel: measured and simulated, and the residual with the noise below it.
 
@@ -62,7 +64,9 @@ def plot_comparison(
     ax : two Axes, optional
         For the signals and for the residual.
     stretch : tuple of float, optional
-        From and to [s]; default: `worst_stretch`.
+        From and to [s]; default: `worst_stretch`, of the model before where there is one.
+    before : Model, optional
+        Drawn beside, such as the model without an effect; both residuals have one scale.
 
     Returns
     -------
@@ -71,7 +75,7 @@ def plot_comparison(
     Raises
     ------
     InputError
-        If there is no such record or channel.
+        If there is no such record or channel, or the record has nothing in that stretch.
     """
     if not isinstance(comparison, Comparison):
         comparison = compare(*comparison)
@@ -79,34 +83,42 @@ def plot_comparison(
     k = _column(one, channel)
     row = one.channels[k]
     if isinstance(one.record, FrequencyResponse):
-        told = frequency_responses(comparison, record)
-        inlet = one.record.inputs[int(np.argmax(np.nansum(told.left()[:, k], axis=0)))]
+        told = frequency_responses(comparison, record, [] if before is None else [before])
+        inlet = one.record.inputs[int(np.argmax(np.nansum(told.left(-1)[:, k], axis=0)))]
         return plot_frequency_response(told, row.channel, inlet, ax=ax)
-    rate = one.record.sample_rate
-    begin, end = worst_stretch(comparison, record, row.channel) if stretch is None else stretch
-    span = slice(max(0, round(begin * rate)), max(2, round(end * rate)))
+    earlier = None if before is None else comparison.of(before)
+    worst = stretch or worst_stretch(earlier or comparison, record, row.channel)
+    span = _span(one.record, worst)
     above, below = new_figure(9.0, 4.2).subplots(2, 1, sharex=True, height_ratios=[3, 1.4]) if ax is None else ax
-    factor, unit = shown_in(row.unit)
+    residual = np.asarray(one.residual, dtype=np.float64)[span, k]
+    simulated = np.asarray(one.simulated - np.nanmean(one.simulated, axis=0), dtype=np.float64)[span, k]
+    measured = simulated + residual
+    factor, unit = shown_in(row.unit, float(np.nanmax(np.abs(measured), initial=0.0)))
+    small, small_unit = shown_in(row.unit, float(np.nanmax(np.abs(residual), initial=0.0)))
     t = one.record.t[span] * 1e3
-    residual = factor * one.residual[span, k]
-    simulated = factor * (one.simulated[:, k] - np.nanmean(one.simulated[:, k]))[span]
-    above.plot(t, simulated + residual, color=MEASURED, lw=3.6, label="measured")
-    above.plot(t, simulated, color=SIMULATED, lw=1.1, label="simulated")
+    above.plot(t, factor * measured, color=MEASURED, lw=3.6, label="measured")
+    above.plot(t, factor * simulated, color=SIMULATED, lw=1.1, label="simulated")
+    if np.isfinite(row.noise_rms):
+        noise = 2.0 * small * row.noise_rms
+        below.axhspan(-noise, noise, facecolor=BAND, edgecolor=GUIDE, lw=0.6, ls=":", label="noise, ±2 sigma")
+    if earlier is not None:
+        was = np.asarray(earlier.records[record].residual)[span, k]
+        style: dict[str, Any] = {"color": BEFORE, "ls": (0, (4, 1.5)), "lw": 1.0}
+        above.plot(t, factor * (measured - was), label="simulated before", **style)
+        below.plot(t, small * was, label="residual before", **style)
+    below.plot(t, small * residual, color="black", lw=0.8, label="residual")
     ceiling = row.noise_ceiling_percent
     title = f"{row.channel}: fit {row.fit_percent:.2f} %"
     title += f" of {ceiling:.2f} %" if np.isfinite(ceiling) else ", ceiling unknown"
     dress(above, title=title, y=f"{row.channel.split('.')[0]} [{unit}]")
-    if np.isfinite(row.noise_rms):
-        noise = 2.0 * factor * row.noise_rms
-        below.axhspan(-noise, noise, facecolor=BAND, edgecolor=GUIDE, lw=0.6, ls=":", label="noise, ±2 sigma")
-    below.plot(t, residual, color="black", lw=0.8, label="residual")
-    dress(below, x="time [ms]", y=f"[{unit}]")
-    text = f"residual, rms {factor * row.residual_rms:.3g} {unit}"
-    text += f"; noise {factor * row.noise_rms:.3g} {unit}" if np.isfinite(row.noise_rms) else ""
+    dress(below, x="time [ms]", y=f"[{small_unit}]")
+    text = f"residual, rms {small * row.residual_rms:.3g} {small_unit}"
+    text += f"; noise {small * row.noise_rms:.3g} {small_unit}" if np.isfinite(row.noise_rms) else ""
     below.set_title(text, fontsize=SMALL, loc="left")
     above.set_xlim(t[0], t[-1])
     below.set_xlim(t[0], t[-1])
     if ax is None:
+        above.set_title(_which(one.record, worst, row.channel if stretch is None else ""), fontsize=SMALL, loc="right")
         legend(above.figure, above, below)
     return np.array([above, below])
 
@@ -141,23 +153,32 @@ def worst_stretch(
     return begin / rate, (begin + length) / rate
 
 
-def draw_record(comparison: Comparison, record: int = 0) -> Figure:
+def draw_record(
+    comparison: Comparison,
+    record: int = 0,
+    *,
+    stretch: tuple[float, float] | None = None,
+    before: Model | None = None,
+) -> Figure:
     """Draw all channels of a record over one stretch: displacements to the left, currents to the right."""
     one = _record(comparison, record)
     title = f"{one.record.name}: measured against simulated"
     if np.isfinite(one.misfit):
         title += f"   (misfit {one.misfit:.2f}, 1 when the model is right)"
     if isinstance(one.record, FrequencyResponse):
-        return draw_responses(frequency_responses(comparison, record), title)
+        return draw_responses(frequency_responses(comparison, record, [] if before is None else [before]), title)
     axes, signals = one.record.axes, sorted({c.channel.split(".")[0] for c in one.channels}, reverse=True)
-    stretch = worst_stretch(comparison, record)
+    earlier = comparison if before is None else comparison.of(before)
+    worst = one.channels[_column(earlier.records[record], None)].channel
+    chosen = stretch or worst_stretch(earlier, record)
+    title += f"\n{_which(one.record, chosen, worst if stretch is None else '')}"
     figure = new_figure(6.2 * len(signals), 2.6 * len(axes) + 0.8)
     grid = figure.add_gridspec(2 * len(axes), len(signals), height_ratios=[3, 1.5] * len(axes))
     for i, axis in enumerate(axes):
         for j, signal in enumerate(signals):
             above = figure.add_subplot(grid[2 * i, j])
             below = figure.add_subplot(grid[2 * i + 1, j], sharex=above)
-            plot_comparison(comparison, record, f"{signal}.{axis}", (above, below), stretch=stretch)
+            plot_comparison(comparison, record, f"{signal}.{axis}", (above, below), stretch=chosen, before=before)
             above.tick_params(labelbottom=False)
             if i < len(axes) - 1:
                 below.set_xlabel("")
@@ -173,8 +194,14 @@ def legend(figure: Figure | SubFigure, above: Axes, below: Axes) -> None:
     figure.legend(handles=handles, loc="outside upper right", ncols=4, fontsize=SMALL, frameon=False)
 
 
-def save_comparison(comparison: Comparison, path: str | Path) -> list[Path]:
-    """Write one picture per record; several records get numbered names.
+def save_comparison(
+    comparison: Comparison,
+    path: str | Path,
+    *,
+    stretch: tuple[float, float] | None = None,
+    before: Model | None = None,
+) -> list[Path]:
+    """Write one picture per record, as `plot_comparison` draws each channel; several records get numbered names.
 
     Raises
     ------
@@ -185,13 +212,31 @@ def save_comparison(comparison: Comparison, path: str | Path) -> list[Path]:
     check_format(path)
     targets = picture_files(path, len(comparison.records))
     for i, target in enumerate(targets):
-        save_figure(draw_record(comparison, i), target)
+        save_figure(draw_record(comparison, i, stretch=stretch, before=before), target)
     return targets
 
 
 def picture_files(path: Path, records: int) -> list[Path]:
     """Where `save_comparison` draws each of so many records."""
     return [path.with_stem(f"{path.stem}_{i + 1}") for i in range(records)] if records > 1 else [path]
+
+
+def _span(record: Record, stretch: tuple[float, float]) -> slice:
+    """Samples of a stretch."""
+    begin, end = (round(time * record.sample_rate) for time in stretch)
+    if not (begin >= 0 and begin + 1 < end and begin + 1 < record.samples):
+        raise InputError(
+            f"{record.name}: stretch {stretch[0]:g} to {stretch[1]:g} s; expected two times, the first before the "
+            f"second, from 0 to {record.seconds:g} s"
+        )
+    return slice(begin, min(end, record.samples))
+
+
+def _which(record: Record, stretch: tuple[float, float], channel: str) -> str:
+    """Which part of a record is shown, of how much, and why."""
+    begin, end = stretch
+    text = f"{1e3 * begin:.0f} to {1e3 * end:.0f} ms of {1e3 * record.seconds:.0f} ms"
+    return f"{text}, where {channel} is missed most" if channel else text
 
 
 def _record(comparison: Comparison, record: int) -> RecordComparison:

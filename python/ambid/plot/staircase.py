@@ -1,31 +1,36 @@
-"""The ledger of a diagnosis as a staircase: how the error falls with every effect that is added."""
+"""The ledger of a diagnosis: how the misfit falls with every effect, and what that did to the parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambid.diagnosis import Diagnosis
 from ambid.errors import InputError
+from ambid.model.parameter import nominal
 from ambid.plot.style import AXIS_COLOURS, GUIDE, SMALL, dress, misfit_text, new_figure, plain_log
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from numpy.typing import NDArray
 
 TRAIN, VALIDATION = AXIS_COLOURS[:2]
+BEYOND = 1.5
+"""Of the largest change: so far the scale of the parameters reaches."""
+MOST = 16
+"""Parameters drawn, those that moved most."""
 
 
 def plot_staircase(diagnosis: Diagnosis, ax: Sequence[Axes] | None = None) -> NDArray[np.object_]:
-    """Draw the misfit of every step against 1, and the part of y that is missed against the noise ceiling.
+    """Draw the misfit of every step against 1, and where the parameters of the base model went.
 
     Parameters
     ----------
     diagnosis : Diagnosis
     ax : two Axes, optional
-        For the misfit and for the missed part; default: side by side in a new figure.
+        For the misfit and for the parameters; default: side by side in a new figure.
 
     Returns
     -------
@@ -39,44 +44,68 @@ def plot_staircase(diagnosis: Diagnosis, ax: Sequence[Axes] | None = None) -> ND
     steps = diagnosis.history
     if not steps:
         raise InputError(f"no staircase to draw: the diagnosis ended in {diagnosis.verdict} before its first step")
-    left, right = new_figure(9.0, 3.8).subplots(1, 2) if ax is None else ax
-    _stairs(left, [s.misfit for s in steps], [s.validation_misfit for s in steps], misfit_text)
+    left, right = new_figure(9.0, 4.0).subplots(1, 2, width_ratios=[1.15, 1.0]) if ax is None else ax
+    known = np.array(
+        [[s.misfit for s in steps], [np.nan if s.validation_misfit is None else s.validation_misfit for s in steps]],
+        dtype=float,
+    )
+    styles = ((TRAIN, "o", TRAIN, "-", "train", -9), (VALIDATION, "s", "white", "--", "validation", 9))
+    for values, (colour, marker, fill, line, label, aside) in zip(known, styles, strict=True):
+        if np.isnan(values).all():
+            continue
+        left.stairs(values, np.arange(len(values) + 1) - 0.5, baseline=None, color=colour, lw=1.4, ls=line)
+        left.plot(values, marker, color=colour, mfc=fill, ms=6, ls="none", label=label)
+        place: dict[str, Any] = {"textcoords": "offset points", "fontsize": SMALL}
+        for step in np.flatnonzero(np.isfinite(values)):
+            side = "right" if aside < 0 else "left"
+            offset = (aside, -12 if aside > 0 and values[step] < known[0, step] else 5)
+            left.annotate(misfit_text(values[step]), (step, values[step]), xytext=offset, ha=side, **place)
     predicted = [(k, s.predicted_misfit) for k, s in enumerate(steps) if s.predicted_misfit is not None]
     if predicted:
         at, values = zip(*predicted, strict=True)
-        left.plot(at, values, "x", color="black", ms=8, mew=1.6, label="predicted by the ranking")
-    left.axhline(1.0, color=GUIDE, lw=1.2, ls="--", label="noise alone")
+        left.plot(at, values, "x", color="black", ms=8, mew=1.6, label="predicted by the ranking", zorder=5)
+    left.axhline(1.0, color=GUIDE, lw=1.2, ls=":", label="noise alone")
+    left.set_yscale("log")
+    low, high = left.get_ylim()
+    left.set_ylim(low / 1.5, high * 1.5)
     dress(left, title="Misfit J/dof", grid="y")
-
-    missed = [100.0 - s.fit_percent["average"] for s in steps]
-    validation = [100.0 - v["average"] if (v := s.validation_fit_percent) is not None else None for s in steps]
-    _stairs(right, missed, validation, lambda value: f"{100.0 - value:.2f} %")
-    ceiling = np.nan if diagnosis.fit is None else diagnosis.fit.noise_ceiling_percent["average"]
-    if np.isfinite(ceiling):
-        right.axhline(100.0 - ceiling, color=GUIDE, lw=1.2, ls="--", label=f"ceiling of the fit, {ceiling:.2f} %")
-    dress(right, title="Missed part of y, 100 % − fit (figures: the fit)", y="[%]", grid="y")
-    for panel in (left, right):
-        panel.set_yscale("log")
-        low, high = panel.get_ylim()
-        panel.set_ylim(low / 2.0, high * 2.0)
-        plain_log(panel.yaxis)
-        panel.set_xticks(range(len(steps)), [step.change for step in steps])
-        panel.set_xlim(-0.6, len(steps) - 0.4)
-        panel.legend(fontsize=SMALL, frameon=False, loc="upper left", bbox_to_anchor=(0.0, -0.08), ncols=2)
+    plain_log(left.yaxis)
+    names = [f"{step.change}\nfit of y {step.fit_percent['average']:.2f} %" for step in steps]
+    left.set_xticks(range(len(steps)), names)
+    left.set_xlim(-0.6, len(steps) - 0.4)
+    left.legend(fontsize=SMALL, frameon=False, loc="upper left", bbox_to_anchor=(0.0, -0.13), ncols=2)
+    _parameters(right, diagnosis)
     return np.array([left, right])
 
 
-def _stairs(ax: Axes, train: Sequence[float], validation: Sequence[float | None], text: Callable[[float], str]) -> None:
-    box = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none"}
-    known = np.array([train, [np.nan if value is None else value for value in validation]], dtype=float)
-    styles = ((TRAIN, "o", TRAIN, "-", "train"), (VALIDATION, "s", "white", "--", "validation"))
-    for k, (colour, marker, fill, line, label) in enumerate(styles):
-        values, others = known[k], known[1 - k]
-        if np.isnan(values).all():
-            continue
-        ax.stairs(values, np.arange(len(values) + 1) - 0.5, baseline=None, color=colour, lw=1.4, ls=line)
-        ax.plot(values, marker, color=colour, mfc=fill, ms=6, ls="none", label=label)
-        for step in np.flatnonzero(np.isfinite(values)):
-            below = others[step] > values[step]
-            place: dict[str, Any] = {"xytext": (0, -16 if below else 8), "textcoords": "offset points", "bbox": box}
-            ax.annotate(text(values[step]), (step, values[step]), ha="center", fontsize=SMALL, **place)
+def _parameters(ax: Axes, diagnosis: Diagnosis) -> None:
+    """What the parameters of the base model are now, in percent of what they were, beside the rig file's values."""
+    before = {p.name: p.value for p in diagnosis.history[0].model.parameters if p.value}
+    told = {p.name: p.value for p in nominal(diagnosis.model.rig)}
+    shared = [p for p in diagnosis.model.parameters if p.name in before]
+    shared = sorted(shared, key=lambda p: -abs(p.value / before[p.name] - 1.0))[:MOST]
+    shared.sort(key=lambda p: diagnosis.model.names.index(p.name))
+    widest = 0.0
+    for row, p in enumerate(shared):
+        scale = 100.0 / abs(before[p.name])
+        own = diagnosis.parameters[p.name]
+        half = 0.0 if own.ci95 is None else 0.5 * (own.ci95[1] - own.ci95[0]) * scale
+        now = (p.value - before[p.name]) * scale
+        first = row == 0
+        ax.plot([0.0, now], [row, row], "-", color=TRAIN, lw=1.2)
+        label = "last model, 95 % interval" if first else None
+        ax.errorbar(now, row, xerr=np.nan_to_num(half), fmt="o", color=TRAIN, ms=5, capsize=3, label=label)
+        widest = max(widest, abs(now) + np.nan_to_num(half))
+    reach = BEYOND * widest or 1.0
+    for row, p in enumerate(shared):
+        if p.name in told:
+            at = 100.0 * (told[p.name] - before[p.name]) / abs(before[p.name])
+            mark = "d" if abs(at) <= reach else ">" if at > 0.0 else "<"
+            label = "rig file (arrow: further off)" if row == 0 else None
+            ax.plot(np.clip(at, -reach, reach), row, mark, color=GUIDE, mfc="white", ms=5, label=label, clip_on=False)
+    ax.axvline(0.0, color="black", lw=1.0, ls="--", label="base model")
+    ax.set_yticks(range(len(shared)), [p.name for p in shared])
+    ax.set_ylim(len(shared) - 0.4, -0.6)
+    ax.set_xlim(-reach, reach)
+    dress(ax, title="Parameters, change in % of the base model's", x="[%]", grid="x")
+    ax.legend(fontsize=SMALL, frameon=False, loc="upper left", bbox_to_anchor=(-0.1, -0.13), ncols=2)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,9 +24,9 @@ FORMATS = (".png", ".pdf", ".svg")
 UNITS = {"m": (1e6, "µm"), "A": (1e3, "mA"), "m/s": (1e3, "mm/s")}
 
 
-def shown_in(unit: str) -> tuple[float, str]:
-    """Factor and name of the unit in which an SI unit is drawn."""
-    return UNITS.get(unit, (1.0, unit))
+def shown_in(unit: str, largest: float = 0.0) -> tuple[float, str]:
+    """Factor and name of the unit in which an SI unit is drawn; currents of 1 A and more in amperes."""
+    return (1.0, unit) if unit == "A" and largest >= 1.0 else UNITS.get(unit, (1.0, unit))
 
 
 def misfit_text(value: float) -> str:
@@ -116,19 +115,3 @@ def save_figure(figure: Figure, path: Path, dpi: int = 130) -> None:
     """
     with whole_file(path) as stream:
         figure.savefig(stream, format=path.suffix[1:].lower(), dpi=dpi)
-
-
-def save_axes(draw: Callable[[Axes], object], width: float, path: str | Path) -> Path:
-    """Write a picture of one pair of axes, `width` by 5 inches.
-
-    Raises
-    ------
-    InputError
-        If the suffix is none of .png, .pdf, .svg.
-    """
-    path = Path(path)
-    check_format(path)
-    figure = new_figure(width, 5.0)
-    draw(figure.add_subplot())
-    save_figure(figure, path)
-    return path

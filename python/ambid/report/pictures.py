@@ -21,7 +21,7 @@ from ambid.plot import (
     plot_staircase,
     worst_stretch,
 )
-from ambid.plot.needed import SEEN
+from ambid.plot.needed import HALF, SEEN
 from ambid.plot.signals import legend
 from ambid.plot.style import LABEL, new_figure
 from ambid.record import FrequencyResponse
@@ -71,7 +71,7 @@ def maps(where: Localisation) -> Iterator[Picture]:
         yield as_picture(
             ax.figure,
             f"Misfit map of the base model on {found.record}: each channel in each band, judged against its own noise; "
-            "1 is noise alone.",
+            "grey cells hold no more than chance may bring.",
         )
     if np.isfinite(where.exponent):
         ax = plot_growth(where)
@@ -87,8 +87,8 @@ def ranking(found: Ranking) -> Picture:
     ax = plot_ranking(found)
     return as_picture(
         ax.figure,
-        "Score of each candidate: the fall of J that adding it would bring, on a logarithmic scale. The black tick is "
-        "the score that chance would reach; pale bars may be chance, hatched ones can hardly be told from the first.",
+        "The misfit that each candidate predicts, between what it is now and noise alone, and the part of the excess "
+        "misfit that it would take away. Grey dots may be chance, hollow ones can hardly be told from the first.",
     )
 
 
@@ -96,8 +96,8 @@ def staircase(diagnosis: Diagnosis) -> Picture:
     """The falling error."""
     return as_picture(
         plot_staircase(diagnosis)[0].figure,
-        "The falling error, step by step: misfit against noise alone, and the part of y that the model misses against "
-        "the ceiling of the fit. Logarithmic scales.",
+        "The falling error, step by step, against noise alone, with the fit of y below; and where the parameters of "
+        "the base model went, with 95 % intervals, beside the values of the rig file.",
     )
 
 
@@ -106,6 +106,8 @@ def needed(where: Localisation, axes: tuple[str, ...]) -> Picture | None:
     if not where.ports or not len(where.ports[0].needed) or np.nanmax(where.maps[where.worst].misfit) <= SEEN:
         return None
     port = where.ports[0]
+    if port.share < HALF:
+        return None
     best = port.terms[0] if port.terms else None
     if best is None:
         shape = "No simple shape is tried at this port."
