@@ -21,6 +21,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
+from ambid.loop.assembly import Lft
 from ambid.loop.controller import of_reference
 from ambid.loop.geometry import rotor_of
 from ambid.loop.mode import moved_by_worst
@@ -165,6 +166,11 @@ class NominalLoop:
                 break
 
     @cached_property
+    def _open(self) -> Lft:
+        """The plant with Delta open."""
+        return base_plant(self.rig, self.rotor)
+
+    @cached_property
     def open_poles(self) -> ComplexArray:
         """Poles with the controller off [1/s]."""
         return np.linalg.eigvals(self._plant(1.0)[0]).astype(np.complex128)
@@ -269,7 +275,7 @@ class NominalLoop:
         """A, B, C, D from i_ref to y, with the nominal values in Delta."""
         values = {slot: p.value for p in Model(self.rig).parameters for slot in p.slots}
         values |= {slot: gain_factor * value for slot, value in values.items() if slot.startswith("K_i.")}
-        a, b, c, d = base_plant(self.rig, self.rotor).closed(values)
+        a, b, c, d = self._open.closed(values)
         return a, b[:, : self.axes], c[: self.axes], d[: self.axes, : self.axes]
 
     def _delay(self, frequency_hz: FloatArray) -> ComplexArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import chdtrc, comb, gammaln, logsumexp
+from scipy.special import chdtrc, comb, gammaln
 
 from ambid.arrays import ComplexArray, FloatArray
 
@@ -27,7 +27,7 @@ def log_chance_bounded(fall: float, degrees: int, one_sided: int) -> float:
     free = degrees - one_sided
     ways = comb(one_sided, np.arange(one_sided + 1)) / 2.0**one_sided
     chances = [log_chance(fall, free + k) if free + k else -np.inf for k in range(one_sided + 1)]
-    return float(logsumexp(chances, b=ways))
+    return float(np.logaddexp.reduce(chances + np.log(ways)))
 
 
 def independent_tests(correlation: FloatArray | ComplexArray, subspaces: int) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +21,7 @@ from ambid.noise.tones import OUTSTANDING
 from ambid.record import Record
 from ambid.threads import with_one_blas_thread
 
-__all__ = ["Cell", "Growth", "Localisation", "MisfitMap", "localise", "misfit_maps"]
+__all__ = ["Cell", "Growth", "Localisation", "MisfitMap", "largest_cell", "localise", "misfit_maps"]
 
 BANDS = 12
 """Bands of the map, of equal ratio in frequency."""
@@ -41,7 +42,7 @@ class Cell:
     misfit : float
         Mean square of the whitened lines; 1 is noise alone.
     kind : str
-        linear, odd, even, synchronous or drift.
+        linear, odd, even, synchronous or drift; empty where the manner was not asked for.
     """
 
     record: str
@@ -207,29 +208,36 @@ def localise(comparison: Comparison) -> Localisation:
     misfits = [np.mean(white**2) for white in noise.by_record(noise.residual(model))]
     worst = int(np.argmax(misfits))
     ports = needed_at_ports(comparison, worst)
-    found = Localisation((), ports, left.tones, change, (), np.nan, ())
-    maps, growth, cells = misfit_maps(comparison), [], []
-    for part, own in zip(noise.parts, maps, strict=True):
-        record = part.record
-        is_at_worst = record.point == noise.records[worst].point
-        if isinstance(part, RecordLines) and part.window.is_periodic and is_at_worst:
-            growth.append(_growth(part, model))
+    kind = Localisation((), ports, left.tones, change, (), np.nan, ()).kind
+    growth = [
+        _growth(part, model)
+        for part in noise.in_time
+        if part.window.is_periodic and part.record.point == noise.records[worst].point
+    ]
+    maps = misfit_maps(comparison)
+    cells = _cells(maps, left, change, kind)
+    return Localisation(maps, ports, left.tones, change, tuple(growth), _exponent(growth), cells, worst)
+
+
+def largest_cell(comparison: Comparison, left: Comparison, change: Change | None) -> Cell:
+    """Where a model misses most; `left` is it in the noise that its own residual tells, with what changes in that."""
+    return _cells(misfit_maps(comparison), left, change, "")[0]
+
+
+def _cells(maps: Sequence[MisfitMap], left: Comparison, change: Change | None, kind: str) -> tuple[Cell, ...]:
+    """The cells of all maps, tones and what changes, largest first."""
+    cells = []
+    for own in maps:
         for b, band in enumerate(zip(own.edges_hz[:-1], own.edges_hz[1:], strict=True)):
             for channel, misfit in zip(own.channels, own.misfit[b], strict=True):
                 if np.isfinite(misfit):
-                    cells.append(
-                        Cell(record.name, channel, (float(band[0]), float(band[1])), float(misfit), found.kind)
-                    )
+                    cells.append(Cell(own.record, channel, (float(band[0]), float(band[1])), float(misfit), kind))
     for part in left.noise.in_time:
         cells += [_tone_cell(part.record, tone) for tone in part.tones]
     if change is not None:
-        cells.append(
-            Cell(
-                change.record, f"y.{change.parameter.split('.')[-1]}", (0.0, change.frequency_hz), change.power, "drift"
-            )
-        )
-    cells.sort(key=lambda cell: -cell.misfit)
-    return Localisation(maps, ports, left.tones, change, tuple(growth), _exponent(growth), tuple(cells), worst)
+        channel = f"y.{change.parameter.split('.')[-1]}"
+        cells.append(Cell(change.record, channel, (0.0, change.frequency_hz), change.power, "drift"))
+    return tuple(sorted(cells, key=lambda cell: -cell.misfit))
 
 
 def misfit_maps(comparison: Comparison, white: FloatArray | None = None, bands: int = BANDS) -> tuple[MisfitMap, ...]:

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.optimize import lsq_linear
 from scipy.special import chdtri
 
@@ -265,15 +266,15 @@ def rank(
             not_tried[effect.name] = KNOWN_COMMAND
             continue
         variants = effect.variants(replace(seen, rig=home))
-        scored, why = _scored(here, variants, here.cost)
-        if variants and not scored and start is not None and start.is_stable:
+        best, why = _best(here, variants, here.cost)
+        if variants and best is None and start is not None and start.is_stable:
             elsewhere = elsewhere or _Point(comparison.of(start))
-            found, _ = _scored(elsewhere, variants, here.cost)
-            scored = [replace(candidate, from_start=True) for candidate in found]
-        if scored:
-            candidates.append(min(scored, key=lambda candidate: candidate.chance))
-        else:
+            found, _ = _best(elsewhere, variants, here.cost)
+            best = None if found is None else replace(found, from_start=True)
+        if best is None:
             not_tried[effect.name] = why or effect.unseen
+        else:
+            candidates.append(best)
     candidates.sort(key=lambda candidate: candidate.chance)
     directions = np.array([candidate.direction for candidate in candidates])
     cosines = np.abs(directions @ directions.T) if candidates else np.zeros((0, 0))
@@ -325,7 +326,7 @@ class _Point:
         self.transients = [white.transients for white in own]
         known = np.vstack([white.slopes for white in own])
         self.basis, _ = np.linalg.qr(known / _nonzero(np.linalg.norm(known, axis=0)))
-        self.residual = self.freed(np.concatenate([white.residual for white in own])[:, None])[:, 0]
+        self.residual = self.freed(np.concatenate([white.residual for white in own])[None])[0]
         self.cost = float(self.residual @ self.residual)
         self.dof = comparison.dof
         self.exact = model if model.is_linear else model.with_substeps(SUBSTEPS)
@@ -334,34 +335,33 @@ class _Point:
             self.linear = self.exact
         self._before: dict[int, FloatArray] = {}
 
-    def freed(self, columns: FloatArray) -> FloatArray:
-        """What neither the transients nor the known parameters can absorb of whitened columns, which it overwrites."""
-        for own, basis in zip(self.noise.by_record(columns), self.transients, strict=True):
-            own -= basis @ (basis.T @ own)
-        columns -= self.basis @ (self.basis.T @ columns)
-        return columns
+    def freed(self, rows: FloatArray) -> FloatArray:
+        """What neither the transients nor the known parameters can absorb of whitened rows, which it overwrites."""
+        for own, basis in zip(self.noise.by_record(rows.T), self.transients, strict=True):
+            part = own.T
+            part -= (part @ basis) @ basis.T
+        rows -= (rows @ self.basis) @ self.basis.T
+        return rows
 
     def responses(self, effect: Effect) -> FloatArray:
-        """Whitened change of the response by each probe of an effect, shape (numbers, probes).
+        """Whitened change of the response by each probe of an effect, shape (probes, numbers).
 
         Of a linear effect whose probes move a parameter each, it is the derivative where the effect is absent.
         """
-        probes = effect.probes(self.exact.home_of(effect) or self.exact.rig)
+        home = self.exact.home_of(effect) or self.exact.rig
+        probes = effect.probes(home)
+        if is_nonlinear(home, effect):
+            tried = [self.exact.add(effect, probe).with_substeps(SUBSTEPS) for probe in probes]
+            return np.array([self.noise.departure(model) - self._departure(self.exact) for model in tried])
         moved = [[name for name, value in probe.items() if value] for probe in probes]
-        if len(probes) > 1 and all(len(names) == 1 for names in moved):
+        if len(probes) > 1 and self.linear.is_linear and all(len(names) == 1 for names in moved):
             with suppress(ModelError):  # a parameter that stands in a denominator
                 absent = self.linear.add(effect, dict.fromkeys(probes[0], 0.0))
-                if absent.is_linear:
-                    free = [absent.names.index(effect.slot(name)) for (name,) in moved]
-                    sizes = [probe[name] for probe, (name,) in zip(probes, moved, strict=True)]
-                    return np.asarray(self.noise.slopes(absent, free) * sizes)
-        changes = []
-        for probe in probes:
-            base, model = self.linear, self.linear.add(effect, probe)
-            if not model.is_linear:
-                base, model = self.exact, self.exact.add(effect, probe).with_substeps(SUBSTEPS)
-            changes.append(self.noise.departure(model) - self._departure(base))
-        return np.column_stack(changes)
+                free = [absent.names.index(effect.slot(name)) for (name,) in moved]
+                sizes = [probe[name] for probe, (name,) in zip(probes, moved, strict=True)]
+                return np.asarray((self.noise.slopes(absent, free) * sizes).T)
+        tried = [self.linear.add(effect, probe) for probe in probes]
+        return np.array([self.noise.departure(model) - self._departure(self.linear) for model in tried])
 
     def _departure(self, base: Model) -> FloatArray:
         if id(base) not in self._before:
@@ -369,8 +369,8 @@ class _Point:
         return self._before[id(base)]
 
 
-def _scored(point: _Point, variants: Sequence[Effect], cost: float) -> tuple[list[Candidate], str]:
-    """The variants of an effect that can be judged at a point, and why others cannot; scores are falls from `cost`."""
+def _best(point: _Point, variants: Sequence[Effect], cost: float) -> tuple[Candidate | None, str]:
+    """The best variant of an effect at a point, or why none can be judged; scores are falls from `cost`."""
     tried, changes, why = [], [], ""
     for variant in variants:
         try:
@@ -379,24 +379,23 @@ def _scored(point: _Point, variants: Sequence[Effect], cost: float) -> tuple[lis
         except (UnstableLoopError, ModelError) as error:
             why = str(error)
     if not tried:
-        return [], why
-    ends = np.cumsum([own.shape[1] for own in changes])
-    columns = point.freed(np.hstack(changes))
+        return None, why
+    ends = np.cumsum([len(own) for own in changes])
+    rows = point.freed(np.concatenate(changes))
     changes.clear()
-    size = np.sqrt(np.einsum("ij,ij->j", columns, columns))
-    columns /= _nonzero(size)
-    gram, called_for = columns.T @ columns, columns.T @ point.residual
-    scored, bases = [], []
+    size = np.linalg.norm(rows, axis=1)
+    rows /= _nonzero(size)[:, None]
+    gram, called_for = rows @ rows.T, rows @ point.residual
+    calls = []
     for variant, first, end in zip(tried, [0, *ends], ends, strict=False):
         own = slice(first, end)
-        subspace = _Subspace(columns[:, own], size[own], gram[own, own], called_for[own])
-        scored.append(_score(point, variant, subspace, cost))
-        bases.append((own, subspace.turned))
+        calls.append(_Call(point, variant, _Subspace(rows[own], size[own], gram[own, own], called_for[own]), cost))
     independent = 1.0
-    if len(bases) > 1 and gram.any():  # else no variant is felt at all
-        between = [[one.T @ gram[i, j] @ other for j, other in bases] for i, one in bases]
-        independent = independent_tests(np.block(between), len(bases))
-    return [replace(candidate, variants=independent) for candidate in scored], why
+    if len(calls) > 1 and gram.any():  # else no variant is felt at all
+        turned = block_diag(*[call.of.turned for call in calls])
+        independent = independent_tests(turned.T @ gram @ turned, len(calls))
+    best = min(calls, key=lambda call: call.chance(independent))
+    return best.candidate(independent), why
 
 
 def _nonzero(size: FloatArray) -> FloatArray:
@@ -404,23 +403,23 @@ def _nonzero(size: FloatArray) -> FloatArray:
 
 
 class _Subspace:
-    """What an effect can add to the residual: freed columns of norm one, and an orthonormal basis of them.
+    """What an effect can add to the residual: freed responses of norm one, and an orthonormal basis of them.
 
     Attributes
     ----------
-    columns : ndarray, shape (numbers, probes)
+    rows : ndarray, shape (probes, numbers)
     size : ndarray, shape (probes,)
-        Norms that the columns had.
+        Norms that they had.
     turned : ndarray, shape (probes, degrees)
-        Columns times it are the basis.
+        Its transpose times the rows is the basis.
     triangle : ndarray, shape (degrees, probes)
-        The basis times it are the columns.
+        Its transpose times the basis are the rows.
     called_for : ndarray, shape (degrees,)
         The residual in the basis.
     """
 
-    def __init__(self, columns: FloatArray, size: FloatArray, gram: FloatArray, called_for: FloatArray) -> None:
-        self.columns, self.size = columns, size
+    def __init__(self, rows: FloatArray, size: FloatArray, gram: FloatArray, called_for: FloatArray) -> None:
+        self.rows, self.size = rows, size
         values, vectors = np.linalg.eigh(gram)
         kept = values > OWN * values[-1]
         roots, vectors = np.sqrt(values[kept]), vectors[:, kept]
@@ -428,34 +427,48 @@ class _Subspace:
         self.called_for = self.turned.T @ called_for
 
 
-def _score(point: _Point, effect: Effect, of: _Subspace, cost: float) -> Candidate:
-    """The score of an effect from what it can add."""
-    rig, seen = point.exact.home_of(effect) or point.exact.rig, _nonzero(of.size)
-    low, high = effect.amplitudes(rig)
-    free, degrees = of.turned @ of.called_for, max(1, len(of.called_for))
-    if len(free) == 1:
-        free = np.clip(free, low * seen, high * seen)
-    elif not ((low * seen <= free) & (free <= high * seen)).all():
-        free = lsq_linear(of.triangle, of.called_for, bounds=(low * seen, high * seen)).x
-    left = of.called_for - of.triangle @ free
-    fall = max(0.0, float(of.called_for @ of.called_for - left @ left) - max(point.cost - cost, 0.0))
-    basis = of.columns @ of.turned
-    spread = float(np.einsum("i,ij,ij->", point.spreads, basis, basis)) / degrees if basis.size else 1.0
-    direction = of.columns @ free
-    norm = float(np.linalg.norm(direction))
-    return Candidate(
-        effect=effect,
-        score=fall,
-        degrees=degrees,
-        start=effect.start(rig, (free / seen).tolist()),
-        predicted_misfit=(cost - fall) / (point.dof - degrees),
-        smallest_visible=_smallest_visible(effect.probes(rig), of.size),
-        direction=direction / norm if norm > 0.0 else direction,
-        size=norm,
-        residual=point.residual,
-        spread=spread,
-        one_sided=int(np.sum(low == 0.0)),
-    )
+class _Call:
+    """How much of an effect the residual calls for."""
+
+    def __init__(self, point: _Point, effect: Effect, of: _Subspace, cost: float) -> None:
+        self.point, self.effect, self.of, self.cost = point, effect, of, cost
+        self.rig = point.exact.home_of(effect) or point.exact.rig
+        low, high = effect.amplitudes(self.rig)
+        seen, free = _nonzero(of.size), of.turned @ of.called_for
+        if len(free) == 1:
+            free = np.clip(free, low * seen, high * seen)
+        elif not ((low * seen <= free) & (free <= high * seen)).all():
+            free = lsq_linear(of.triangle, of.called_for, bounds=(low * seen, high * seen), method="bvls").x
+        left = of.called_for - of.triangle @ free
+        fall = float(of.called_for @ of.called_for - left @ left)
+        self.free, self.fall = free, max(0.0, fall - max(point.cost - cost, 0.0))
+        self.degrees, self.one_sided = max(1, len(of.called_for)), int(np.sum(low == 0.0))
+        basis = of.turned.T @ of.rows
+        self.spread = float(np.sum(basis**2 @ point.spreads)) / self.degrees if basis.size else 1.0
+
+    def chance(self, variants: float) -> float:
+        """Logarithm of the chance of such a score, whichever of so many independent variants is best."""
+        own = log_chance_bounded(self.fall / self.spread, self.degrees, self.one_sided)
+        return min(0.0, own + float(np.log(variants)))
+
+    def candidate(self, variants: float) -> Candidate:
+        """The effect with its score."""
+        direction = self.free @ self.of.rows
+        norm, amplitudes = float(np.linalg.norm(direction)), self.free / _nonzero(self.of.size)
+        return Candidate(
+            effect=self.effect,
+            score=self.fall,
+            degrees=self.degrees,
+            start=self.effect.start(self.rig, amplitudes.tolist()),
+            predicted_misfit=(self.cost - self.fall) / (self.point.dof - self.degrees),
+            smallest_visible=_smallest_visible(self.effect.probes(self.rig), self.of.size),
+            direction=direction / norm if norm > 0.0 else direction,
+            size=norm,
+            residual=self.point.residual,
+            spread=self.spread,
+            one_sided=self.one_sided,
+            variants=variants,
+        )
 
 
 def _smallest_visible(probes: Sequence[Mapping[str, float]], sizes: FloatArray) -> dict[str, float]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ambid.diagnosis.apart import Changing, changing
 from ambid.diagnosis.drift import Change, largest_change
-from ambid.diagnosis.localisation import Localisation, localise
+from ambid.diagnosis.localisation import Cell, Localisation, largest_cell, localise
 from ambid.diagnosis.state import State, Task
 from ambid.loop.effect import Tone
 from ambid.noise import Comparison
@@ -69,6 +69,8 @@ class Verdict:
         Whether a person has chosen the effects.
     changes : tuple of Changing
         What is left where the effects explain each of several operating points by itself.
+    remains : Cell or None
+        Where most is left by the effects that explain.
     """
 
     word: str
@@ -87,6 +89,7 @@ class Verdict:
     is_stopped: bool
     is_chosen: bool
     changes: tuple[Changing, ...]
+    remains: Cell | None
 
     @property
     def is_to_the_noise(self) -> bool:
@@ -152,6 +155,7 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
         is_stopped,
         task.is_chosen,
         changes,
+        largest_cell(fit, left, change) if word == "explained" else None,
     )
 
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from ambid.diagnosis.localisation import localise
 from ambid.diagnosis.result import Step
 from ambid.diagnosis.verdict import Verdict
 from ambid.effects.slips import ControllerGainError, ExcitationGainError
@@ -153,8 +152,8 @@ def next_experiment(verdict: Verdict, history: Sequence[Step]) -> str:
             f"look for what changes {verdict.changes[0].parameter} from one operating point to the next, such as a "
             "coil that warms, or a reading whose scale depends on the current; or diagnose each point by itself"
         )
-    if verdict.word == "explained" and not verdict.is_to_the_noise:
-        cell = max(localise(verdict.fit).cells, key=lambda cell: cell.misfit)
+    if verdict.remains is not None and not verdict.is_to_the_noise:
+        cell = verdict.remains
         return (
             f"what is left is largest in {cell.channel} from {cell.band_hz[0]:.0f} to {cell.band_hz[1]:.0f} Hz "
             f"({cell.misfit:.1f} times noise): state what is good enough with --tolerance, or record at half the "

@@ -46,10 +46,9 @@ def rotor_of(rig: Rig, more: int = 0, places: Iterable[float] = ()) -> ReducedRo
 
 def why_unknown(rig: Rig, positions: Iterable[float]) -> str:
     """Why the rotor's displacement is not known at one of these positions [m]; empty where it is at all."""
-    rotor = rotor_of(rig)
     try:
         for z in positions:
-            rotor.shape(z)
+            rotor_of(rig).shape(z)
     except RigError as error:
         return str(error)
     return ""

@@ -77,6 +77,13 @@ class Model:
         model._set(structure, tuple(parameters))
         return model
 
+    @classmethod
+    def _made_of(cls, structure: Structure, parameters: tuple[Parameter, ...]) -> Model:
+        """Of parameters that are known to fill every slot."""
+        model = cls.__new__(cls)
+        model._take(structure, parameters)
+        return model
+
     @property
     def rig(self) -> Rig:
         """What is known of the machine."""
@@ -161,8 +168,7 @@ class Model:
         values = np.asarray(theta, dtype=np.float64).tolist()
         changed = tuple(replace(p, value=value) for p, value in zip(self.parameters, values, strict=True))
         require_allowed(changed)
-        model = Model.__new__(Model)
-        model._take(self.structure, changed)
+        model = Model._made_of(self.structure, changed)
         model._loops, model._noisy = self._loops, self._noisy  # compiled loops do not hold values
         return model
 
@@ -247,8 +253,11 @@ class Model:
         home = self.home_of(effect)
         if home is None:
             raise ModelError(f"{effect.name} makes no sense on this rig: {effect.why_not(self.rig)}")
-        parameters = [*self.parameters, *of_effect(home, effect, values or {})]
-        return Model._of(replace(self.structure, effects=(*self.effects, effect)), parameters)
+        more = of_effect(home, effect, values or {})
+        require_allowed(more)
+        if {parameter.name for parameter in more} & set(self.names):
+            raise ModelError(f"{effect.name}: one of its parameters has the name of another; rename that one")
+        return Model._made_of(replace(self.structure, effects=(*self.effects, effect)), (*self.parameters, *more))
 
     def without(self, name: str) -> Model:
         """Return the model without one of its effects."""
@@ -317,7 +326,7 @@ class Model:
 
     def with_substeps(self, substeps: int | None) -> Model:
         """Return the model with a number of steps per sample of its own for nonlinear effects."""
-        return Model._of(replace(self.structure, substeps=substeps), self.parameters)
+        return Model._made_of(replace(self.structure, substeps=substeps), self.parameters)
 
     def simulate(self, i_e: ArrayLike | None = None, r: ArrayLike | None = None) -> Record:
         """Response from rest to an excitation, without noise.

@@ -2,6 +2,7 @@
 
 mod curve;
 mod element;
+mod elementary;
 mod force;
 mod table;
 

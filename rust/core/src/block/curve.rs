@@ -1,8 +1,6 @@
 //! Flux against magnetomotive force, both relative to their values at rest of an unsaturated magnet.
 
-use std::f64::consts::LOG2_E;
-
-use crate::product::fused;
+use crate::block::elementary::{Pair, exp, ln, tanh};
 
 /// B(x) for x >= 0; its slope at zero is 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,9 +29,6 @@ pub(super) struct Shape {
     pub n: f64,
 }
 
-/// The two magnets of an axis.
-pub(super) type Pair = [f64; 2];
-
 impl Shape {
     /// `B^2` of both magnets.
     #[inline(always)]
@@ -44,16 +39,10 @@ impl Shape {
                 let t = tanh::<FMA>([self.sigma * x[0], self.sigma * x[1]]);
                 [t[0] * per_sigma, t[1] * per_sigma]
             }
-            Curve::Power => [self.power(x[0]), self.power(x[1])],
+            Curve::Power => power::<FMA>(x, self.sigma, self.n).map(|power| power.value),
             _ => x,
         };
         [flux[0] * flux[0], flux[1] * flux[1]]
-    }
-
-    fn power(&self, x: f64) -> f64 {
-        // logarithms and exponentials: a power costs more than both
-        let q = (self.n * (self.sigma * x).ln()).exp();
-        x * ((1.0 + q).ln() * (-1.0 / self.n)).exp()
     }
 
     /// B of both magnets with its derivatives.
@@ -65,7 +54,10 @@ impl Shape {
                 let t = tanh::<FMA>([sigma * x[0], sigma * x[1]]);
                 [tanh_flux(x[0], sigma, t[0]), tanh_flux(x[1], sigma, t[1])]
             }
-            Curve::Power => x.map(|x| power_flux(x, sigma, n)),
+            Curve::Power => {
+                let [first, second] = power::<FMA>(x, sigma, n);
+                [first.flux(sigma, n), second.flux(sigma, n)]
+            }
             _ => x.map(|x| Flux { value: x, by_x: 1.0, by_shape: [0.0; 2] }),
         }
     }
@@ -98,16 +90,36 @@ fn tanh_flux(x: f64, sigma: f64, t: f64) -> Flux {
     Flux { value: t / sigma, by_x: 1.0 - t * t, by_shape: [by_sigma, 0.0] }
 }
 
-fn power_flux(x: f64, sigma: f64, n: f64) -> Flux {
-    let ln_x = (sigma * x).ln();
-    let q = (n * ln_x).exp();
-    let log = (1.0 + q).ln();
-    let root = (-log / n).exp();
-    let share = q / (1.0 + q);
-    let value = x * root;
-    let by_sigma = if q > 0.0 { -value * share / sigma } else { 0.0 };
-    let by_n = if q > 0.0 { value * (log / (n * n) - share * ln_x / n) } else { 0.0 };
-    Flux { value, by_x: root / (1.0 + q), by_shape: [by_sigma, by_n] }
+/// B of a power curve with what its derivatives are made of: `q = (sigma x)^n`, its root being `(1 + q)^(-1/n)`.
+struct Power {
+    value: f64,
+    root: f64,
+    q: f64,
+    log_q: f64,
+    log_sum: f64,
+}
+
+#[inline(always)]
+fn power<const FMA: bool>(x: Pair, sigma: f64, n: f64) -> [Power; 2] {
+    let logs = ln::<FMA>([sigma * x[0], sigma * x[1]]);
+    let log_q = [n * logs[0], n * logs[1]];
+    let q = exp::<FMA>(log_q);
+    let sums = ln::<FMA>([1.0 + q[0], 1.0 + q[1]]);
+    let per_n = -1.0 / n;
+    let root = exp::<FMA>([per_n * sums[0], per_n * sums[1]]);
+    let one = |k: usize| Power { value: x[k] * root[k], root: root[k], q: q[k], log_q: log_q[k], log_sum: sums[k] };
+    [one(0), one(1)]
+}
+
+impl Power {
+    #[inline(always)]
+    fn flux(&self, sigma: f64, n: f64) -> Flux {
+        let inverse = 1.0 / (1.0 + self.q);
+        let share = self.q * inverse;
+        let by_sigma = if self.q * sigma > 0.0 { -self.value * share / sigma } else { 0.0 };
+        let by_n = self.value * (self.log_sum - share * self.log_q) / (n * n);
+        Flux { value: self.value, by_x: self.root * inverse, by_shape: [by_sigma, by_n] }
+    }
 }
 
 /// `(t tanh'(t) - tanh(t)) / t^2`, with `value = tanh(t)`.
@@ -120,65 +132,9 @@ fn tanh_bend(t: f64, value: f64) -> f64 {
     t * (-2.0 / 3.0 + square * (8.0 / 15.0 + square * (-34.0 / 105.0 + square * (496.0 / 2835.0))))
 }
 
-/// `1/2!, 1/3!, .. 1/13!`.
-const INVERSE_FACTORIALS: [f64; 12] = [
-    0.5,
-    1.0 / 6.0,
-    1.0 / 24.0,
-    1.0 / 120.0,
-    1.0 / 720.0,
-    1.0 / 5_040.0,
-    1.0 / 40_320.0,
-    1.0 / 362_880.0,
-    1.0 / 3_628_800.0,
-    1.0 / 39_916_800.0,
-    1.0 / 479_001_600.0,
-    1.0 / 6_227_020_800.0,
-];
-
-/// tanh of two numbers to a few units in the last place, without a call: `e/(e + 2)` with `e = exp(2 |x|) - 1`.
-///
-/// `2 |x| = k ln 2 + r`; the exponential of r less one is its Taylor series, which keeps small numbers exact.
-#[inline(always)]
-pub(super) fn tanh<const FMA: bool>(x: Pair) -> Pair {
-    const TO_INTEGER: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52: adding it rounds to an integer
-    const LN_2_HIGH: f64 = 6.931_471_803_691_238e-1;
-    const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;
-    let c = &INVERSE_FACTORIALS;
-    let mut out = [0.0; 2];
-    for (out, x) in out.iter_mut().zip(x) {
-        let y = 2.0 * x.abs().min(20.0);
-        let shifted = fused::<FMA>(y, LOG2_E, TO_INTEGER);
-        let k = shifted - TO_INTEGER;
-        let r = fused::<FMA>(k, -LN_2_LOW, fused::<FMA>(k, -LN_2_HIGH, y));
-        let r2 = r * r;
-        let r4 = r2 * r2;
-        let pair = |i: usize| fused::<FMA>(c[i + 1], r, c[i]);
-        let four = |i: usize| fused::<FMA>(r2, pair(i + 2), pair(i));
-        let series = fused::<FMA>(r4, fused::<FMA>(r4, four(8), four(4)), four(0));
-        let small = fused::<FMA>(r2, series, r);
-        let scale = f64::from_bits((shifted.to_bits() << 52).wrapping_add(1.0_f64.to_bits())); // 2^k
-        let e = fused::<FMA>(small, scale, scale - 1.0);
-        *out = (e / (e + 2.0)).copysign(x);
-    }
-    out
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn tanh_is_that_of_the_standard_library() {
-        for i in -4000..=4000 {
-            let x = f64::from(i) * 7.3e-3;
-            for found in [tanh::<false>([x; 2]), tanh::<true>([x; 2])] {
-                let error = (found[0] - x.tanh()).abs();
-                assert!(error <= 6e-16 * x.tanh().abs(), "tanh({x}) off by {error:.1e}");
-            }
-        }
-        assert_eq!(tanh::<false>([1e-200, f64::INFINITY]), [1e-200, 1.0]);
-    }
 
     #[test]
     fn derivatives_are_those_of_the_values() {

@@ -86,7 +86,7 @@ fn bouc_wen(
 
 /// `sqrt(v^2 + e^2) - e` and its slope.
 fn magnitude(v: f64, e: f64) -> (f64, f64) {
-    let size = v.hypot(e);
+    let size = (v * v + e * e).sqrt();
     (size - e, if size > 0.0 { v / size } else { 0.0 })
 }
 
