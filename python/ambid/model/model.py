@@ -326,6 +326,8 @@ class Model:
 
     def with_substeps(self, substeps: int | None) -> Model:
         """Return the model with a number of steps per sample of its own for nonlinear effects."""
+        if substeps == self.structure.substeps:
+            return self
         return Model._made_of(replace(self.structure, substeps=substeps), self.parameters)
 
     def simulate(self, i_e: ArrayLike | None = None, r: ArrayLike | None = None) -> Record:

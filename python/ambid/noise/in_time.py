@@ -26,11 +26,13 @@ SETTLED = 1e-3
 NEARLY = 0.1
 """The same where it started from the steady state of the linearised loop, and likes are compared."""
 AT_A_TIME = 30_000_000
-"""Numbers of derivatives over all samples that are held at a time."""
+"""Numbers of derivatives over all samples that are held at a time, and that are kept."""
 NEUTRAL = 1e-6
 """Rate of decay below which a state does not return to rest [1/s]."""
 REMEMBERED = 8
 """Responses that are kept."""
+FOLDED = 2
+"""Responses that are kept with their derivatives, for whatever noise the record is next judged in."""
 
 Lines = tuple[ComplexArray, ComplexArray]
 """Judged lines of a response, shape (lines, p), and of its derivatives, shape (lines, p, free)."""
@@ -40,6 +42,10 @@ class _Key(NamedTuple):
     core: _core.ClosedLoop
     theta: bytes
     at_rest: bool
+
+
+Folded = dict[_Key, tuple[list[int], FloatArray, FloatArray]]
+"""Parameters, and a response with its derivatives by them, added up over the periods."""
 
 
 class InTime:
@@ -53,12 +59,20 @@ class InTime:
         The judged lines of a signal that starts with the record.
     every : int
         Of the excited lines so many make one that is judged; 0 where there are others beside them.
+    folded : dict, optional
+        Where the last responses of the record are kept, which do not depend on its noise.
     """
 
     def __init__(
-        self, record: Record, window: Window, judged: Callable[[FloatArray], ComplexArray], every: int
+        self,
+        record: Record,
+        window: Window,
+        judged: Callable[[FloatArray], ComplexArray],
+        every: int,
+        folded: Folded | None = None,
     ) -> None:
         self.record, self.window, self.judged, self.every = record, window, judged, every
+        self._folded: Folded = {} if folded is None else folded
         self.channels = len(record.channels)
         self._known: dict[_Key, ComplexArray] = {}
 
@@ -93,20 +107,30 @@ class InTime:
         return here.loop.core.simulate(here.theta, np.vstack([before, inputs]))[lead:, : self.channels]
 
     def _lines(self, here: Model, free: list[int], *, at_rest: bool) -> Lines:
-        window, core, theta = self.window, here.loop.core, here.theta
-        inputs = self._inputs(here)
         if not self._repeats(here):
-            return self._one_by_one(here, free, inputs)
-        lead = self._lead(here)
+            return self._one_by_one(here, free, self._inputs(here))
+        key = _Key(here.loop.core, here.theta.tobytes(), at_rest)
+        found = self._folded.get(key)
+        # derivatives choose the substeps too, unless these are given
+        is_told = found is not None and not free and here.structure.substeps is not None
+        if found is None or (found[0] != free and not is_told):
+            found = (free, *self._added_up(here, free, at_rest=at_rest))
+            if found[2].size <= AT_A_TIME:
+                self._folded[key] = found
+            while len(self._folded) > FOLDED:
+                self._folded.pop(next(iter(self._folded)))
+        _, y, slopes = found
+        return self._of_period(y), self._of_period(slopes[:, :, : len(free)])
+
+    def _added_up(self, here: Model, free: list[int], *, at_rest: bool) -> tuple[FloatArray, FloatArray]:
+        """The response and its derivatives, added up over the periods."""
+        window, core, theta, lead = self.window, here.loop.core, here.theta, self._lead(here)
         if at_rest:
             periods = min(lead + 1, window.periods)
-            own = inputs[: window.first + periods * window.period]
-            repeated = window.periods - periods + 1.0
-            y, slopes = core.folded(theta, free, own, window.first, window.period, repeated)
-        else:
-            own = np.tile(self._mean_period(here), (lead + 1, 1))
-            y, slopes = core.folded(theta, free, own, lead * window.period, window.period, float(window.periods))
-        return self._of_period(y), self._of_period(slopes)
+            own = self._inputs(here)[: window.first + periods * window.period]
+            return core.folded(theta, free, own, window.first, window.period, window.periods - periods + 1.0)
+        own = np.tile(self._mean_period(here), (lead + 1, 1))
+        return core.folded(theta, free, own, lead * window.period, window.period, float(window.periods))
 
     def _one_by_one(self, here: Model, free: list[int], inputs: FloatArray) -> Lines:
         """Of a response that need not repeat, with so many derivatives at a time as fit into memory."""

@@ -97,7 +97,8 @@ class RecordLines:
         self.index = np.concatenate([self.window.excited, self.more])[:: self._every]
         self.points = self.window.points(self.index)
         self._z = self._some(measured.excited, measured.single)
-        self._in_time = InTime(self.record, self.window, self._judged, 0 if len(self.more) else self._every)
+        every = 0 if len(self.more) else self._every
+        self._in_time = InTime(self.record, self.window, self._judged, every, measured.folded)
         self._data: dict[tuple[Effect, ...], _core.LineData] = {}  # by the disturbances that drive a model
         self._transients: dict[tuple[_core.ClosedLoop, bytes], tuple[FloatArray, int]] = {}
         way = self._rough if rough else self._between if self.window.is_periodic else self._without_periods

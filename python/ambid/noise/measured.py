@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.noise.converter import repeated_rounding
 from ambid.noise.damped import DampedWindow
+from ambid.noise.in_time import Folded
 from ambid.noise.window import Window
 from ambid.record import Record
 
@@ -31,6 +32,7 @@ class Measured:
         if damping:
             self.window = DampedWindow.like(self.window, damping / record.sample_rate)
         self.channels = len(record.channels)
+        self.folded: Folded = {}  # what was simulated of it
 
     @cached_property
     def excited(self) -> ComplexArray:

@@ -409,7 +409,7 @@ class Record:
 
 def _moves(signal: NDArray[np.float64]) -> bool:
     """Whether any axis of it changes."""
-    return bool(np.any(np.ptp(signal, axis=0)))
+    return bool(np.any(signal != signal[:1]))
 
 
 def _as_array(where: str, signal: str, values: ArrayLike) -> NDArray[np.float64]:
