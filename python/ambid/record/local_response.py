@@ -30,10 +30,11 @@ DEGREE = 3
 """Of the polynomials: beside two poles it leaves two numbers for what is further away."""
 ORDER = 2
 """Of the polynomial that all responses may be divided by: two poles within reach of a band, such as those of a mode."""
-STEPS = 3
-"""Steps of Gauss and Newton from there to the least squares that the covariance is of."""
 ROUNDS = 4
 """So often is that polynomial found anew, weighted by the one before."""
+STEPS = 3
+"""Steps of Gauss and Newton from there to the least squares, of which the covariance is: beside a mode that is narrower
+than the lines are apart the error had twice its variance without."""
 SHARPER = 50.0
 """Fall of the whitened sum of squares from which on a band takes such a polynomial: where there is nothing but noise
 two poles are free to be anywhere, and bring that much in one of a hundred bands."""
@@ -163,8 +164,11 @@ def _band(u: ComplexArray, z: ComplexArray) -> _Band:
         own, _ = _by_poles(table, z, x, poles, fit)
         own = own / np.sqrt(power)
         information = np.einsum("lkc,lmc->km", own.conj(), own)
-        poles = poles + np.linalg.solve(information, np.einsum("lkc,lc->k", own.conj(), fit.left / np.sqrt(power)))
-        fit = _fitted(table / _below(x, poles)[:, None], z)
+        step = np.linalg.solve(information, np.einsum("lkc,lc->k", own.conj(), fit.left / np.sqrt(power)))
+        closer = _fitted(table / _below(x, poles + step)[:, None], z)
+        if not np.linalg.norm(closer.left / np.sqrt(power)) < np.linalg.norm(fit.left / np.sqrt(power)):
+            break
+        poles, fit = poles + step, closer
     below_nodes = _below(nodes, poles)
     # values at the nodes: of each input its polynomial, nothing of the transient
     told = np.zeros((len(NODES), inputs, inputs + 1, DEGREE + 1), dtype=complex)
@@ -178,9 +182,11 @@ def _band(u: ComplexArray, z: ComplexArray) -> _Band:
         own, taken = _by_poles(table, z, x, poles, fit)
         own = own / np.sqrt(power)
         inverse = np.linalg.inv(np.einsum("lkc,lmc->km", own.conj(), own))
+        # channels go together, lines do not
         pull = np.einsum("lkc,lc->lk", own.conj(), fit.left / np.sqrt(power))
         meat = pull.T @ pull.conj() * len(u) / free
-        root = np.linalg.cholesky(inverse @ meat @ inverse)
+        values, vectors = np.linalg.eigh(inverse @ meat @ inverse)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
         direct = -(_powers(nodes, ORDER + 1)[:, 1:] / below_nodes[:, None])[:, None, None, :] * response[..., None]
         moved = direct - np.einsum("njq,qkc->ncjk", told, taken)
         shared = moved.reshape(len(NODES), -1, ORDER) @ root
