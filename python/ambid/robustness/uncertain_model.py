@@ -19,6 +19,7 @@ from ambid.loop.delay import with_late_commands
 from ambid.loop.loop import open_plant
 from ambid.loop.response import StateSpace
 from ambid.model import Model
+from ambid.results import of_unit
 from ambid.robustness.matlab import write_with_script
 from ambid.robustness.sensitivity import Law
 from ambid.robustness.uncertainty import Uncertainty
@@ -162,7 +163,7 @@ class UncertainModel:
     def __repr__(self) -> str:
         own = ", ".join(f"{p.shape[0]} x {p.shape[1]}" for p in (self.A, self.delta()))
         rows = [
-            f"  {name:14s} {value:12.6g}   {low:.6g} .. {high:.6g} {unit}"
+            f"  {name:14s} {value:12.6g}   {low:.6g} .. {high:.6g}{of_unit(unit)}"
             for name, value, (low, high), unit in zip(self.parameters, self.values, self.ci95, self.units, strict=True)
             if np.isfinite(low)
         ]
@@ -195,8 +196,8 @@ def uncertain(model: Model) -> UncertainModel:
     for p, (low, high) in zip(model.parameters, ci95, strict=True):
         if low < p.lower or high > p.upper:
             raise ModelError(
-                f"{p.name}: the 95 % range {low:.4g} .. {high:.4g} {p.unit} leaves what physics allows, {p.lower:g} .. "
-                f"{p.upper:g}; take its effect out, fix it in the identification, or record more"
+                f"{p.name}: the 95 % range {low:.4g} .. {high:.4g}{of_unit(p.unit)} leaves what physics allows, "
+                f"{p.lower:g} .. {p.upper:g}; take its effect out, fix it in the identification, or record more"
             )
     plant = with_late_commands(open_plant(model.rig, model.acting, (), model.structure.reference))
     A, B, C, D, inputs = _ports_first(plant)
