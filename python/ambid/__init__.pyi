@@ -64,6 +64,8 @@ from .rig import Rig as Rig
 from .rig import StateSpaceController as StateSpaceController
 from .rig import TransferFunctionController as TransferFunctionController
 from .robustness import Margins as Margins
+from .robustness import UncertainModel as UncertainModel
 from .robustness import margins as margins
+from .robustness import uncertain as uncertain
 
 __version__: str

@@ -2,6 +2,7 @@
 
 import re
 import unicodedata
+from collections.abc import Iterable
 
 LONGEST_MESSAGE = 2000
 """Characters of a message: about a screen. What stands behind is of no help to a reader, and may be megabytes."""
@@ -19,6 +20,14 @@ def printable(text: str) -> str:
 
 def _spelled(c: str) -> str:
     return c.encode("unicode_escape").decode() if unicodedata.category(c) in _UNSEEN else c
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A sentence that names what comes nearest, with a space behind it; empty where nothing is near."""
+    from difflib import get_close_matches  # not at the top: it is needed for errors alone
+
+    near = get_close_matches(name, known, n=1)
+    return f"did you mean {near[0]}? " if near else ""
 
 
 class AmbidError(Exception):

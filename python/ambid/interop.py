@@ -226,8 +226,14 @@ def to_mat(model: Model, path: str | Path) -> None:
         scipy.io.savemat(stream, content, long_field_names=True)
 
 
-def _closed_loop(model: Model) -> _StateSpace:
-    """The sampled closed loop at the model's values."""
+def require_linear(model: Model) -> None:
+    """Refuse a model with nonlinear effects, which no state space can hold.
+
+    Raises
+    ------
+    ModelError
+        Naming one.
+    """
     blocks = model.loop.lft.blocks
     if blocks:
         slots = {slot for block in blocks for slot in block.slots.values()}
@@ -236,6 +242,11 @@ def _closed_loop(model: Model) -> _StateSpace:
             f"{', '.join(names) or blocks[0].law} is not linear, and a state space cannot hold it; "
             f"export model.without({names[0] if names else '...'!r})"
         )
+
+
+def _closed_loop(model: Model) -> _StateSpace:
+    """The sampled closed loop at the model's values."""
+    require_linear(model)
     return _StateSpace(*model.loop.state_space(model.theta), model.loop.inputs, model.loop.outputs)
 
 

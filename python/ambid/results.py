@@ -6,7 +6,7 @@ import importlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from html import escape
-from math import isfinite
+from math import isfinite, pi
 from typing import Any
 
 from ambid.errors import InputError
@@ -63,6 +63,16 @@ def _cell(value: Any) -> str:
     if value is None:
         return ""
     return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def of_unit(unit: str) -> str:
+    """What stands behind a number: a space and its unit, nothing behind a ratio."""
+    return "" if unit == "1" else f" {unit}"
+
+
+def speed_text(speed: float) -> str:
+    """A speed of rotation [rad/s], in rpm too."""
+    return f"{speed:g} rad/s ({speed * 30.0 / pi:.0f} rpm)"
 
 
 def plain(value: Any) -> Any:

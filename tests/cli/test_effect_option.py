@@ -53,7 +53,7 @@ def test_an_axis_by_its_name(model):
 @pytest.mark.parametrize(
     ("option", "words"),
     [
-        ("loop_delya", "loop_delya: no such effect; the catalogue has rotor_bending_mode"),
+        ("loop_delya", "loop_delya: no such effect; did you mean loop_delay? the catalogue has rotor_bending_mode"),
         ("", "no such effect"),
         ("loop_delay:lag=1e-5", "no parameter lag; loop_delay has delay"),
         ("seal_forces:x=1", "no parameter x; seal_forces has direct_stiffness, cross_stiffness, damping, and the sett"),

@@ -35,7 +35,7 @@ def test_a_model_has_intervals_probabilities_and_a_picture(here, command):
     found = command(*arguments, "--at", "sensor", "--plot", "s.png", "--json", "-")
     assert (found.code, found.err) == (0, "")
     assert Path("s.png").stat().st_size > 10_000
-    told = json.loads(found.out[found.out.index("{") :])
+    told = json.loads(found.out)
     assert (told["at"], told["draws"], told["seed"]) == ("sensor", 60, 3)
     own = told["axes"]["A_zeta"]
     low, high = own["sensitivity"]["ci95"]

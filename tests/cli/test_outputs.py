@@ -136,3 +136,11 @@ def test_a_record_in_a_format_whose_package_is_missing(files, command, monkeypat
     result = command("simulate", "rig.toml", "--out", "v.h5")
     assert result.code == 2
     assert "needs the package h5py" in result.err
+
+
+def test_json_that_is_printed_stands_alone(tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    found = command("margins", LEVITATOR, "--json", "-", "--plot", "s.png")
+    assert found.code == 0
+    assert json.loads(found.out)["zone"] == "A"
+    assert Path("s.png").exists()

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,7 @@ from ambid.effects.slips import LEAST, MOST, ControllerGainError, ExcitationGain
 from ambid.errors import RecordError
 from ambid.record import Record
 from ambid.record.checks import decays
+from ambid.results import speed_text
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
@@ -65,13 +67,13 @@ LEAST_SHARE = 0.02
 
 
 @with_one_blas_thread
-def check(rig: Rig, records: Sequence[Record] = ()) -> Soundness:
+def check(rig: Rig, records: Record | str | Path | Sequence[Record | str | Path] = ()) -> Soundness:
     """Hold a rig against itself, and records against the rig; nothing is fitted to be kept.
 
     Parameters
     ----------
     rig : Rig
-    records : sequence of Record
+    records : Record, path of its file, or sequence of them
         Loaded with this rig, or with that of the operating point that they state.
 
     Returns
@@ -79,7 +81,9 @@ def check(rig: Rig, records: Sequence[Record] = ()) -> Soundness:
     Soundness
         Findings, worst first, and the machine and the records in figures.
     """
-    points = dict.fromkeys(record.point for record in records if record.point not in (None, rig))
+    several = (records,) if isinstance(records, Record | str | Path) else records
+    loaded = [own if isinstance(own, Record) else Record.load(own, rig) for own in several]
+    points = dict.fromkeys(record.point for record in loaded if record.point not in (None, rig))
     loops = {own: NominalLoop(own) for own in (rig, *(point for point in points if point is not None))}
     figures = LoopFigures.of(loops[rig])
     findings, described = [], []
@@ -87,7 +91,7 @@ def check(rig: Rig, records: Sequence[Record] = ()) -> Soundness:
     for own, loop in loops.items():
         of_rig = slips_of_rig(loop)
         findings += of_rig if own == rig else [replace(f, where=f"{own.path or own.name}: {f.where}") for f in of_rig]
-    for record in records:
+    for record in loaded:
         own = rig if record.point is None else record.point
         foreign = _foreign(record, own)
         findings += foreign or _record(record, loops[own])
@@ -95,7 +99,9 @@ def check(rig: Rig, records: Sequence[Record] = ()) -> Soundness:
             described.append(RecordFigures.of(record, own))
             laws |= {record.name: found} if (found := _laws(record, own)) else {}
     implementation = f"{rig.controller.implementation} {rig.controller.kind}"
-    machine = f"axes {', '.join(rig.axes)} at {rig.sample_rate:g} Hz, {rig.speed:g} rad/s, {implementation} controller"
+    machine = (
+        f"axes {', '.join(rig.axes)} at {rig.sample_rate:g} Hz, {speed_text(rig.speed)}, {implementation} controller"
+    )
     ordered = sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
     return Soundness(rig.name, machine, figures, tuple(described), tuple(ordered), laws)
 

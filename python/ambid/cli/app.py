@@ -9,7 +9,8 @@ import typer
 import ambid
 from ambid.cli.catalogue import effects_command
 from ambid.cli.diagnosing import check_command, compare_command, diagnose_command, rank_command
-from ambid.cli.experiments import demo_command, simulate_command
+from ambid.cli.experiments import demo_command, init_command, simulate_command
+from ambid.cli.exporting import export_command
 from ambid.cli.identifying import campaign_command, identify_command, static_load_command
 from ambid.cli.options import Commands, DiagnoseCommand
 from ambid.cli.responding import frequency_response_command
@@ -26,6 +27,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+app.command("init")(init_command)
 app.command("check")(check_command)
 app.command("identify")(identify_command)
 app.command("static-load")(static_load_command)
@@ -35,6 +37,7 @@ app.command("rank")(rank_command)
 app.command("diagnose", cls=DiagnoseCommand)(diagnose_command)
 app.command("frequency-response")(frequency_response_command)
 app.command("margins")(margins_command)
+app.command("export")(export_command)
 app.command("effects")(effects_command)
 app.command("simulate")(simulate_command)
 app.command("demo")(demo_command)

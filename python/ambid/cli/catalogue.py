@@ -13,6 +13,7 @@ import ambid
 from ambid.cli.options import JsonFile, Quiet, known_effects
 from ambid.cli.outputs import conclude, require_outputs
 from ambid.cli.signals import stoppable
+from ambid.results import of_unit, speed_text
 
 SPEED = 200.0
 """At which the demo's bench is taken to turn [rad/s], so that every effect has its parameters."""
@@ -32,7 +33,7 @@ def effects_command(
     machine = ambid.Rig.load(ambid.demo.DATA / "rig.toml").replace(speed=SPEED) if rig is None else ambid.Rig.load(rig)
     with stoppable():
         entries = [_entry(effect, machine) for effect in chosen]
-    head = f"parameters and their ranges on {machine.name!r} at {machine.speed:g} rad/s"
+    head = f"parameters and their ranges on {machine.name!r} at {speed_text(machine.speed)}"
     data = {"rig": machine.name, "speed": machine.speed, "effects": entries}
     conclude("\n\n".join([*map(_text, entries), head]), data, json_file, quiet)
 
@@ -69,7 +70,7 @@ def _text(entry: dict[str, Any]) -> str:
         lines.append(f"    {entry['equation']}")
     for p in entry["parameters"]:
         low, high = ("any" if end is None else f"{end:g}" for end in (p["lower"], p["upper"]))
-        span = f"{low:>8s} .. {high:8s} {p['unit']:8s} typical {p['typical']:<8g}"
+        span = f"{low:>8s} .. {high:8s} {of_unit(p['unit']).strip():8s} typical {p['typical']:<8g}"
         lines.append(f"    {p['name']:20s} {span} {p['meaning']}".rstrip())
     if entry["not_on_this_rig"]:
         lines.append(f"    makes no sense on this rig: {entry['not_on_this_rig']}")

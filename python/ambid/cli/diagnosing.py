@@ -31,7 +31,7 @@ from ambid.cli.options import (
 )
 from ambid.cli.outputs import Files, conclude, drawn, pictures, require_outputs, saved
 from ambid.cli.signals import exit_code, stoppable
-from ambid.cli.terminal import confirm, progress, require_terminal, say, with_time_left
+from ambid.cli.terminal import choose, progress, require_terminal, say, with_time_left
 from ambid.errors import InputError, RecordError, Stopped
 
 if TYPE_CHECKING:
@@ -192,7 +192,7 @@ def diagnose_command(
                 validate=kept,
                 effects=chosen,
                 tolerance=ADEQUATE if tolerance is None else tolerance,
-                ask=confirm if ask else None,
+                ask=choose if ask else None,
                 say=lambda line: say(line, quiet),
                 progress=with_time_left(told),
             )

@@ -1,4 +1,4 @@
-"""Commands that bring their own data: `simulate`, `demo`."""
+"""Commands that bring their own data: `init`, `simulate`, `demo`."""
 
 from __future__ import annotations
 
@@ -14,10 +14,41 @@ from ambid.cli.options import Force, JsonFile, ModelFile, Quiet, RigFile, known_
 from ambid.cli.outputs import conclude, require_outputs
 from ambid.cli.signals import stoppable
 from ambid.errors import InputError
-from ambid.writing import is_device, make_folder
+from ambid.writing import is_device, make_folder, whole_file
 
 LONGEST_SIMULATION = 10_000_000
 """Samples of a virtual experiment; more would not fit into the memory of a small computer."""
+
+
+def _kinds(incomplete: str) -> list[str]:
+    """Kinds of rig files that shell completion offers."""
+    from ambid.rig.template import KINDS  # not at the top: --help need not open that room
+
+    return [kind for kind in KINDS if kind.startswith(incomplete)]
+
+
+def init_command(
+    kind: Annotated[
+        str, typer.Argument(metavar="[KIND]", help="pid, state_space, levitator or modal_rotor.", autocompletion=_kinds)
+    ] = "pid",
+    out: Annotated[Path, typer.Option("--out", metavar="RIG", help="File to write (.toml).")] = Path("rig.toml"),
+    force: Force = False,
+    json_file: JsonFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """Write a commented rig file to put the numbers of a machine into; as it is, it loads and runs."""
+    from ambid.rig.template import KINDS, rig_template  # not at the top: --help need not open that room
+
+    text = rig_template(kind)
+    if out.suffix.lower() != ".toml":
+        raise InputError(f"--out {out}: the suffix is {out.suffix or 'missing'}; expected .toml")
+    require_outputs({}, {"--out": out, "--json": json_file}, replaced=["--out"])
+    if out.exists() and not force:
+        raise InputError(f"--out {out}: is there already; give another file, or replace it with --force")
+    with whole_file(out) as stream:
+        stream.write(text.encode())
+    told = f"{out}: {KINDS[kind]}; put the numbers of your machine in, then: ambid check {out}"
+    conclude(told, {"rig": str(out), "kind": kind}, json_file, quiet)
 
 
 def simulate_command(

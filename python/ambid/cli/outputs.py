@@ -62,7 +62,7 @@ def conclude(
         For ``--json``, strict JSON.
     json_file : Path, optional
     quiet : bool
-        Whether nothing is to be printed but JSON that was asked for.
+        Whether nothing is to be printed but JSON that was asked for; JSON is always printed alone.
     *writers : callable
         Write further files, and return those to be named.
 
@@ -79,7 +79,7 @@ def conclude(
             written += write()
         except AmbidError as error:
             errors.append(error)
-    if not quiet:
+    if not quiet and json_file != PRINTED:
         print(printable(str(result)))
         for path in written:
             print(printable(f"written: {path}"))

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.prompt import Confirm
+from rich.prompt import Prompt
 from rich.text import Text
 
 import ambid
@@ -57,7 +57,13 @@ def require_terminal(option: str) -> None:
         raise InputError(f"{option}: there is no terminal to ask on; leave it out, or choose with --effects NAME,...")
 
 
-def confirm(ranking: ambid.Ranking, candidate: Candidate) -> bool:
-    """Show a ranking, and ask whether the candidate that did best when refitted is to be added."""
+def choose(ranking: ambid.Ranking, candidate: Candidate) -> bool | Candidate:
+    """Show a ranking, and ask whether the candidate that did best when refitted is to be added, or another of it."""
     status.print(Text(printable(f"\n{ranking!r}\n")), soft_wrap=True)
-    return Confirm.ask(f"Best of those refitted: {candidate.effect.name}. Add it?", console=status)
+    numbered = {str(k): each for k, each in enumerate(ranking.candidates, 1)}
+    status.print(Text(printable(", ".join(f"{k} {each.effect.name}" for k, each in numbered.items()))), soft_wrap=True)
+    question = f"Best of those refitted: {candidate.effect.name}. Add it? Or the number of another"
+    answer = Prompt.ask(
+        f"{question} \\[y/n/1-{len(numbered)}]", choices=["y", "n", *numbered], show_choices=False, console=status
+    )
+    return numbered.get(answer, answer == "y")

@@ -18,6 +18,7 @@ from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.covariance import covariance
 from ambid.identification.minimum import refit
 from ambid.noise import Comparison, compare
+from ambid.results import of_unit
 from ambid.rig import Rig
 
 __all__ = ["Changing", "changing"]
@@ -51,7 +52,7 @@ class Changing:
     def ends(self) -> tuple[str, str]:
         """The smallest and the largest value, with their intervals and points."""
         low, high = (
-            f"{self.values[k]:.4g} +- {1.96 * self.std_errors[k]:.2g} {self.unit} at {self.points[k]}"
+            f"{self.values[k]:.4g} +- {1.96 * self.std_errors[k]:.2g}{of_unit(self.unit)} at {self.points[k]}"
             for k in (int(np.argmin(self.values)), int(np.argmax(self.values)))
         )
         return low, high

@@ -175,7 +175,7 @@ class Localisation:
             if term.shape.endswith("other axis"):  # the two axes of a bearing may answer each other with either sign
                 size = f"±{np.mean(np.abs(term.coefficients)):.3g}"
             text += (
-                f"; it is {term.kind} and looks like {size} {port.unit} x {term.shape} (SI), "
+                f"; it is {term.kind} and looks like {size} {port.unit} {term.shape} (SI), "
                 f"which explains {100 * term.share:.0f} % of the excess misfit"
             )
         if np.isfinite(self.exponent):

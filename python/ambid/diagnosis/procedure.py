@@ -9,9 +9,9 @@ import numpy as np
 
 from ambid.checking import check
 from ambid.diagnosis.families import families
-from ambid.diagnosis.ranking import Candidate, Progress, Ranking, silent
+from ambid.diagnosis.ranking import Progress, silent
 from ambid.diagnosis.result import Diagnosis, Family
-from ambid.diagnosis.search import add_best, add_chosen, begin
+from ambid.diagnosis.search import Ask, add_best, add_chosen, begin
 from ambid.diagnosis.state import Task
 from ambid.diagnosis.verdict import judged
 from ambid.diagnosis.wording import next_experiment, not_determined, notes
@@ -24,7 +24,7 @@ from ambid.model import Model
 from ambid.model.parameter import nominal
 from ambid.noise import Comparison
 from ambid.noise.comparison import ADEQUATE
-from ambid.record import Measurement, Record
+from ambid.record import Record, Source, measured
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
@@ -34,13 +34,13 @@ __all__ = ["diagnose"]
 @with_one_blas_thread
 def diagnose(
     model: Model | Rig,
-    records: Measurement | Sequence[Measurement],
+    records: Source | Sequence[Source],
     *,
-    validate: Sequence[Measurement] = (),
+    validate: Source | Sequence[Source] = (),
     effects: Sequence[str | Effect] | None = None,
     catalogue: Sequence[Effect] = CATALOGUE,
     tolerance: float = ADEQUATE,
-    ask: Callable[[Ranking, Candidate], bool] | None = None,
+    ask: Ask | None = None,
     say: Callable[[str], None] = lambda _: None,
     progress: Progress = silent,
 ) -> Diagnosis:
@@ -50,10 +50,10 @@ def diagnose(
     ----------
     model : Model or Rig
         Start; a rig means its nominal values.
-    records : Record or FrequencyResponse, or sequence of them
+    records : Record or FrequencyResponse, path of a file, or sequence of them
         Records of two or more periods each (four for tones and drift), or with an excitation that never repeats; at any
         amplitudes, and at any operating points (`Record.at`).
-    validate : sequence of Record or FrequencyResponse
+    validate : likewise
         Not used for choosing; best at another amplitude.
     effects : sequence of str or Effect, optional
         A person's own choice: add these, names of the catalogue or effects, in this order, instead of choosing.
@@ -62,7 +62,8 @@ def diagnose(
     tolerance : float
         Misfit J/dof up to which a model is good enough; on a short record what chance brings, if that is more.
     ask : callable, optional
-        Shown the ranking and the candidate that is to be added; False ends the search.
+        Shown the ranking and the candidate that is to be added; False ends the search, and another candidate of the
+        ranking is added in its place.
     say : callable
         Told about every step.
     progress : callable
@@ -89,8 +90,8 @@ def diagnose(
     chosen = None
     if effects is not None:
         chosen = [find(effect, catalogue=catalogue) if isinstance(effect, str) else effect for effect in effects]
-    records = (records,) if isinstance(records, Measurement) else tuple(records)
     start = model if isinstance(model, Model) else Model(model)
+    records, validate = measured(records, start.rig), measured(validate, start.rig)
     start = start.covering(records)
     for record in validate:
         start.at(record)  # refuses one at a bias current that no other record has

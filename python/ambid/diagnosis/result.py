@@ -19,7 +19,7 @@ from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.window import notes_of
 from ambid.record import Measurement
-from ambid.results import Tabular, picture, plain
+from ambid.results import Tabular, of_unit, picture, plain
 
 VERDICTS = {
     "adequate": "nothing is missing that these data can show, in this band and at this amplitude",
@@ -288,7 +288,7 @@ class Diagnosis(Tabular):
             for p in own:
                 error = self.parameters[p.name].std_error
                 spread = "" if error is None or not np.isfinite(error) else f" +- {error:.2g}"
-                lines.append(f"{p.name:36s} {p.value:12.5g}{spread} {p.unit}")
+                lines.append(f"{p.name:36s} {p.value:12.5g}{spread}{of_unit(p.unit)}")
         worst = [cell for cell in self.where[:3] if np.isfinite(cell.misfit)]
         if worst and self.verdict != "adequate":
             lines += ["", "largest misfit of the model at the start:"]

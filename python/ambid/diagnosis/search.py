@@ -39,7 +39,8 @@ PROMISING_SHARE = 0.1
 HOPELESS_SHARE = 0.3
 """A step that explains less than this of what is left does not lead to an explanation."""
 
-Ask = Callable[[Ranking, Candidate], bool]
+Ask = Callable[[Ranking, Candidate], bool | Candidate]
+"""Shown a ranking and the candidate that is to be added; False ends the search, another candidate is added instead."""
 
 
 def begin(task: Task, base: Comparison) -> State:
@@ -99,9 +100,15 @@ def _added(task: Task, state: State, ask: Ask | None) -> Iterator[State]:
             return  # the refit brings less than the score promised
         if not state.added and state.fit.misfit <= state.fit.bound and not stands(task, state, order[0]):
             return  # no misfit was left, and the rest of the evidence knows nothing of it
-        if ask is not None and not ask(ranking, candidate):
+        answer = True if ask is None else ask(ranking, candidate)
+        if isinstance(answer, Candidate) and answer is not candidate:
+            order = refits(task, state, [answer], whatever_promised=True)
+            if not order:
+                raise ModelError(f"{answer.effect.name}: no stable loop with it was found; choose another")
+            candidate, better = order[0]
+        elif not answer:
             return
-        if _is_hopeless(state, better):
+        elif _is_hopeless(state, better):
             yield replace(state, hopeless=better)
             return
         state = _taken(state, better, candidate.effect)

@@ -6,7 +6,7 @@ from typing import Any
 
 from ambid.effects import amplifier, disturbance, magnet, rotor, sensor, slips, support
 from ambid.effects.measured import MeasuredShape
-from ambid.errors import ModelError
+from ambid.errors import ModelError, did_you_mean
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
 
 __all__ = ["CATALOGUE", "Effect", "EffectParameter", "MeasuredShape", "Seen", "Trait", "find"]
@@ -33,7 +33,8 @@ def find(name: str, settings: Mapping[str, Any] | None = None, catalogue: Sequen
     for effect in catalogue:
         if effect.name == name:
             return effect if settings is None or settings == effect.settings() else _variant(effect, settings)
-    raise ModelError(f"{name}: no such effect; the catalogue has {', '.join(effect.name for effect in catalogue)}")
+    names = [effect.name for effect in catalogue]
+    raise ModelError(f"{name}: no such effect; {did_you_mean(name, names)}the catalogue has {', '.join(names)}")
 
 
 def _variant(effect: Effect, settings: Mapping[str, Any]) -> Effect:

@@ -19,7 +19,7 @@ from ambid.identification.problem import EXACTLY, End, LeastSquares, Limits, Pro
 from ambid.model import Model
 from ambid.model.parameter import UNITS
 from ambid.noise import Comparison, Noise, compare
-from ambid.record import FrequencyResponse, Measurement, Record
+from ambid.record import FrequencyResponse, Measurement, Record, Source, measured
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
@@ -45,10 +45,10 @@ STABLE_FACTORS = (0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.5)
 @with_one_blas_thread
 def identify(
     model: Model | Rig,
-    records: Measurement | Sequence[Measurement],
+    records: Source | Sequence[Source],
     *,
-    free: Iterable[str] | None = None,
-    fixed: Iterable[str] = (),
+    free: str | Iterable[str] | None = None,
+    fixed: str | Iterable[str] | Mapping[str, float] = (),
     bounds: Mapping[str, tuple[float, float]] | None = None,
     weights: str | Mapping[str, float] = LIKELIHOOD,
     starts: int = 1,
@@ -68,12 +68,12 @@ def identify(
     ----------
     model : Model or Rig
         Start values; a rig means its nominal values.
-    records : Record or FrequencyResponse, or sequence of them
+    records : Record or FrequencyResponse, path of a file, or sequence of them
         Of this rig; records in time all with the same axes and sample rate.
-    free : iterable of str, optional
+    free : str or iterable of str, optional
         Names or patterns such as ``K_i`` or ``K_s.A_*``; default all.
-    fixed : iterable of str
-        Names or patterns that keep their start values.
+    fixed : str, iterable of str, or mapping of str to float
+        Names or patterns that keep their start values, or the values that are given, such as ``{"tau_e": 2e-4}``.
     bounds : mapping of str to (float, float), optional
         By name or pattern, SI units; default positive.
     weights : str or mapping of str to float
@@ -109,13 +109,16 @@ def identify(
         if number < least:
             raise ModelError(f"{name} = {number}; expected {least} or more")
     model = Model(model) if isinstance(model, Rig) else model
-    records = (records,) if isinstance(records, Measurement) else tuple(records)
+    records = measured(records, model.rig)
+    if isinstance(fixed, Mapping):
+        model = model.with_values({model.names[i]: v for name, v in fixed.items() for i in model.index([name])})
     _check_records(model, records)
     model = model.covering(records)
     in_time = tuple(record for record in records if isinstance(record, Record))
     for record in in_time:
         model.excitation(record)  # refuses a record without one
-    chosen = set(range(len(model.names)) if free is None else model.index(free)) - set(model.index(fixed))
+    chosen = set(range(len(model.names)) if free is None else model.index(_several(free)))
+    chosen -= set(model.index(_several(fixed)))
     if not chosen:
         raise ModelError("no parameter is free; leave some out of `fixed`, or name some in `free`")
     free_indices = sorted(chosen)
@@ -141,6 +144,10 @@ def identify(
         )
     factors = _factors(model, None if isinstance(weights, str) else weights)
     return _in_time(model, in_time, free_indices, limits, origins, factors, max_evaluations, progress, begun, notes)
+
+
+def _several(names: str | Iterable[str]) -> Iterable[str]:
+    return [names] if isinstance(names, str) else names
 
 
 def _in_time(

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import ComplexArray, FloatArray
+from ambid.errors import ModelError, did_you_mean
 from ambid.identification.curvature import Curvature
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.record import Measurement
-from ambid.results import Tabular, plain
+from ambid.results import Tabular, of_unit, plain
 
 NORMAL_95 = 1.959964
 """Half width of a 95 % interval of the normal distribution, in standard errors."""
@@ -98,6 +99,20 @@ class Estimate(Tabular):
     directions: list[dict[str, float]] = field(default_factory=list)
     curvature: Curvature | None = None
     notes: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> ParameterEstimate:
+        """What was found of a parameter, such as ``estimate["K_i.A_zeta"]``.
+
+        Raises
+        ------
+        ModelError
+            If it was not free, or there is none of this name.
+        """
+        if name not in self.parameters:
+            held = f"{name} was not free" if name in self.model.names else f"{name}: no such parameter"
+            hint = did_you_mean(name, self.parameters)
+            raise ModelError(f"{held}; {hint}fitted were {', '.join(self.parameters)}")
+        return self.parameters[name]
 
     @property
     def records(self) -> tuple[Measurement, ...]:
@@ -230,7 +245,7 @@ class Estimate(Tabular):
                 lines.append(f"{name:14s} {'not identifiable from these records':>40s}")
                 continue
             lines.append(
-                f"{name:14s} {p.value:13.6g} {p.std_error:11.3g}   {p.ci95[0]:.6g} .. {p.ci95[1]:.6g} {p.unit}"
+                f"{name:14s} {p.value:13.6g} {p.std_error:11.3g}   {p.ci95[0]:.6g} .. {p.ci95[1]:.6g}{of_unit(p.unit)}"
             )
         lines += ["forces: f = K_i i + K_s s, K_s > 0 destabilises"]
         lines += ["", f"{'channel':14s} {'fit %':>8s} {'noise ceiling %':>16s}", "-" * 40]

@@ -18,6 +18,7 @@ from ambid.model.operating_point import further_points, nominal_of_points, param
 from ambid.model.parameter import Parameter, of_effect, selected, shared, split, to_rig
 from ambid.model.structure import Structure, is_nonlinear, require_allowed
 from ambid.record import Measurement, Record
+from ambid.results import of_unit
 from ambid.rig import Rig
 
 __all__ = ["Model"]
@@ -449,7 +450,7 @@ class Model:
         return model if covariance is None else model.with_covariance(covariance)
 
     def __repr__(self) -> str:
-        rows = [f"  {p.name:12s} {p.value:12.6g} {p.unit}" for p in self.parameters]
+        rows = [f"  {p.name:12s} {p.value:12.6g}{of_unit(p.unit)}" for p in self.parameters]
         effects = ", ".join(effect.name for effect in self.effects) or "no effects added"
         return "\n".join([f"Model of {self.rig.name!r}, {len(self.rig.axes)} axes, {effects}", *rows])
 

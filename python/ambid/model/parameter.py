@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
-from ambid.errors import ModelError
+from ambid.errors import ModelError, did_you_mean
 from ambid.loop.effect import Effect
 from ambid.rig import Rig
 
@@ -68,7 +68,8 @@ def of_effect(rig: Rig, effect: Effect, values: Mapping[str, float]) -> list[Par
     unknown = set(values) - {p.name for p in own}
     if unknown:
         raise ModelError(
-            f"{effect.name}: no parameter {', '.join(sorted(unknown))}; it has {', '.join(p.name for p in own)}"
+            f"{effect.name}: no parameter {', '.join(sorted(unknown))}; "
+            f"{did_you_mean(min(unknown), [p.name for p in own])}it has {', '.join(p.name for p in own)}"
         )
     return [
         Parameter(
@@ -112,7 +113,9 @@ def selected(parameters: Sequence[Parameter], patterns: Iterable[str]) -> list[i
         own = {i for i, name in enumerate(names) if fnmatchcase(name, pattern)}
         own |= {i for i, name in enumerate(names) if name.startswith(f"{pattern}.")}
         if not own:
-            raise ModelError(f"{pattern}: no such parameter; the model has {', '.join(names)}")
+            raise ModelError(
+                f"{pattern}: no such parameter; {did_you_mean(pattern, names)}the model has {', '.join(names)}"
+            )
         found |= own
     return sorted(found)
 

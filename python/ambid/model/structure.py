@@ -13,6 +13,7 @@ from ambid.loop.effect import Effect
 from ambid.loop.loop import Loop, open_plant
 from ambid.model.operating_point import nominal_of_points
 from ambid.model.parameter import Parameter, nominal, of_effect
+from ambid.results import of_unit
 from ambid.rig import Rig
 
 __all__ = ["Structure", "is_nonlinear"]
@@ -103,7 +104,8 @@ def require_allowed(parameters: Sequence[Parameter]) -> None:
         low, high = parameter.lower, parameter.upper
         if not (np.isfinite(parameter.value) and low <= parameter.value <= high and parameter.scale > 0.0):
             allowed = "a positive number" if (low, high) == (0.0, np.inf) else f"{low:g} to {high:g}"
-            raise ModelError(f"{parameter.name} = {parameter.value}: expected {allowed} in {parameter.unit}")
+            unit = f" in{of_unit(parameter.unit)}" if parameter.unit != "1" else ""
+            raise ModelError(f"{parameter.name} = {parameter.value}: expected {allowed}{unit}")
 
 
 @lru_cache(maxsize=8)

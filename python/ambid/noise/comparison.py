@@ -26,8 +26,9 @@ from ambid.noise.noise import Noise, Part
 from ambid.noise.response_lines import ResponseLines
 from ambid.noise.still import Louder
 from ambid.noise.window import notes_of
-from ambid.record import FrequencyResponse, Measurement, Record
+from ambid.record import FrequencyResponse, Measurement, Record, Source, measured
 from ambid.results import Tabular, picture, plain
+from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["ADEQUATE", "ChannelComparison", "Comparison", "RecordComparison", "compare"]
@@ -334,14 +335,14 @@ class Comparison(Tabular):
 
 
 @with_one_blas_thread
-def compare(model: Model, records: Measurement | Sequence[Measurement]) -> Comparison:
+def compare(model: Model | Rig, records: Source | Sequence[Source]) -> Comparison:
     """Hold a model against what was measured, in units of the noise.
 
     Parameters
     ----------
-    model : Model
-        As it stands; nothing is fitted but the state that each record begins with.
-    records : Record or FrequencyResponse, or sequence of them
+    model : Model or Rig
+        As it stands; nothing is fitted but the state that each record begins with. A rig means its nominal values.
+    records : Record or FrequencyResponse, path of a file, or sequence of them
 
     Returns
     -------
@@ -354,7 +355,8 @@ def compare(model: Model, records: Measurement | Sequence[Measurement]) -> Compa
     RecordError
         If a record has other axes than the rig, or no excitation, or a response has channels that the loop lacks.
     """
-    records = (records,) if isinstance(records, Measurement) else tuple(records)
+    model = Model(model) if isinstance(model, Rig) else model
+    records = measured(records, model.rig)
     model = model.covering(records)
     with model.loop.telling_the_mode(model.theta):
         for record in records:

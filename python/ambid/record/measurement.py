@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 from ambid.record.channel_map import ChannelMap
@@ -11,9 +11,17 @@ from ambid.record.frequency_response import FrequencyResponse
 from ambid.record.record import Record
 from ambid.rig import Rig
 
-__all__ = ["Measurement", "load_measurement"]
+__all__ = ["Measurement", "Source", "load_measurement", "measured"]
 
 Measurement = Record | FrequencyResponse
+Source = Measurement | str | Path
+"""A measurement, or the path of its file."""
+
+
+def measured(sources: Source | Sequence[Source], rig: Rig) -> tuple[Measurement, ...]:
+    """One measurement or several; files are read as those of a rig."""
+    several = (sources,) if isinstance(sources, Source) else tuple(sources)
+    return tuple(own if isinstance(own, Measurement) else load_measurement(own, rig) for own in several)
 
 
 def load_measurement(

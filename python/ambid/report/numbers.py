@@ -12,6 +12,7 @@ from ambid.loop.geometry import rotor_of
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.report.words import quantity
+from ambid.results import speed_text
 from ambid.rig import FiniteElementRotor, PointMassRotor, Rig
 from ambid.rotor import assemble
 
@@ -59,11 +60,11 @@ def rig_figures(rig: Rig, points: Sequence[Rig] = ()) -> list[tuple[str, str]]:
     return [
         ("machine", rig.name),
         *rotor,
-        ("speed", f"{rig.speed:g} rad/s ({rig.speed * 30.0 / np.pi:.0f} rpm)"),
+        ("speed", speed_text(rig.speed)),
         ("amplifier", f"lag of {quantity(rig.amplifier.time_constant, 's')}"),
         ("controller", f"{controller.kind.replace('_', ' ')}, {controller.implementation}{delay}"),  # type: ignore[attr-defined]
         ("sample rate", f"{rig.sample_rate:g} Hz"),
-        *(("also at", f"{point.name}: {_bias(point)}, {point.speed:g} rad/s") for point in points),
+        *(("also at", f"{point.name}: {_bias(point)}, {speed_text(point.speed)}") for point in points),
     ]
 
 

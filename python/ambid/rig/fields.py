@@ -1,6 +1,5 @@
 """What the models of the rig file share: ranges in SI units, and problems told in the words of the file."""
 
-import difflib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,7 +17,7 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
-from ambid.errors import RigError
+from ambid.errors import RigError, did_you_mean
 
 NOTHING = object()
 """Stands for the value of a key that is missing."""
@@ -189,8 +188,7 @@ class Spec(BaseModel):
             most, found = error["ctx"]["max_length"], error["ctx"]["actual_length"] or len(value)
             return problem(f"expected at most {most} entries, found {found}; {keys[location[0]]}.", value, *location)
         if error["type"] == "extra_forbidden":
-            near = difflib.get_close_matches(str(location[-1]), keys, n=1)
-            hint = f"did you mean {near[0]}? " if near else ""
+            hint = did_you_mean(str(location[-1]), keys)
             return problem(f"unknown key; {hint}Allowed here: {', '.join(keys)}.", value, *location)
         if error["type"].startswith("union_tag") and isinstance(value, Mapping):
             text = f"expected {', '.join(repr(kind) for kind in _KINDS[str(location[0])])}."

@@ -36,6 +36,7 @@ from ambid.rig.rotor import (
     along,
 )
 from ambid.rig.toml import toml_text
+from ambid.writing import whole_file
 
 MOST_BEARINGS = 8
 """Bearings of a rig: sixteen axes, whose loop has some hundred parameters and as many states as a fit can bear."""
@@ -338,6 +339,17 @@ class Rig(Spec):
     def to_toml(self) -> str:
         """Write the rig as the text of a rig file; `Rig.from_toml` reads the same rig back, to the last bit."""
         return toml_text(self.model_dump(by_alias=True, exclude_none=True))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the rig file that `Rig.load` reads back.
+
+        Raises
+        ------
+        InputError, OutputError
+            If it cannot be written there.
+        """
+        with whole_file(Path(path)) as stream:
+            stream.write(self.to_toml().encode())
 
     def replace(self, **changes: Any) -> "Rig":
         """Return a rig with other values of some keys, checked as a new one.

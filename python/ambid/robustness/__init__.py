@@ -2,5 +2,16 @@
 
 from ambid.robustness.procedure import margins, sensitivity_peaks
 from ambid.robustness.result import ZONES, AxisMargins, Margin, Margins, zone_of
+from ambid.robustness.uncertain_model import UncertainModel, uncertain
 
-__all__ = ["ZONES", "AxisMargins", "Margin", "Margins", "margins", "sensitivity_peaks", "zone_of"]
+__all__ = [
+    "ZONES",
+    "AxisMargins",
+    "Margin",
+    "Margins",
+    "UncertainModel",
+    "margins",
+    "sensitivity_peaks",
+    "uncertain",
+    "zone_of",
+]

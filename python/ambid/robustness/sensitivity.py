@@ -11,7 +11,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import InputError
 from ambid.loop.controller import LawError, Reading, law_errors
 from ambid.loop.loop import open_plant
-from ambid.loop.response import frequency_response
+from ambid.loop.response import StateSpace, frequency_response
 from ambid.model import Model
 
 Place = Literal["controller", "sensor"]
@@ -60,7 +60,7 @@ class BrokenLoop:
         self._loop = model.loop if place == "controller" else model.with_noise_inputs()
         kind = "i_e." if place == "controller" else "n."
         self._driven = [k for k, name in enumerate(self._loop.inputs) if name.startswith(kind)]
-        self._law = _Law(model) if place == "controller" else None
+        self._law = Law(model) if place == "controller" else None
 
     def grid(self, theta: FloatArray) -> FloatArray:
         """Frequencies [Hz], shape (F,), that no peak of S falls between; a digital loop's end at Nyquist's."""
@@ -99,7 +99,7 @@ class BrokenLoop:
         return slopes
 
 
-class _Law:
+class Law:
     """K from the outputs y and i_c to the commands, with the errors of its gains that are in the model."""
 
     def __init__(self, model: Model) -> None:
@@ -110,12 +110,16 @@ class _Law:
         filled_by = {slot: k for k, p in enumerate(model.parameters) for slot in p.slots}
         self._errors = [(filled_by[error.slot], error) for error in law_errors(plant, rig) if not error.excitation]
 
-    def response(self, theta: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
-        """K, shape (F, axes, outputs)."""
+    def state_space(self, theta: FloatArray) -> StateSpace:
+        """A, B, C, D of K, from the outputs, in samples if it is digital."""
         A, B, C, D = self._matrices
         for index, error in self._errors:
             C, D = C + theta[index] * error.C, D + theta[index] * error.D
-        return frequency_response((A, B, C, D), self._points(frequency_hz)) @ self._read
+        return A, B @ self._read, C, D @ self._read
+
+    def response(self, theta: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
+        """K, shape (F, axes, outputs)."""
+        return frequency_response(self.state_space(theta), self._points(frequency_hz))
 
     def parts(self, frequency_hz: FloatArray) -> list[tuple[int, ComplexArray]]:
         """Derivative of K by each error of a gain, with the index of its parameter."""

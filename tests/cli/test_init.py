@@ -1,0 +1,53 @@
+"""A commented rig file to begin from: as it is, it loads, is sound, and can be identified."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+import ambid
+from ambid.rig.template import KINDS
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_loads_is_sound_and_is_commented(kind, command):
+    made = command("init", kind, "--out", "own.toml", "--json", "told.json")
+    assert (made.code, made.err) == (0, "")
+    assert "ambid check own.toml" in made.out
+    assert json.loads(Path("told.json").read_text()) == {"rig": "own.toml", "kind": kind}
+    rig = ambid.Rig.load("own.toml")
+    assert ambid.Model(rig).is_stable
+    assert command("check", "own.toml").code == 0
+    text = Path("own.toml").read_text()
+    for unit in ("# Hz", "# m", "# A", "# s", "# N/A", "# N/m"):
+        assert unit in text.replace("N/A, nominal", "N/A"), unit
+
+
+def test_what_it_writes_can_be_simulated_and_identified(command):
+    assert command("init", "levitator").code == 0
+    assert command("simulate", "rig.toml", "--out", "run.csv", "--seconds", "0.5", "-q").code == 0
+    assert command("identify", "rig.toml", "run.csv", "--json", "-", "-q").code == 0
+
+
+def test_what_is_there_is_not_replaced(command):
+    Path("rig.toml").write_text("mine")
+    found = command("init")
+    assert found.code == 2
+    assert "rig.toml: is there already" in found.err
+    assert Path("rig.toml").read_text() == "mine"
+    assert command("init", "--force").code == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [(["modal"], "did you mean modal_rotor?"), (["pid", "--out", "rig.txt"], "the suffix is .txt; expected .toml")],
+)
+def test_what_is_wrong_is_told(command, arguments, said):
+    found = command("init", *arguments)
+    assert found.code == 2
+    assert said in found.err
