@@ -16,6 +16,8 @@ from ambid.plot.style import LABEL, NOTHING, SMALL, band_text, dress, new_figure
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+WIDTH = 7.5
+"""Of the picture at least [inch], so that its title has room."""
 ACROSS = 3
 """Bands side by side."""
 SEEN = 2.0
@@ -49,8 +51,8 @@ def plot_misfit_matrix(matrix: MisfitMatrix, ax: Sequence[Axes] | None = None) -
     bands, outputs, inputs = matrix.power.shape
     across = min(ACROSS, bands)
     if ax is None:
-        height = 0.6 + -(-bands // across) * (0.22 * outputs + 0.55)
-        grid = new_figure(1.2 + across * (0.55 * inputs + 0.75), height).subplots(
+        height = 0.8 + -(-bands // across) * (0.22 * outputs + 0.55)
+        grid = new_figure(max(WIDTH, 1.2 + across * (0.55 * inputs + 0.75)), height).subplots(
             -(-bands // across), across, sharex=True, sharey=True, squeeze=False
         )
         panels = list(grid.ravel())
@@ -91,12 +93,13 @@ def plot_misfit_matrix(matrix: MisfitMatrix, ax: Sequence[Axes] | None = None) -
         figure = panels[0].figure
         kinds = "/".join(dict.fromkeys(name.partition(".")[0] for name in matrix.inputs))
         figure.suptitle(
-            f"{matrix.record}: what each output answers to each {kinds} beyond the model, and to none of them",
+            f"{matrix.record}: what each output answers to each {kinds} beyond the model, and to none of them\n"
+            "power, and the sign of the real part where it has one; grey may be chance",
             fontsize=LABEL + 1,
             x=0.01,
             ha="left",
         )
         bar = figure.colorbar(ScalarMappable(norm, "YlOrBr"), ax=panels[:bands], pad=0.01, fraction=0.03)
-        bar.set_label("times noise power; + − sign of the real part; grey: chance", fontsize=LABEL)
+        bar.set_label("times noise power", fontsize=LABEL)
         bar.ax.tick_params(labelsize=SMALL)
     return np.array(panels[:bands])

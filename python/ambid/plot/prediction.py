@@ -60,7 +60,7 @@ def plot_prediction(prediction: Prediction, record: int = 0, ax: Sequence[Axes] 
     signals = len({name.partition(".")[0] for name in now.channels})
     rows = -(-channels // signals)
     if ax is None:
-        figure = new_figure(9.0, 0.9 + 1.35 * rows)
+        figure = new_figure(9.0, 1.2 + 1.35 * rows)
         # a column each for y and i_c, as in the pictures of signals
         panels = list(figure.subplots(rows, signals, sharex=True, sharey=True, squeeze=False).T.ravel())[:channels]
     else:
@@ -81,10 +81,15 @@ def plot_prediction(prediction: Prediction, record: int = 0, ax: Sequence[Axes] 
         plain_log(panels[0].xaxis)
         for c, panel in enumerate(panels):
             is_last = c % rows == rows - 1
+            panel.set_ylabel("times noise" if c < rows else "", fontsize=LABEL)
             panel.set_xlabel("frequency [Hz]" if is_last else "", fontsize=LABEL)
-        figure.supylabel("power of the residual, times noise", fontsize=LABEL)
         text = f"{misfit_text(prediction.misfit_now)} now, {misfit_text(prediction.misfit_then)} predicted"
-        figure.suptitle(f"{now.record}: misfit {text} with {prediction.effect}", fontsize=LABEL + 1, x=0.01, ha="left")
+        figure.suptitle(
+            f"{now.record}: power of the residual; misfit {text} with {prediction.effect}",
+            fontsize=LABEL + 1,
+            x=0.01,
+            ha="left",
+        )
         handles = panels[0].get_legend_handles_labels()[0]
         figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=SMALL, frameon=False)
     return np.array(panels[:channels])
