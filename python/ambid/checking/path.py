@@ -29,8 +29,11 @@ NOTICED = 10.0
 
 
 def path(record: Record) -> list[Finding]:
-    """The means of y and i_c stay where they are; where they do not, from where to where they go."""
-    told = _ramps(record) or _moves(record)
+    """The means of y and i_c stay where they are; where they do not, from where to where they go.
+
+    A free response, which comes to rest, is none.
+    """
+    told = "" if record.is_free_response else _ramps(record) or _moves(record)
     if not told:
         return []
     what = f"{told}: the record passes through operating points, which is no drift of the machine, but hides what is "
