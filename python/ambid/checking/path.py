@@ -20,7 +20,7 @@ MOVED = 2.0
 """Standard deviations of y within a part by which its mean may move; an excitation moves it by less."""
 LEAST_PERIODS = 8
 """Of a record whose periods show a ramp: half of them make a line whose halves are compared."""
-SURE = 8.0
+CERTAIN = 8.0
 """Standard errors of a ramp's slope."""
 EVEN = 0.5
 """Part of a ramp's slope that each half of the line must have: what dies away has less in the second."""
@@ -55,7 +55,7 @@ def _ramps(record: Record) -> str:
     first, second = _slope(line[:middle])[0], _slope(line[middle:])[0]
     is_even = np.minimum(first * slope, second * slope) > EVEN * slope**2
     leads = np.abs(slope) * record.periods > NOTICED * noise
-    ramps = np.flatnonzero(is_even & leads & (np.abs(slope) > SURE * error))
+    ramps = np.flatnonzero(is_even & leads & (np.abs(slope) > CERTAIN * error))
     return " and ".join(_from_to(record, int(k), means[1, k], means[-1, k]) for k in ramps)
 
 
