@@ -64,3 +64,12 @@ def test_a_misfit_is_told_though_nothing_can_be_named():
 def test_noise_alone_is_still_refused():
     with pytest.raises(RecordError, match="no excitation"):
         record(push=0.0)
+
+
+def test_it_is_no_response_to_anything():
+    with pytest.raises(RecordError, match="a free response: nothing drives it.* ambid identify"):
+        record().frequency_response()
+
+
+def test_coming_to_rest_is_no_path_through_operating_points():
+    assert not any(finding.is_of_path for finding in check(rig(), [record()]).findings)

@@ -20,7 +20,7 @@ MOVED = 2.0
 """Standard deviations of y within a part by which its mean may move; an excitation moves it by less."""
 LEAST_PERIODS = 8
 """Of a record whose periods show a ramp: half of them make a line whose halves are compared."""
-SURE = 8.0
+CERTAIN = 8.0
 """Standard errors of a ramp's slope."""
 EVEN = 0.5
 """Part of a ramp's slope that each half of the line must have: what dies away has less in the second."""
@@ -29,8 +29,11 @@ NOTICED = 10.0
 
 
 def path(record: Record) -> list[Finding]:
-    """The means of y and i_c stay where they are; where they do not, from where to where they go."""
-    told = _ramps(record) or _moves(record)
+    """The means of y and i_c stay where they are; where they do not, from where to where they go.
+
+    A free response, which comes to rest, is none.
+    """
+    told = "" if record.is_free_response else _ramps(record) or _moves(record)
     if not told:
         return []
     what = f"{told}: the record passes through operating points, which is no drift of the machine, but hides what is "
@@ -52,7 +55,7 @@ def _ramps(record: Record) -> str:
     first, second = _slope(line[:middle])[0], _slope(line[middle:])[0]
     is_even = np.minimum(first * slope, second * slope) > EVEN * slope**2
     leads = np.abs(slope) * record.periods > NOTICED * noise
-    ramps = np.flatnonzero(is_even & leads & (np.abs(slope) > SURE * error))
+    ramps = np.flatnonzero(is_even & leads & (np.abs(slope) > CERTAIN * error))
     return " and ".join(_from_to(record, int(k), means[1, k], means[-1, k]) for k in ramps)
 
 

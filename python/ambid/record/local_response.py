@@ -88,12 +88,10 @@ def local_response(
     Raises
     ------
     RecordError
-        If no axis is excited, or there are too few lines.
+        If there are too few lines.
     """
     power = np.var(drives, axis=0)
     excited = power > LEAST_EXCITED * power.max(initial=0.0)
-    if not excited.any():
-        raise RecordError(f"{where}: no excitation: neither i_e nor r moves on any axis; excite the loop")
     periods = len(drives) // period if period else 1
     samples = periods * period if period and periods else len(drives)
     periods = max(periods, 1)

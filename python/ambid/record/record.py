@@ -340,15 +340,19 @@ class Record:
         Raises
         ------
         RecordError
-            If i_e is not known, no axis is excited, or there are too few lines.
+            If i_e is not known, nothing drives the record, or there are too few lines.
         """
         where = str(self.path or self.name)
         if self.i_e is None:
             raise RecordError(
                 f"{where}: i_e was not logged; load the record with its rig, whose controller rebuilds it"
             )
+        if self.is_free_response:
+            raise RecordError(
+                f"{where}: a free response: nothing drives it, so that there is no input that y and i_c could be the "
+                "response to; expected i_e or r that moves. Excite the loop, or fit the record as it is: ambid identify"
+            )
         moving = {name: own for name, own in (("i_e", self.i_e), ("r", self.r)) if own is not None and _moves(own)}
-        moving = moving or {"i_e": self.i_e}
         sizes = np.repeat([1.0 if len(moving) == 1 else own.std() for own in moving.values()], len(self.axes))
         drives = np.hstack(list(moving.values())) / sizes
         found = local_response(where, drives, self.outputs, self.sample_rate, self.period)
