@@ -52,7 +52,9 @@ def stands(task: Task, state: State, pair: Refitted) -> bool:
     for k in (0, 1):
         own = [half[k] for half in halves]
         if all(isinstance(record, Record) and record.is_free_response for record in own):
-            continue  # a step moves one half only
+            if not better.is_adequate:
+                return False
+            continue  # a step moves one half only: what explains all of that stands
         try:
             base = refit(Comparison(state.fit.model, own), step=ROUGHLY)
             fall = base.cost - refit(base.of(better.model), step=ROUGHLY).cost
