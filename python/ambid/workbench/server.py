@@ -88,7 +88,8 @@ def _candidates(window: Window, _: Json) -> Json:
 
 
 def _lines(window: Window, given: Json) -> Json:
-    return views.lines(window.session, _whole(given, "record"), str(_given(given, "channel")))
+    record, pixels = _whole(given, "record"), _whole(given, "pixels")
+    return views.lines(window.session, record, str(_given(given, "channel")), pixels)
 
 
 def _signals(window: Window, given: Json) -> Json:

@@ -7,33 +7,35 @@ from numpy.typing import NDArray
 
 from ambid.arrays import FloatArray
 
-__all__ = ["thinned"]
+__all__ = ["in_a_row", "thinned"]
 
 
-def thinned(signals: FloatArray, pixels: int) -> NDArray[np.intp]:
+def thinned(signals: FloatArray, pixel: NDArray[np.intp]) -> NDArray[np.intp]:
     """Which samples to draw: those where a signal is smallest or largest within a pixel, and both ends.
 
     Parameters
     ----------
     signals : ndarray, shape (N, k)
         Drawn over the same samples; NaN where there is nothing.
-    pixels : int
-        Width of the chart.
+    pixel : ndarray of int, shape (N,)
+        Which pixel each sample falls in, rising.
 
     Returns
     -------
     ndarray of int
-        In order; all samples where no more than two a pixel and signal are there.
+        In order; of a pixel with many equal extremes the first.
     """
-    count, k = signals.shape
-    if count <= 2 * k * pixels:
-        return np.arange(count)
-    width = -(-count // pixels)
-    padded = np.full((-(-count // width) * width, k), np.nan)
-    padded[:count] = signals
-    blocks = padded.reshape(-1, width, k)
-    first = width * np.arange(len(blocks))[:, None]
-    low = first + np.argmin(np.where(np.isnan(blocks), np.inf, blocks), axis=1)
-    high = first + np.argmax(np.where(np.isnan(blocks), -np.inf, blocks), axis=1)
-    kept = np.unique(np.concatenate([low.ravel(), high.ravel(), [0, count - 1]]))
-    return np.asarray(kept[kept < count], dtype=np.intp)
+    first = np.flatnonzero(np.diff(pixel, prepend=pixel[0] - 1))
+    own = np.repeat(np.arange(len(first)), np.diff(first, append=len(pixel)))
+    kept = [np.array([0, len(pixel) - 1])]
+    for signal in signals.T:
+        for least in (signal, -signal):
+            reached = np.fmin.reduceat(least, first)[own] == least
+            at = np.flatnonzero(reached)
+            kept.append(at[np.unique(own[at], return_index=True)[1]])
+    return np.asarray(np.unique(np.concatenate(kept)), dtype=np.intp)
+
+
+def in_a_row(count: int, pixels: int) -> NDArray[np.intp]:
+    """The pixels of so many samples, evenly spread over a chart."""
+    return np.asarray(np.arange(count) * pixels // count, dtype=np.intp)

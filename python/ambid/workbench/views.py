@@ -6,16 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from ambid.diagnosis import Localisation
+from ambid.diagnosis import Candidate, Localisation
 from ambid.errors import InputError
 from ambid.model import Parameter
 from ambid.noise import Comparison
+from ambid.noise.comparison import ADEQUATE
 from ambid.plot import worst_stretch
-from ambid.plot.style import shown_in
+from ambid.plot.style import misfit_text, shown_in
 from ambid.record import FrequencyResponse, Record
 from ambid.results import plain
 from ambid.workbench.session import Session
-from ambid.workbench.thinning import thinned
+from ambid.workbench.thinning import in_a_row, thinned
 
 __all__ = ["candidates", "lines", "misfits", "overview", "signals", "where"]
 
@@ -23,6 +24,11 @@ REACH = 0.5
 """Part of a parameter's value that its slider goes to either side of the last fit."""
 FEWEST_PIXELS, MOST_PIXELS = 50, 4000
 """Widths of a chart that are drawn."""
+LEVELS = (1.5, 3.0, 10.0, 100.0)
+"""Misfits from which on a cell of the map is drawn darker; what is below the first says nothing and is grey."""
+THOUSAND = 1000.0
+LEAST_CHANCE = -690.0
+"""Logarithm of the smallest p-value that is written as a number."""
 FEWEST_SAMPLES = 4
 """Samples of the shortest window that is drawn."""
 
@@ -67,7 +73,8 @@ def candidates(session: Session) -> dict[str, Any]:
             "physics": own.effect.physics,
             "signature": own.effect.signature,
             "significant": own.effect.name in significant,
-            "log10_p": own.chance / np.log(10.0),
+            "chance": _chance(own),
+            "left": _left(own.predicted_misfit, ranking.misfit),
         }
         for own in ranking.candidates
     ]
@@ -85,7 +92,7 @@ def where(session: Session) -> dict[str, Any]:
                     "record": own.record,
                     "channels": list(own.channels),
                     "edges_hz": own.edges_hz.tolist(),
-                    "misfit": own.misfit.T.tolist(),
+                    "cells": [[_cell(float(misfit)) for misfit in row] for row in own.misfit.T],
                 }
                 for own in maps
             ],
@@ -95,8 +102,8 @@ def where(session: Session) -> dict[str, Any]:
     )
 
 
-def lines(session: Session, record: int, channel: str) -> dict[str, Any]:
-    """Misfit of one channel, line by line of the spectrum.
+def lines(session: Session, record: int, channel: str, pixels: int) -> dict[str, Any]:
+    """Misfit of one channel, line by line of the spectrum, on a logarithmic scale of so many pixels.
 
     Raises
     ------
@@ -108,7 +115,10 @@ def lines(session: Session, record: int, channel: str) -> dict[str, Any]:
     frequency_hz, misfit = part.misfit_by_channel(comparison.model.at(part.record))
     column = _column(comparison, k, channel)
     known = misfit[:, column] > 0.0
-    return plain({"frequency_hz": frequency_hz[known].tolist(), "misfit": misfit[known, column].tolist()})
+    f, left = frequency_hz[known], misfit[known, column]
+    along = np.log(f / f[0]) / np.log(f[-1] / f[0])
+    kept = thinned(left[:, None], np.asarray(along * _chart(pixels), dtype=np.intp))
+    return plain({"record": part.record.name, "frequency_hz": f[kept].tolist(), "misfit": left[kept].tolist()})
 
 
 def signals(
@@ -135,8 +145,7 @@ def signals(
     InputError
         If there is no such record or channel, or the window is empty.
     """
-    if not FEWEST_PIXELS <= pixels <= MOST_PIXELS:
-        raise InputError(f"pixels = {pixels}: expected {FEWEST_PIXELS} to {MOST_PIXELS}")
+    pixels = _chart(pixels)
     if window is not None and not window[0] < window[1]:
         raise InputError(f"window {window[0]:g} .. {window[1]:g}: expected from below to")
     comparison, k = _place(session, record)
@@ -158,7 +167,7 @@ def signals(
     first = max(0, min(first, len(x) - FEWEST_SAMPLES))
     last = max(last, first + FEWEST_SAMPLES)
     x, drawn = x[first:last], factor * drawn[first:last]
-    kept = thinned(drawn, pixels)
+    kept = thinned(drawn, in_a_row(len(x), pixels))
     measured, simulated, residual = drawn[kept].T.tolist()
     return plain(
         {
@@ -184,6 +193,22 @@ def _of_worst_input(record: FrequencyResponse, simulated: Any, column: int) -> t
     i = int(np.argmax(np.nansum(np.abs(left / std) ** 2, axis=0)))
     sizes = [np.abs(own[:, i]) for own in (record.response[:, column], simulated[:, column], left)]
     return np.column_stack(sizes), std[:, i].copy()
+
+
+def _cell(misfit: float) -> dict[str, Any]:
+    """A cell of the map: its misfit, as it is written there, and how dark it is."""
+    text = "" if np.isnan(misfit) else misfit_text(misfit) if misfit < THOUSAND else f"{misfit / THOUSAND:.3g}k"
+    return {"misfit": misfit, "text": text, "level": int(np.searchsorted(LEVELS, misfit))}
+
+
+def _chance(own: Candidate) -> str:
+    """The p-value in words; what is too small for a number says only that it is."""
+    return f"{own.p_value:.1g}" if own.chance > LEAST_CHANCE else "< 1e-300"
+
+
+def _left(predicted: float, misfit: float) -> float:
+    """How far a predicted misfit stands between noise, 0, and the present one, 1, on a logarithmic scale."""
+    return float(np.clip(np.log(max(predicted, 1.0)) / np.log(max(misfit, ADEQUATE)), 0.0, 1.0))
 
 
 def _records(session: Session) -> list[dict[str, Any]]:
@@ -222,6 +247,12 @@ def _parameter(session: Session, own: Parameter) -> dict[str, Any]:
         "was": was,
         "moved_by_std_errors": None if was is None or not error else (own.value - was) / error,
     }
+
+
+def _chart(pixels: int) -> int:
+    if not FEWEST_PIXELS <= pixels <= MOST_PIXELS:
+        raise InputError(f"pixels = {pixels}: expected {FEWEST_PIXELS} to {MOST_PIXELS}")
+    return pixels
 
 
 def _worst(found: Localisation) -> dict[str, Any] | None:

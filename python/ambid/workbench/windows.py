@@ -29,12 +29,13 @@ class Window:
     def __init__(self, session: Session) -> None:
         self.session, self.revision, self.report = session, 0, b""
         self.job: Job | None = None
-        self._lock = Lock()
+        self._jobs, self._lock = 0, Lock()
 
     def view(self) -> dict[str, Any]:
         """All that the page shows beside its charts."""
-        job = None if self.job is None else self.job.as_dict()
-        return overview(self.session) | {"revision": self.revision, "job": job}
+        job = None if self.job is None else self.job.as_dict() | {"number": self._jobs}
+        revision = self.revision  # after the job: one that has ended has made its step
+        return overview(self.session) | {"revision": revision, "job": job}
 
     def go(self, revision: int, step: Callable[[Session], Session]) -> None:
         """Take a step that is quick.
@@ -53,6 +54,7 @@ class Window:
         with self._lock:
             self._require_present(revision)
             session = self.session
+            self._jobs += 1
             self.job = Job(what, lambda tell: step(session, tell), self._take)
 
     def start_report(self, revision: int) -> None:
@@ -60,6 +62,7 @@ class Window:
         with self._lock:
             self._require_present(revision)
             session = self.session
+            self._jobs += 1
             self.job = Job("report", lambda tell: as_report(session, tell), self._keep)
 
     def cancel(self) -> None:
