@@ -67,11 +67,25 @@ async function show(next) {
     showHead();
     showSteps();
     showParameters();
-    await Promise.all([showCandidates(), showMaps()]);
-    await showCharts();
+    const isFirst = chosen.channel === null;  // then the worst cell says which channel the charts show
+    await fresh("candidates-section", showCandidates());
+    await Promise.all([fresh("where", showMaps()), ...(isFirst ? [] : [fresh("signals", showCharts())])]);
+    if (isFirst) await fresh("signals", showCharts());
   }
   if (view.job?.running) setTimeout(async () => { try { await show(await ask("view")); } catch (e) { tell(e); } }, POLL_MS);
   else await concluded();
+}
+
+async function fresh(section, shown) {
+  $(section).classList.add("stale");
+  $(section).setAttribute("aria-busy", "true");
+  try {
+    await shown;
+    $(section).classList.remove("stale");
+    $(section).removeAttribute("aria-busy");
+  } catch (error) {
+    tell(error);
+  }
 }
 
 let heard = null;
@@ -141,13 +155,19 @@ async function showCandidates() {
     element("td", {}, element("details", {}, element("summary", {}, own.effect), element("p", {}, own.physics), element("p", {}, own.signature),
       element("p", {}, "predicted: " + Object.entries(own.predicted_value).map(([name, value]) => `${name} ${text(value, 3)}`).join(", ")),
       ...(own.confusable_with.length ? [element("p", {}, `hardly told from ${own.confusable_with.join(", ")}`)] : []))),
-    element("td", { className: "number" }, element("meter", { min: 0, max: 1, value: own.left, "aria-hidden": "true" }), ` ${misfitText(own.predicted_misfit)}`),
+    element("td", { className: "number" }, bar(own.left), ` ${misfitText(own.predicted_misfit)}`),
     element("td", { className: "number" }, own.significant ? own.chance : `${own.chance}, may be chance`),
     element("td", {}, element("button", { type: "button", "data-step": "yes", "aria-label": `add ${own.effect}`, onclick: () => step("add", { name: own.effect }) }, "Add")))));
   const not = Object.entries(found.not_tried);
   $("not-tried").hidden = !not.length;
   $("not-tried").lastElementChild.replaceChildren(...not.map(([name, why]) => element("li", {}, `${name}: ${why}`)));
   showJob();
+}
+
+function bar(share) {
+  const filled = element("span");
+  filled.style.width = `${100 * share}%`;
+  return element("span", { className: "bar", "aria-hidden": "true" }, filled);
 }
 
 // ---- the map
@@ -215,7 +235,7 @@ function showChosen() {
 function draw(where, traces, layout) {
   return Plotly.react(where, traces, {
     margin: { l: 62, r: 12, t: 8, b: 42 }, font: { size: 12 }, paper_bgcolor: "#fff", plot_bgcolor: "#fff",
-    legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 }, ...layout,
+    legend: { traceorder: "normal", orientation: "h", y: 1.02, yanchor: "bottom", x: 0 }, ...layout,
   }, { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["select2d", "lasso2d", "toImage"], scrollZoom: false });
 }
 
@@ -316,7 +336,7 @@ async function showSpectrum(role) {
   if (!found) return;
   $(`${role}-lines-title`).textContent = `${role}: ${found.record}, ${chosen.channel}: power left on each line, in units of its noise`;
   const [low, high] = chosen.band ?? [];
-  await draw(where, [{ x: found.frequency_hz, y: found.misfit, mode: "markers", name: "misfit", marker: { size: 4, color: "#1f4e8c" } }], {
+  await draw(where, [{ x: found.frequency_hz, y: found.misfit, mode: "lines+markers", name: "misfit", line: { color: "#1f4e8c", width: 0.6 }, marker: { size: 3, color: "#1f4e8c" } }], {
     showlegend: false,
     xaxis: { title: { text: "frequency [Hz]" }, type: "log", autorange: true },
     yaxis: { title: { text: "misfit" }, type: "log", exponentformat: "power", dtick: 1, autorange: true },
@@ -339,7 +359,7 @@ function showParameters() {
   $("preview").textContent = "";
   $("parameters").tBodies[0].replaceChildren(...view.parameters.map((own) => {
     const move = (event) => step("move", { name: own.name, value: Number(event.target.value) });
-    const number = element("input", { type: "number", step: "any", value: own.value, "aria-label": `${own.name}, value`, "data-step": "yes", onchange: move });
+    const number = element("input", { type: "number", step: "any", value: text(own.value, 7), "aria-label": `${own.name}, value`, "data-step": "yes", onchange: move });
     return element("tr", {}, element("th", { scope: "row" }, own.name),
       element("td", {}, element("input", {
         type: "range", min: own.low, max: own.high, step: "any", value: own.value, "aria-label": own.name, "data-step": "yes",
