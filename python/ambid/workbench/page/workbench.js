@@ -246,12 +246,15 @@ function recordOf(role) {
   return own !== null && view.records[own]?.role === role ? own : view.records.findIndex((one) => one.role === role);
 }
 
+// Where the charts of a record stand, what makes the panel of one, and what draws it.
+const CHARTS = [["overlays", overlayPanel, showOverlay], ["spectra", spectrumPanel, showSpectrum]];
+
 async function showCharts() {
-  for (const [place, make] of [["overlays", overlayPanel], ["spectra", spectrumPanel]]) {
+  for (const [place, make] of CHARTS) {
     if ($(place).childElementCount !== roles().length) $(place).replaceChildren(...roles().map(make));
   }
   try {
-    await Promise.all(roles().flatMap((role) => [showOverlay(role), showSpectrum(role)]));
+    await Promise.all(roles().flatMap((role) => CHARTS.map(([, , show]) => show(role))));
   } catch (error) {
     tell(error);
   }
