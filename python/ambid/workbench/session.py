@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import lru_cache
 from pathlib import Path
 
 from ambid.diagnosis import Localisation, Ranking, localise, rank
@@ -19,6 +19,8 @@ from ambid.record import Measurement
 
 __all__ = ["Bench", "Session", "Tell", "silent"]
 
+KEPT = 8
+"""Maps that are kept, for steps that are shown again; each holds a comparison with its records."""
 AGAIN = "\nkept_back = ambid.compare(comparison.model, validate) if validate else None"
 MOVED = "\nkept_back = kept_back.of(comparison.model) if validate else None"
 
@@ -136,15 +138,15 @@ class Session:
             return None
         return self.kept_back.cost / (self.kept_back.dof + len(self.kept_back.model.names))
 
-    @cached_property
+    @property
     def where(self) -> Localisation:
         """Where the model of this step misses the records."""
-        return localise(self.comparison)
+        return _where(self.comparison)
 
-    @cached_property
+    @property
     def where_kept_back(self) -> Localisation | None:
         """The same of the records to validate on."""
-        return None if self.kept_back is None else localise(self.kept_back)
+        return None if self.kept_back is None else _where(self.kept_back)
 
     def fit(self, tell: Tell = silent) -> Session:
         """Fit all parameters, from where they are.
@@ -249,6 +251,11 @@ class Session:
             before=self,
             estimate=estimate,
         )
+
+
+@lru_cache(maxsize=KEPT)
+def _where(comparison: Comparison) -> Localisation:
+    return localise(comparison)
 
 
 def _kept_back(bench: Bench, model: Model) -> Comparison | None:

@@ -2,7 +2,7 @@
 "use strict";
 
 const POLL_MS = 200;
-const SETTLE_MS = 120;
+const SETTLE_MS = 120, LET_GO_MS = 400;
 const MEASURED = { color: "#9a9a9a", width: 4 }, SIMULATED = { color: "#a32a00", width: 1.4 };
 const chosen = { channel: null, band: null, records: { training: 0, validation: null }, windows: {} };
 let base = "", view = null, shown = null;
@@ -46,7 +46,15 @@ function tell(error) {
   $("error").hidden = !lost;
 }
 
-async function step(call, given = {}) {
+let last = Promise.resolve();
+
+// One step after the other: each is taken on the step that the page shows.
+function step(call, given = {}) {
+  last = last.then(() => taken(call, given));
+  return last;
+}
+
+async function taken(call, given) {
   tell({ message: "" });
   try {
     await show(await post(`${base}/${call}`, { revision: view.revision, ...given }));
@@ -340,7 +348,7 @@ async function showSpectrum(role) {
   $(`${role}-lines-title`).textContent = `${role}: ${found.record}, ${chosen.channel}: power left on each line, in units of its noise`;
   const [low, high] = chosen.band ?? [];
   await draw(where, [{ x: found.frequency_hz, y: found.misfit, mode: "lines+markers", name: "misfit", line: { color: "#1f4e8c", width: 0.6 }, marker: { size: 3, color: "#1f4e8c" } }], {
-    showlegend: false,
+    showlegend: false, hovermode: "x",
     xaxis: { title: { text: "frequency [Hz]" }, type: "log", autorange: true },
     yaxis: { title: { text: "misfit" }, type: "log", exponentformat: "power", dtick: 1, autorange: true },
     shapes: [{ type: "line", xref: "paper", x0: 0, x1: 1, y0: 1, y1: 1, line: { dash: "dot", color: "#555" } },
@@ -350,7 +358,7 @@ async function showSpectrum(role) {
     where.listens = true;
     const others = () => roles().filter((other) => other !== role).map((other) => $(`${other}-lines`));
     where.on("plotly_hover", (event) => {
-      if (event.event) for (const other of others()) Plotly.Fx.hover(other, { xval: Math.log10(event.points[0].x) }, "xy");
+      if (event.event) for (const other of others()) Plotly.Fx.hover(other, { xval: event.points[0].x }, "xy");
     });
     where.on("plotly_unhover", () => { for (const other of others()) Plotly.Fx.unhover(other); });
   }
@@ -358,10 +366,23 @@ async function showSpectrum(role) {
 
 // ---- parameters
 
+function moved(own) {
+  if (own.was === null || own.was === own.value) return "–";
+  const by = own.moved_by_std_errors === null ? "" : `${text(own.moved_by_std_errors, 3)} std errors `;
+  return `${by}from ${text(own.was, 6)}`;
+}
+
+let letGo = 0;
+
 function showParameters() {
+  const held = document.activeElement?.closest("#parameters") ? document.activeElement.getAttribute("aria-label") : null;
   $("preview").textContent = "";
   $("parameters").tBodies[0].replaceChildren(...view.parameters.map((own) => {
-    const move = (event) => step("move", { name: own.name, value: Number(event.target.value) });
+    const move = (event) => {
+      const value = Number(event.target.value);
+      clearTimeout(letGo);  // keys may move on
+      letGo = setTimeout(() => step("move", { name: own.name, value }), LET_GO_MS);
+    };
     const number = element("input", { type: "number", step: "any", value: text(own.value, 7), "aria-label": `${own.name}, value`, "data-step": "yes", onchange: move });
     return element("tr", {}, element("th", { scope: "row" }, own.name),
       element("td", {}, element("input", {
@@ -370,9 +391,10 @@ function showParameters() {
       })),
       element("td", {}, number), element("td", {}, own.unit),
       element("td", { className: "number" }, own.ci95 ? `${text(own.ci95[0], 6)} .. ${text(own.ci95[1], 6)}` : "–"),
-      element("td", { className: "number" }, own.moved_by_std_errors === null ? "–" : `${text(own.moved_by_std_errors, 3)} std errors from ${text(own.was)}`));
+      element("td", { className: "number" }, moved(own)));
   }));
   showJob();
+  if (held) $("parameters").querySelector(`[aria-label=${CSS.escape(held)}]`)?.focus();
 }
 
 let asking = false, wanted = null;
