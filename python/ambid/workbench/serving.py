@@ -58,6 +58,7 @@ def serve(first: Session, port: int, *, say: Callable[[str], None], opens_browse
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listening.bind(("127.0.0.1", port))
+            listening.listen()  # from here on a browser may ask; it waits until the server answers
         except (OSError, OverflowError) as error:
             raise InputError(f"--port {port}: {error}; give another one, or 0 for any that is free") from None
         port, token = listening.getsockname()[1], secrets.token_urlsafe(24)
