@@ -72,6 +72,6 @@ class Guard:
             return "refused: the request comes from another origin"
         if headers.get("sec-fetch-site", "") not in OWN:
             return "refused: the request comes from another site"
-        if not secrets.compare_digest(path.split("/")[1].encode(), self.token.encode()):
+        if not secrets.compare_digest(path.removeprefix("/").partition("/")[0].encode(), self.token.encode()):
             return "refused: the token is wrong; open the address that the command printed"
         return ""

@@ -78,6 +78,8 @@ async function show(next) {
     const isFirst = chosen.channel === null;  // then the worst cell says which channel the charts show
     await fresh("candidates-section", showCandidates());
     await Promise.all([fresh("where", showMaps()), ...(isFirst ? [] : [fresh("signals", showCharts())])]);
+    chosen.channel ??= view.records[0].channels[0].channel;
+    showChosen();
     if (isFirst) await fresh("signals", showCharts());
   }
   if (view.job?.running) setTimeout(async () => { try { await show(await ask("view")); } catch (e) { tell(e); } }, POLL_MS);
@@ -132,6 +134,8 @@ function showHead() {
   $("undo").dataset.step = view.can_undo ? "yes" : "no";
   $("rank").dataset.step = view.fitted ? "yes" : "no";
   $("fit").dataset.step = "yes";
+  const names = view.records[0].channels.map((own) => own.channel);
+  $("channel").replaceChildren(...names.map((name) => element("option", { value: name }, name)));
   $("notes").replaceChildren(...view.notes.map((note) => element("li", {}, note)));
 }
 
@@ -183,10 +187,8 @@ function bar(share) {
 async function showMaps() {
   const found = await ask("where");
   $("sentence").textContent = found.sentence;
-  const names = view.records[0].channels.map((own) => own.channel);
-  if (!names.includes(chosen.channel)) chosen.channel = found.worst?.channel ?? names[0];
+  chosen.channel ??= found.worst?.channel ?? null;
   $("maps").replaceChildren(...found.maps.map((own, k) => mapTable(own, k)));
-  $("channel").replaceChildren(...names.map((name) => element("option", { value: name }, name)));
   showChosen();
 }
 
