@@ -9,7 +9,7 @@ from pathlib import Path
 import ambid
 from ambid.errors import AmbidError
 
-OPEN = ("rig", "effects", "plot")
+OPEN = ("rig", "effects", "plot", "workbench")
 """Packages all of whose public names are told, also those that are not at the top."""
 FIRST = ("identification", "diagnosis", "model", "record", "rig", "checking", "excitation", "noise", "campaigns")
 

@@ -322,7 +322,7 @@ async function showOverlay(role) {
   const scale = isTime ? "linear" : "log";
   await draw(where, traces, {
     hovermode: "x unified", uirevision: `${chosen.channel} ${record}`,
-    xaxis: { title: { text: isTime ? "time [s]" : "frequency [Hz]" }, type: scale, anchor: "y2", autorange: true },
+    xaxis: { title: { text: isTime ? "time [s]" : "frequency [Hz]" }, type: scale, anchor: "y2", zeroline: false, autorange: true },
     yaxis: { title: { text: `[${found.unit}]` }, domain: [0.42, 1], type: scale, zeroline: false, autorange: true },
     yaxis2: { title: { text: `residual [${found.unit}]` }, domain: [0, 0.36], type: scale, zeroline: false, autorange: true },
   });
