@@ -79,3 +79,11 @@ class Stopped(KeyboardInterrupt):
 
 class IdentificationError(AmbidError):
     """The data and the model were accepted, but the job could not be done."""
+
+
+class Cancelled(AmbidError):
+    """A person has ended a job of the workbench; its result is dropped."""
+
+
+class StaleWindow(AmbidError):
+    """A window of the workbench shows a step that is no longer the last, or a job is running: nothing is changed."""

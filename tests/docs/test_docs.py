@@ -40,6 +40,7 @@ SAID = {
     "rig_file.md": r"is it in millimetres\? Write 0\.000515.*did you mean bias_current",
     "records.md": r"4 periods of 4094.*step,z,F_x,F_y.*ch5:1e-06 True",
     "adding_an_effect.md": r"misfit 12.*hardening .* 0\.9\d.*value=4\.\d+e\+14|value=49\d",
+    "workbench.md": r"fit +62\.\d+ +16\.\d+.*loop_delay +0\.9\d +\d\.\d+.*True.*identify",
     "catalogue.md": r"loop_delay: .* late",
 }
 """What the words around the blocks take for granted; where it changes, they must."""

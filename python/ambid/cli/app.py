@@ -15,6 +15,7 @@ from ambid.cli.identifying import campaign_command, identify_command, static_loa
 from ambid.cli.options import Commands, DiagnoseCommand
 from ambid.cli.responding import frequency_response_command
 from ambid.cli.standing import margins_command
+from ambid.cli.working import workbench_command
 
 __all__ = ["app"]
 
@@ -38,6 +39,7 @@ app.command("diagnose", cls=DiagnoseCommand)(diagnose_command)
 app.command("frequency-response")(frequency_response_command)
 app.command("margins")(margins_command)
 app.command("export")(export_command)
+app.command("workbench", cls=DiagnoseCommand)(workbench_command)
 app.command("effects")(effects_command)
 app.command("simulate")(simulate_command)
 app.command("demo")(demo_command)

@@ -9,7 +9,7 @@ from pathlib import Path
 import ambid
 from ambid.errors import AmbidError
 
-OPEN = ("rig", "effects", "robustness", "plot")
+OPEN = ("rig", "effects", "robustness", "plot", "workbench")
 """Packages all of whose public names are told, also those that are not at the top."""
 FIRST = (
     "identification",

@@ -1,0 +1,249 @@
+"""The page's calls, as JSON: each is one method of a session, or a view of it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Awaitable, Callable
+from importlib.resources import files
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.routing import Route
+from starlette.types import ASGIApp
+
+from ambid.errors import AmbidError, InputError, StaleWindow
+from ambid.workbench import views
+from ambid.workbench.exporting import as_model_file, as_python
+from ambid.workbench.guard import Guard
+from ambid.workbench.session import Session
+from ambid.workbench.windows import Window, Windows
+
+__all__ = ["application"]
+
+PAGE = Path(__file__).parent / "page"
+ASSETS = ("workbench.js", "workbench.css")
+LARGEST_BODY = 10_000
+"""Bytes of a call; none is longer than a few names and numbers."""
+
+Json = dict[str, Any]
+Answer = Callable[[Window, Json], Json | Response]
+
+
+def application(first: Session, token: str, port: int) -> ASGIApp:
+    """The server's application.
+
+    Parameters
+    ----------
+    first : Session
+        Where every window begins.
+    token : str
+        First part of every path; without it nothing is answered.
+    port : int
+        That the server listens at.
+    """
+    windows = Windows(first)
+
+    def of_window(answer: Answer) -> Callable[[Request], Awaitable[Response]]:
+        async def endpoint(request: Request) -> Response:
+            given = dict(request.query_params) if request.method == "GET" else await _body(request)
+            window = windows.find(request.path_params["window"])
+            found = await run_in_threadpool(answer, window, given)
+            return found if isinstance(found, Response) else JSONResponse(found)
+
+        return endpoint
+
+    async def opened(request: Request) -> Response:
+        await _body(request)
+        return JSONResponse({"window": windows.open()})
+
+    def route(path: str, answer: Answer, method: str) -> Route:
+        return Route(f"/{token}/windows/{{window}}/{path}", of_window(answer), methods=[method])
+
+    routes = [
+        Route(f"/{token}/", _file(PAGE / "index.html")),
+        *(Route(f"/{token}/{name}", _file(PAGE / name)) for name in ASSETS),
+        Route(f"/{token}/plotly.min.js", _file(_plotly())),
+        Route(f"/{token}/windows", opened, methods=["POST"]),
+        *(route(path, answer, "GET") for path, answer in ASKED.items()),
+        *(route(path, answer, "POST") for path, answer in DONE.items()),
+    ]
+    return Guard(Starlette(routes=routes, exception_handlers={AmbidError: _told}), token, port)
+
+
+def _view(window: Window, _: Json) -> Json:
+    return window.view()
+
+
+def _where(window: Window, _: Json) -> Json:
+    return views.where(window.session)
+
+
+def _candidates(window: Window, _: Json) -> Json:
+    return views.candidates(window.session)
+
+
+def _lines(window: Window, given: Json) -> Json:
+    record, pixels = _whole(given, "record"), _whole(given, "pixels")
+    return views.lines(window.session, record, str(_given(given, "channel")), pixels)
+
+
+def _signals(window: Window, given: Json) -> Json:
+    span = (_number(given, "from"), _number(given, "to")) if "from" in given else None
+    record, pixels = _whole(given, "record"), _whole(given, "pixels")
+    return views.signals(window.session, record, str(_given(given, "channel")), span, pixels)
+
+
+def _preview(window: Window, given: Json) -> Json:
+    """The misfits that a value would have; nothing is changed."""
+    return views.misfits(window.session.move(str(_given(given, "name")), _number(given, "value")))
+
+
+def _python(window: Window, _: Json) -> Response:
+    return _download("workbench.py", "text/x-python", as_python(window.session).encode())
+
+
+def _model(window: Window, _: Json) -> Response:
+    return _download("model.json", "application/json", as_model_file(window.session))
+
+
+def _report(window: Window, _: Json) -> Response:
+    if not window.report:
+        raise InputError("there is no report yet; write it first")
+    return _download("report.html", "text/html", window.report)
+
+
+def _move(window: Window, given: Json) -> Json:
+    name, value = str(_given(given, "name")), _number(given, "value")
+    window.go(_whole(given, "revision"), lambda session: session.move(name, value))
+    return window.view()
+
+
+def _undo(window: Window, given: Json) -> Json:
+    window.go(_whole(given, "revision"), lambda session: session.undo())
+    return window.view()
+
+
+def _fit(window: Window, given: Json) -> Json:
+    window.start(_whole(given, "revision"), "fit", lambda session, tell: session.fit(tell))
+    return window.view()
+
+
+def _rank(window: Window, given: Json) -> Json:
+    window.start(_whole(given, "revision"), "rank", lambda session, tell: session.ranked(tell))
+    return window.view()
+
+
+def _add(window: Window, given: Json) -> Json:
+    name = str(_given(given, "name"))
+    window.start(_whole(given, "revision"), f"add {name}", lambda session, tell: session.add(name, tell))
+    return window.view()
+
+
+def _remove(window: Window, given: Json) -> Json:
+    name = str(_given(given, "name"))
+    window.start(_whole(given, "revision"), f"remove {name}", lambda session, tell: session.remove(name, tell))
+    return window.view()
+
+
+def _write_report(window: Window, given: Json) -> Json:
+    window.start_report(_whole(given, "revision"))
+    return window.view()
+
+
+def _cancel(window: Window, _: Json) -> Json:
+    window.cancel()
+    return window.view()
+
+
+ASKED: dict[str, Answer] = {
+    "view": _view,
+    "where": _where,
+    "candidates": _candidates,
+    "lines": _lines,
+    "signals": _signals,
+    "preview": _preview,
+    "workbench.py": _python,
+    "model.json": _model,
+    "report.html": _report,
+}
+"""Calls that change nothing."""
+DONE: dict[str, Answer] = {
+    "move": _move,
+    "undo": _undo,
+    "fit": _fit,
+    "rank": _rank,
+    "add": _add,
+    "remove": _remove,
+    "report": _write_report,
+    "cancel": _cancel,
+}
+"""Calls that make a step, or begin the job that makes it."""
+
+
+async def _body(request: Request) -> Json:
+    """The object that a call carries; only JSON, which a foreign form cannot send."""
+    if request.headers.get("content-type", "").partition(";")[0].strip() != "application/json":
+        raise InputError("a call carries application/json")
+    content = b""
+    async for chunk in request.stream():
+        content += chunk
+        if len(content) > LARGEST_BODY:
+            raise InputError(f"a call has at most {LARGEST_BODY} bytes")
+    try:
+        found = json.loads(content)
+    except ValueError:
+        raise InputError("a call carries a JSON object; this is none") from None
+    if not isinstance(found, dict):
+        raise InputError("a call carries a JSON object; this is none")
+    return found
+
+
+def _given(given: Json, name: str) -> Any:
+    if name not in given:
+        raise InputError(f"{name} is missing")
+    return given[name]
+
+
+def _number(given: Json, name: str) -> float:
+    text = _given(given, name)
+    try:
+        value = float(text)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} = {text!r}: expected a number") from None
+    if not isfinite(value):
+        raise InputError(f"{name} = {value}: expected a finite number")
+    return value
+
+
+def _whole(given: Json, name: str) -> int:
+    value = _number(given, name)
+    if value != int(value):
+        raise InputError(f"{name} = {value:g}: expected a whole number")
+    return int(value)
+
+
+async def _told(_: Request, error: Exception) -> Response:
+    """An error that a person can act on, as its sentence."""
+    code = 409 if isinstance(error, StaleWindow) else 400 if isinstance(error, InputError) else 422
+    return JSONResponse({"error": str(error)}, code)
+
+
+def _file(path: Path) -> Callable[[Request], Awaitable[Response]]:
+    async def endpoint(_: Request) -> Response:
+        return FileResponse(path)
+
+    return endpoint
+
+
+def _download(name: str, media_type: str, content: bytes) -> Response:
+    return Response(content, media_type=media_type, headers={"content-disposition": f'attachment; filename="{name}"'})
+
+
+def _plotly() -> Path:
+    """The charts' library, as its package brings it."""
+    return Path(str(files("plotly"))) / "package_data" / "plotly.min.js"

@@ -1,0 +1,278 @@
+"""What the page shows of a session, as plain data: every number is made here or below, none on the page."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ambid.diagnosis import Candidate, Localisation
+from ambid.errors import InputError
+from ambid.model import Parameter
+from ambid.noise import Comparison
+from ambid.noise.comparison import ADEQUATE
+from ambid.plot import worst_stretch
+from ambid.plot.style import misfit_text, shown_in
+from ambid.record import FrequencyResponse, Record
+from ambid.results import plain
+from ambid.workbench.session import Session
+from ambid.workbench.thinning import in_a_row, thinned
+
+__all__ = ["candidates", "lines", "misfits", "overview", "signals", "where"]
+
+REACH = 0.5
+"""Part of a parameter's value that its slider goes to either side of the last fit."""
+FEWEST_PIXELS, MOST_PIXELS = 50, 4000
+"""Widths of a chart that are drawn."""
+LEVELS = (1.5, 3.0, 10.0, 100.0)
+"""Misfits from which on a cell of the map is drawn darker; what is below the first says nothing and is grey."""
+THOUSAND = 1000.0
+LEAST_CHANCE = -690.0
+"""Logarithm of the smallest p-value that is written as a number."""
+FEWEST_SAMPLES = 4
+"""Samples of the shortest window that is drawn."""
+
+
+def overview(session: Session) -> dict[str, Any]:
+    """Misfits, effects, parameters, records and the steps so far."""
+    estimate, rig = session.estimate, session.bench.start.rig
+    notes = [note for own in session.comparison.records for note in own.notes] if estimate is None else estimate.notes
+    return plain(
+        {
+            "rig": rig.name,
+            **misfits(session),
+            "bound": session.comparison.bound,
+            "adequate": session.comparison.is_adequate,
+            "fitted": estimate is not None,
+            "can_undo": session.before is not None,
+            "effects": [{"name": own.name, "physics": own.physics} for own in session.model.effects],
+            "parameters": [_parameter(session, own) for own in session.model.parameters],
+            "records": _records(session),
+            "steps": [
+                {"did": own.did, **misfits(own), "predicted_misfit": own.predicted_misfit} for own in session.chain
+            ],
+            "notes": list(notes),
+        }
+    )
+
+
+def misfits(session: Session) -> dict[str, Any]:
+    """J/dof of the records and of those to validate on."""
+    return plain({"misfit": session.comparison.misfit, "validation_misfit": session.validation_misfit})
+
+
+def candidates(session: Session) -> dict[str, Any]:
+    """The ranking, each candidate with its physics; nothing where it was not asked for."""
+    ranking = session.ranking
+    if ranking is None:
+        return {"candidates": [], "not_tried": {}}
+    significant = {own.effect.name for own in ranking.significant}
+    rows = [
+        own.as_dict()
+        | {
+            "physics": own.effect.physics,
+            "signature": own.effect.signature,
+            "significant": own.effect.name in significant,
+            "chance": _chance(own),
+            "left": _left(own.predicted_misfit, ranking.misfit),
+        }
+        for own in ranking.candidates
+    ]
+    return plain({"candidates": rows, "not_tried": ranking.not_tried})
+
+
+def where(session: Session) -> dict[str, Any]:
+    """Misfit maps of all records, and in words what is missing."""
+    kept = session.where_kept_back
+    maps = [*session.where.maps, *(() if kept is None else kept.maps)]
+    return plain(
+        {
+            "maps": [
+                {
+                    "record": own.record,
+                    "channels": list(own.channels),
+                    "edges_hz": own.edges_hz.tolist(),
+                    "cells": [[_cell(float(misfit)) for misfit in row] for row in own.misfit.T],
+                }
+                for own in maps
+            ],
+            "worst": _worst(session.where),
+            "sentence": "" if session.comparison.is_adequate else session.where.sentence(),
+        }
+    )
+
+
+def lines(session: Session, record: int, channel: str, pixels: int) -> dict[str, Any]:
+    """Misfit of one channel, line by line of the spectrum, on a logarithmic scale of so many pixels.
+
+    Raises
+    ------
+    InputError
+        If there is no such record or channel.
+    """
+    comparison, k = _place(session, record)
+    part = comparison.noise.parts[k]
+    frequency_hz, misfit = part.misfit_by_channel(comparison.model.at(part.record))
+    column = _column(comparison, k, channel)
+    known = misfit[:, column] > 0.0
+    f, left = frequency_hz[known], misfit[known, column]
+    along = np.log(f / f[0]) / np.log(f[-1] / f[0])
+    kept = thinned(left[:, None], np.asarray(along * _chart(pixels), dtype=np.intp))
+    return plain({"record": part.record.name, "frequency_hz": f[kept].tolist(), "misfit": left[kept].tolist()})
+
+
+def signals(
+    session: Session, record: int, channel: str, window: tuple[float, float] | None, pixels: int
+) -> dict[str, Any]:
+    """One channel in a window: measured, simulated, and what is left beside its noise.
+
+    Of a frequency response their sizes over frequency, for the excitation whose response is missed most.
+
+    Parameters
+    ----------
+    session : Session
+    record : int
+        Those to fit first, then those to validate on.
+    channel : str
+        Such as ``y.A_zeta``.
+    window : tuple of float or None
+        From and to, in s or Hz; default where the residual of a record is largest, all of a frequency response.
+    pixels : int
+        Width of the chart; what lies within one is shown by its smallest and largest value.
+
+    Raises
+    ------
+    InputError
+        If there is no such record or channel, or the window is empty.
+    """
+    pixels = _chart(pixels)
+    if window is not None and not window[0] < window[1]:
+        raise InputError(f"window {window[0]:g} .. {window[1]:g}: expected from below to")
+    comparison, k = _place(session, record)
+    column, one = _column(comparison, k, channel), comparison.records[k]
+    row = one.channels[column]
+    factor, unit = shown_in(row.unit)
+    noise = np.full(1, factor * row.noise_rms)
+    if isinstance(one.record, Record):
+        x, x_unit = one.record.t, "s"
+        window = window or worst_stretch(comparison, k, channel)
+        simulated, residual = np.asarray(one.simulated)[:, column], np.asarray(one.residual)[:, column]
+        simulated = simulated - np.nanmean(simulated)
+        drawn = np.column_stack([simulated + residual, simulated, residual])
+    else:
+        x, x_unit = one.record.frequency_hz, "Hz"
+        drawn, noise = _of_worst_input(one.record, np.asarray(one.simulated), column)
+        noise *= factor
+    first, last = (0, len(x)) if window is None else np.searchsorted(x, window).tolist()
+    first = max(0, min(first, len(x) - FEWEST_SAMPLES))
+    last = max(last, first + FEWEST_SAMPLES)
+    x, drawn = x[first:last], factor * drawn[first:last]
+    kept = thinned(drawn, in_a_row(len(x), pixels))
+    measured, simulated, residual = drawn[kept].T.tolist()
+    return plain(
+        {
+            "record": one.record.name,
+            "channel": channel,
+            "unit": unit,
+            "x": x[kept].tolist(),
+            "x_unit": x_unit,
+            "measured": measured,
+            "simulated": simulated,
+            "residual": residual,
+            "noise": (noise if len(noise) == 1 else noise[first:last][kept]).tolist(),
+            "samples": len(x),
+            "fit_percent": row.fit_percent,
+            "noise_ceiling_percent": row.noise_ceiling_percent,
+        }
+    )
+
+
+def _of_worst_input(record: FrequencyResponse, simulated: Any, column: int) -> tuple[Any, Any]:
+    """Sizes of measured, modelled and missed response of an output, and its noise, at the input missed most."""
+    left, std = record.response[:, column] - simulated[:, column], record.std[:, column]
+    i = int(np.argmax(np.nansum(np.abs(left / std) ** 2, axis=0)))
+    sizes = [np.abs(own[:, i]) for own in (record.response[:, column], simulated[:, column], left)]
+    return np.column_stack(sizes), std[:, i].copy()
+
+
+def _cell(misfit: float) -> dict[str, Any]:
+    """A cell of the map: its misfit, as it is written there, and how dark it is."""
+    text = "" if np.isnan(misfit) else misfit_text(misfit) if misfit < THOUSAND else f"{misfit / THOUSAND:.3g}k"
+    return {"misfit": misfit, "text": text, "level": int(np.searchsorted(LEVELS, misfit))}
+
+
+def _chance(own: Candidate) -> str:
+    """The p-value in words; what is too small for a number says only that it is."""
+    return f"{own.p_value:.1g}" if own.chance > LEAST_CHANCE else "< 1e-300"
+
+
+def _left(predicted: float, misfit: float) -> float:
+    """How far a predicted misfit stands between noise, 0, and the present one, 1, on a logarithmic scale."""
+    return float(np.clip(np.log(max(predicted, 1.0)) / np.log(max(misfit, ADEQUATE)), 0.0, 1.0))
+
+
+def _records(session: Session) -> list[dict[str, Any]]:
+    """All records, those to fit first, with a row a channel."""
+    found = []
+    for role, comparison in (("training", session.comparison), ("validation", session.kept_back)):
+        for own in () if comparison is None else comparison.records:
+            rows = [
+                {"channel": row.channel, "misfit": row.misfit, "fit_percent": row.fit_percent} for row in own.channels
+            ]
+            span = own.record.t[-1] if isinstance(own.record, Record) else own.record.frequency_hz[-1]
+            unit = "s" if isinstance(own.record, Record) else "Hz"
+            found.append(
+                {"name": own.record.name, "role": role, "misfit": own.misfit, "channels": rows}
+                | {"span": float(span), "span_unit": unit}
+            )
+    return found
+
+
+def _parameter(session: Session, own: Parameter) -> dict[str, Any]:
+    """Value, interval, what the last step did to it, and the ends of its slider."""
+    fitted, before = session.fitted, session.before
+    at = session.chain[0].model if fitted is None else fitted.model
+    middle = next((p.value for p in at.parameters if p.name == own.name), own.value)
+    reach = max(REACH * abs(middle), 0.0 if own.typical is None else own.typical)
+    found = None if session.estimate is None else session.estimate.parameters.get(own.name)
+    error = None if found is None else found.std_error
+    was = None if before is None else next((p.value for p in before.model.parameters if p.name == own.name), None)
+    return {
+        "name": own.name,
+        "value": own.value,
+        "unit": "" if own.unit == "1" else own.unit,
+        "low": max(own.lower, middle - reach),
+        "high": min(own.upper, middle + reach),
+        "ci95": None if found is None else found.ci95,
+        "was": was,
+        "moved_by_std_errors": None if was is None or not error else (own.value - was) / error,
+    }
+
+
+def _chart(pixels: int) -> int:
+    if not FEWEST_PIXELS <= pixels <= MOST_PIXELS:
+        raise InputError(f"pixels = {pixels}: expected {FEWEST_PIXELS} to {MOST_PIXELS}")
+    return pixels
+
+
+def _worst(found: Localisation) -> dict[str, Any] | None:
+    cell = next((own for own in found.cells if own.kind not in ("synchronous", "drift")), None)
+    return None if cell is None else {"record": cell.record, "channel": cell.channel, "band_hz": list(cell.band_hz)}
+
+
+def _place(session: Session, record: int) -> tuple[Comparison, int]:
+    """The comparison that a record stands in, and where."""
+    own, kept = session.comparison, session.kept_back
+    count = len(own.records)
+    total = count + (0 if kept is None else len(kept.records))
+    if not 0 <= record < total:
+        raise InputError(f"record = {record}: expected 0 to {total - 1}")
+    return (own, record) if kept is None or record < count else (kept, record - count)
+
+
+def _column(comparison: Comparison, k: int, channel: str) -> int:
+    names = [row.channel for row in comparison.records[k].channels]
+    if channel not in names:
+        name = comparison.records[k].record.name
+        raise InputError(f"{name}: no channel {channel}; it has {', '.join(names)}")
+    return names.index(channel)

@@ -1,0 +1,114 @@
+"""Browser windows, each with a session of its own: what is done in one leaves the others as they are."""
+
+from __future__ import annotations
+
+import secrets
+from collections import OrderedDict
+from collections.abc import Callable
+from threading import Lock
+from typing import Any
+
+from ambid.errors import InputError, StaleWindow
+from ambid.workbench.exporting import as_report
+from ambid.workbench.jobs import Job
+from ambid.workbench.session import Session, Tell
+from ambid.workbench.views import overview
+
+__all__ = ["Window", "Windows"]
+
+MOST_WINDOWS = 32
+"""Sessions that are kept; the one that nobody has used for longest goes first."""
+
+
+class Window:
+    """The present step of one window, and the job that makes the next.
+
+    A window that was duplicated shares its session; the one whose view is older is told so before it changes anything.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self.session, self.revision, self.report = session, 0, b""
+        self.job: Job | None = None
+        self._jobs, self._lock = 0, Lock()
+
+    def view(self) -> dict[str, Any]:
+        """All that the page shows beside its charts."""
+        job = None if self.job is None else self.job.as_dict() | {"number": self._jobs}
+        revision = self.revision  # after the job: one that has ended has made its step
+        return overview(self.session) | {"revision": revision, "job": job}
+
+    def go(self, revision: int, step: Callable[[Session], Session]) -> None:
+        """Take a step that is quick.
+
+        Raises
+        ------
+        StaleWindow
+            If the page shows an older step, or a job is running.
+        """
+        with self._lock:
+            self._require_present(revision)
+            self._take(step(self.session))
+
+    def start(self, revision: int, what: str, step: Callable[[Session, Tell], Session]) -> None:
+        """Begin a step that is long; `StaleWindow` as above."""
+        with self._lock:
+            self._require_present(revision)
+            session = self.session
+            self._jobs += 1
+            self.job = Job(what, lambda tell: step(session, tell), self._take)
+
+    def start_report(self, revision: int) -> None:
+        """Begin to write the report; `StaleWindow` as above."""
+        with self._lock:
+            self._require_present(revision)
+            session = self.session
+            self._jobs += 1
+            self.job = Job("report", lambda tell: as_report(session, tell), self._keep)
+
+    def cancel(self) -> None:
+        """End the job, if one is running."""
+        if self.job is not None:
+            self.job.cancel()
+
+    def _require_present(self, revision: int) -> None:
+        if self.job is not None and self.job.is_running:
+            raise StaleWindow(f"{self.job.what} is running in this session; wait for it, or cancel it")
+        if revision != self.revision:
+            raise StaleWindow("another window has changed this session; reload the page to see how it stands")
+
+    def _take(self, session: Session) -> None:
+        self.session, self.revision = session, self.revision + 1
+
+    def _keep(self, report: bytes) -> None:
+        self.report = report
+
+
+class Windows:
+    """All windows of a server; each begins at the first step of the bench."""
+
+    def __init__(self, first: Session) -> None:
+        self._first, self._open = first, OrderedDict[str, Window]()
+        self._lock = Lock()
+
+    def open(self) -> str:
+        """A new window's name."""
+        name = secrets.token_hex(8)
+        with self._lock:
+            self._open[name] = Window(self._first)
+            if len(self._open) > MOST_WINDOWS:
+                self._open.popitem(last=False)
+        return name
+
+    def find(self, name: str) -> Window:
+        """The window of that name.
+
+        Raises
+        ------
+        InputError
+            If it is not known, or has been dropped for newer ones.
+        """
+        with self._lock:
+            if name not in self._open:
+                raise InputError("this session is not known here; reload the page for a new one")
+            self._open.move_to_end(name)
+            return self._open[name]

@@ -1,0 +1,105 @@
+"""What the page is told, where a record is no plain one: frequency responses, and other operating points."""
+
+import json
+import runpy
+import time
+
+import numpy as np
+import pytest
+
+import ambid
+from ambid.errors import InputError
+from ambid.workbench import Bench, Session, as_python, views
+from hidden.one_axis import ONE_AXIS
+from places import SHARED
+
+SEAL = SHARED / "cases" / "06-seal"
+
+
+@pytest.fixture(scope="module")
+def of_response(begun):
+    (train,) = begun.bench.records
+    return Session.begin(Bench(begun.bench.start, (train.frequency_response(),)))
+
+
+def test_a_frequency_response_is_shown_over_frequency(of_response):
+    (response,) = of_response.bench.records
+    found = views.signals(of_response, 0, "y.A_zeta", None, 4000)
+    assert found["x_unit"] == "Hz"
+    np.testing.assert_allclose(found["x"], response.frequency_hz)
+    np.testing.assert_allclose(found["measured"], np.abs(response.response[:, 0, 0]))
+    np.testing.assert_allclose(found["noise"], response.std[:, 0, 0])
+
+
+def test_all_that_is_told_is_strict_json(begun, added, of_response):
+    for session in (begun, added.ranked(), of_response, of_response.fit().ranked()):
+        channel = session.comparison.records[0].channels[0].channel
+        for told in (
+            views.overview(session),
+            views.candidates(session),
+            views.where(session),
+            views.lines(session, 0, channel, 500),
+            views.signals(session, 0, channel, None, 500),
+        ):
+            assert json.dumps(told, allow_nan=False)
+
+
+def test_candidates_stand_between_noise_and_now(fitted):
+    rows = views.candidates(fitted)["candidates"]
+    predicted, left = np.array([[row["predicted_misfit"], row["left"]] for row in rows]).T
+    assert ((left >= 0.0) & (left <= 1.0)).all()
+    assert (np.diff(left[np.argsort(predicted)]) >= 0.0).all()
+
+
+def test_a_chance_too_small_for_a_number_is_not_printed_as_one(fitted):
+    chances = {row["effect"]: row["chance"] for row in views.candidates(fitted)["candidates"]}
+    for own in fitted.ranking.candidates:
+        assert (chances[own.effect.name] == "< 1e-300") == (own.p_value < 1e-299)
+
+
+def test_the_ends_of_a_slider_hold_its_value_and_what_physics_allows(added):
+    for told, own in zip(views.overview(added)["parameters"], added.model.parameters, strict=True):
+        assert own.lower <= told["low"] <= told["value"] <= told["high"] <= own.upper
+
+
+def test_a_parameter_says_by_how_many_standard_errors_it_moved(fitted, added):
+    told = next(own for own in views.overview(added)["parameters"] if own["name"] == "tau_e")
+    was, now = fitted.estimate.parameters["tau_e"].value, added.estimate.parameters["tau_e"]
+    assert told["moved_by_std_errors"] == pytest.approx((now.value - was) / now.std_error)
+
+
+def test_a_window_beyond_the_record_is_moved_into_it(fitted):
+    record = fitted.comparison.records[0].record
+    found = views.signals(fitted, 0, record.channels[0], (1e6, 2e6), 500)
+    assert found["x"][-1] == pytest.approx(record.t[-1])
+    with pytest.raises(InputError, match="record = 2"):
+        views.signals(fitted, 2, record.channels[0], None, 500)
+
+
+def test_the_script_opens_other_operating_points_too(tmp_path, capsys):
+    fast = tmp_path / "fast.toml"
+    fast.write_text(ONE_AXIS.rig.path.read_text().replace("bias_current = 4.0", "bias_current = 3.8"))
+    here, there = ambid.Rig.load(ONE_AXIS.rig.path), ambid.Rig.load(fast)
+    assert here != there
+    records = []
+    for k, rig in enumerate((here, there)):
+        i_e = ONE_AXIS.excitation(1.0)
+        ambid.Model(here).virtual_experiment(i_e, seed=k).save(tmp_path / f"{k}.mat")
+        record = ambid.load_measurement(tmp_path / f"{k}.mat", rig)
+        records.append(record if rig is here else record.at(rig))
+    session = Session.begin(Bench(ambid.Model(here), tuple(records))).fit()
+    (tmp_path / "done.py").write_text(as_python(session))
+    runpy.run_path(str(tmp_path / "done.py"))
+    printed = capsys.readouterr().out.splitlines()
+    assert printed == [f"{own.did:32s} misfit {own.comparison.misfit:.9g}" for own in session.chain]
+
+
+@pytest.mark.skipif(not SEAL.exists(), reason="the measured cases are not here")
+def test_a_slider_of_a_linear_bench_costs_less_than_100_ms():
+    rig = ambid.Rig.load(SEAL / "rig.toml")
+    train, kept = (ambid.Record.load(SEAL / f"{name}.mat", rig) for name in ("train", "validate"))
+    fitted = Session.begin(Bench(ambid.Model(rig), (train,), (kept,))).fit()
+    begun = time.process_time()
+    for k in range(10):
+        views.misfits(fitted.move("K_i.A_zeta", 200.0 + k))
+    assert (time.process_time() - begun) / 10 < 0.1
