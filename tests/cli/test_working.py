@@ -2,8 +2,10 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
+import time
 import urllib.error
 import urllib.request
 
@@ -16,21 +18,19 @@ pytest.importorskip("uvicorn", reason="the workbench's server needs uvicorn")
 FILES = (DATA / "rig.toml", DATA / "hidden_train.mat")
 
 
+def started(*options, **environment):
+    """The process of the command, and the address that it prints."""
+    code = "from ambid.cli import main; main()"
+    program = [sys.executable, "-c", code, "workbench", *map(str, FILES), *options]
+    path = os.pathsep.join(entry for entry in sys.path if entry)
+    own = {**os.environ, "PYTHONPATH": path, **environment}
+    process = subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=own)
+    return process, process.stdout.readline().strip()
+
+
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_it_serves_until_a_signal_ends_it(number, code):
-    program = [
-        sys.executable,
-        "-c",
-        "from ambid.cli import main; main()",
-        "workbench",
-        *map(str, FILES),
-        "--no-browser",
-    ]
-    path = os.pathsep.join(entry for entry in sys.path if entry)
-    process = subprocess.Popen(
-        program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": path}
-    )
-    address = process.stdout.readline().strip()
+    process, address = started("--no-browser")
     assert address.startswith("http://127.0.0.1:")
     with urllib.request.urlopen(address) as answer:
         assert b"ambid workbench" in answer.read()
@@ -43,9 +43,32 @@ def test_it_serves_until_a_signal_ends_it(number, code):
     assert "Traceback" not in said
 
 
+def test_it_opens_the_address_in_the_browser(tmp_path):
+    opened = tmp_path / "opened"
+    (tmp_path / "browser.py").write_text(f"import sys; open({str(opened)!r}, 'w').write(sys.argv[1])")
+    process, address = started(BROWSER=f"{sys.executable} {tmp_path / 'browser.py'} %s")
+    for _ in range(300):
+        if opened.exists() and opened.read_text():
+            break
+        time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=30)
+    assert opened.read_text() == address
+
+
 @pytest.mark.parametrize("port", [-1, 70000])
 def test_a_port_that_cannot_be_is_refused(command, port):
     found = command("workbench", *FILES, "--no-browser", "--port", port)
+    assert found.code == 2
+    assert f"--port {port}" in found.err
+
+
+def test_a_port_that_is_taken_is_refused(command):
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        found = command("workbench", *FILES, "--no-browser", "--port", port)
     assert found.code == 2
     assert f"--port {port}" in found.err
 

@@ -18,6 +18,15 @@ def test_it_begins_with_the_rig_as_it_stands(begun):
     assert begun.did == "start"
 
 
+def test_an_unstable_start_is_fitted_first(begun, fitted):
+    unstable = begun.bench.start.with_values({"K_s.A_zeta": 6.0 * begun.model.theta[1]})
+    session = Session.begin(Bench(unstable, begun.bench.records))
+    assert not unstable.is_stable
+    assert session.did == "fit, as the start is unstable"
+    assert session.comparison.misfit == pytest.approx(fitted.comparison.misfit, rel=1e-3)
+    assert session.validation_misfit is None
+
+
 def test_a_fit_is_that_of_identify(begun, fitted):
     alone = ambid.identify(begun.model, begun.bench.records)
     np.testing.assert_array_equal(fitted.model.theta, alone.model.theta)

@@ -6,6 +6,7 @@ import secrets
 import socket
 import webbrowser
 from collections.abc import Callable
+from threading import Thread
 
 from ambid.errors import InputError
 from ambid.workbench.session import Session
@@ -65,7 +66,7 @@ def serve(first: Session, port: int, *, say: Callable[[str], None], opens_browse
         address = f"http://127.0.0.1:{port}/{token}/"
         say(address)
         if opens_browser:
-            webbrowser.open(address)
+            Thread(target=webbrowser.open, args=(address,), daemon=True).start()  # some return when they are closed
         config = uvicorn.Config(
             application(first, token, port),
             log_level="error",
