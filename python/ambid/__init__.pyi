@@ -1,4 +1,5 @@
 from . import demo as demo
+from . import design as design
 from . import effects as effects
 from . import errors as errors
 from . import plot as plot

@@ -31,6 +31,7 @@ COMMANDS = (
     "simulate",
     "frequency-response",
     "rank",
+    "excitation",
     "demo",
 )
 TAU_E = 2.9e-4

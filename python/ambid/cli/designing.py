@@ -1,0 +1,117 @@
+"""Commands that plan experiments: `excitation`, `design`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+import ambid
+from ambid.cli.files import load_model
+from ambid.cli.options import Force, JsonFile, ModelFile, Quiet, RigFile, names, number
+from ambid.cli.outputs import conclude, require_outputs
+from ambid.cli.signals import stoppable
+from ambid.errors import InputError
+from ambid.writing import is_device
+
+PRBS, MULTISINE = "prbs", "multisine"
+
+OutFile = Annotated[
+    Path | None, typer.Option("--out", metavar="FILE", help="Excitation to be played (.csv, .mat, .wav).")
+]
+FullScale = Annotated[
+    float | None, typer.Option(metavar="AMPERE", help="What full scale of a .wav file stands for; default: the peak.")
+]
+Travel = Annotated[float, typer.Option(help="Part of the air gap that y may reach.")]
+Current = Annotated[float, typer.Option(help="Part of the bias current that i_c may reach.")]
+SlewRate = Annotated[
+    float | None, typer.Option(metavar="A/S", help="Largest slope of i_c: supply voltage over inductance.")
+]
+
+
+def excitation_command(
+    rig: RigFile,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="To be played (.csv, .mat, .wav).")],
+    signal: Annotated[str, typer.Option(help="prbs or multisine.")] = PRBS,
+    amplitude: Annotated[float, typer.Option(help="Peak of i_e [A]; [V] of voltage-driven coils.")] = 0.1,
+    periods: Annotated[int, typer.Option(help="Whole periods.")] = 8,
+    order: Annotated[int, typer.Option(help="Of the shift register of a prbs: 2^order - 1 chips.")] = 11,
+    hold: Annotated[int, typer.Option(help="Samples per chip of a prbs.")] = 2,
+    period: Annotated[int, typer.Option(help="Samples per period of a multisine.")] = 4096,
+    band: Annotated[
+        str | None, typer.Option(metavar="LOW:HIGH", help="Of a multisine [Hz]; default: a tenth of the sample rate.")
+    ] = None,
+    axes: Annotated[str | None, typer.Option(metavar="NAME,...", help="Axes that are excited; default all.")] = None,
+    seed: Annotated[int, typer.Option(help="Chooses where a prbs begins.")] = 0,
+    travel: Travel = 0.05,
+    current: Current = 0.2,
+    slew_rate: SlewRate = None,
+    full_scale: FullScale = None,
+    model: ModelFile = None,
+    force: Force = False,
+    json_file: JsonFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """Write what to play on the machine, and tell what it would do there."""
+    _require_out({"RIG": rig, "--model": model}, out, json_file, force)
+    machine = ambid.Rig.load(rig)
+    limits = ambid.design.Limits(travel=travel, current=current, slew_rate=slew_rate)
+    chosen = _columns(machine, axes)
+    if signal == PRBS:
+        played = ambid.prbs(order, amplitude=amplitude, hold=hold, axes=len(chosen), periods=periods, seed=seed)
+        samples = (2**order - 1) * hold
+    elif signal == MULTISINE:
+        if not (np.isfinite(amplitude) and amplitude > 0.0):
+            raise InputError(f"--amplitude {amplitude:g}: expected a finite number above zero")
+        if periods < 1:
+            raise InputError(f"--periods {periods}: expected 1 or more")
+        inside, rate = _band(machine, period, band), machine.sample_rate
+        wave = ambid.multisine(period, rms=1.0, band_hz=inside, sample_rate=rate, axes=len(chosen), phases="clipped")
+        played, samples = np.tile(wave * (amplitude / np.abs(wave).max(axis=0)), (periods, 1)), period
+    else:
+        raise InputError(f"--signal {signal}: expected {PRBS} or {MULTISINE}")
+    i_e = np.zeros((len(played), len(machine.axes)))
+    i_e[:, chosen] = played
+    with stoppable():
+        told = ambid.design.forecast(load_model(machine, model), i_e, period=samples, limits=limits)
+    ambid.design.save_excitation(out, machine, i_e, full_scale=full_scale)
+    data = {"excitation": str(out), **told.to_json(), **_scale(out, i_e, full_scale)}
+    conclude(told, data, json_file, quiet, lambda: [out])
+
+
+def _require_out(inputs: dict[str, Path | None], out: Path, json_file: Path | None, force: bool) -> None:
+    """Refuse a file that cannot be written, or is there already, before any work is done."""
+    from ambid.design.playing import require_playable  # not at the top: --help need not open that room
+
+    require_playable(out)
+    require_outputs(inputs, {"--out": out, "--json": json_file}, replaced=["--out"])
+    if out.exists() and not is_device(out) and not force:
+        raise InputError(f"--out {out}: is there already; give another file, or replace it with --force")
+
+
+def _columns(rig: ambid.Rig, axes: str | None) -> list[int]:
+    """Indices of the axes that are excited."""
+    wanted = names(axes) or list(rig.axes)
+    unknown = [name for name in wanted if name not in rig.axes]
+    if unknown or len(set(wanted)) < len(wanted):
+        raise InputError(f"--axes {axes}: expected axes of the rig, each once: {', '.join(rig.axes)}")
+    return [rig.axes.index(name) for name in wanted]
+
+
+def _band(rig: ambid.Rig, period: int, text: str | None) -> tuple[float, float]:
+    """Lowest and highest frequency of a multisine [Hz]."""
+    if text is None:
+        return rig.sample_rate / max(period, 1), rig.sample_rate / 10.0
+    low, colon, high = text.partition(":")
+    if not colon:
+        raise InputError(f"--band {text}: expected LOW:HIGH in Hz, such as --band 5:1500")
+    return number("--band", low), number("--band", high)
+
+
+def _scale(out: Path, i_e: np.ndarray, full_scale: float | None) -> dict[str, float]:
+    """What full scale of the file stands for, where it has one."""
+    from ambid.design.playing import full_scale_of  # not at the top: --help need not open that room
+
+    return {"full_scale": full_scale_of(i_e, full_scale)} if out.suffix.lower() == ".wav" else {}
