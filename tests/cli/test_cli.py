@@ -32,6 +32,7 @@ COMMANDS = (
     "frequency-response",
     "rank",
     "excitation",
+    "design",
     "demo",
 )
 TAU_E = 2.9e-4

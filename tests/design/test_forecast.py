@@ -32,7 +32,8 @@ def test_peaks_are_those_of_the_simulated_response():
 def test_band_holds_nine_tenths_of_the_power():
     i_e = ambid.multisine(1000, rms=0.1, lines=list(range(10, 110)))
     low, high = forecast(RIG, i_e).band_hz
-    assert (low, high) == (100.0, 1000.0)  # the 90th of 100 lines, or by rounding the 91st
+    assert low == 100.0
+    assert high in (990.0, 1000.0)  # the 90th of 100 lines, or by rounding the 91st
 
 
 @pytest.mark.parametrize(

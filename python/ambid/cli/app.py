@@ -8,7 +8,7 @@ import typer
 
 import ambid
 from ambid.cli.catalogue import effects_command
-from ambid.cli.designing import excitation_command
+from ambid.cli.designing import design_command, excitation_command
 from ambid.cli.diagnosing import check_command, compare_command, diagnose_command, rank_command
 from ambid.cli.experiments import demo_command, simulate_command
 from ambid.cli.identifying import campaign_command, identify_command, static_load_command
@@ -36,6 +36,7 @@ app.command("diagnose", cls=DiagnoseCommand)(diagnose_command)
 app.command("frequency-response")(frequency_response_command)
 app.command("effects")(effects_command)
 app.command("excitation")(excitation_command)
+app.command("design")(design_command)
 app.command("simulate")(simulate_command)
 app.command("demo")(demo_command)
 

@@ -9,18 +9,17 @@ import numpy as np
 import typer
 
 import ambid
-from ambid.cli.files import load_model
-from ambid.cli.options import Force, JsonFile, ModelFile, Quiet, RigFile, names, number
-from ambid.cli.outputs import conclude, require_outputs
+from ambid.cli.files import load_model, load_records
+from ambid.cli.options import Force, JsonFile, ModelFile, Quiet, RigFile, assignment, known_effects, names, number
+from ambid.cli.outputs import Files, conclude, require_outputs
 from ambid.cli.signals import stoppable
 from ambid.errors import InputError
 from ambid.writing import is_device
 
 PRBS, MULTISINE = "prbs", "multisine"
+SENSOR_NOISE, CURRENT_NOISE = 50e-9, 1e-2
+"""Noise of y [m rms] and of i_c [A rms], where none is stated and no record tells."""
 
-OutFile = Annotated[
-    Path | None, typer.Option("--out", metavar="FILE", help="Excitation to be played (.csv, .mat, .wav).")
-]
 FullScale = Annotated[
     float | None, typer.Option(metavar="AMPERE", help="What full scale of a .wav file stands for; default: the peak.")
 ]
@@ -76,12 +75,92 @@ def excitation_command(
     i_e[:, chosen] = played
     with stoppable():
         told = ambid.design.forecast(load_model(machine, model), i_e, period=samples, limits=limits)
-    ambid.design.save_excitation(out, machine, i_e, full_scale=full_scale)
     data = {"excitation": str(out), **told.to_json(), **_scale(out, i_e, full_scale)}
-    conclude(told, data, json_file, quiet, lambda: [out])
+    conclude(told, data, json_file, quiet, lambda: _played(out, machine, i_e, full_scale))
 
 
-def _require_out(inputs: dict[str, Path | None], out: Path, json_file: Path | None, force: bool) -> None:
+def design_command(
+    rig: RigFile,
+    record: Annotated[
+        list[Path],
+        typer.Option("--record", metavar="RECORD", help="Fitted first: its values and its noise count; repeatable."),
+    ] = [],  # noqa: B006
+    accuracy: Annotated[
+        list[str],
+        typer.Option(
+            metavar="NAME=VALUE", help="Half of the 95 % interval that is wanted, such as K_i=1% or tau_e=2e-6."
+        ),
+    ] = [],  # noqa: B006
+    effect: Annotated[
+        list[str],
+        typer.Option(metavar="NAME", help="Effect that is to be seen; repeatable.", autocompletion=known_effects),
+    ] = [],  # noqa: B006
+    seconds: Annotated[float | None, typer.Option(help="Longest record; default: what the accuracy needs.")] = None,
+    signal: Annotated[str | None, typer.Option(help="prbs or multisine; default: the better.")] = None,
+    sensor_noise: Annotated[float | None, typer.Option(help="Rms on every displacement [m]; default 5e-8.")] = None,
+    current_noise: Annotated[float | None, typer.Option(help="Rms on every current [A]; default 0.01.")] = None,
+    without_currents: Annotated[bool, typer.Option("--without-currents", help="i_c is not recorded.")] = False,
+    spread: Annotated[
+        float, typer.Option(help="Part of a multisine's power on all lines, so that misfit shows.")
+    ] = 0.05,
+    peak: Annotated[float | None, typer.Option(metavar="AMPERE", help="Largest i_e.")] = None,
+    travel: Travel = 0.05,
+    current: Current = 0.2,
+    slew_rate: SlewRate = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Excitation to be played (.csv, .mat, .wav).")
+    ] = None,
+    full_scale: FullScale = None,
+    model: ModelFile = None,
+    force: Force = False,
+    json_file: JsonFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """Find the excitation that gives a wanted accuracy or shows an effect, within limits, and tell what it shows."""
+    inputs: Files = {"RIG": rig, "--record": record, "--model": model}
+    if out is not None:
+        _require_out(inputs, out, json_file, force)
+    require_outputs(inputs, {"--json": json_file})
+    if record and (sensor_noise is not None or current_noise is not None):
+        raise InputError("--record tells the noise; leave --sensor-noise and --current-noise out, or the record")
+    machine = ambid.Rig.load(rig)
+    start = load_model(machine, model)
+    wanted = dict(assignment("--accuracy", text, "K_i=1%") for text in accuracy)
+    limits = ambid.design.Limits(travel=travel, current=current, excitation=peak, slew_rate=slew_rate)
+    with stoppable():
+        if record:
+            fit = ambid.identify(start, load_records(machine, record, None, [], None))
+            start, instruments = fit.model, ambid.design.Instruments.of(fit.comparison)
+        else:
+            instruments = ambid.design.Instruments.stated(
+                len(machine.axes),
+                SENSOR_NOISE if sensor_noise is None else sensor_noise,
+                CURRENT_NOISE if current_noise is None else current_noise,
+            )
+        found = ambid.design.design(
+            start,
+            instruments=instruments.without_currents() if without_currents else instruments,
+            accuracy=wanted,
+            effects=effect,
+            limits=limits,
+            seconds=seconds,
+            signal=signal,
+            spread=spread,
+        )
+    writers = []
+    scale = {}
+    if out is not None:
+        scale = {"excitation": str(out), **_scale(out, found.i_e, full_scale)}
+        writers.append(lambda: _played(out, machine, found.i_e, full_scale))
+    conclude(found, {**found.to_json(), **scale}, json_file, quiet, *writers)
+
+
+def _played(out: Path, rig: ambid.Rig, i_e: np.ndarray, full_scale: float | None) -> list[Path]:
+    ambid.design.save_excitation(out, rig, i_e, full_scale=full_scale)
+    return [out]
+
+
+def _require_out(inputs: Files, out: Path, json_file: Path | None, force: bool) -> None:
     """Refuse a file that cannot be written, or is there already, before any work is done."""
     from ambid.design.playing import require_playable  # not at the top: --help need not open that room
 

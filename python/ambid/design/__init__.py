@@ -1,6 +1,23 @@
 """Which experiment to make: what an excitation does, what a record of it would tell, and the best one within limits."""
 
+from ambid.design.best import Design, design
 from ambid.design.forecast import Forecast, Limits, forecast
 from ambid.design.playing import save_excitation
+from ambid.design.prospect import Prospect, prospect
+from ambid.design.visible import Visibility, Visible, visible
+from ambid.noise.foreseen import Instruments
 
-__all__ = ["Forecast", "Limits", "forecast", "save_excitation"]
+__all__ = [
+    "Design",
+    "Forecast",
+    "Instruments",
+    "Limits",
+    "Prospect",
+    "Visibility",
+    "Visible",
+    "design",
+    "forecast",
+    "prospect",
+    "save_excitation",
+    "visible",
+]

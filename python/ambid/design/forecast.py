@@ -23,6 +23,9 @@ CURRENT = 0.2
 MOST_OF_POWER = 0.9
 """Part of an excitation's power that its band holds."""
 
+ROUNDED = 1.0 + 1e-9
+"""Part of a limit beyond which it is passed: what was scaled to it may be off by rounding."""
+
 
 @dataclass(frozen=True)
 class Limits:
@@ -142,13 +145,13 @@ class Forecast(Tabular):
 
     def _passed(self) -> Iterator[str]:
         for own in self.axes:
-            if own.y_over_gap > self.limits.travel:
+            if own.y_over_gap > self.limits.travel * ROUNDED:
                 yield _beyond(f"y.{own.axis}", own.y_over_gap, self.limits.travel, "the air gap")
-            if own.i_c_over_bias > self.limits.current:
+            if own.i_c_over_bias > self.limits.current * ROUNDED:
                 yield _beyond(f"i_c.{own.axis}", own.i_c_over_bias, self.limits.current, "the bias current")
-            if self.limits.excitation is not None and own.i_e > self.limits.excitation * (1.0 + 1e-9):
+            if self.limits.excitation is not None and own.i_e > self.limits.excitation * ROUNDED:
                 yield f"i_e.{own.axis} reaches {own.i_e:.3g} {self.unit}; {self.limits.excitation:g} is the limit"
-            if self.limits.slew_rate is not None and own.slope > self.limits.slew_rate:
+            if self.limits.slew_rate is not None and own.slope > self.limits.slew_rate * ROUNDED:
                 yield f"i_c.{own.axis} changes by {own.slope:.3g} A/s; {self.limits.slew_rate:g} is the limit"
 
     def to_json(self) -> dict[str, Any]:

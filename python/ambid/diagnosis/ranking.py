@@ -37,7 +37,7 @@ from ambid.results import Tabular, plain
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
-__all__ = ["Candidate", "Ranking", "rank"]
+__all__ = ["Candidate", "Point", "Ranking", "rank", "see"]
 
 Progress = Callable[[str, int, int], None]
 
@@ -222,8 +222,8 @@ def rank(
     Ranking
     """
     model = comparison.model
-    here = _Point(comparison)
-    elsewhere: _Point | None = None
+    here = Point(comparison)
+    elsewhere: Point | None = None
     seen = see(comparison)
 
     candidates, not_tried = [], {}
@@ -250,7 +250,7 @@ def rank(
         variants = effect.variants(replace(seen, rig=home))
         scored, why = _scored(here, variants, here.cost)
         if variants and not scored and start is not None and start.is_stable:
-            elsewhere = elsewhere or _Point(comparison.of(start))
+            elsewhere = elsewhere or Point(comparison.of(start))
             found, _ = _scored(elsewhere, variants, here.cost)
             scored = [replace(candidate, from_start=True) for candidate in found]
         if scored:
@@ -297,7 +297,7 @@ def see(comparison: Comparison) -> Seen:
     return Seen(model.rig, peaks, tuple(tones.values()), held)
 
 
-class _Point:
+class Point:
     """A model at which effects are judged, with its residual freed from what its parameters absorb.
 
     The change that a linear effect makes to a nonlinear loop is taken from the loop without its nonlinear effects: it
@@ -355,7 +355,7 @@ class _Point:
         return self._before[id(base)]
 
 
-def _scored(point: _Point, variants: Sequence[Effect], cost: float) -> tuple[list[Candidate], str]:
+def _scored(point: Point, variants: Sequence[Effect], cost: float) -> tuple[list[Candidate], str]:
     """The variants of an effect that can be judged at a point, and why others cannot; scores are falls from `cost`."""
     tried, changes, why = [], [], ""
     for variant in variants:
@@ -414,7 +414,7 @@ class _Subspace:
         self.called_for = self.turned.T @ called_for
 
 
-def _score(point: _Point, effect: Effect, of: _Subspace, cost: float) -> Candidate:
+def _score(point: Point, effect: Effect, of: _Subspace, cost: float) -> Candidate:
     """The score of an effect from what it can add."""
     rig, seen = point.exact.home_of(effect) or point.exact.rig, _nonzero(of.size)
     low, high = effect.amplitudes(rig)
