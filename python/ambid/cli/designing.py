@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
 
 import ambid
+from ambid.cli.effect_option import with_effects
 from ambid.cli.files import load_model, load_records
 from ambid.cli.options import Force, JsonFile, ModelFile, Quiet, RigFile, assignment, known_effects, names, number
 from ambid.cli.outputs import Files, conclude, require_outputs
 from ambid.cli.signals import stoppable
 from ambid.errors import InputError
 from ambid.writing import is_device
+
+if TYPE_CHECKING:
+    from ambid.design import Design, Instruments, Limits, Proposals
 
 PRBS, MULTISINE = "prbs", "multisine"
 SENSOR_NOISE, CURRENT_NOISE = 50e-9, 1e-2
@@ -95,6 +99,14 @@ def design_command(
         list[str],
         typer.Option(metavar="NAME", help="Effect that is to be seen; repeatable.", autocompletion=known_effects),
     ] = [],  # noqa: B006
+    apart: Annotated[
+        list[str],
+        typer.Option(
+            metavar="NAME:param=value,...",
+            help="Effects that are to be told apart, each as it was found: which experiment next? Twice or more.",
+            autocompletion=known_effects,
+        ),
+    ] = [],  # noqa: B006
     seconds: Annotated[float | None, typer.Option(help="Longest record; default: what the accuracy needs.")] = None,
     signal: Annotated[str | None, typer.Option(help="prbs or multisine; default: the better.")] = None,
     sensor_noise: Annotated[float | None, typer.Option(help="Rms on every displacement [m]; default 5e-8.")] = None,
@@ -147,12 +159,36 @@ def design_command(
             signal=signal,
             spread=spread,
         )
+        following = _following(start, apart, found, instruments, limits, without_currents)
     writers = []
-    scale = {}
+    data = found.to_json() | ({} if following is None else {"next_experiments": following.to_json()})
     if out is not None:
-        scale = {"excitation": str(out), **_scale(out, found.i_e, full_scale)}
+        data |= {"excitation": str(out), **_scale(out, found.i_e, full_scale)}
         writers.append(lambda: _played(out, machine, found.i_e, full_scale))
-    conclude(found, {**found.to_json(), **scale}, json_file, quiet, *writers)
+    conclude(found if following is None else f"{found}\n{following}", data, json_file, quiet, *writers)
+
+
+def _following(
+    start: ambid.Model,
+    apart: list[str],
+    found: Design,
+    instruments: Instruments,
+    limits: Limits,
+    without_currents: bool,
+) -> Proposals | None:
+    """Experiments after the designed one that would tell effects apart."""
+    if not apart:
+        return None
+    hypotheses = {}
+    for text in apart:
+        own = with_effects(start, [text])
+        hypotheses[own.effects[-1].name] = own
+    if len(hypotheses) < max(2, len(apart)):
+        raise InputError("--apart: name two effects or more that are to be told apart, each once")
+    present = instruments.without_currents() if without_currents else instruments
+    more = instruments if without_currents else None
+    period = len(found.option.wave)
+    return ambid.design.propose(hypotheses, found.i_e, period, present, more_instruments=more, limits=limits)
 
 
 def _played(out: Path, rig: ambid.Rig, i_e: np.ndarray, full_scale: float | None) -> list[Path]:

@@ -26,10 +26,12 @@ from ambid.identification.minimum import SUBSTEPS
 from ambid.noise import Comparison
 from ambid.rig import Rig
 
-__all__ = ["Visibility", "Visible", "evidence", "visible"]
+__all__ = ["Visibility", "Visible", "visible"]
 
 FELT = 1e-9
 """Part of a response that is left beside the known parameters, below which an effect moves nothing else."""
+UNFELT = 1e-6
+"""Whitened response of a typical size that is as good as none: a million times as much would not show either."""
 LARGEST_SCORE = 1e4
 """Beyond all levels of detection."""
 ABSENT = 1e-3
@@ -173,30 +175,6 @@ def visible(comparison: Comparison, catalogue: Sequence[Effect] = CATALOGUE) -> 
     return Visibility(tuple(rows), not_shown)
 
 
-def evidence(comparison: Comparison, truth: Effect, values: dict[str, float], other: Effect) -> float:
-    """Evidence that a record holds for one effect against another: lambda of the truth beside all sizes of the other.
-
-    Parameters
-    ----------
-    comparison : Comparison
-        Of the model without either, see `Prospect.comparison`.
-    truth, other : Effect
-    values : dict of str to float
-        Parameters of the truth.
-
-    Raises
-    ------
-    ModelError, UnstableLoopError
-        If one of them makes no sense there, or no stable loop.
-    """
-    point, model = Point(comparison), comparison.model
-    base, full = model, model.add(truth, values)
-    change = comparison.noise.departure(full) - comparison.noise.departure(base)
-    left = point.freed(change[:, None])[:, 0]
-    basis = _basis(point.freed(point.responses(other)))
-    return float(left @ left - np.sum((basis.T @ left) ** 2))
-
-
 def _variants(point: Point, seen: Seen, effect: Effect, candidates: int) -> tuple[list[_Felt], str]:
     """What is felt of the variants of an effect, and why nothing is."""
     home = point.exact.home_of(effect)
@@ -212,8 +190,8 @@ def _variants(point: Point, seen: Seen, effect: Effect, candidates: int) -> tupl
             continue
         whole = float(np.linalg.norm(columns))
         columns = point.freed(columns)
-        if not np.linalg.norm(columns) > FELT * whole:
-            why = "the known parameters absorb all of it"
+        if not np.linalg.norm(columns) > max(FELT * whole, UNFELT):
+            why = "the known parameters absorb all of it" if whole > UNFELT else "nothing of it is in such a record"
             continue
         basis = _basis(columns)
         sizes = tuple(_size_of_probe(variant, probe, home) for probe in variant.probes(home))
