@@ -1,6 +1,7 @@
 """Which next experiment tells hypotheses apart, against that experiment when it is made."""
 
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -56,17 +57,19 @@ def test_evidence_is_what_fits_find():
             "controller_gain_error", {"proportional": 0.0, "integral": 0.0, "derivative": 0.032}
         ),
     }
-    truth, other = pair["controller_gain_error"], pair["back_emf"]
-    rises = []
-    for seed in range(20):
-        fit = ambid.identify(truth, [made(truth, i_e, 2 * seed), made(truth, i_e, 2 * seed + 1)]).comparison
-        wrong = refit(fit.of(other))
-        chance = len(truth.names) - len(other.names)  # what more parameters take of noise
-        rises.append(wrong.cost - fit.cost - chance)
+    means = []
+    for truth, other in permutations(pair.values()):
+        rises = []
+        for seed in range(20):
+            fit = ambid.identify(truth, [made(truth, i_e, 2 * seed), made(truth, i_e, 2 * seed + 1)]).comparison
+            wrong = refit(fit.of(other))
+            chance = len(truth.names) - len(other.names)  # what more parameters take of noise
+            rises.append(wrong.cost - fit.cost - chance)
+        means.append(np.mean(rises))
     found = propose(pair, i_e, 510, STATED)
     evidence = row(found, "the same once more").evidence
     assert evidence > 5.0
-    assert abs(np.mean(rises) - evidence) < 3.0 * 2.0 * np.sqrt(evidence / 20.0) + 0.15 * evidence
+    assert abs(min(means) - evidence) < 3.0 * 2.0 * np.sqrt(evidence / 20.0) + 0.15 * evidence
 
 
 def test_recording_the_currents_tells_lags_apart_that_y_alone_does_not():
