@@ -1,5 +1,4 @@
 from . import demo as demo
-from . import design as design
 from . import effects as effects
 from . import errors as errors
 from . import plot as plot
@@ -8,6 +7,20 @@ from .campaigns import Campaign as Campaign
 from .campaigns import campaign as campaign
 from .checking import Soundness as Soundness
 from .checking import check as check
+from .designs import Design as Design
+from .designs import Forecast as Forecast
+from .designs import Instruments as Instruments
+from .designs import Limits as Limits
+from .designs import Proposals as Proposals
+from .designs import Prospect as Prospect
+from .designs import Visibility as Visibility
+from .designs import design as design
+from .designs import forecast as forecast
+from .designs import next_experiments as next_experiments
+from .designs import prospect as prospect
+from .designs import save_excitation as save_excitation
+from .designs import tell_apart as tell_apart
+from .designs import visible as visible
 from .diagnosis import Diagnosis as Diagnosis
 from .diagnosis import Localisation as Localisation
 from .diagnosis import Ranking as Ranking

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import ambid
-from ambid.design import Instruments, design, forecast, prospect, visible
+from ambid.designs import Instruments, design, forecast, prospect, visible
 
 LEVITATOR = Path(__file__).parents[1] / "data" / "levitator.toml"
 SENSOR, CURRENT = 2e-7, 0.01

@@ -18,7 +18,7 @@ from ambid.errors import InputError
 from ambid.writing import is_device
 
 if TYPE_CHECKING:
-    from ambid.design import Design, Instruments, Limits, Proposals
+    from ambid.designs import Design, Instruments, Limits, Proposals
 
 PRBS, MULTISINE = "prbs", "multisine"
 SENSOR_NOISE, CURRENT_NOISE = 50e-9, 1e-2
@@ -60,7 +60,7 @@ def excitation_command(
     """Write what to play on the machine, and tell what it would do there."""
     _require_out({"RIG": rig, "--model": model}, out, json_file, force)
     machine = ambid.Rig.load(rig)
-    limits = ambid.design.Limits(travel=travel, current=current, slew_rate=slew_rate)
+    limits = ambid.Limits(travel=travel, current=current, slew_rate=slew_rate)
     chosen = _columns(machine, axes)
     if signal == PRBS:
         played = ambid.prbs(order, amplitude=amplitude, hold=hold, axes=len(chosen), periods=periods, seed=seed)
@@ -78,7 +78,7 @@ def excitation_command(
     i_e = np.zeros((len(played), len(machine.axes)))
     i_e[:, chosen] = played
     with stoppable():
-        told = ambid.design.forecast(load_model(machine, model), i_e, period=samples, limits=limits)
+        told = ambid.forecast(load_model(machine, model), i_e, period=samples, limits=limits)
     data = {"excitation": str(out), **told.to_json(), **_scale(out, i_e, full_scale)}
     conclude(told, data, json_file, quiet, lambda: _played(out, machine, i_e, full_scale))
 
@@ -138,18 +138,18 @@ def design_command(
     machine = ambid.Rig.load(rig)
     start = load_model(machine, model)
     wanted = dict(assignment("--accuracy", text, "K_i=1%") for text in accuracy)
-    limits = ambid.design.Limits(travel=travel, current=current, excitation=peak, slew_rate=slew_rate)
+    limits = ambid.Limits(travel=travel, current=current, excitation=peak, slew_rate=slew_rate)
     with stoppable():
         if record:
             fit = ambid.identify(start, load_records(machine, record, None, [], None))
-            start, instruments = fit.model, ambid.design.Instruments.of(fit.comparison)
+            start, instruments = fit.model, ambid.Instruments.of(fit.comparison)
         else:
-            instruments = ambid.design.Instruments.stated(
+            instruments = ambid.Instruments.stated(
                 len(machine.axes),
                 SENSOR_NOISE if sensor_noise is None else sensor_noise,
                 CURRENT_NOISE if current_noise is None else current_noise,
             )
-        found = ambid.design.design(
+        found = ambid.design(
             start,
             instruments=instruments.without_currents() if without_currents else instruments,
             accuracy=wanted,
@@ -188,17 +188,17 @@ def _following(
     present = instruments.without_currents() if without_currents else instruments
     more = instruments if without_currents else None
     period = len(found.option.wave)
-    return ambid.design.propose(hypotheses, found.i_e, period, present, more_instruments=more, limits=limits)
+    return ambid.tell_apart(hypotheses, found.i_e, period, present, more_instruments=more, limits=limits)
 
 
 def _played(out: Path, rig: ambid.Rig, i_e: np.ndarray, full_scale: float | None) -> list[Path]:
-    ambid.design.save_excitation(out, rig, i_e, full_scale=full_scale)
+    ambid.save_excitation(out, rig, i_e, full_scale=full_scale)
     return [out]
 
 
 def _require_out(inputs: Files, out: Path, json_file: Path | None, force: bool) -> None:
     """Refuse a file that cannot be written, or is there already, before any work is done."""
-    from ambid.design.playing import require_playable  # not at the top: --help need not open that room
+    from ambid.designs.playing import require_playable  # not at the top: --help need not open that room
 
     require_playable(out)
     require_outputs(inputs, {"--out": out, "--json": json_file}, replaced=["--out"])
@@ -227,6 +227,6 @@ def _band(rig: ambid.Rig, period: int, text: str | None) -> tuple[float, float]:
 
 def _scale(out: Path, i_e: np.ndarray, full_scale: float | None) -> dict[str, float]:
     """What full scale of the file stands for, where it has one."""
-    from ambid.design.playing import full_scale_of  # not at the top: --help need not open that room
+    from ambid.designs.playing import full_scale_of  # not at the top: --help need not open that room
 
     return {"full_scale": full_scale_of(i_e, full_scale)} if out.suffix.lower() == ".wav" else {}

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ambid.arrays import ComplexArray, FloatArray
-from ambid.design.forecast import Limits
+from ambid.designs.peaks import Limits
 from ambid.model import Model
 from ambid.noise.colour import back_through_loop
 from ambid.noise.foreseen import Instruments

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.design.forecast import MOST_OF_POWER, Limits, forecast
-from ambid.design.lines import PoweredLines
-from ambid.design.powers import best_powers, criterion
-from ambid.design.prospect import FEWEST, prospect
+from ambid.designs.intervals import FEWEST, prospect
+from ambid.designs.lines import PoweredLines
+from ambid.designs.peaks import MOST_OF_POWER, Limits, forecast
+from ambid.designs.powers import best_powers, criterion
 from ambid.excitation import multisine, prbs
 from ambid.model import Model
 from ambid.noise.foreseen import Instruments

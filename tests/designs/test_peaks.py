@@ -5,7 +5,7 @@ import pytest
 from scipy.io import loadmat, wavfile
 
 import ambid
-from ambid.design import Limits, forecast, save_excitation
+from ambid.designs import Limits, forecast, save_excitation
 from ambid.errors import InputError, RecordError
 from places import BENCH, LEVITATOR
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ambid
-from ambid.design import Instruments, prospect, visible
+from ambid.designs import Instruments, prospect, visible
 from places import BENCH, LEVITATOR
 
 RIG = ambid.Rig.load(LEVITATOR)

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.design.lines import PoweredLines
+from ambid.designs.lines import PoweredLines
 from ambid.errors import InputError
 
 __all__ = ["Powers", "best_powers", "criterion"]

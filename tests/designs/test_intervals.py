@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ambid
-from ambid.design import Instruments, prospect
+from ambid.designs import Instruments, prospect
 from ambid.errors import InputError, RecordError
 from places import LEVITATOR
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import ambid
-from ambid.design import Instruments, Limits, after, propose
+from ambid.designs import Instruments, Limits, next_experiments, tell_apart
 from ambid.errors import InputError
 from ambid.identification.minimum import refit
 from places import LEVITATOR
@@ -39,10 +39,10 @@ def made(model, i_e, seed):
 
 
 def test_evidence_grows_with_the_power_and_what_is_needed_is_enough():
-    found = propose(PAIR, I_E, 510, STATED)
+    found = tell_apart(PAIR, I_E, 510, STATED)
     again, half = row(found, "the same once more"), row(found, "0.5 times the amplitude")
     np.testing.assert_allclose(half.evidence / again.evidence, (1 + 0.25) / 2, rtol=0.05)
-    longer = propose(PAIR, np.tile(I_E, (4, 1)), 510, STATED)
+    longer = tell_apart(PAIR, np.tile(I_E, (4, 1)), 510, STATED)
     np.testing.assert_allclose(row(longer, "the same once more").evidence, 4.0 * again.evidence, rtol=0.05)
     assert again.seconds > 0.408
     assert [own.cost for own in found.experiments] == sorted(own.cost for own in found.experiments)
@@ -66,7 +66,7 @@ def test_evidence_is_what_fits_find():
             chance = len(truth.names) - len(other.names)  # what more parameters take of noise
             rises.append(wrong.cost - fit.cost - chance)
         means.append(np.mean(rises))
-    found = propose(pair, i_e, 510, STATED)
+    found = tell_apart(pair, i_e, 510, STATED)
     evidence = row(found, "the same once more").evidence
     assert evidence > 5.0
     assert abs(min(means) - evidence) < 3.0 * 2.0 * np.sqrt(evidence / 20.0) + 0.15 * evidence
@@ -74,18 +74,18 @@ def test_evidence_is_what_fits_find():
 
 def test_recording_the_currents_tells_lags_apart_that_y_alone_does_not():
     alone = STATED.without_currents()
-    found = propose(LAGS, I_E, 510, alone, more_instruments=STATED)
+    found = tell_apart(LAGS, I_E, 510, alone, more_instruments=STATED)
     assert row(found, "record i_c").evidence > 100.0 * row(found, "the same once more").evidence
-    assert "record i_c" not in [own.change for own in propose(LAGS, I_E, 510, STATED).experiments]
+    assert "record i_c" not in [own.change for own in tell_apart(LAGS, I_E, 510, STATED).experiments]
 
 
 def test_louder_is_tried_up_to_the_limit_and_no_further():
-    found = propose(PAIR, I_E, 510, STATED)
+    found = tell_apart(PAIR, I_E, 510, STATED)
     (louder,) = (
         own for own in found.experiments if own.change.endswith("times the amplitude") and "0.5" not in own.change
     )
     assert louder.load <= 1.0 + 1e-9
-    quiet = propose(PAIR, I_E, 510, STATED, limits=Limits(travel=0.01))
+    quiet = tell_apart(PAIR, I_E, 510, STATED, limits=Limits(travel=0.01))
     assert "of its limit already" in quiet.not_tried["2 times the amplitude"]
 
 
@@ -94,7 +94,7 @@ def test_after_an_ambiguous_verdict_the_set_is_told_apart():
     record = made(truth, 1.5 * I_E, 1)
     diagnosis = ambid.diagnose(RIG, record)
     assert diagnosis.verdict == "ambiguous"
-    found = after(diagnosis)
+    found = next_experiments(diagnosis)
     assert found.hypotheses == tuple(diagnosis.ambiguous_sets[0])
     assert found.best is not None
     assert found.best.change in str(found)
@@ -102,7 +102,7 @@ def test_after_an_ambiguous_verdict_the_set_is_told_apart():
 
 def test_proposals_refuse():
     with pytest.raises(InputError, match="two or more"):
-        propose({"back_emf": PAIR["back_emf"]}, I_E, 510, STATED)
+        tell_apart({"back_emf": PAIR["back_emf"]}, I_E, 510, STATED)
     diagnosis = ambid.diagnose(RIG, made(MODEL, I_E, 1))
     with pytest.raises(InputError, match="adequate"):
-        after(diagnosis)
+        next_experiments(diagnosis)

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.design.forecast import Forecast, Limits, forecast
-from ambid.design.options import MULTISINE, PRBS, SIGNALS, Option, Task, multisines, sequences
-from ambid.design.prospect import FEWEST, Prospect, prospect
-from ambid.design.visible import Visibility, visible
+from ambid.designs.intervals import FEWEST, Prospect, prospect
+from ambid.designs.options import MULTISINE, PRBS, SIGNALS, Option, Task, multisines, sequences
+from ambid.designs.peaks import Forecast, Limits, forecast
+from ambid.designs.sight import Visibility, visible
 from ambid.effects import Effect, find
 from ambid.errors import InputError, ModelError
 from ambid.model import Model

@@ -1,11 +1,11 @@
 """Which experiment to make: what an excitation does, what a record of it would tell, and the best one within limits."""
 
-from ambid.design.best import Design, design
-from ambid.design.forecast import Forecast, Limits, forecast
-from ambid.design.playing import save_excitation
-from ambid.design.prospect import Prospect, prospect
-from ambid.design.separation import Proposal, Proposals, after, propose
-from ambid.design.visible import Visibility, Visible, visible
+from ambid.designs.best import Design, design
+from ambid.designs.intervals import Prospect, prospect
+from ambid.designs.peaks import Forecast, Limits, forecast
+from ambid.designs.playing import save_excitation
+from ambid.designs.separation import Proposal, Proposals, next_experiments, tell_apart
+from ambid.designs.sight import Visibility, Visible, visible
 from ambid.noise.foreseen import Instruments
 
 __all__ = [
@@ -18,10 +18,10 @@ __all__ = [
     "Prospect",
     "Visibility",
     "Visible",
-    "after",
+    "next_experiments",
     "design",
     "forecast",
-    "propose",
+    "tell_apart",
     "prospect",
     "save_excitation",
     "visible",

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.design.changes import Change, changes
-from ambid.design.forecast import Limits, forecast
-from ambid.design.prospect import planned
+from ambid.designs.changes import Change, changes
+from ambid.designs.intervals import planned
+from ambid.designs.peaks import Limits, forecast
 from ambid.diagnosis import Diagnosis
 from ambid.diagnosis.wording import ENOUGH
 from ambid.errors import InputError, ModelError, UnstableLoopError
@@ -29,7 +29,7 @@ from ambid.record import Record
 from ambid.results import Tabular, plain
 from ambid.threads import with_one_blas_thread
 
-__all__ = ["Proposal", "Proposals", "after", "propose"]
+__all__ = ["Proposal", "Proposals", "next_experiments", "tell_apart"]
 
 SET_UP = 600.0
 """Seconds that another operating point costs beside its record: the machine is stopped, set up and warmed again."""
@@ -67,7 +67,7 @@ class Proposal:
 
 @dataclass(frozen=True, repr=False)
 class Proposals(Tabular):
-    """What could be measured next, the cheapest first; result of `propose` and `after`.
+    """What could be measured next, the cheapest first; result of `tell_apart` and `next_experiments`.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class Proposals(Tabular):
 
 
 @with_one_blas_thread
-def propose(
+def tell_apart(
     hypotheses: Mapping[str, Model],
     i_e: FloatArray,
     period: int,
@@ -180,7 +180,7 @@ def propose(
     return Proposals(tuple(hypotheses), tuple(found), not_tried)
 
 
-def after(diagnosis: Diagnosis, *, limits: Limits | None = None) -> Proposals:
+def next_experiments(diagnosis: Diagnosis, *, limits: Limits | None = None) -> Proposals:
     """Foresee which next experiment settles an ambiguous verdict.
 
     Parameters
@@ -206,7 +206,7 @@ def after(diagnosis: Diagnosis, *, limits: Limits | None = None) -> Proposals:
         raise InputError("the diagnosis has no fit; diagnose the records again")
     record = next((own for own in diagnosis.records if isinstance(own, Record) and own.period is not None), None)
     if record is None or record.i_e is None or record.period is None:
-        raise InputError("none of the records has periods and i_e; give what was played to propose()")
+        raise InputError("none of the records has periods and i_e; give what was played to tell_apart()")
     hypotheses = {}
     for name in sets[0]:
         for step in diagnosis.history:
@@ -218,7 +218,7 @@ def after(diagnosis: Diagnosis, *, limits: Limits | None = None) -> Proposals:
                 break
     whole = record.periods * record.period
     i_e = record.i_e[:whole] - record.i_e[:whole].mean(axis=0)
-    return propose(hypotheses, i_e, record.period, Instruments.of(diagnosis.fit), limits=limits)
+    return tell_apart(hypotheses, i_e, record.period, Instruments.of(diagnosis.fit), limits=limits)
 
 
 def _at(model: Model, change: Change) -> Model:

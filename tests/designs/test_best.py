@@ -7,9 +7,9 @@ import pytest
 from scipy.optimize import minimize
 
 import ambid
-from ambid.design import Instruments, Limits, design, forecast, prospect
-from ambid.design.lines import PoweredLines
-from ambid.design.powers import best_powers, criterion
+from ambid.designs import Instruments, Limits, design, forecast, prospect
+from ambid.designs.lines import PoweredLines
+from ambid.designs.powers import best_powers, criterion
 from ambid.errors import InputError, ModelError
 from places import BENCH, LEVITATOR
 
