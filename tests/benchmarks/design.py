@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import ambid
-from ambid.designs import Instruments, design, forecast, prospect, visible
+from ambid.designs import Instruments, design, forecast, prospect, tell_apart, visible
 
 LEVITATOR = Path(__file__).parents[1] / "data" / "levitator.toml"
 SENSOR, CURRENT = 2e-7, 0.01
@@ -71,5 +71,69 @@ def sizes(runs):
         )
 
 
+def cases():
+    """Three pairs that a record leaves ambiguous, whether i_c is recorded, and the values that both ask for."""
+    model = ambid.Model(ambid.Rig.load(LEVITATOR))
+    nothing = {"proportional": 0.0, "integral": 0.0}
+    gain = {**nothing, "derivative": 0.008}
+    yield (
+        True,
+        {
+            "back_emf": model.add("back_emf", {"current_per_velocity": 0.3}),
+            "controller_gain_error": model.add("controller_gain_error", gain),
+        },
+    )
+    yield (
+        False,
+        {
+            "loop_delay": model.add("loop_delay", {"delay": 1e-5}),
+            "sensor_lag": model.add("sensor_lag", {"time_constant": 1e-5}),
+        },
+    )
+    yield (
+        True,
+        {
+            "eddy_currents": model.add("eddy_currents", {"root_time_constant": 6e-4}),
+            "back_emf": model.add("back_emf", {"current_per_velocity": 0.17}),
+        },
+    )
+
+
+def next_experiment(runs):
+    i_e = ambid.prbs(8, amplitude=0.2, hold=2, periods=8)
+    period, both = len(i_e) // 8, Instruments.stated(1, SENSOR, CURRENT)
+    for currents, pair in cases():
+        told = both if currents else both.without_currents()
+        found = tell_apart(pair, i_e, period, told, more_instruments=None if currents else both)
+        best = found.best
+        longer = np.tile(i_e, (int(np.ceil(best.repeats)), 1))
+        before, after, count = 0, 0, 0
+        for name, truth in pair.items():
+            for seed in range(runs):
+                old = record_of(truth, longer, period, 2 * seed)
+                new = record_of(best.change.at(truth), best.change.amplitude * longer, period, 2 * seed + 1)
+                if not currents:
+                    old = replace(old, i_c=None)
+                    new = new if best.change.currents else replace(new, i_c=None)
+                short = record_of(truth, i_e, period, 2 * seed)
+                short = short if currents else replace(short, i_c=None)
+                before += _likelier(pair, [short]) == name
+                after += _likelier(pair, [new] if best.change.currents else [old, new]) == name
+                count += 1
+        print(
+            f"{', '.join(pair)}: {best.change.what}, {best.repeats:.3g} times as long, evidence then "
+            f"{best.evidence * best.repeats:.3g}; likelier is the truth before {100 * before / count:.0f} %, with it "
+            f"{100 * after / count:.0f} % of {count}",
+            flush=True,
+        )
+
+
+def _likelier(pair, records):
+    """Which hypothesis leaves less."""
+    costs = {name: ambid.identify(model, records).comparison for name, model in pair.items()}
+    first = next(iter(costs.values()))
+    return min(costs, key=lambda name: first.of(costs[name].model).cost)
+
+
 if __name__ == "__main__":
-    {"errors": errors, "sizes": sizes}[sys.argv[1]](int(sys.argv[2]))
+    {"errors": errors, "sizes": sizes, "next": next_experiment}[sys.argv[1]](int(sys.argv[2]))

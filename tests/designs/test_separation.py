@@ -30,7 +30,7 @@ LAGS = {
 
 
 def row(found, change):
-    return next(own for own in found.experiments if own.change == change)
+    return next(own for own in found.experiments if own.change.what == change)
 
 
 def made(model, i_e, seed):
@@ -76,13 +76,15 @@ def test_recording_the_currents_tells_lags_apart_that_y_alone_does_not():
     alone = STATED.without_currents()
     found = tell_apart(LAGS, I_E, 510, alone, more_instruments=STATED)
     assert row(found, "record i_c").evidence > 100.0 * row(found, "the same once more").evidence
-    assert "record i_c" not in [own.change for own in tell_apart(LAGS, I_E, 510, STATED).experiments]
+    assert "record i_c" not in [own.change.what for own in tell_apart(LAGS, I_E, 510, STATED).experiments]
 
 
 def test_louder_is_tried_up_to_the_limit_and_no_further():
     found = tell_apart(PAIR, I_E, 510, STATED)
     (louder,) = (
-        own for own in found.experiments if own.change.endswith("times the amplitude") and "0.5" not in own.change
+        own
+        for own in found.experiments
+        if own.change.what.endswith("times the amplitude") and "0.5" not in own.change.what
     )
     assert louder.load <= 1.0 + 1e-9
     quiet = tell_apart(PAIR, I_E, 510, STATED, limits=Limits(travel=0.01))
@@ -97,7 +99,7 @@ def test_after_an_ambiguous_verdict_the_set_is_told_apart():
     found = next_experiments(diagnosis)
     assert found.hypotheses == tuple(diagnosis.ambiguous_sets[0])
     assert found.best is not None
-    assert found.best.change in str(found)
+    assert found.best.change.what in str(found)
 
 
 def test_proposals_refuse():

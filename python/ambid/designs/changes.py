@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ambid.errors import RigError
+from ambid.model import Model
+from ambid.record import Record
 from ambid.rig import PidController, Rig
 
 __all__ = ["Change", "changes"]
@@ -43,6 +45,14 @@ class Change:
     amplitude: float = 1.0
     rig: Rig | None = None
     currents: bool = False
+
+    def at(self, model: Model) -> Model:
+        """A model at the operating point of the experiment."""
+        if self.rig is None:
+            return model
+        n = len(model.rig.axes)
+        anything = Record("planned", model.rig.sample_rate, model.rig.axes, np.zeros((2, n)), np.zeros((2, n)), None)
+        return model.covering([anything.at(self.rig)]).at(self.rig)
 
 
 def changes(rig: Rig, *, currents: bool) -> Iterator[Change]:

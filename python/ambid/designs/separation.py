@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import permutations
 from typing import Any
 
@@ -45,24 +45,32 @@ class Proposal:
 
     Attributes
     ----------
-    change : str
+    change : Change
         What is different from the present one.
     evidence : float
         Least lambda of any hypothesis against any other, both records together.
+    repeats : float
+        So many times as long as the present one must the records be to tell them apart; infinite where no length would
+        do.
     seconds : float
-        That are to be recorded to tell them apart; infinite where no length would do. Where both records must be longer
-        than the present one, that counts too.
+        That are to be recorded for that: where the present record must be longer, that counts too.
     load : float
         Largest peak over its limit.
     cost : float
         Seconds, setting up included.
     """
 
-    change: str
+    change: Change
     evidence: float
+    repeats: float
     seconds: float
     load: float
     cost: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data, as in JSON."""
+        own = {field.name: getattr(self, field.name) for field in fields(self)}
+        return own | {"change": self.change.what}
 
 
 @dataclass(frozen=True, repr=False)
@@ -89,25 +97,26 @@ class Proposals(Tabular):
 
     def table(self) -> dict[str, list[Any]]:
         """An experiment a row."""
-        return {key: [getattr(own, key) for own in self.experiments] for key in Proposal.__dataclass_fields__}
+        rows = [own.as_dict() for own in self.experiments]
+        return {field.name: [row[field.name] for row in rows] for field in fields(Proposal)}
 
     def summary(self) -> list[str]:
         """What to do."""
         names = " from ".join(self.hypotheses)
         if self.best is None:
             return [f"to tell {names}: none of these experiments would do"]
-        return [f"to tell {names}: {self.best.change}; {self.best.seconds:.3g} s are to be recorded"]
+        return [f"to tell {names}: {self.best.change.what}; {self.best.seconds:.3g} s are to be recorded"]
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""
-        rows = [asdict(own) for own in self.experiments]
+        rows = [own.as_dict() for own in self.experiments]
         return plain({"hypotheses": list(self.hypotheses), "experiments": rows, "not_tried": self.not_tried})
 
     def __repr__(self) -> str:
         lines = [*self.summary(), f"{'experiment':36s} {'evidence':>10s} {'seconds':>10s} {'load':>6s}"]
         for own in self.experiments:
             seconds = f"{own.seconds:10.3g}" if np.isfinite(own.seconds) else f"{'never':>10s}"
-            lines.append(f"{own.change:36s} {own.evidence:10.3g} {seconds} {own.load:6.2f}")
+            lines.append(f"{own.change.what:36s} {own.evidence:10.3g} {seconds} {own.load:6.2f}")
         lines += [f"{what}: not tried, {why}" for what, why in self.not_tried.items()]
         return "\n".join(lines)
 
@@ -156,9 +165,7 @@ def tell_apart(
     for change in changes(rig, currents=more_instruments is not None):
         told = more_instruments if change.currents and more_instruments is not None else instruments
         try:
-            load = max(
-                forecast(_at(own, change), i_e, period=period, limits=limits).load for own in hypotheses.values()
-            )
+            load = max(forecast(change.at(own), i_e, period=period, limits=limits).load for own in hypotheses.values())
             if change.amplitude > 1.0:
                 if load > 1.0 / LOUDER:
                     not_tried[change.what] = f"the largest peak is {load:.2g} of its limit already"
@@ -175,7 +182,7 @@ def tell_apart(
         factor = max(1.0, ENOUGH / evidence) if evidence > NOTHING else float("inf")
         seconds = (factor if change.currents else 2.0 * factor - 1.0) * len(i_e) / rig.sample_rate
         cost = seconds + (SET_UP if change.rig is not None or change.currents else 0.0)
-        found.append(Proposal(change.what, evidence, seconds, load * change.amplitude, cost))
+        found.append(Proposal(change, evidence, factor, seconds, load * change.amplitude, cost))
     found.sort(key=lambda own: (own.cost, -own.evidence))
     return Proposals(tuple(hypotheses), tuple(found), not_tried)
 
@@ -221,21 +228,12 @@ def next_experiments(diagnosis: Diagnosis, *, limits: Limits | None = None) -> P
     return tell_apart(hypotheses, i_e, record.period, Instruments.of(diagnosis.fit), limits=limits)
 
 
-def _at(model: Model, change: Change) -> Model:
-    """A model at the operating point of an experiment."""
-    if change.rig is None:
-        return model
-    n = len(model.rig.axes)
-    anything = Record("planned", model.rig.sample_rate, model.rig.axes, np.zeros((2, n)), np.zeros((2, n)), None)
-    return model.covering([anything.at(change.rig)]).at(change.rig)
-
-
 def _evidence(
     truth: Model, other: Model, change: Change, i_e: FloatArray, period: int, instruments: Instruments
 ) -> float:
     """What a hypothesis leaves of the present record and the next one, if another is the truth."""
-    further = planned(_at(truth, change), change.amplitude * i_e, period, instruments)
+    further = planned(change.at(truth), change.amplitude * i_e, period, instruments)
     records = [replace(further, name="next")]
     if not change.currents:  # else the new record tells all that the present one does
         records.insert(0, planned(truth, i_e, period, instruments))
-    return refit(foreseen(other, records, instruments), step=ROUGHLY).cost
+    return refit(foreseen(other, records, instruments)).cost
