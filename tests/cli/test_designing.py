@@ -76,3 +76,62 @@ def test_excitation_refuses(rig, tmp_path, monkeypatch, arguments, word):
     assert isinstance(ended.exception, ambid.AmbidError)
     assert word in str(ended.exception)
     assert [path.name for path in tmp_path.iterdir()] == ["rig.toml"]
+
+
+def test_design_tells_and_writes_what_it_found(rig, tmp_path):
+    out, told = tmp_path / "i_e.wav", tmp_path / "told.json"
+    ended = run("design", rig, "--accuracy", "K_i=0.02%", "--seconds", 5, "--out", out, "--json", told)
+    assert ended.exit_code == 0, ended.output
+    data = json.loads(told.read_text())
+    wanted = data["wanted"]["K_i.A_zeta"]
+    assert 1.96 * data["parameters"]["K_i.A_zeta"]["std_error"] <= wanted == pytest.approx(0.036)
+    assert 0.99 <= data["efficiency"] <= 1.0
+    assert data["forecast"]["load"] <= 1.0 + 1e-9
+    assert data["full_scale"] == pytest.approx(data["forecast"]["axes"][0]["i_e"])
+    assert {"loop_delay", "sensor_lag"} <= {own["effect"] for own in data["effects"]}
+    assert "smallest size" in ended.output
+    assert out.exists()
+
+
+def test_design_takes_values_and_noise_from_a_record(rig, tmp_path):
+    record, told = tmp_path / "run.csv", tmp_path / "told.json"
+    assert run("simulate", rig, "--out", record, "--seconds", 0.5, "--quiet").exit_code == 0
+    ended = run("design", rig, "--record", record, "--signal", "prbs", "--seconds", 1, "--json", told, "--quiet")
+    assert ended.exit_code == 0, ended.output
+    data = json.loads(told.read_text())
+    assert data["signal"] == "prbs"
+    assert data["efficiency"] is None
+    assert data["parameters"]["K_i.A_zeta"]["value"] != 180.0
+
+
+def test_design_proposes_what_tells_effects_apart(rig, tmp_path):
+    told = tmp_path / "told.json"
+    apart = ("--apart", "loop_delay:delay=1e-5", "--apart", "sensor_lag:time_constant=1e-5")
+    ended = run("design", rig, "--without-currents", "--seconds", 1, *apart, "--json", told)
+    assert ended.exit_code == 0, ended.output
+    following = json.loads(told.read_text())["next_experiments"]
+    assert following["hypotheses"] == ["loop_delay", "sensor_lag"]
+    assert "record i_c" in {own["change"] for own in following["experiments"]}
+    assert "to tell loop_delay from sensor_lag" in ended.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("--accuracy", "K_i"), "NAME=VALUE"),
+        (("--accuracy", "K_i=much"), "K_i"),
+        (("--effect", "no_such"), "no_such"),
+        (("--apart", "loop_delay"), "two effects"),
+        (("--signal", "chirp"), "multisine"),
+        (("--sensor-noise", "0"), "sensor_noise"),
+        (("--peak", "-1"), "excitation"),
+        (("--record", "run.csv", "--sensor-noise", "1e-8"), "--record tells the noise"),
+    ],
+)
+def test_design_refuses(rig, tmp_path, monkeypatch, arguments, word):
+    monkeypatch.chdir(tmp_path)
+    ended = run("design", rig, "--out", "i_e.csv", *arguments)
+    assert ended.exit_code != 0
+    assert isinstance(ended.exception, ambid.AmbidError)
+    assert word in str(ended.exception)
+    assert [path.name for path in tmp_path.iterdir()] == ["rig.toml"]
