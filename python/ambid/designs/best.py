@@ -183,7 +183,7 @@ def design(
     period = _period(base, seconds)
     task = Task(full, free, scale, weights, instruments, limits, period, spread)
     options, efficiency = multisines(task) if signal != PRBS else ([], np.nan)
-    if signal != MULTISINE or signal is None:
+    if signal != MULTISINE:
         options += list(sequences(task))
     options.sort(key=lambda own: own.cost)
     chosen = options[0]
