@@ -93,6 +93,12 @@ def test_what_is_designed_is_within_its_limits():
     assert not told.summary()[1:]
 
 
+def test_a_loop_that_is_more_sensitive_than_allowed_is_told():
+    assert not any("sensitivity" in note for note in design(RIG, STATED, seconds=0.5).notes)
+    told = design(RIG, STATED, seconds=0.5, limits=Limits(sensitivity=1.0)).notes
+    assert any("peak sensitivity" in note for note in told)
+
+
 def test_a_wanted_accuracy_is_met_and_no_more_is_played_than_it_takes():
     wanted = {"K_i": "0.005%", "tau_e": 1e-8}
     found = design(RIG, STATED, accuracy=wanted)

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import FloatArray
+from ambid.checking import LoopFigures
+from ambid.checking.equations import NominalLoop
 from ambid.designs.intervals import FEWEST, Prospect, prospect
 from ambid.designs.options import MULTISINE, PRBS, SIGNALS, Option, Task, multisines, sequences
 from ambid.designs.peaks import Forecast, Limits, forecast
@@ -204,7 +206,7 @@ def design(
         prospect=told,
         wanted=wanted,
         visibility=shown,
-        notes=(*notes, *_missed(told, wanted)),
+        notes=(*notes, *_missed(told, wanted), *_sensitive(base, limits)),
     )
 
 
@@ -313,4 +315,16 @@ def _missed(told: Prospect, wanted: Mapping[str, float]) -> tuple[str, ...]:
         f"{name}: +- {wide[name]:.3g} {parameters[name].unit} is foreseen, +- {half:.3g} is wanted"
         for name, half in wanted.items()
         if wide[name] > half
+    )
+
+
+def _sensitive(model: Model, limits: Limits) -> tuple[str, ...]:
+    """That the loop is so sensitive that what is foreseen at its values may be far off; powers do not change that."""
+    figures = LoopFigures.of(NominalLoop(model.to_rig()))
+    if not figures.peak_sensitivity > limits.sensitivity:
+        return ()
+    return (
+        f"peak sensitivity {figures.peak_sensitivity:.2f} at {figures.peak_sensitivity_hz:.3g} Hz on "
+        f"{figures.peak_sensitivity_axis} (zone {figures.zone} of ISO 14839-3), {limits.sensitivity:g} is the limit: a "
+        "small error of the rig file moves the peaks that are foreseen; begin at a quarter of the amplitude",
     )

@@ -23,6 +23,8 @@ CURRENT = 0.2
 MOST_OF_POWER = 0.9
 """Part of an excitation's power that its band holds."""
 
+SENSITIVITY = 3.0
+"""Largest peak sensitivity of zone A, ISO 14839-3."""
 ROUNDED = 1.0 + 1e-9
 """Part of a limit beyond which it is passed: what was scaled to it may be off by rounding."""
 
@@ -41,12 +43,15 @@ class Limits:
         Largest \\|i_e\\| [A], or [V] of voltage-driven coils.
     slew_rate : float or None
         Largest slope of i_c [A/s]: what the supply's voltage leaves over the inductance of the coil.
+    sensitivity : float
+        Peak sensitivity of the loop, which no excitation changes, above which a design warns.
     """
 
     travel: float = TRAVEL
     current: float = CURRENT
     excitation: float | None = None
     slew_rate: float | None = None
+    sensitivity: float = SENSITIVITY
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():
