@@ -68,7 +68,7 @@ def test_prbs_refuses(arguments, word):
         prbs(**{"order": 7, "amplitude": 1.0} | arguments)
 
 
-@pytest.mark.parametrize("phases", ["schroeder", "random"])
+@pytest.mark.parametrize("phases", ["schroeder", "random", "clipped"])
 @pytest.mark.parametrize("period", [1000, 1001])
 def test_multisine_has_power_on_its_lines_only(period, phases):
     lines = [3, 7, 8, 20, 111, 400]
@@ -91,9 +91,30 @@ def test_multisine_band_and_crest_factor():
     assert np.abs(random).max() > 2.5
 
 
+def test_multisine_has_the_powers_that_are_asked_for():
+    lines, powers = [40, 7, 8, 111], [3.0, 1.0, 0.5, 2.0]
+    x = multisine(1000, rms=0.3, lines=lines, powers=powers)[:, 0]
+    found = np.abs(np.fft.rfft(x))[lines] ** 2
+    np.testing.assert_allclose(found / found.sum(), np.array(powers) / 6.5, rtol=1e-10)
+    np.testing.assert_allclose(x.std(), 0.3, rtol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_clipping_lowers_the_peak_and_keeps_the_powers(seed):
+    powers = np.random.default_rng(seed).uniform(0.1, 1.0, 300)
+    settings = {"rms": 1.0, "lines": list(range(5, 305)), "powers": powers}
+    before = multisine(2000, **settings, phases="schroeder")[:, 0]
+    after = multisine(2000, **settings, phases="clipped")[:, 0]
+    np.testing.assert_allclose(np.abs(np.fft.rfft(after)), np.abs(np.fft.rfft(before)), atol=1e-9)
+    assert np.abs(after).max() < 1.55 < 1.8 < np.abs(before).max()
+
+
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
+        ({"powers": [1.0]}, "each of the 2 lines"),
+        ({"powers": [1.0, 0.0]}, "above zero"),
+        ({"powers": [1.0, 1.0], "lines": None, "band_hz": (1.0, 2.0), "sample_rate": 100.0}, "give the lines"),
         ({"lines": None}, "either"),
         ({"band_hz": (1.0, 2.0)}, "not both"),
         ({"lines": []}, "lines"),

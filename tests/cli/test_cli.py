@@ -33,6 +33,8 @@ COMMANDS = (
     "margins",
     "rank",
     "workbench",
+    "excitation",
+    "design",
     "demo",
 )
 TAU_E = 2.9e-4

@@ -8,6 +8,7 @@ import typer
 
 import ambid
 from ambid.cli.catalogue import effects_command
+from ambid.cli.designing import design_command, excitation_command
 from ambid.cli.diagnosing import check_command, compare_command, diagnose_command, rank_command
 from ambid.cli.experiments import demo_command, init_command, simulate_command
 from ambid.cli.exporting import export_command
@@ -41,6 +42,8 @@ app.command("margins")(margins_command)
 app.command("export")(export_command)
 app.command("workbench", cls=DiagnoseCommand)(workbench_command)
 app.command("effects")(effects_command)
+app.command("excitation")(excitation_command)
+app.command("design")(design_command)
 app.command("simulate")(simulate_command)
 app.command("demo")(demo_command)
 

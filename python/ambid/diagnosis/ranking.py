@@ -37,7 +37,7 @@ from ambid.results import Tabular, picture, plain
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
-__all__ = ["Candidate", "Ranking", "rank"]
+__all__ = ["Candidate", "Point", "Ranking", "rank", "see"]
 
 Progress = Callable[[str, int, int], None]
 
@@ -240,8 +240,8 @@ def rank(
     Ranking
     """
     model = comparison.model
-    here = _Point(comparison)
-    elsewhere: _Point | None = None
+    here = Point(comparison)
+    elsewhere: Point | None = None
     seen = see(comparison)
 
     candidates, not_tried = [], {}
@@ -268,7 +268,7 @@ def rank(
         variants = effect.variants(replace(seen, rig=home))
         best, why = _best(here, variants, here.cost)
         if variants and best is None and start is not None and start.is_stable:
-            elsewhere = elsewhere or _Point(comparison.of(start))
+            elsewhere = elsewhere or Point(comparison.of(start))
             found, _ = _best(elsewhere, variants, here.cost)
             best = None if found is None else replace(found, from_start=True)
         if best is None:
@@ -312,7 +312,7 @@ def see(comparison: Comparison) -> Seen:
     return Seen(model.rig, peaks, tuple(tones.values()), comparison.held)
 
 
-class _Point:
+class Point:
     """A model at which effects are judged, with its residual freed from what its parameters absorb.
 
     The change that a linear effect makes to a nonlinear loop is taken from the loop without its nonlinear effects: it
@@ -369,7 +369,7 @@ class _Point:
         return self._before[id(base)]
 
 
-def _best(point: _Point, variants: Sequence[Effect], cost: float) -> tuple[Candidate | None, str]:
+def _best(point: Point, variants: Sequence[Effect], cost: float) -> tuple[Candidate | None, str]:
     """The best variant of an effect at a point, or why none can be judged; scores are falls from `cost`."""
     tried, changes, why = [], [], ""
     for variant in variants:
@@ -430,7 +430,7 @@ class _Subspace:
 class _Call:
     """How much of an effect the residual calls for."""
 
-    def __init__(self, point: _Point, effect: Effect, of: _Subspace, cost: float) -> None:
+    def __init__(self, point: Point, effect: Effect, of: _Subspace, cost: float) -> None:
         self.point, self.effect, self.of, self.cost = point, effect, of, cost
         self.rig = point.exact.home_of(effect) or point.exact.rig
         low, high = effect.amplitudes(self.rig)

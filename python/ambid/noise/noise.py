@@ -97,14 +97,19 @@ class Noise:
     @classmethod
     def rough(cls, model: Model, records: Sequence[Measurement], damping: float = 0.0) -> Noise:
         """A rough one of few lines, to come near an optimum with; of samples that fade away at a rate [1/s], if any."""
-        other = cls.__new__(cls)
         measured = [_before_models(record, damping) for record in records]
-        other._take(
+        return cls.of_parts(
             [
                 ResponseLines(own, model) if isinstance(own, FrequencyResponse) else RecordLines(model, own, rough=True)
                 for own in measured
             ]
         )
+
+    @classmethod
+    def of_parts(cls, parts: Sequence[Part]) -> Noise:
+        """The noise of records whose lines are there already."""
+        other = cls.__new__(cls)
+        other._take(parts)
         return other
 
     def renewed(self, model: Model) -> Noise:

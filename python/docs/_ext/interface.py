@@ -20,6 +20,7 @@ FIRST = (
     "rig",
     "checking",
     "excitation",
+    "designs",
     "noise",
     "campaigns",
 )

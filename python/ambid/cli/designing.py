@@ -1,0 +1,232 @@
+"""Commands that plan experiments: `excitation`, `design`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+
+import ambid
+from ambid.cli.effect_option import with_effects
+from ambid.cli.files import load_model, load_records
+from ambid.cli.options import Force, JsonFile, ModelFile, Quiet, RigFile, assignment, known_effects, names, number
+from ambid.cli.outputs import Files, conclude, require_outputs
+from ambid.cli.signals import stoppable
+from ambid.errors import InputError
+from ambid.writing import is_device
+
+if TYPE_CHECKING:
+    from ambid.designs import Design, Instruments, Limits, Proposals
+
+PRBS, MULTISINE = "prbs", "multisine"
+SENSOR_NOISE, CURRENT_NOISE = 50e-9, 1e-2
+"""Noise of y [m rms] and of i_c [A rms], where none is stated and no record tells."""
+
+FullScale = Annotated[
+    float | None, typer.Option(metavar="AMPERE", help="What full scale of a .wav file stands for; default: the peak.")
+]
+Travel = Annotated[float, typer.Option(help="Part of the air gap that y may reach.")]
+Current = Annotated[float, typer.Option(help="Part of the bias current that i_c may reach.")]
+SlewRate = Annotated[
+    float | None, typer.Option(metavar="A/S", help="Largest slope of i_c: supply voltage over inductance.")
+]
+
+
+def excitation_command(
+    rig: RigFile,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="To be played (.csv, .mat, .wav).")],
+    signal: Annotated[str, typer.Option(help="prbs or multisine.")] = PRBS,
+    amplitude: Annotated[float, typer.Option(help="Peak of i_e [A]; [V] of voltage-driven coils.")] = 0.1,
+    periods: Annotated[int, typer.Option(help="Whole periods.")] = 8,
+    order: Annotated[int, typer.Option(help="Of the shift register of a prbs: 2^order - 1 chips.")] = 11,
+    hold: Annotated[int, typer.Option(help="Samples per chip of a prbs.")] = 2,
+    period: Annotated[int, typer.Option(help="Samples per period of a multisine.")] = 4096,
+    band: Annotated[
+        str | None, typer.Option(metavar="LOW:HIGH", help="Of a multisine [Hz]; default: a tenth of the sample rate.")
+    ] = None,
+    axes: Annotated[str | None, typer.Option(metavar="NAME,...", help="Axes that are excited; default all.")] = None,
+    seed: Annotated[int, typer.Option(help="Chooses where a prbs begins.")] = 0,
+    travel: Travel = 0.05,
+    current: Current = 0.2,
+    slew_rate: SlewRate = None,
+    full_scale: FullScale = None,
+    model: ModelFile = None,
+    force: Force = False,
+    json_file: JsonFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """Write what to play on the machine, and tell what it would do there."""
+    _require_out({"RIG": rig, "--model": model}, out, json_file, force)
+    machine = ambid.Rig.load(rig)
+    limits = ambid.Limits(travel=travel, current=current, slew_rate=slew_rate)
+    chosen = _columns(machine, axes)
+    if signal == PRBS:
+        played = ambid.prbs(order, amplitude=amplitude, hold=hold, axes=len(chosen), periods=periods, seed=seed)
+        samples = (2**order - 1) * hold
+    elif signal == MULTISINE:
+        if not (np.isfinite(amplitude) and amplitude > 0.0):
+            raise InputError(f"--amplitude {amplitude:g}: expected a finite number above zero")
+        if periods < 1:
+            raise InputError(f"--periods {periods}: expected 1 or more")
+        inside, rate = _band(machine, period, band), machine.sample_rate
+        wave = ambid.multisine(period, rms=1.0, band_hz=inside, sample_rate=rate, axes=len(chosen), phases="clipped")
+        played, samples = np.tile(wave * (amplitude / np.abs(wave).max(axis=0)), (periods, 1)), period
+    else:
+        raise InputError(f"--signal {signal}: expected {PRBS} or {MULTISINE}")
+    i_e = np.zeros((len(played), len(machine.axes)))
+    i_e[:, chosen] = played
+    with stoppable():
+        told = ambid.forecast(load_model(machine, model), i_e, period=samples, limits=limits)
+    data = {"excitation": str(out), **told.to_json(), **_scale(out, i_e, full_scale)}
+    conclude(told, data, json_file, quiet, lambda: _played(out, machine, i_e, full_scale))
+
+
+def design_command(
+    rig: RigFile,
+    record: Annotated[
+        list[Path],
+        typer.Option("--record", metavar="RECORD", help="Fitted first: its values and its noise count; repeatable."),
+    ] = [],  # noqa: B006
+    accuracy: Annotated[
+        list[str],
+        typer.Option(
+            metavar="NAME=VALUE", help="Half of the 95 % interval that is wanted, such as K_i=1% or tau_e=2e-6."
+        ),
+    ] = [],  # noqa: B006
+    effect: Annotated[
+        list[str],
+        typer.Option(metavar="NAME", help="Effect that is to be seen; repeatable.", autocompletion=known_effects),
+    ] = [],  # noqa: B006
+    apart: Annotated[
+        list[str],
+        typer.Option(
+            metavar="NAME:param=value,...",
+            help="Effects that are to be told apart, each as it was found: which experiment next? Twice or more.",
+            autocompletion=known_effects,
+        ),
+    ] = [],  # noqa: B006
+    seconds: Annotated[float | None, typer.Option(help="Longest record; default: what the accuracy needs.")] = None,
+    signal: Annotated[str | None, typer.Option(help="prbs or multisine; default: the better.")] = None,
+    sensor_noise: Annotated[float | None, typer.Option(help="Rms on every displacement [m]; default 5e-8.")] = None,
+    current_noise: Annotated[float | None, typer.Option(help="Rms on every current [A]; default 0.01.")] = None,
+    without_currents: Annotated[bool, typer.Option("--without-currents", help="i_c is not recorded.")] = False,
+    spread: Annotated[
+        float, typer.Option(help="Part of a multisine's power on all lines, so that misfit shows.")
+    ] = 0.05,
+    peak: Annotated[float | None, typer.Option(metavar="AMPERE", help="Largest i_e.")] = None,
+    travel: Travel = 0.05,
+    current: Current = 0.2,
+    slew_rate: SlewRate = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Excitation to be played (.csv, .mat, .wav).")
+    ] = None,
+    full_scale: FullScale = None,
+    model: ModelFile = None,
+    force: Force = False,
+    json_file: JsonFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """Find the excitation that gives a wanted accuracy or shows an effect, within limits, and tell what it shows."""
+    inputs: Files = {"RIG": rig, "--record": record, "--model": model}
+    if out is not None:
+        _require_out(inputs, out, json_file, force)
+    require_outputs(inputs, {"--json": json_file})
+    if record and (sensor_noise is not None or current_noise is not None):
+        raise InputError("--record tells the noise; leave --sensor-noise and --current-noise out, or the record")
+    machine = ambid.Rig.load(rig)
+    start = load_model(machine, model)
+    wanted = dict(assignment("--accuracy", text, "K_i=1%") for text in accuracy)
+    limits = ambid.Limits(travel=travel, current=current, excitation=peak, slew_rate=slew_rate)
+    with stoppable():
+        if record:
+            fit = ambid.identify(start, load_records(machine, record, None, [], None))
+            start, instruments = fit.model, ambid.Instruments.of(fit.comparison)
+        else:
+            instruments = ambid.Instruments.stated(
+                len(machine.axes),
+                SENSOR_NOISE if sensor_noise is None else sensor_noise,
+                CURRENT_NOISE if current_noise is None else current_noise,
+            )
+        found = ambid.design(
+            start,
+            instruments=instruments.without_currents() if without_currents else instruments,
+            accuracy=wanted,
+            effects=effect,
+            limits=limits,
+            seconds=seconds,
+            signal=signal,
+            spread=spread,
+        )
+        following = _following(start, apart, found, instruments, limits, without_currents)
+    writers = []
+    data = found.to_json() | ({} if following is None else {"next_experiments": following.to_json()})
+    if out is not None:
+        data |= {"excitation": str(out), **_scale(out, found.i_e, full_scale)}
+        writers.append(lambda: _played(out, machine, found.i_e, full_scale))
+    conclude(found if following is None else f"{found}\n{following}", data, json_file, quiet, *writers)
+
+
+def _following(
+    start: ambid.Model,
+    apart: list[str],
+    found: Design,
+    instruments: Instruments,
+    limits: Limits,
+    without_currents: bool,
+) -> Proposals | None:
+    """Experiments after the designed one that would tell effects apart."""
+    if not apart:
+        return None
+    hypotheses = {}
+    for text in apart:
+        own = with_effects(start, [text])
+        hypotheses[own.effects[-1].name] = own
+    if len(hypotheses) < max(2, len(apart)):
+        raise InputError("--apart: name two effects or more that are to be told apart, each once")
+    present = instruments.without_currents() if without_currents else instruments
+    more = instruments if without_currents else None
+    period = len(found.option.wave)
+    return ambid.tell_apart(hypotheses, found.i_e, period, present, more_instruments=more, limits=limits)
+
+
+def _played(out: Path, rig: ambid.Rig, i_e: np.ndarray, full_scale: float | None) -> list[Path]:
+    ambid.save_excitation(out, rig, i_e, full_scale=full_scale)
+    return [out]
+
+
+def _require_out(inputs: Files, out: Path, json_file: Path | None, force: bool) -> None:
+    """Refuse a file that cannot be written, or is there already, before any work is done."""
+    from ambid.designs.playing import require_playable  # not at the top: --help need not open that room
+
+    require_playable(out)
+    require_outputs(inputs, {"--out": out, "--json": json_file}, replaced=["--out"])
+    if out.exists() and not is_device(out) and not force:
+        raise InputError(f"--out {out}: is there already; give another file, or replace it with --force")
+
+
+def _columns(rig: ambid.Rig, axes: str | None) -> list[int]:
+    """Indices of the axes that are excited."""
+    wanted = names(axes) or list(rig.axes)
+    unknown = [name for name in wanted if name not in rig.axes]
+    if unknown or len(set(wanted)) < len(wanted):
+        raise InputError(f"--axes {axes}: expected axes of the rig, each once: {', '.join(rig.axes)}")
+    return [rig.axes.index(name) for name in wanted]
+
+
+def _band(rig: ambid.Rig, period: int, text: str | None) -> tuple[float, float]:
+    """Lowest and highest frequency of a multisine [Hz]."""
+    if text is None:
+        return rig.sample_rate / max(period, 1), rig.sample_rate / 10.0
+    low, colon, high = text.partition(":")
+    if not colon:
+        raise InputError(f"--band {text}: expected LOW:HIGH in Hz, such as --band 5:1500")
+    return number("--band", low), number("--band", high)
+
+
+def _scale(out: Path, i_e: np.ndarray, full_scale: float | None) -> dict[str, float]:
+    """What full scale of the file stands for, where it has one."""
+    from ambid.designs.playing import full_scale_of  # not at the top: --help need not open that room
+
+    return {"full_scale": full_scale_of(i_e, full_scale)} if out.suffix.lower() == ".wav" else {}

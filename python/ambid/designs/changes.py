@@ -1,0 +1,87 @@
+"""What may be changed for another experiment: amplitude, length, channels, speed, bias current, controller gain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from ambid.errors import RigError
+from ambid.model import Model
+from ambid.record import Record
+from ambid.rig import PidController, Rig
+
+__all__ = ["Change", "changes"]
+
+BIASES = (0.75, 1.25)
+"""Bias currents that are tried, over the present one: K_i follows it, and K_s its square."""
+GAINS = (0.8, 1.25)
+"""Gains of the controller that are tried, over the present ones."""
+AMPLITUDES = (0.5, 2.0)
+"""Amplitudes that are tried, over the present one."""
+SPEEDS = (0.5, 1.5)
+"""Speeds that are tried, over the present one."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """An experiment beside the one that was made.
+
+    Attributes
+    ----------
+    what : str
+        In words.
+    amplitude : float
+        Over the present one.
+    rig : Rig or None
+        At another operating point; None at the present one.
+    currents : bool
+        Whether i_c is to be recorded that was not.
+    """
+
+    what: str
+    amplitude: float = 1.0
+    rig: Rig | None = None
+    currents: bool = False
+
+    def at(self, model: Model) -> Model:
+        """A model at the operating point of the experiment."""
+        if self.rig is None:
+            return model
+        n = len(model.rig.axes)
+        anything = Record("planned", model.rig.sample_rate, model.rig.axes, np.zeros((2, n)), np.zeros((2, n)), None)
+        return model.covering([anything.at(self.rig)]).at(self.rig)
+
+
+def changes(rig: Rig, *, currents: bool) -> Iterator[Change]:
+    """All experiments that may be tried next on a machine; `currents` if its i_c could be recorded and is not."""
+    yield Change("the same once more")
+    if currents:
+        yield Change("record i_c", currents=True)
+    for factor in AMPLITUDES:
+        yield Change(f"{factor:g} times the amplitude", amplitude=factor)
+    for factor in SPEEDS if rig.speed > 0.0 else ():
+        yield Change(f"speed {factor * rig.speed:.4g} rad/s", rig=rig.replace(speed=factor * rig.speed))
+    for factor in BIASES:
+        with suppress(RigError):  # beyond what a rig file may hold
+            bearings = tuple(
+                bearing.model_copy(
+                    update={
+                        "bias_current": factor * bearing.bias_current,
+                        "force_current": tuple(factor * value for value in bearing.force_current),
+                        "force_displacement": tuple(factor**2 * value for value in bearing.force_displacement),
+                    }
+                )
+                for bearing in rig.bearings
+            )
+            yield Change(f"{factor:g} times the bias current", rig=rig.replace(bearings=bearings))
+    if isinstance(rig.controller, PidController):
+        for key in ("proportional", "derivative"):
+            for factor in GAINS:
+                gain = np.asarray(getattr(rig.controller, key)) * factor
+                if gain.any():
+                    gains = gain.tolist() if gain.ndim == 0 else tuple(gain.tolist())
+                    other = rig.controller.model_copy(update={key: gains})
+                    yield Change(f"{factor:g} times controller.{key}", rig=rig.replace(controller=other))

@@ -1,0 +1,132 @@
+"""What a record of a planned experiment would tell: standard errors of the parameters, before anything is played."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ambid.arrays import FloatArray
+from ambid.errors import InputError
+from ambid.identification import ParameterEstimate
+from ambid.identification.covariance import covariance
+from ambid.model import Model
+from ambid.noise import Comparison
+from ambid.noise.foreseen import Instruments, foreseen
+from ambid.record import Record
+from ambid.results import Tabular, plain
+from ambid.rig import Rig
+
+__all__ = ["FEWEST", "Prospect", "prospect"]
+
+FEWEST = 4
+"""Periods that an experiment has at the least: what differs between them is the noise, and tones and drift need 4."""
+
+UNKNOWN = 100.0
+"""Standard error over a parameter's own size above which it is said to be not determined."""
+
+
+@dataclass(frozen=True, repr=False)
+class Prospect(Tabular):
+    """What a record of an experiment would tell; result of `prospect`.
+
+    Attributes
+    ----------
+    comparison : Comparison
+        Of the model with the record as it would come without noise, in the noise that it would have.
+    seconds : float
+        Length of the record.
+    """
+
+    comparison: Comparison
+    seconds: float
+
+    @property
+    def model(self) -> Model:
+        """What the machine is taken to be."""
+        return self.comparison.model
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """Covariance of all parameters, shape (parameters, parameters)."""
+        return covariance(self.comparison, range(len(self.model.names)))
+
+    @property
+    def parameters(self) -> dict[str, ParameterEstimate]:
+        """The parameters with the intervals that a fit would give."""
+        errors = np.sqrt(np.diag(self.covariance))
+        return {
+            p.name: ParameterEstimate.normal(p.value, float(error), p.unit)
+            for p, error in zip(self.model.parameters, errors, strict=True)
+        }
+
+    def _scale(self, name: str) -> float:
+        return next(p.scale for p in self.model.parameters if p.name == name)
+
+    def table(self) -> dict[str, list[Any]]:
+        """A parameter a row."""
+        own = self.parameters
+        return {
+            "parameter": list(own),
+            "value": [p.value for p in own.values()],
+            "std_error": [p.std_error for p in own.values()],
+            "unit": [p.unit for p in own.values()],
+        }
+
+    def summary(self) -> list[str]:
+        """How long the record is."""
+        return [f"foreseen of a record of {self.seconds:.3g} s, if the model lacks nothing"]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data as the command's ``--json`` writes it."""
+        return plain({"seconds": self.seconds, "parameters": {n: p.as_dict() for n, p in self.parameters.items()}})
+
+    def __repr__(self) -> str:
+        lines = [self.summary()[0], f"{'parameter':24s} {'value':>12s} {'std error':>12s}"]
+        for name, p in self.parameters.items():
+            value, error = p.value or 0.0, p.std_error or 0.0
+            share = f" ({100.0 * error / abs(value):.2g} %)" if error < abs(value) else ""
+            told = f"{error:12.3g} {p.unit}{share}" if error < UNKNOWN * self._scale(name) else "  not determined"
+            lines.append(f"{name:24s} {value:12.5g} {told}")
+        return "\n".join(lines)
+
+
+def prospect(model: Model | Rig, i_e: FloatArray, *, period: int, instruments: Instruments) -> Prospect:
+    """Foresee what a record of an experiment would tell.
+
+    Parameters
+    ----------
+    model : Model or Rig
+        What the machine is taken to be.
+    i_e : ndarray, shape (N, axes)
+        As it would be played, from rest.
+    period : int
+        Samples per period.
+    instruments : Instruments
+        Noise; where it has no currents, i_c is not recorded.
+
+    Returns
+    -------
+    Prospect
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two periods.
+    UnstableLoopError
+        If the model's loop is unstable.
+    """
+    model = Model(model) if isinstance(model, Rig) else model
+    record = planned(model, i_e, period, instruments)
+    return Prospect(foreseen(model, [record], instruments), record.seconds)
+
+
+def planned(model: Model, i_e: FloatArray, period: int, instruments: Instruments) -> Record:
+    """The record as it would come without noise."""
+    if period < 1 or len(i_e) < 2 * period:
+        raise InputError(f"{len(i_e)} samples of i_e, periods of {period}: expected two periods or more")
+    record = model.simulate(i_e)
+    i_c = record.i_c if instruments.channels > len(model.rig.axes) else None
+    return replace(record, period=period, i_c=i_c)

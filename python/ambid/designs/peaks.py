@@ -1,0 +1,244 @@
+"""What an excitation does to a machine before it is played: its peaks against gap, bias and the limits of a person."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ambid.arrays import FloatArray
+from ambid.errors import InputError
+from ambid.model import Model
+from ambid.results import Tabular, plain
+from ambid.rig import Rig
+
+__all__ = ["Forecast", "Limits", "Peaks", "forecast"]
+
+TRAVEL = 0.05
+"""Part of the air gap that y may reach: the force law is linear to a per cent there."""
+CURRENT = 0.2
+"""Part of the bias current that i_c may reach, likewise; the magnet pulls with bias and control current."""
+MOST_OF_POWER = 0.9
+"""Part of an excitation's power that its band holds."""
+
+SENSITIVITY = 3.0
+"""Largest peak sensitivity of zone A, ISO 14839-3."""
+ROUNDED = 1.0 + 1e-9
+"""Part of a limit beyond which it is passed: what was scaled to it may be off by rounding."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What an excitation may reach.
+
+    Attributes
+    ----------
+    travel : float
+        Largest \\|y\\| over the air gap.
+    current : float
+        Largest \\|i_c\\| over the bias current.
+    excitation : float or None
+        Largest \\|i_e\\| [A], or [V] of voltage-driven coils.
+    slew_rate : float or None
+        Largest slope of i_c [A/s]: what the supply's voltage leaves over the inductance of the coil.
+    sensitivity : float
+        Peak sensitivity of the loop, which no excitation changes, above which a design warns.
+    """
+
+    travel: float = TRAVEL
+    current: float = CURRENT
+    excitation: float | None = None
+    slew_rate: float | None = None
+    sensitivity: float = SENSITIVITY
+
+    def __post_init__(self) -> None:
+        for name, value in asdict(self).items():
+            if value is not None and not (np.isfinite(value) and value > 0.0):
+                raise InputError(f"limit {name} = {value!r}: expected a finite number above zero")
+
+    def of(self, rig: Rig) -> dict[str, FloatArray]:
+        """By signal what is allowed on each axis, SI units, shape (axes,)."""
+        each = [bearing for bearing in rig.bearings for _ in bearing.axes]
+        allowed = {
+            "y": self.travel * np.array([bearing.air_gap for bearing in each]),
+            "i_c": self.current * np.array([bearing.bias_current for bearing in each]),
+        }
+        if self.excitation is not None:
+            allowed["i_e"] = np.full(len(each), self.excitation)
+        if self.slew_rate is not None:
+            allowed["slope"] = np.full(len(each), self.slew_rate)
+        return allowed
+
+
+@dataclass(frozen=True)
+class Peaks:
+    """Largest values on one axis.
+
+    Attributes
+    ----------
+    axis : str
+    i_e : float
+        [A], or [V] of voltage-driven coils.
+    i_c : float
+        [A].
+    slope : float
+        Of i_c, from sample to sample [A/s].
+    y : float
+        [m].
+    i_c_over_bias, y_over_gap : float
+    """
+
+    axis: str
+    i_e: float
+    i_c: float
+    slope: float
+    y: float
+    i_c_over_bias: float
+    y_over_gap: float
+
+
+@dataclass(frozen=True, repr=False)
+class Forecast(Tabular):
+    """What an excitation is and does; result of `forecast`.
+
+    Attributes
+    ----------
+    sample_rate : float
+        [Hz].
+    period, periods : int
+        Samples per period, and how many.
+    line_spacing_hz : float
+    band_hz : (float, float)
+        From the lowest excited line to the frequency below which nine tenths of the power of i_e are.
+    unit : str
+        Of i_e.
+    axes : tuple of Peaks
+    load : float
+        Largest peak over its limit: 1 is just allowed.
+    limits : Limits
+    """
+
+    sample_rate: float
+    period: int
+    periods: int
+    line_spacing_hz: float
+    band_hz: tuple[float, float]
+    unit: str
+    axes: tuple[Peaks, ...]
+    load: float
+    limits: Limits
+
+    @property
+    def seconds(self) -> float:
+        """Length."""
+        return self.period * self.periods / self.sample_rate
+
+    def table(self) -> dict[str, list[Any]]:
+        """An axis a row."""
+        return {key: [getattr(own, key) for own in self.axes] for key in Peaks.__dataclass_fields__}
+
+    def summary(self) -> list[str]:
+        """Length, band, and which limits are passed."""
+        return [
+            f"{self.periods} periods of {self.period} samples at {self.sample_rate:g} Hz: {self.seconds:.3g} s; a line "
+            f"every {self.line_spacing_hz:.3g} Hz, most of the power from {self.band_hz[0]:.3g} to "
+            f"{self.band_hz[1]:.4g} Hz",
+            *self._passed(),
+        ]
+
+    def _passed(self) -> Iterator[str]:
+        for own in self.axes:
+            if own.y_over_gap > self.limits.travel * ROUNDED:
+                yield _beyond(f"y.{own.axis}", own.y_over_gap, self.limits.travel, "the air gap")
+            if own.i_c_over_bias > self.limits.current * ROUNDED:
+                yield _beyond(f"i_c.{own.axis}", own.i_c_over_bias, self.limits.current, "the bias current")
+            if self.limits.excitation is not None and own.i_e > self.limits.excitation * ROUNDED:
+                yield f"i_e.{own.axis} reaches {own.i_e:.3g} {self.unit}; {self.limits.excitation:g} is the limit"
+            if self.limits.slew_rate is not None and own.slope > self.limits.slew_rate * ROUNDED:
+                yield f"i_c.{own.axis} changes by {own.slope:.3g} A/s; {self.limits.slew_rate:g} is the limit"
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data as the command's ``--json`` writes it."""
+        return plain({**asdict(self), "seconds": self.seconds, "notes": list(self._passed())})
+
+    def __repr__(self) -> str:
+        lines = self.summary()[:1]
+        lines.append(f"{'axis':10s} {'i_e peak':>11s} {'i_c peak':>11s} {'of bias':>8s} {'y peak':>11s} {'of gap':>8s}")
+        lines += [
+            f"{own.axis:10s} {own.i_e:9.4g} {self.unit} {own.i_c:9.4g} A {100 * own.i_c_over_bias:6.2g} % "
+            f"{1e6 * own.y:8.4g} um {100 * own.y_over_gap:6.2g} %"
+            for own in self.axes
+        ]
+        return "\n".join([*lines, *self._passed()])
+
+
+def forecast(
+    model: Model | Rig, i_e: FloatArray, *, period: int | None = None, limits: Limits | None = None
+) -> Forecast:
+    """Tell what an excitation does to a machine that is at rest when it begins.
+
+    Parameters
+    ----------
+    model : Model or Rig
+    i_e : ndarray, shape (N, axes)
+    period : int, optional
+        Samples per period; by default all are one period.
+    limits : Limits, optional
+
+    Returns
+    -------
+    Forecast
+
+    Raises
+    ------
+    InputError
+        If the excitation is not so many whole periods.
+    UnstableLoopError
+        If the model's loop is unstable.
+    """
+    model = Model(model) if isinstance(model, Rig) else model
+    rig, limits = model.rig, limits or Limits()
+    period = len(i_e) if period is None else period
+    if period < 1 or len(i_e) % period:
+        raise InputError(f"period = {period}: expected a part of the {len(i_e)} samples of i_e; give whole periods")
+    found = model.simulate(i_e)
+    i_c = np.asarray(found.i_c)
+    largest = {
+        "i_e": np.abs(i_e).max(axis=0),
+        "i_c": np.abs(i_c).max(axis=0),
+        "slope": np.abs(np.diff(i_c, axis=0)).max(axis=0) * rig.sample_rate,
+        "y": np.abs(found.y).max(axis=0),
+    }
+    unlimited = Limits(travel=1.0, current=1.0).of(rig)
+    share = {key: largest[key] / unlimited[key] for key in ("y", "i_c")}
+    allowed = limits.of(rig)
+    power = np.sum(np.abs(np.fft.rfft(i_e[:period], axis=0)) ** 2, axis=1)
+    power[0] = 0.0
+    spacing = rig.sample_rate / period
+    within = np.cumsum(power) / max(power.sum(), np.finfo(float).tiny)
+    lowest = int(np.argmax(power > 1e-9 * power.max()))
+    return Forecast(
+        sample_rate=rig.sample_rate,
+        period=period,
+        periods=len(i_e) // period,
+        line_spacing_hz=spacing,
+        band_hz=(lowest * spacing, int(np.searchsorted(within, MOST_OF_POWER)) * spacing),
+        unit=rig.amplifier.command_unit,
+        axes=tuple(
+            Peaks(
+                axis,
+                **{key: float(own[k]) for key, own in largest.items()},
+                i_c_over_bias=float(share["i_c"][k]),
+                y_over_gap=float(share["y"][k]),
+            )
+            for k, axis in enumerate(rig.axes)
+        ),
+        load=max(float((largest[key] / own).max()) for key, own in allowed.items()),
+        limits=limits,
+    )
+
+
+def _beyond(channel: str, found: float, limit: float, of: str) -> str:
+    return f"{channel} reaches {100 * found:.3g} % of {of}; {100 * limit:g} % is the limit"

@@ -1,0 +1,121 @@
+"""The noise of a record that is not made yet: as instruments are said to have it, or as another record had it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ambid import _core
+from ambid.arrays import ComplexArray, FloatArray
+from ambid.errors import InputError, RecordError
+from ambid.model import Model
+from ambid.noise.colour import back_through_loop
+from ambid.noise.comparison import Comparison
+from ambid.noise.lines import RecordLines
+from ambid.noise.measured import Measured
+from ambid.noise.noise import Noise
+from ambid.noise.whitener import Spectrum
+from ambid.record import Record
+
+__all__ = ["Instruments", "foreseen"]
+
+
+@dataclass(frozen=True, eq=False)
+class Instruments:
+    """The noise that the instruments of a machine bring, before it goes round the loop.
+
+    Attributes
+    ----------
+    frequency_hz : ndarray, shape (F,)
+        Rising.
+    covariance : ndarray, shape (F, p, p)
+        Of y, then of i_c where it is recorded, of each sample if it were white [m^2, m A, A^2].
+    """
+
+    frequency_hz: FloatArray
+    covariance: ComplexArray
+
+    @property
+    def channels(self) -> int:
+        """Channels p of y and i_c."""
+        return self.covariance.shape[1]
+
+    @classmethod
+    def stated(cls, axes: int, sensor_noise: float, current_noise: float | None) -> Instruments:
+        """White noise on every displacement [m rms] and recorded current [A rms]; None where i_c is not recorded.
+
+        Raises
+        ------
+        InputError
+            If a noise is not above zero: of a record without noise nothing can be foreseen.
+        """
+        told = {"sensor_noise": sensor_noise} | ({} if current_noise is None else {"current_noise": current_noise})
+        for name, rms in told.items():
+            if not (np.isfinite(rms) and rms > 0.0):
+                raise InputError(f"{name} = {rms!r}: expected an rms above zero, in m or A")
+        power = np.repeat([rms**2 for rms in told.values()], axes)
+        return cls(np.zeros(1), np.diag(power).astype(complex)[None])
+
+    @classmethod
+    def of(cls, comparison: Comparison) -> Instruments:
+        """As the first record in time of a comparison had it, taken back through the loop of its model.
+
+        Raises
+        ------
+        RecordError
+            If there is none, or it has no periods.
+        """
+        part = next((own for own in comparison.noise.in_time if own.window.is_periodic), None)
+        if part is None:
+            raise RecordError(
+                "none of the records has periods, and without them noise is not told from what they miss; give one "
+                "whose excitation repeats, or state the noise"
+            )
+        count = len(part.window.excited)
+        root = _core.inverses(np.ascontiguousarray(part.spectrum.inner[:count]))
+        covariance = 2.0 * root @ root.conj().transpose(0, 2, 1) / part.spectrum.raised[:count, None, None]
+        return cls(part.window.excited * part.record.sample_rate / part.window.samples, covariance)
+
+    def without_currents(self) -> Instruments:
+        """The same where y alone is recorded."""
+        axes = self.channels // 2
+        return Instruments(self.frequency_hz, self.covariance[:, :axes, :axes])
+
+    def at(self, frequency_hz: FloatArray) -> ComplexArray:
+        """Covariance at frequencies, shape (frequencies, p, p): between its own ones straight, beyond them constant."""
+        after = np.searchsorted(self.frequency_hz, frequency_hz)
+        low, high = np.maximum(after - 1, 0), np.minimum(after, len(self.frequency_hz) - 1)
+        width = self.frequency_hz[high] - self.frequency_hz[low]
+        share = np.where(width > 0.0, (frequency_hz - self.frequency_hz[low]) / np.where(width > 0.0, width, 1.0), 0.0)
+        share = np.clip(share, 0.0, 1.0)[:, None, None]
+        return np.asarray((1.0 - share) * self.covariance[low] + share * self.covariance[high])
+
+
+class ForeseenLines(RecordLines):
+    """The judged lines of a simulated record, in noise that is known beforehand."""
+
+    def __init__(self, model: Model, record: Record, instruments: Instruments) -> None:
+        self._instruments = instruments
+        super().__init__(model, Measured(record))
+
+    def _between(self) -> Spectrum:
+        back = back_through_loop(self._base, self.points, self.measured.channels)
+        at = self.index * self.record.sample_rate / self.window.samples
+        return Spectrum.of(self._instruments.at(at), back, np.ones(len(self.points)))
+
+
+def foreseen(model: Model, records: Sequence[Record], instruments: Instruments) -> Comparison:
+    """Hold a model against simulated records with periods, in noise that is known beforehand.
+
+    Parameters
+    ----------
+    model : Model
+    records : sequence of Record
+        Without noise, two periods each or more, with the channels of the instruments.
+    instruments : Instruments
+    """
+    model = model.covering(records)
+    parts = [ForeseenLines(model, record, instruments) for record in records]
+    return Comparison(model, records, Noise.of_parts(parts))

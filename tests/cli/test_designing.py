@@ -1,0 +1,137 @@
+"""The commands that plan experiments."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import ambid
+from ambid.cli.app import app
+from places import BENCH, LEVITATOR
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=True)
+
+
+@pytest.fixture
+def rig(tmp_path):
+    return shutil.copy(LEVITATOR, tmp_path / "rig.toml")
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mat", ".wav"])
+def test_excitation_writes_and_tells(rig, tmp_path, suffix):
+    out, told = tmp_path / f"i_e{suffix}", tmp_path / "told.json"
+    ended = run("excitation", rig, "--out", out, "--order", 7, "--periods", 4, "--json", told)
+    assert ended.exit_code == 0, ended.output
+    data = json.loads(told.read_text())
+    assert (data["period"], data["periods"], data["axes"][0]["i_e"]) == (254, 4, 0.1)
+    assert ("full_scale" in data) == (suffix == ".wav")
+    assert out.stat().st_size > 1000
+    assert "y peak" in ended.output
+
+
+def test_excitation_of_some_axes_leaves_the_others_still(tmp_path):
+    out = tmp_path / "i_e.csv"
+    arguments = ("--signal", "multisine", "--band", "20:500", "--period", 1000, "--amplitude", 0.3)
+    ended = run("excitation", BENCH, "--out", out, *arguments, "--axes", "B_eta,A_zeta")
+    assert ended.exit_code == 0, ended.output
+    table = np.genfromtxt(out, delimiter=",", names=True, deletechars="")
+    assert not table["i_e.A_eta"].any()
+    np.testing.assert_allclose(np.abs(table["i_e.B_eta"]).max(), 0.3)
+    np.testing.assert_allclose(np.abs(table["i_e.A_zeta"]).max(), 0.3)
+
+
+def test_excitation_replaces_nothing_without_force(rig, tmp_path):
+    out = tmp_path / "i_e.csv"
+    out.write_text("mine")
+    refused = run("excitation", rig, "--out", out)
+    assert refused.exit_code != 0
+    assert "--force" in str(refused.exception)
+    assert out.read_text() == "mine"
+    assert run("excitation", rig, "--out", out, "--order", 5, "--force").exit_code == 0
+    assert out.read_text().startswith("t,i_e.A_zeta")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("--out", "i_e.txt"), "no format"),
+        (("--out", "i_e.csv", "--signal", "chirp"), "prbs or multisine"),
+        (("--out", "i_e.csv", "--axes", "C_zeta"), "axes of the rig"),
+        (("--out", "i_e.csv", "--signal", "multisine", "--band", "100"), "LOW:HIGH"),
+        (("--out", "i_e.csv", "--signal", "multisine", "--amplitude", "0"), "--amplitude"),
+        (("--out", "i_e.csv", "--signal", "multisine", "--periods", "0"), "--periods"),
+        (("--out", "i_e.csv", "--amplitude", "nan"), "amplitude"),
+        (("--out", "i_e.csv", "--travel", "0"), "travel"),
+        (("--out", "i_e.wav", "--full-scale", "0.01"), "peak"),
+    ],
+)
+def test_excitation_refuses(rig, tmp_path, monkeypatch, arguments, word):
+    monkeypatch.chdir(tmp_path)
+    ended = run("excitation", rig, *arguments)
+    assert ended.exit_code != 0
+    assert isinstance(ended.exception, ambid.AmbidError)
+    assert word in str(ended.exception)
+    assert [path.name for path in tmp_path.iterdir()] == ["rig.toml"]
+
+
+def test_design_tells_and_writes_what_it_found(rig, tmp_path):
+    out, told = tmp_path / "i_e.wav", tmp_path / "told.json"
+    ended = run("design", rig, "--accuracy", "K_i=0.02%", "--seconds", 5, "--out", out, "--json", told)
+    assert ended.exit_code == 0, ended.output
+    data = json.loads(told.read_text())
+    wanted = data["wanted"]["K_i.A_zeta"]
+    assert 1.96 * data["parameters"]["K_i.A_zeta"]["std_error"] <= wanted == pytest.approx(0.036)
+    assert 0.99 <= data["efficiency"] <= 1.0
+    assert data["forecast"]["load"] <= 1.0 + 1e-9
+    assert data["full_scale"] == pytest.approx(data["forecast"]["axes"][0]["i_e"])
+    assert {"loop_delay", "sensor_lag"} <= {own["effect"] for own in data["effects"]}
+    assert "smallest size" in ended.output
+    assert out.exists()
+
+
+def test_design_takes_values_and_noise_from_a_record(rig, tmp_path):
+    record, told = tmp_path / "run.csv", tmp_path / "told.json"
+    assert run("simulate", rig, "--out", record, "--seconds", 0.5, "--quiet").exit_code == 0
+    ended = run("design", rig, "--record", record, "--signal", "prbs", "--seconds", 1, "--json", told, "--quiet")
+    assert ended.exit_code == 0, ended.output
+    data = json.loads(told.read_text())
+    assert data["signal"] == "prbs"
+    assert data["efficiency"] is None
+    assert data["parameters"]["K_i.A_zeta"]["value"] != 180.0
+
+
+def test_design_proposes_what_tells_effects_apart(rig, tmp_path):
+    told = tmp_path / "told.json"
+    apart = ("--apart", "loop_delay:delay=1e-5", "--apart", "sensor_lag:time_constant=1e-5")
+    ended = run("design", rig, "--without-currents", "--seconds", 1, *apart, "--json", told)
+    assert ended.exit_code == 0, ended.output
+    following = json.loads(told.read_text())["next_experiments"]
+    assert following["hypotheses"] == ["loop_delay", "sensor_lag"]
+    assert "record i_c" in {own["change"] for own in following["experiments"]}
+    assert "to tell loop_delay from sensor_lag" in ended.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("--accuracy", "K_i"), "NAME=VALUE"),
+        (("--accuracy", "K_i=much"), "K_i"),
+        (("--effect", "no_such"), "no_such"),
+        (("--apart", "loop_delay"), "two effects"),
+        (("--signal", "chirp"), "multisine"),
+        (("--sensor-noise", "0"), "sensor_noise"),
+        (("--peak", "-1"), "excitation"),
+        (("--record", "run.csv", "--sensor-noise", "1e-8"), "--record tells the noise"),
+    ],
+)
+def test_design_refuses(rig, tmp_path, monkeypatch, arguments, word):
+    monkeypatch.chdir(tmp_path)
+    ended = run("design", rig, "--out", "i_e.csv", *arguments)
+    assert ended.exit_code != 0
+    assert isinstance(ended.exception, ambid.AmbidError)
+    assert word in str(ended.exception)
+    assert [path.name for path in tmp_path.iterdir()] == ["rig.toml"]

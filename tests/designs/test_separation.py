@@ -1,0 +1,110 @@
+"""Which next experiment tells hypotheses apart, against that experiment when it is made."""
+
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+import ambid
+from ambid.designs import Instruments, Limits, next_experiments, tell_apart
+from ambid.errors import InputError
+from ambid.identification.minimum import refit
+from places import LEVITATOR
+
+RIG = ambid.Rig.load(LEVITATOR)
+MODEL = ambid.Model(RIG)
+SENSOR, CURRENT, PERIODS = 2e-7, 0.01, 8
+STATED = Instruments.stated(1, SENSOR, CURRENT)
+I_E = ambid.prbs(8, amplitude=0.2, hold=2, periods=PERIODS)
+PAIR = {
+    "back_emf": MODEL.add("back_emf", {"current_per_velocity": 0.3}),
+    "controller_gain_error": MODEL.add(
+        "controller_gain_error", {"proportional": 0.0, "integral": 0.0, "derivative": 0.008}
+    ),
+}
+LAGS = {
+    "loop_delay": MODEL.add("loop_delay", {"delay": 3e-5}),
+    "sensor_lag": MODEL.add("sensor_lag", {"time_constant": 3e-5}),
+}
+
+
+def row(found, change):
+    return next(own for own in found.experiments if own.change.what == change)
+
+
+def made(model, i_e, seed):
+    record = model.virtual_experiment(i_e, sensor_noise=SENSOR, current_noise=CURRENT, seed=seed)
+    return replace(record, period=510)
+
+
+def test_evidence_grows_with_the_power_and_what_is_needed_is_enough():
+    found = tell_apart(PAIR, I_E, 510, STATED)
+    again, half = row(found, "the same once more"), row(found, "0.5 times the amplitude")
+    np.testing.assert_allclose(half.evidence / again.evidence, (1 + 0.25) / 2, rtol=0.05)
+    longer = tell_apart(PAIR, np.tile(I_E, (4, 1)), 510, STATED)
+    np.testing.assert_allclose(row(longer, "the same once more").evidence, 4.0 * again.evidence, rtol=0.05)
+    assert again.seconds > 0.408
+    assert [own.cost for own in found.experiments] == sorted(own.cost for own in found.experiments)
+
+
+def test_evidence_is_what_fits_find():
+    """The mean rise of J from the right hypothesis to the wrong one, of 20 pairs of records."""
+    i_e = np.tile(I_E, (8, 1))
+    pair = {
+        "back_emf": MODEL.add("back_emf", {"current_per_velocity": 1.2}),
+        "controller_gain_error": MODEL.add(
+            "controller_gain_error", {"proportional": 0.0, "integral": 0.0, "derivative": 0.032}
+        ),
+    }
+    means = []
+    for truth, other in permutations(pair.values()):
+        rises = []
+        for seed in range(20):
+            fit = ambid.identify(truth, [made(truth, i_e, 2 * seed), made(truth, i_e, 2 * seed + 1)]).comparison
+            wrong = refit(fit.of(other))
+            chance = len(truth.names) - len(other.names)  # what more parameters take of noise
+            rises.append(wrong.cost - fit.cost - chance)
+        means.append(np.mean(rises))
+    found = tell_apart(pair, i_e, 510, STATED)
+    evidence = row(found, "the same once more").evidence
+    assert evidence > 5.0
+    assert abs(min(means) - evidence) < 3.0 * 2.0 * np.sqrt(evidence / 20.0) + 0.15 * evidence
+
+
+def test_recording_the_currents_tells_lags_apart_that_y_alone_does_not():
+    alone = STATED.without_currents()
+    found = tell_apart(LAGS, I_E, 510, alone, more_instruments=STATED)
+    assert row(found, "record i_c").evidence > 100.0 * row(found, "the same once more").evidence
+    assert "record i_c" not in [own.change.what for own in tell_apart(LAGS, I_E, 510, STATED).experiments]
+
+
+def test_louder_is_tried_up_to_the_limit_and_no_further():
+    found = tell_apart(PAIR, I_E, 510, STATED)
+    (louder,) = (
+        own
+        for own in found.experiments
+        if own.change.what.endswith("times the amplitude") and "0.5" not in own.change.what
+    )
+    assert louder.load <= 1.0 + 1e-9
+    quiet = tell_apart(PAIR, I_E, 510, STATED, limits=Limits(travel=0.01))
+    assert "of its limit already" in quiet.not_tried["2 times the amplitude"]
+
+
+def test_after_an_ambiguous_verdict_the_set_is_told_apart():
+    truth = MODEL.add("controller_gain_error", {"proportional": 0.0, "integral": 0.0, "derivative": 0.006})
+    record = made(truth, 1.5 * I_E, 1)
+    diagnosis = ambid.diagnose(RIG, record)
+    assert diagnosis.verdict == "ambiguous"
+    found = next_experiments(diagnosis)
+    assert found.hypotheses == tuple(diagnosis.ambiguous_sets[0])
+    assert found.best is not None
+    assert found.best.change.what in str(found)
+
+
+def test_proposals_refuse():
+    with pytest.raises(InputError, match="two or more"):
+        tell_apart({"back_emf": PAIR["back_emf"]}, I_E, 510, STATED)
+    diagnosis = ambid.diagnose(RIG, made(MODEL, I_E, 1))
+    with pytest.raises(InputError, match="adequate"):
+        next_experiments(diagnosis)
