@@ -111,8 +111,8 @@ def lines(session: Session, record: int, channel: str, pixels: int) -> dict[str,
         If there is no such record or channel.
     """
     comparison, k = _place(session, record)
-    part = comparison.noise.parts[k]
-    frequency_hz, misfit = part.misfit_by_channel(comparison.model.at(part.record))
+    part, white = comparison.noise.parts[k], comparison.noise.by_record(comparison.residual)[k]
+    frequency_hz, misfit = part.by_channel(white)
     column = _column(comparison, k, channel)
     known = misfit[:, column] > 0.0
     f, left = frequency_hz[known], misfit[known, column]
