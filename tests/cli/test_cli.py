@@ -31,6 +31,8 @@ COMMANDS = (
     "simulate",
     "frequency-response",
     "margins",
+    "export",
+    "init",
     "rank",
     "workbench",
     "excitation",

@@ -151,7 +151,7 @@ def test_signals_and_lines_are_those_of_the_comparison(window, fitted):
     np.testing.assert_allclose(found["x"], t)
     np.testing.assert_allclose(found["residual"], 1e6 * one.residual[:300, 0], rtol=1e-9)
     lines = window.ask("lines", record=0, channel=channel, pixels=4000).json()
-    frequency_hz, misfit = fitted.comparison.noise.parts[0].misfit_by_channel(fitted.model)
+    frequency_hz, misfit = fitted.comparison.noise.parts[0].by_channel(fitted.comparison.residual)
     assert max(lines["misfit"]) == misfit[:, 0].max()
     assert lines["frequency_hz"][lines["misfit"].index(max(lines["misfit"]))] == frequency_hz[misfit[:, 0].argmax()]
 

@@ -76,7 +76,7 @@ class LoopFigures:
     least_damped : tuple of (float, float)
         Frequency [Hz] and damping ratio of closed-loop modes.
     peak_sensitivity : float
-        Largest |S| of any axis, all other axes closed; NaN for an unstable loop.
+        Largest ``|S|`` of any axis, all other axes closed; NaN for an unstable loop.
     peak_sensitivity_hz, peak_sensitivity_axis : float, str
         Where it is.
     bandwidth_hz : float

@@ -23,7 +23,7 @@ FARTHEST = 4.0
 
 
 def plot_sensitivity(margins: Margins, ax: Axes | None = None) -> Axes:
-    """Draw |S_jj| of every axis over frequency, the 95 % band of the draws, peaks, and the zones of ISO 14839-3.
+    """Draw ``|S_jj|`` of every axis over frequency, the 95 % band of the draws, peaks, and the zones of ISO 14839-3.
 
     Parameters
     ----------

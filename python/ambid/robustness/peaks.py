@@ -34,7 +34,7 @@ class Peaks:
 
 
 def gains(S: ComplexArray) -> FloatArray:
-    """|S_jj| and |S_jj - 1/2| of every axis j, and the largest singular values of S and of S - I/2.
+    """``|S_jj|`` and |S_jj - 1/2| of every axis j, and the largest singular values of S and of S - I/2.
 
     Parameters
     ----------

@@ -112,7 +112,7 @@ def margins(
 
 
 def sensitivity_peaks(model: Model) -> tuple[FloatArray, FloatArray]:
-    """Peaks of |S_jj| of every axis of a linear model, the loop broken at the controller's output, and where they are.
+    """Peaks of ``|S_jj|`` of every axis of a linear model, broken at the controller's output, and where they are.
 
     Returns
     -------

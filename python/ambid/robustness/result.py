@@ -62,7 +62,7 @@ class AxisMargins:
     ----------
     axis : str
     sensitivity : Margin
-        Peak of |S_jj|, as ISO 14839-3 measures it.
+        Peak of ``|S_jj|``, as ISO 14839-3 measures it.
     disk : Margin
         ``alpha = 1 / max |S_jj - 1/2|``, the symmetric disk margin: the loop stays stable while its gain and phase
         change by any factor ``(1 + d/2) / (1 - d/2)`` with ``|d| < alpha``.
@@ -104,9 +104,9 @@ class Margins(Tabular):
     seed : int
     frequency_hz : ndarray, shape (F,)
     sensitivity : ndarray, shape (F, axes)
-        |S_jj| at the model's values.
+        ``|S_jj|`` at the model's values.
     band : ndarray, shape (2, F, axes), or None
-        Ends of the 95 % interval of |S_jj| over the stable draws.
+        Ends of the 95 % interval of ``|S_jj|`` over the stable draws.
     notes : tuple of str
     """
 

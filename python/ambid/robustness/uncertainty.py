@@ -91,7 +91,7 @@ class Draws:
     peaks : ndarray, shape (draws, gains)
         Infinite where the loop is unstable.
     curves : ndarray, shape (stable draws, F, axes)
-        |S_jj| over frequency.
+        ``|S_jj|`` over frequency.
     outside : int
         Draws that were left out since physics does not allow them.
     """
@@ -146,7 +146,7 @@ def drawn(
 
 
 def _peaks_and_curve(loop: BrokenLoop, theta: FloatArray, frequency_hz: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Peaks, and |S_jj| at given frequencies, from one grid."""
+    """Peaks, and ``|S_jj|`` at given frequencies, from one grid."""
     grid = np.union1d(frequency_hz, loop.grid(theta))
     values = gains(loop.sensitivity(theta, grid))
     found = find_peaks(lambda f: loop.sensitivity(theta, f), grid, values, ROUNDS)
