@@ -38,9 +38,8 @@ def test_a_few_moments(job, folder):
 def test_many_moments(job, folder, tmp_path):
     counts = check(disturbed(prepare(tmp_path), JOBS[job], MANY))
     print(job, dict(counts))
-    for name in MANY:
-        seen = {state for key in counts for state in key[1:] if key[0] == name}
-        assert "old" in seen, "the moments begin before the first file"  # how late they reach goes with the load
+    # the others save what is done; how late the moments reach goes with the load
+    assert any("old" in key[1:] for key in counts if key[0] == "SIGKILL"), "the moments begin before the first file"
 
 
 @pytest.mark.slow
