@@ -33,9 +33,9 @@ def go(call, argument):
 """
 
 LONG = {
-    "simulate": "go(lambda u: loop.core.simulate(theta, u), np.ones((3_000_000, 4)))",
-    "sensitivity": "go(lambda u: loop.core.folded(theta, list(range(9)), u, 0, 100), np.ones((2_000_000, 4)))",
-    "settled": "go(lambda u: loop.core.settled(theta, u, 1), np.ones((2_000_000, 4)))",
+    "simulate": "go(lambda u: loop.core.simulate(theta, u), np.ones((8_000_000, 4)))",
+    "sensitivity": "go(lambda u: loop.core.folded(theta, list(range(9)), u, 0, 100), np.ones((8_000_000, 4)))",
+    "settled": "go(lambda u: loop.core.settled(theta, u, 1), np.ones((6_000_000, 4)))",
     "lines of many records": """
 points, random = np.exp(1j * np.linspace(0.1, 3.0, 20_000)), np.random.default_rng(0)
 u, z = (random.standard_normal((len(points), n)).astype(complex) for n in (4, 8))
@@ -44,11 +44,12 @@ go(lambda many: ambid._core.line_equations(loop.core, theta, list(range(9)), man
 """,
     "nonlinear": """
 bent = model.add("force_nonlinearity")
-go(lambda u: bent.loop.core.simulate(bent.theta, u), np.full((200_000, 4), 0.01))
+go(lambda u: bent.loop.core.simulate(bent.theta, u), np.full((3_000_000, 4), 0.01))
 """,
     "stepper": "go(lambda u: loop.simulator(theta).run(u), np.ones((3_000_000, 4)))",
-    "noise": "go(lambda m: ambid._core.inverses(m), np.tile(np.eye(8, dtype=complex), (100_000, 1, 1)))",
+    "noise": "go(lambda m: ambid._core.inverses(m), np.tile(np.eye(64, dtype=complex), (4_000, 1, 1)))",
 }
+"""Each takes well above the tenth of a second after which the signal comes."""
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a process cannot send itself SIGINT")

@@ -44,21 +44,22 @@ class Job:
         self._cancelled.set()
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain data: what it does, how far it is, and what went wrong."""
-        what, done, total = self._now
+        """Plain data: what was asked, what it is doing, how far it is, and what went wrong."""
+        doing, done, total = self._now
         return {
             "running": self.is_running,
-            "what": what,
+            "what": self.what,
+            "doing": doing,
             "done": done,
             "total": total,
             "cancelled": self._cancelled.is_set(),
             "error": self._error,
         }
 
-    def _tell(self, what: str, done: int, total: int) -> None:
+    def _tell(self, doing: str, done: int, total: int) -> None:
         if self._cancelled.is_set():
             raise Cancelled(f"{self.what} was cancelled; nothing has changed")
-        self._now = (what, done, total)
+        self._now = (doing, done, total)
 
     def _run(self) -> None:
         try:

@@ -112,7 +112,7 @@ function showJob() {
   const job = view.job, running = Boolean(job?.running);
   $("job").hidden = !running;
   if (running) {
-    $("doing").textContent = job.total ? `${job.what}, ${job.done + 1} of ${job.total}` : `${job.what} ${job.done || ""}`;
+    $("doing").textContent = job.total ? `${job.doing}, ${job.done + 1} of ${job.total}` : `${job.doing} ${job.done || ""}`;
     if (job.total) { $("progress").max = job.total; $("progress").value = job.done; } else $("progress").removeAttribute("value");
   }
   document.body.setAttribute("aria-busy", String(running));
