@@ -27,6 +27,7 @@ from .errors import UnstableLoopError as UnstableLoopError
 from .excitation import multisine as multisine
 from .excitation import prbs as prbs
 from .identification import Estimate as Estimate
+from .identification import Estimates as Estimates
 from .identification import ForceLaw as ForceLaw
 from .identification import LawFit as LawFit
 from .identification import ParameterEstimate as ParameterEstimate
@@ -34,6 +35,7 @@ from .identification import StaticEstimate as StaticEstimate
 from .identification import StaticForce as StaticForce
 from .identification import fit_force_law as fit_force_law
 from .identification import identify as identify
+from .identification import identify_many as identify_many
 from .identification import static_load as static_load
 from .interop import controller_from as controller_from
 from .interop import controller_from_mat as controller_from_mat

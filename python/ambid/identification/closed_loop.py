@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from ambid.identification.covariance import covariance, lost, sandwich, undeterm
 from ambid.identification.damped import damped_start
 from ambid.identification.estimate import Estimate, ParameterEstimate
 from ambid.identification.minimum import ROUGHLY, WhitenedProblem
-from ambid.identification.problem import EXACTLY, End, LeastSquares, Limits, Problem, noise_levels
+from ambid.identification.problem import EXACTLY, Descent, End, LeastSquares, Limits, Problem, noise_levels
 from ambid.model import Model
 from ambid.model.parameter import UNITS
 from ambid.noise import Comparison, Noise, compare
@@ -22,7 +23,7 @@ from ambid.record import FrequencyResponse, Measurement, Record
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
-__all__ = ["identify"]
+__all__ = ["Found", "Steps", "identify", "steps"]
 
 LIKELIHOOD, EQ_9 = "likelihood", "eq9"
 MISFIT = (
@@ -39,6 +40,32 @@ RENEWED = 0.01
 """Relative change of J by that which is small enough."""
 STABLE_FACTORS = (0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.5)
 """Where the start is unstable, these multiples of the start values are tried."""
+
+
+class Found(NamedTuple):
+    """What an identification ends with."""
+
+    problem: LeastSquares
+    end: End
+    limits: Limits
+    covariance: FloatArray
+    directions: list[dict[str, float]]
+    comparison: Comparison
+    notes: list[str]
+
+    @property
+    def status(self) -> str:
+        """One of `estimate.STATUS`."""
+        return "not_identifiable" if self.directions else self.end.status
+
+    @property
+    def unknown(self) -> set[str]:
+        """Parameters that the records do not determine."""
+        return {name for direction in self.directions for name in direction}
+
+
+Steps = Generator[Descent, End, Found]
+"""An identification that waits for whoever runs its descents: alone, or beside those of others."""
 
 
 @with_one_blas_thread
@@ -102,6 +129,40 @@ def identify(
         At Ctrl-C during a fit, with the best so far; it is a KeyboardInterrupt.
     """
     begun = time.perf_counter()
+    own = steps(
+        model,
+        records,
+        free=free,
+        fixed=fixed,
+        bounds=bounds,
+        weights=weights,
+        starts=starts,
+        seed=seed,
+        max_evaluations=max_evaluations,
+        progress=progress,
+    )
+    try:
+        descent = next(own)
+        while True:
+            descent = own.send(descent.alone())
+    except StopIteration as done:
+        return _estimate(done.value, begun)
+
+
+def steps(
+    model: Model | Rig,
+    records: Measurement | Sequence[Measurement],
+    *,
+    free: Iterable[str] | None = None,
+    fixed: Iterable[str] = (),
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    weights: str | Mapping[str, float] = LIKELIHOOD,
+    starts: int = 1,
+    seed: int = 0,
+    max_evaluations: int = 100,
+    progress: Callable[[int, float], None] | None = None,
+) -> Steps:
+    """The identification that `identify` describes, descent by descent."""
     if isinstance(weights, str) and weights not in (LIKELIHOOD, EQ_9):
         raise ModelError(f"weights = {weights!r}; expected {LIKELIHOOD!r}, {EQ_9!r}, or factors by channel")
     for name, number, least in (("starts", starts, 1), ("seed", seed, 0), ("max_evaluations", max_evaluations, 1)):
@@ -123,7 +184,7 @@ def identify(
     notes: list[str] = []
     if weights == LIKELIHOOD:
         try:
-            return _likeliest(model, records, free_indices, limits, origins, max_evaluations, progress, begun)
+            return (yield from _likeliest(model, records, free_indices, limits, origins, max_evaluations, progress))
         except RecordError as error:
             if len(in_time) < len(records):
                 raise  # frequency responses have no eq. 9
@@ -139,7 +200,9 @@ def identify(
             f"{notes[0] if notes else 'leave the weights out'}"
         )
     factors = _factors(model, None if isinstance(weights, str) else weights)
-    return _in_time(model, in_time, free_indices, limits, origins, factors, max_evaluations, progress, begun, notes)
+    return (
+        yield from _in_time(model, in_time, free_indices, limits, origins, factors, max_evaluations, progress, notes)
+    )
 
 
 def _in_time(
@@ -151,21 +214,20 @@ def _in_time(
     factors: FloatArray,
     max_evaluations: int,
     progress: Callable[[int, float], None] | None,
-    begun: float,
     notes: list[str],
-) -> Estimate:
+) -> Steps:
     """The fit of eq. 9."""
     problem = Problem(model, records, free, noise_levels(records), factors, progress)
-    best, more = _best_of(problem, origins, limits, max_evaluations)
+    best, more = yield from _best_of(problem, origins, limits, max_evaluations)
     notes += more
     if not all(record.periods >= 3 for record in records):
         # without a scatter over periods the first fit's residual is the noise
         problem = problem.with_noise(problem.residual_rms(best.theta))
-        best, more = _best_of(problem, [best.theta[problem.free]], limits, max_evaluations)
+        best, more = yield from _best_of(problem, [best.theta[problem.free]], limits, max_evaluations)
         notes += more
     found, at_end = sandwich(problem, best.theta), model.with_theta(best.theta)
     directions = undetermined(found, at_end, free)
-    return _estimate(problem, best, limits, found, directions, compare(at_end, records), notes, begun)
+    return Found(problem, best, limits, found, directions, compare(at_end, records), notes)
 
 
 def _likeliest(
@@ -176,18 +238,19 @@ def _likeliest(
     origins: list[FloatArray],
     max_evaluations: int,
     progress: Callable[[int, float], None] | None,
-    begun: float,
-) -> Estimate:
+) -> Steps:
     """The fit that minimises J, in the noise that its own residual tells."""
     stable, notes = _stable(model, free, origins, limits)
     rough = WhitenedProblem(model, Noise.rough(stable, records), free, progress)  # x in units of the limits
-    best, more = _best_of(rough, origins if not notes else [stable.theta[free]], limits, max_evaluations, ROUGHLY)
+    best, more = yield from _best_of(
+        rough, origins if not notes else [stable.theta[free]], limits, max_evaluations, ROUGHLY
+    )
     in_time = tuple(record for record in records if isinstance(record, Record))
     has_eq_9 = len(in_time) == len(records) and not any(record.is_free_response for record in in_time)
     if in_time and _is_kept_away(rough, best):
         # where everything is damped more there is a way around the edge of stability
         x, spent = damped_start(stable, in_time, free, limits)
-        second = rough.descend(x, limits, max_evaluations, ROUGHLY)
+        second = yield Descent(rough, x, limits, max_evaluations, ROUGHLY)
         rough.evaluations += spent
         best = min(best, second, key=lambda end: end.cost)
     problem: WhitenedProblem = rough
@@ -202,25 +265,16 @@ def _likeliest(
         evaluations, before = problem.evaluations, best.cost
         problem = WhitenedProblem(model, comparison.noise, free, progress)
         problem.evaluations = evaluations
-        best = problem.descend(best.theta[free] / problem.scale, limits, max_evaluations)
+        best = yield Descent(problem, best.theta[free] / problem.scale, limits, max_evaluations)
         comparison = comparison.of(model.with_theta(best.theta))
         if again and abs(best.cost / before - 1.0) < RENEWED:
             break
     if not is_known and has_eq_9 and best.status != "stopped" and not comparison.is_adequate:
-        return _in_time(
-            model,
-            in_time,
-            free,
-            limits,
-            origins,
-            _factors(model, None),
-            max_evaluations,
-            progress,
-            begun,
-            ["weights of eq. 9: physics is missing, and without periods the noise cannot be told from what is missing"],
-        )
+        why = "weights of eq. 9: physics is missing, and without periods the noise cannot be told from what is missing"
+        factors = _factors(model, None)
+        return (yield from _in_time(model, in_time, free, limits, origins, factors, max_evaluations, progress, [why]))
     found, directions = covariance(comparison, free), lost(comparison, free)
-    return _estimate(problem, best, limits, found, directions, comparison, [*notes, *more], begun)
+    return Found(problem, best, limits, found, directions, comparison, [*notes, *more])
 
 
 def _is_kept_away(problem: WhitenedProblem, end: End) -> bool:
@@ -308,7 +362,7 @@ def _starts(
 
 def _best_of(
     problem: LeastSquares, starts: list[FloatArray], limits: Limits, max_evaluations: int, step: float = EXACTLY
-) -> tuple[End, list[str]]:
+) -> Generator[Descent, End, tuple[End, list[str]]]:
     ends: list[End] = []
     notes = []
     try:
@@ -318,7 +372,7 @@ def _best_of(
                 problem.normal_equations(x)
             except UnstableLoopError:
                 continue
-            ends.append(problem.descend(x, limits, max_evaluations, step))
+            ends.append((yield Descent(problem, x, limits, max_evaluations, step)))
             if ends[-1].status == "stopped":
                 raise KeyboardInterrupt
     except KeyboardInterrupt:
@@ -329,7 +383,7 @@ def _best_of(
     if not ends:
         x, moved = _stable_start(problem.model, problem.free, limits)
         notes.append(f"the loop is unstable at the start values; started from {moved} of them instead")
-        ends.append(problem.descend(x, limits, max_evaluations, step))
+        ends.append((yield Descent(problem, x, limits, max_evaluations, step)))
     best = min(ends, key=lambda end: end.cost)
     if len(starts) > 1:
         same = sum(end.cost < best.cost * (1.0 + 1e-6) for end in ends)
@@ -369,18 +423,9 @@ def _stable_start(model: Model, free: list[int], limits: Limits) -> tuple[FloatA
     )
 
 
-def _estimate(
-    problem: LeastSquares,
-    end: End,
-    limits: Limits,
-    covariance: FloatArray,
-    directions: list[dict[str, float]],
-    comparison: Comparison,
-    notes: list[str],
-    begun: float,
-) -> Estimate:
-    model, free = problem.model, problem.free
-    unknown = {name for direction in directions for name in direction}
+def _estimate(found: Found, begun: float) -> Estimate:
+    problem, end, limits, covariance, directions, comparison, notes = found
+    model, free, unknown = problem.model, problem.free, found.unknown
     parameters = {}
     for k, i in enumerate(free):
         name, unit = model.names[i], model.parameters[i].unit
@@ -400,7 +445,7 @@ def _estimate(
         model=comparison.model,
         parameters=parameters,
         covariance=covariance,
-        status="not_identifiable" if directions else end.status,
+        status=found.status,
         evaluations=problem.evaluations,
         seconds=time.perf_counter() - begun,
         comparison=comparison,
