@@ -138,8 +138,8 @@ def identify_many(
     Stopped
         At Ctrl-C, with the runs before the first one that is not done, if any; it is a KeyboardInterrupt.
     """
-    several = not isinstance(model, Model | Rig)
-    models = [Model(own) if isinstance(own, Rig) else own for own in (model if several else [model])]  # type: ignore[union-attr, list-item]
+    each = None if isinstance(model, Model | Rig) else [_model(own) for own in model]
+    models = [_model(model)] if isinstance(model, Model | Rig) else each or []
     free, fixed = None if free is None else tuple(free), tuple(fixed)
     for own in models:
         own.index(() if free is None else free)
@@ -147,10 +147,10 @@ def identify_many(
 
     def waiting() -> Iterator[Steps]:
         for run, measured in enumerate(records):
-            if several and run >= len(models):
-                raise ModelError(f"{len(models)} models for more runs than that; give one for each run, or one for all")
+            if each is not None and run >= len(each):
+                raise ModelError(f"{len(each)} models for more runs than that; give one for each run, or one for all")
             yield steps(
-                models[run] if several else models[0],
+                models[0] if each is None else each[run],
                 measured,
                 free=free,
                 fixed=fixed,
@@ -210,6 +210,10 @@ class _Row:
             adequate=comparison.is_adequate,
             evaluations=problem.evaluations,
         )
+
+
+def _model(own: Model | Rig) -> Model:
+    return Model(own) if isinstance(own, Rig) else own
 
 
 def _ended(waiting: Iterator[Steps]) -> Iterator[tuple[int, _Row]]:
