@@ -45,6 +45,10 @@ from .interop import to_mat as to_mat
 from .interop import to_scipy as to_scipy
 from .model import Model as Model
 from .model import Parameter as Parameter
+from .monte_carlo import MonteCarlo as MonteCarlo
+from .monte_carlo import Plan as Plan
+from .monte_carlo import Spread as Spread
+from .monte_carlo import run_monte_carlo as run_monte_carlo
 from .noise import Comparison as Comparison
 from .noise import Noise as Noise
 from .noise import compare as compare

@@ -13,6 +13,7 @@ from ambid.cli.experiments import demo_command, simulate_command
 from ambid.cli.identifying import campaign_command, identify_command, static_load_command
 from ambid.cli.options import Commands, DiagnoseCommand
 from ambid.cli.responding import frequency_response_command
+from ambid.cli.virtual import monte_carlo_command
 
 __all__ = ["app"]
 
@@ -35,6 +36,7 @@ app.command("diagnose", cls=DiagnoseCommand)(diagnose_command)
 app.command("frequency-response")(frequency_response_command)
 app.command("effects")(effects_command)
 app.command("simulate")(simulate_command)
+app.command("monte-carlo")(monte_carlo_command)
 app.command("demo")(demo_command)
 
 
