@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import subprocess
 import sys
 from dataclasses import replace
@@ -15,7 +16,11 @@ from ambid import _core
 from ambid.errors import ModelError, Stopped
 from ambid.excitation import prbs
 from ambid.identification import identify, identify_many
+from ambid.identification.many import fit_for_core
+from ambid.identification.minimum import WhitenedProblem
+from ambid.identification.problem import Descent
 from ambid.model import Model
+from ambid.noise import Noise
 from hidden.one_axis import ONE_AXIS
 
 ALIKE = 1e-6
@@ -153,3 +158,20 @@ def test_results_are_tables(demo_rig):
     table = many.table()
     assert len(table["tau_e"]) == len(table["reason"]) == len(many) == 2
     assert "2 runs: 2 converged" in repr(many)
+
+
+def test_memory_does_not_grow():
+    model = Model(ONE_AXIS.rig)
+    (record,) = experiments(ONE_AXIS.rig, [0], order=6)
+    problem = WhitenedProblem(model, Noise(model, [record]))
+    limits = np.zeros(len(model.names)), np.full(len(model.names), np.inf)
+    fit = fit_for_core(Descent(problem, 1.05 * model.theta / problem.scale, limits, 100))
+
+    def peak_after(runs):
+        identify_many(model, (record for _ in range(runs)))
+        for _ in range(runs):
+            _core.fit_all([fit] * 10)
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+    before = peak_after(60)
+    assert peak_after(300) - before < 4.0, "MB, over 3300 fits"

@@ -201,6 +201,16 @@ def test_the_command(command, rig_file, tmp_path):
     assert content(out) == before
 
 
+def test_workers_leave_the_same(command, rig_file, tmp_path, monkeypatch):
+    monkeypatch.undo()  # processes know the usual chunks alone
+    call = ["monte-carlo", rig_file, "--runs", procedure.CHUNK + 6, "--seconds", 0.32, "--amplitude", 1.0, "--quiet"]
+    for workers in (1, 2):
+        done = command(*call, "--workers", workers, "--out", tmp_path / f"{workers}.parquet")
+        assert (done.code, done.err) == (0, "")
+    assert len(content(tmp_path / "1.parquet")) == 3
+    assert content(tmp_path / "1.parquet") == content(tmp_path / "2.parquet")
+
+
 @pytest.mark.parametrize(
     ("option", "told"),
     [

@@ -19,7 +19,7 @@ from ambid.results import Tabular
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
-__all__ = ["FAILED", "Estimates", "identify_many"]
+__all__ = ["FAILED", "Estimates", "fit_for_core", "identify_many"]
 
 FAILED = "failed"
 """Status of a run that ended with an error, beside those of `estimate.STATUS`."""
@@ -253,22 +253,24 @@ def _next(own: Steps, end: End | AmbidError | None) -> Descent | _Row:
 
 def _gone(descents: Sequence[Descent]) -> list[End | AmbidError]:
     """The ends of descents: those that the core can go are gone side by side."""
-    records = [descent.problem.for_core() for descent in descents]
-    together = [k for k, own in enumerate(records) if own is not None]
+    fits = {k: fit for k, own in enumerate(descents) if (fit := fit_for_core(own)) is not None}
     found: dict[int, End | AmbidError] = {}
-    fits = [_fit(descents[k], records[k] or {}) for k in together]
-    for k, ended in zip(together, _core.fit_all(fits), strict=True):
+    for k, ended in zip(fits, _core.fit_all(list(fits.values())), strict=True):
         own = descents[k]
         found[k] = ended if isinstance(ended, AmbidError) else own.problem.take(own.x, ended)
-    for k in set(range(len(descents))) - set(together):
-        found[k] = descents[k].alone()
-        if found[k].status == "stopped":  # type: ignore[union-attr]
-            raise KeyboardInterrupt
+    for k, own in enumerate(descents):
+        if k not in fits:
+            found[k] = end = own.alone()
+            if end.status == "stopped":
+                raise KeyboardInterrupt
     return [found[k] for k in range(len(descents))]
 
 
-def _fit(descent: Descent, records: _core.Records) -> _core.Fit:
+def fit_for_core(descent: Descent) -> _core.Fit | None:
+    """A descent as `_core.fit_all` takes it; None where the core cannot go it."""
     problem, (lower, upper) = descent.problem, descent.limits
+    if (records := problem.for_core()) is None:
+        return None
     return {
         **records,
         "theta": problem.model.theta,

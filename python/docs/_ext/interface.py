@@ -11,7 +11,18 @@ from ambid.errors import AmbidError
 
 OPEN = ("rig", "effects", "plot")
 """Packages all of whose public names are told, also those that are not at the top."""
-FIRST = ("identification", "diagnosis", "model", "record", "rig", "checking", "excitation", "noise", "campaigns")
+FIRST = (
+    "identification",
+    "diagnosis",
+    "model",
+    "record",
+    "rig",
+    "checking",
+    "excitation",
+    "noise",
+    "campaigns",
+    "monte_carlo",
+)
 
 
 def generate(drawn: Path) -> str:
