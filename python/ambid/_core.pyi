@@ -1,7 +1,7 @@
 """The Rust core. `ambid.loop` and `ambid.identify` give it names and units; use those."""
 
 from collections.abc import Mapping, Sequence
-from typing import Literal, NotRequired, TypedDict, TypeVar, final
+from typing import Literal, NotRequired, TypedDict, TypeVar, final, type_check_only
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,10 +109,12 @@ class Scatter:
 _Of = TypeVar("_Of", LineData, Data)
 _Groups = list[tuple[ClosedLoop, list[_Of]]]
 
+@type_check_only
 class Records(TypedDict):
     lines: NotRequired[_Groups[LineData]]
     samples: NotRequired[_Groups[Data]]
 
+@type_check_only
 class Fit(Records):
     theta: _Vector
     free: list[int]
@@ -123,6 +125,7 @@ class Fit(Records):
     most: int
     step: float
 
+@type_check_only
 class Ended(TypedDict):
     theta: _Vector
     status: Literal["converged", "at_bound", "max_evaluations"]

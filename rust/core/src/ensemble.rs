@@ -82,16 +82,14 @@ impl Fit<'_> {
         self.check()?;
         let settings =
             Settings { scale: &self.scale, lower: &self.lower, upper: &self.upper, most: self.most, step: self.step };
-        let mut before: Option<(DVector<f64>, Vec<Vec<f64>>, Vec<Vec<f64>>)> = None;
+        let mut before: Option<(DVector<f64>, LineNormal)> = None;
         let mut evaluate = |x: &DVector<f64>| -> Result<LineNormal> {
             let near = match &before {
-                Some((last, transients, slopes)) => {
-                    moved(transients, slopes, &(x - last).component_mul(&self.scales()))
-                }
+                Some((last, normal)) => moved(normal, &(x - last).component_mul(&self.scales())),
                 None => Vec::new(), // transients change with the parameters
             };
             let found = self.normal(&self.theta_at(x), &near)?;
-            before = Some((x.clone(), found.transients.clone(), found.transient_slopes.clone()));
+            before = Some((x.clone(), found.clone()));
             Ok(found)
         };
         let ended = descend(&mut evaluate, DVector::from_column_slice(&self.x), &settings)?;
@@ -153,8 +151,8 @@ impl Fit<'_> {
     }
 }
 
-/// Transients after a step of the parameters, by their slopes.
-fn moved(transients: &[Vec<f64>], slopes: &[Vec<f64>], step: &DVector<f64>) -> Vec<Vec<f64>> {
+/// The transients of a quadratic form after a step of the parameters, by their slopes.
+fn moved(normal: &LineNormal, step: &DVector<f64>) -> Vec<Vec<f64>> {
     let along = |(d, slopes): (&Vec<f64>, &Vec<f64>)| {
         let mut d = d.clone();
         for (slope, step) in slopes.chunks_exact(d.len().max(1)).zip(step.iter()) {
@@ -162,5 +160,5 @@ fn moved(transients: &[Vec<f64>], slopes: &[Vec<f64>], step: &DVector<f64>) -> V
         }
         d
     };
-    transients.iter().zip(slopes).map(along).collect()
+    normal.transients.iter().zip(&normal.transient_slopes).map(along).collect()
 }

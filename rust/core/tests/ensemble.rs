@@ -57,7 +57,7 @@ fn assert_truth(end: &Result<End>, p: &Problem) {
 
 #[test]
 fn samples_and_lines_lead_to_the_truth() {
-    let mut random = Random::new(1);
+    let mut random = Random(1);
     for p in [lags(&[0.7, 1.9], &[&[], &[0]], &[0, 1]), machine(0.0, 0.02)] {
         let (system, time, spectrum) = (p.system(), samples(&p, &mut random, 0.0), lines(&p, &mut random));
         let fits = [
@@ -71,7 +71,7 @@ fn samples_and_lines_lead_to_the_truth() {
 #[test]
 fn groups_of_two_kinds_add_up() {
     let p = lags(&[0.7, 1.9], &[&[], &[0]], &[1]);
-    let mut random = Random::new(2);
+    let mut random = Random(2);
     let (system, time, spectrum) = (p.system(), samples(&p, &mut random, 0.1), lines(&p, &mut random));
     let each = [Records::Samples(vec![&time]), Records::Lines(vec![&spectrum, &spectrum])];
     let mut both = fit(&p, &system, each[0].clone(), 1.0);
@@ -92,7 +92,7 @@ fn groups_of_two_kinds_add_up() {
 #[test]
 fn bounds_hold() {
     let p = lags(&[0.7, 1.9], &[&[], &[0]], &[0, 1]);
-    let (system, data) = (p.system(), samples(&p, &mut Random::new(3), 0.01));
+    let (system, data) = (p.system(), samples(&p, &mut Random(3), 0.01));
     let mut bounded = fit(&p, &system, Records::Samples(vec![&data]), 0.8);
     bounded.upper[0] = 0.9;
     let end = fit_all(&[bounded]).expect("nobody stops it").remove(0).expect("stable");
@@ -103,7 +103,7 @@ fn bounds_hold() {
 #[test]
 fn fits_end_beside_others_as_alone() {
     let p = machine(0.0, 0.02);
-    let (system, mut random) = (p.system(), Random::new(4));
+    let (system, mut random) = (p.system(), Random(4));
     let data: Vec<Data> = (0..6).map(|_| samples(&p, &mut random, 0.2)).collect();
     let fits: Vec<Fit<'_>> = data.iter().map(|own| fit(&p, &system, Records::Samples(vec![own]), 1.1)).collect();
     let together = fit_all(&fits).expect("nobody stops it");
@@ -117,7 +117,7 @@ fn fits_end_beside_others_as_alone() {
 #[test]
 fn one_that_cannot_begin_leaves_the_others_alone() {
     let p = machine(0.0, 0.02);
-    let (system, data) = (p.system(), samples(&p, &mut Random::new(5), 0.0));
+    let (system, data) = (p.system(), samples(&p, &mut Random(5), 0.0));
     let good = fit(&p, &system, Records::Samples(vec![&data]), 1.05);
     let unstable = Fit { x: vec![1e-3; good.x.len()], ..good.clone() };
     let short = Fit { scale: Vec::new(), ..good.clone() };
