@@ -3,6 +3,7 @@
 import json
 import os
 import resource
+import signal
 import subprocess
 import sys
 from dataclasses import replace
@@ -175,3 +176,23 @@ def test_memory_does_not_grow():
 
     before = peak_after(60)
     assert peak_after(300) - before < 4.0, "MB, over 3300 fits"
+
+
+def test_the_core_can_be_interrupted():
+    (record,) = experiments(ONE_AXIS.rig, [0], order=6)
+    model = Model(ONE_AXIS.rig)
+    problem = WhitenedProblem(model, Noise(model, [record]))
+    limits = np.zeros(len(model.names)), np.full(len(model.names), np.inf)
+    fits = [fit_for_core(Descent(problem, 1.05 * model.theta / problem.scale, limits, 100))] * 20_000
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    handler = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.3)
+        with pytest.raises(KeyboardInterrupt):
+            _core.fit_all(fits)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, handler)
