@@ -107,6 +107,13 @@ def test_a_failed_run_is_a_row():
     assert "failed" in repr(found)
 
 
+@pytest.mark.parametrize("spread", ["K_i=uniform:-2:-1", "rotor.mass=uniform:-2:-1"])
+def test_what_cannot_be_is_a_row(spread):
+    found = run_monte_carlo(plan(spreads=(Spread.parse(spread),)), 2)
+    assert found.status == {"failed": 2}
+    assert all(found.reasons)
+
+
 def test_no_run_is_enough_for_no_figure():
     empty = MonteCarlo.of(plan(), [])
     assert empty.parameters["tau_e"].runs == 0

@@ -87,7 +87,7 @@ class Plan:
             raise InputError(
                 f"excitation of shape {self.excitation.shape}: expected (N, {len(self.rig.axes)}), a column an axis"
             )
-        self.of_run(0)
+        _ = self.drawn  # refuses a key that is nowhere
 
     def __reduce__(self) -> tuple[Any, ...]:
         """A model holds compiled loops, which stay where they are."""
@@ -128,7 +128,20 @@ class Plan:
     @cached_property
     def drawn(self) -> tuple[str, ...]:
         """What is drawn for each run, beside the parameters that are identified."""
-        return tuple(key for key in self.of_run(0).drawn if key not in self.start.names)
+        names = list[str]()
+        for spread in self.spreads:
+            at = at_key(self._data, spread.key)
+            if spread.key == AMPLITUDE or isinstance(at, float):
+                names.append(spread.key)
+            elif at is not None:
+                names += [f"{spread.key}.{k}" for k in range(len(at))]
+            else:
+                names += [self.machine.names[i] for i in self.machine.index([spread.key])]
+        return tuple(dict.fromkeys(name for name in names if name not in self.start.names))
+
+    @property
+    def _data(self) -> dict[str, Any]:
+        return self.machine.rig.model_dump(by_alias=True, exclude_none=True)
 
     def of_run(self, run: int) -> Truth:
         """What a run is simulated with; the same whatever other runs there are."""
@@ -136,7 +149,7 @@ class Plan:
         random = np.random.default_rng(sequence)
         seed = int(sequence.generate_state(1, np.uint64)[0] >> 1)  # fits a signed integer
         amplitude, drawn = 1.0, dict[str, float]()
-        data = self.machine.rig.model_dump(by_alias=True, exclude_none=True)
+        data = self._data
         later = []
         for spread in self.spreads:
             if spread.key == AMPLITUDE:
