@@ -82,6 +82,8 @@ class LeastSquares(ABC):
         """What `_core.fit_all` found from x on."""
         known = self._last is not None and self._last[0] == x.tobytes()
         self.evaluations += ended["evaluations"] - known
+        at, hessian = ended["theta"][self.free] / self.scale, ended["hessian"] * np.outer(self.scale, self.scale)
+        self._last = (at.tobytes(), hessian, ended["gradient"] * self.scale, ended["cost"])
         return End(ended["theta"], ended["cost"], ended["status"])
 
     def theta(self, x: FloatArray) -> FloatArray:
