@@ -78,8 +78,10 @@ def identify_a_rig(said, truth):
 
 
 def monte_carlo(said, truth):
-    (share,) = numbers(said, "# % of the intervals held the truth")
-    assert share > 85.0
+    share, spread = numbers(said, "tau_e: # % of the intervals held the truth, # % spread")
+    assert share > 80.0
+    assert 0.1 < spread < 0.5
+    assert "40 runs: 40 converged" in said
 
 
 def two_operating_points(said, truth):

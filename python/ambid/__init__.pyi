@@ -46,6 +46,7 @@ from .errors import UnstableLoopError as UnstableLoopError
 from .excitation import multisine as multisine
 from .excitation import prbs as prbs
 from .identification import Estimate as Estimate
+from .identification import Estimates as Estimates
 from .identification import ForceLaw as ForceLaw
 from .identification import LawFit as LawFit
 from .identification import ParameterEstimate as ParameterEstimate
@@ -53,6 +54,7 @@ from .identification import StaticEstimate as StaticEstimate
 from .identification import StaticForce as StaticForce
 from .identification import fit_force_law as fit_force_law
 from .identification import identify as identify
+from .identification import identify_many as identify_many
 from .identification import static_load as static_load
 from .interop import controller_from as controller_from
 from .interop import controller_from_mat as controller_from_mat
@@ -62,6 +64,10 @@ from .interop import to_mat as to_mat
 from .interop import to_scipy as to_scipy
 from .model import Model as Model
 from .model import Parameter as Parameter
+from .monte_carlo import MonteCarlo as MonteCarlo
+from .monte_carlo import Plan as Plan
+from .monte_carlo import Spread as Spread
+from .monte_carlo import run_monte_carlo as run_monte_carlo
 from .noise import Comparison as Comparison
 from .noise import Noise as Noise
 from .noise import Responses as Responses

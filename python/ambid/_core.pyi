@@ -1,10 +1,12 @@
 """The Rust core. `ambid.loop` and `ambid.identify` give it names and units; use those."""
 
 from collections.abc import Mapping, Sequence
-from typing import Literal, NotRequired, TypedDict, final
+from typing import Literal, NotRequired, TypedDict, TypeVar, final, type_check_only
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ambid.errors import ModelError, UnstableLoopError
 
 __all__ = [
     "ClosedLoop",
@@ -12,6 +14,7 @@ __all__ = [
     "LineData",
     "Scatter",
     "Stepper",
+    "fit_all",
     "inverses",
     "line_equations",
     "normal_equations",
@@ -103,6 +106,37 @@ class Scatter:
         self, low: NDArray[np.uintp], high: NDArray[np.uintp], left_out: NDArray[np.uintp] | None = None
     ) -> _Lines: ...
 
+_Of = TypeVar("_Of", LineData, Data)
+_Groups = list[tuple[ClosedLoop, list[_Of]]]
+
+@type_check_only
+class Records(TypedDict):
+    lines: NotRequired[_Groups[LineData]]
+    samples: NotRequired[_Groups[Data]]
+
+@type_check_only
+class Fit(Records):
+    theta: _Vector
+    free: list[int]
+    scale: _Vector
+    lower: _Vector
+    upper: _Vector
+    x: _Vector
+    most: int
+    step: float
+
+@type_check_only
+class Ended(TypedDict):
+    theta: _Vector
+    status: Literal["converged", "at_bound", "max_evaluations"]
+    evaluations: int
+    hessian: _Matrix
+    gradient: _Vector
+    cost: float
+    transients: list[_Vector]
+    slopes: list[_Matrix]
+    fitted: list[int]
+
 @final
 class Stepper:
     def __new__(cls, system: ClosedLoop, theta: _Vector) -> Stepper: ...
@@ -116,6 +150,7 @@ def normal_equations(
 def line_equations(
     system: ClosedLoop, theta: _Vector, free: list[int], records: list[LineData], near: Sequence[_Vector] = ...
 ) -> tuple[_Matrix, _Vector, float, list[_Vector], list[_Matrix], list[int]]: ...
+def fit_all(fits: list[Fit]) -> list[Ended | ModelError | UnstableLoopError]: ...
 def whitening(covariance: _Lines, back: _Lines) -> tuple[_Lines, _Lines]: ...
 def whittle(covariance: _Lines, lines: _Lines) -> float: ...
 def inverses(matrices: _Lines) -> _Lines: ...

@@ -29,6 +29,7 @@ COMMANDS = (
     "diagnose",
     "effects",
     "simulate",
+    "monte-carlo",
     "frequency-response",
     "margins",
     "export",

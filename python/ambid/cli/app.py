@@ -16,6 +16,7 @@ from ambid.cli.identifying import campaign_command, identify_command, static_loa
 from ambid.cli.options import Commands, DiagnoseCommand
 from ambid.cli.responding import frequency_response_command
 from ambid.cli.standing import margins_command
+from ambid.cli.virtual import monte_carlo_command
 from ambid.cli.working import workbench_command
 
 __all__ = ["app"]
@@ -45,6 +46,7 @@ app.command("effects")(effects_command)
 app.command("excitation")(excitation_command)
 app.command("design")(design_command)
 app.command("simulate")(simulate_command)
+app.command("monte-carlo")(monte_carlo_command)
 app.command("demo")(demo_command)
 
 

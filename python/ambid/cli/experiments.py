@@ -83,7 +83,7 @@ def simulate_command(
         raise InputError(f"--out {out}: is there already; give another file, or replace it with --force")
     machine = ambid.Rig.load(rig)
     start = with_effects(load_model(machine, model), effect)
-    excitation = _excitation(machine, seconds, amplitude)
+    excitation = excitation_of(machine, seconds, amplitude)
     with stoppable():
         made = start.virtual_experiment(excitation, sensor_noise=sensor_noise, current_noise=current_noise, seed=seed)
     made.save(out)
@@ -130,7 +130,7 @@ def _require_own_folder(folder: Path, files: list[Path], json_file: Path | None)
         )
 
 
-def _excitation(rig: ambid.Rig, seconds: float, amplitude: float) -> Any:
+def excitation_of(rig: ambid.Rig, seconds: float, amplitude: float) -> Any:
     """PRBS for a virtual experiment: at least 5 periods in `seconds`, held so that it reaches fs/4."""
     hold = 2
     samples = seconds * rig.sample_rate

@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from itertools import product
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.errors import ModelError, RecordError, Stopped, UnstableLoopError
+from ambid.errors import ModelError, RecordError, Stopped
 from ambid.identification.covariance import covariance, lost, sandwich, undetermined
-from ambid.identification.curvature import curvature
+from ambid.identification.curvature import Curvature, curvature
 from ambid.identification.damped import damped_start
 from ambid.identification.estimate import Estimate, ParameterEstimate
 from ambid.identification.minimum import ROUGHLY, WhitenedProblem
-from ambid.identification.problem import EXACTLY, End, LeastSquares, Limits, Problem, noise_levels
+from ambid.identification.problem import Descent, End, LeastSquares, Limits, Problem, noise_levels
+from ambid.identification.starts import best_of, is_kept_away, spread_starts, stable_model
 from ambid.model import Model
-from ambid.model.parameter import UNITS
 from ambid.noise import Comparison, Noise, compare
 from ambid.record import FrequencyResponse, Measurement, Record, Source, measured
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
-__all__ = ["identify"]
+__all__ = ["Found", "Steps", "identify", "several", "steps"]
 
 LIKELIHOOD, EQ_9 = "likelihood", "eq9"
 MISFIT = (
@@ -34,12 +34,44 @@ MOST_RENEWALS = 3
 """So often is the noise of a record without periods taken from the residual again, at the most."""
 LARGEST_WEIGHT = 1e6
 """Of a channel; its square still leaves digits to a channel of weight 1."""
-AT_EDGE = 1e-3
-"""Rate of decay below which a fit has run into the edge of stability, where no record can have been made [1/s]."""
 RENEWED = 0.01
 """Relative change of J by that which is small enough."""
-STABLE_FACTORS = (0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.5)
-"""Where the start is unstable, these multiples of the start values are tried."""
+
+
+class Found(NamedTuple):
+    """What an identification ends with."""
+
+    problem: LeastSquares
+    end: End
+    limits: Limits
+    covariance: FloatArray
+    directions: list[dict[str, float]]
+    comparison: Comparison
+    notes: list[str]
+    curvature: Curvature | None = None
+
+    def curved(self) -> Found:
+        """This, held against the force law of a single magnet; the covariance allows for what that moves."""
+        comparison, free = self.comparison, self.problem.free
+        if not comparison.is_judged or self.directions or self.end.status == "stopped":
+            return self
+        if (found := curvature(comparison, free, self.limits, self.covariance)) is None:
+            return self
+        return self._replace(covariance=self.covariance + np.outer(found.shift, found.shift), curvature=found)
+
+    @property
+    def status(self) -> str:
+        """One of `estimate.STATUS`."""
+        return "not_identifiable" if self.directions else self.end.status
+
+    @property
+    def unknown(self) -> set[str]:
+        """Parameters that the records do not determine."""
+        return {name for direction in self.directions for name in direction}
+
+
+Steps = Generator[Descent, End, Found]
+"""An identification that waits for whoever runs its descents: alone, or beside those of others."""
 
 
 @with_one_blas_thread
@@ -103,6 +135,40 @@ def identify(
         At Ctrl-C during a fit, with the best so far; it is a KeyboardInterrupt.
     """
     begun = time.perf_counter()
+    own = steps(
+        model,
+        records,
+        free=free,
+        fixed=fixed,
+        bounds=bounds,
+        weights=weights,
+        starts=starts,
+        seed=seed,
+        max_evaluations=max_evaluations,
+        progress=progress,
+    )
+    try:
+        descent = next(own)
+        while True:
+            descent = own.send(descent.alone())
+    except StopIteration as done:
+        return _estimate(done.value, begun)
+
+
+def steps(
+    model: Model | Rig,
+    records: Source | Sequence[Source],
+    *,
+    free: str | Iterable[str] | None = None,
+    fixed: str | Iterable[str] | Mapping[str, float] = (),
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    weights: str | Mapping[str, float] = LIKELIHOOD,
+    starts: int = 1,
+    seed: int = 0,
+    max_evaluations: int = 100,
+    progress: Callable[[int, float], None] | None = None,
+) -> Steps:
+    """The identification that `identify` describes, descent by descent."""
     if isinstance(weights, str) and weights not in (LIKELIHOOD, EQ_9):
         raise ModelError(f"weights = {weights!r}; expected {LIKELIHOOD!r}, {EQ_9!r}, or factors by channel")
     for name, number, least in (("starts", starts, 1), ("seed", seed, 0), ("max_evaluations", max_evaluations, 1)):
@@ -117,17 +183,17 @@ def identify(
     in_time = tuple(record for record in records if isinstance(record, Record))
     for record in in_time:
         model.excitation(record)  # refuses a record without one
-    chosen = set(range(len(model.names)) if free is None else model.index(_several(free)))
-    chosen -= set(model.index(_several(fixed)))
+    chosen = set(range(len(model.names)) if free is None else model.index(several(free)))
+    chosen -= set(model.index(several(fixed)))
     if not chosen:
         raise ModelError("no parameter is free; leave some out of `fixed`, or name some in `free`")
     free_indices = sorted(chosen)
     limits = _limits(model, free_indices, bounds)
-    origins = _starts(model.theta, free_indices, limits, starts, seed)
+    origins = spread_starts(model.theta, free_indices, limits, starts, seed)
     notes: list[str] = []
     if weights == LIKELIHOOD:
         try:
-            return _likeliest(model, records, free_indices, limits, origins, max_evaluations, progress, begun)
+            return (yield from _likeliest(model, records, free_indices, limits, origins, max_evaluations, progress))
         except RecordError as error:
             if len(in_time) < len(records):
                 raise  # frequency responses have no eq. 9
@@ -143,11 +209,14 @@ def identify(
             f"{notes[0] if notes else 'leave the weights out'}"
         )
     factors = _factors(model, None if isinstance(weights, str) else weights)
-    return _in_time(model, in_time, free_indices, limits, origins, factors, max_evaluations, progress, begun, notes)
+    return (
+        yield from _in_time(model, in_time, free_indices, limits, origins, factors, max_evaluations, progress, notes)
+    )
 
 
-def _several(names: str | Iterable[str]) -> Iterable[str]:
-    return [names] if isinstance(names, str) else names
+def several(names: str | Iterable[str]) -> tuple[str, ...]:
+    """Names or patterns, of which one may be given by itself."""
+    return (names,) if isinstance(names, str) else tuple(names)
 
 
 def _in_time(
@@ -159,21 +228,20 @@ def _in_time(
     factors: FloatArray,
     max_evaluations: int,
     progress: Callable[[int, float], None] | None,
-    begun: float,
     notes: list[str],
-) -> Estimate:
+) -> Steps:
     """The fit of eq. 9."""
     problem = Problem(model, records, free, noise_levels(records), factors, progress)
-    best, more = _best_of(problem, origins, limits, max_evaluations)
+    best, more = yield from best_of(problem, origins, limits, max_evaluations)
     notes += more
     if not all(record.periods >= 3 for record in records):
         # without a scatter over periods the first fit's residual is the noise
         problem = problem.with_noise(problem.residual_rms(best.theta))
-        best, more = _best_of(problem, [best.theta[problem.free]], limits, max_evaluations)
+        best, more = yield from best_of(problem, [best.theta[problem.free]], limits, max_evaluations)
         notes += more
     found, at_end = sandwich(problem, best.theta), model.with_theta(best.theta)
     directions = undetermined(found, at_end, free)
-    return _estimate(problem, best, limits, found, directions, compare(at_end, records), notes, begun)
+    return Found(problem, best, limits, found, directions, compare(at_end, records), notes).curved()
 
 
 def _likeliest(
@@ -184,18 +252,19 @@ def _likeliest(
     origins: list[FloatArray],
     max_evaluations: int,
     progress: Callable[[int, float], None] | None,
-    begun: float,
-) -> Estimate:
+) -> Steps:
     """The fit that minimises J, in the noise that its own residual tells."""
-    stable, notes = _stable(model, free, origins, limits)
+    stable, notes = stable_model(model, free, origins, limits)
     rough = WhitenedProblem(model, Noise.rough(stable, records), free, progress)  # x in units of the limits
-    best, more = _best_of(rough, origins if not notes else [stable.theta[free]], limits, max_evaluations, ROUGHLY)
+    best, more = yield from best_of(
+        rough, origins if not notes else [stable.theta[free]], limits, max_evaluations, ROUGHLY
+    )
     in_time = tuple(record for record in records if isinstance(record, Record))
     has_eq_9 = len(in_time) == len(records) and not any(record.is_free_response for record in in_time)
-    if in_time and _is_kept_away(rough, best):
+    if in_time and is_kept_away(rough, best):
         # where everything is damped more there is a way around the edge of stability
         x, spent = damped_start(stable, in_time, free, limits)
-        second = rough.descend(x, limits, max_evaluations, ROUGHLY)
+        second = yield Descent(rough, x, limits, max_evaluations, ROUGHLY)
         rough.evaluations += spent
         best = min(best, second, key=lambda end: end.cost)
     problem: WhitenedProblem = rough
@@ -210,47 +279,16 @@ def _likeliest(
         evaluations, before = problem.evaluations, best.cost
         problem = WhitenedProblem(model, comparison.noise, free, progress)
         problem.evaluations = evaluations
-        best = problem.descend(best.theta[free] / problem.scale, limits, max_evaluations)
+        best = yield Descent(problem, best.theta[free] / problem.scale, limits, max_evaluations)
         comparison = comparison.of(model.with_theta(best.theta))
         if again and abs(best.cost / before - 1.0) < RENEWED:
             break
     if not is_known and has_eq_9 and best.status != "stopped" and not comparison.is_adequate:
-        return _in_time(
-            model,
-            in_time,
-            free,
-            limits,
-            origins,
-            _factors(model, None),
-            max_evaluations,
-            progress,
-            begun,
-            ["weights of eq. 9: physics is missing, and without periods the noise cannot be told from what is missing"],
-        )
+        why = "weights of eq. 9: physics is missing, and without periods the noise cannot be told from what is missing"
+        factors = _factors(model, None)
+        return (yield from _in_time(model, in_time, free, limits, origins, factors, max_evaluations, progress, [why]))
     found, directions = covariance(comparison, free), lost(comparison, free)
-    return _estimate(problem, best, limits, found, directions, comparison, [*notes, *more], begun)
-
-
-def _is_kept_away(problem: WhitenedProblem, end: End) -> bool:
-    """Whether a fit was driven to a bound or to the edge of stability, which keep it from its optimum."""
-    if end.status not in ("converged", "at_bound"):
-        return False
-    at_edge = problem.model.with_theta(end.theta).decay_rate < AT_EDGE
-    return end.status == "at_bound" or at_edge or problem.is_stuck(end.theta)
-
-
-def _stable(model: Model, free: list[int], origins: list[FloatArray], limits: Limits) -> tuple[Model, list[str]]:
-    """The model at the first stable start, and what was moved to find one."""
-    scale = np.array([model.parameters[i].scale for i in free])
-    for start in origins:
-        theta = model.theta
-        theta[free] = np.clip(start / scale, *limits) * scale
-        if model.with_theta(theta).is_stable:
-            return model.with_theta(theta), []
-    x, moved = _stable_start(model, free, limits)
-    theta = model.theta
-    theta[free] = x * scale
-    return model.with_theta(theta), [f"the loop is unstable at the start values; started from {moved} of them instead"]
+    return Found(problem, best, limits, found, directions, comparison, [*notes, *more]).curved()
 
 
 def _check_records(model: Model, records: tuple[Measurement, ...]) -> None:
@@ -306,94 +344,9 @@ def _limits(model: Model, free: list[int], bounds: Mapping[str, tuple[float, flo
     return lower[free] / scale, upper[free] / scale
 
 
-def _starts(
-    theta: FloatArray, free: list[int], limits: Limits, count: int, seed: int, spread: float = 0.3
-) -> list[FloatArray]:
-    random = np.random.default_rng(seed)
-    factors = [np.ones(len(free)), *np.exp(spread * random.standard_normal((count - 1, len(free))))]
-    return [theta[free] * factor for factor in factors]
-
-
-def _best_of(
-    problem: LeastSquares, starts: list[FloatArray], limits: Limits, max_evaluations: int, step: float = EXACTLY
-) -> tuple[End, list[str]]:
-    ends: list[End] = []
-    notes = []
-    try:
-        for start in starts:
-            x = np.clip(start / problem.scale, *limits)
-            try:
-                problem.normal_equations(x)
-            except UnstableLoopError:
-                continue
-            ends.append(problem.descend(x, limits, max_evaluations, step))
-            if ends[-1].status == "stopped":
-                raise KeyboardInterrupt
-    except KeyboardInterrupt:
-        if not ends:
-            raise
-        notes.append(f"stopped at start {len(ends)} of {len(starts)}")
-        return min(ends, key=lambda end: end.cost)._replace(status="stopped"), notes
-    if not ends:
-        x, moved = _stable_start(problem.model, problem.free, limits)
-        notes.append(f"the loop is unstable at the start values; started from {moved} of them instead")
-        ends.append(problem.descend(x, limits, max_evaluations, step))
-    best = min(ends, key=lambda end: end.cost)
-    if len(starts) > 1:
-        same = sum(end.cost < best.cost * (1.0 + 1e-6) for end in ends)
-        notes.append(f"{same} of {len(starts)} starts ended at this optimum, {len(starts) - len(ends)} were unstable")
-    return best, notes
-
-
-def _stable_start(model: Model, free: list[int], limits: Limits) -> tuple[FloatArray, str]:
-    """The nearest start that is stable, among common factors of all K_i, all K_s and all time constants.
-
-    Raises
-    ------
-    UnstableLoopError
-        If there is none.
-    """
-    scale = np.array([model.parameters[i].scale for i in free])
-    kinds = {kind: [k for k, i in enumerate(free) if model.names[i].startswith(kind)] for kind in UNITS}
-    factors = product(*((STABLE_FACTORS if members else (1.0,)) for members in kinds.values()))
-    for trial in sorted(factors, key=lambda trial: np.sum(np.log(trial) ** 2)):
-        x = model.theta[free] / scale
-        for members, factor in zip(kinds.values(), trial, strict=True):
-            x[members] *= factor
-        x = np.clip(x, *limits)
-        theta = model.theta
-        theta[free] = x * scale
-        if model.with_theta(theta).is_stable:
-            used = [f"{f:g} times {kind}" for (kind, members), f in zip(kinds.items(), trial, strict=True) if members]
-            return x, ", ".join(used)
-    try:
-        model.loop.simulate(model.theta, np.zeros((1, len(model.loop.inputs))))
-        why = ""
-    except UnstableLoopError as error:
-        why = f" ({error})"
-    raise UnstableLoopError(
-        f"the closed loop is unstable at the start values{why}, and at all others that were tried around them. Check "
-        f"the controller, the signs and sizes of K_i and K_s, and the time constants in {model.rig.path or 'the rig'}."
-    )
-
-
-def _estimate(
-    problem: LeastSquares,
-    end: End,
-    limits: Limits,
-    covariance: FloatArray,
-    directions: list[dict[str, float]],
-    comparison: Comparison,
-    notes: list[str],
-    begun: float,
-) -> Estimate:
-    model, free = problem.model, problem.free
-    curved = None
-    if comparison.is_judged and not directions and end.status != "stopped":
-        curved = curvature(comparison, free, limits, covariance)
-    if curved is not None:
-        covariance = covariance + np.outer(curved.shift, curved.shift)
-    unknown = {name for direction in directions for name in direction}
+def _estimate(found: Found, begun: float) -> Estimate:
+    problem, end, limits, covariance, directions, comparison, notes, curved = found
+    model, free, unknown = problem.model, problem.free, found.unknown
     parameters = {}
     for k, i in enumerate(free):
         name, unit = model.names[i], model.parameters[i].unit
@@ -417,7 +370,7 @@ def _estimate(
         model=comparison.model.with_covariance(whole),
         parameters=parameters,
         covariance=covariance,
-        status="not_identifiable" if directions else end.status,
+        status=found.status,
         evaluations=problem.evaluations,
         seconds=time.perf_counter() - begun,
         comparison=comparison,

@@ -6,9 +6,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from ambid import _core
 from ambid.arrays import FloatArray
 from ambid.errors import UnstableLoopError
-from ambid.identification.problem import EXACTLY, LeastSquares
+from ambid.identification.problem import EXACTLY, End, LeastSquares
 from ambid.model import Model
 from ambid.noise import Comparison, Noise, Quadratic
 
@@ -46,6 +47,17 @@ class WhitenedProblem(LeastSquares):
         found = self.noise.quadratic(self.model.with_theta(theta), self.free, near, roughly=self.roughly)
         self._before = (theta, found)
         return found.hessian, found.gradient, found.cost
+
+    def for_core(self) -> _core.Records | None:
+        """All judged lines, by operating point, where all models of them are linear."""
+        data = self.noise.on_lines(self.model)
+        return None if data is None else {"lines": [(core, [own for *_, own in some]) for core, some in data.items()]}
+
+    def take(self, x: FloatArray, ended: _core.Ended) -> End:
+        """What was found; the quadratic form about it need not be found again."""
+        end = super().take(x, ended)
+        self.noise.remember(self.model.with_theta(end.theta), self.free, ended)
+        return end
 
 
 def refit(comparison: Comparison, most: int = 40, step: float = EXACTLY) -> Comparison:

@@ -41,6 +41,20 @@ class _Arrived(Exception):
 Limits = tuple[FloatArray, FloatArray]
 
 
+class Descent(NamedTuple):
+    """A way downhill that is to be gone, from x."""
+
+    problem: LeastSquares
+    x: FloatArray
+    limits: Limits
+    most: int
+    step: float = EXACTLY
+
+    def alone(self) -> End:
+        """Go it."""
+        return self.problem.descend(self.x, self.limits, self.most, self.step)
+
+
 class LeastSquares(ABC):
     """Least squares in scaled parameters x = theta / scale, reduced to normal equations.
 
@@ -59,6 +73,18 @@ class LeastSquares(ABC):
     @abstractmethod
     def _evaluate(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         """J'J and J'r by the free parameters, and r'r, r being simulated minus measured."""
+
+    def for_core(self) -> _core.Records | None:
+        """The records as `_core.fit_all` takes them; None where it cannot."""
+        return None
+
+    def take(self, x: FloatArray, ended: _core.Ended) -> End:
+        """What `_core.fit_all` found from x on."""
+        known = self._last is not None and self._last[0] == x.tobytes()
+        self.evaluations += ended["evaluations"] - known
+        at, hessian = ended["theta"][self.free] / self.scale, ended["hessian"] * np.outer(self.scale, self.scale)
+        self._last = (at.tobytes(), hessian, ended["gradient"] * self.scale, ended["cost"])
+        return End(ended["theta"], ended["cost"], ended["status"])
 
     def theta(self, x: FloatArray) -> FloatArray:
         """All parameters of the model at x."""
@@ -158,6 +184,10 @@ class Problem(LeastSquares):
             own, own_gradient, squares = _core.normal_equations(core, theta, self.free, data)
             hessian, gradient, cost = hessian + own, gradient + own_gradient, cost + float(squares.sum())
         return hessian, gradient, cost
+
+    def for_core(self) -> _core.Records:
+        """All samples, by operating point."""
+        return {"samples": list(self._data.items())}
 
     def with_noise(self, noise: list[FloatArray]) -> Problem:
         """The same problem with other noise levels."""

@@ -21,6 +21,7 @@ __all__ = ["Noise", "Quadratic"]
 
 
 Part = RecordLines | ResponseLines
+OnLines = dict[_core.ClosedLoop, list[tuple[int, RecordLines, _core.LineData]]]
 
 
 @dataclass(frozen=True)
@@ -176,21 +177,51 @@ class Noise:
         roughly : bool
             See `RecordLines.white`.
         """
-        place = (tuple(model.at(part.record).loop.core for part in self.parts), model.theta.tobytes())
+        place = self._place(model)
         key: tuple[object, tuple[int, ...], bool] = (place, tuple(free), roughly)
         if not free:  # J alone, which any of them tells
             key = next((known for known in reversed(self._known) if known[0] == place), key)
         if key not in self._known:
-            self._known[key] = self._quadratic(model, free, near, roughly)
-            while len(self._known) > REMEMBERED:
-                self._known.pop(next(iter(self._known)))
+            self._keep(key, self._quadratic(model, free, near, roughly))
         return self._known[key]
+
+    def on_lines(self, model: Model) -> OnLines | None:
+        """Of every loop its records on lines, with their places; None unless all are of linear models in time."""
+        own: OnLines = {}
+        for k, part in enumerate(self.parts):
+            here = model.at(part.record)
+            if not (here.is_linear and isinstance(part, RecordLines)):
+                return None
+            own.setdefault(here.loop.core, []).append((k, part, part.data(here)))
+        return own
+
+    def remember(self, model: Model, free: Sequence[int], ended: _core.Ended) -> None:
+        """Keep the quadratic form about a model that the core ended at, its records in the order of `on_lines`."""
+        order = [k for some in (self.on_lines(model) or {}).values() for k, *_ in some]
+        transients, turning = [np.zeros(0)] * len(order), [np.zeros((len(free), 0))] * len(order)
+        for k, transient, slopes, fitted in zip(
+            order, ended["transients"], ended["slopes"], ended["fitted"], strict=True
+        ):
+            transients[k], turning[k] = transient, slopes
+            part = self.parts[k]
+            assert isinstance(part, RecordLines)
+            part.remember(model.at(part.record), transient, fitted)
+        found = Quadratic(ended["hessian"], ended["gradient"], ended["cost"], sum(ended["fitted"]), transients, turning)
+        self._keep((self._place(model), tuple(free), False), found)
+
+    def _place(self, model: Model) -> object:
+        return tuple(model.at(part.record).loop.core for part in self.parts), model.theta.tobytes()
+
+    def _keep(self, key: tuple[object, tuple[int, ...], bool], found: Quadratic) -> None:
+        self._known[key] = found
+        while len(self._known) > REMEMBERED:
+            self._known.pop(next(iter(self._known)))
 
     def _quadratic(self, model: Model, free: Sequence[int], near: Sequence[FloatArray], roughly: bool) -> Quadratic:
         size, cost, fitted = len(free), 0.0, 0
         hessian, gradient = np.zeros((size, size)), np.zeros(size)
         transients, turning = [np.zeros(0)] * len(self.parts), [np.zeros((size, 0))] * len(self.parts)
-        own: dict[_core.ClosedLoop, list[tuple[int, RecordLines, _core.LineData]]] = {}
+        own: OnLines = {}
         for k, part in enumerate(self.parts):
             here = model.at(part.record)
             if here.is_linear and isinstance(part, RecordLines):

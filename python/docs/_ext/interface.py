@@ -21,6 +21,7 @@ FIRST = (
     "checking",
     "excitation",
     "designs",
+    "monte_carlo",
     "noise",
     "campaigns",
 )

@@ -78,7 +78,9 @@ pub fn normal_equations(system: &ClosedLoop, theta: &[f64], free: &[usize], reco
             let mut moments: Vec<Moments> = part.outputs.iter().map(|_| Moments::new(part.free.len())).collect();
             part.run(&data.u, inputs, &mut |from, count, block, stride| {
                 let skip = data.first.saturating_sub(from).min(count);
-                for (i, (o, moments)) in part.outputs.iter().zip(&mut moments).enumerate() {
+                let judged =
+                    part.outputs.iter().zip(&mut moments).enumerate().filter(|(_, (o, _))| data.weights[**o] != 0.0);
+                for (i, (o, moments)) in judged {
                     let rows = block.chunks_exact(stride).take(count).skip(skip);
                     let measured = data.z[(from + skip) * ny..].chunks_exact(ny).map(|z| z[*o]);
                     moments.add(i * moments.width, rows, measured.take(count - skip));
@@ -86,6 +88,9 @@ pub fn normal_equations(system: &ClosedLoop, theta: &[f64], free: &[usize], reco
             })?;
             for (o, moments) in part.outputs.iter().zip(moments) {
                 seen[*o] = true;
+                if data.weights[*o] == 0.0 {
+                    continue;
+                }
                 moments.add_to(&mut sum, *o, data.weights[*o], &part.free);
             }
         }

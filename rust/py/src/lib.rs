@@ -3,6 +3,7 @@
 mod arrays;
 mod blocks;
 mod closed_loop;
+mod ensemble;
 mod errors;
 mod lines;
 mod noise;
@@ -17,6 +18,8 @@ mod _core {
 
     #[pymodule_export]
     use crate::closed_loop::ClosedLoop;
+    #[pymodule_export]
+    use crate::ensemble::fit_all;
     #[pymodule_export]
     use crate::lines::{LineData, line_equations};
     #[pymodule_export]

@@ -12,7 +12,7 @@ use crate::errors::raise;
 
 #[pyclass(frozen, module = "ambid._core")]
 pub struct LineData {
-    core: Core,
+    pub core: Core,
 }
 
 #[pymethods]

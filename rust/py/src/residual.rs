@@ -10,7 +10,7 @@ use crate::errors::raise;
 
 #[pyclass(frozen, module = "ambid._core")]
 pub struct Data {
-    core: Core,
+    pub core: Core,
 }
 
 #[pymethods]

@@ -1,0 +1,110 @@
+"""The command `monte-carlo`: many virtual experiments."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, cast
+
+import typer
+
+import ambid
+from ambid.cli.effect_option import with_effects
+from ambid.cli.experiments import excitation_of
+from ambid.cli.files import load_model
+from ambid.cli.options import JsonFile, ModelFile, Quiet, RigFile, known_effects
+from ambid.cli.outputs import conclude, require_outputs
+from ambid.cli.signals import exit_code, stoppable
+from ambid.cli.terminal import progress, with_time_left
+from ambid.errors import InputError, Stopped
+
+
+def monte_carlo_command(
+    rig: RigFile,
+    runs: Annotated[int, typer.Option(metavar="N", help="Virtual experiments.")] = 100,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR.parquet", help="Folder for a row of each run; a job that was stopped goes on there."),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="All that is random comes from it.")] = 0,
+    spread: Annotated[
+        list[str],
+        typer.Option(
+            metavar="KEY=DIST",
+            help="Draw a value for each run: a parameter, a number of the rig file, or amplitude, as normal:5%, "
+            "uniform:SIZE or uniform:LOW:HIGH; repeatable.",
+        ),
+    ] = [],  # noqa: B006
+    effect: Annotated[
+        list[str],
+        typer.Option(
+            metavar="NAME:param=value,...", help="Physics that is hidden; repeatable.", autocompletion=known_effects
+        ),
+    ] = [],  # noqa: B006
+    diagnose: Annotated[bool, typer.Option("--diagnose", help="Diagnose each record instead of identifying.")] = False,
+    seconds: Annotated[float, typer.Option(help="Length of each record; rounded up to whole periods.")] = 2.0,
+    amplitude: Annotated[float, typer.Option(help="Of the pseudo-random binary excitation [A].")] = 0.1,
+    sensor_noise: Annotated[float, typer.Option(help="Rms on every displacement [m].")] = 50e-9,
+    current_noise: Annotated[float, typer.Option(help="Rms on every recorded current [A].")] = 0.01,
+    workers: Annotated[int, typer.Option(metavar="N", help="Processes; 1 works in this one, over all cores.")] = 1,
+    model: ModelFile = None,
+    json_file: JsonFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """Find out what an experiment is worth: simulate it many times, and identify or diagnose every record."""
+    require_outputs({"RIG": rig, "--model": model}, {"--json": json_file})
+    if workers < 1:
+        raise InputError(f"--workers {workers}: expected 1 or more")
+    machine = ambid.Rig.load(rig)
+    plan = ambid.Plan(
+        rig=machine,
+        excitation=excitation_of(machine, seconds, amplitude),
+        truth=with_effects(load_model(machine, model), effect),
+        spreads=tuple(ambid.Spread.parse(text) for text in spread),
+        sensor_noise=sensor_noise,
+        current_noise=current_noise,
+        seed=seed,
+        diagnose=diagnose,
+    )
+    is_stopped = False
+    with stoppable(), progress(quiet, "Monte Carlo") as report, _pool(workers) as executor:
+        told = with_time_left(report)
+        try:
+            found = ambid.run_monte_carlo(
+                plan, runs, out=out, executor=executor, progress=lambda done, total: told("run", done, total)
+            )
+        except Stopped as stopped:
+            found, is_stopped = cast(ambid.MonteCarlo, stopped.result), True
+    left = [f"stopped after {len(found.rows)} of {runs} runs"] if is_stopped else []
+    if is_stopped and out is not None:
+        left.append("the same command goes on from there")
+    data = found.to_json() | {"stopped": is_stopped}
+    conclude("\n".join([repr(found), *left]), data, json_file, quiet)
+    if is_stopped:
+        raise typer.Exit(exit_code())
+
+
+@contextmanager
+def _pool(workers: int) -> Iterator[Executor | None]:
+    """Processes that make chunks, each in one thread; when they are no longer wanted they end at once."""
+    if workers == 1:
+        yield None
+        return
+    others = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _as_worker)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for own in set(multiprocessing.active_children()) - others:
+            own.terminate()
+
+
+def _as_worker() -> None:
+    os.environ["RAYON_NUM_THREADS"] = "1"
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the one that waits for this process ends it

@@ -1,0 +1,117 @@
+"""Where descents start: spread around the given values, inside the stable region; and which of their ends counts."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from itertools import product
+
+import numpy as np
+
+from ambid.arrays import FloatArray
+from ambid.errors import UnstableLoopError
+from ambid.identification.minimum import WhitenedProblem
+from ambid.identification.problem import EXACTLY, Descent, End, LeastSquares, Limits
+from ambid.model import Model
+from ambid.model.parameter import UNITS
+
+__all__ = ["best_of", "is_kept_away", "spread_starts", "stable_model"]
+
+AT_EDGE = 1e-3
+"""Rate of decay below which a fit has run into the edge of stability, where no record can have been made [1/s]."""
+STABLE_FACTORS = (0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.5)
+"""Where the start is unstable, these multiples of the start values are tried."""
+
+
+def spread_starts(
+    theta: FloatArray, free: list[int], limits: Limits, count: int, seed: int, spread: float = 0.3
+) -> list[FloatArray]:
+    """`count` starts, the first at `theta`, the others at random factors of it."""
+    random = np.random.default_rng(seed)
+    factors = [np.ones(len(free)), *np.exp(spread * random.standard_normal((count - 1, len(free))))]
+    return [theta[free] * factor for factor in factors]
+
+
+def best_of(
+    problem: LeastSquares, starts: list[FloatArray], limits: Limits, max_evaluations: int, step: float = EXACTLY
+) -> Generator[Descent, End, tuple[End, list[str]]]:
+    """The best end of descents from these starts, and what is to be said of them."""
+    ends: list[End] = []
+    notes = []
+    try:
+        for start in starts:
+            x = np.clip(start / problem.scale, *limits)
+            try:
+                problem.normal_equations(x)
+            except UnstableLoopError:
+                continue
+            ends.append((yield Descent(problem, x, limits, max_evaluations, step)))
+            if ends[-1].status == "stopped":
+                raise KeyboardInterrupt
+    except KeyboardInterrupt:
+        if not ends:
+            raise
+        notes.append(f"stopped at start {len(ends)} of {len(starts)}")
+        return min(ends, key=lambda end: end.cost)._replace(status="stopped"), notes
+    if not ends:
+        x, moved = _stable_start(problem.model, problem.free, limits)
+        notes.append(f"the loop is unstable at the start values; started from {moved} of them instead")
+        ends.append((yield Descent(problem, x, limits, max_evaluations, step)))
+    best = min(ends, key=lambda end: end.cost)
+    if len(starts) > 1:
+        same = sum(end.cost < best.cost * (1.0 + 1e-6) for end in ends)
+        notes.append(f"{same} of {len(starts)} starts ended at this optimum, {len(starts) - len(ends)} were unstable")
+    return best, notes
+
+
+def is_kept_away(problem: WhitenedProblem, end: End) -> bool:
+    """Whether a fit was driven to a bound or to the edge of stability, which keep it from its optimum."""
+    if end.status not in ("converged", "at_bound"):
+        return False
+    at_edge = problem.model.with_theta(end.theta).decay_rate < AT_EDGE
+    return end.status == "at_bound" or at_edge or problem.is_stuck(end.theta)
+
+
+def stable_model(model: Model, free: list[int], origins: list[FloatArray], limits: Limits) -> tuple[Model, list[str]]:
+    """The model at the first stable start, and what was moved to find one."""
+    scale = np.array([model.parameters[i].scale for i in free])
+    for start in origins:
+        theta = model.theta
+        theta[free] = np.clip(start / scale, *limits) * scale
+        if model.with_theta(theta).is_stable:
+            return model.with_theta(theta), []
+    x, moved = _stable_start(model, free, limits)
+    theta = model.theta
+    theta[free] = x * scale
+    return model.with_theta(theta), [f"the loop is unstable at the start values; started from {moved} of them instead"]
+
+
+def _stable_start(model: Model, free: list[int], limits: Limits) -> tuple[FloatArray, str]:
+    """The nearest start that is stable, among common factors of all K_i, all K_s and all time constants.
+
+    Raises
+    ------
+    UnstableLoopError
+        If there is none.
+    """
+    scale = np.array([model.parameters[i].scale for i in free])
+    kinds = {kind: [k for k, i in enumerate(free) if model.names[i].startswith(kind)] for kind in UNITS}
+    factors = product(*((STABLE_FACTORS if members else (1.0,)) for members in kinds.values()))
+    for trial in sorted(factors, key=lambda trial: np.sum(np.log(trial) ** 2)):
+        x = model.theta[free] / scale
+        for members, factor in zip(kinds.values(), trial, strict=True):
+            x[members] *= factor
+        x = np.clip(x, *limits)
+        theta = model.theta
+        theta[free] = x * scale
+        if model.with_theta(theta).is_stable:
+            used = [f"{f:g} times {kind}" for (kind, members), f in zip(kinds.items(), trial, strict=True) if members]
+            return x, ", ".join(used)
+    try:
+        model.loop.simulate(model.theta, np.zeros((1, len(model.loop.inputs))))
+        why = ""
+    except UnstableLoopError as error:
+        why = f" ({error})"
+    raise UnstableLoopError(
+        f"the closed loop is unstable at the start values{why}, and at all others that were tried around them. Check "
+        f"the controller, the signs and sizes of K_i and K_s, and the time constants in {model.rig.path or 'the rig'}."
+    )

@@ -1,0 +1,196 @@
+"""What a Monte Carlo does: the truth with its spreads, the experiment, and what is made of each record."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from ambid.arrays import FloatArray
+from ambid.effects import Effect
+from ambid.errors import InputError
+from ambid.model import Model, Parameter
+from ambid.monte_carlo.spread import AMPLITUDE, Spread, at_key, set_key
+from ambid.record import Record
+from ambid.record.period import find_period
+from ambid.rig import Rig
+from ambid.rig.toml import toml_text
+
+__all__ = ["Plan", "Truth"]
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What one run is simulated with.
+
+    Attributes
+    ----------
+    model : Model
+    amplitude : float
+        Factor on the excitation.
+    drawn : dict of str to float
+        By key, with an index where a key of the rig holds several numbers.
+    seed : int
+        Of the noise, as `Model.virtual_experiment` takes it.
+    """
+
+    model: Model
+    amplitude: float
+    drawn: dict[str, float]
+    seed: int
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Many virtual experiments on a machine, whose owner knows its rig.
+
+    Attributes
+    ----------
+    rig : Rig
+        From which every run is identified.
+    excitation : ndarray, shape (N, axes)
+        i_e [A].
+    truth : Model, optional
+        What is simulated: values, and effects that are hidden; by default the rig's nominal values.
+    spreads : tuple of Spread
+    sensor_noise, current_noise : float
+        As for `Model.virtual_experiment` [m], [A].
+    seed : int
+        The one number that all randomness comes from.
+    diagnose : bool
+        Whether each record is diagnosed; else it is identified.
+
+    Raises
+    ------
+    InputError
+        If an effect, value or key of a spread does not fit the rig.
+    """
+
+    rig: Rig
+    excitation: FloatArray
+    truth: Model | None = None
+    spreads: tuple[Spread, ...] = ()
+    sensor_noise: float = 50e-9
+    current_noise: float = 1e-2
+    seed: int = 0
+    diagnose: bool = False
+
+    def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise InputError(f"seed = {self.seed}: expected a whole number of 0 or more")
+        if self.excitation.ndim != 2 or self.excitation.shape[1] != len(self.rig.axes):
+            raise InputError(
+                f"excitation of shape {self.excitation.shape}: expected (N, {len(self.rig.axes)}), a column an axis"
+            )
+        _ = self.drawn  # refuses a key that is nowhere
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A model holds compiled loops, which stay where they are."""
+        own = {key.name: getattr(self, key.name) for key in fields(self)} | {"truth": None}
+        return _again, (own, self.machine.rig, self.machine.parameters, self.machine.effects)
+
+    @cached_property
+    def machine(self) -> Model:
+        """What is simulated, without spreads."""
+        return Model(self.rig) if self.truth is None else self.truth
+
+    @cached_property
+    def start(self) -> Model:
+        """What every run is identified from."""
+        return Model(self.rig)
+
+    @cached_property
+    def period(self) -> int | None:
+        """Of the excitation, in samples."""
+        return find_period(self.excitation)
+
+    def content(self) -> dict[str, Any]:
+        """All that decides what a run is, as plain data; numbers may differ from version to version."""
+        return {
+            "version": version("ambid"),
+            "rig": self.rig.to_toml(),
+            "excitation": hashlib.sha256(np.ascontiguousarray(self.excitation).tobytes()).hexdigest(),
+            "machine": self.machine.rig.to_toml(),
+            "effects": [{"name": effect.name, **effect.settings()} for effect in self.machine.effects],
+            "values": {p.name: p.value for p in self.machine.parameters},
+            "spreads": [repr(spread) for spread in self.spreads],
+            "sensor_noise": self.sensor_noise,
+            "current_noise": self.current_noise,
+            "seed": self.seed,
+            "diagnose": self.diagnose,
+        }
+
+    @cached_property
+    def drawn(self) -> tuple[str, ...]:
+        """What is drawn for each run, beside the parameters that are identified."""
+        names = list[str]()
+        for spread in self.spreads:
+            at = at_key(self._data, spread.key)
+            if spread.key == AMPLITUDE or isinstance(at, float):
+                names.append(spread.key)
+            elif at is not None:
+                names += [f"{spread.key}.{k}" for k in range(len(at))]
+            else:
+                names += [self.machine.names[i] for i in self.machine.index([spread.key])]
+        return tuple(dict.fromkeys(name for name in names if name not in self.start.names))
+
+    @property
+    def _data(self) -> dict[str, Any]:
+        return self.machine.rig.model_dump(by_alias=True, exclude_none=True)
+
+    def of_run(self, run: int) -> Truth:
+        """What a run is simulated with; the same whatever other runs there are."""
+        sequence = np.random.SeedSequence(self.seed, spawn_key=(run,))  # the run-th of SeedSequence(seed).spawn(...)
+        random = np.random.default_rng(sequence)
+        seed = int(sequence.generate_state(1, np.uint64)[0] >> 1)  # fits a signed integer
+        amplitude, drawn = 1.0, dict[str, float]()
+        data = self._data
+        later = []
+        for spread in self.spreads:
+            if spread.key == AMPLITUDE:
+                amplitude = drawn[AMPLITUDE] = spread.draw(1.0, random)
+            elif (at := at_key(data, spread.key)) is None:
+                later.append(spread)
+            elif isinstance(at, float):
+                drawn[spread.key] = spread.draw(at, random)
+                set_key(data, spread.key, drawn[spread.key])
+            else:
+                several = tuple(spread.draw(value, random) for value in at)
+                drawn |= {f"{spread.key}.{k}": value for k, value in enumerate(several)}
+                set_key(data, spread.key, several)
+        model = self.machine
+        if drawn.keys() - {AMPLITUDE}:
+            model = _on(Rig.from_toml(toml_text(data)), model)
+        for spread in later:
+            own = [model.names[i] for i in model.index([spread.key])]
+            at_run = {p.name: spread.draw(p.value, random) for p in model.parameters if p.name in own}
+            drawn |= at_run
+            model = model.with_values(at_run)
+        return Truth(model, amplitude, drawn, seed)
+
+    def record(self, run: int, truth: Truth) -> Record:
+        """What the instruments of a run record."""
+        made = truth.model.virtual_experiment(
+            truth.amplitude * self.excitation,
+            sensor_noise=self.sensor_noise,
+            current_noise=self.current_noise,
+            seed=truth.seed,
+        )
+        return replace(made, name=f"run {run}", period=self.period)
+
+
+def _on(rig: Rig, model: Model) -> Model:
+    """A model on a rig with other numbers; values that the rig states are its own."""
+    before = {p.name: p.value for p in Model(model.rig).parameters}
+    now = {p.name: p.value for p in Model(rig).parameters}
+    moved = Model(rig, model.parameters, model.effects)
+    return moved.with_values({name: value for name, value in now.items() if value != before.get(name)})
+
+
+def _again(own: dict[str, Any], rig: Rig, parameters: Sequence[Parameter], effects: Sequence[Effect]) -> Plan:
+    return Plan(**own | {"truth": Model(rig, parameters, effects)})

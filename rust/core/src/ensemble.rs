@@ -1,0 +1,164 @@
+//! Many fits side by side: each goes downhill from its own start, on its own records, to the end.
+//!
+//! A fit runs in one thread from its first evaluation to its last, so that its numbers do not depend on how many others
+//! there are, nor on the number of threads.
+
+mod descent;
+mod region;
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::closed_loop::ClosedLoop;
+use crate::error::{Error, Result, check_finite, check_len};
+use crate::residual::{Data, normal_equations};
+use crate::stop::each;
+use crate::whitened::{LineData, LineNormal, line_equations};
+use descent::{Settings, descend};
+
+pub use descent::Status;
+
+/// Records that one compiled loop is held against.
+#[derive(Debug, Clone)]
+pub enum Records<'a> {
+    /// Whitened lines of the spectrum.
+    Lines(Vec<&'a LineData>),
+    /// Weighted samples, simulated from rest (eq. 9).
+    Samples(Vec<&'a Data>),
+}
+
+/// One fit: what is minimised, and where and how the descent goes.
+///
+/// The descent is in `x = theta / scale` of the parameters in `free`.
+#[derive(Debug, Clone)]
+pub struct Fit<'a> {
+    /// The loop of each operating point with the records that belong to it.
+    pub groups: Vec<(&'a ClosedLoop, Records<'a>)>,
+    /// All parameters; those that are not free keep these values.
+    pub theta: Vec<f64>,
+    /// The parameters that are fitted.
+    pub free: Vec<usize>,
+    /// Unit of each of them.
+    pub scale: Vec<f64>,
+    /// Least x; zero is open, since a gain or time constant of zero is no model.
+    pub lower: Vec<f64>,
+    /// Largest x.
+    pub upper: Vec<f64>,
+    /// The start.
+    pub x: Vec<f64>,
+    /// Evaluations.
+    pub most: usize,
+    /// Relative step at which the descent ends.
+    pub step: f64,
+}
+
+/// Where a fit ended.
+#[derive(Debug, Clone)]
+pub struct End {
+    /// All parameters.
+    pub theta: Vec<f64>,
+    /// How it ended.
+    pub status: Status,
+    /// Of the sum of squares and its derivatives, rejected steps included.
+    pub evaluations: usize,
+    /// The quadratic form about `theta`; of samples it has no transients.
+    pub normal: LineNormal,
+}
+
+/// Runs all fits, side by side over the cores.
+///
+/// A step into an unstable loop is rejected. What keeps a fit from its first evaluation is its own result.
+///
+/// # Errors
+/// [`Error::Stopped`].
+pub fn fit_all(fits: &[Fit<'_>]) -> Result<Vec<Result<End>>> {
+    each(fits, |_, fit| match fit.run() {
+        Err(Error::Stopped) => Err(Error::Stopped),
+        ended => Ok(ended),
+    })
+}
+
+impl Fit<'_> {
+    fn run(&self) -> Result<End> {
+        self.check()?;
+        let settings =
+            Settings { scale: &self.scale, lower: &self.lower, upper: &self.upper, most: self.most, step: self.step };
+        let mut before: Option<(DVector<f64>, LineNormal)> = None;
+        let mut evaluate = |x: &DVector<f64>| -> Result<LineNormal> {
+            let near = match &before {
+                Some((last, normal)) => moved(normal, &(x - last).component_mul(&self.scales())),
+                None => Vec::new(), // transients change with the parameters
+            };
+            let found = self.normal(&self.theta_at(x), &near)?;
+            before = Some((x.clone(), found.clone()));
+            Ok(found)
+        };
+        let ended = descend(&mut evaluate, DVector::from_column_slice(&self.x), &settings)?;
+        let theta = self.theta_at(&ended.x);
+        Ok(End { theta, status: ended.status, evaluations: ended.evaluations, normal: ended.normal })
+    }
+
+    fn check(&self) -> Result<()> {
+        let own =
+            [("scale", &self.scale), ("lower bounds", &self.lower), ("upper bounds", &self.upper), ("start", &self.x)];
+        own.iter().try_for_each(|(what, numbers)| check_len(what, numbers.len(), self.free.len()))?;
+        check_finite("start", &self.x)?;
+        self.groups.iter().try_for_each(|(system, _)| system.check(&self.theta, &self.free))
+    }
+
+    fn scales(&self) -> DVector<f64> {
+        DVector::from_column_slice(&self.scale)
+    }
+
+    fn theta_at(&self, x: &DVector<f64>) -> Vec<f64> {
+        let mut theta = self.theta.clone();
+        self.free.iter().zip(x.iter().zip(&self.scale)).for_each(|(i, (x, scale))| theta[*i] = x * scale);
+        theta
+    }
+
+    /// The sum of squares of all groups about `theta`; `near` are transients of the records on lines, or nothing.
+    fn normal(&self, theta: &[f64], near: &[Vec<f64>]) -> Result<LineNormal> {
+        let size = self.free.len();
+        let mut total = LineNormal {
+            hessian: DMatrix::zeros(size, size),
+            gradient: DVector::zeros(size),
+            cost: 0.0,
+            transients: Vec::new(),
+            transient_slopes: Vec::new(),
+            fitted: Vec::new(),
+        };
+        for (system, records) in &self.groups {
+            match records {
+                Records::Lines(records) => {
+                    let first = total.transients.len();
+                    let own = near.get(first..first + records.len()).unwrap_or_default();
+                    let found = line_equations(system, theta, &self.free, records, own)?;
+                    total.hessian += found.hessian;
+                    total.gradient += found.gradient;
+                    total.cost += found.cost;
+                    total.transients.extend(found.transients);
+                    total.transient_slopes.extend(found.transient_slopes);
+                    total.fitted.extend(found.fitted);
+                }
+                Records::Samples(records) => {
+                    let found = normal_equations(system, theta, &self.free, records)?;
+                    total.hessian += found.hessian;
+                    total.gradient += found.gradient;
+                    total.cost += found.squares.iter().sum::<f64>();
+                }
+            }
+        }
+        Ok(total)
+    }
+}
+
+/// The transients of a quadratic form after a step of the parameters, by their slopes.
+fn moved(normal: &LineNormal, step: &DVector<f64>) -> Vec<Vec<f64>> {
+    let along = |(d, slopes): (&Vec<f64>, &Vec<f64>)| {
+        let mut d = d.clone();
+        for (slope, step) in slopes.chunks_exact(d.len().max(1)).zip(step.iter()) {
+            d.iter_mut().zip(slope).for_each(|(d, slope)| *d += step * slope);
+        }
+        d
+    };
+    normal.transients.iter().zip(&normal.transient_slopes).map(along).collect()
+}

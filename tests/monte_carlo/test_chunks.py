@@ -1,0 +1,246 @@
+"""Rows on the disk: whatever stops a job, the same command ends with the same files."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+
+import numpy as np
+import pytest
+
+from ambid.errors import IdentificationError, InputError, OutputError, Stopped
+from ambid.monte_carlo import Spread, chunks, procedure, run_monte_carlo
+from hidden.one_axis import ONE_AXIS
+from monte_carlo.test_monte_carlo import plan
+
+parquet = pytest.importorskip("pyarrow.parquet")
+RUNS = 11
+
+
+@pytest.fixture(autouse=True)
+def _small_chunks(monkeypatch):
+    monkeypatch.setattr(procedure, "CHUNK", 4)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """What a job that nobody stops leaves."""
+    folder = tmp_path_factory.mktemp("whole") / "runs.parquet"
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(procedure, "CHUNK", 4)
+        run_monte_carlo(plan(), RUNS, out=folder)
+    return content(folder)
+
+
+def content(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir() if not path.name.startswith(".")}
+
+
+def test_one_table_for_other_programs(whole, tmp_path):
+    folder = tmp_path / "runs.parquet"
+    found = run_monte_carlo(plan(), RUNS, out=folder)
+    table = parquet.read_table(folder)
+    assert sorted(table["run"].to_pylist()) == list(range(RUNS))
+    assert np.allclose(table["tau_e.value"].to_numpy(), [row["tau_e.value"] for row in found.rows])
+    assert content(folder) == whole
+
+
+def test_fewer_runs_first(whole, tmp_path):
+    folder = tmp_path / "runs.parquet"
+    run_monte_carlo(plan(), 6, out=folder)
+    made = []
+    found = run_monte_carlo(plan(), RUNS, out=folder, progress=lambda done, total: made.append(total))
+    assert made[0] == RUNS - 6
+    assert content(folder) == whole
+    assert found.rows == run_monte_carlo(plan(), RUNS).rows
+
+
+def test_stopped_by_ctrl_c(whole, tmp_path):
+    folder = tmp_path / "runs.parquet"
+
+    def stop(done, total):
+        if done >= 6:
+            raise KeyboardInterrupt
+
+    with pytest.raises(Stopped) as stopped:
+        run_monte_carlo(plan(), RUNS, out=folder, progress=stop)
+    kept = stopped.value.result.rows
+    assert 4 <= len(kept) < RUNS
+    assert parquet.read_table(folder).num_rows == len(kept)
+    run_monte_carlo(plan(), RUNS, out=folder)
+    assert content(folder) == whole
+
+
+def test_a_full_disk(whole, tmp_path, monkeypatch):
+    folder, write, written = tmp_path / "runs.parquet", parquet.write_table, []
+
+    def full(table, stream):
+        if written:
+            write(table.slice(0, 1), stream)
+            raise OSError(errno.ENOSPC, "No space left on device")
+        written.append(table)
+        write(table, stream)
+
+    monkeypatch.setattr(parquet, "write_table", full)
+    with pytest.raises(OutputError, match="No space left on device"):
+        run_monte_carlo(plan(), RUNS, out=folder)
+    assert parquet.read_table(folder).num_rows == 4
+    monkeypatch.undo()
+    monkeypatch.setattr(procedure, "CHUNK", 4)
+    run_monte_carlo(plan(), RUNS, out=folder)
+    assert content(folder) == whole
+
+
+SCRIPT = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from ambid.monte_carlo import procedure, run_monte_carlo
+from monte_carlo.test_monte_carlo import plan
+procedure.CHUNK = 4
+run_monte_carlo(plan(), 400, out=sys.argv[2])
+"""
+
+
+def test_killed(whole, tmp_path):
+    folder = tmp_path / "runs.parquet"
+    tests = os.path.dirname(os.path.dirname(__file__))
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    job = subprocess.Popen([sys.executable, "-c", SCRIPT, tests, str(folder)], env=environment)
+    deadline = time.monotonic() + 120.0
+    while not list(folder.glob("part-*")) and job.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.002)
+    job.send_signal(signal.SIGKILL)
+    job.wait()
+    assert parquet.read_table(folder).num_rows % 4 == 0
+    run_monte_carlo(plan(), RUNS, out=folder)
+    there = content(folder)
+    assert {name: there[name] for name in whole if name < "part-000002"} == {
+        name: own for name, own in whole.items() if name < "part-000002"
+    }
+
+
+def test_a_worker_that_is_gone(tmp_path):
+    class Broken(ThreadPoolExecutor):
+        def submit(self, work, own, numbers):
+            def gone():
+                raise BrokenProcessPool("terminated abruptly")
+
+            return super().submit(gone) if numbers[0] else super().submit(work, own, numbers)
+
+    folder = tmp_path / "runs.parquet"
+    with Broken(1) as executor, pytest.raises(IdentificationError, match="do the same again"):
+        run_monte_carlo(plan(), RUNS, out=folder, executor=executor)
+    assert parquet.read_table(folder).num_rows == 4
+
+
+def test_another_plan(tmp_path):
+    folder = tmp_path / "runs.parquet"
+    run_monte_carlo(plan(), 1, out=folder)
+    with pytest.raises(InputError, match="differs in seed, spreads"):
+        run_monte_carlo(plan(seed=9, spreads=(Spread.parse("K_i=normal:1%"),)), 1, out=folder)
+
+
+def test_a_part_that_is_broken(tmp_path):
+    folder = tmp_path / "runs.parquet"
+    run_monte_carlo(plan(), 1, out=folder)
+    (folder / "part-000000.parquet").write_bytes(b"PAR1")
+    with pytest.raises(InputError, match=r"part-000000.parquet: cannot be read"):
+        run_monte_carlo(plan(), 1, out=folder)
+
+
+def test_parts_that_changed_places(tmp_path):
+    folder = tmp_path / "runs.parquet"
+    run_monte_carlo(plan(), 8, out=folder)
+    (folder / "part-000001.parquet").replace(folder / "part-000000.parquet")
+    with pytest.raises(InputError, match="other runs"):
+        run_monte_carlo(plan(), 8, out=folder)
+
+
+@pytest.mark.parametrize("text", ["{", "[]"])
+def test_a_plan_that_is_broken(tmp_path, text):
+    folder = tmp_path / "runs.parquet"
+    folder.mkdir()
+    (folder / chunks.PLAN).write_text(text)
+    with pytest.raises(InputError, match="_plan.json"):
+        run_monte_carlo(plan(), 1, out=folder)
+
+
+def test_places_that_are_none(tmp_path):
+    (tmp_path / "file.parquet").write_text("mine")
+    (tmp_path / "own.parquet").mkdir()
+    (tmp_path / "own.parquet" / "diary.txt").write_text("mine")
+    for name, told in (("runs.csv", "suffix is .csv"), ("file.parquet", "a file is there"), ("own.parquet", "holds")):
+        with pytest.raises(InputError, match=told):
+            run_monte_carlo(plan(), 1, out=tmp_path / name)
+
+
+@pytest.fixture
+def rig_file(tmp_path):
+    path = tmp_path / "rig.toml"
+    path.write_text(ONE_AXIS.rig.to_toml())
+    return path
+
+
+def test_the_command(command, rig_file, tmp_path):
+    out, json_file = tmp_path / "runs.parquet", tmp_path / "found.json"
+    call = ["monte-carlo", rig_file, "--runs", 6, "--out", out, "--seed", 3, "--seconds", 0.5, "--amplitude", 1.0]
+    call += ["--spread", "K_i=normal:1%", "--effect", "sensor_lag:time_constant=2e-5", "--json", json_file]
+    done = command(*call)
+    assert (done.code, done.err) == (0, "")
+    assert "6 runs" in done.out
+    found = json.loads(json_file.read_text())
+    assert (found["runs"], found["seed"], found["stopped"]) == (6, 3, False)
+    assert found["parameters"]["tau_e"]["runs"] == 6
+    before = content(out)
+    assert command(*call).code == 0
+    assert content(out) == before
+
+
+def test_workers_leave_the_same(command, rig_file, tmp_path, monkeypatch):
+    monkeypatch.undo()  # processes know the usual chunks alone
+    call = ["monte-carlo", rig_file, "--runs", procedure.CHUNK + 6, "--seconds", 0.32, "--amplitude", 1.0, "--quiet"]
+    for workers in (1, 2):
+        done = command(*call, "--workers", workers, "--out", tmp_path / f"{workers}.parquet")
+        assert (done.code, done.err) == (0, "")
+    assert len(content(tmp_path / "1.parquet")) == 3
+    assert content(tmp_path / "1.parquet") == content(tmp_path / "2.parquet")
+
+
+@pytest.mark.parametrize(
+    ("option", "told"),
+    [
+        (["--spread", "K_i=wide"], "spread K_i=wide"),
+        (["--spread", "bearing.Z.air_gap=normal:1%"], "bearing.Z.air_gap"),
+        (["--runs", "0"], "runs = 0"),
+        (["--workers", "0"], "--workers 0"),
+        (["--seed", "-1"], "seed = -1"),
+        (["--effect", "magic"], "magic"),
+        (["--out", "runs.csv"], "suffix is .csv"),
+    ],
+)
+def test_bad_options(command, rig_file, option, told):
+    done = command("monte-carlo", rig_file, *option)
+    assert done.code == 2
+    assert told in done.err
+
+
+def test_ctrl_c_of_the_command(command, rig_file, tmp_path, monkeypatch):
+    from ambid.monte_carlo import runs
+
+    identify = runs.identify_many
+
+    def once(*arguments, **options):
+        monkeypatch.setattr(runs, "identify_many", lambda *_, **__: os.kill(os.getpid(), signal.SIGINT))
+        return identify(*arguments, **options)
+
+    monkeypatch.setattr(runs, "identify_many", once)
+    out = tmp_path / "runs.parquet"
+    done = command("monte-carlo", rig_file, "--runs", RUNS, "--out", out, "--seconds", 0.5, "--amplitude", 1.0)
+    assert done.code == 130
+    assert f"stopped after 4 of {RUNS} runs" in done.out
+    assert parquet.read_table(out).num_rows == 4
