@@ -16,7 +16,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ambid.arrays import ComplexArray, FloatArray
-from ambid.checking.equations import Lines, NominalLoop, commanded, controller_terms
+from ambid.checking.equations import commanded, controller_terms
+from ambid.checking.nominal import Lines, NominalLoop
 from ambid.rig import PidController
 
 __all__ = ["ControllerFit", "Late", "fit_controller", "read_late"]

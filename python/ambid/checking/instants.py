@@ -6,7 +6,7 @@ import numpy as np
 
 from ambid.checking.clocks import Clock, out_of_step
 from ambid.checking.controller import read_late
-from ambid.checking.equations import Lines, NominalLoop
+from ambid.checking.nominal import Lines, NominalLoop
 from ambid.checking.soundness import Finding
 from ambid.record import Record
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ambid.checking.equations import NominalLoop
+from ambid.checking.nominal import NominalLoop
 from ambid.checking.soundness import Finding, LoopFigures
 from ambid.rig import Rig
 

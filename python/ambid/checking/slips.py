@@ -18,9 +18,6 @@ from ambid.arrays import FloatArray
 from ambid.checking.controller import ControllerFit, fit_controller
 from ambid.checking.equations import (
     FEWEST_LINES,
-    HIGHEST_FREQUENCY,
-    Lines,
-    NominalLoop,
     best_order,
     best_shift,
     called_for,
@@ -30,11 +27,11 @@ from ambid.checking.equations import (
     exchanged_axes,
     expected_displacement,
     gain_of,
-    moves,
     reordered,
 )
 from ambid.checking.instants import slips_of_clocks, slips_of_instants
 from ambid.checking.law import Law, find_laws
+from ambid.checking.nominal import HIGHEST_FREQUENCY, Lines, NominalLoop, moves
 from ambid.checking.path import path
 from ambid.checking.rig_slips import slips_of_rig
 from ambid.checking.soundness import SEVERITIES, Finding, LoopFigures, RecordFigures, Severity, Soundness

@@ -7,8 +7,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ambid.checking.equations import NominalLoop
 from ambid.checking.law import Law
+from ambid.checking.nominal import NominalLoop
 from ambid.noise import noise_ceiling
 from ambid.record import Record
 from ambid.results import plain

@@ -10,7 +10,7 @@ import numpy as np
 
 from ambid.arrays import FloatArray
 from ambid.checking import LoopFigures
-from ambid.checking.equations import NominalLoop
+from ambid.checking.nominal import NominalLoop
 from ambid.designs.intervals import FEWEST, Prospect, prospect
 from ambid.designs.options import MULTISINE, PRBS, SIGNALS, Option, Task, multisines, sequences
 from ambid.designs.peaks import Forecast, Limits, forecast

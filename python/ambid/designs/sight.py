@@ -17,8 +17,9 @@ from scipy.optimize import brentq
 from scipy.special import chndtrinc
 
 from ambid.arrays import FloatArray
+from ambid.diagnosis.candidates import ALPHA
 from ambid.diagnosis.chance import log_chance
-from ambid.diagnosis.ranking import ALPHA, CONFUSABLE, Point, see
+from ambid.diagnosis.ranking import CONFUSABLE, Point, see
 from ambid.diagnosis.wording import ENOUGH
 from ambid.effects import CATALOGUE, Effect, EffectParameter, Seen
 from ambid.errors import ModelError, UnstableLoopError

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
-from ambid.diagnosis.ranking import ALPHA
+from ambid.diagnosis.candidates import ALPHA
 from ambid.diagnosis.state import State
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.covariance import covariance

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ambid.diagnosis.ranking import Candidate
+from ambid.diagnosis.candidates import Candidate
 from ambid.diagnosis.result import Family
 from ambid.diagnosis.rivals import is_as_good
 from ambid.diagnosis.state import State

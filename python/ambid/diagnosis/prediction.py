@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import FloatArray
+from ambid.diagnosis.candidates import Ranking
 from ambid.diagnosis.localisation import MisfitMap, misfit_maps
-from ambid.diagnosis.ranking import Ranking
 from ambid.errors import InputError
 from ambid.results import picture, plain
 

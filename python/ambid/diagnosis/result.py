@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import FloatArray
+from ambid.diagnosis.candidates import Ranking
 from ambid.diagnosis.localisation import Cell, Localisation, MisfitMap, misfit_maps
 from ambid.diagnosis.moves import TOLD, Moved
-from ambid.diagnosis.ranking import Ranking
 from ambid.identification import ParameterEstimate
 from ambid.model import Model
 from ambid.noise import Comparison

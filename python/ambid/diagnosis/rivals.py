@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ambid.diagnosis.ranking import Candidate
+from ambid.diagnosis.candidates import Candidate
 from ambid.diagnosis.state import State, Task, nominal_with_effects_of
 from ambid.effects import Effect
 from ambid.errors import ModelError, UnstableLoopError

@@ -11,8 +11,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri
 
+from ambid.diagnosis.candidates import ALPHA, Candidate, Ranking
 from ambid.diagnosis.confirmation import stands
-from ambid.diagnosis.ranking import ALPHA, Candidate, Ranking, rank
+from ambid.diagnosis.ranking import rank
 from ambid.diagnosis.rivals import Refitted, alternatives, is_driven_off, reconsidered, refits
 from ambid.diagnosis.state import State, Task, nominal_with_effects_of, noted
 from ambid.effects import Effect

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from ambid.diagnosis.candidates import Candidate, Ranking
 from ambid.diagnosis.moves import moved, standard_errors
-from ambid.diagnosis.ranking import Candidate, Progress, Ranking
+from ambid.diagnosis.ranking import Progress
 from ambid.diagnosis.result import Step
 from ambid.effects import Effect
 from ambid.model import Model

@@ -7,31 +7,31 @@ its J.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from ambid.arrays import ComplexArray, FloatArray
+from ambid.arrays import FloatArray
 from ambid.errors import RecordError, UnstableLoopError
 from ambid.loop.effect import Tone
 from ambid.model import Model
 from ambid.model.operating_point import suffix
 from ambid.noise.chance import misfit_bound
+from ambid.noise.compared import ChannelComparison, RecordComparison, record_against, unjudged
 from ambid.noise.fit import with_average
 from ambid.noise.halves import uneven
 from ambid.noise.lines import RecordLines
-from ambid.noise.noise import Noise, Part
+from ambid.noise.noise import Noise
 from ambid.noise.response_lines import ResponseLines
 from ambid.noise.still import Louder
-from ambid.noise.window import notes_of
 from ambid.record import FrequencyResponse, Measurement, Record, Source, measured
 from ambid.results import Tabular, picture, plain
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
-__all__ = ["ADEQUATE", "ChannelComparison", "Comparison", "RecordComparison", "compare"]
+__all__ = ["ADEQUATE", "Comparison", "compare"]
 
 READ_IN = {
     "m": (1e6, "um"),
@@ -45,80 +45,6 @@ READ_IN = {
 
 ADEQUATE = 1.10
 """Largest misfit J/dof of a model that is called adequate, if chance does not bring more on a short record."""
-
-
-@dataclass(frozen=True)
-class ChannelComparison:
-    """One channel of one record against the model.
-
-    Attributes
-    ----------
-    channel : str
-        Such as ``y.A_zeta``.
-    unit : str
-        Of a frequency response m/A or A/A; then all figures are of the complex response, over all its inputs.
-    fit_percent, noise_ceiling_percent : float
-        Reached, and reachable by the exact model; NaN without enough periods.
-    measured_rms, residual_rms, noise_rms : float
-        In `unit`, means over time removed; NaN where the noise is not known.
-    misfit : float
-        J/dof of this channel alone: 1 when nothing is left but noise; NaN where the noise is not known.
-    """
-
-    channel: str
-    unit: str
-    fit_percent: float
-    noise_ceiling_percent: float
-    measured_rms: float
-    residual_rms: float
-    noise_rms: float
-    misfit: float
-
-
-@dataclass(frozen=True, repr=False)
-class RecordComparison:
-    """One record against the model.
-
-    Attributes
-    ----------
-    record : Record or FrequencyResponse
-    simulated : ndarray, shape (N, channels)
-        With the transient that the record begins with; NaN after the last whole period where something disturbs the
-        loop that need not repeat. Of a frequency response that of the model, complex, shape (F, outputs, inputs).
-    channels : tuple of ChannelComparison
-    misfit : float
-        J/dof of y and i_c judged jointly; NaN where the noise is not known: two periods, too short, or without noise.
-    repeatable_share : float
-        Part of the excited lines' power that is no noise: ``max(0, (J - dof)/J)``.
-    uneven : str
-        That the noise of a record without periods is not the same in both halves; empty where it may be, or where the
-        model is not adequate.
-    louder : str
-        That more is left where the machine moves than where it stands still; empty where it may be chance.
-    """
-
-    record: Measurement
-    simulated: FloatArray | ComplexArray
-    channels: tuple[ChannelComparison, ...]
-    misfit: float
-    repeatable_share: float
-    uneven: str = ""
-    louder: str = ""
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What is to be said beside a result of this record."""
-        return (*notes_of(self.record), *(told for told in (self.uneven, self.louder) if told))
-
-    @property
-    def residual(self) -> FloatArray | ComplexArray:
-        """Measured minus simulated, shape of `simulated`; means over time removed."""
-        if isinstance(self.record, FrequencyResponse):
-            return np.asarray(self.record.response - self.simulated)
-        left = self.record.outputs
-        left -= self.simulated.real
-        left -= [float(np.nanmean(channel)) for channel in left.T]
-        return left
 
 
 class Comparison(Tabular):
@@ -249,7 +175,7 @@ class Comparison(Tabular):
         found = []
         for k, record in enumerate(self._records):
             part = None if self._noise is None else self._noise.parts[k]
-            own = _unjudged(self.model, record) if part is None else _one(self.model, part)
+            own = unjudged(self.model, record) if part is None else record_against(self.model, part)
             if self.is_adequate and isinstance(record, Record) and record.period is None:
                 driven = self.model.excitation(record)[:, : len(record.axes)]
                 own = replace(own, uneven=uneven(record, own.residual.real, driven))
@@ -295,7 +221,7 @@ class Comparison(Tabular):
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""
-        return plain({"records": [_as_dict(record) for record in self.records]})
+        return plain({"records": [record.as_dict() for record in self.records]})
 
     def table(self) -> dict[str, list[Any]]:
         """Channels of all records, a row each."""
@@ -363,96 +289,3 @@ def compare(model: Model | Rig, records: Source | Sequence[Source]) -> Compariso
             if isinstance(record, FrequencyResponse):  # refuses a loop that is unstable or lacks its channels
                 ResponseLines(record, model).simulated(model.at(record))
         return Comparison(model, records)
-
-
-def _one(model: Model, part: Part) -> RecordComparison:
-    here = model.at(part.record)
-    if isinstance(part, ResponseLines):
-        return _of_response(here, part)
-    power = part.noise_power()
-    alone = np.mean(np.abs(part.residual_lines(here)) ** 2 / power * part.alone, axis=0)
-    white, _, fitted, _ = part.white(here, [])
-    free = max(1, part.numbers - fitted)
-    joint = float(white @ white) / free
-    noise, misfits = np.sqrt(np.mean(power, axis=0)), alone * part.numbers / free
-    return _compared(part.record, part.simulated(here), noise, misfits, joint)
-
-
-def _of_response(here: Model, part: ResponseLines) -> RecordComparison:
-    """A frequency response, each channel over all its inputs."""
-    record, simulated = part.record, part.simulated(here)
-    left, white = record.response - simulated, part.white(here, []).residual
-    of = "m" if all(name.startswith("r.") for name in record.inputs) else "A"
-    rows = []
-    for k, channel in enumerate(record.outputs):
-        tables = (record.response, left, record.std)
-        measured, residual, noise = (float(np.sqrt(np.nanmean(np.abs(own[:, k]) ** 2))) for own in tables)
-        rows.append(
-            ChannelComparison(
-                channel=channel,
-                unit=f"{'m' if channel.startswith('y.') else 'A'}/{of}",
-                fit_percent=100.0 * (1.0 - residual / measured),
-                noise_ceiling_percent=100.0 * (1.0 - noise / measured),
-                measured_rms=measured,
-                residual_rms=residual,
-                noise_rms=noise,
-                misfit=float(np.nanmean((np.abs(left[:, k]) / record.std[:, k]) ** 2)),
-            )
-        )
-    joint = float(white @ white) / part.judged
-    return RecordComparison(record, simulated, tuple(rows), joint, float(np.maximum(0.0, 1.0 - 1.0 / joint)))
-
-
-def _unjudged(model: Model, record: Measurement) -> RecordComparison:
-    """A record whose noise is not known, against a response from rest."""
-    if isinstance(record, FrequencyResponse):
-        return _of_response(model.at(record), ResponseLines(record, model))
-    unknown = np.full(len(record.channels), np.nan)
-    return _compared(record, model.response(record)[:, : len(unknown)], unknown, unknown, np.nan)
-
-
-def _compared(
-    record: Record, simulated: FloatArray, noise_rms: FloatArray, misfits: FloatArray, joint: float
-) -> RecordComparison:
-    rows, axes = [], len(record.axes)
-    for k, channel in enumerate(record.channels):
-        measured = record.y[:, k] if k < axes or record.i_c is None else record.i_c[:, k - axes]
-        left = measured - simulated[:, k]
-        known = np.isfinite(left)
-        residual, deviation = float(left[known].std()), float(measured[known].std())
-        rows.append(
-            ChannelComparison(
-                channel=channel,
-                unit="m" if channel.startswith("y.") else "A",
-                fit_percent=100.0 * (1.0 - residual / deviation),
-                noise_ceiling_percent=100.0 * (1.0 - float(noise_rms[k]) / deviation),
-                measured_rms=deviation,
-                residual_rms=residual,
-                noise_rms=float(noise_rms[k]),
-                misfit=float(misfits[k]),
-            )
-        )
-    return RecordComparison(record, simulated, tuple(rows), joint, float(np.maximum(0.0, 1.0 - 1.0 / joint)))
-
-
-def _as_dict(record: RecordComparison) -> dict[str, Any]:
-    fit = with_average({c.channel: c.fit_percent for c in record.channels})
-    ceiling = with_average({c.channel: c.noise_ceiling_percent for c in record.channels})
-    return {
-        "record": record.record.name,
-        "fit_percent": fit,
-        "noise_ceiling_percent": ceiling,
-        "misfit": record.misfit,
-        "repeatable_share": record.repeatable_share,
-        "channels": [
-            {
-                "channel": c.channel,
-                "unit": c.unit,
-                "residual_rms": c.residual_rms,
-                "noise_rms": c.noise_rms,
-                "misfit": c.misfit,
-            }
-            for c in record.channels
-        ],
-        "notes": list(record.notes),
-    }

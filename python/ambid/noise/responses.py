@@ -11,7 +11,8 @@ import numpy as np
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import InputError
 from ambid.model import Model
-from ambid.noise.comparison import Comparison, RecordComparison
+from ambid.noise.compared import RecordComparison
+from ambid.noise.comparison import Comparison
 from ambid.noise.response_lines import ResponseLines
 from ambid.record import FrequencyResponse, Record
 from ambid.results import plain

@@ -11,7 +11,7 @@ import numpy as np
 from ambid.errors import InputError
 from ambid.model import Model
 from ambid.noise import Comparison, compare
-from ambid.noise.comparison import RecordComparison
+from ambid.noise.compared import RecordComparison
 from ambid.noise.responses import frequency_responses
 from ambid.plot.responses import draw_responses, plot_frequency_response
 from ambid.plot.style import (

@@ -1,0 +1,175 @@
+"""What a ranking says: candidates with their evidence, the least likely to be chance first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ambid.arrays import FloatArray
+from ambid.diagnosis.chance import log_chance_bounded
+from ambid.effects import Effect
+from ambid.noise import Comparison
+from ambid.results import Tabular, picture, plain
+
+__all__ = ["ALPHA", "Candidate", "Ranking"]
+
+ALPHA = 0.005
+"""Chance of a false alarm over the whole catalogue: half of the 1 % that all tests of a diagnosis may have together."""
+SMALLEST_TOLD = 1e-300
+"""Smaller p-values are not printed as numbers: they are as good as none, and their order is that of the scores."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect, judged by its score.
+
+    Attributes
+    ----------
+    effect : Effect
+    score : float
+        Fall of J that adding it would bring, to first order.
+    degrees : int
+        Degrees of freedom of the score.
+    start : dict of str to float
+        Predicted values of its parameters.
+    predicted_misfit : float
+        J/dof after adding it, to first order.
+    confusable_with : tuple of str
+        Candidates that these data can hardly tell from it.
+    smallest_visible : dict of str to float
+        Value of each probed parameter that these data would just show; what is smaller stays invisible.
+    direction : ndarray, shape (lines,), or None
+        Whitened response change, freed from what the known parameters absorb, of unit norm.
+    size : float
+        Norm of that change at the predicted values.
+    residual : ndarray, shape (lines,), or None
+        Whitened residual, freed alike, that it was judged by; shared by the candidates of a ranking.
+    from_start : bool
+        Whether it was judged at the values that the diagnosis started from, no stable loop with it being near the fit.
+    spread : float
+        What chance brings of a fall of J per degree of freedom: a little more than 1, see `Spectrum`.
+    one_sided : int
+        So many of the degrees of freedom can only have one sign.
+    variants : float
+        So many independent places, frequencies or sizes were tried.
+    """
+
+    effect: Effect
+    score: float
+    degrees: int
+    start: dict[str, float]
+    predicted_misfit: float
+    confusable_with: tuple[str, ...] = ()
+    smallest_visible: dict[str, float] = field(default_factory=dict)
+    direction: FloatArray | None = field(default=None, repr=False, compare=False)
+    size: float = 0.0
+    residual: FloatArray | None = field(default=None, repr=False, compare=False)
+    from_start: bool = False
+    spread: float = 1.0
+    one_sided: int = 0
+    variants: float = 1.0
+
+    @property
+    def chance(self) -> float:
+        """Logarithm of the p-value: of such a score when the effect is absent, whichever of its variants is best."""
+        return self.chance_of(self.score)
+
+    def chance_of(self, score: float) -> float:
+        """The same of any score."""
+        own = log_chance_bounded(score / self.spread, self.degrees, self.one_sided)
+        return min(0.0, own + float(np.log(self.variants)))
+
+    def evidence_against(self, other: Candidate) -> float:
+        """Fall of J by this effect that the other one could not bring: ``S (1 - rho^2)``."""
+        if self.direction is None or other.direction is None:
+            return 0.0
+        return self.score * (1.0 - float(self.direction @ other.direction) ** 2)
+
+    @property
+    def p_value(self) -> float:
+        """Of the score when the effect is absent."""
+        return float(np.exp(self.chance))
+
+    @property
+    def p_text(self) -> str:
+        """The p-value as it is printed: what is smaller than a number can hold ranks nothing."""
+        return f"{self.p_value:.2g}" if self.p_value > SMALLEST_TOLD else f"< {SMALLEST_TOLD:.0e}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data, as in JSON."""
+        return {
+            "effect": self.effect.name,
+            "score": self.score,
+            "p_value": self.p_value,
+            "predicted_value": self.start,
+            "predicted_misfit": self.predicted_misfit,
+            "confusable_with": list(self.confusable_with),
+            "smallest_visible": self.smallest_visible,
+        }
+
+
+@dataclass(frozen=True, repr=False)
+class Ranking(Tabular):
+    """All candidates, least likely to be chance first; result of `rank`.
+
+    Attributes
+    ----------
+    candidates : tuple of Candidate
+    misfit : float
+        J/dof of the model as it stands.
+    not_tried : dict of str to str
+        Effects that make no sense on this rig or could not be judged, and why.
+    comparison : Comparison or None
+        What it was judged in.
+    """
+
+    candidates: tuple[Candidate, ...]
+    misfit: float
+    not_tried: dict[str, str]
+    comparison: Comparison | None = None
+
+    plot = picture("plot_ranking")
+
+    def find(self, name: str) -> Candidate | None:
+        """The candidate of that name, if there is one."""
+        return next((c for c in self.candidates if c.effect.name == name), None)
+
+    @property
+    def significant(self) -> tuple[Candidate, ...]:
+        """Candidates whose score is no chance, at `ALPHA` over the whole catalogue."""
+        level = ALPHA / max(1, len(self.candidates))
+        return tuple(c for c in self.candidates if c.p_value < level)
+
+    def table(self) -> dict[str, list[Any]]:
+        """Candidates, a row each, in rank order."""
+        return {
+            "effect": [c.effect.name for c in self.candidates],
+            "score": [c.score for c in self.candidates],
+            "p_value": [c.p_value for c in self.candidates],
+            "predicted_misfit": [c.predicted_misfit for c in self.candidates],
+            "predicted_value": [", ".join(f"{n} {v:.3g}" for n, v in c.start.items()) for c in self.candidates],
+            "confusable_with": [", ".join(c.confusable_with) for c in self.candidates],
+        }
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data as the command's ``--json`` writes it."""
+        rows = [candidate.as_dict() for candidate in self.candidates]
+        return plain({"misfit": self.misfit, "candidates": rows, "not_tried": self.not_tried})
+
+    def summary(self) -> list[str]:
+        """Misfit, and what was not tried."""
+        not_tried = [f"{name} not tried: {why}" for name, why in self.not_tried.items()]
+        return [f"misfit {self.misfit:.3f} (J/dof, 1 when the model is right)", *not_tried]
+
+    def __repr__(self) -> str:
+        lines = [
+            f"misfit {self.misfit:.3f} (J/dof, 1 when the model is right)",
+            f"{'effect':24s} {'score':>11s} {'p value':>9s} {'misfit then':>12s}  predicted",
+        ]
+        for c in self.candidates:
+            values = ", ".join(f"{name} {value:.3g}" for name, value in c.start.items())
+            lines.append(f"{c.effect.name:24s} {c.score:11.1f} {c.p_text:>9s} {c.predicted_misfit:12.3f}  {values}")
+        lines += [f"{name:24s} not tried: {why}" for name, why in self.not_tried.items()]
+        return "\n".join(lines)

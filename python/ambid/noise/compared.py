@@ -1,0 +1,186 @@
+"""One record against a model: fits, what is left, and noise, channel by channel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ambid.arrays import ComplexArray, FloatArray
+from ambid.model import Model
+from ambid.noise.fit import with_average
+from ambid.noise.noise import Part
+from ambid.noise.response_lines import ResponseLines
+from ambid.noise.window import notes_of
+from ambid.record import FrequencyResponse, Measurement, Record
+
+__all__ = ["ChannelComparison", "RecordComparison", "record_against", "unjudged"]
+
+
+@dataclass(frozen=True)
+class ChannelComparison:
+    """One channel of one record against the model.
+
+    Attributes
+    ----------
+    channel : str
+        Such as ``y.A_zeta``.
+    unit : str
+        Of a frequency response m/A or A/A; then all figures are of the complex response, over all its inputs.
+    fit_percent, noise_ceiling_percent : float
+        Reached, and reachable by the exact model; NaN without enough periods.
+    measured_rms, residual_rms, noise_rms : float
+        In `unit`, means over time removed; NaN where the noise is not known.
+    misfit : float
+        J/dof of this channel alone: 1 when nothing is left but noise; NaN where the noise is not known.
+    """
+
+    channel: str
+    unit: str
+    fit_percent: float
+    noise_ceiling_percent: float
+    measured_rms: float
+    residual_rms: float
+    noise_rms: float
+    misfit: float
+
+
+@dataclass(frozen=True, repr=False)
+class RecordComparison:
+    """One record against the model.
+
+    Attributes
+    ----------
+    record : Record or FrequencyResponse
+    simulated : ndarray, shape (N, channels)
+        With the transient that the record begins with; NaN after the last whole period where something disturbs the
+        loop that need not repeat. Of a frequency response that of the model, complex, shape (F, outputs, inputs).
+    channels : tuple of ChannelComparison
+    misfit : float
+        J/dof of y and i_c judged jointly; NaN where the noise is not known: two periods, too short, or without noise.
+    repeatable_share : float
+        Part of the excited lines' power that is no noise: ``max(0, (J - dof)/J)``.
+    uneven : str
+        That the noise of a record without periods is not the same in both halves; empty where it may be, or where the
+        model is not adequate.
+    louder : str
+        That more is left where the machine moves than where it stands still; empty where it may be chance.
+    """
+
+    record: Measurement
+    simulated: FloatArray | ComplexArray
+    channels: tuple[ChannelComparison, ...]
+    misfit: float
+    repeatable_share: float
+    uneven: str = ""
+    louder: str = ""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is to be said beside a result of this record."""
+        return (*notes_of(self.record), *(told for told in (self.uneven, self.louder) if told))
+
+    @property
+    def residual(self) -> FloatArray | ComplexArray:
+        """Measured minus simulated, shape of `simulated`; means over time removed."""
+        if isinstance(self.record, FrequencyResponse):
+            return np.asarray(self.record.response - self.simulated)
+        left = self.record.outputs
+        left -= self.simulated.real
+        left -= [float(np.nanmean(channel)) for channel in left.T]
+        return left
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data, as in JSON."""
+        fit = with_average({c.channel: c.fit_percent for c in self.channels})
+        ceiling = with_average({c.channel: c.noise_ceiling_percent for c in self.channels})
+        return {
+            "record": self.record.name,
+            "fit_percent": fit,
+            "noise_ceiling_percent": ceiling,
+            "misfit": self.misfit,
+            "repeatable_share": self.repeatable_share,
+            "channels": [
+                {
+                    "channel": c.channel,
+                    "unit": c.unit,
+                    "residual_rms": c.residual_rms,
+                    "noise_rms": c.noise_rms,
+                    "misfit": c.misfit,
+                }
+                for c in self.channels
+            ],
+            "notes": list(self.notes),
+        }
+
+
+def record_against(model: Model, part: Part) -> RecordComparison:
+    """A record whose noise is known."""
+    here = model.at(part.record)
+    if isinstance(part, ResponseLines):
+        return _of_response(here, part)
+    power = part.noise_power()
+    alone = np.mean(np.abs(part.residual_lines(here)) ** 2 / power * part.alone, axis=0)
+    white, _, fitted, _ = part.white(here, [])
+    free = max(1, part.numbers - fitted)
+    joint = float(white @ white) / free
+    noise, misfits = np.sqrt(np.mean(power, axis=0)), alone * part.numbers / free
+    return _compared(part.record, part.simulated(here), noise, misfits, joint)
+
+
+def _of_response(here: Model, part: ResponseLines) -> RecordComparison:
+    """A frequency response, each channel over all its inputs."""
+    record, simulated = part.record, part.simulated(here)
+    left, white = record.response - simulated, part.white(here, []).residual
+    of = "m" if all(name.startswith("r.") for name in record.inputs) else "A"
+    rows = []
+    for k, channel in enumerate(record.outputs):
+        tables = (record.response, left, record.std)
+        measured, residual, noise = (float(np.sqrt(np.nanmean(np.abs(own[:, k]) ** 2))) for own in tables)
+        rows.append(
+            ChannelComparison(
+                channel=channel,
+                unit=f"{'m' if channel.startswith('y.') else 'A'}/{of}",
+                fit_percent=100.0 * (1.0 - residual / measured),
+                noise_ceiling_percent=100.0 * (1.0 - noise / measured),
+                measured_rms=measured,
+                residual_rms=residual,
+                noise_rms=noise,
+                misfit=float(np.nanmean((np.abs(left[:, k]) / record.std[:, k]) ** 2)),
+            )
+        )
+    joint = float(white @ white) / part.judged
+    return RecordComparison(record, simulated, tuple(rows), joint, float(np.maximum(0.0, 1.0 - 1.0 / joint)))
+
+
+def unjudged(model: Model, record: Measurement) -> RecordComparison:
+    """A record whose noise is not known, against a response from rest."""
+    if isinstance(record, FrequencyResponse):
+        return _of_response(model.at(record), ResponseLines(record, model))
+    unknown = np.full(len(record.channels), np.nan)
+    return _compared(record, model.response(record)[:, : len(unknown)], unknown, unknown, np.nan)
+
+
+def _compared(
+    record: Record, simulated: FloatArray, noise_rms: FloatArray, misfits: FloatArray, joint: float
+) -> RecordComparison:
+    rows, axes = [], len(record.axes)
+    for k, channel in enumerate(record.channels):
+        measured = record.y[:, k] if k < axes or record.i_c is None else record.i_c[:, k - axes]
+        left = measured - simulated[:, k]
+        known = np.isfinite(left)
+        residual, deviation = float(left[known].std()), float(measured[known].std())
+        rows.append(
+            ChannelComparison(
+                channel=channel,
+                unit="m" if channel.startswith("y.") else "A",
+                fit_percent=100.0 * (1.0 - residual / deviation),
+                noise_ceiling_percent=100.0 * (1.0 - float(noise_rms[k]) / deviation),
+                measured_rms=deviation,
+                residual_rms=residual,
+                noise_rms=float(noise_rms[k]),
+                misfit=float(misfits[k]),
+            )
+        )
+    return RecordComparison(record, simulated, tuple(rows), joint, float(np.maximum(0.0, 1.0 - 1.0 / joint)))
