@@ -24,6 +24,7 @@ from ambid.diagnosis.wording import ENOUGH
 from ambid.errors import InputError, ModelError, UnstableLoopError
 from ambid.identification.minimum import ROUGHLY, refit
 from ambid.model import Model
+from ambid.noise import Comparison
 from ambid.noise.foreseen import Instruments, foreseen
 from ambid.record import Record
 from ambid.results import Tabular, plain
@@ -33,6 +34,8 @@ __all__ = ["Proposal", "Proposals", "next_experiments", "tell_apart"]
 
 SET_UP = 600.0
 """Seconds that another operating point costs beside its record: the machine is stopped, set up and warmed again."""
+CURRENT_NOISE = 0.01
+"""Rms of i_c [A] where it was not recorded: that of a common current probe."""
 LOUDER = 1.1
 """Amplitude over the present one that is worth trying, at the least."""
 NOTHING = 0.01
@@ -187,45 +190,55 @@ def tell_apart(
     return Proposals(tuple(hypotheses), tuple(found), not_tried)
 
 
-def next_experiments(diagnosis: Diagnosis, *, limits: Limits | None = None) -> Proposals:
+def next_experiments(
+    diagnosis: Diagnosis, *, current_noise: float = CURRENT_NOISE, limits: Limits | None = None
+) -> Proposals:
     """Foresee which next experiment settles an ambiguous verdict.
 
     Parameters
     ----------
     diagnosis : Diagnosis
         Of records of which the first in time has periods and i_e.
+    current_noise : float
+        Rms that i_c would have [A], where it was not recorded and could be.
     limits : Limits, optional
 
     Returns
     -------
     Proposals
-        For the first of its sets.
+        For the first of its sets, each member at the values that the records ask for, beside all else that was found.
 
     Raises
     ------
     InputError
         If the verdict is another, or there is no such record.
     """
-    sets: Sequence[Sequence[str]] = diagnosis.ambiguous_sets
-    if diagnosis.verdict != "ambiguous" or not sets:
+    if diagnosis.verdict != "ambiguous" or diagnosis.fit is None:
         raise InputError(f"the verdict is {diagnosis.verdict}: only what is ambiguous can be told apart")
-    if diagnosis.fit is None:
-        raise InputError("the diagnosis has no fit; diagnose the records again")
     record = next((own for own in diagnosis.records if isinstance(own, Record) and own.period is not None), None)
     if record is None or record.i_e is None or record.period is None:
         raise InputError("none of the records has periods and i_e; give what was played to tell_apart()")
-    hypotheses = {}
-    for name in sets[0]:
-        for step in diagnosis.history:
-            candidate = step.ranking.find(name)
-            if candidate is not None:
-                with suppress(UnstableLoopError):
-                    own = step.model.add(candidate.effect, candidate.start)
-                    hypotheses[name] = refit(diagnosis.fit.of(own), step=ROUGHLY).model
-                break
+    instruments = Instruments.of(diagnosis.fit)
+    more = None if record.i_c is not None else instruments.with_currents(current_noise)
     whole = record.periods * record.period
     i_e = record.i_e[:whole] - record.i_e[:whole].mean(axis=0)
-    return tell_apart(hypotheses, i_e, record.period, Instruments.of(diagnosis.fit), limits=limits)
+    hypotheses = _members(diagnosis, diagnosis.fit)
+    return tell_apart(hypotheses, i_e, record.period, instruments, more_instruments=more, limits=limits)
+
+
+def _members(diagnosis: Diagnosis, fit: Comparison) -> dict[str, Model]:
+    """The model of a diagnosis, and the same with each other member of its first set in place of the one it has."""
+    names: Sequence[str] = diagnosis.ambiguous_sets[0]
+    (present,) = (name for name in names if name in diagnosis.effects)
+    found = {present: fit.model}
+    rest = fit.model.without(present)
+    for name in names:
+        ranked = (step.ranking.find(name) for step in diagnosis.history)
+        candidate = next((own for own in ranked if own is not None), None)
+        if candidate is not None and name != present:
+            with suppress(UnstableLoopError):
+                found[name] = refit(fit.of(rest.add(candidate.effect, candidate.start)), step=ROUGHLY).model
+    return found
 
 
 def _evidence(

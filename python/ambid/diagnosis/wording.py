@@ -26,6 +26,7 @@ OF_SMALL_MOTION = (
     "a frequency response, which is of small motion and repeats: nonlinear effects, disturbances, tones and drift were "
     "not looked for in it"
 )
+FORESEEN = "`ambid diagnose --next` simulates these and tells which is the cheapest, and how long to record"
 WITHOUT_PERIODS = (
     "i_e does not repeat, or not often enough to see it: the noise is what no smooth response to i_e explains, and "
     "neither tones nor drift were looked for"
@@ -146,7 +147,7 @@ def next_experiment(verdict: Verdict, history: Sequence[Step]) -> str:
     if verdict.word == "adequate":
         return "nothing is needed in this band and at this amplitude; a larger one would show nonlinear effects"
     if verdict.word == "ambiguous":
-        return "; ".join(_apart(names, history) for names in verdict.sets)
+        return "; ".join([*(_apart(names, history) for names in verdict.sets), FORESEEN])
     if verdict.word == "explained" and verdict.changes:
         return (
             f"look for what changes {verdict.changes[0].parameter} from one operating point to the next, such as a "

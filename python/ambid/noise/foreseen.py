@@ -78,6 +78,20 @@ class Instruments:
         covariance = 2.0 * root @ root.conj().transpose(0, 2, 1) / part.spectrum.raised[:count, None, None]
         return cls(part.window.excited * part.record.sample_rate / part.window.samples, covariance)
 
+    def with_currents(self, current_noise: float) -> Instruments:
+        """The same where i_c is recorded too, in white noise [A rms]; of instruments that have y alone.
+
+        Raises
+        ------
+        InputError
+            If the noise is not above zero.
+        """
+        axes = self.channels
+        stated = Instruments.stated(axes, 1.0, current_noise).covariance
+        covariance = np.repeat(stated, len(self.covariance), axis=0)
+        covariance[:, :axes, :axes] = self.covariance
+        return Instruments(self.frequency_hz, covariance)
+
     def without_currents(self) -> Instruments:
         """The same where y alone is recorded."""
         axes = self.channels // 2
