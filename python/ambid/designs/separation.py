@@ -2,7 +2,7 @@
 
 Of each experiment that may be made the record is simulated as each hypothesis would have it, beside the present one,
 and every other hypothesis is fitted to both: what that fit leaves, J without noise, is the evidence lambda against it
-(T-optimality; Atkinson and Fedorov 1975), S (1 - rho^2) where effects are small. 26 tell with 95 % certainty.
+(T-optimality; Atkinson and Fedorov 1975), S (1 - rho^2) where effects are small. 63 tell in 95 % of records.
 """
 
 from __future__ import annotations
@@ -38,8 +38,10 @@ CURRENT_NOISE = 0.01
 """Rms of i_c [A] where it was not recorded: that of a common current probe."""
 LOUDER = 1.1
 """Amplitude over the present one that is worth trying, at the least."""
-NOTHING = 0.01
-"""Evidence below which no length would do: that of rounding and of a fit that ends a little early."""
+MOST_REPEATS = 1e4
+"""Length of the next record over the present one that is not to be had: what needs more is rounding."""
+NEARLY = 0.98
+"""Part of the evidence wanted that ends the search for the length: two fits differ by as much."""
 
 
 @dataclass(frozen=True)
@@ -51,12 +53,11 @@ class Proposal:
     change : Change
         What is different from the present one.
     evidence : float
-        Least lambda of any hypothesis against any other, both records together.
+        Least lambda of any hypothesis against any other, of both records together, the next as long as the present one.
     repeats : float
-        So many times as long as the present one must the records be to tell them apart; infinite where no length would
-        do.
+        So many times as long as the present record must it be to tell them apart; infinite where no length would do.
     seconds : float
-        That are to be recorded for that: where the present record must be longer, that counts too.
+        That are to be recorded for that.
     load : float
         Largest peak over its limit.
     cost : float
@@ -175,17 +176,17 @@ def tell_apart(
                     continue
                 largest = min(change.amplitude, 1.0 / load)
                 change = replace(change, what=f"{largest:.3g} times the amplitude", amplitude=largest)
-            evidence = min(
-                _evidence(truth, other, change, i_e, period, told)
+            pairs = [
+                _Pair(truth, other, change, i_e, period, (instruments, told))
                 for truth, other in permutations(hypotheses.values(), 2)
-            )
+            ]
+            evidence, repeats = min(pair.once for pair in pairs), max(pair.repeats() for pair in pairs)
         except (UnstableLoopError, ModelError) as error:
             not_tried[change.what] = str(error)
             continue
-        factor = max(1.0, ENOUGH / evidence) if evidence > NOTHING else float("inf")
-        seconds = (factor if change.currents else 2.0 * factor - 1.0) * len(i_e) / rig.sample_rate
+        seconds = repeats * len(i_e) / rig.sample_rate
         cost = seconds + (SET_UP if change.rig is not None or change.currents else 0.0)
-        found.append(Proposal(change, evidence, factor, seconds, load * change.amplitude, cost))
+        found.append(Proposal(change, evidence, repeats, seconds, load * change.amplitude, cost))
     found.sort(key=lambda own: (own.cost, -own.evidence))
     return Proposals(tuple(hypotheses), tuple(found), not_tried)
 
@@ -241,12 +242,31 @@ def _members(diagnosis: Diagnosis, fit: Comparison) -> dict[str, Model]:
     return found
 
 
-def _evidence(
-    truth: Model, other: Model, change: Change, i_e: FloatArray, period: int, instruments: Instruments
-) -> float:
-    """What a hypothesis leaves of the present record and the next one, if another is the truth."""
-    further = planned(change.at(truth), change.amplitude * i_e, period, instruments)
-    records = [replace(further, name="next")]
-    if not change.currents:  # else the new record tells all that the present one does
-        records.insert(0, planned(truth, i_e, period, instruments))
-    return refit(foreseen(other, records, instruments)).cost
+class _Pair:
+    """Evidence against one hypothesis if another is the truth, of the present record and a change of it."""
+
+    def __init__(
+        self, truth: Model, other: Model, change: Change, i_e: FloatArray, period: int, told: tuple[Instruments, ...]
+    ) -> None:
+        self.other, (self.present, self.further) = other, told
+        following = planned(change.at(truth), change.amplitude * i_e, period, self.further)
+        self.records = [planned(truth, i_e, period, self.present), replace(following, name="next")]
+        self.once = self._evidence(1.0)
+
+    def repeats(self) -> float:
+        """So many times as long as the present one must the next record be; infinite where no length would do."""
+        before, times, evidence = 0.0, 1.0, self.once
+        told = 0.0
+        while evidence < NEARLY * ENOUGH:
+            slope = (evidence - told) / (times - before)
+            if slope * MOST_REPEATS < ENOUGH - evidence:
+                return float("inf")
+            before, told = times, evidence
+            times += (ENOUGH - evidence) / slope
+            evidence = self._evidence(times)
+        return times
+
+    def _evidence(self, times: float) -> float:
+        """What the other leaves of both records, the next so many times as long."""
+        noise = (self.present, self.further.averaged(times))
+        return refit(foreseen(self.other, self.records, noise)).cost

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from ambid.diagnosis.result import Step
+from ambid.diagnosis.rivals import APART
 from ambid.diagnosis.verdict import Verdict
 from ambid.effects.slips import ControllerGainError, ExcitationGainError
 from ambid.noise import Noise
@@ -15,8 +16,9 @@ from ambid.rig import PidController, Rig
 
 __all__ = ["next_experiment", "notes", "not_determined"]
 
-ENOUGH = 26.0
-"""Evidence that tells two effects apart with 95 % certainty."""
+ENOUGH = (2.0 * (APART + 1.645)) ** 2
+"""Evidence lambda that tells two effects apart in 95 % of records, 63: J1 - J2 has the mean lambda and the standard
+deviation 2 sqrt(lambda), and only what is beyond `APART` of these tells."""
 TWINS = 0.999
 """Effects whose freed responses have a larger cosine are the same in this kind of record."""
 CONTROLLER_SLIP, EXCITATION_SLIP = ControllerGainError.name, ExcitationGainError.name
@@ -192,7 +194,7 @@ def _apart(names: Sequence[str], history: Sequence[Step]) -> str:
                 "bias current, speed or controller gain, diagnosed together with this record"
             )
         return (
-            f"{text}more periods would not do, since they are the same in such a record: record i_c if it is missing, "
-            "or measure at another bias current, speed or controller gain, and diagnose the records together"
+            f"{text}more periods alone would hardly do, since they are all but the same in such a record: record i_c if "
+            "it is missing, or measure at another bias current, speed or controller gain, and diagnose the records together"
         )
     return f"to tell {' from '.join(names)}: measure at another amplitude, bias current or controller gain"

@@ -92,6 +92,10 @@ class Instruments:
         covariance[:, :axes, :axes] = self.covariance
         return Instruments(self.frequency_hz, covariance)
 
+    def averaged(self, times: float) -> Instruments:
+        """Noise of the mean of so many records, which tells as much as one that is so many times as long."""
+        return Instruments(self.frequency_hz, self.covariance / times)
+
     def without_currents(self) -> Instruments:
         """The same where y alone is recorded."""
         axes = self.channels // 2
@@ -120,7 +124,7 @@ class ForeseenLines(RecordLines):
         return Spectrum.of(self._instruments.at(at), back, np.ones(len(self.points)))
 
 
-def foreseen(model: Model, records: Sequence[Record], instruments: Instruments) -> Comparison:
+def foreseen(model: Model, records: Sequence[Record], instruments: Sequence[Instruments]) -> Comparison:
     """Hold a model against simulated records with periods, in noise that is known beforehand.
 
     Parameters
@@ -128,8 +132,9 @@ def foreseen(model: Model, records: Sequence[Record], instruments: Instruments) 
     model : Model
     records : sequence of Record
         Without noise, two periods each or more, with the channels of the instruments.
-    instruments : Instruments
+    instruments : sequence of Instruments
+        Of each record.
     """
     model = model.covering(records)
-    parts = [ForeseenLines(model, record, instruments) for record in records]
+    parts = [ForeseenLines(model, record, own) for record, own in zip(records, instruments, strict=True)]
     return Comparison(model, records, Noise.of_parts(parts))
