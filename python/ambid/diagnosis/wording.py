@@ -194,7 +194,8 @@ def _apart(names: Sequence[str], history: Sequence[Step]) -> str:
                 "bias current, speed or controller gain, diagnosed together with this record"
             )
         return (
-            f"{text}more periods alone would hardly do, since they are all but the same in such a record: record i_c if "
-            "it is missing, or measure at another bias current, speed or controller gain, and diagnose the records together"
+            f"{text}more periods alone would hardly do, since they are all but the same in such a record: record i_c "
+            "if it is missing, or measure at another bias current, speed or controller gain, and diagnose the records "
+            "together"
         )
     return f"to tell {' from '.join(names)}: measure at another amplitude, bias current or controller gain"
