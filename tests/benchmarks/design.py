@@ -111,19 +111,17 @@ def next_experiment(runs):
         before, after, count = 0, 0, 0
         for name, truth in pair.items():
             for seed in range(runs):
-                old = record_of(truth, longer, period, 2 * seed)
+                old = record_of(truth, i_e, period, 2 * seed)
                 new = record_of(best.change.at(truth), best.change.amplitude * longer, period, 2 * seed + 1)
                 if not currents:
                     old = replace(old, i_c=None)
                     new = new if best.change.currents else replace(new, i_c=None)
-                short = record_of(truth, i_e, period, 2 * seed)
-                short = short if currents else replace(short, i_c=None)
-                before += _likelier(pair, [short]) == name
-                after += _likelier(pair, [new] if best.change.currents else [old, new]) == name
+                before += _likelier(pair, [old]) == name
+                after += _likelier(pair, [old, new]) == name
                 count += 1
         print(
-            f"{', '.join(pair)}: {best.change.what}, {best.repeats:.3g} times as long, evidence then "
-            f"{best.evidence * best.repeats:.3g}; likelier is the truth before {100 * before / count:.0f} %, with it "
+            f"{', '.join(pair)}: {best.change.what}, {best.repeats:.3g} times as long; "
+            f"likelier is the truth before {100 * before / count:.0f} %, with it "
             f"{100 * after / count:.0f} % of {count}",
             flush=True,
         )

@@ -104,6 +104,22 @@ def test_design_takes_values_and_noise_from_a_record(rig, tmp_path):
     assert data["parameters"]["K_i.A_zeta"]["value"] != 180.0
 
 
+def test_diagnose_proposes_what_settles_an_ambiguous_verdict(rig, tmp_path):
+    record, told = tmp_path / "run.csv", tmp_path / "told.json"
+    late = ("--amplitude", 0.5, "--effect", "loop_delay:delay=3e-5")
+    assert run("simulate", rig, "--out", record, "--seconds", 0.5, *late, "--quiet").exit_code == 0
+    lines = record.read_text().splitlines()
+    kept = [k for k, name in enumerate(lines[0].split(",")) if not name.startswith("i_c")]
+    record.write_text("\n".join(",".join(np.array(line.split(","))[kept]) for line in lines))
+    ended = run("diagnose", rig, record, "--next", "--json", told)
+    assert ended.exit_code == 0, ended.output
+    data = json.loads(told.read_text())
+    assert data["next_experiments"]["hypotheses"] == data["ambiguous_sets"][0]
+    assert data["next_experiments"]["experiments"][0]["change"] == "record i_c"
+    assert "--next" in data["next_experiment"]
+    assert "s are to be recorded" in ended.output
+
+
 def test_design_proposes_what_tells_effects_apart(rig, tmp_path):
     told = tmp_path / "told.json"
     apart = ("--apart", "loop_delay:delay=1e-5", "--apart", "sensor_lag:time_constant=1e-5")

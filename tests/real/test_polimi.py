@@ -8,6 +8,7 @@ from places import TESTS
 
 RUN = TESTS / "data/mls2em"
 VOLTS = 11.658  # of the driver, per unit of control
+NOISE = 16e-6  # m, of heights as read in other runs
 
 
 @pytest.fixture(scope="module")
@@ -33,8 +34,15 @@ def test_the_clipped_kick_of_the_derivative_is_a_known_excitation(run):
     assert len(moved) < 5
 
 
+def test_its_height_is_that_of_a_filter(run):
+    """As read it has a quantum of 1.4 um, so that values come again, and a noise of ten times that."""
+    height = run[1].y[:, 0]
+    assert len(np.unique(height)) > 0.9 * len(height)
+    assert np.std(np.diff(height[:1500], 3)) / np.sqrt(20.0) < 0.1 * NOISE
+
+
 def test_a_step_that_the_model_misses_is_not_adequate(run):
-    """Its K_i is half of what the holding current says; over the whole record the misfit is that of noise."""
+    """Behind that filter K_i is 0.7 of what the holding current says; over the whole record the misfit is of noise."""
     found = diagnose(*run)
     assert found.verdict == "none_of_the_candidates"
     assert found.history[0].misfit < found.fit.bound

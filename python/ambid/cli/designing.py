@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from ambid.designs import Design, Instruments, Limits, Proposals
 
 PRBS, MULTISINE = "prbs", "multisine"
-SENSOR_NOISE, CURRENT_NOISE = 50e-9, 1e-2
-"""Noise of y [m rms] and of i_c [A rms], where none is stated and no record tells."""
+SENSOR_NOISE = 50e-9
+"""Noise of y [m rms], where none is stated and no record tells."""
 
 FullScale = Annotated[
     float | None, typer.Option(metavar="AMPERE", help="What full scale of a .wav file stands for; default: the peak.")
@@ -133,6 +133,8 @@ def design_command(
     if out is not None:
         _require_out(inputs, out, json_file, force)
     require_outputs(inputs, {"--json": json_file})
+    from ambid.designs.separation import CURRENT_NOISE  # not at the top: --help need not open that room
+
     if record and (sensor_noise is not None or current_noise is not None):
         raise InputError("--record tells the noise; leave --sensor-noise and --current-noise out, or the record")
     machine = ambid.Rig.load(rig)

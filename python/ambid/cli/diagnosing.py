@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -162,6 +162,9 @@ def diagnose_command(
     save: Annotated[Path | None, typer.Option(metavar="MODEL", help="Write the last model.")] = None,
     plot: PlotFile = None,
     report: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write a report to read and print.")] = None,
+    following: Annotated[
+        bool, typer.Option("--next", help="Where the verdict is ambiguous, foresee which experiment would settle it.")
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
     """Name the physics that the model lacks, add it, and watch the misfit fall."""
@@ -200,9 +203,12 @@ def diagnose_command(
             if not isinstance(stopped.result, ambid.Diagnosis):
                 raise  # still in its first fit
             found, is_stopped = stopped.result, True
+        text, data = repr(found), found.to_json()
+        if following and found.verdict == "ambiguous" and not is_stopped:
+            text, data = _with_next(found, text, data)
     conclude(
-        found,
-        found.to_json(),
+        text,
+        data,
         json_file,
         quiet,
         lambda: saved(found, save),
@@ -211,6 +217,15 @@ def diagnose_command(
     )
     if is_stopped:
         raise typer.Exit(exit_code())
+
+
+def _with_next(found: ambid.Diagnosis, text: str, data: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """What is told of an ambiguous diagnosis, with the experiments that would settle it."""
+    try:
+        proposals = ambid.next_experiments(found)
+    except (InputError, RecordError) as error:  # no periods or no i_e: the diagnosis stands
+        return f"{text}\nno experiment is foreseen: {error}", data | {"next_experiments": None}
+    return f"{text}\n\n{proposals}", data | {"next_experiments": proposals.to_json()}
 
 
 def _opened(

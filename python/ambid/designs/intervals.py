@@ -120,7 +120,7 @@ def prospect(model: Model | Rig, i_e: FloatArray, *, period: int, instruments: I
     """
     model = Model(model) if isinstance(model, Rig) else model
     record = planned(model, i_e, period, instruments)
-    return Prospect(foreseen(model, [record], instruments), record.seconds)
+    return Prospect(foreseen(model, [record], [instruments]), record.seconds)
 
 
 def planned(model: Model, i_e: FloatArray, period: int, instruments: Instruments) -> Record:

@@ -2,7 +2,7 @@
 
 Of each experiment that may be made the record is simulated as each hypothesis would have it, beside the present one,
 and every other hypothesis is fitted to both: what that fit leaves, J without noise, is the evidence lambda against it
-(T-optimality; Atkinson and Fedorov 1975), S (1 - rho^2) where effects are small. 26 tell with 95 % certainty.
+(T-optimality; Atkinson and Fedorov 1975), S (1 - rho^2) where effects are small. 63 tell in 95 % of records.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from ambid.diagnosis.wording import ENOUGH
 from ambid.errors import InputError, ModelError, UnstableLoopError
 from ambid.identification.minimum import ROUGHLY, refit
 from ambid.model import Model
+from ambid.noise import Comparison
 from ambid.noise.foreseen import Instruments, foreseen
 from ambid.record import Record
 from ambid.results import Tabular, plain
@@ -33,10 +34,14 @@ __all__ = ["Proposal", "Proposals", "next_experiments", "tell_apart"]
 
 SET_UP = 600.0
 """Seconds that another operating point costs beside its record: the machine is stopped, set up and warmed again."""
+CURRENT_NOISE = 0.01
+"""Rms of i_c [A] where it was not recorded: that of a common current probe."""
 LOUDER = 1.1
 """Amplitude over the present one that is worth trying, at the least."""
-NOTHING = 0.01
-"""Evidence below which no length would do: that of rounding and of a fit that ends a little early."""
+MOST_REPEATS = 1e4
+"""Length of the next record over the present one that is not to be had: what needs more is rounding."""
+NEARLY = 0.98
+"""Part of the evidence wanted that ends the search for the length: two fits differ by as much."""
 
 
 @dataclass(frozen=True)
@@ -48,12 +53,11 @@ class Proposal:
     change : Change
         What is different from the present one.
     evidence : float
-        Least lambda of any hypothesis against any other, both records together.
+        Least lambda of any hypothesis against any other, of both records together, the next as long as the present one.
     repeats : float
-        So many times as long as the present one must the records be to tell them apart; infinite where no length would
-        do.
+        So many times as long as the present record must it be to tell them apart; infinite where no length would do.
     seconds : float
-        That are to be recorded for that: where the present record must be longer, that counts too.
+        That are to be recorded for that.
     load : float
         Largest peak over its limit.
     cost : float
@@ -172,68 +176,97 @@ def tell_apart(
                     continue
                 largest = min(change.amplitude, 1.0 / load)
                 change = replace(change, what=f"{largest:.3g} times the amplitude", amplitude=largest)
-            evidence = min(
-                _evidence(truth, other, change, i_e, period, told)
+            pairs = [
+                _Pair(truth, other, change, i_e, period, (instruments, told))
                 for truth, other in permutations(hypotheses.values(), 2)
-            )
+            ]
+            evidence, repeats = min(pair.once for pair in pairs), max(pair.repeats() for pair in pairs)
         except (UnstableLoopError, ModelError) as error:
             not_tried[change.what] = str(error)
             continue
-        factor = max(1.0, ENOUGH / evidence) if evidence > NOTHING else float("inf")
-        seconds = (factor if change.currents else 2.0 * factor - 1.0) * len(i_e) / rig.sample_rate
+        seconds = repeats * len(i_e) / rig.sample_rate
         cost = seconds + (SET_UP if change.rig is not None or change.currents else 0.0)
-        found.append(Proposal(change, evidence, factor, seconds, load * change.amplitude, cost))
+        found.append(Proposal(change, evidence, repeats, seconds, load * change.amplitude, cost))
     found.sort(key=lambda own: (own.cost, -own.evidence))
     return Proposals(tuple(hypotheses), tuple(found), not_tried)
 
 
-def next_experiments(diagnosis: Diagnosis, *, limits: Limits | None = None) -> Proposals:
+def next_experiments(
+    diagnosis: Diagnosis, *, current_noise: float = CURRENT_NOISE, limits: Limits | None = None
+) -> Proposals:
     """Foresee which next experiment settles an ambiguous verdict.
 
     Parameters
     ----------
     diagnosis : Diagnosis
         Of records of which the first in time has periods and i_e.
+    current_noise : float
+        Rms that i_c would have [A], where it was not recorded and could be.
     limits : Limits, optional
 
     Returns
     -------
     Proposals
-        For the first of its sets.
+        For the first of its sets, each member at the values that the records ask for, beside all else that was found.
 
     Raises
     ------
     InputError
         If the verdict is another, or there is no such record.
     """
-    sets: Sequence[Sequence[str]] = diagnosis.ambiguous_sets
-    if diagnosis.verdict != "ambiguous" or not sets:
+    if diagnosis.verdict != "ambiguous" or diagnosis.fit is None:
         raise InputError(f"the verdict is {diagnosis.verdict}: only what is ambiguous can be told apart")
-    if diagnosis.fit is None:
-        raise InputError("the diagnosis has no fit; diagnose the records again")
     record = next((own for own in diagnosis.records if isinstance(own, Record) and own.period is not None), None)
     if record is None or record.i_e is None or record.period is None:
         raise InputError("none of the records has periods and i_e; give what was played to tell_apart()")
-    hypotheses = {}
-    for name in sets[0]:
-        for step in diagnosis.history:
-            candidate = step.ranking.find(name)
-            if candidate is not None:
-                with suppress(UnstableLoopError):
-                    own = step.model.add(candidate.effect, candidate.start)
-                    hypotheses[name] = refit(diagnosis.fit.of(own), step=ROUGHLY).model
-                break
+    instruments = Instruments.of(diagnosis.fit)
+    more = None if record.i_c is not None else instruments.with_currents(current_noise)
     whole = record.periods * record.period
     i_e = record.i_e[:whole] - record.i_e[:whole].mean(axis=0)
-    return tell_apart(hypotheses, i_e, record.period, Instruments.of(diagnosis.fit), limits=limits)
+    hypotheses = _members(diagnosis, diagnosis.fit)
+    return tell_apart(hypotheses, i_e, record.period, instruments, more_instruments=more, limits=limits)
 
 
-def _evidence(
-    truth: Model, other: Model, change: Change, i_e: FloatArray, period: int, instruments: Instruments
-) -> float:
-    """What a hypothesis leaves of the present record and the next one, if another is the truth."""
-    further = planned(change.at(truth), change.amplitude * i_e, period, instruments)
-    records = [replace(further, name="next")]
-    if not change.currents:  # else the new record tells all that the present one does
-        records.insert(0, planned(truth, i_e, period, instruments))
-    return refit(foreseen(other, records, instruments)).cost
+def _members(diagnosis: Diagnosis, fit: Comparison) -> dict[str, Model]:
+    """The model of a diagnosis, and the same with each other member of its first set in place of the one it has."""
+    names: Sequence[str] = diagnosis.ambiguous_sets[0]
+    (present,) = (name for name in names if name in diagnosis.effects)
+    found = {present: fit.model}
+    rest = fit.model.without(present)
+    for name in names:
+        ranked = (step.ranking.find(name) for step in diagnosis.history)
+        candidate = next((own for own in ranked if own is not None), None)
+        if candidate is not None and name != present:
+            with suppress(UnstableLoopError):
+                found[name] = refit(fit.of(rest.add(candidate.effect, candidate.start)), step=ROUGHLY).model
+    return found
+
+
+class _Pair:
+    """Evidence against one hypothesis if another is the truth, of the present record and a change of it."""
+
+    def __init__(
+        self, truth: Model, other: Model, change: Change, i_e: FloatArray, period: int, told: tuple[Instruments, ...]
+    ) -> None:
+        self.other, (self.present, self.further) = other, told
+        following = planned(change.at(truth), change.amplitude * i_e, period, self.further)
+        self.records = [planned(truth, i_e, period, self.present), replace(following, name="next")]
+        self.once = self._evidence(1.0)
+
+    def repeats(self) -> float:
+        """So many times as long as the present one must the next record be; infinite where no length would do."""
+        before, times, evidence = 0.0, 1.0, self.once
+        told = 0.0
+        while evidence < NEARLY * ENOUGH:
+            slope = (evidence - told) / (times - before)
+            if slope * MOST_REPEATS < ENOUGH - evidence:
+                return float("inf")
+            before, told = times, evidence
+            times += (ENOUGH - evidence) / slope
+            evidence = self._evidence(times)
+        return times
+
+    def _evidence(self, times: float) -> float:
+        """What the other leaves of both records, the next so many times as long."""
+        noise = (self.present, self.further.averaged(times))
+        return refit(foreseen(self.other, self.records, noise)).cost

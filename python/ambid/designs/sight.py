@@ -1,24 +1,27 @@
 """The smallest size of each effect that an experiment would show, and which others it could be taken for.
 
 An effect of size a changes the whitened record by a psi, of which the known parameters absorb a part; what is left,
-a psi~, has the score S = a^2 |psi~|^2 in the mean beyond chance. Seen half of the time is the size whose score has the
-level of detection of a diagnosis for its median. Of the effects that it could be taken for, another with the response
-phi~ explains the part rho^2 of it; the rest, lambda = S (1 - rho^2), tells them apart.
+a psi~, has the score S = a^2 |psi~|^2 in the mean beyond chance. Seen half of the time is the size that half of all
+records name: their scores reach the level of detection of a diagnosis, and each half of the record confirms it. Of the
+effects that it could be taken for, another with the response phi~ explains the part rho^2 of it; the rest,
+lambda = S (1 - rho^2), tells them apart.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import chndtrinc
+from scipy.special import chdtri
 
 from ambid.arrays import FloatArray
 from ambid.diagnosis.candidates import ALPHA
-from ambid.diagnosis.chance import log_chance
+from ambid.diagnosis.chance import independent_tests, log_chance_bounded
+from ambid.diagnosis.confirmation import CHANCE, halves
 from ambid.diagnosis.ranking import CONFUSABLE, Point, see
 from ambid.diagnosis.wording import ENOUGH
 from ambid.effects import CATALOGUE, Effect, EffectParameter, Seen
@@ -35,6 +38,8 @@ UNFELT = 1e-6
 """Whitened response of a typical size that is as good as none: a million times as much would not show either."""
 LARGEST_SCORE = 1e4
 """Beyond all levels of detection."""
+DRAWS = 4000
+"""Of the noise of both halves of a record: they tell the level to a per cent."""
 ABSENT = 1e-3
 """Part of its typical size below which a number is as good as zero: a delay may not be zero, but all but."""
 WITHIN = (-3.0, 3.0)
@@ -110,15 +115,18 @@ class _Felt:
     columns : ndarray, shape (numbers, probes)
     basis : ndarray, shape (numbers, degrees)
         Orthonormal.
+    one_sided : int
+        So many of its amplitudes can only have one sign.
     level : float
-        Score from which it is named.
+        Mean score beyond chance of which half of all records name it.
     """
 
     effect: Effect
     sizes: tuple[EffectParameter | None, ...]
     columns: FloatArray
     basis: FloatArray
-    level: float
+    one_sided: int
+    level: float = np.nan
 
     @property
     def best(self) -> int:
@@ -194,16 +202,38 @@ def _variants(point: Point, seen: Seen, effect: Effect, candidates: int) -> tupl
         if not np.linalg.norm(columns) > max(FELT * whole, UNFELT):
             why = "the known parameters absorb all of it" if whole > UNFELT else "nothing of it is in such a record"
             continue
-        basis = _basis(columns)
         sizes = tuple(_size_of_probe(variant, probe, home) for probe in variant.probes(home))
-        found.append(_Felt(variant, sizes, columns, basis, _level(basis.shape[1], len(variants) * candidates)))
-    return found, why
+        lower, _ = variant.amplitudes(home)
+        found.append(_Felt(variant, sizes, columns, _basis(columns), int(np.sum(lower == 0.0))))
+    if not found:
+        return [], why
+    bases = np.hstack([own.basis for own in found])
+    tests = candidates * independent_tests(bases.T @ bases, len(found))
+    is_split = all(halves(record) for record in point.noise.records)
+    return [replace(own, level=_level(own.basis.shape[1], own.one_sided, tests, is_split)) for own in found], why
 
 
-def _level(degrees: int, tests: int) -> float:
-    """Mean score beyond chance of an effect whose score is no chance in half of all records."""
-    needed = brentq(lambda score: log_chance(score, degrees) - np.log(ALPHA / tests), 1.0, LARGEST_SCORE)
-    return float(chndtrinc(needed, degrees, 0.5))  # noncentral chi-squared whose median it is
+@lru_cache
+def _level(degrees: int, one_sided: int, tests: float, is_split: bool) -> float:
+    """Mean score beyond chance of an effect that half of all records name.
+
+    Its score is no chance, and where a record can be split each half shows it too, as a diagnosis asks of what is found
+    where no misfit is left.
+    """
+    needed = brentq(
+        lambda score: log_chance_bounded(score, degrees, one_sided) - np.log(ALPHA / tests), 1.0, LARGEST_SCORE
+    )
+    noise = np.random.default_rng(0).standard_normal((2, DRAWS, degrees))
+
+    def excess(score: float) -> float:
+        own = noise.copy()
+        own[:, :, 0] += np.sqrt(score / 2.0)
+        is_named = np.sum(own.sum(axis=0) ** 2, axis=1) / 2.0 > needed
+        if is_split:
+            is_named &= (np.sum(own**2, axis=2) > chdtri(degrees, CHANCE)).all(axis=0)
+        return float(np.mean(is_named)) - 0.5
+
+    return float(brentq(excess, 0.0, LARGEST_SCORE, xtol=0.01))
 
 
 def _size_of_probe(effect: Effect, probe: Mapping[str, float], rig: Rig) -> EffectParameter | None:

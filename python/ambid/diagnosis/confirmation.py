@@ -16,7 +16,7 @@ from ambid.identification.minimum import ROUGHLY, refit
 from ambid.noise import Comparison
 from ambid.record import FrequencyResponse, Measurement, Record
 
-__all__ = ["stands"]
+__all__ = ["CHANCE", "halves", "stands"]
 
 CHANCE = 0.05
 """Chance of the fall of J that each piece of other evidence must show: what is just significant on a whole record shows
@@ -46,11 +46,11 @@ def stands(task: Task, state: State, pair: Refitted) -> bool:
     if state.validation is not None:
         fall = state.validation.cost - state.validation.of(better.model).cost
         return bool(fall > chdtri(candidate.degrees, CHANCE))
-    halves = [_halves(record) for record in state.fit.noise.records]
-    if not all(halves):
+    split = [halves(record) for record in state.fit.noise.records]
+    if not all(split):
         return True
     for k in (0, 1):
-        own = [half[k] for half in halves]
+        own = [half[k] for half in split]
         if all(isinstance(record, Record) and record.is_free_response for record in own):
             if not better.is_adequate:
                 return False
@@ -65,7 +65,7 @@ def stands(task: Task, state: State, pair: Refitted) -> bool:
     return True
 
 
-def _halves(record: Measurement) -> tuple[Measurement, ...]:
+def halves(record: Measurement) -> tuple[Measurement, ...]:
     """Both halves of a record, of whole periods, or every other band of a response; nothing if too short."""
     if isinstance(record, FrequencyResponse):
         is_first = np.arange(len(record.frequency_hz))[::-1] // BESIDE % 2 == 0

@@ -197,7 +197,9 @@ class Diagnosis(Tabular):
             families={},
             records=tuple(records),
             validation=(),
-            next_experiment="first mend what the notes say, then record again",
+            next_experiment=(
+                "first mend what the notes say, then record again; `ambid design` finds what to play within limits"
+            ),
             seconds=time.perf_counter() - begun,
             notes=tuple(why),
         )

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from ambid.diagnosis.result import Step
+from ambid.diagnosis.rivals import APART
 from ambid.diagnosis.verdict import Verdict
 from ambid.effects.slips import ControllerGainError, ExcitationGainError
 from ambid.noise import Noise
@@ -15,8 +16,9 @@ from ambid.rig import PidController, Rig
 
 __all__ = ["next_experiment", "notes", "not_determined"]
 
-ENOUGH = 26.0
-"""Evidence that tells two effects apart with 95 % certainty."""
+ENOUGH = (2.0 * (APART + 1.645)) ** 2
+"""Evidence lambda that tells two effects apart in 95 % of records, 63: J1 - J2 has the mean lambda and the standard
+deviation 2 sqrt(lambda), and only what is beyond `APART` of these tells."""
 TWINS = 0.999
 """Effects whose freed responses have a larger cosine are the same in this kind of record."""
 CONTROLLER_SLIP, EXCITATION_SLIP = ControllerGainError.name, ExcitationGainError.name
@@ -26,6 +28,7 @@ OF_SMALL_MOTION = (
     "a frequency response, which is of small motion and repeats: nonlinear effects, disturbances, tones and drift were "
     "not looked for in it"
 )
+FORESEEN = "`ambid diagnose --next` simulates these and tells which is the cheapest, and how long to record"
 WITHOUT_PERIODS = (
     "i_e does not repeat, or not often enough to see it: the noise is what no smooth response to i_e explains, and "
     "neither tones nor drift were looked for"
@@ -146,7 +149,7 @@ def next_experiment(verdict: Verdict, history: Sequence[Step]) -> str:
     if verdict.word == "adequate":
         return "nothing is needed in this band and at this amplitude; a larger one would show nonlinear effects"
     if verdict.word == "ambiguous":
-        return "; ".join(_apart(names, history) for names in verdict.sets)
+        return "; ".join([*(_apart(names, history) for names in verdict.sets), FORESEEN])
     if verdict.word == "explained" and verdict.changes:
         return (
             f"look for what changes {verdict.changes[0].parameter} from one operating point to the next, such as a "
@@ -191,7 +194,8 @@ def _apart(names: Sequence[str], history: Sequence[Step]) -> str:
                 "bias current, speed or controller gain, diagnosed together with this record"
             )
         return (
-            f"{text}more periods would not do, since they are the same in such a record: record i_c if it is missing, "
-            "or measure at another bias current, speed or controller gain, and diagnose the records together"
+            f"{text}more periods alone would hardly do, since they are all but the same in such a record: record i_c "
+            "if it is missing, or measure at another bias current, speed or controller gain, and diagnose the records "
+            "together"
         )
     return f"to tell {' from '.join(names)}: measure at another amplitude, bias current or controller gain"

@@ -78,6 +78,24 @@ class Instruments:
         covariance = 2.0 * root @ root.conj().transpose(0, 2, 1) / part.spectrum.raised[:count, None, None]
         return cls(part.window.excited * part.record.sample_rate / part.window.samples, covariance)
 
+    def with_currents(self, current_noise: float) -> Instruments:
+        """The same where i_c is recorded too, in white noise [A rms]; of instruments that have y alone.
+
+        Raises
+        ------
+        InputError
+            If the noise is not above zero.
+        """
+        axes = self.channels
+        stated = Instruments.stated(axes, 1.0, current_noise).covariance
+        covariance = np.repeat(stated, len(self.covariance), axis=0)
+        covariance[:, :axes, :axes] = self.covariance
+        return Instruments(self.frequency_hz, covariance)
+
+    def averaged(self, times: float) -> Instruments:
+        """Noise of the mean of so many records, which tells as much as one that is so many times as long."""
+        return Instruments(self.frequency_hz, self.covariance / times)
+
     def without_currents(self) -> Instruments:
         """The same where y alone is recorded."""
         axes = self.channels // 2
@@ -106,7 +124,7 @@ class ForeseenLines(RecordLines):
         return Spectrum.of(self._instruments.at(at), back, np.ones(len(self.points)))
 
 
-def foreseen(model: Model, records: Sequence[Record], instruments: Instruments) -> Comparison:
+def foreseen(model: Model, records: Sequence[Record], instruments: Sequence[Instruments]) -> Comparison:
     """Hold a model against simulated records with periods, in noise that is known beforehand.
 
     Parameters
@@ -114,8 +132,9 @@ def foreseen(model: Model, records: Sequence[Record], instruments: Instruments) 
     model : Model
     records : sequence of Record
         Without noise, two periods each or more, with the channels of the instruments.
-    instruments : Instruments
+    instruments : sequence of Instruments
+        Of each record.
     """
     model = model.covering(records)
-    parts = [ForeseenLines(model, record, instruments) for record in records]
+    parts = [ForeseenLines(model, record, own) for record, own in zip(records, instruments, strict=True)]
     return Comparison(model, records, Noise.of_parts(parts))
