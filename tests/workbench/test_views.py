@@ -9,7 +9,7 @@ import pytest
 
 import ambid
 from ambid.errors import InputError
-from ambid.workbench import Bench, Session, as_python, views
+from ambid.workbench import Bench, Session, as_python, frequency_views, views
 from hidden.one_axis import ONE_AXIS
 from places import SHARED
 
@@ -38,7 +38,9 @@ def test_all_that_is_told_is_strict_json(begun, added, of_response):
             views.overview(session),
             views.candidates(session),
             views.where(session),
-            views.lines(session, 0, channel, 500),
+            frequency_views.lines(session, 0, channel, 500),
+            frequency_views.responses(session, 0, channel, None, 500),
+            frequency_views.matrices(session),
             views.signals(session, 0, channel, None, 500),
         ):
             assert json.dumps(told, allow_nan=False)
