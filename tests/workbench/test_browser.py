@@ -164,7 +164,8 @@ def test_a_person_finds_the_seal_of_case_06(browser, workbench, tmp_path, capsys
     person.steps(4)
     times["slider"] = time.monotonic()
     answers = page.evaluate(
-        "performance.getEntriesByType('resource').filter((own) => own.name.includes('/preview')).map((own) => own.duration)"
+        """performance.getEntriesByType("resource").filter((own) => own.name.includes("/preview"))
+            .map((own) => own.duration)"""
     )
     assert min(answers) < SLIDER
     assert person.misfits()[0] > 1.0
