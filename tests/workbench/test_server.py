@@ -13,7 +13,7 @@ from starlette.testclient import TestClient  # noqa: E402
 
 import ambid  # noqa: E402
 from ambid.workbench.jobs import Job  # noqa: E402
-from ambid.workbench.server import ASKED, DONE, application  # noqa: E402
+from ambid.workbench.server import ASKED, ASSETS, DONE, application  # noqa: E402
 
 TOKEN, PORT = "the-token", 8123
 HOST = f"127.0.0.1:{PORT}"
@@ -88,7 +88,7 @@ def test_the_page_itself_may_speak(client):
     assert answer.headers["referrer-policy"] == "no-referrer"
 
 
-@pytest.mark.parametrize("name", ["", "workbench.js", "workbench.css", "plotly.min.js"])
+@pytest.mark.parametrize("name", ["", *ASSETS, "plotly.min.js"])
 def test_all_that_the_page_needs_is_served_here(client, name):
     answer = client.get(f"/{TOKEN}/{name}")
     assert answer.status_code == 200
@@ -117,6 +117,9 @@ def test_a_form_of_another_page_is_no_call(client, window):
         ("signals", {"record": 0, "channel": "y.none", "pixels": 500, "from": 2, "to": 1}, "from below to"),
         ("signals", {"record": 0, "channel": "y.none"}, "pixels is missing"),
         ("lines", {"record": 0.5, "channel": "y.none", "pixels": 500}, "whole number"),
+        ("responses", {"record": 0, "channel": "y.none", "pixels": 500}, "no channel"),
+        ("predicted", {"record": 0, "channel": "y.A_zeta", "effect": "seal_of_solomon"}, "no candidate"),
+        ("predicted", {"record": 1, "channel": "y.A_zeta", "effect": "loop_delay"}, "kept back"),
         ("preview", {"name": "K_x", "value": 1}, "no such parameter"),
         ("preview", {"name": "tau_e", "value": "nan"}, "finite"),
         ("preview", {"name": "tau_e", "value": "x"}, "expected a number"),

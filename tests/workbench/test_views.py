@@ -9,7 +9,7 @@ import pytest
 
 import ambid
 from ambid.errors import InputError
-from ambid.workbench import Bench, Session, as_python, views
+from ambid.workbench import Bench, Session, as_python, frequency_views, views
 from hidden.one_axis import ONE_AXIS
 from places import SHARED
 
@@ -38,10 +38,25 @@ def test_all_that_is_told_is_strict_json(begun, added, of_response):
             views.overview(session),
             views.candidates(session),
             views.where(session),
-            views.lines(session, 0, channel, 500),
+            frequency_views.lines(session, 0, channel, 500),
+            frequency_views.responses(session, 0, channel, None, 500),
+            frequency_views.matrices(session),
             views.signals(session, 0, channel, None, 500),
         ):
             assert json.dumps(told, allow_nan=False)
+
+
+def test_a_band_without_a_line_is_not_drawn_as_the_worst(begun, of_response):
+    (response,) = of_response.bench.records
+    rare = response.frequency_hz > 30.0
+    rare[:2] = True  # two low lines, and nothing between them and the rest
+    kept = [own[rare] for own in (response.frequency_hz, response.response, response.std)]
+    few = ambid.FrequencyResponse("few", *kept, response.outputs, response.inputs)
+    session = Session.begin(Bench(begun.bench.start, (few,)))
+    cells = [cell for row in views.where(session)["maps"][0]["cells"] for cell in row]
+    silent = [cell for cell in cells if cell["misfit"] is None]
+    assert silent
+    assert {(cell["text"], cell["level"]) for cell in silent} == {("", 0)}
 
 
 def test_candidates_stand_between_noise_and_now(fitted):

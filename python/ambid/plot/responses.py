@@ -94,7 +94,7 @@ def plot_frequency_response(
         _draw_phase(phase, told, o, i)
         dress(phase, y="phase [°]")
     _draw_left(left, told, o, i)
-    unit = _unit(output, inlet)
+    unit = unit_of(output, inlet)
     dress(size, title=f"{measured.name}: {output} by {inlet}", y=f"size [{unit}]")
     dress(left, x="frequency [Hz]", y=f"left [{unit}]")
     plain_log(left.xaxis)
@@ -117,7 +117,7 @@ def draw_responses(told: Responses, title: str = "") -> Figure:
             phase = figure.add_subplot(grid[2 * o + 1, i], sharex=size)
             _draw_size(size, told, o, i)
             _draw_phase(phase, told, o, i)
-            unit = f"{output}\n[{_unit(output, inlet)}]" if i == 0 else ""
+            unit = f"{output}\n[{unit_of(output, inlet)}]" if i == 0 else ""
             dress(size, title=f"by {inlet}" if o == 0 else "", y=unit)
             dress(phase, x="frequency [Hz]" if o == rows - 1 else "", y="[°]" if i == 0 else "")
             size.tick_params(labelbottom=False, labelleft=i == 0)
@@ -177,7 +177,7 @@ def _draw_phase(ax: Axes, told: Responses, o: int, i: int) -> None:
     for own, style in zip(told.modelled, STYLES, strict=False):
         size = np.abs(own.response[:, o, i])
         told_of = np.where(size > 0.0, np.degrees(np.angle(own.response[:, o, i])), np.nan)
-        ax.semilogx(own.frequency_hz, _unbroken(told_of), **style, **_marked(own, measured))
+        ax.semilogx(own.frequency_hz, unbroken(told_of), **style, **_marked(own, measured))
     ax.set_ylim(-200.0, 200.0)
     ax.set_yticks([-180, 0, 180])
 
@@ -198,7 +198,7 @@ def _marked(own: Modelled, measured: FrequencyResponse) -> dict[str, Any]:
     return {"marker": ".", "ms": 3.5} if len(own.frequency_hz) == len(measured.frequency_hz) else {}
 
 
-def _unbroken(degrees: FloatArray) -> FloatArray:
+def unbroken(degrees: FloatArray) -> FloatArray:
     """Phases without a line where they turn over from 180 to -180 degrees."""
     told = degrees.copy()
     told[1:][np.abs(np.diff(degrees)) > 180.0] = np.nan
@@ -210,5 +210,6 @@ def _legend(figure: Any, *panels: Axes) -> None:
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
 
 
-def _unit(output: str, of: str) -> str:
+def unit_of(output: str, of: str) -> str:
+    """SI unit of a response."""
     return f"{'m' if output.startswith('y.') else 'A'}/{'m' if of.startswith('r.') else 'A'}"

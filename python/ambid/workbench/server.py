@@ -17,7 +17,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp
 
 from ambid.errors import AmbidError, InputError, StaleWindow
-from ambid.workbench import views
+from ambid.workbench import frequency_views, views
 from ambid.workbench.exporting import as_model_file, as_python
 from ambid.workbench.guard import Guard
 from ambid.workbench.session import Session
@@ -26,7 +26,7 @@ from ambid.workbench.windows import Window, Windows
 __all__ = ["application"]
 
 PAGE = Path(__file__).parent / "page"
-ASSETS = ("workbench.js", "workbench.css")
+ASSETS = tuple(sorted(path.name for path in PAGE.iterdir() if path.suffix in (".js", ".css")))
 LARGEST_BODY = 10_000
 """Bytes of a call; none is longer than a few names and numbers."""
 
@@ -89,13 +89,29 @@ def _candidates(window: Window, _: Json) -> Json:
 
 def _lines(window: Window, given: Json) -> Json:
     record, pixels = _whole(given, "record"), _whole(given, "pixels")
-    return views.lines(window.session, record, str(_given(given, "channel")), pixels)
+    return frequency_views.lines(window.session, record, str(_given(given, "channel")), pixels)
 
 
 def _signals(window: Window, given: Json) -> Json:
     span = (_number(given, "from"), _number(given, "to")) if "from" in given else None
     record, pixels = _whole(given, "record"), _whole(given, "pixels")
-    return views.signals(window.session, record, str(_given(given, "channel")), span, pixels)
+    return views.signals(window.session, record, str(_given(given, "channel")), span, pixels, given.get("input"))
+
+
+def _responses(window: Window, given: Json) -> Json:
+    record, pixels = _whole(given, "record"), _whole(given, "pixels")
+    channel, inlet = str(_given(given, "channel")), given.get("input")
+    return frequency_views.responses(window.session, record, channel, inlet, pixels)
+
+
+def _matrix(window: Window, _: Json) -> Json:
+    return {"matrices": frequency_views.matrices(window.session)}
+
+
+def _predicted(window: Window, given: Json) -> Json:
+    """What would be left with a candidate; nothing is changed."""
+    channel, effect = str(_given(given, "channel")), str(_given(given, "effect"))
+    return frequency_views.prediction(window.session, _whole(given, "record"), channel, effect)
 
 
 def _preview(window: Window, given: Json) -> Json:
@@ -166,6 +182,9 @@ ASKED: dict[str, Answer] = {
     "candidates": _candidates,
     "lines": _lines,
     "signals": _signals,
+    "responses": _responses,
+    "matrix": _matrix,
+    "predicted": _predicted,
     "preview": _preview,
     "workbench.py": _python,
     "model.json": _model,

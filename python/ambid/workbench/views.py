@@ -9,21 +9,19 @@ import numpy as np
 from ambid.diagnosis import Candidate, Localisation
 from ambid.errors import InputError
 from ambid.model import Parameter
-from ambid.noise import Comparison
 from ambid.noise.comparison import ADEQUATE
 from ambid.plot import worst_stretch
 from ambid.plot.style import misfit_text, shown_in
-from ambid.record import FrequencyResponse, Record
+from ambid.record import Record
 from ambid.results import plain
+from ambid.workbench.places import chart, column_of, input_of, place_of
 from ambid.workbench.session import Session
 from ambid.workbench.thinning import in_a_row, thinned
 
-__all__ = ["candidates", "lines", "misfits", "overview", "signals", "where"]
+__all__ = ["LEVELS", "THOUSAND", "candidates", "misfits", "overview", "signals", "where"]
 
 REACH = 0.5
 """Part of a parameter's value that its slider goes to either side of the last fit."""
-FEWEST_PIXELS, MOST_PIXELS = 50, 4000
-"""Widths of a chart that are drawn."""
 LEVELS = (1.5, 3.0, 10.0, 100.0)
 """Misfits from which on a cell of the map is drawn darker; what is below the first says nothing and is grey."""
 THOUSAND = 1000.0
@@ -102,31 +100,17 @@ def where(session: Session) -> dict[str, Any]:
     )
 
 
-def lines(session: Session, record: int, channel: str, pixels: int) -> dict[str, Any]:
-    """Misfit of one channel, line by line of the spectrum, on a logarithmic scale of so many pixels.
-
-    Raises
-    ------
-    InputError
-        If there is no such record or channel.
-    """
-    comparison, k = _place(session, record)
-    part, white = comparison.noise.parts[k], comparison.noise.by_record(comparison.residual)[k]
-    frequency_hz, misfit = part.by_channel(white)
-    column = _column(comparison, k, channel)
-    known = misfit[:, column] > 0.0
-    f, left = frequency_hz[known], misfit[known, column]
-    along = np.log(f / f[0]) / np.log(f[-1] / f[0])
-    kept = thinned(left[:, None], np.asarray(along * _chart(pixels), dtype=np.intp))
-    return plain({"record": part.record.name, "frequency_hz": f[kept].tolist(), "misfit": left[kept].tolist()})
-
-
 def signals(
-    session: Session, record: int, channel: str, window: tuple[float, float] | None, pixels: int
+    session: Session,
+    record: int,
+    channel: str,
+    window: tuple[float, float] | None,
+    pixels: int,
+    inlet: str | None = None,
 ) -> dict[str, Any]:
     """One channel in a window: measured, simulated, and what is left beside its noise.
 
-    Of a frequency response their sizes over frequency, for the excitation whose response is missed most.
+    Of a frequency response their sizes over frequency, for one excitation.
 
     Parameters
     ----------
@@ -139,29 +123,35 @@ def signals(
         From and to, in s or Hz; default where the residual of a record is largest, all of a frequency response.
     pixels : int
         Width of the chart; what lies within one is shown by its smallest and largest value.
+    inlet : str, optional
+        Excitation of a frequency response; default: that whose response is missed most. In time all play together.
 
     Raises
     ------
     InputError
-        If there is no such record or channel, or the window is empty.
+        If there is no such record, channel or excitation, or the window is empty.
     """
-    pixels = _chart(pixels)
+    pixels = chart(pixels)
     if window is not None and not window[0] < window[1]:
         raise InputError(f"window {window[0]:g} .. {window[1]:g}: expected from below to")
-    comparison, k = _place(session, record)
-    column, one = _column(comparison, k, channel), comparison.records[k]
+    comparison, k = place_of(session, record)
+    column, one = column_of(comparison, k, channel), comparison.records[k]
     row = one.channels[column]
     factor, unit = shown_in(row.unit)
     noise = np.full(1, factor * row.noise_rms)
     if isinstance(one.record, Record):
-        x, x_unit = one.record.t, "s"
+        x, x_unit, inlet = one.record.t, "s", None
         window = window or worst_stretch(comparison, k, channel)
         simulated, residual = np.asarray(one.simulated)[:, column], np.asarray(one.residual)[:, column]
         simulated = simulated - np.nanmean(simulated)
         drawn = np.column_stack([simulated + residual, simulated, residual])
     else:
         x, x_unit = one.record.frequency_hz, "Hz"
-        drawn, noise = _of_worst_input(one.record, np.asarray(one.simulated), column)
+        response, simulated = one.record.response[:, column], np.asarray(one.simulated)[:, column]
+        left = response - simulated
+        i = input_of(one.record.inputs, inlet, np.abs(left) / one.record.std[:, column])
+        drawn = np.abs(np.column_stack([response[:, i], simulated[:, i], left[:, i]]))
+        inlet, noise = one.record.inputs[i], one.record.std[:, column, i].copy()
         noise *= factor
     first, last = (0, len(x)) if window is None else np.searchsorted(x, window).tolist()
     first = max(0, min(first, len(x) - FEWEST_SAMPLES))
@@ -173,6 +163,7 @@ def signals(
         {
             "record": one.record.name,
             "channel": channel,
+            "input": inlet,
             "unit": unit,
             "x": x[kept].tolist(),
             "x_unit": x_unit,
@@ -187,17 +178,11 @@ def signals(
     )
 
 
-def _of_worst_input(record: FrequencyResponse, simulated: Any, column: int) -> tuple[Any, Any]:
-    """Sizes of measured, modelled and missed response of an output, and its noise, at the input missed most."""
-    left, std = record.response[:, column] - simulated[:, column], record.std[:, column]
-    i = int(np.argmax(np.nansum(np.abs(left / std) ** 2, axis=0)))
-    sizes = [np.abs(own[:, i]) for own in (record.response[:, column], simulated[:, column], left)]
-    return np.column_stack(sizes), std[:, i].copy()
-
-
 def _cell(misfit: float) -> dict[str, Any]:
     """A cell of the map: its misfit, as it is written there, and how dark it is."""
-    text = "" if np.isnan(misfit) else misfit_text(misfit) if misfit < THOUSAND else f"{misfit / THOUSAND:.3g}k"
+    if np.isnan(misfit):  # no line there
+        return {"misfit": misfit, "text": "", "level": 0}
+    text = misfit_text(misfit) if misfit < THOUSAND else f"{misfit / THOUSAND:.3g}k"
     return {"misfit": misfit, "text": text, "level": int(np.searchsorted(LEVELS, misfit))}
 
 
@@ -249,30 +234,6 @@ def _parameter(session: Session, own: Parameter) -> dict[str, Any]:
     }
 
 
-def _chart(pixels: int) -> int:
-    if not FEWEST_PIXELS <= pixels <= MOST_PIXELS:
-        raise InputError(f"pixels = {pixels}: expected {FEWEST_PIXELS} to {MOST_PIXELS}")
-    return pixels
-
-
 def _worst(found: Localisation) -> dict[str, Any] | None:
     cell = next((own for own in found.cells if own.kind not in ("synchronous", "drift")), None)
     return None if cell is None else {"record": cell.record, "channel": cell.channel, "band_hz": list(cell.band_hz)}
-
-
-def _place(session: Session, record: int) -> tuple[Comparison, int]:
-    """The comparison that a record stands in, and where."""
-    own, kept = session.comparison, session.kept_back
-    count = len(own.records)
-    total = count + (0 if kept is None else len(kept.records))
-    if not 0 <= record < total:
-        raise InputError(f"record = {record}: expected 0 to {total - 1}")
-    return (own, record) if kept is None or record < count else (kept, record - count)
-
-
-def _column(comparison: Comparison, k: int, channel: str) -> int:
-    names = [row.channel for row in comparison.records[k].channels]
-    if channel not in names:
-        name = comparison.records[k].record.name
-        raise InputError(f"{name}: no channel {channel}; it has {', '.join(names)}")
-    return names.index(channel)
