@@ -294,7 +294,7 @@ def test_exit_code_1_and_no_numbers_when_a_plane_was_not_excited(here, command):
         (("check",), ["RECORD", "--map", "--sample-rate", "--json"]),
         (("campaign",), ["DIR", "--plot", "--json", "--quiet"]),
         (("compare",), ["--model", "--plot", "--period", "--map", "--json"]),
-        (("diagnose",), ["--validate", "--effects", "--ask", "--tolerance", "--model", "--save", "--report", "--map"]),
+        (("diagnose",), ["--validate", "--effects", "--ask", "--tolerance", "--model", "--save", "--report", "--pdf", "--map"]),
         (("effects",), ["NAME", "--rig", "--json"]),
         (("simulate",), ["--out", "--seconds", "--amplitude", "--effect", "--model", "--seed", "--sensor-noise"]),
         (("demo",), ["--out", "--json"]),

@@ -99,7 +99,7 @@ def plot_frequency_response(
     dress(left, x="frequency [Hz]", y=f"left [{unit}]")
     plain_log(left.xaxis)
     if ax is None:
-        _legend(size.figure, size, left)
+        legend(size.figure, size, left)
     return np.array(list(own))
 
 
@@ -124,7 +124,7 @@ def draw_responses(told: Responses, title: str = "") -> Figure:
             phase.tick_params(labelbottom=o == rows - 1, labelleft=i == 0)
             first = first or size
     if size is not None:
-        _legend(figure, size)
+        legend(figure, size)
     figure.suptitle(title or f"{measured.name}: frequency responses", fontsize=LABEL + 1, x=0.01, ha="left")
     return figure
 
@@ -205,7 +205,8 @@ def _unbroken(degrees: FloatArray) -> FloatArray:
     return told
 
 
-def _legend(figure: Any, *panels: Axes) -> None:
+def legend(figure: Any, *panels: Axes) -> None:
+    """One legend for several panels, below the figure."""
     handles = [handle for panel in panels for handle in panel.get_legend_handles_labels()[0]]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
 
