@@ -21,6 +21,7 @@ from ambid.plot import (
     plot_misfit_map,
     plot_misfit_matrix,
     plot_needed,
+    plot_poles,
     plot_ranking,
     plot_sensitivity,
     plot_staircase,
@@ -30,7 +31,7 @@ from ambid.plot.needed import HALF, SEEN
 from ambid.plot.responses import legend
 from ambid.plot.style import new_figure
 from ambid.record import FrequencyResponse
-from ambid.robustness import Margins
+from ambid.robustness import Margins, PoleMap
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
@@ -108,6 +109,16 @@ def sensitivity(found: Margins) -> Picture:
         plot_sensitivity(found).figure,
         "Sensitivity of each axis with all others closed, with its 95 % band by the draws, and the limits between the "
         "zones of ISO 14839-3.",
+    )
+
+
+def poles(found: PoleMap, before: PoleMap | None) -> Picture:
+    """The poles, of both models where there are two."""
+    return as_picture(
+        plot_poles(found, before).figure,
+        "Poles of the plant alone and of the closed loop with the "
+        + ("base model (before) and the last one (after)" if before is not None else "base model")
+        + "; 95 % regions are drawn where they reach beyond their marks.",
     )
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from ambid.errors import AmbidError
 from ambid.model import Model
 from ambid.report import pictures, words
-from ambid.robustness import Margin, Margins, margins
+from ambid.robustness import Margin, Margins, margins, pole_map
 from ambid.robustness.result import tolerated
 
 
@@ -27,7 +27,7 @@ def standing(model: Model, base: Model | None) -> dict[str, Any]:
         "rows": rows,
         "notes": found.notes,
         "picture": pictures.sensitivity(found),
-        "poles": None,
+        "poles": pictures.poles(pole_map(model), None if base is None else pole_map(base)),
     }
 
 
