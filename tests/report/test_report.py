@@ -14,6 +14,7 @@ from ambid.diagnosis import Diagnosis
 from ambid.errors import InputError
 from ambid.identification import ParameterEstimate
 from ambid.report import numbers, pdf, words, write_report
+from ambid.report.standing import DRAWS
 from ambid.report.subscripts import with_subscripts
 from places import LEVITATOR
 
@@ -183,7 +184,7 @@ def test_numbers_are_those_of_the_json(explained, tmp_path):
 
 def test_margins_are_those_of_the_command(explained, tmp_path):
     html = write_report(explained, tmp_path / "report.html").read_text(encoding="utf-8")
-    told = ambid.margins(explained.model).to_json()
+    told = ambid.margins(explained.model, draws=DRAWS).to_json()
     own = told["axes"]["A_zeta"]
     row = table(html, "Peaks of the sensitivity")[0]
     assert row[1] == words.peak(own["sensitivity"]["value"])
@@ -247,7 +248,7 @@ def test_not_informative_says_why_and_what_to_do(explained, tmp_path):
     why = "train: only 2 periods <of> the excitation"
     nothing = Diagnosis.uninformative(explained.model, explained.records, [why], 0.0)
     found = page(nothing, tmp_path)
-    assert why[1:] in found.all
+    assert why in found.all
     assert found.chapters == ["Verdict", "The machine and the records", "What to do next", "Words"]
     assert found.sources == []
 

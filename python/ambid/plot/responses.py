@@ -177,6 +177,8 @@ def _draw_phase(ax: Axes, told: Responses, o: int, i: int) -> None:
     for own, style in zip(told.modelled, STYLES, strict=False):
         size = np.abs(own.response[:, o, i])
         told_of = np.where(size > 0.0, np.degrees(np.angle(own.response[:, o, i])), np.nan)
+        if _is_sampled(own, measured):  # by a simulation, whose phase beside larger lines is as little known
+            told_of[~seen] = np.nan
         ax.semilogx(own.frequency_hz, _unbroken(told_of), **style, **_marked(own, measured))
     ax.set_ylim(-200.0, 200.0)
     ax.set_yticks([-180, 0, 180])
@@ -195,7 +197,11 @@ def _draw_left(ax: Axes, told: Responses, o: int, i: int) -> None:
 
 def _marked(own: Modelled, measured: FrequencyResponse) -> dict[str, Any]:
     """Dots on the line of a model that is known at the measured frequencies alone."""
-    return {"marker": ".", "ms": 3.5} if len(own.frequency_hz) == len(measured.frequency_hz) else {}
+    return {"marker": ".", "ms": 3.5} if _is_sampled(own, measured) else {}
+
+
+def _is_sampled(own: Modelled, measured: FrequencyResponse) -> bool:
+    return len(own.frequency_hz) == len(measured.frequency_hz)
 
 
 def _unbroken(degrees: FloatArray) -> FloatArray:
