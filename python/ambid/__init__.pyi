@@ -83,9 +83,13 @@ from .rig import Controller as Controller
 from .rig import Rig as Rig
 from .rig import StateSpaceController as StateSpaceController
 from .rig import TransferFunctionController as TransferFunctionController
+from .robustness import Campbell as Campbell
 from .robustness import Margins as Margins
+from .robustness import PoleMap as PoleMap
 from .robustness import UncertainModel as UncertainModel
+from .robustness import campbell as campbell
 from .robustness import margins as margins
+from .robustness import pole_map as pole_map
 from .robustness import uncertain as uncertain
 
 __version__: str

@@ -97,6 +97,14 @@ def test_diagnose_writes_all_that_is_asked_for(here, command):
     assert dict(zip(saved.names, saved.theta, strict=True))["loop_delay.delay"] == pytest.approx(DELAY, rel=0.1)
 
 
+def test_the_report_is_written_for_the_screen_and_for_paper(here, command):
+    pytest.importorskip("weasyprint")
+    result = command("diagnose", *here, "--report", "d.html", "--pdf", "d.pdf")
+    assert result.code == 0, result.err
+    assert "written: d.html\nwritten: d.pdf" in result.out
+    assert Path("d.pdf").read_bytes().startswith(b"%PDF-")
+
+
 @pytest.mark.parametrize("between", [(), ("--validate",)], ids=["in a row", "one by one"])
 def test_several_records_to_validate_on(here, command, monkeypatch, between):
     """They are not among those that are fitted."""
@@ -282,6 +290,7 @@ REFUSED = {
     "validate, no such file": (("diagnose", "--validate", "none.csv"), "none.csv"),
     "save, no such folder": (("diagnose", "--save", "nowhere/m.json"), "nowhere/m.json: cannot be written"),
     "report, not HTML": (("diagnose", "--report", "d.pdf"), "--report d.pdf: the suffix is .pdf; expected .html"),
+    "pdf, not PDF": (("diagnose", "--pdf", "d.html"), "--pdf d.html: the suffix is .html; expected .pdf"),
 }
 REFUSED_ALONE = {
     "campaign, no such folder": (("campaign", "nowhere"), "nowhere: there is no such folder"),

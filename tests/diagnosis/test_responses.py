@@ -45,7 +45,7 @@ def test_a_hidden_effect_is_named_from_responses_alone(tmp_path):
     assert found.history[-1].validation_misfit < 1.2
     assert any("a frequency response, which is of small motion" in note for note in found.notes)
     path = write_report(found, tmp_path / "report.html")
-    assert "frequency response of y.A_zeta, i_c.A_zeta" in path.read_text(encoding="utf-8")
+    assert "frequency response of <code>y.A_zeta, i_c.A_zeta</code>" in path.read_text(encoding="utf-8")
     told = found.to_json()
     assert {"verdict", "effects", "where", "parameters", "misfit", "not_tried"} <= set(told)
     assert told["where"]

@@ -15,7 +15,7 @@ from ambid.cli.exporting import export_command
 from ambid.cli.identifying import campaign_command, identify_command, static_load_command
 from ambid.cli.options import Commands, DiagnoseCommand
 from ambid.cli.responding import frequency_response_command
-from ambid.cli.standing import margins_command
+from ambid.cli.standing import campbell_command, margins_command, poles_command
 from ambid.cli.virtual import monte_carlo_command
 from ambid.cli.working import workbench_command
 
@@ -40,6 +40,8 @@ app.command("rank")(rank_command)
 app.command("diagnose", cls=DiagnoseCommand)(diagnose_command)
 app.command("frequency-response")(frequency_response_command)
 app.command("margins")(margins_command)
+app.command("poles")(poles_command)
+app.command("campbell")(campbell_command)
 app.command("export")(export_command)
 app.command("workbench", cls=DiagnoseCommand)(workbench_command)
 app.command("effects")(effects_command)

@@ -29,7 +29,7 @@ from ambid.cli.options import (
     names,
     span,
 )
-from ambid.cli.outputs import Files, conclude, drawn, pictures, require_outputs, saved
+from ambid.cli.outputs import Files, conclude, drawn, pictures, reported, require_outputs, saved
 from ambid.cli.signals import exit_code, stoppable
 from ambid.cli.terminal import choose, progress, require_terminal, say, with_time_left
 from ambid.errors import InputError, RecordError, Stopped
@@ -162,6 +162,9 @@ def diagnose_command(
     save: Annotated[Path | None, typer.Option(metavar="MODEL", help="Write the last model.")] = None,
     plot: PlotFile = None,
     report: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write a report to read and print.")] = None,
+    pdf: Annotated[
+        Path | None, typer.Option("--pdf", metavar="FILE.pdf", help="Write the report on A4; needs ambid[pdf].")
+    ] = None,
     following: Annotated[
         bool, typer.Option("--next", help="Where the verdict is ambiguous, foresee which experiment would settle it.")
     ] = False,
@@ -172,10 +175,15 @@ def diagnose_command(
 
     require_outputs(
         {"RIG": rig, "RECORD": records, "--validate": validate, "--model": model},
-        {"--json": json_file, "--save": save, "--plot": pictures(plot, records), "--report": report},
+        {"--json": json_file, "--save": save, "--plot": pictures(plot, records), "--report": report, "--pdf": pdf},
     )
-    if report is not None and report.suffix.lower() not in (".html", ".htm"):
-        raise InputError(f"--report {report}: the suffix is {report.suffix or 'missing'}; expected .html")
+    for option, path, suffixes in (("--report", report, (".html", ".htm")), ("--pdf", pdf, (".pdf",))):
+        if path is None:
+            continue
+        if path.suffix.lower() not in suffixes:
+            raise InputError(f"{option} {path}: the suffix is {path.suffix or 'missing'}; expected {suffixes[0]}")
+        ambid.report.check_suffix(path)
+    reports = [path for path in (report, pdf) if path is not None]
     if tolerance is not None and not tolerance >= 1.0:
         raise InputError(f"--tolerance {tolerance:g}: expected 1, the misfit of noise alone, or more")
     chosen = None if effects is None else [ambid.effects.find(name) for name in names(effects) or ()]
@@ -213,7 +221,7 @@ def diagnose_command(
         quiet,
         lambda: saved(found, save),
         lambda: drawn(found.model, loaded, plot),
-        lambda: () if report is None else [ambid.report.write_report(found, report)],
+        lambda: reported(found, reports),
     )
     if is_stopped:
         raise typer.Exit(exit_code())

@@ -106,6 +106,13 @@ def drawn(
     return () if path is None else ambid.plot.save_comparison(ambid.compare(model, records), path)
 
 
+def reported(result: ambid.Diagnosis, paths: Sequence[Path]) -> Sequence[Path]:
+    """Write the report where ``--report`` and ``--pdf`` say."""
+    if paths:
+        ambid.report.write_report(result, *paths)
+    return paths
+
+
 def pictures(path: Path | None, records: Sequence[Path]) -> Sequence[Path]:
     """Where `drawn` draws these records."""
     if path is None:

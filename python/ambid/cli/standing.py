@@ -1,25 +1,28 @@
-"""The command `margins`: how far the loop stands from instability."""
+"""Commands on how the loop stands: `margins`, `poles`, `campbell`."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Annotated, Literal, cast
 
+import numpy as np
 import typer
 
 import ambid
 from ambid.cli.files import load_model
-from ambid.cli.options import JsonFile, Quiet, RigFile
-from ambid.cli.outputs import conclude, require_outputs
+from ambid.cli.options import Before, JsonFile, Quiet, RigFile, span
+from ambid.cli.outputs import Files, conclude, require_outputs
 from ambid.cli.signals import stoppable
 from ambid.cli.terminal import progress, with_time_left
+
+Uncertain = Annotated[
+    Path | None, typer.Option("--model", metavar="MODEL", help="Of what --save wrote, with its uncertainty.")
+]
 
 
 def margins_command(
     rig: RigFile,
-    model: Annotated[
-        Path | None, typer.Option("--model", metavar="MODEL", help="Of what --save wrote, with its uncertainty.")
-    ] = None,
+    model: Uncertain = None,
     at: Annotated[str, typer.Option(metavar="controller|sensor", help="Where the loop is broken.")] = "controller",
     draws: Annotated[int | None, typer.Option(help="Of the parameters; default: 500.")] = None,
     seed: Annotated[int, typer.Option(help="Of the draws.")] = 0,
@@ -50,4 +53,70 @@ def margins_command(
         json_file,
         quiet,
         lambda: () if plot is None else [ambid.plot.save_sensitivity(found, plot)],
+    )
+
+
+def poles_command(
+    rig: RigFile,
+    model: Uncertain = None,
+    before: Before = None,
+    json_file: JsonFile = None,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw the map of the poles.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Tell the poles of the closed loop with their uncertainty, and those of the plant alone."""
+    ambid.plot.check_format(plot)
+    require_outputs({"RIG": rig, "--model": model, "--before": before}, {"--json": json_file, "--plot": plot})
+    machine = ambid.Rig.load(rig)
+    start = load_model(machine, model)
+    with stoppable():
+        found = ambid.pole_map(start)
+        earlier = None if before is None else ambid.pole_map(load_model(machine, before))
+    data = found.to_json() | ({} if earlier is None else {"before": earlier.to_json()})
+    conclude(
+        found,
+        data,
+        json_file,
+        quiet,
+        lambda: () if plot is None else [ambid.plot.save_poles(found, plot, earlier)],
+    )
+
+
+def campbell_command(
+    rig: RigFile,
+    model: Uncertain = None,
+    measured: Annotated[
+        list[Path],
+        typer.Option(
+            "--measured",
+            metavar="MODEL",
+            help="Models identified at one speed each, to be held against the diagram; default: the model's own "
+            "operating points. Repeatable.",
+        ),
+    ] = [],  # noqa: B006
+    speeds: Annotated[
+        str | None,
+        typer.Option(metavar="FROM:TO", help="[rad/s]; default: from rest to a quarter beyond what was measured."),
+    ] = None,
+    json_file: JsonFile = None,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw the Campbell diagram.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Tell natural frequencies over the speed, forward and backward, beside those identified at measured speeds."""
+    from ambid.robustness.whirl import SPEEDS  # not at the top: --help need not open that room
+
+    ambid.plot.check_format(plot)
+    inputs: Files = {"RIG": rig, "--model": model, "--measured": measured}
+    require_outputs(inputs, {"--json": json_file, "--plot": plot})
+    over = None if speeds is None else np.linspace(*span("--speeds", speeds, "0:1000"), SPEEDS).tolist()
+    start = load_model(ambid.Rig.load(rig), model)
+    known = [ambid.Model.load(path) for path in measured] if measured else None
+    with stoppable():
+        found = ambid.campbell(start, over, measured=known)
+    conclude(
+        found,
+        found.to_json(),
+        json_file,
+        quiet,
+        lambda: () if plot is None else [ambid.plot.save_campbell(found, plot)],
     )

@@ -14,7 +14,7 @@ from ambid.diagnosis.ports import Port, needed_at_ports
 from ambid.loop.effect import Tone
 from ambid.model import Model
 from ambid.noise import Comparison
-from ambid.noise.chance import SPREAD
+from ambid.noise.chance import SPREAD, misfit_bound
 from ambid.noise.lines import RecordLines
 from ambid.noise.response_lines import ResponseLines
 from ambid.noise.tones import OUTSTANDING
@@ -72,6 +72,12 @@ class MisfitMap:
     edges_hz: FloatArray
     line_hz: float
     misfit: FloatArray
+
+    @property
+    def by_chance(self) -> FloatArray:
+        """Misfit of each band that chance may bring, by its number of lines, shape (bands,)."""
+        lines = np.maximum(np.diff(self.edges_hz) / self.line_hz, 1.0)
+        return np.array([misfit_bound(int(2.0 * count)) for count in lines])
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, as in JSON."""
@@ -175,7 +181,7 @@ class Localisation:
             if term.shape.endswith("other axis"):  # the two axes of a bearing may answer each other with either sign
                 size = f"±{np.mean(np.abs(term.coefficients)):.3g}"
             text += (
-                f"; it is {term.kind} and looks like {size} {port.unit} {term.shape} (SI), "
+                f"; it is {term.kind} and looks like {size} times {term.shape} (in {port.unit} and SI), "
                 f"which explains {100 * term.share:.0f} % of the excess misfit"
             )
         if np.isfinite(self.exponent):

@@ -50,14 +50,18 @@ class Moved:
         """By how much of the value before."""
         return 100.0 * (self.after - self.before) / abs(self.before) if self.before else np.nan
 
+    @property
+    def is_nearer(self) -> bool:
+        """Whether it moved towards the rig file's value."""
+        return self.nominal is not None and abs(self.after - self.nominal) < abs(self.before - self.nominal)
+
     def line(self) -> str:
         """Such as ``K_i.A_zeta 231.2 -> 217.2 N/A, -14 standard errors, towards 216 of the rig file``."""
         unit = "" if self.unit == "1" else f" {self.unit}"
         text = f"{self.name} {self.before:.5g} -> {self.after:.5g}{unit}, {self.errors:+.3g} standard errors"
         if self.nominal is None:
             return text
-        nearer = abs(self.after - self.nominal) < abs(self.before - self.nominal)
-        return f"{text}, {'towards' if nearer else 'away from'} the rig file's {self.nominal:.5g}"
+        return f"{text}, {'towards' if self.is_nearer else 'away from'} the rig file's {self.nominal:.5g}"
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, as in JSON."""

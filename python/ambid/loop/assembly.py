@@ -31,6 +31,10 @@ class Port:
     power: int = 1
     scale: float = 1.0
 
+    def slope(self, value: float) -> float:
+        """Derivative of the entry by the value."""
+        return self.scale * self.power * value ** (self.power - 1)
+
 
 @dataclass(frozen=True)
 class Block:

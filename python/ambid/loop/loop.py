@@ -17,7 +17,7 @@ from ambid.loop.assembly import Block, Lft
 from ambid.loop.controller import Reading, close_analog, law_errors
 from ambid.loop.effect import Effect
 from ambid.loop.geometry import rotor_of
-from ambid.loop.mode import moved_by_worst
+from ambid.loop.mode import Modes, eigenmodes, moved_by_worst
 from ambid.loop.plant import Plant
 from ambid.loop.response import frequency_response
 from ambid.rig import Rig
@@ -175,6 +175,24 @@ class Loop:
         poles = self.core.poles(_vector(theta))
         return poles[np.lexsort((poles.imag, -poles.real))]
 
+    def modes(self, theta: ArrayLike, free: Sequence[int] = ()) -> Modes:
+        """Poles of the closed loop, the outputs that they move, and their derivatives by the parameters in `free`.
+
+        Nonlinear effects are linearised at rest; then `free` must be empty.
+        """
+        values = _vector(theta)
+        if not self._is_analog:
+            A, _, C, _ = self.core.discrete(values)
+            slopes = self.core.discrete_slopes(values, list(free)).reshape(len(free), *A.shape)
+            return eigenmodes(A, C, slopes, self.sample_time)
+        at = {slot: values[index] for slot, index in self._filled_by.items()}
+        A, B, C, _ = self.lft.closed_with_ports(at)
+        slopes = np.zeros((self.parameters, len(A), len(A)))
+        for k, port in enumerate(self.lft.ports):
+            left, right = B[:, len(self.inputs) + k], C[len(self.outputs) + k]
+            slopes[self._filled_by[port.slot]] += port.slope(at[port.slot]) * np.outer(left, right)
+        return eigenmodes(A, C[: len(self.outputs)], slopes[list(free)])
+
     def state_space(self, theta: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """A, B, C, D of the loop sampled with zero-order hold, inputs to outputs."""
         return self.core.discrete(_vector(theta))
@@ -240,7 +258,7 @@ class Loop:
         seen = np.einsum("lzu,lu->lz", response[:, outputs:, : len(self.inputs)], inputs)
         slopes = np.zeros((len(s), outputs, self.parameters), dtype=np.complex128)
         for k, port in enumerate(self.lft.ports):
-            slope = port.scale * port.power * at[port.slot] ** (port.power - 1)
+            slope = port.slope(at[port.slot])
             of_w = response[:, :outputs, len(self.inputs) + k]
             slopes[:, :, self._filled_by[port.slot]] += of_w * (slope * seen[:, k])[:, None]
         if self.lft.late is not None:

@@ -1,13 +1,79 @@
-"""Which mode of a rotor a pole of the closed loop moves."""
+"""Eigenmodes of a closed loop: poles, what they move, and how parameters move them."""
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass
 
-from ambid.arrays import FloatArray
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eig, matrix_balance
+
+from ambid.arrays import ComplexArray, FloatArray
 from ambid.rotor import ReducedRotor
 
-__all__ = ["moved_by_worst"]
+__all__ = ["Modes", "eigenmodes", "moved_by_worst"]
+
+TWINS = 1e-6
+"""Relative distance of two poles below which each by itself has no derivative."""
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Poles with what they move.
+
+    Attributes
+    ----------
+    poles : ndarray of complex, shape (n,)
+        [1/s], slowest first.
+    shapes : ndarray of complex, shape (outputs, n)
+        Outputs that each pole moves.
+    slopes : ndarray of complex, shape (n, free)
+        Exact derivatives of the poles by parameters; NaN of poles that coincide.
+    """
+
+    poles: ComplexArray
+    shapes: ComplexArray
+    slopes: ComplexArray
+
+    @property
+    def has_twin(self) -> NDArray[np.bool_]:
+        """Which poles coincide with another: their shapes are any mixture of both, shape (n,)."""
+        return _has_twin(self.poles)
+
+
+def eigenmodes(A: FloatArray, C: FloatArray, slopes: FloatArray, sample_time: float = 0.0) -> Modes:
+    """Eigenmodes of a system whose A has these derivatives by parameters.
+
+    With left and right vectors l and r the derivative of an eigenvalue is ``l* dA r / l* r``; a sampled system's poles
+    are ``ln(mu) / dt`` of its eigenvalues mu.
+
+    Parameters
+    ----------
+    A : ndarray, shape (n, n)
+    C : ndarray, shape (outputs, n)
+    slopes : ndarray, shape (free, n, n)
+    sample_time : float
+        Of a sampled system [s]; 0 of a continuous one.
+    """
+    balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    values, left, right = eig(balanced, left=True)
+    moved = np.einsum("sk,psr,rk->kp", left.conj(), slopes * (scale / scale[:, None]), right)
+    moved /= np.einsum("sk,sk->k", left.conj(), right)[:, None]
+    moved[_has_twin(values)] = np.nan
+    poles = values.astype(complex)
+    if sample_time:
+        with np.errstate(divide="ignore"):  # a command under way has its pole at 0
+            poles = np.log(poles) / sample_time
+        moved = moved / (values[:, None] * sample_time)
+    order = np.lexsort((poles.imag, -poles.real))
+    return Modes(poles[order], (C * scale) @ right[:, order], moved[order])
+
+
+def _has_twin(poles: ComplexArray) -> NDArray[np.bool_]:
+    known = np.where(np.isfinite(poles), poles, np.inf)
+    with np.errstate(invalid="ignore"):
+        apart = np.abs(known[:, None] - known) + np.diag(np.full(len(poles), np.inf))
+        return np.asarray(np.nanmin(apart, axis=1, initial=np.inf) < TWINS * np.abs(known))
 
 
 def moved_by_worst(sampled: FloatArray, rotor: ReducedRotor) -> str:

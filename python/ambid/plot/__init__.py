@@ -5,9 +5,11 @@ global state is touched. All are legible in black and white.
 """
 
 from ambid.plot.campaign import campaign_files, plot_campaign, save_campaign
+from ambid.plot.campbell import plot_campbell, save_campbell
 from ambid.plot.matrix import plot_misfit_matrix
 from ambid.plot.misfit import plot_growth, plot_misfit_map
 from ambid.plot.needed import plot_needed
+from ambid.plot.poles import plot_poles, save_poles
 from ambid.plot.prediction import plot_prediction, save_prediction
 from ambid.plot.ranking import plot_ranking, save_ranking
 from ambid.plot.responses import draw_responses, plot_frequency_response, save_responses
@@ -22,19 +24,23 @@ __all__ = [
     "draw_responses",
     "picture_files",
     "plot_campaign",
+    "plot_campbell",
     "plot_comparison",
     "plot_frequency_response",
     "plot_growth",
     "plot_misfit_map",
     "plot_misfit_matrix",
     "plot_needed",
+    "plot_poles",
     "plot_prediction",
     "plot_ranking",
     "plot_sensitivity",
     "plot_staircase",
     "save_campaign",
+    "save_campbell",
     "save_comparison",
     "save_figure",
+    "save_poles",
     "save_prediction",
     "save_ranking",
     "save_sensitivity",

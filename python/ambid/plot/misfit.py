@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ambid.arrays import FloatArray
 from ambid.diagnosis import Localisation
 from ambid.diagnosis.localisation import MisfitMap
 from ambid.errors import InputError
-from ambid.noise.chance import misfit_bound
 from ambid.plot.style import AXIS_COLOURS, GUIDE, LABEL, NOTHING, SMALL, band_text, dress, new_figure, short_number
 
 if TYPE_CHECKING:
@@ -55,7 +53,7 @@ def plot_misfit_map(
     one = maps[record]
     bands, channels = one.misfit.shape
     ax = new_figure(9.0, 0.28 * bands + 1.0).add_subplot() if ax is None else ax
-    told = one.misfit > _by_chance(one)[:, None]
+    told = one.misfit > one.by_chance[:, None]
     norm = LogNorm(1.0, max(100.0, float(np.nanmax([largest, np.nanmax(one.misfit)]))), clip=True)
     image = ax.pcolormesh(
         np.arange(channels + 1),
@@ -81,12 +79,6 @@ def plot_misfit_map(
     bar.set_label("times noise power (grey: may be chance)", fontsize=LABEL)
     bar.ax.tick_params(labelsize=SMALL)
     return ax
-
-
-def _by_chance(one: MisfitMap) -> FloatArray:
-    """Misfit of each band that chance may bring, by its number of lines."""
-    lines = np.maximum(np.diff(one.edges_hz) / one.line_hz, 1.0)
-    return np.array([misfit_bound(int(2.0 * count)) for count in lines])
 
 
 def plot_growth(localisation: Localisation, ax: Axes | None = None) -> Axes:

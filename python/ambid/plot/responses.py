@@ -99,7 +99,7 @@ def plot_frequency_response(
     dress(left, x="frequency [Hz]", y=f"left [{unit}]")
     plain_log(left.xaxis)
     if ax is None:
-        _legend(size.figure, size, left)
+        legend(size.figure, size, left)
     return np.array(list(own))
 
 
@@ -124,7 +124,7 @@ def draw_responses(told: Responses, title: str = "") -> Figure:
             phase.tick_params(labelbottom=o == rows - 1, labelleft=i == 0)
             first = first or size
     if size is not None:
-        _legend(figure, size)
+        legend(figure, size)
     figure.suptitle(title or f"{measured.name}: frequency responses", fontsize=LABEL + 1, x=0.01, ha="left")
     return figure
 
@@ -177,6 +177,8 @@ def _draw_phase(ax: Axes, told: Responses, o: int, i: int) -> None:
     for own, style in zip(told.modelled, STYLES, strict=False):
         size = np.abs(own.response[:, o, i])
         told_of = np.where(size > 0.0, np.degrees(np.angle(own.response[:, o, i])), np.nan)
+        if _is_sampled(own, measured):  # by a simulation, whose phase beside larger lines is as little known
+            told_of[~seen] = np.nan
         ax.semilogx(own.frequency_hz, unbroken(told_of), **style, **_marked(own, measured))
     ax.set_ylim(-200.0, 200.0)
     ax.set_yticks([-180, 0, 180])
@@ -195,7 +197,11 @@ def _draw_left(ax: Axes, told: Responses, o: int, i: int) -> None:
 
 def _marked(own: Modelled, measured: FrequencyResponse) -> dict[str, Any]:
     """Dots on the line of a model that is known at the measured frequencies alone."""
-    return {"marker": ".", "ms": 3.5} if len(own.frequency_hz) == len(measured.frequency_hz) else {}
+    return {"marker": ".", "ms": 3.5} if _is_sampled(own, measured) else {}
+
+
+def _is_sampled(own: Modelled, measured: FrequencyResponse) -> bool:
+    return len(own.frequency_hz) == len(measured.frequency_hz)
 
 
 def unbroken(degrees: FloatArray) -> FloatArray:
@@ -205,7 +211,8 @@ def unbroken(degrees: FloatArray) -> FloatArray:
     return told
 
 
-def _legend(figure: Any, *panels: Axes) -> None:
+def legend(figure: Any, *panels: Axes) -> None:
+    """One legend for several panels, below the figure."""
     handles = [handle for panel in panels for handle in panel.get_legend_handles_labels()[0]]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
 

@@ -1,5 +1,5 @@
-"""The story of a diagnosis as one self-contained HTML file, for reading, printing and passing on."""
+"""The story of a diagnosis as one self-contained file, HTML or PDF, for reading, printing and passing on."""
 
-from ambid.report.report import write_report
+from ambid.report.report import check_suffix, write_report
 
-__all__ = ["write_report"]
+__all__ = ["check_suffix", "write_report"]

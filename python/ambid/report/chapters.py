@@ -1,40 +1,61 @@
-"""The story of a diagnosis, chapter by chapter, as the template tells it."""
+"""The story of a diagnosis, chapter by chapter, as the page tells it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import datetime
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
-from ambid.diagnosis import Diagnosis, Localisation, Ranking, Step, compare
+from ambid.diagnosis import Comparison, Diagnosis, Localisation, MisfitMatrix, Ranking, Step, compare, misfit_matrix
+from ambid.diagnosis.moves import Moved, moved
 from ambid.effects import Effect
+from ambid.errors import RecordError
+from ambid.model.parameter import nominal
 from ambid.report import numbers, pictures, words
+from ambid.report.files import files_of
+from ambid.report.numbering import Numbering
+from ambid.report.standing import standing
 from ambid.rig import Rig
 
 WORST = 6
 RANKED = 10
+MOST_MOVED = 3
 
 
 def story(diagnosis: Diagnosis) -> dict[str, Any]:
-    """Everything that the template needs; chapters that do not belong to the verdict are None or empty."""
+    """Everything that the page needs; chapters that do not belong to the verdict are None or empty."""
     told = {
         "words": words,
+        "figures": Numbering("Figure"),
+        "tables": Numbering("Table"),
+        "title": f"Diagnosis of {diagnosis.model.rig.name}",
+        "version": version("ambid"),
+        "written": words.date(datetime.now().astimezone()),
         "diagnosis": diagnosis,
         "adequate": diagnosis.verdict == "adequate",
-        "sentence": words.verdict_sentence(diagnosis, np.nan, np.nan, None),
+        "verdict": words.verdict_sentence(diagnosis, np.nan, np.nan, None),
         "notes": list(diagnosis.notes),
         "machine": numbers.rig_figures(diagnosis.model.rig, diagnosis.model.points),
-        "figures": [],
+        "records": [
+            *(("diagnosis", record) for record in diagnosis.records),
+            *(("validation", record) for record in diagnosis.validation),
+        ],
+        "files": files_of(diagnosis),
+        "is_moved": False,
+        "fits": [],
         "choices": [],
         "invisible": [],
+        "signals": [],
+        "responses": None,
         "where": None,
         "rankings": [],
-        "left": None,
         "ledger": None,
-        "shape": None,
-        "signals": [],
         "parameters": [],
+        "left": None,
+        "standing": None,
     }
     return told if not diagnosis.history else told | _chapters(diagnosis)
 
@@ -44,30 +65,32 @@ def _chapters(diagnosis: Diagnosis) -> dict[str, Any]:
     validation = None
     if first.validation_misfit is not None and last.validation_misfit is not None:
         validation = (first.validation_misfit, last.validation_misfit)
-    base = numbers.base_model(diagnosis)
+    base, is_moved = numbers.base_model(diagnosis), last is not first
     before = compare(base, diagnosis.records) if diagnosis.fit is None else diagnosis.fit.of(base)
-    after = diagnosis.fit if last is not first else None
-    errors = numbers.standard_errors(diagnosis)
+    after = diagnosis.fit if is_moved else None
     where, missing = diagnosis.localisation, diagnosis.verdict != "adequate"
     said = where.sentence() if where is not None and missing else ""
-    known = {p.name: p.value for p in first.model.parameters}
+    changes = moved(first.model, diagnosis.model, numbers.standard_errors(diagnosis)) if is_moved else ()
     return {
-        "sentence": words.verdict_sentence(diagnosis, first.misfit, last.misfit, validation),
+        "is_moved": is_moved,
+        "verdict": words.verdict_sentence(diagnosis, first.misfit, last.misfit, validation),
         "notes": [note for note in diagnosis.notes if note != said],
-        "figures": _figures(diagnosis, first, last),
-        "choices": [_choices(names, diagnosis.history) for names in diagnosis.ambiguous_sets],
+        "fits": _fits(diagnosis, first, last),
+        "choices": [_choices(names, diagnosis.history, base.rig) for names in diagnosis.ambiguous_sets],
         "invisible": [] if missing else _invisible(first.ranking, base.rig),
-        "where": None if where is None else _where(where, said, missing),
-        "rankings": _rankings(diagnosis, last),
-        "left": _left(last) if last is not first else None,
-        "ledger": _ledger(diagnosis, errors) if len(diagnosis.history) > 1 else None,
-        "shape": pictures.needed(where, diagnosis.model.rig.axes) if where is not None and missing else None,
         "signals": list(pictures.before_and_after(before, after)),
-        "parameters": [(p, errors[p.name], known.get(p.name)) for p in diagnosis.model.parameters],
+        "responses": pictures.responses(before, after),
+        "where": None if where is None else _where(diagnosis, where, before, said, missing),
+        "rankings": _rankings(diagnosis, last, base.rig),
+        "ledger": _ledger(diagnosis) if len(diagnosis.history) > 1 else None,
+        "parameters": _parameters(diagnosis, first, changes),
+        "most_moved": words.most_moved(changes[:MOST_MOVED]),
+        "left": _left(diagnosis, last) if is_moved else None,
+        "standing": standing(diagnosis.model, base if is_moved else None),
     }
 
 
-def _figures(diagnosis: Diagnosis, first: Step, last: Step) -> list[dict[str, Any]]:
+def _fits(diagnosis: Diagnosis, first: Step, last: Step) -> list[dict[str, Any]]:
     """Fit, ceiling and misfit, before and after, of the records and of those for validation."""
     rows = [
         {
@@ -78,45 +101,65 @@ def _figures(diagnosis: Diagnosis, first: Step, last: Step) -> list[dict[str, An
         }
     ]
     if first.validation_fit_percent is not None and last.validation_fit_percent is not None:
+        names = ", ".join(record.name for record in diagnosis.validation)
         fits = (first.validation_fit_percent["average"], last.validation_fit_percent["average"])
         misfits = (first.validation_misfit, last.validation_misfit)
-        rows.append(
-            {"name": "validation", "fit": fits, "ceiling": numbers.ceiling_of_y(diagnosis.kept_back), "misfit": misfits}
-        )
+        ceiling = numbers.ceiling_of_y(diagnosis.kept_back)
+        rows.append({"name": f"{names}, for validation", "fit": fits, "ceiling": ceiling, "misfit": misfits})
     return rows
 
 
-def _choices(names: list[str], history: Sequence[Step]) -> list[dict[str, Any]]:
+def _choices(names: list[str], history: Sequence[Step], rig: Rig) -> list[dict[str, Any]]:
     """What stands to choose from where effects cannot be told apart; values are those of the first ranking."""
     ranked: dict[str, Effect] = {c.effect.name: c.effect for step in history for c in step.ranking.candidates}
-    first = history[0].ranking
-    return [{"name": name, "physics": ranked[name].physics, "candidate": first.find(name)} for name in names]
+    first, found = history[0].ranking, []
+    for name in names:
+        candidate = first.find(name)
+        values = "" if candidate is None else words.values(candidate.start, numbers.units(candidate.effect, rig))
+        found.append({"name": name, "physics": ranked[name].physics, "candidate": candidate, "values": values})
+    return found
 
 
 def _invisible(ranking: Ranking, rig: Rig) -> list[tuple[str, list[str]]]:
     """The largest values that would stay invisible in these data, effect by effect."""
     found = []
     for c in ranking.candidates:
-        units = {p.name: p.unit for p in c.effect.parameters(rig)}
+        units = numbers.units(c.effect, rig)
         sizes = {name: value for name, value in c.smallest_visible.items() if np.isfinite(value)}
         if sizes:
             found.append((c.effect.name, [f"{n} {words.quantity(v, units[n], digits=2)}" for n, v in sizes.items()]))
     return found
 
 
-def _where(where: Localisation, sentence: str, missing: bool) -> dict[str, Any]:
-    """Map, worst cells and ports."""
+def _where(
+    diagnosis: Diagnosis, where: Localisation, before: Comparison, sentence: str, missing: bool
+) -> dict[str, Any]:
+    """Map, worst cells, matrix, ports and shape."""
+    matrix = _matrix(before, where.maps[where.worst].record) if missing else None
     return {
-        "pictures": list(pictures.maps(where)),
+        "pictures": list(pictures.maps(where.maps, "base")),
+        "growth": pictures.growth(where),
         "sentence": f"What is missing {sentence[3:]}"
         if sentence.startswith("it ")
         else sentence[:1].upper() + sentence[1:],
         "cells": where.cells[:WORST] if missing else (),
+        "matrix": None if matrix is None else pictures.matrix(matrix),
+        "crossed": [] if matrix is None else matrix.lines(most=0),
         "ports": where.ports if missing else (),
+        "shape": pictures.needed(where, diagnosis.model.rig.axes) if missing else None,
     }
 
 
-def _rankings(diagnosis: Diagnosis, last: Step) -> list[dict[str, Any]]:
+def _matrix(before: Comparison, record: str) -> MisfitMatrix | None:
+    """Of the record that is missed most; None where its noise is not known, or nothing drives it."""
+    try:
+        found = misfit_matrix(before)
+    except RecordError:
+        return None
+    return next((own for own in found if own.record == record), None)
+
+
+def _rankings(diagnosis: Diagnosis, last: Step, rig: Rig) -> list[dict[str, Any]]:
     """The ranking before each step that the last model holds; the first one where nothing was added."""
     steps = diagnosis.history
     used = [(step, then) for step, then in zip(steps, steps[1:], strict=False) if then.predicted_misfit is not None]
@@ -128,15 +171,39 @@ def _rankings(diagnosis: Diagnosis, last: Step) -> list[dict[str, Any]]:
             "ranking": ranking,
             "added": added,
             "candidate": ranking.find(added) if added is not None else None,
-            "shown": ranking.candidates[:RANKED],
+            "shown": [(c, words.values(c.start, numbers.units(c.effect, rig))) for c in ranking.candidates[:RANKED]],
             "picture": pictures.ranking(ranking),
         }
         for ranking, added in pairs
     ]
 
 
-def _left(last: Step) -> str:
-    """What the candidates could still do after the last step."""
+def _ledger(diagnosis: Diagnosis) -> dict[str, Any]:
+    led_nowhere = numbers.last_step(diagnosis) is not diagnosis.history[-1]
+    return {"picture": pictures.staircase(diagnosis), "led_nowhere": led_nowhere}
+
+
+def _parameters(diagnosis: Diagnosis, first: Step, changes: Sequence[Moved]) -> list[words.Row]:
+    """Every parameter of the last model: rig file, before, now, interval, and by how much it moved."""
+    told = {p.name: p.value for p in nominal(diagnosis.model.rig)}
+    before = {p.name: p.value for p in first.model.parameters}
+    by_name = {own.name: own for own in changes}
+    return [
+        words.Row.of(p.name, diagnosis.parameters[p.name], told.get(p.name), before.get(p.name), by_name.get(p.name))
+        for p in diagnosis.model.parameters
+    ]
+
+
+def _left(diagnosis: Diagnosis, last: Step) -> dict[str, Any]:
+    """The map of the last model, and what the candidates could still do."""
+    return {
+        "sentence": words.left_sentence(diagnosis),
+        "pictures": list(pictures.maps(diagnosis.left, "last", like=diagnosis.localisation)),
+        "candidates": _candidates_left(last),
+    }
+
+
+def _candidates_left(last: Step) -> str:
     significant = last.ranking.significant
     if not significant:
         return "After the last step no candidate is significant any more."
@@ -146,12 +213,3 @@ def _left(last: Step) -> str:
         f"chance, but would do little: the best of them, {words.plain(best.effect.name)}, promises to take the misfit "
         f"from {words.misfit(last.misfit)} to {words.misfit(best.predicted_misfit)}; it was not added."
     )
-
-
-def _ledger(diagnosis: Diagnosis, errors: dict[str, float]) -> dict[str, Any]:
-    return {
-        "steps": diagnosis.history,
-        "picture": pictures.staircase(diagnosis),
-        "moved": numbers.moved(diagnosis, errors)[:WORST],
-        "led_nowhere": numbers.last_step(diagnosis) is not diagnosis.history[-1],
-    }

@@ -1,4 +1,4 @@
-"""Numbers that a diagnosis does not hold: the model before, standard errors, what moved, figures of the rig."""
+"""Numbers that a diagnosis does not hold: the model before, standard errors, units, figures of the rig."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ambid.diagnosis import Diagnosis, Step, moves
-from ambid.diagnosis.moves import Moved
+from ambid.diagnosis import Diagnosis, Step
+from ambid.effects import Effect
 from ambid.loop.geometry import rotor_of
 from ambid.model import Model
 from ambid.noise import Comparison
@@ -38,10 +38,9 @@ def standard_errors(diagnosis: Diagnosis) -> dict[str, float]:
     return {name: np.nan if p.std_error is None else p.std_error for name, p in diagnosis.parameters.items()}
 
 
-def moved(diagnosis: Diagnosis, errors: dict[str, float]) -> list[Moved]:
-    """Parameters of the base model that the effects have moved, most percent first."""
-    found = moves.moved(diagnosis.history[0].model, diagnosis.model, errors)
-    return sorted(found, key=lambda m: -abs(m.percent))
+def units(effect: Effect, rig: Rig) -> dict[str, str]:
+    """Units of an effect's parameters by name."""
+    return {p.name: p.unit for p in effect.parameters(rig)}
 
 
 def rig_figures(rig: Rig, points: Sequence[Rig] = ()) -> list[tuple[str, str]]:

@@ -3,28 +3,35 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ambid.diagnosis import Comparison, Diagnosis, Localisation, Ranking
-from ambid.diagnosis.localisation import SHAPED
+from ambid.diagnosis import Comparison, Diagnosis, Localisation, MisfitMatrix, Ranking
+from ambid.diagnosis.localisation import SHAPED, MisfitMap
+from ambid.errors import RecordError
+from ambid.noise import frequency_responses
 from ambid.plot import (
     plot_comparison,
+    plot_frequency_response,
     plot_growth,
     plot_misfit_map,
+    plot_misfit_matrix,
     plot_needed,
+    plot_poles,
     plot_ranking,
+    plot_sensitivity,
     plot_staircase,
     worst_stretch,
 )
 from ambid.plot.needed import HALF, SEEN
-from ambid.plot.signals import legend
-from ambid.plot.style import LABEL, new_figure
+from ambid.plot.responses import legend
+from ambid.plot.style import new_figure
 from ambid.record import FrequencyResponse
+from ambid.robustness import Margins, PoleMap
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
@@ -63,23 +70,56 @@ def as_picture(figure: Figure | SubFigure, caption: str) -> Picture:
     return Picture(source, caption, 100.0 * figure.get_figwidth() / PAGE)  # type: ignore[union-attr]
 
 
-def maps(where: Localisation) -> Iterator[Picture]:
-    """The misfit map of the worst records, and the growth where there are several amplitudes."""
-    worst = sorted(range(len(where.maps)), key=lambda k: -float(np.nanmax(where.maps[k].misfit)))[:MOST_MAPS]
+def maps(found: Sequence[MisfitMap], which: str, like: Localisation | None = None) -> Iterator[Picture]:
+    """The misfit map of the worst records, by the base or the last model, in the colours of another one's."""
+    largest = np.nan if like is None else max(float(np.nanmax(own.misfit)) for own in like.maps)
+    worst = sorted(range(len(found)), key=lambda k: -float(np.nanmax(found[k].misfit)))[:MOST_MAPS]
     for k in sorted(worst):
-        found, ax = where.maps[k], plot_misfit_map(where, k)
         yield as_picture(
-            ax.figure,
-            f"Misfit map of the base model on {found.record}: each channel in each band, judged against its own noise; "
-            "grey cells hold no more than chance may bring.",
+            plot_misfit_map(found, k, largest=largest).figure,
+            f"Misfit map of the {which} model on {found[k].record}: each channel in each band, judged against its own "
+            "noise; grey cells hold no more than chance may bring.",
         )
-    if np.isfinite(where.exponent):
-        ax = plot_growth(where)
-        yield as_picture(
-            ax.figure,
-            "What the base model leaves unexplained against the amplitude of the excitation; a power of 1 is a linear "
-            "effect, a power of 3 a cubic one.",
-        )
+
+
+def growth(where: Localisation) -> Picture | None:
+    """The growth with amplitude; None where there is one amplitude."""
+    if not np.isfinite(where.exponent):
+        return None
+    return as_picture(
+        plot_growth(where).figure,
+        "What the base model leaves unexplained against the amplitude of the excitation; a power of 1 is a linear "
+        "effect, a power of 3 a cubic one.",
+    )
+
+
+def matrix(found: MisfitMatrix) -> Picture:
+    """The misfit input by output."""
+    return as_picture(
+        plot_misfit_matrix(found)[0].figure,
+        f"What each output of {found.record} answers to each excitation beyond the base model, band by band, in times "
+        "noise power, with the sign of the real part where it has one; the last column follows no excitation, grey "
+        "cells may be chance.",
+    )
+
+
+def sensitivity(found: Margins) -> Picture:
+    """The sensitivity with its zones."""
+    return as_picture(
+        plot_sensitivity(found).figure,
+        "Sensitivity of each axis with all others closed, with its 95 % band by the draws, and the limits between the "
+        "zones of ISO 14839-3.",
+    )
+
+
+def poles(found: PoleMap, before: PoleMap | None) -> Picture:
+    """The poles, of both models where there are two."""
+    return as_picture(
+        plot_poles(found, before).figure,
+        "Poles of the plant alone and of the closed loop with the "
+        + ("base model (before) and the last one (after)" if before is not None else "base model")
+        + "; 95 % regions are drawn where they reach beyond their marks.",
+    )
 
 
 def ranking(found: Ranking) -> Picture:
@@ -126,26 +166,57 @@ def needed(where: Localisation, axes: tuple[str, ...]) -> Picture | None:
 
 
 def before_and_after(before: Comparison, after: Comparison | None) -> Iterator[Picture]:
-    """Measured against simulated, of the record, displacement and current that the base model missed most."""
-    index = int(np.argmax([record.misfit for record in before.records]))
-    rows, is_response = before.records[index].channels, isinstance(before.records[index].record, FrequencyResponse)
-    stages = [("base model", before)] + ([("last model", after)] if after is not None else [])
+    """Measured against simulated in time, of the record, displacement and current that the base model missed most."""
+    index = _worst(before)
+    record, rows = before.records[index].record, before.records[index].channels
+    if isinstance(record, FrequencyResponse):
+        return
     for signal in ("y.", "i_c."):
         own = [c for c in rows if c.channel.startswith(signal)]
         if not own:
             continue
         channel = max(own, key=lambda c: c.residual_rms / c.noise_rms if c.noise_rms > 0.0 else c.residual_rms).channel
-        figure = new_figure(9.0, 4.0)
-        panels = figure.subplots(2, len(stages), sharex=True, height_ratios=[3, 1.6], squeeze=False)
-        stretch = None if is_response else worst_stretch(before, index, channel)
-        for k, (stage, comparison) in enumerate(stages):
-            above, below = plot_comparison(comparison, index, channel, list(panels[:, k]), stretch=stretch)
-            above.set_title(f"{stage}, {above.get_title(loc='left')}", fontsize=LABEL, loc="left")
-        legend(figure, *panels[:, 0])
-        yield as_picture(
-            figure,
-            f"{channel} of {before.records[index].record.name}, "
-            + ("by the excitation" if is_response else "in the stretch of one period")
-            + " where the base model misses most; the residual below, with the band of the noise."
-            + (" The residuals before and after have scales of their own." if after is not None else ""),
-        )
+        stretch = worst_stretch(before, index, channel)
+        where = "the stretch of one period where the base model misses most"
+        caption = f"{channel} of {record.name}, in {where}; the residual below, with the band of the noise."
+        if after is None:
+            shown = plot_comparison(before, index, channel, stretch=stretch)
+        else:
+            shown = plot_comparison(after, index, channel, stretch=stretch, before=before.model)
+            caption += " Both residuals are on one scale."
+        yield as_picture(shown[0].figure, caption)
+
+
+def responses(before: Comparison, after: Comparison | None) -> Picture | None:
+    """Frequency responses of the same record: of the displacement and of the current that the base model missed most.
+
+    None where the record is too short for them.
+    """
+    index = _worst(before)
+    try:
+        told = frequency_responses(before if after is None else after, index, [] if after is None else [before.model])
+    except RecordError:
+        return None
+    missed = np.nanmean(told.left(-1), axis=0)
+    pairs = []
+    for signal in ("y.", "i_c."):
+        rows = [k for k, name in enumerate(told.measured.outputs) if name.startswith(signal)]
+        if rows:
+            o, i = np.unravel_index(int(np.nanargmax(missed[rows])), missed[rows].shape)
+            pairs.append((told.measured.outputs[rows[o]], told.measured.inputs[i]))
+    figure = new_figure(PAGE, 5.2)
+    panels = figure.subplots(3, len(pairs), sharex=True, squeeze=False, height_ratios=[3, 1.4, 1.8])
+    for column, pair in zip(panels.T, pairs, strict=True):
+        plot_frequency_response(told, *pair, ax=list(column))
+    legend(figure, panels[0, 0], panels[2, 0])
+    return as_picture(
+        figure,
+        f"{' and '.join(f'{output} by {inlet}' for output, inlet in pairs)} of {told.measured.name}, which the base "
+        "model misses most: size with the noise of every measured value, phase, and what is left of them beside their "
+        "standard deviation.",
+    )
+
+
+def _worst(before: Comparison) -> int:
+    """The record that is missed most."""
+    return int(np.argmax([record.misfit for record in before.records]))

@@ -1,4 +1,4 @@
-"""The story of a diagnosis as one self-contained HTML file, for reading, printing and passing on."""
+"""The story of a diagnosis as one self-contained file, for reading, printing and passing on."""
 
 from __future__ import annotations
 
@@ -9,50 +9,73 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from ambid.diagnosis import Diagnosis
 from ambid.errors import InputError, printable
 from ambid.report.chapters import story
+from ambid.report.pdf import as_pdf, weasyprint
+from ambid.report.subscripts import with_subscripts
 from ambid.threads import with_one_blas_thread
 from ambid.writing import require_writable, whole_file
 
-__all__ = ["write_report"]
+__all__ = ["check_suffix", "write_report"]
 
-SUFFIXES = (".html", ".htm")
+HTML, PDF = (".html", ".htm"), ".pdf"
 
 
 @with_one_blas_thread
-def write_report(diagnosis: Diagnosis, path: str | Path) -> Path:
-    """Write a diagnosis as HTML: verdict, what to do next, where, which effect, what adding it did, shape, signals.
+def write_report(diagnosis: Diagnosis, path: str | Path, *further: str | Path) -> Path:
+    """Write a diagnosis as HTML or PDF.
 
-    All pictures and styles are in the file; it needs no network and no script.
+    Verdict, machine and records with hashes of their files, before and after, where, which effect, what it did to the
+    parameters, what is left, margins, and what to do next. All pictures and styles are in the file; it needs no network
+    and no script, and prints on A4.
 
     Parameters
     ----------
     diagnosis : Diagnosis
     path : str or Path
-        With the suffix .html or .htm.
+        With the suffix .html, .htm or .pdf.
+    *further : str or Path
+        More files for the same page, such as its PDF.
 
     Returns
     -------
     Path
-        The file that was written.
+        The first file that was written.
 
     Raises
     ------
     InputError
-        If the suffix is another one, or the folder does not exist.
+        If a suffix is another one, the folder does not exist, or WeasyPrint, which .pdf needs, is not installed.
     OutputError
-        If the file cannot be written; what was there stands.
+        If a file cannot be written; what was there stands.
     """
-    path = Path(path)
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(f"{path}: the suffix is {path.suffix or 'missing'}; expected {' or '.join(SUFFIXES)}")
-    require_writable(path)
+    paths = [Path(own) for own in (path, *further)]
+    for own in paths:
+        check_suffix(own)
+        require_writable(own)
     environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent),
+        loader=FileSystemLoader(Path(__file__).parent / "page"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    page = environment.get_template("template.html").render(story(diagnosis))
-    with whole_file(path) as stream:
-        stream.write(printable(page).encode(errors="backslashreplace"))
-    return path
+    page = printable(with_subscripts(environment.get_template("report.html").render(story(diagnosis))))
+    for own in paths:
+        content = as_pdf(page) if own.suffix.lower() == PDF else page.encode(errors="backslashreplace")
+        with whole_file(own) as stream:
+            stream.write(content)
+    return paths[0]
+
+
+def check_suffix(path: Path) -> None:
+    """Refuse a file that no report can be written to, before any work is done.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another one than .html, .htm, .pdf, or what .pdf needs is not installed.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in (*HTML, PDF):
+        raise InputError(f"{path}: the suffix is {path.suffix or 'missing'}; expected .html or .pdf")
+    if suffix == PDF:
+        weasyprint()

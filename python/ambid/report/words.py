@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
 
 import numpy as np
 
 from ambid.diagnosis import Diagnosis
+from ambid.diagnosis.moves import Moved
+from ambid.identification import ParameterEstimate
 from ambid.noise.comparison import ADEQUATE
 from ambid.plot.style import misfit_text
 
@@ -63,18 +67,123 @@ def percent(value: float | None, digits: int = 2) -> str:
     return "–" if value is None or not np.isfinite(value) else f"{value:.{digits}f}"
 
 
-def quantity(value: float, unit: str, error: float | None = None, *, digits: int = 4) -> str:
-    """A value with its unit, prefix and, where known, standard error: ``249.9 ± 0.1 µs``."""
+def prefixed(value: float, unit: str) -> tuple[int, str]:
+    """Power of ten and unit with its prefix in which a value reads well; no unit of a ratio."""
     power = 0
     if PREFIXED.match(unit) and value != 0.0 and np.isfinite(value):
         power = int(np.clip(3 * np.floor(np.log10(abs(value)) / 3.0), -9, 9))
-    scaled, name = value / 10.0**power, "" if unit == "1" else f" {PREFIXES[power]}{unit}"
-    if error is None or not np.isfinite(error) or error <= 0.0:
-        text = f"{scaled:#.{digits}g}".rstrip(".") if 1e-3 <= abs(scaled) < 10.0**digits else number(scaled, digits)
-        return f"{text}{name}".replace("-", "−")
-    deviation = error / 10.0**power
-    decimals = int(np.clip(1 - np.floor(np.log10(deviation)), 0, 6))
-    return f"{scaled:.{decimals}f} ± {deviation:.{decimals}f}{name}".replace("-", "−")
+    return power, "" if unit == "1" else f"{PREFIXES[power]}{unit}"
+
+
+def quantity(value: float, unit: str, *, digits: int = 4) -> str:
+    """A value with its unit and prefix: ``249.9 µs``."""
+    power, name = prefixed(value, unit)
+    scaled, name = value / 10.0**power, f" {name}" if name else ""
+    text = f"{scaled:#.{digits}g}".rstrip(".") if 1e-3 <= abs(scaled) < 10.0**digits else number(scaled, digits)
+    return f"{text}{name}".replace("-", "−")
+
+
+def values(start: Mapping[str, float], units: Mapping[str, str]) -> str:
+    """Predicted values of an effect's parameters, such as ``cross_stiffness 553 kN/m, damping 217 N s/m``."""
+    return ", ".join(f"{name} {quantity(value, units.get(name, '1'), digits=3)}" for name, value in start.items())
+
+
+@dataclass(frozen=True)
+class Row:
+    """A parameter as texts, all in one unit and with as many decimals as its interval tells.
+
+    Attributes
+    ----------
+    name, unit, told, before, now, interval, percent, errors : str
+        Of the rig file, of the base model, of the last model, its 95 % interval, and by how much it moved.
+    """
+
+    name: str
+    unit: str
+    told: str
+    before: str
+    now: str
+    interval: str
+    percent: str
+    errors: str
+
+    @classmethod
+    def of(
+        cls, name: str, own: ParameterEstimate, told: float | None, before: float | None, moved: Moved | None
+    ) -> Row:
+        """Of a parameter; None for what is not known of it."""
+        power, unit = prefixed(own.value or 0.0, own.unit)
+        half = own.std_error or np.nan
+
+        def shown(value: float | None) -> str:
+            if value is None or not np.isfinite(value):
+                return "–"
+            scaled, error = value / 10.0**power, half / 10.0**power
+            if not np.isfinite(error) or error <= 0.0:
+                return number(scaled)
+            text = f"{scaled:.{int(np.clip(1 - np.floor(np.log10(error)), 0, 6))}f}"
+            return text.replace("-", "−")
+
+        percent, errors = (None, None) if moved is None else (moved.percent, moved.errors)
+        return cls(
+            name,
+            unit,
+            "–" if told is None else number(told / 10.0**power),
+            shown(before),
+            shown(own.value),
+            "–" if own.ci95 is None else " to ".join(map(shown, own.ci95)),
+            signed(percent),
+            signed(errors),
+        )
+
+
+def most_moved(changes: Sequence[Moved]) -> str:
+    """Parameters with their moves, such as ``K_s.A_zeta by +776 standard errors, away from the rig file's value``."""
+    told = []
+    for own in changes:
+        text = f"{own.name} by {signed(own.errors)} standard errors"
+        if own.nominal is not None:
+            text += f", {'towards' if own.is_nearer else 'away from'} the rig file's value"
+        told.append(text)
+    return "; ".join(told)
+
+
+def signed(value: float | None) -> str:
+    """A change, with its sign."""
+    if value is None or not np.isfinite(value):
+        return "–"
+    return f"{'+' if value > 0.0 else ''}{number(value, 3)}"
+
+
+def peak(value: float) -> str:
+    """A peak of the sensitivity."""
+    return f"{value:.3f}" if np.isfinite(value) else "unstable"
+
+
+def decibel(value: float) -> str:
+    """The same [dB]."""
+    return f"{20.0 * np.log10(value):.1f}"
+
+
+def date(when: datetime) -> str:
+    """Day, time and zone."""
+    return f"{when.day} {when:%B %Y, %H:%M %Z}"
+
+
+def left_sentence(diagnosis: Diagnosis) -> str:
+    """How many cells of the last model's map hold more than chance may bring."""
+    fit, maps = diagnosis.fit, diagnosis.left
+    if fit is None or not maps:
+        return "The noise of these records is not known, so that nothing can be said of what is left."
+    cells = sum(int(np.isfinite(own.misfit).sum()) for own in maps)
+    beyond = sum(int((own.misfit > own.by_chance[:, None]).sum()) for own in maps)
+    largest = max(float(np.nanmax(own.misfit)) for own in maps)
+    within, verb = "within" if fit.is_adequate else "above", "holds" if beyond == 1 else "hold"
+    return (
+        f"The last model leaves a misfit of {misfit(fit.misfit)}, {within} its bound of {misfit(fit.bound)}: "
+        f"{beyond or 'none'} of the {cells} cells of channel and band {verb} more than chance may bring, and the "
+        f"largest of all holds {misfit(largest)} times noise."
+    )
 
 
 def p_value(chance: float) -> str:

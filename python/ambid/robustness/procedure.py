@@ -67,7 +67,7 @@ def margins(
         raise InputError(f"draws = {draws}: expected {FEWEST_DRAWS} to {MOST_DRAWS}")
     if seed < 0:
         raise InputError(f"seed = {seed}: expected 0 or more")
-    linear, notes = _linear(model)
+    linear, notes = of_small_motion(model)
     loop, theta = BrokenLoop(linear, at), linear.theta
     if not is_stable(loop, theta):
         slowest = loop.model.poles()[0]
@@ -123,7 +123,7 @@ def sensitivity_peaks(model: Model) -> tuple[FloatArray, FloatArray]:
     return peaks.values[: loop.axes], peaks.frequency_hz[: loop.axes]
 
 
-def _linear(model: Model) -> tuple[Model, list[str]]:
+def of_small_motion(model: Model) -> tuple[Model, list[str]]:
     """The model as its loop answers small motion, and what was left out; the scale of i_e is not in the loop."""
     linear = model.without_nonlinear()
     left_out = [effect.name for effect in model.effects if effect not in linear.effects]
@@ -136,7 +136,7 @@ def _linear(model: Model) -> tuple[Model, list[str]]:
         linear = linear.with_covariance(model.covariance[np.ix_(kept, kept)])
     if not left_out:
         return linear, []
-    return linear, [f"{', '.join(left_out)}: not linear, and left out; the margins are those of small motion"]
+    return linear, [f"{', '.join(left_out)}: not linear, and left out; this is of small motion"]
 
 
 def _nominal(value: float, frequency_hz: float) -> Margin:

@@ -8,7 +8,7 @@ from typing import Any
 
 from ambid.arrays import FloatArray
 from ambid.model import Model
-from ambid.results import Tabular, plain
+from ambid.results import Tabular, picture, plain
 from ambid.robustness.sensitivity import PLACES, Place
 
 ZONES = ((3.0, "A"), (4.0, "B"), (5.0, "C"), (inf, "D"))
@@ -125,6 +125,8 @@ class Margins(Tabular):
     sensitivity: FloatArray
     band: FloatArray | None
     notes: tuple[str, ...] = ()
+
+    plot = picture("plot_sensitivity")
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use nalgebra::Complex;
+use nalgebra::{Complex, DMatrix};
 
 use crate::discretise::{Discrete, discretise};
 use crate::error::{Result, check_finite, check_len};
@@ -79,6 +79,16 @@ impl ClosedLoop {
     pub fn discrete(&self, theta: &[f64]) -> Result<Discrete> {
         self.check(theta, &[])?;
         Ok(discretise(&self.model, theta, &[])?.0)
+    }
+
+    /// Derivatives of A of [`ClosedLoop::discrete`] by the parameters in `free`, of a loop without nonlinear blocks.
+    ///
+    /// # Errors
+    /// As [`ClosedLoop::discrete`].
+    pub fn discrete_slopes(&self, theta: &[f64], free: &[usize]) -> Result<Vec<DMatrix<f64>>> {
+        self.check(theta, free)?;
+        let (_, slopes) = discretise(&self.model, theta, free)?;
+        Ok(slopes.into_iter().map(|slope| slope.a).collect())
     }
 
     /// The response from rest, samples x outputs, to `u`, samples x inputs, both row by row.

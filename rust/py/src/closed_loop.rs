@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use ambid_core::{ClosedLoop as Core, Controller, Gain, GainError, Lft, Model};
+use nalgebra::DMatrix;
 use numpy::{Complex64, IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
@@ -129,6 +130,20 @@ impl ClosedLoop {
         let m = py.detach(|| self.core.discrete(theta)).map_err(raise)?;
         let array = |m| from_matrix(py, m);
         Ok((array(&m.a)?, array(&m.b)?, array(&m.c)?, array(&m.d)?))
+    }
+
+    /// Derivatives of A of `discrete`: free x states x states.
+    fn discrete_slopes<'py>(
+        &self,
+        py: Python<'py>,
+        theta: PyReadonlyArray1<'py, f64>,
+        free: Vec<usize>,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let theta = theta.as_slice()?;
+        let slopes = py.detach(|| self.core.discrete_slopes(theta, &free)).map_err(raise)?;
+        let states = slopes.first().map_or(0, DMatrix::nrows);
+        let rows = slopes.iter().flat_map(|slope| slope.transpose().as_slice().to_vec()).collect();
+        cube(py, rows, [slopes.len(), states, states])
     }
 
     fn simulate<'py>(

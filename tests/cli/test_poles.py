@@ -1,0 +1,69 @@
+"""Poles and the Campbell diagram from the shell."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ambid
+from ambid.demo import DATA
+from places import LEVITATOR
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """Rig files of one axis and of four, and models of the latter that are known to 1 %, at two speeds."""
+    monkeypatch.chdir(tmp_path)
+    Path("one.toml").write_text(LEVITATOR.read_text())
+    Path("rig.toml").write_text((DATA / "rig.toml").read_text())
+    rig = ambid.Rig.load("rig.toml")
+    for speed in (0.0, 400.0):
+        model = ambid.Model(rig.replace(speed=speed))
+        model = model.with_theta(model.theta * np.linspace(1.0, 1.05, len(model.theta)))  # no two axes are alike
+        model.save(f"at_{speed:.0f}.json", np.diag((0.01 * model.theta) ** 2))
+
+
+def test_poles_are_told_with_their_uncertainty(here, command):
+    found = command("poles", "rig.toml", "--model", "at_0.json", "--json", "p.json", "--plot", "p.png")
+    assert (found.code, found.err) == (0, "")
+    assert "the closed loop is stable; with the controller off 4 poles grow" in found.out
+    told = json.loads(Path("p.json").read_text())
+    own = ambid.pole_map(ambid.Model.load("at_0.json"))
+    assert [complex(*entry["pole"]) for entry in told["closed"]] == own.closed.tolist()
+    assert np.array(told["closed"][0]["covariance"]).shape == (2, 2)
+    assert Path("p.png").stat().st_size > 10_000
+
+
+def test_poles_before_stand_beside(here, command):
+    found = command("poles", "rig.toml", "--model", "at_0.json", "--before", "at_0.json", "--json", "-")
+    told = json.loads(found.out)
+    assert told["before"]["closed"] == told["closed"]
+
+
+def test_models_of_single_speeds_are_held_against_the_diagram(here, command):
+    measured = ("--measured", "at_0.json", "--measured", "at_400.json")
+    found = command("campbell", "rig.toml", *measured, "--json", "c.json", "--plot", "c.png")
+    assert (found.code, found.err) == (0, "")
+    told = json.loads(Path("c.json").read_text())
+    assert {own["speed"] for own in told["measured"]} == {0.0, 400.0}
+    assert told["speed"][-1] == pytest.approx(500.0)
+    assert {"forward", "backward"} <= {own["whirl"] for own in told["branches"]}
+    assert "critical speed" in found.out
+    assert Path("c.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("poles", "rig.toml", "--plot", "p.bmp"), "p.bmp: the suffix is .bmp"),
+        (("poles", "rig.toml", "--before", "none.json"), "none.json"),
+        (("campbell", "one.toml"), "no bearing has two axes"),
+        (("campbell", "rig.toml", "--speeds", "100"), "--speeds 100: expected FROM:TO"),
+        (("campbell", "rig.toml", "--speeds", "100:0"), "expected rising ones"),
+    ],
+)
+def test_what_is_wrong_is_told(here, command, arguments, said):
+    found = command(*arguments)
+    assert found.code == 2
+    assert said in found.err
