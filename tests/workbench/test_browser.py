@@ -26,6 +26,8 @@ BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
 SEAL = SHARED / "cases" / "06-seal"
 LONGEST = 90_000
 """Milliseconds that anything on the page may take on a machine that is busy with other tests."""
+SLIDER = 100.0
+"""Milliseconds in which a slider of a linear bench answers."""
 RESPONSIVE = 10.0
 """Seconds in which a window of a record of 1e6 samples is drawn, on such a machine."""
 
@@ -40,7 +42,7 @@ def browser():
         browser.close()
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def workbench():
     """Start the command with these arguments, and return its address."""
     running = []
@@ -85,7 +87,8 @@ class Person:
 
     def settled(self):
         """Wait until all charts and the map are those of the present step."""
-        self.page.wait_for_selector("#training-lines .plot-container")
+        for chart in ("overlay", "responses", "lines"):
+            self.page.wait_for_selector(f"#training-{chart} .plot-container")
         self.page.wait_for_selector("#job", state="hidden")
         self.page.wait_for_selector(".stale", state="detached")
 
@@ -134,6 +137,15 @@ def test_a_person_finds_the_seal_of_case_06(browser, workbench, tmp_path, capsys
     page.wait_for_selector("#candidates tbody tr")
     assert page.locator("#candidates tbody summary").first.inner_text() == "seal_forces"
     times["rank"] = time.monotonic()
+    page.locator("tr[data-effect=sensor_position_error] summary").focus()
+    told = "name => document.getElementById('foreseen-told').textContent.startsWith(name)"
+    page.wait_for_function(told, arg="sensor_position_error")
+    times["point at a candidate"] = time.monotonic()
+    page.locator(".matrix button[data-channel='y.A_zeta'][data-input='i_e.A_eta']").first.click()
+    assert page.locator(".matrix button[aria-pressed='true']").first.inner_text().startswith("−")
+    person.settled()
+    assert page.inner_text("#training-responses-title").endswith("y.A_zeta by i_e.A_eta")
+    times["cell of the matrix"] = time.monotonic()
     page.click("button[aria-label='add seal_forces']")
     person.steps(3)
     times["add"] = time.monotonic()
@@ -151,6 +163,11 @@ def test_a_person_finds_the_seal_of_case_06(browser, workbench, tmp_path, capsys
     page.keyboard.press("ArrowRight")
     person.steps(4)
     times["slider"] = time.monotonic()
+    answers = page.evaluate(
+        """performance.getEntriesByType("resource").filter((own) => own.name.includes("/preview"))
+            .map((own) => own.duration)"""
+    )
+    assert min(answers) < SLIDER
     assert person.misfits()[0] > 1.0
 
     script = person.take_away("#export-python", tmp_path / "done.py")
@@ -169,6 +186,7 @@ def test_a_person_finds_the_seal_of_case_06(browser, workbench, tmp_path, capsys
     seconds = list(times.items())
     with capsys.disabled():
         print("", *(f"{b}: {tb - ta:.1f} s" for (_, ta), (b, tb) in zip(seconds, seconds[1:], strict=False)))
+        print(" slider answers in", *(f"{duration:.0f} ms" for duration in answers))
 
 
 @pytest.fixture(scope="module")
@@ -179,6 +197,16 @@ def small(tmp_path_factory):
     folder = tmp_path_factory.mktemp("small")
     record({"loop_delay": {"seconds": 5e-5}}, seed=1).save(folder / "train.mat")
     return ONE_AXIS.rig.path, folder / "train.mat"
+
+
+@pytest.fixture(scope="module")
+def served(workbench, small):
+    """Where the same is served with a record to validate on."""
+    from hidden.one_axis import record
+
+    rig, train = small
+    record({"loop_delay": {"seconds": 5e-5}}, seed=2, share=0.5).save(train.with_name("kept.mat"))
+    return workbench(rig, train, "--validate", train.with_name("kept.mat"))
 
 
 def test_two_windows_do_not_disturb_each_other(browser, workbench, small):
@@ -210,6 +238,122 @@ def test_the_keyboard_alone_reaches_the_map_and_the_buttons(browser, workbench, 
         page.locator("input, select, #fit, #rank, #undo, progress").evaluate_all(f"{named}.map((own) => own.id)") == []
     )
     assert person.wrong == []
+
+
+CHARTS = ("training-responses", "validation-responses", "training-lines", "validation-lines")
+"""Over frequency."""
+
+
+@pytest.fixture
+def ranked(browser, served):
+    """A person whose model is fitted and its candidates ranked."""
+    person = Person(browser, served)
+    person.page.click("#fit")
+    person.steps(2)
+    person.page.click("#rank")
+    person.page.wait_for_selector("#candidates tbody tr")
+    person.settled()
+    return person
+
+
+def test_a_cell_of_the_matrix_chooses_channel_excitation_and_band_everywhere(ranked):
+    page = ranked.page
+    cell = page.locator(".matrix button[data-channel='i_c.A_zeta'][data-input='i_e.A_zeta']").nth(1)
+    low, high = (float(cell.get_attribute(f"data-{end}")) for end in ("low", "high"))
+    cell.click()
+    ranked.settled()
+    assert (page.input_value("#channel"), page.input_value("#input")) == ("i_c.A_zeta", "i_e.A_zeta")
+    assert cell.get_attribute("aria-pressed") == "true"
+    assert page.locator(".map button[data-channel='i_c.A_zeta'][aria-pressed='true']").count() > 0
+    for chart in CHARTS:
+        assert "i_c.A_zeta" in page.inner_text(f"#{chart}-title")
+        assert page.evaluate(BAND, chart) == [low, high]
+    page.locator(".map button[data-channel='y.A_zeta']").nth(3).click()
+    ranked.settled()
+    assert page.input_value("#input") == "i_e.A_zeta"  # a cell of the map has none of its own
+    assert page.evaluate(BAND, CHARTS[0]) != [low, high]
+    assert page.inner_text("#training-responses-title").endswith("y.A_zeta by i_e.A_zeta")
+    assert ranked.wrong == []
+
+
+BAND = """(id) => document.getElementById(id).layout.shapes.filter((own) => own.type === "rect")
+    .map((own) => [own.x0, own.x1])[0]"""
+
+
+def test_one_cursor_stands_at_the_same_frequency_in_all_charts(ranked):
+    page = ranked.page
+    page.focus("#cursor")
+    for _ in range(20):
+        page.keyboard.press("ArrowRight")
+    told = page.get_attribute("#cursor", "aria-valuetext")
+    assert told == page.inner_text("#read-out")
+    assert [line.partition(",")[0] for line in told.splitlines()] == ["training", "validation"]
+    at = page.evaluate(CURSORS, CHARTS)
+    assert page.locator(".cursor:visible").count() == len(CHARTS)
+    assert max(at) == pytest.approx(min(at), rel=1e-3)
+    assert at[0] == pytest.approx(_number(re.search(r"([\d.]+) Hz", told)[1]), rel=1e-3)
+    page.locator("#validation-lines .nsewdrag").hover()
+    page.wait_for_function("told => document.getElementById('read-out').textContent !== told", arg=told)
+    moved = page.evaluate(CURSORS, CHARTS)
+    assert max(moved) == pytest.approx(min(moved), rel=1e-3)
+    assert moved[0] != pytest.approx(at[0], rel=1e-2)
+    assert ranked.wrong == []
+
+
+CURSORS = """(ids) => ids.map((id) => {
+    const chart = document.getElementById(id), axis = chart._fullLayout.xaxis;
+    return axis.p2d(parseFloat(chart.querySelector(".cursor").style.left) - axis._offset);
+})"""
+
+
+def test_pointing_at_a_candidate_shows_what_it_would_leave(ranked):
+    page = ranked.page
+    rows = page.locator("tr[data-effect]")
+    first, second = (rows.nth(k).get_attribute("data-effect") for k in range(2))
+    title = "name => document.getElementById('foreseen-title').textContent.includes(name)"
+    page.wait_for_function(title, arg=first)  # the best stands there before anybody points
+    rows.nth(1).hover()
+    page.wait_for_function(title, arg=second)
+    rows.nth(0).locator("summary").focus()
+    page.wait_for_function(title, arg=first)
+    assert page.inner_text("#foreseen-told").startswith(f"{first}: misfit")
+    now, then = page.evaluate("document.getElementById('foreseen-chart').data.map((own) => [...own.y])")
+    assert len(now) == len(then)
+    assert sum(then) < sum(now)
+    assert page.locator("#steps tbody tr").count() == 2  # nothing was done
+    assert ranked.wrong == []
+
+
+def test_before_and_after_an_effect_differ_without_colour(ranked):
+    page = ranked.page
+    page.click("button[aria-label='add loop_delay']")
+    ranked.steps(3)
+    drawn = page.evaluate(
+        """() => document.getElementById("training-responses").data.filter((own) => own.showlegend !== false)
+            .map((own) => [own.name, `${own.mode} ${own.line?.dash} ${own.marker?.symbol} ${own.fill}`])"""
+    )
+    names, looks = zip(*drawn, strict=True)
+    assert {"measured", "now (+ loop_delay)", "before (fit)"} <= set(names)
+    assert len(set(looks)) == len(looks)
+    for cell in page.locator(".map button").all():
+        assert cell.inner_text()  # its number says what its darkness says
+    assert ranked.wrong == []
+
+
+def test_tab_reaches_every_part_of_the_page(ranked):
+    page = ranked.page
+    page.evaluate("document.activeElement.blur()")
+    reached, parts = set(), "own => own?.closest('[id]:not(button):not(select)')?.id ?? ''"
+    for _ in range(150):
+        page.keyboard.press("Tab")
+        reached.add(page.evaluate(f"({parts})(document.activeElement)"))
+    expected = {"maps", "matrices", "candidates", "cursor", "parameters", "overlays"}
+    assert expected <= reached, reached
+    nameless = page.locator("button:visible, input:visible, select:visible, summary:visible").evaluate_all(
+        "all => all.filter((own) => !(own.ariaLabel || own.labels?.length || own.textContent.trim())).length"
+    )
+    assert nameless == 0
+    assert ranked.wrong == []
 
 
 class _Elsewhere(BaseHTTPRequestHandler):

@@ -30,7 +30,7 @@ def test_a_response_is_that_of_the_record_with_its_noise(added):
 def test_the_model_before_the_step_stands_beside_that_of_now(added):
     told = frequency_views.responses(added, 0, Y, BY, 4000)
     now, before = told["models"]
-    assert (now["name"], before["name"]) == ("now: + loop_delay", "before: fit")
+    assert (now["name"], before["name"]) == ("now (+ loop_delay)", "before (fit)")
     noise = np.array(told["noise"])
     left_now, left_before = (np.mean((np.array(own["left"]) / noise) ** 2) for own in (now, before))
     assert left_now < 1.5

@@ -13,7 +13,7 @@ from starlette.testclient import TestClient  # noqa: E402
 
 import ambid  # noqa: E402
 from ambid.workbench.jobs import Job  # noqa: E402
-from ambid.workbench.server import ASKED, DONE, application  # noqa: E402
+from ambid.workbench.server import ASKED, ASSETS, DONE, application  # noqa: E402
 
 TOKEN, PORT = "the-token", 8123
 HOST = f"127.0.0.1:{PORT}"
@@ -88,7 +88,7 @@ def test_the_page_itself_may_speak(client):
     assert answer.headers["referrer-policy"] == "no-referrer"
 
 
-@pytest.mark.parametrize("name", ["", "workbench.js", "workbench.css", "plotly.min.js"])
+@pytest.mark.parametrize("name", ["", *ASSETS, "plotly.min.js"])
 def test_all_that_the_page_needs_is_served_here(client, name):
     answer = client.get(f"/{TOKEN}/{name}")
     assert answer.status_code == 200

@@ -16,13 +16,13 @@ from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.responses import Responses, frequency_responses
 from ambid.plot.matrix import SIGNS
-from ambid.plot.responses import SIGMAS, unbroken, unit_of
+from ambid.plot.responses import HIDDEN, SIGMAS, unbroken, unit_of
 from ambid.plot.style import short_number, shown_in
 from ambid.results import plain
 from ambid.workbench.places import chart, column_of, input_of, place_of
 from ambid.workbench.session import KEPT, Session
 from ambid.workbench.thinning import thinned
-from ambid.workbench.views import LEVELS
+from ambid.workbench.views import LEVELS, THOUSAND
 
 __all__ = ["lines", "matrices", "prediction", "responses"]
 
@@ -89,6 +89,8 @@ def responses(session: Session, record: int, channel: str, inlet: str | None, pi
         i = input_of(told.measured.inputs, inlet, np.sqrt(told.left(-1)[:, o]))
     except (RecordError, InputError) as error:
         return found | {"why_not": str(error)}
+    if not told.measured.measured[:, o, i].any():
+        return found | {"why_not": f"{channel} by {told.measured.inputs[i]} was not measured"}
     return plain(found | _drawn(told, o, i, _names(session), chart(pixels)))
 
 
@@ -150,7 +152,7 @@ def _matrices(comparison: Comparison) -> tuple[MisfitMatrix, ...]:
 
 def _names(session: Session) -> list[str]:
     """Of the model and of that before the step."""
-    return [f"now: {session.did}", *(() if session.before is None else [f"before: {session.before.did}"])]
+    return [f"now ({session.did})", *(() if session.before is None else [f"before ({session.before.did})"])]
 
 
 def _drawn(told: Responses, o: int, i: int, names: list[str], pixels: int) -> dict[str, Any]:
@@ -175,15 +177,15 @@ def _drawn(told: Responses, o: int, i: int, names: list[str], pixels: int) -> di
         "sigmas": SIGMAS,
         "models": [
             {"name": name, "left": (factor * apart[kept]).tolist()}
-            | _modelled(own.frequency_hz, own.response[:, o, i], factor, pixels)
+            | _modelled(own.frequency_hz, own.response[:, o, i], HIDDEN * size.min(), factor, pixels)
             for name, own, apart in zip(names, told.modelled, left, strict=True)
         ],
     }
 
 
-def _modelled(f: FloatArray, response: ComplexArray, factor: float, pixels: int) -> dict[str, Any]:
-    """Size and phase of a model; nothing where it answers nothing."""
-    size = np.where(np.abs(response) > 0.0, np.abs(response), np.nan)
+def _modelled(f: FloatArray, response: ComplexArray, least: float, factor: float, pixels: int) -> dict[str, Any]:
+    """Size and phase of a model; nothing where it answers less than that, which no record could tell."""
+    size = np.where(np.abs(response) > least, np.abs(response), np.nan)
     phase = np.where(np.isfinite(size), np.degrees(np.angle(response)), np.nan)
     kept = _on_a_log_scale(f, np.column_stack([size, phase]), pixels)
     return {
@@ -238,7 +240,7 @@ def _level(power: float) -> int:
 
 
 def _short(power: float) -> str:
-    return short_number(power).replace(" ", "")
+    return f"{power / THOUSAND:.2g}k" if power >= 0.995 * THOUSAND else short_number(power)
 
 
 def _on_a_log_scale(f: FloatArray, signals: FloatArray, pixels: int) -> NDArray[np.intp]:

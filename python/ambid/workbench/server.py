@@ -26,7 +26,7 @@ from ambid.workbench.windows import Window, Windows
 __all__ = ["application"]
 
 PAGE = Path(__file__).parent / "page"
-ASSETS = ("workbench.js", "workbench.css")
+ASSETS = tuple(sorted(path.name for path in PAGE.iterdir() if path.suffix in (".js", ".css")))
 LARGEST_BODY = 10_000
 """Bytes of a call; none is longer than a few names and numbers."""
 

@@ -18,7 +18,7 @@ from ambid.workbench.places import chart, column_of, input_of, place_of
 from ambid.workbench.session import Session
 from ambid.workbench.thinning import in_a_row, thinned
 
-__all__ = ["LEVELS", "candidates", "misfits", "overview", "signals", "where"]
+__all__ = ["LEVELS", "THOUSAND", "candidates", "misfits", "overview", "signals", "where"]
 
 REACH = 0.5
 """Part of a parameter's value that its slider goes to either side of the last fit."""
