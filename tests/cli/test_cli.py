@@ -133,6 +133,7 @@ def test_a_virtual_experiment_is_identified(here, command):
     made = command("simulate", rig, "--out", "v.mat", "--seconds", "0.5", "--seed", "4", "--json", "v.json")
     assert made.code == 0
     assert "periods" in made.out
+    assert made.out.endswith("written: v.mat\n")
     summary = read("v.json")
     assert summary["record"] == "v.mat"
     assert summary["periods"] >= 5
@@ -355,5 +356,6 @@ def test_identify_begins_with_a_misfit_above_its_bound_and_ends_with_what_check_
     said = command("identify", DATA / "rig.toml", late, "--json", tmp_path / "out.json").out.splitlines()
     assert said[0].startswith("misfit ")
     assert "physics is missing" in said[0]
+    assert said[-1].startswith("first: mend the fault")
     assert any(line.startswith("check: fault: late: y on ") and "late against i_e" in line for line in said)
     assert read(tmp_path / "out.json")["check"] == [line.removeprefix("check: ") for line in said if "check: " in line]

@@ -52,6 +52,14 @@ def test_a_limit_that_is_passed_is_told_and_weighs_more_than_one(limits, word):
     assert told.load > 1.0 > forecast(RIG, excitation()).load
 
 
+def test_the_peak_that_is_advised_stays_within_the_limits():
+    limits = Limits(travel=1e-3)
+    *_, advice = forecast(RIG, excitation(), limits=limits).summary()
+    peak = float(advice.removeprefix("a peak of i_e of ").split()[0])
+    scaled = excitation() * peak / np.abs(excitation()).max()
+    assert 0.95 < forecast(RIG, scaled, limits=limits).load <= 1.0
+
+
 def test_load_is_one_where_the_excitation_is_scaled_to_its_limit():
     told = forecast(RIG, excitation())
     np.testing.assert_allclose(forecast(RIG, excitation() / told.load).load, 1.0, rtol=1e-6)

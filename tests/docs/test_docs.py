@@ -34,7 +34,8 @@ def text(page):
 
 
 SAID = {
-    "first_hour.md": r"sound: .*average +99\.1\d .*misfit 6\d\..*explained: loop_delay.*tau_e 0\.00025.*0\.00025 2e-05",
+    "your_machine.md": r"millimetres.*sound: .*misfit 2\d\d\..*explained: loop_delay.*misfit +[01]\.\d+.*zone A",
+    "first_hour.md": r"sound: .*of y +99\.1\d .*misfit 6\d\..*explained: loop_delay.*tau_e 0\.00025.*0\.00025 2e-05",
     "results.md": r"misfit_bound adequate next.*nothing is missing.*next: .*ambid compare.*: True.*converged",
     "excitation.md": r"556 Hz, 1\.9 Hz wide.*order 11, hold 2: 4094.*delay': '\d\.\d+e-07'.*crest factor 1\.9",
     "rig_file.md": r"is it in millimetres\? Write 0\.000515.*did you mean bias_current",

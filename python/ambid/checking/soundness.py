@@ -240,13 +240,14 @@ class Soundness:
 
     def __repr__(self) -> str:
         loop = self.loop
-        bending = ", ".join(f"{f:.4g}" for f in loop.bending_hz) or "none kept"
+        bending = ", ".join(f"{f:.4g}" for f in loop.bending_hz)
         unstable = ", ".join(f"{p:+.4g}" for p in loop.open_loop_unstable) or "none"
         damped = ", ".join(f"{f:.4g} Hz ({100 * zeta:.2g} %)" for f, zeta in loop.least_damped) or "none"
         factor = "" if loop.gain_factor in (1.0, None) else f" with all K_i x {loop.gain_factor:g}"
+        kept = f"free-free bending {bending} Hz" if bending else "no bending mode in the model"
         lines = [
             f"{self.rig}: {self.machine}",
-            f"  rotor {loop.mass:.4g} kg, free-free bending {bending} Hz",
+            f"  rotor {loop.mass:.4g} kg, {kept}",
             f"  controller off: unstable poles {unstable} 1/s",
             f"  nominal loop{factor}: slowest pole {loop.slowest_pole.real:+.4g} 1/s; least damped {damped}",
         ]

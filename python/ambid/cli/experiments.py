@@ -97,7 +97,7 @@ def simulate_command(
         "effects": [own.name for own in start.effects],
         "parameters": {p.name: {"value": p.value, "unit": p.unit} for p in start.parameters},
     }
-    conclude(record, summary, json_file, quiet)
+    conclude(record, summary, json_file, quiet, lambda: [out])
 
 
 def demo_command(

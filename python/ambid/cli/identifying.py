@@ -32,6 +32,7 @@ from ambid.cli.terminal import progress
 from ambid.errors import Stopped
 
 UNFINISHED = ("not_identifiable", "max_evaluations")
+MEND = "first: mend the fault and fit again; until then neither the values nor what seems to be missing means anything"
 
 Deflection = Annotated[bool, typer.Option("--deflection", help="Take in K_s s of the bent rotor.")]
 
@@ -90,7 +91,7 @@ def identify_command(
             estimate = cast(ambid.Estimate, stopped.result)
     slips = _slips(machine, in_time(loaded), estimate)
     conclude(
-        "\n".join([repr(estimate), *(f"check: {slip}" for slip in slips)]),
+        "\n".join([repr(estimate), *(f"check: {slip}" for slip in slips), *_first(slips)]),
         {**estimate.to_json(), "check": slips},
         json_file,
         quiet,
@@ -116,6 +117,11 @@ def _slips(machine: ambid.Rig, loaded: list[ambid.Record], estimate: ambid.Estim
         for found in findings
         if found.severity != "note" and found.what not in told
     ]
+
+
+def _first(slips: list[str]) -> list[str]:
+    """What to do before all else where rig and record contradict each other."""
+    return [MEND] if any(slip.startswith("fault") for slip in slips) else []
 
 
 def _weights(texts: list[str]) -> str | dict[str, float]:

@@ -93,9 +93,10 @@ def conclude(
 
 def saved(result: ambid.Estimate | ambid.Diagnosis, path: Path | None) -> Sequence[Path]:
     """Write the model where ``--save`` says."""
-    if path is not None:
-        result.save(path)
-    return ()
+    if path is None:
+        return ()
+    result.save(path)
+    return [path]
 
 
 def drawn(

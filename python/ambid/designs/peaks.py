@@ -27,6 +27,8 @@ SENSITIVITY = 3.0
 """Largest peak sensitivity of zone A, ISO 14839-3."""
 ROUNDED = 1.0 + 1e-9
 """Part of a limit beyond which it is passed: what was scaled to it may be off by rounding."""
+LINEAR = 0.995
+"""Part of the amplitude that would just reach a limit: it is written with three digits."""
 
 
 @dataclass(frozen=True)
@@ -158,6 +160,9 @@ class Forecast(Tabular):
                 yield f"i_e.{own.axis} reaches {own.i_e:.3g} {self.unit}; {self.limits.excitation:g} is the limit"
             if self.limits.slew_rate is not None and own.slope > self.limits.slew_rate * ROUNDED:
                 yield f"i_c.{own.axis} changes by {own.slope:.3g} A/s; {self.limits.slew_rate:g} is the limit"
+        if self.load > ROUNDED:
+            within = LINEAR * max(own.i_e for own in self.axes) / self.load
+            yield f"a peak of i_e of {within:.3g} {self.unit} stays within the limits"
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""

@@ -250,7 +250,8 @@ class Estimate(Tabular):
         lines += ["forces: f = K_i i + K_s s, K_s > 0 destabilises"]
         lines += ["", f"{'channel':14s} {'fit %':>8s} {'noise ceiling %':>16s}", "-" * 40]
         for channel, fit in self.fit_percent.items():
-            lines.append(f"{channel:14s} {fit:8.2f} {self.noise_ceiling_percent.get(channel, np.nan):16.2f}")
+            name = "average of y" if channel == "average" else channel
+            lines.append(f"{name:14s} {fit:8.2f} {self.noise_ceiling_percent.get(channel, np.nan):16.2f}")
         lines += ["", self.verdict]
         lines += [f"{self.status}: {STATUS[self.status]} ({self.evaluations} evaluations, {self.seconds:.2f} s)"]
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes), f"next: {self.next}"])

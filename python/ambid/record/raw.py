@@ -14,6 +14,8 @@ from ambid.record.content import Content, Stored
 from ambid.record.readers import require_names
 
 SIGNALS = ("i_e", "r", "y", "i_c", "i_ref")
+NAMES = "rename them, or say which is which: --map t=COLUMN --map y.A_zeta=COLUMN:FACTOR ..."
+"""What to do about a file with names of its own."""
 
 
 @dataclass
@@ -88,9 +90,9 @@ def _from_columns(path: Path, content: Content, sample_rate: float | None) -> Ra
     if "t" in columns:
         raw.t = numbers(path, "t", columns["t"]).ravel()
     elif content.sample_rate is None and sample_rate is None:
-        raise RecordError(f"{path}: column 't' [s] is missing; the columns are {present}")
+        raise RecordError(f"{path}: column 't' [s] is missing; the columns are {present}; {NAMES}")
     if "y" not in raw.signals:
-        raise RecordError(f"{path}: no column 'y.<axis>' (displacement [m]); the columns are {present}")
+        raise RecordError(f"{path}: no column 'y.<axis>' (displacement [m]); the columns are {present}; {NAMES}")
     unused = [name for name in columns if name not in used]
     if unused:
         raw.notes.append(f"columns not used: {', '.join(unused)}")
