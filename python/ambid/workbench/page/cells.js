@@ -47,7 +47,7 @@ function mapTable(own, record) {
 function matrixTable(own) {
   const inputs = [...own.inputs, NONE];
   const over = element("tr", {}, element("th", { scope: "col" }, "Hz"), ...own.bands.map((band) => element("th", { scope: "colgroup", colSpan: inputs.length }, `${text(band.low, 2)} .. ${text(band.high, 2)}`)));
-  const head = element("tr", {}, element("th", { scope: "col" }, "by"), ...own.bands.flatMap(() => inputs.map((name) => element("th", { scope: "col", className: name === NONE ? "upright last" : "upright" }, name))));
+  const head = element("tr", {}, element("th", { scope: "col" }, "by"), ...own.bands.flatMap(() => inputs.map((name) => element("th", { scope: "col", className: name === NONE ? "last" : "" }, element("span", { className: "upright" }, name)))));
   const rows = own.outputs.map((channel, r) => element("tr", {}, element("th", { scope: "row" }, channel), ...own.bands.flatMap(({ low, high, rows: cells, rest }, b) => inputs.map((input, c) => {
     const cell = input === NONE ? rest[r] : cells[r][c];
     const label = `${channel} by ${input}, ${bandText([low, high])}, ${cell.told}`;

@@ -7,7 +7,7 @@ import { $, element, text } from "./dom.js";
 
 const BEFORE = { color: "#1f4e8c", width: 1.4, dash: "dash" }, GUIDE = { dash: "dot", color: "#555" };
 const STYLES = [SIMULATED, BEFORE];
-const DOTS = { symbol: "circle-open", size: 5, color: "#404040" }, MARKS = ["circle-open", "x-thin-open"];
+const SEEN = { symbol: "circle-open", size: 5, color: "#404040" }, LOST = { symbol: "circle", size: 3, color: "#8c8c8c" }, MARKS = ["circle-open", "x-thin-open"];
 const told = {};
 const lit = { frequency: null };
 
@@ -41,11 +41,12 @@ export async function showResponses(role) {
   const traces = [
     { ...edge, y: found.high, showlegend: false },
     { ...edge, y: found.low, fill: "tonexty", fillcolor: SHADE, name: `noise, ±${found.sigmas} sigma` },
-    { x, y: found.size, mode: "markers", marker: DOTS, name: "measured" },
-    { x, y: found.phase, mode: "markers", marker: DOTS, yaxis: "y2", showlegend: false },
+    { x, y: found.size.map((size, k) => (found.phase[k] === null ? null : size)), mode: "markers", marker: SEEN, name: "measured" },
+    { x, y: found.size.map((size, k) => (found.phase[k] === null ? size : null)), mode: "markers", marker: LOST, name: "lost in noise" },
+    { x, y: found.phase, mode: "markers", marker: SEEN, yaxis: "y2", showlegend: false },
     { x, y: found.noise, mode: "lines", line: { ...NOISE, width: 2 }, yaxis: "y3", name: "noise, sigma" },
     ...found.models.flatMap((own, k) => [
-      { x: own.frequency_hz, y: own.size, line: STYLES[k], name: own.name, mode: "lines" },
+      { x: own.frequency_hz, y: own.size, line: STYLES[k], name: own.size.some((size) => size !== null) ? own.name : `${own.name}: nothing`, mode: "lines" },
       { x: own.frequency_hz, y: own.phase, line: STYLES[k], yaxis: "y2", showlegend: false, mode: "lines" },
       { x, y: own.left, mode: "lines+markers", line: { ...STYLES[k], width: 0.7 }, marker: { symbol: MARKS[k], size: 4, color: STYLES[k].color }, yaxis: "y3", showlegend: false },
     ]),
