@@ -46,6 +46,19 @@ def test_all_that_is_told_is_strict_json(begun, added, of_response):
             assert json.dumps(told, allow_nan=False)
 
 
+def test_a_band_without_a_line_is_not_drawn_as_the_worst(begun, of_response):
+    (response,) = of_response.bench.records
+    rare = response.frequency_hz > 30.0
+    rare[:2] = True  # two low lines, and nothing between them and the rest
+    kept = [own[rare] for own in (response.frequency_hz, response.response, response.std)]
+    few = ambid.FrequencyResponse("few", *kept, response.outputs, response.inputs)
+    session = Session.begin(Bench(begun.bench.start, (few,)))
+    cells = [cell for row in views.where(session)["maps"][0]["cells"] for cell in row]
+    silent = [cell for cell in cells if cell["misfit"] is None]
+    assert silent
+    assert {(cell["text"], cell["level"]) for cell in silent} == {("", 0)}
+
+
 def test_candidates_stand_between_noise_and_now(fitted):
     rows = views.candidates(fitted)["candidates"]
     predicted, left = np.array([[row["predicted_misfit"], row["left"]] for row in rows]).T

@@ -180,7 +180,9 @@ def signals(
 
 def _cell(misfit: float) -> dict[str, Any]:
     """A cell of the map: its misfit, as it is written there, and how dark it is."""
-    text = "" if np.isnan(misfit) else misfit_text(misfit) if misfit < THOUSAND else f"{misfit / THOUSAND:.3g}k"
+    if np.isnan(misfit):  # no line there
+        return {"misfit": misfit, "text": "", "level": 0}
+    text = misfit_text(misfit) if misfit < THOUSAND else f"{misfit / THOUSAND:.3g}k"
     return {"misfit": misfit, "text": text, "level": int(np.searchsorted(LEVELS, misfit))}
 
 
