@@ -1,6 +1,6 @@
 """Real hardware: a levitator that can be bought, driven by its reference alone, from the ideal coil on.
 
-    python tests/real/polimi.py FOLDER         laws, verdicts and parameters of a step of each controller
+    python tests/real/polimi.py FOLDER         laws, verdicts, parameters of a step of each controller, errors of others
     python tests/real/polimi.py FOLDER why     why the K_i of both differ: the step's height is a filter's
 
 The step of the PID gives K_i 0.77 with an interval of 2 %, ten steps of the LQI 1.11 +- 0.11, and a magnet whose force
@@ -13,26 +13,32 @@ the heights as read give K_i 1.06, the filtered ones of the same runs 0.75, and 
 read all runs agree with the LQI and with the holding currents. Currents that seem to be read half a millisecond before
 the heights (`sampling_skew`) are what a filter may look like.
 
+From the ideal coil on, coil and induced voltage bring the simulated step of the PID from 28 um and 19 mA to 16 um and
+13 mA, and its other runs, at the same filtered height, from 41 to 54 um to 22 to 50; the square law brings no more. The
+steps of the LQI end at 27 to 33 um and 9 to 10 mA, of which 16 um and 6 mA are noise.
+
 The records are from github.com/Bocchio01/062020-Lab-Mechatronics (MIT licence): INTECO MLS2EM, upper coil.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 import scipy.io
 from scipy.ndimage import gaussian_filter1d
 
-from ambid import Record, Rig, StateSpaceController, check, diagnose, identify
+from ambid import Model, Record, Rig, StateSpaceController, check, compare, diagnose, identify
 from ambid.arrays import FloatArray
 from ambid.identification import ParameterEstimate
 
 VOLTS, OFFSET = 11.658, -0.561  # of the driver, per unit of control
 
 
+HEIGHT, CURRENTS, FILTERED = 2, 4, 8
+"""Rows of z as read, of I1 and of the filtered z."""
 RATE, FORGETS = 1000.0, 0.8186666666666667
 POSITION, SPEED, CURRENT, TOTAL = 287.01398781, 6.2578892, 1.29916672, 447.2135955
 """Gains of the LQI on filtered position and speed, current, and the sum of the filtered error; from its records."""
@@ -57,9 +63,10 @@ def lqi_rig(folder: Path) -> Rig:
     return Rig.load(folder / "rig_pid.toml").replace(controller=law)
 
 
-def record_of(path: Path, rig: Rig, rows: slice) -> Record:
+def record_of(path: Path, rig: Rig, rows: slice, height: int = HEIGHT) -> Record:
     """Rows of a file as a record: y and r towards the coil [m], i_c [A], the command [V] as i_ref."""
-    _, r, z, _, current, _, control = scipy.io.loadmat(path)["logouts"][:7, rows]
+    logouts = scipy.io.loadmat(path)["logouts"][:, rows]
+    r, z, current, control = logouts[1], logouts[height], logouts[CURRENTS], logouts[6]
     return Record.from_arrays(
         y=-z[:, None], r=-r[:, None], i_c=current[:, None], i_ref=VOLTS * control[:, None] + OFFSET,
         sample_rate=rig.sample_rate, axes=rig.axes, rig=rig, name=path.stem.split("__")[0],
@@ -71,6 +78,11 @@ STEPS = {
     "multisteps_stairs__LQI-low_pass.old.mat": (1000, 3000, 5000, 7000, 9000, 11000),
 }
 """Rows from which each record of the LQI makes one step."""
+IDEAL = 0.0005
+"""Lag of a coil that follows its voltage [s]: half a sample."""
+QUANTA = "1.4 / 2.5"
+LADDER = ("amplifier_bandwidth", "back_emf", "force_nonlinearity")
+"""What is added to the ideal coil, one after the other; the LQI, which acts on the current, is not stable with it."""
 SUSPECTS = (
     (),
     ("sensor_lag",),
@@ -85,8 +97,6 @@ MASS = 0.06054  # kg
 WEIGHT = MASS * 9.81  # N
 
 
-HEIGHT, CURRENTS, FILTERED = 2, 4, 8
-"""Rows of z as read, of I1 and of the filtered z."""
 SMOOTHED = 6.0
 """Standard deviation of the Gaussian that smooths both sides of the force equation alike [samples]; K_i as read is the
 same to 1 % from 4 to 12."""
@@ -232,11 +242,7 @@ def filtered(path: Path) -> str:
 
 def main(folder: Path) -> None:
     """Laws, verdicts and parameters of the step of the PID and of the first step of the LQI, 10 to 12 mm both."""
-    runs = (
-        (pid_rig(folder), "step__PID_anti_windup-KF.mat", slice(3000, 10000)),
-        (lqi_rig(folder), "multisteps_updown__LQI-low_pass.old.mat", slice(1500, 5900)),
-    )
-    for rig, name, rows in runs:
+    for rig, name, rows, unused in runs(folder):
         record = record_of(folder / name, rig, rows)
         print(record, *record.notes, sep="\n  ")
         for law in check(rig, [record]).laws.get(record.name, ()):
@@ -245,6 +251,57 @@ def main(folder: Path) -> None:
         print(found)
         for parameter, value in found.parameters.items():
             print(f"{parameter:36s} {value.value:10.4g} +- {1.96 * value.std_error:.2g} {value.unit}")
+        is_stable_with_it = "i_c" not in rig.controller.inputs
+        ladder(with_ideal_coil(rig) if is_stable_with_it else rig, record, unused)
+
+
+def runs(folder: Path) -> Iterator[tuple[Rig, str, slice, list[Record]]]:
+    """Of each controller its rig, a step to learn from, and other steps, which are not used.
+
+    The PID acts on the filtered height, which is all that its step has: so its other runs are taken with that.
+    """
+    pid, lqi = pid_rig(folder), lqi_rig(folder)
+    of_pid = [
+        record_of(folder / f"multisteps_{name}__PID_anti_windup-KF.mat", pid, slice(first, first + length), FILTERED)
+        for name, first, length in (("updown", 1500, 4400), ("updown", 4500, 4400), ("stairs", 1000, 2900))
+    ]
+    yield pid, "step__PID_anti_windup-KF.mat", slice(3000, 10000), of_pid
+    of_lqi = [
+        record_of(folder / name, lqi, slice(first, first + (4400 if "updown" in name else 2900)))
+        for name, first in ((name, first) for name, firsts in STEPS.items() for first in firsts[:3])
+    ]
+    first, *others = of_lqi
+    yield lqi, "multisteps_updown__LQI-low_pass.old.mat", slice(1500, 5900), others
+
+
+def ladder(start: Rig, record: Record, unused: list[Record]) -> None:
+    """The error of the simulated runs after each effect, in those that were not used too."""
+    columns = [record, *unused]
+    titles = [f"{-1e3 * own.r[0, 0]:.0f} to {-1e3 * own.r[-1, 0]:.0f} mm" for own in columns]
+    print(f"{f'um / mA, quanta {QUANTA}; the first is used':52s}", *(f"{own:>14s}" for own in titles))
+    effects: list[str] = []
+    is_ideal = start.amplifier.time_constant == IDEAL
+    for added in ("", *LADDER[0 if is_ideal else 1 :]):
+        effects += [added] if added else []
+        model = (diagnose(start, record, effects=effects) if effects else identify(start, record)).model
+        errors = [simulation_error(model, own) for own in columns]
+        title = f"+ {added}" if added else "ideal coil" if is_ideal else "coil of the rig file"
+        print(f"{title:52s}", *(f"{f'{1e6 * y:.0f} / {1e3 * i:.1f}':>14s}" for y, i in errors))
+
+
+def with_ideal_coil(rig: Rig) -> Rig:
+    """A rig whose current follows the voltage at once."""
+    return rig.replace(amplifier=rig.amplifier.model_copy(update={"time_constant": IDEAL}))
+
+
+def simulation_error(model: Model, record: Record) -> tuple[float, float]:
+    """Rms of y [m] and i_c [A] that a simulated run misses, means removed.
+
+    The loop is simulated from its reference, and from how the run began.
+    """
+    missed = compare(model, record).records[0].residual
+    y, i = (missed - missed.mean(axis=0)).std(axis=0)
+    return float(y), float(i)
 
 
 if __name__ == "__main__":
