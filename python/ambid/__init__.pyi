@@ -35,6 +35,8 @@ from .diagnosis import rank as rank
 from .effects import CATALOGUE as CATALOGUE
 from .effects import Effect as Effect
 from .effects import EffectParameter as EffectParameter
+from .embedded import to_fmu as to_fmu
+from .embedded import to_stepper as to_stepper
 from .errors import AmbidError as AmbidError
 from .errors import IdentificationError as IdentificationError
 from .errors import InputError as InputError

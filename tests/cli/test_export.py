@@ -48,3 +48,23 @@ def test_what_is_wrong_is_told(model, command, arguments, said):
     assert found.code == 2
     assert said in found.err
     assert not Path("bench.mat").exists()
+
+
+def test_a_saved_model_becomes_a_stepper_and_a_unit(model, command):
+    found = command("export", "bare.json", "--stepper", "bench.stepper", "--json", "told.json")
+    assert (found.code, found.err) == (0, "")
+    assert "written: bench.stepper" in found.out
+    assert json.loads(Path("told.json").read_text())["inputs"] == list(model.loop.inputs)
+    assert command("export", "bare.json", "--stepper", "bench.stepper").code == 2
+    assert command("export", "bare.json", "--stepper", "bench.stepper", "--force").code == 0
+    assert command("export", "bare.json").code == 2
+    assert "expected .fmu" in command("export", "bare.json", "--fmu", "bench.zip").err
+    assert "expected 2 or 3" in command("export", "bare.json", "--fmu", "bench.fmu", "--fmi", "4").err
+
+
+def test_a_missing_library_is_told(model, command, monkeypatch, tmp_path):
+    monkeypatch.setattr("ambid.embedded.unit.NATIVE", tmp_path)
+    found = command("export", "bare.json", "--fmu", "bench.fmu")
+    assert found.code == 2
+    assert "cargo build --release -p ambid-c" in found.err
+    assert not Path("bench.fmu").exists()

@@ -43,6 +43,7 @@ SAID = {
     "adding_an_effect.md": r"misfit 12.*hardening .* 0\.9\d.*value=4\.\d+e\+14|value=49\d",
     "workbench.md": r"fit +62\.\d+ +16\.\d+.*loop_delay +0\.9\d +\d\.\d+.*True.*identify",
     "catalogue.md": r"loop_delay: .* late",
+    "embedded.md": r"i_e.A_zeta.*i_c.B_eta.*0.0001",
 }
 """What the words around the blocks take for granted; where it changes, they must."""
 WHOLE_DIAGNOSES = ("first_hour.md",)

@@ -266,6 +266,16 @@ class Loop:
             slopes[:, :, self._filled_by[self.lft.late]] -= s[:, None] * late
         return slopes[:, :, list(free)]
 
+    def packed(self, theta: ArrayLike, parameters: Sequence[str]) -> bytes:
+        """The loop at `theta` as a file for the stepper without Python, with names for the parameters.
+
+        Raises
+        ------
+        ModelError
+            If the loop is too large to be stepped.
+        """
+        return self.core.packed(_vector(theta), self.inputs, self.outputs, parameters)
+
     def simulator(self, theta: ArrayLike) -> Simulator:
         """Return the loop at `theta`, at rest, to be stepped sample by sample."""
         return Simulator(self, theta)

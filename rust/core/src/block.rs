@@ -156,6 +156,11 @@ impl Block {
         self.coefficients.len()
     }
 
+    /// What it was made of.
+    pub(crate) fn content(&self) -> (&Law, &[Coefficient]) {
+        (&self.law, &self.coefficients)
+    }
+
     /// The parameters that the block depends on: place among its coefficients, index into the parameter vector.
     pub fn parameters(&self) -> impl Iterator<Item = (usize, usize)> {
         self.coefficients.iter().enumerate().filter_map(|(place, c)| match c {

@@ -182,7 +182,8 @@ impl ClosedLoop {
         self.parts.iter().filter(|p| !p.inputs.is_empty()).map(prepare).collect()
     }
 
-    pub(crate) fn model(&self) -> &Model {
+    /// What it was made of.
+    pub fn model(&self) -> &Model {
         &self.model
     }
 

@@ -59,6 +59,14 @@ pub enum Error {
         /// What is allowed.
         what: &'static str,
     },
+    /// Bytes are no packed model.
+    #[error("no stepper file, or a broken one: {what} (byte {at}); write it again with ambid export --stepper")]
+    Format {
+        /// What is wrong.
+        what: &'static str,
+        /// Where it was seen.
+        at: usize,
+    },
     /// The caller asked for it, see [`crate::ask_before_going_on`].
     #[error("stopped before it was done")]
     Stopped,

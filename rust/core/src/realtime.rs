@@ -77,6 +77,21 @@ impl Stepper {
         Ok(())
     }
 
+    /// The outputs at this instant, were `u` held from now on; time stands still.
+    ///
+    /// # Errors
+    /// As [`Stepper::step`].
+    pub fn outputs_now(&mut self, u: &[f64], y: &mut [f64]) -> Result<()> {
+        check_len("excitation", u.len(), self.inputs)?;
+        check_finite("excitation", u)?;
+        check_len("outputs", y.len(), self.outputs)?;
+        match &mut self.path {
+            Path::Linear(sums) => sums.outputs(u, y),
+            Path::Nonlinear(run) => run.outputs(u, y),
+        }
+        Ok(())
+    }
+
     /// Steps through `u`, samples x inputs; `y` becomes samples x outputs.
     ///
     /// # Errors
@@ -111,5 +126,15 @@ impl Sums {
         }
         self.state.copy_from_slice(&self.next[..n]);
         y.copy_from_slice(&self.next[n..]);
+    }
+
+    fn outputs(&self, u: &[f64], y: &mut [f64]) {
+        let (n, rows) = (self.state.len(), self.next.len());
+        y.fill(0.0);
+        for (column, x) in self.columns.chunks_exact(rows).zip(self.state.iter().chain(u)) {
+            for (sum, c) in y.iter_mut().zip(&column[n..]) {
+                *sum += c * x;
+            }
+        }
     }
 }

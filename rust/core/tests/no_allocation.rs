@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use ambid_core::Stepper;
 use common::loops::lags;
-use common::machine::machine;
+use common::machine::{machine, saturating};
 
 /// The system's allocator, counting.
 struct Counting;
@@ -33,13 +33,14 @@ static ALLOCATOR: Counting = Counting;
 #[test]
 fn steps_and_resets_never_allocate() {
     let digital = lags(&[0.7, 0.7], &[&[], &[0]], &[1]).under_digital(0.1, 0.3, 2.5);
-    for p in [machine(0.0, 0.02), machine(100.0, 0.02), digital] {
+    for p in [machine(0.0, 0.02), machine(100.0, 0.02), digital, saturating(0.0, 4, None)] {
         let mut stepper = Stepper::new(&p.system(), &p.theta).expect("regular");
         let (u, mut y) = (vec![1.0; stepper.inputs()], vec![0.0; stepper.outputs()]);
         let before = ALLOCATIONS.load(Ordering::SeqCst);
         for _ in 0..3 {
             for _ in 0..1000 {
                 stepper.step(black_box(&u), &mut y).expect("sizes fit");
+                stepper.outputs_now(black_box(&u), &mut y).expect("sizes fit");
             }
             stepper.reset();
         }

@@ -5,7 +5,7 @@ mod common;
 use ambid_core::Stepper;
 use common::deviation;
 use common::loops::Problem;
-use common::machine::machine;
+use common::machine::{digital, machine, saturating};
 use common::random::Random;
 
 fn run(stepper: &mut Stepper, u: &[f64]) -> Vec<f64> {
@@ -61,4 +61,24 @@ fn a_wrong_length_leaves_the_state_alone() {
     y.extend(run(&mut stepper, after));
     let mut undisturbed = Stepper::new(&system, &p.theta).expect("regular");
     assert_eq!(run(&mut undisturbed, &u), y);
+}
+
+#[test]
+fn the_outputs_of_now_are_those_of_the_step_and_time_stands_still() {
+    let mut random = Random(44);
+    let mut problems = vec![machine(0.0, 0.02), saturating(100.0, 4, None), digital(0.0, 0.3)];
+    problems.extend([0.0, 0.3, 1.0, 2.5].map(|delay| random.digital_loop(delay, 2)));
+    for p in problems {
+        let system = p.system();
+        let u = random.signal(50 * system.inputs());
+        let [mut stepper, mut undisturbed] = [0, 1].map(|_| Stepper::new(&system, &p.theta).expect("regular"));
+        for u in u.chunks_exact(system.inputs()) {
+            let [mut now, mut y] = [0, 1].map(|_| vec![f64::NAN; system.outputs()]);
+            stepper.outputs_now(&vec![1.0; u.len()], &mut now).expect("sizes fit");
+            stepper.outputs_now(u, &mut now).expect("sizes fit");
+            assert_eq!(run(&mut stepper, u), now);
+            undisturbed.step(u, &mut y).expect("sizes fit");
+            assert_eq!(now, y);
+        }
+    }
 }

@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
-use ambid_core::{ClosedLoop as Core, Controller, Gain, GainError, Lft, Model};
+use ambid_core::{ClosedLoop as Core, Controller, Gain, GainError, Lft, Model, Packed};
 use nalgebra::DMatrix;
 use numpy::{Complex64, IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 
 use crate::arrays::{cube, from_matrix, matrix, signal, table};
 use crate::blocks::NonlinearBlock;
@@ -113,6 +114,22 @@ impl ClosedLoop {
         let theta = theta.as_slice()?;
         let poles = py.detach(|| self.core.poles(theta)).map_err(raise)?;
         Ok(poles.into_pyarray(py))
+    }
+
+    /// The loop at one parameter set as a file for programs without Python.
+    fn packed<'py>(
+        &self,
+        py: Python<'py>,
+        theta: PyReadonlyArray1<'py, f64>,
+        inputs: Vec<String>,
+        outputs: Vec<String>,
+        parameters: Vec<String>,
+    ) -> PyResult<Bound<'py, PyBytes>> {
+        let packed =
+            Packed { model: self.core.model().clone(), theta: theta.as_slice()?.to_vec(), inputs, outputs, parameters };
+        let bytes = packed.to_bytes();
+        Packed::from_bytes(&bytes).map_err(raise)?; // what cannot be read must not be written
+        Ok(PyBytes::new(py, &bytes))
     }
 
     #[allow(clippy::type_complexity)]

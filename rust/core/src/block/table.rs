@@ -65,6 +65,16 @@ impl Table {
         self.axes.len()
     }
 
+    /// First node, spacing and number of nodes of each variable.
+    pub(crate) fn grid(&self) -> Vec<(f64, (f64, usize))> {
+        self.axes.iter().map(|axis| (axis.first, (axis.spacing, axis.nodes))).collect()
+    }
+
+    /// The values that it was made of.
+    pub(crate) fn values(&self) -> Vec<f64> {
+        self.nodes.iter().map(|node| node[0]).collect()
+    }
+
     /// The function and its derivatives.
     pub(crate) fn evaluate(&self, z: [f64; 2]) -> (f64, [f64; 2]) {
         let (row, first, first_slope) = self.axes[0].weights(z[0]);

@@ -79,9 +79,28 @@ impl Control {
         &self.commands[age * size..][..size]
     }
 
-    /// Computes the next command, `-C x - D read + e i_e`, and the next state. Rows of y stand `stride` apart.
-    pub fn update(&mut self, [excitation, further, noise]: [&[f64]; 3], y: &[f64], stride: usize) {
-        let Self { channels: m, signals, rows, reads, takes, weights, state, next, commands, errors, .. } = self;
+    /// Computes the next command, and goes on to the next state. Rows of y stand `stride` apart.
+    pub fn update(&mut self, inputs: [&[f64]; 3], y: &[f64], stride: usize) {
+        self.compute(inputs, y, stride);
+        let Self { channels: m, signals, rows, weights, state, next, commands, .. } = self;
+        let (m, columns, width) = (*m, weights.columns, state.len() / *rows);
+        let n = width - *signals;
+        let older = commands.len() - *rows * m;
+        commands.copy_within(..older, *rows * m);
+        for (row, next) in next.chunks_exact(columns).enumerate() {
+            commands[row * m..][..m].copy_from_slice(&next[..m]);
+            state[row * width..][..n].copy_from_slice(&next[m..m + n]);
+        }
+    }
+
+    /// What the command of this age would be after an update, of which this is the first half; its value alone.
+    pub fn coming(&self, age: usize) -> &[f64] {
+        if age == 0 { &self.next[..self.channels] } else { &self.command(age - 1)[..self.channels] }
+    }
+
+    /// Computes the next command, `-C x - D read + e i_e`, and the next state.
+    pub fn compute(&mut self, [excitation, further, noise]: [&[f64]; 3], y: &[f64], stride: usize) {
+        let Self { channels: m, signals, rows, reads, takes, weights, state, next, errors, .. } = self;
         let (m, columns, width) = (*m, weights.columns, state.len() / *rows);
         let n = width - *signals;
         for (state, y) in state.chunks_exact_mut(width).zip(y.chunks(stride)) {
@@ -103,12 +122,6 @@ impl Control {
             }
         }
         accumulate(*rows, (state, width), weights, (next, columns), columns);
-        let older = commands.len() - *rows * m;
-        commands.copy_within(..older, *rows * m);
-        for (row, next) in next.chunks_exact(columns).enumerate() {
-            commands[row * m..][..m].copy_from_slice(&next[..m]);
-            state[row * width..][..n].copy_from_slice(&next[m..m + n]);
-        }
     }
 }
 

@@ -117,6 +117,31 @@ impl Run {
     pub fn sample(&mut self, u: &[f64], y: &mut [f64]) {
         sample(self, u, y);
     }
+
+    /// The outputs of this instant, of a run without derivatives, were `u` held from now on; time stands still.
+    pub fn outputs(&mut self, u: &[f64], y: &mut [f64]) {
+        outputs(self, u, y);
+    }
+}
+
+fn outputs(run: &mut Run, u: &[f64], y: &mut [f64]) {
+    dispatch!(outputs_any, (run: &mut Run, u: &[f64], y: &mut [f64]));
+}
+
+/// As [`advance`] until the first stage of the first step.
+#[inline(always)]
+fn outputs_any<const FMA: bool>(run: &mut Run, u: &[f64], y: &mut [f64]) {
+    let Run { plant, layout, segments, control, buffers, .. } = run;
+    let (u, noise) = u.split_at(plant.inputs);
+    let (excitation, further) = u.split_at(plant.driven);
+    let Segment { scheme, age } = &segments[0];
+    at_once::<FMA, false>(plant, layout, buffers, scheme, &[], further);
+    if let Some(control) = control {
+        control.compute([excitation, further, noise], &buffers.step[layout.y..], layout.width);
+        at_once::<FMA, false>(plant, layout, buffers, scheme, control.coming(*age), further);
+    }
+    y.copy_from_slice(&buffers.step[layout.y..][..y.len()]);
+    y.iter_mut().zip(noise).for_each(|(y, noise)| *y += noise);
 }
 
 fn sample(run: &mut Run, u: &[f64], y: &mut [f64]) {
@@ -139,9 +164,7 @@ fn advance<const FMA: bool, const SLOPES: bool>(run: &mut Run, u: &[f64], y: &mu
         if let Some(control) = control {
             // what the controller reads follows the further inputs at once, but no command
             let scheme = &segments[0].scheme;
-            hold::<SLOPES>(plant, layout, buffers, scheme, &[], further);
-            start::<SLOPES>(plant, layout, buffers, scheme, layout.y_end);
-            stage::<FMA, SLOPES>(plant, layout, buffers, scheme, 0, layout.y_end);
+            at_once::<FMA, SLOPES>(plant, layout, buffers, scheme, &[], further);
             control.update([excitation, further, noise], &buffers.step[layout.y..], whole);
         }
         for (i, Segment { scheme, age }) in segments.iter().enumerate() {
@@ -176,6 +199,21 @@ fn advance<const FMA: bool, const SLOPES: bool>(run: &mut Run, u: &[f64], y: &mu
 #[inline(always)]
 fn rows<const SLOPES: bool>(plant: &Plant) -> usize {
     if SLOPES { plant.rows } else { 1 }
+}
+
+/// What follows inputs at once: w of the blocks at the first stage, and y.
+#[inline(always)]
+fn at_once<const FMA: bool, const SLOPES: bool>(
+    plant: &Plant,
+    layout: &Layout,
+    buffers: &mut Buffers,
+    scheme: &Scheme,
+    commands: &[f64],
+    further: &[f64],
+) {
+    hold::<SLOPES>(plant, layout, buffers, scheme, commands, further);
+    start::<SLOPES>(plant, layout, buffers, scheme, layout.y_end);
+    stage::<FMA, SLOPES>(plant, layout, buffers, scheme, 0, layout.y_end);
 }
 
 /// What the inputs bring to the steps while they are held; the further ones do not depend on parameters.
@@ -215,9 +253,7 @@ fn arrive<const FMA: bool, const SLOPES: bool>(
 ) {
     let (driven, blocks) = (plant.driven, plant.blocks.len());
     for (sign, commands) in [1.0, -1.0].into_iter().zip(commands) {
-        hold::<SLOPES>(plant, layout, buffers, scheme, commands, further);
-        start::<SLOPES>(plant, layout, buffers, scheme, layout.y_end);
-        stage::<FMA, SLOPES>(plant, layout, buffers, scheme, 0, layout.y_end);
+        at_once::<FMA, SLOPES>(plant, layout, buffers, scheme, commands, further);
         let acting = commands[..driven].iter().chain(&buffers.w[..blocks]);
         buffers.change.iter_mut().zip(acting).for_each(|(change, acting)| *change += sign * acting);
     }

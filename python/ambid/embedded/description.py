@@ -1,0 +1,139 @@
+"""``modelDescription.xml`` of a functional mock-up unit, FMI 2.0 and 3.0 for co-simulation."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.metadata import version
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+from ambid.errors import printable
+from ambid.model import Model
+
+__all__ = ["description", "identifier"]
+
+BASE_UNITS = {
+    "A": {"A": 1},
+    "m": {"m": 1},
+    "s": {"s": 1},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "N/A": {"kg": 1, "m": 1, "s": -2, "A": -1},
+    "N/m": {"kg": 1, "s": -2},
+    "N s/m": {"kg": 1, "s": -1},
+    "kg": {"kg": 1},
+    "rad": {"rad": 1},
+}
+"""Exponents of units that importers can compare; others go by their name."""
+SIGNAL_UNITS = {"i_e": "A", "i_c": "A", "y": "m", "r": "m"}
+"""Of the channels; waves of disturbances have none."""
+
+
+@dataclass(frozen=True)
+class _Variable:
+    name: str
+    unit: str
+    causality: str
+    variability: str
+    start: float | None = None
+    meaning: str = ""
+
+
+def identifier(name: str) -> str:
+    """The name of a rig as one that C allows, which the library of a unit has."""
+    own = re.sub(r"\W", "_", name, flags=re.ASCII)[:50]
+    return own if re.match(r"[A-Za-z]", own) else f"rig_{own}"
+
+
+def description(model: Model, token: str, fmi: int) -> bytes:
+    """The description of a model's unit.
+
+    Parameters
+    ----------
+    model : Model
+    token : str
+        By which the library knows that the model in the resources is this one.
+    fmi : int
+        2 or 3.
+    """
+    variables = list(_variables(model))
+    root = Element(
+        "fmiModelDescription",
+        {
+            "fmiVersion": f"{fmi}.0",
+            "modelName": printable(model.rig.name) or "rig",
+            ("guid" if fmi == 2 else "instantiationToken"): token,
+            "description": "Closed loop of active magnetic bearings, SI units; i_ref = -(controller of y) + i_e",
+            "generationTool": f"ambid {version('ambid')}",
+            "variableNamingConvention": "flat",
+        },
+    )
+    step = repr(model.loop.sample_time)
+    ways = {"modelIdentifier": identifier(model.rig.name), "canHandleVariableCommunicationStepSize": "true"}
+    if fmi == 3:
+        ways["fixedInternalStepSize"] = step
+    SubElement(root, "CoSimulation", ways)
+    units = SubElement(root, "UnitDefinitions")
+    for unit in dict.fromkeys(variable.unit for variable in variables if variable.unit != "1"):
+        element = SubElement(units, "Unit", name=unit)
+        if unit in BASE_UNITS:
+            SubElement(element, "BaseUnit", {base: str(power) for base, power in BASE_UNITS[unit].items()})
+    SubElement(root, "DefaultExperiment", startTime="0.0", stepSize=step)
+    own = SubElement(root, "ModelVariables")
+    for reference, variable in enumerate(variables):
+        _write(own, reference, variable, fmi)
+    _structure(root, model, fmi)
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n"
+
+
+def _variables(model: Model) -> Iterator[_Variable]:
+    """In the order of their references."""
+    for name in model.loop.inputs:
+        yield _Variable(name, _unit(name), "input", "discrete", 0.0, "held over a sample")
+    for name in model.loop.outputs:
+        yield _Variable(name, _unit(name), "output", "continuous")
+    for p in model.parameters:
+        yield _Variable(p.name, p.unit, "parameter", "fixed", p.value)
+    yield _Variable("time", "s", "independent", "continuous")
+
+
+def _unit(channel: str) -> str:
+    return SIGNAL_UNITS.get(channel.split(".")[0], "1")
+
+
+def _write(parent: Element, reference: int, variable: _Variable, fmi: int) -> None:
+    shared = {
+        "name": printable(variable.name),
+        "valueReference": str(reference),
+        "causality": variable.causality,
+        "variability": variable.variability,
+    }
+    if variable.meaning:
+        shared["description"] = variable.meaning
+    value = {} if variable.unit == "1" else {"unit": variable.unit}
+    if variable.start is not None:
+        value["start"] = repr(float(variable.start))
+    if fmi == 3:
+        SubElement(parent, "Float64", shared | value)
+    else:
+        SubElement(SubElement(parent, "ScalarVariable", shared), "Real", value)
+
+
+def _structure(root: Element, model: Model, fmi: int) -> None:
+    """The outputs, and which inputs they follow at once, which is known of a linear loop."""
+    inputs, outputs = len(model.loop.inputs), len(model.loop.outputs)
+    # version 2 counts variables from one, version 3 takes their references
+    first, name = (1, "index") if fmi == 2 else (0, "valueReference")
+    told = [{name: str(first + inputs + k)} for k in range(outputs)]
+    followed: list[dict[str, str]] = [{}] * outputs
+    if model.is_linear:
+        D = model.loop.state_space(model.theta)[3]
+        followed = [{"dependencies": " ".join(str(first + j) for j in row.nonzero()[0])} for row in D]
+    structure = SubElement(root, "ModelStructure")
+    lists = [("Output", [a | b for a, b in zip(told, followed, strict=True)]), ("InitialUnknown", told)]
+    for kind, members in lists:
+        parent = structure if fmi == 3 else SubElement(structure, f"{kind}s")
+        for member in members:
+            SubElement(parent, kind if fmi == 3 else "Unknown", member)

@@ -1,0 +1,48 @@
+"""Builds the wheel: maturin's, with the native library of the stepper in it, for functional mock-up units."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import maturin
+from maturin import (  # noqa: F401  what pip asks a build for
+    build_sdist,
+    get_requires_for_build_editable,
+    get_requires_for_build_sdist,
+    get_requires_for_build_wheel,
+    prepare_metadata_for_build_editable,
+    prepare_metadata_for_build_wheel,
+)
+
+ROOT = Path(__file__).parent.parent
+NATIVE = ROOT / "python" / "ambid" / "embedded" / "native"
+LIBRARY = {"darwin": "libambid.dylib", "win32": "ambid.dll"}.get(sys.platform, "libambid.so")
+
+
+def build_wheel(
+    wheel_directory: str, config_settings: dict | None = None, metadata_directory: str | None = None
+) -> str:
+    """See PEP 517."""
+    _build_library()
+    return maturin.build_wheel(wheel_directory, config_settings, metadata_directory)
+
+
+def build_editable(
+    wheel_directory: str, config_settings: dict | None = None, metadata_directory: str | None = None
+) -> str:
+    """See PEP 660."""
+    _build_library()
+    return maturin.build_editable(wheel_directory, config_settings, metadata_directory)
+
+
+def _build_library() -> None:
+    """Put the library where `ambid.embedded` looks for it; a source distribution has no source of it."""
+    if not (ROOT / "rust" / "c").is_dir():
+        print("no rust/c here: this installation will write no functional mock-up units")
+        return
+    subprocess.run(["cargo", "build", "--release", "--locked", "-p", "ambid-c"], cwd=ROOT, check=True)
+    target = Path(os.environ.get("CARGO_TARGET_DIR", "target"))
+    NATIVE.mkdir(exist_ok=True)
+    shutil.copyfile(ROOT / target / "release" / LIBRARY, NATIVE / LIBRARY)
