@@ -1,8 +1,8 @@
-"""Runs on a cluster of dask distributed: workers come and go, and one that dies takes no run with it."""
+"""Runs on a cluster of dask distributed: workers come and go, and one that dies takes no other run with it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from concurrent.futures import BrokenExecutor
 from importlib.metadata import version
 from typing import Any
@@ -15,12 +15,13 @@ from ambid.monte_carlo.runs import Row, failed_row, rows_of
 __all__ = ["made_on_cluster"]
 
 
-def made_on_cluster(client: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> Iterator[list[Row]]:
+def made_on_cluster(client: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> Generator[list[Row]]:
     """The rows of each task, in whatever order they come; those left are called off when no longer wanted.
 
     The plan is the result of a task of its own: it is sent to the scheduler once, handed from worker to worker, and,
     unlike scattered data, made again when all that had it are gone. A lost task is run again by dask. Where all workers
-    die that try a task, its runs are tried one by one, and one that kills them again is a failed row.
+    die that try a task, dask may blame what waited there too: so its runs are tried at the end, one at a time, and one
+    that kills its workers alone is a failed row.
 
     Parameters
     ----------
@@ -41,6 +42,7 @@ def made_on_cluster(client: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> 
     name = uuid4().hex
     sent = client.submit(_received, plan, version("ambid"), key=f"ambid-plan-{name}")
     left: dict[Any, Sequence[int]] = {}
+    suspects: list[int] = []
 
     def submit(several: Sequence[Sequence[int]]) -> list[Any]:
         keys = [(f"ambid-runs-{name}", runs[0], len(runs)) for runs in several]
@@ -49,19 +51,22 @@ def made_on_cluster(client: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> 
         return futures
 
     try:
-        coming = as_completed(submit(tasks), loop=client.loop)
-        for future in coming:
+        for future in as_completed(submit(tasks), loop=client.loop):
             runs = left.pop(future)
             try:
                 yield future.result()
+            except KilledWorker:
+                suspects += runs
+        for run in suspects:
+            (future,) = submit([[run]])
+            try:
+                yield future.result()
             except KilledWorker as killed:
-                if len(runs) > 1:
-                    coming.update(submit([[run] for run in runs]))
-                    continue
                 count = killed.allowed_failures + 1
-                yield [failed_row(plan, runs[0], f"{count} workers of the cluster died over it, or ran out of memory")]
-            except CancelledError:
-                raise BrokenExecutor("the scheduler of the cluster has gone, or has cancelled the runs") from None
+                yield [failed_row(plan, run, f"killed its worker, or took all its memory, {count} times out of {count}")]
+            del left[future]
+    except CancelledError:
+        raise BrokenExecutor("the scheduler of the cluster has gone, or has cancelled the runs") from None
     finally:
         client.cancel(list(left))
 

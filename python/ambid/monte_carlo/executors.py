@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from concurrent.futures import Future, as_completed
 from functools import lru_cache, partial
 from importlib.metadata import version
@@ -35,7 +35,7 @@ def hold_plan(plan: Plan) -> None:
     _held[plan.key] = plan
 
 
-def made_by(executor: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> Iterator[list[Row]]:
+def made_by(executor: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> Generator[list[Row]]:
     """The rows of each task, in whatever order they come; tasks not begun are called off when no longer wanted.
 
     Parameters
@@ -54,15 +54,16 @@ def made_by(executor: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> Iterat
         If a worker, or the scheduler, has gone.
     """
     if (client := _client_of_dask(executor)) is not None:
-        return made_on_cluster(client, plan, tasks)
-    if hasattr(executor, "submit"):
-        return _submitted(executor, plan, tasks)
-    if hasattr(executor, "map"):
-        return iter(executor.map(partial(_rows_sent, _Parcel.of(plan)), tasks))
-    raise InputError(
-        f"executor {type(executor).__name__}: has neither submit nor map; give one of concurrent.futures, "
-        "mpi4py.futures or dask distributed"
-    )
+        yield from made_on_cluster(client, plan, tasks)
+    elif hasattr(executor, "submit"):
+        yield from _submitted(executor, plan, tasks)
+    elif hasattr(executor, "map"):
+        yield from executor.map(partial(_rows_sent, _Parcel.of(plan)), tasks)
+    else:
+        raise InputError(
+            f"executor {type(executor).__name__}: has neither submit nor map; give one of concurrent.futures, "
+            "mpi4py.futures or dask distributed"
+        )
 
 
 def _client_of_dask(executor: Any) -> Any:
@@ -77,7 +78,7 @@ def _client_of_dask(executor: Any) -> Any:
     return executor if isinstance(executor, Client) else None
 
 
-def _submitted(executor: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> Iterator[list[Row]]:
+def _submitted(executor: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> Generator[list[Row]]:
     given: _Parcel | str = plan.key if executor.submit(_holds, plan.key).result() else _Parcel.of(plan)
     work = _rows_held if isinstance(given, str) else _rows_sent
     futures: set[Future[list[Row]]] = set()

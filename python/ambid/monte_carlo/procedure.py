@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
+from contextlib import closing
 from itertools import count, takewhile
 from pathlib import Path
 from typing import Any
@@ -77,15 +78,17 @@ def run_monte_carlo(
             progress(made + more, total)
 
     tell(0)
+    coming: Generator[list[Row]]
     try:
         if executor is None:
             coming = (rows_of(plan, own, tell) for own in left)
         else:
             coming = made_by(executor, plan, list(_batches(left, 1 if plan.diagnose else BATCH)))
-        for more in coming:
-            rows.add(more)
-            made += len(more)
-            tell(0)
+        with closing(coming):  # whatever ends it, no task is left with the executor
+            for more in coming:
+                rows.add(more)
+                made += len(more)
+                tell(0)
     except KeyboardInterrupt as early:
         if isinstance(early, Stopped):
             rows.add(early.result)  # type: ignore[arg-type]

@@ -1,0 +1,111 @@
+"""A cluster of dask distributed on this machine: the same to the last digit, whoever dies."""
+
+import os
+import signal
+
+import pytest
+
+from ambid.errors import IdentificationError
+from ambid.monte_carlo import cluster as module
+from ambid.monte_carlo import procedure, run_monte_carlo
+from monte_carlo.test_chunks import content
+from monte_carlo.test_monte_carlo import plan
+
+distributed = pytest.importorskip("distributed")
+pytest.importorskip("pyarrow")
+RUNS = 22
+
+
+@pytest.fixture(autouse=True)
+def _small_tasks(monkeypatch):
+    monkeypatch.setattr(procedure, "CHUNK", 8)
+    monkeypatch.setattr(procedure, "BATCH", 2)
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """Two processes, each in one thread."""
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs="ERROR"
+    ) as two:
+        yield two
+
+
+@pytest.fixture
+def client(cluster):
+    with distributed.Client(cluster, set_as_default=False) as own:
+        own.wait_for_workers(2, timeout=60)
+        yield own
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """What one thread leaves."""
+    folder = tmp_path_factory.mktemp("whole") / "runs.parquet"
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(procedure, "CHUNK", 8)
+        rows = run_monte_carlo(plan(), RUNS, out=folder).rows
+    return rows, content(folder)
+
+
+@pytest.mark.parametrize("kind", ["client", "executor"])
+def test_two_processes_equal_one_thread(client, kind, whole, tmp_path):
+    folder = tmp_path / "runs.parquet"
+    executor = client if kind == "client" else client.get_executor()
+    assert (run_monte_carlo(plan(), RUNS, out=folder, executor=executor).rows, content(folder)) == whole
+
+
+def test_a_worker_killed_midway(client, whole, tmp_path):
+    folder = tmp_path / "runs.parquet"
+    alive = list(client.run(os.getpid).values())
+
+    def kill(done, total):
+        if alive and done >= 4:
+            os.kill(alive.pop(), signal.SIGKILL)
+            alive.clear()
+
+    assert run_monte_carlo(plan(), RUNS, out=folder, executor=client, progress=kill).rows == whole[0]
+    assert not alive
+    assert content(folder) == whole[1]
+
+
+def test_a_worker_that_joins(whole, tmp_path):
+    """There is none when the runs are sent."""
+    with distributed.LocalCluster(n_workers=0, dashboard_address=None, silence_logs="ERROR", processes=False) as none:
+        with distributed.Client(none, set_as_default=False) as client:
+            joined = []
+
+            def join(done, total):
+                if not joined:
+                    joined.append(client.loop.call_later(0.2, none.scale, 1))
+
+            assert run_monte_carlo(plan(), RUNS, executor=client, progress=join).rows == whole[0]
+
+
+def test_a_run_that_kills_its_workers_is_a_row(cluster, client, whole, monkeypatch):
+    """Its neighbours, whom dask blames too, are not."""
+    monkeypatch.setattr(cluster.scheduler, "allowed_failures", 0)
+    usual = module._rows
+
+    def deadly(runs, plan):
+        if 5 in runs:
+            os._exit(1)
+        return usual(runs, plan)
+
+    monkeypatch.setattr(module, "_rows", deadly)
+    rows = run_monte_carlo(plan(), 8, executor=client).rows
+    assert [row for row in rows if row["run"] != 5] == [row for row in whole[0][:8] if row["run"] != 5]
+    assert rows[5]["status"] == "failed"
+    assert rows[5]["reason"] == "killed its worker, or took all its memory, 1 times out of 1"
+    assert rows[5]["K_i.A_zeta.true"] == whole[0][5]["K_i.A_zeta.true"]
+
+
+def test_the_runs_are_cancelled(client):
+    """As by a scheduler that was started again."""
+
+    def cancel(done, total):
+        if done:
+            client.cancel([distributed.Future(key, client) for key in list(client.futures)], force=True)
+
+    with pytest.raises(IdentificationError, match="the scheduler of the cluster has gone"):
+        run_monte_carlo(plan(), RUNS, executor=client, progress=cancel)
