@@ -128,7 +128,7 @@ def test_what_came_out_of_order_before_a_worker_was_gone(tmp_path):
             raise BrokenExecutor("gone")
 
     folder = tmp_path / "runs.parquet"
-    with pytest.raises(IdentificationError, match="the 6 runs made by now stay"):
+    with pytest.raises(IdentificationError, match="the 6 runs made before stay"):
         run_monte_carlo(plan(), RUNS, out=folder, executor=Breaks())
     made = []
     run_monte_carlo(plan(), RUNS, out=folder, progress=lambda done, total: made.append(total))

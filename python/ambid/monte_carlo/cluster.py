@@ -63,10 +63,12 @@ def made_on_cluster(client: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> 
                 yield future.result()
             except KilledWorker as killed:
                 count = killed.allowed_failures + 1
-                yield [failed_row(plan, run, f"killed its worker, or took all its memory, {count} times out of {count}")]
+                yield [
+                    failed_row(plan, run, f"killed its worker, or took all its memory, {count} times out of {count}")
+                ]
             del left[future]
     except CancelledError:
-        raise BrokenExecutor("the scheduler of the cluster has gone, or has cancelled the runs") from None
+        raise BrokenExecutor("the scheduler answers no more, or has cancelled the runs") from None
     finally:
         client.cancel(list(left))
 

@@ -20,7 +20,7 @@ __all__ = ["BATCH", "CHUNK", "run_monte_carlo"]
 
 CHUNK = 64
 """Runs of a chunk: what a killed job loses at most, in a file that is not too small."""
-BATCH = 8
+BATCH = 16
 """Identifications of a task: a second of work or so, to which sending it adds milliseconds. A diagnosis is one."""
 
 
@@ -96,10 +96,9 @@ def run_monte_carlo(
         raise Stopped(MonteCarlo.of(plan, rows.in_order())) from None
     except BrokenExecutor as error:
         rows.write_begun()
-        where = "are lost" if out is None else f"stay in {out}; do the same again to go on"
+        there = "before are lost" if out is None else f"before stay in {out}; do the same again to go on"
         raise IdentificationError(
-            f"the executor is broken, as by a worker that was killed or out of memory ({error}); "
-            f"the {made} runs made by now {where}"
+            f"a worker or the scheduler has gone, killed or out of memory ({error}); the {made} runs made {there}"
         ) from None
     return MonteCarlo.of(plan, rows.in_order())
 
