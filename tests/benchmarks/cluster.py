@@ -10,7 +10,9 @@ import pickle
 import resource
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -18,7 +20,8 @@ import numpy as np
 from distributed import Client, LocalCluster
 from speed import PERIOD, excitation, rigid
 
-from ambid.monte_carlo import Plan, cluster, procedure
+from ambid.monte_carlo import Plan, cluster, procedure, run_monte_carlo
+from ambid.monte_carlo.cluster import made_on_cluster
 from ambid.monte_carlo.runs import Row, failed_row, rows_of
 from virtual import VirtualBench
 
@@ -36,15 +39,15 @@ def instant(runs: list[int], plan: Plan) -> list[Row]:
     return []
 
 
-def overhead(client: Client, plan: Plan, tasks: int, work) -> tuple[float, float]:
-    """Seconds a task: of the processor for client and scheduler, and between first and last."""
+def overhead(
+    job: Callable[[], object], tasks: int, work: Callable[[list[int], Plan], list[Row]]
+) -> tuple[float, float]:
+    """Seconds a task: of the processor for client and scheduler, and by wall."""
     usual, cluster._rows = cluster._rows, work
-    batches = [range(first, first + procedure.BATCH) for first in range(0, tasks * procedure.BATCH, procedure.BATCH)]
     wall, busy = time.perf_counter(), time.process_time()
-    count = sum(1 for _ in cluster.made_on_cluster(client, plan, batches))
+    job()
     wall, busy = time.perf_counter() - wall, time.process_time() - busy
     cluster._rows = usual
-    assert count == tasks
     return busy / tasks, wall / tasks
 
 
@@ -60,7 +63,7 @@ def seconds_a_run(plan: Plan, runs: int) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tasks", type=int, default=2000)
-    parser.add_argument("--largest", type=int, default=100_000, help="Tasks of the largest graph.")
+    parser.add_argument("--largest", type=int, default=20_000, help="Tasks of the largest graph.")
     parser.add_argument("--runs", type=int, default=32, help="Identifications that are timed.")
     given = parser.parse_args()
     plan = Plan(rigid(VirtualBench().rig()), np.asarray(excitation(4 * PERIOD)))
@@ -69,24 +72,27 @@ def main() -> None:
         LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as two,
         Client(two, set_as_default=False) as client,
     ):
-        overhead(client, plan, 100, nothing)
-        busy, wall = overhead(client, plan, given.tasks, nothing)
+        run_monte_carlo(plan, 10 * procedure.BATCH, executor=client)  # workers begin with their imports
+        with TemporaryDirectory() as folder:
+            out, runs = Path(folder) / "runs.parquet", given.tasks * procedure.BATCH
+            busy, wall = overhead(lambda: run_monte_carlo(plan, runs, out=out, executor=client), given.tasks, nothing)
         print(
-            f"{given.tasks:7d} tasks with rows: {1e3 * busy:.2f} ms of the processor, {1e3 * wall:.2f} ms by wall, each"
+            f"{given.tasks:7d} tasks, written: {1e3 * busy:.2f} ms of the processor, {1e3 * wall:.2f} ms by wall, each"
         )
-        empty, wall = overhead(client, plan, given.largest, instant)
+        graph = [[run] for run in range(given.largest)]
+        empty, wall = overhead(lambda: list(made_on_cluster(client, plan, graph)), given.largest, instant)
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
         print(
-            f"{given.largest:7d} tasks without: {1e3 * empty:.2f} ms of the processor, {1e3 * wall:.2f} ms by wall, "
+            f"{given.largest:7d} tasks, no rows: {1e3 * empty:.2f} ms of the processor, {1e3 * wall:.2f} ms by wall, "
             f"each; at most {peak:.2f} GB for client and scheduler"
         )
     run = seconds_a_run(plan, given.runs)
     most, asked = procedure.BATCH / busy, WORKERS / run
     print(f"identification: {1e3 * run:.0f} ms of the processor a run, {1.0 / run:.1f} runs/s on one")
     print(
-        f"computed, not measured: {WORKERS} workers of one such processor each could make {asked:.0f} runs/s; client\n"
-        f"and scheduler, together on one such processor, can hand out and take back {most:.0f} runs/s. Of these two the\n"
-        f"lesser is what they would give: {min(asked, most):.0f} runs/s, {min(asked, most) * run:.0f} times one processor"
+        f"computed, not measured: {WORKERS} workers of one such processor each could make {asked:.0f} runs/s;\n"
+        f"client and scheduler, together on one such processor, can hand out, take back and write {most:.0f} runs/s.\n"
+        f"The lesser is what they would give: {min(asked, most):.0f} runs/s, {min(asked, most) * run:.0f} times one"
     )
 
 
