@@ -27,10 +27,6 @@ def hold_plan(plan: Plan) -> None:
     Parameters
     ----------
     plan : Plan
-
-    Examples
-    --------
-    >>> ProcessPoolExecutor(8, initializer=ambid.hold_plan, initargs=(plan,))  # doctest: +SKIP
     """
     _held[plan.key] = plan
 
