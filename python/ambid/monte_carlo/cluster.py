@@ -62,10 +62,8 @@ def made_on_cluster(client: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> 
             try:
                 yield future.result()
             except KilledWorker as killed:
-                count = killed.allowed_failures + 1
-                yield [
-                    failed_row(plan, run, f"killed its worker, or took all its memory, {count} times out of {count}")
-                ]
+                times = killed.allowed_failures + 1
+                yield [failed_row(plan, run, f"killed its worker, or took all its memory, in {times} of {times} tries")]
             del left[future]
     except CancelledError:
         raise BrokenExecutor("the scheduler answers no more, or has cancelled the runs") from None
