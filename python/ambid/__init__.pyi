@@ -69,6 +69,7 @@ from .model import Parameter as Parameter
 from .monte_carlo import MonteCarlo as MonteCarlo
 from .monte_carlo import Plan as Plan
 from .monte_carlo import Spread as Spread
+from .monte_carlo import hold_plan as hold_plan
 from .monte_carlo import run_monte_carlo as run_monte_carlo
 from .noise import Comparison as Comparison
 from .noise import Noise as Noise

@@ -2,12 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, cast
 
@@ -21,7 +15,8 @@ from ambid.cli.options import JsonFile, ModelFile, Quiet, RigFile, known_effects
 from ambid.cli.outputs import conclude, require_outputs
 from ambid.cli.signals import exit_code, stoppable
 from ambid.cli.terminal import progress, with_time_left
-from ambid.errors import InputError, Stopped
+from ambid.cli.workers import workers_of
+from ambid.errors import Stopped
 
 
 def monte_carlo_command(
@@ -52,14 +47,18 @@ def monte_carlo_command(
     sensor_noise: Annotated[float, typer.Option(help="Rms on every displacement [m].")] = 50e-9,
     current_noise: Annotated[float, typer.Option(help="Rms on every recorded current [A].")] = 0.01,
     workers: Annotated[int, typer.Option(metavar="N", help="Processes; 1 works in this one, over all cores.")] = 1,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS", help="Scheduler of dask distributed whose workers make the runs: tcp://host:8786."
+        ),
+    ] = None,
     model: ModelFile = None,
     json_file: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
     """Find out what an experiment is worth: simulate it many times, and identify or diagnose every record."""
     require_outputs({"RIG": rig, "--model": model}, {"--json": json_file})
-    if workers < 1:
-        raise InputError(f"--workers {workers}: expected 1 or more")
     machine = ambid.Rig.load(rig)
     plan = ambid.Plan(
         rig=machine,
@@ -72,7 +71,7 @@ def monte_carlo_command(
         diagnose=diagnose,
     )
     is_stopped = False
-    with stoppable(), progress(quiet, "Monte Carlo") as report, _pool(workers) as executor:
+    with stoppable(), progress(quiet, "Monte Carlo") as report, workers_of(plan, workers, cluster) as executor:
         told = with_time_left(report)
         try:
             found = ambid.run_monte_carlo(
@@ -87,24 +86,3 @@ def monte_carlo_command(
     conclude("\n".join([repr(found), *left]), data, json_file, quiet)
     if is_stopped:
         raise typer.Exit(exit_code())
-
-
-@contextmanager
-def _pool(workers: int) -> Iterator[Executor | None]:
-    """Processes that make chunks, each in one thread; when they are no longer wanted they end at once."""
-    if workers == 1:
-        yield None
-        return
-    others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _as_worker)
-    try:
-        yield pool
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for own in set(multiprocessing.active_children()) - others:
-            own.terminate()
-
-
-def _as_worker() -> None:
-    os.environ["RAYON_NUM_THREADS"] = "1"
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the one that waits for this process ends it

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -124,6 +125,11 @@ class Plan:
             "seed": self.seed,
             "diagnose": self.diagnose,
         }
+
+    @cached_property
+    def key(self) -> str:
+        """Another one for every other content."""
+        return hashlib.sha256(json.dumps(self.content(), sort_keys=True).encode()).hexdigest()
 
     @cached_property
     def drawn(self) -> tuple[str, ...]:

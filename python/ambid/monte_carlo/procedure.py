@@ -1,21 +1,27 @@
-"""Monte Carlo: chunk by chunk, here or by an executor, and on from where it was stopped."""
+"""Monte Carlo: runs made here or by an executor, sorted into chunks, and on from where it was stopped."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import BrokenExecutor
+from contextlib import closing
+from itertools import count, takewhile
 from pathlib import Path
+from typing import Any
 
 from ambid.errors import IdentificationError, InputError, Stopped
 from ambid.monte_carlo.chunks import Chunks
+from ambid.monte_carlo.executors import made_by
 from ambid.monte_carlo.plan import Plan
 from ambid.monte_carlo.result import MonteCarlo
 from ambid.monte_carlo.runs import Row, rows_of
 
-__all__ = ["CHUNK", "run_monte_carlo"]
+__all__ = ["BATCH", "CHUNK", "run_monte_carlo"]
 
 CHUNK = 64
 """Runs of a chunk: what a killed job loses at most, in a file that is not too small."""
+BATCH = 16
+"""Identifications of a task: a second of work or so, to which sending it adds milliseconds. A diagnosis is one."""
 
 
 def run_monte_carlo(
@@ -23,7 +29,7 @@ def run_monte_carlo(
     runs: int,
     *,
     out: str | Path | None = None,
-    executor: Executor | None = None,
+    executor: Any = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> MonteCarlo:
     """Simulate, and identify or diagnose, so many runs of a plan.
@@ -37,8 +43,11 @@ def run_monte_carlo(
     runs : int
     out : str or Path, optional
         Folder ``NAME.parquet`` for the rows; what it holds of this plan is not made again. Needs pyarrow.
-    executor : concurrent.futures.Executor, optional
-        Makes whole chunks; by default they are made here.
+    executor : object, optional
+        Makes the runs, a few in a task, in whatever order; by default they are made here. A client of dask distributed,
+        or its executor; or anything with a ``submit`` that returns futures of `concurrent.futures`, such as the
+        executors of that module and of mpi4py.futures; or with a ``map``, whose rows are kept as it yields them. The
+        plan is sent to dask once; other executors send it with every task, unless `hold_plan` is their initializer.
     progress : callable, optional
         Called with the runs that were made, and that were to be made.
 
@@ -49,68 +58,99 @@ def run_monte_carlo(
     Raises
     ------
     InputError
-        If the folder holds something else, or `runs` is no positive number.
+        If the folder holds something else, `runs` is no positive number, or the executor is none.
     OutputError
         If a chunk cannot be written; those before stay.
     IdentificationError
-        If a worker of the executor has gone.
+        If a worker of the executor has gone, or the scheduler of the cluster.
     Stopped
         At Ctrl-C, with the runs that are done; it is a KeyboardInterrupt.
     """
     if runs < 1:
         raise InputError(f"runs = {runs}: expected 1 or more")
-    store = None if out is None else Chunks(Path(out), plan)
-    numbers = {k: range(k * CHUNK, min(runs, (k + 1) * CHUNK)) for k in range(-(-runs // CHUNK))}
-    rows = {k: [] if store is None else store.read(k, range(k * CHUNK, (k + 1) * CHUNK)) for k in numbers}
-    left = {k: list(own[len(rows[k]) :]) for k, own in numbers.items() if len(rows[k]) < len(own)}
-    total = sum(map(len, left.values()))
+    rows = _Rows(runs, None if out is None else Chunks(Path(out), plan))
+    left = rows.left()
+    total = sum(map(len, left))
     made = 0
 
     def tell(more: int) -> None:
         if progress is not None:
             progress(made + more, total)
 
-    def keep(chunk: int, more: list[Row]) -> None:
-        nonlocal made
-        rows[chunk] += more
-        made += len(more)
-        if store is not None and more:
-            store.write(chunk, rows[chunk])
-
-    def result() -> MonteCarlo:
-        return MonteCarlo.of(plan, [row for k in sorted(rows) for row in rows[k] if row["run"] < runs])
-
     tell(0)
+    coming: Generator[list[Row]]
     try:
         if executor is None:
-            for chunk, own in left.items():
-                try:
-                    keep(chunk, rows_of(plan, own, tell))
-                except Stopped as stopped:
-                    keep(chunk, stopped.result)  # type: ignore[arg-type]
-                    raise
+            coming = (rows_of(plan, own, tell) for own in left)
         else:
-            for chunk, more in _by(executor, plan, left):
-                keep(chunk, more)
+            coming = made_by(executor, plan, list(_batches(left, 1 if plan.diagnose else BATCH)))
+        with closing(coming):  # whatever ends it, no task is left with the executor
+            for more in coming:
+                rows.add(more)
+                made += len(more)
                 tell(0)
-    except KeyboardInterrupt:
-        raise Stopped(result()) from None
+    except KeyboardInterrupt as early:
+        if isinstance(early, Stopped):
+            rows.add(early.result)  # type: ignore[arg-type]
+        rows.write_begun()
+        raise Stopped(MonteCarlo.of(plan, rows.in_order())) from None
     except BrokenExecutor as error:
-        where = "are lost" if out is None else f"stay in {out}; do the same again to go on"
+        rows.write_begun()
+        there = "before are lost" if out is None else f"before stay in {out}; do the same again to go on"
         raise IdentificationError(
-            f"a worker has gone, killed or out of memory ({error}); the {made} runs made by now {where}"
+            f"a worker or the scheduler has gone, killed or out of memory ({error}); the {made} runs made {there}"
         ) from None
-    return result()
+    return MonteCarlo.of(plan, rows.in_order())
 
 
-def _by(executor: Executor, plan: Plan, left: dict[int, list[int]]) -> Iterator[tuple[int, list[Row]]]:
-    """Chunks as an executor ends them; those not begun are called off when they are no longer wanted."""
-    futures: dict[Future[list[Row]], int] = {}
-    try:
-        for chunk, own in left.items():
-            futures[executor.submit(rows_of, plan, own)] = chunk
-        for future in as_completed(futures):
-            yield futures[future], future.result()
-    finally:
-        for future in futures:
-            future.cancel()
+def _batches(left: Sequence[Sequence[int]], size: int) -> Iterator[Sequence[int]]:
+    for own in left:
+        for first in range(0, len(own), size):
+            yield own[first : first + size]
+
+
+class _Rows:
+    """Rows by chunk, whatever order they come in; a chunk is written when it is whole."""
+
+    def __init__(self, runs: int, store: Chunks | None) -> None:
+        self._store = store
+        self._wanted = [range(first, min(runs, first + CHUNK)) for first in range(0, runs, CHUNK)]
+        self._there: list[dict[int, Row]] = [{} for _ in self._wanted]
+        if store is not None:
+            for chunk, own in enumerate(self._wanted):
+                found = store.read(chunk, range(own.start, own.start + CHUNK))
+                self._there[chunk] = {row["run"]: row for row in found}
+        self._written = [len(own) for own in self._there]
+
+    def left(self) -> list[Sequence[int]]:
+        """The runs of each chunk that are still to be made, where there are any."""
+        left = (own[there:] for own, there in zip(self._wanted, self._written, strict=True))
+        return [own for own in left if own]
+
+    def add(self, rows: Sequence[Row]) -> None:
+        touched = {row["run"] // CHUNK for row in rows}
+        for row in rows:
+            self._there[row["run"] // CHUNK][row["run"]] = row
+        for chunk in touched:
+            if len(self._there[chunk]) >= len(self._wanted[chunk]):
+                self._write(chunk)
+
+    def write_begun(self) -> None:
+        """Write the chunks that are not whole, up to their first run that is missing; what came after it is lost."""
+        for chunk in range(len(self._wanted)):
+            if len(self._first(chunk)) > self._written[chunk]:
+                self._write(chunk)
+
+    def in_order(self) -> list[Row]:
+        """The wanted rows, of each chunk those that are or would be written."""
+        return [row for chunk, own in enumerate(self._wanted) for row in self._first(chunk)[: len(own)]]
+
+    def _first(self, chunk: int) -> list[Row]:
+        there = self._there[chunk]
+        return [there[run] for run in takewhile(there.__contains__, count(self._wanted[chunk].start))]
+
+    def _write(self, chunk: int) -> None:
+        rows = self._first(chunk)
+        if self._store is not None:
+            self._store.write(chunk, rows)
+        self._written[chunk] = len(rows)

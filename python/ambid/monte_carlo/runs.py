@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,9 @@ from ambid.identification import identify_many
 from ambid.identification.many import FAILED
 from ambid.monte_carlo.plan import Plan, Truth
 from ambid.record import Record
+from ambid.threads import with_one_blas_thread
 
-__all__ = ["Row", "columns", "rows_of"]
+__all__ = ["Row", "columns", "failed_row", "rows_of"]
 
 Row = dict[str, Any]
 
@@ -32,6 +34,7 @@ def columns(plan: Plan) -> dict[str, type]:
     )
 
 
+@with_one_blas_thread  # the last digits of a product depend on the number
 def rows_of(plan: Plan, runs: Sequence[int], progress: Callable[[int], None] | None = None) -> list[Row]:
     """The rows of some runs; one that fails has its reason in the row.
 
@@ -55,6 +58,14 @@ def rows_of(plan: Plan, runs: Sequence[int], progress: Callable[[int], None] | N
         done = next((k for k, row in enumerate(rows) if not row["status"]), len(rows))
         raise Stopped(rows[:done]) from None
     return rows
+
+
+def failed_row(plan: Plan, run: int, reason: str) -> Row:
+    """The row of a run that cannot be made, for a reason that lies outside of it."""
+    row = _empty(plan, run)
+    with suppress(AmbidError):  # what cannot be drawn stays empty, as in `rows_of`
+        _tell_truth(row, plan.of_run(run), plan)
+    return row | {"status": FAILED, "reason": reason}
 
 
 def _empty(plan: Plan, run: int) -> Row:

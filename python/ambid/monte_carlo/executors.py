@@ -1,0 +1,122 @@
+"""Runs that an executor makes: the plan goes to its workers, tasks of a few runs follow, rows come back."""
+
+from __future__ import annotations
+
+import pickle
+import sys
+from collections.abc import Generator, Sequence
+from concurrent.futures import Future, as_completed
+from functools import lru_cache, partial
+from importlib.metadata import version
+from typing import Any, NamedTuple
+
+from ambid.errors import InputError
+from ambid.monte_carlo.cluster import made_on_cluster
+from ambid.monte_carlo.plan import Plan
+from ambid.monte_carlo.runs import Row, rows_of
+
+__all__ = ["hold_plan", "made_by"]
+
+_held: dict[str, Plan] = {}
+"""Plans that this process was given before any task, by their key."""
+
+
+def hold_plan(plan: Plan) -> None:
+    """Keep a plan in a worker, so that it is sent once and not with every task: the initializer of an executor.
+
+    Parameters
+    ----------
+    plan : Plan
+    """
+    _held[plan.key] = plan
+
+
+def made_by(executor: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> Generator[list[Row]]:
+    """The rows of each task, in whatever order they come; tasks not begun are called off when no longer wanted.
+
+    Parameters
+    ----------
+    executor : object
+        As for `run_monte_carlo`.
+    plan : Plan
+    tasks : sequence of sequence of int
+        Numbers of runs that one worker makes.
+
+    Raises
+    ------
+    InputError
+        If the executor is none, or a worker has another version of ambid.
+    BrokenExecutor
+        If a worker, or the scheduler, has gone.
+    """
+    if (client := _client_of_dask(executor)) is not None:
+        yield from made_on_cluster(client, plan, tasks)
+    elif hasattr(executor, "submit"):
+        yield from _submitted(executor, plan, tasks)
+    elif hasattr(executor, "map"):
+        yield from executor.map(partial(_rows_sent, _Parcel.of(plan)), tasks)
+    else:
+        raise InputError(
+            f"executor {type(executor).__name__}: has neither submit nor map; give one of concurrent.futures, "
+            "mpi4py.futures or dask distributed"
+        )
+
+
+def _client_of_dask(executor: Any) -> Any:
+    """The client behind what dask hands out; None for any other executor."""
+    if "distributed" not in sys.modules:
+        return None
+    from distributed import Client
+    from distributed.cfexecutor import ClientExecutor
+
+    if isinstance(executor, ClientExecutor):
+        return (
+            executor._client
+        )  # its futures cannot be the arguments of tasks, so that it would send the plan with each
+    return executor if isinstance(executor, Client) else None
+
+
+def _submitted(executor: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> Generator[list[Row]]:
+    given: _Parcel | str = plan.key if executor.submit(_holds, plan.key).result() else _Parcel.of(plan)
+    work = _rows_held if isinstance(given, str) else _rows_sent
+    futures: set[Future[list[Row]]] = set()
+    try:
+        for runs in tasks:
+            futures.add(executor.submit(work, given, runs))
+        for future in as_completed(futures):
+            futures.remove(future)
+            yield future.result()
+    finally:
+        for future in futures:
+            future.cancel()
+
+
+def _holds(key: str) -> bool:
+    return key in _held
+
+
+def _rows_held(key: str, runs: Sequence[int]) -> list[Row]:
+    return rows_of(_held[key], runs)
+
+
+class _Parcel(NamedTuple):
+    """A plan that goes with every task, and is opened once by each worker."""
+
+    version: str
+    content: bytes
+
+    @classmethod
+    def of(cls, plan: Plan) -> _Parcel:
+        return cls(version("ambid"), pickle.dumps(plan))
+
+
+@lru_cache(maxsize=1)
+def _opened(parcel: _Parcel) -> Plan:
+    if parcel.version != (own := version("ambid")):
+        raise InputError(f"a worker has ambid {own}, and the plan is of {parcel.version}; install the same everywhere")
+    plan: Plan = pickle.loads(parcel.content)
+    return plan
+
+
+def _rows_sent(parcel: _Parcel, runs: Sequence[int]) -> list[Row]:
+    return rows_of(_opened(parcel), runs)

@@ -1,0 +1,149 @@
+"""A cluster of dask distributed on this machine: the same to the last digit, whoever dies."""
+
+import os
+import signal
+
+import pytest
+
+from ambid.cli import workers
+from ambid.errors import IdentificationError
+from ambid.monte_carlo import cluster as module
+from ambid.monte_carlo import procedure, run_monte_carlo
+from monte_carlo.test_chunks import content, rig_file  # noqa: F401
+from monte_carlo.test_monte_carlo import plan
+
+distributed = pytest.importorskip("distributed")
+pytest.importorskip("pyarrow")
+RUNS = 22
+
+
+@pytest.fixture(autouse=True)
+def _small_tasks(monkeypatch):
+    monkeypatch.setattr(procedure, "CHUNK", 8)
+    monkeypatch.setattr(procedure, "BATCH", 2)
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """Two processes, each in one thread."""
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs="ERROR"
+    ) as two:
+        yield two
+
+
+@pytest.fixture
+def client(cluster):
+    with distributed.Client(cluster, set_as_default=False) as own:
+        own.wait_for_workers(2, timeout=60)
+        yield own
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """What one thread leaves."""
+    folder = tmp_path_factory.mktemp("whole") / "runs.parquet"
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(procedure, "CHUNK", 8)
+        rows = run_monte_carlo(plan(), RUNS, out=folder).rows
+    return rows, content(folder)
+
+
+@pytest.mark.parametrize("kind", ["client", "executor"])
+def test_two_processes_equal_one_thread(client, kind, whole, tmp_path):
+    folder = tmp_path / "runs.parquet"
+    executor = client if kind == "client" else client.get_executor()
+    assert (run_monte_carlo(plan(), RUNS, out=folder, executor=executor).rows, content(folder)) == whole
+
+
+def test_a_worker_killed_midway(client, whole, tmp_path):
+    folder = tmp_path / "runs.parquet"
+    alive = list(client.run(os.getpid).values())
+
+    def kill(done, total):
+        if alive and done >= 4:
+            os.kill(alive.pop(), signal.SIGKILL)
+            alive.clear()
+
+    assert run_monte_carlo(plan(), RUNS, out=folder, executor=client, progress=kill).rows == whole[0]
+    assert not alive
+    assert content(folder) == whole[1]
+
+
+def test_a_worker_that_joins(whole, tmp_path):
+    """There is none when the runs are sent."""
+    with (
+        distributed.LocalCluster(n_workers=0, dashboard_address=":0", silence_logs="ERROR", processes=False) as none,
+        distributed.Client(none, set_as_default=False) as client,
+    ):
+        joined = []
+
+        def join(done, total):
+            if not joined:
+                joined.append(client.loop.call_later(0.2, none.scale, 1))
+
+        assert run_monte_carlo(plan(), RUNS, executor=client, progress=join).rows == whole[0]
+
+
+@pytest.mark.slow
+def test_a_run_that_kills_its_workers_is_a_row(cluster, client, whole, monkeypatch):
+    """Its neighbours, whom dask blames too, are not."""
+    monkeypatch.setattr(cluster.scheduler, "allowed_failures", 0)
+    usual = module._rows
+
+    def deadly(runs, plan):
+        if 5 in runs:
+            os._exit(1)
+        return usual(runs, plan)
+
+    monkeypatch.setattr(module, "_rows", deadly)
+    rows = run_monte_carlo(plan(), 8, executor=client).rows
+    assert [row for row in rows if row["run"] != 5] == [row for row in whole[0][:8] if row["run"] != 5]
+    assert rows[5]["status"] == "failed"
+    assert rows[5]["reason"] == "killed its worker, or took all its memory, in 1 of 1 tries"
+    assert rows[5]["K_i.A_zeta.true"] == whole[0][5]["K_i.A_zeta.true"]
+
+
+def test_the_runs_are_cancelled(client):
+    """As by a scheduler that was started again."""
+
+    def cancel(done, total):
+        if done:
+            client.cancel([distributed.Future(key, client) for key in list(client.futures)], force=True)
+
+    with pytest.raises(IdentificationError, match="the scheduler answers no more"):
+        run_monte_carlo(plan(), RUNS, executor=client, progress=cancel)
+
+
+CALL = ("--runs", RUNS, "--seconds", 0.5, "--amplitude", 1.0)
+
+
+def test_the_command(cluster, command, rig_file, tmp_path):  # noqa: F811
+    for name, more in (("here", ()), ("there", ("--cluster", cluster.scheduler_address))):
+        done = command("monte-carlo", rig_file, *CALL, *more, "--out", tmp_path / f"{name}.parquet")
+        assert done.code == 0
+    assert len(content(tmp_path / "here.parquet")) == 4
+    assert content(tmp_path / "here.parquet") == content(tmp_path / "there.parquet")
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        (("--cluster", "tcp://127.0.0.1:1"), "--cluster tcp://127.0.0.1:1: no scheduler answers"),
+        (("--cluster", "nonsense://host"), "--cluster nonsense://host: no scheduler answers"),
+        (("--cluster", "127.0.0.1:99999999"), "--cluster 127.0.0.1:99999999: no scheduler answers"),
+        (("--cluster", "tcp://127.0.0.1:1", "--workers", 2), "leave one out"),
+    ],
+)
+def test_no_cluster(command, rig_file, monkeypatch, more, told):  # noqa: F811
+    monkeypatch.setattr(workers, "PATIENCE", 0.5)
+    done = command("monte-carlo", rig_file, *CALL, *more)
+    assert done.code == 2
+    assert told in done.err  # dask may log beside it, where the machine is loaded
+
+
+def test_without_dask(command, rig_file, monkeypatch):  # noqa: F811
+    monkeypatch.setattr(workers, "find_spec", lambda name: None)
+    done = command("monte-carlo", rig_file, "--cluster", "tcp://127.0.0.1:1")
+    assert done.code == 2
+    assert "pip install 'ambid[cluster]'" in done.err
