@@ -1,5 +1,6 @@
 """The stepper in C steps as the simulator in Python does."""
 
+import re
 import shutil
 import subprocess
 from ctypes import CDLL, POINTER, byref, c_char_p, c_double, c_size_t, c_void_p
@@ -36,11 +37,14 @@ def library():
 @pytest.fixture(scope="module")
 def program(tmp_path_factory):
     """The example, compiled."""
+    return compiled(EXAMPLE, tmp_path_factory.mktemp("c") / "step")
+
+
+def compiled(source, own):
     compiler = shutil.which("gcc")
     if compiler is None:
         pytest.skip("no gcc")
-    own = tmp_path_factory.mktemp("c") / "step"
-    options = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-I", HEADER, EXAMPLE, LIBRARY, "-o", own]
+    options = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-I", HEADER, source, LIBRARY, "-o", own]
     subprocess.run([compiler, *map(str, options), f"-Wl,-rpath,{LIBRARY.parent}"], check=True)
     return own
 
@@ -53,6 +57,21 @@ def test_the_example_in_c_steps_as_python_does(model, excitation, program, tmp_p
     assert done.stderr.split()[: len(model.loop.outputs)] == list(model.loop.outputs)
     found = np.array([row.split() for row in done.stdout.splitlines()], dtype=float)
     require_equal(found, model.simulator().run(excitation))
+
+
+@native
+def test_what_the_page_shows_runs(demo_rig, tmp_path):
+    page = (ROOT / "python" / "docs" / "embedded.md").read_text()
+    (shown,) = re.findall(r"^```c\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    include, rest = shown.split("\n", 1)
+    say = 'for (int k = 0; k < 8; k++) printf("%.17g ", y_and_i_c[k]);'
+    source = tmp_path / "shown.c"
+    source.write_text(f"#include <stdio.h>\n{include}\nint main(void) {{\n{rest}{say}\nreturn 0;\n}}\n")
+    ambid.to_stepper(ambid.Model(demo_rig), tmp_path / "model.stepper")
+    own = compiled(source, tmp_path / "shown")
+    done = subprocess.run([own], cwd=tmp_path, capture_output=True, text=True, check=True)
+    i_e = np.array([[0.1, 0.0, 0.0, 0.0]])
+    require_equal(np.array([done.stdout.split()], dtype=float), ambid.Model(demo_rig).simulator().run(i_e))
 
 
 @native
