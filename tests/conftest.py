@@ -13,6 +13,9 @@ from ambid.excitation import prbs
 from places import BENCH
 from virtual import NAMES, VirtualBench
 
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # what a job in the background inherits
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
 DEMO_RIG, DEMO_RECORD = DATA / "rig.toml", DATA / "prbs.mat"
 
 

@@ -45,6 +45,12 @@ function bar(share) {
 
 let pointing = 0;
 
+// Those of the step before are none of this step's.
+export function forgetCandidates() {
+  clearTimeout(pointing);
+  pointed.effect = null;
+}
+
 function pointAt(effect) {
   clearTimeout(pointing);
   if (effect === pointed.effect) return;

@@ -1,7 +1,7 @@
 // The page: what is clicked is sent, what comes back is shown. All numbers are the server's.
 
 import { allowSteps, ask, download, page, post } from "./calls.js";
-import { showCandidates, showForeseen } from "./candidates.js";
+import { forgetCandidates, showCandidates, showForeseen } from "./candidates.js";
 import { showCells } from "./cells.js";
 import { draw, overlayPanel, showOverlay } from "./charts.js";
 import { chosen, onChoice, roles } from "./choice.js";
@@ -39,6 +39,7 @@ async function show(next) {
 // All of a new step; nothing waits for a chart, which of a long record may take its time.
 function showStep() {
   shown = page.view.revision;
+  forgetCandidates();
   showHead();
   showSteps();
   showParameters(step);
