@@ -77,6 +77,7 @@ class Person:
         self.wrong: list[str] = []
         self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
         self.page.on("console", lambda line: self.wrong.append(line.text) if line.type == "error" else None)
+        self.page.on("response", lambda own: self.wrong.append(f"{own.status} {own.url}") if not own.ok else None)
         self.page.on("request", lambda request: self._see(request.url, address))
         self.page.goto(address)
         self.settled()
@@ -342,6 +343,21 @@ def test_before_and_after_an_effect_differ_without_colour(ranked):
     assert len(set(looks)) == len(looks)
     for cell in page.locator(".map button").all():
         assert cell.inner_text()  # its number says what its darkness says
+    assert ranked.wrong == []
+
+
+def test_a_question_that_a_step_overtakes_is_dropped(ranked):
+    page = ranked.page
+    held = []
+    page.route("**/predicted?*", lambda route: held.append(route), times=1)
+    page.locator("tr[data-effect]").nth(1).hover()
+    page.wait_for_selector("#foreseen.stale")
+    page.click("button[aria-label='add loop_delay']")
+    page.wait_for_selector("#steps tbody tr:nth-child(3)")
+    with page.expect_response("**/predicted?*") as late:
+        held[0].continue_()
+    assert late.value.status == 204
+    ranked.steps(3)
     assert ranked.wrong == []
 
 

@@ -13,7 +13,7 @@ from starlette.testclient import TestClient  # noqa: E402
 
 import ambid  # noqa: E402
 from ambid.workbench.jobs import Job  # noqa: E402
-from ambid.workbench.server import ASKED, ASSETS, DONE, application  # noqa: E402
+from ambid.workbench.server import ASKED, ASSETS, DONE, SHOWN, application  # noqa: E402
 
 TOKEN, PORT = "the-token", 8123
 HOST = f"127.0.0.1:{PORT}"
@@ -38,7 +38,8 @@ class Caller:
         self.at = f"/{TOKEN}/windows/{client.post(f'/{TOKEN}/windows', json={}).json()['window']}"
 
     def ask(self, call, **given):
-        return self.client.get(f"{self.at}/{call}", params=given)
+        present = {"revision": self.ask("view").json()["revision"]} if call in SHOWN else {}
+        return self.client.get(f"{self.at}/{call}", params=present | given)
 
     def post(self, call, **given):
         return self.client.post(f"{self.at}/{call}", json={"revision": self.ask("view").json()["revision"]} | given)
@@ -53,7 +54,7 @@ class Caller:
         raise AssertionError("the job does not end")
 
 
-ALL = [("GET", call) for call in ASKED] + [("POST", call) for call in DONE]
+ALL = [("GET", call) for call in (*SHOWN, *ASKED)] + [("POST", call) for call in DONE]
 
 
 @pytest.mark.parametrize(("method", "call"), [*ALL, ("GET", "")])
@@ -168,6 +169,26 @@ def test_a_preview_changes_nothing_and_a_move_does(window, fitted):
     assert moved["misfit"] == promised["misfit"]
     assert moved["steps"][-1]["did"].startswith(f"{name} = ")
     assert window.post("undo").json()["misfit"] == fitted.comparison.misfit
+
+
+QUESTIONS = {
+    "where": {},
+    "candidates": {},
+    "matrix": {},
+    "lines": {"record": 0, "channel": "y.A_zeta", "pixels": 500},
+    "signals": {"record": 0, "channel": "y.A_zeta", "pixels": 500},
+    "responses": {"record": 0, "channel": "y.A_zeta", "pixels": 500},
+    "predicted": {"record": 0, "channel": "y.A_zeta", "effect": "loop_delay"},
+    "preview": {"name": "tau_e", "value": 1e-4},
+}
+
+
+@pytest.mark.parametrize("call", SHOWN)
+def test_a_step_that_was_left_behind_is_not_answered_for_another(window, fitted, call):
+    assert window.ask(call, **QUESTIONS[call]).status_code == 200
+    window.post("move", name=fitted.model.names[0], value=1.01 * fitted.model.theta[0])
+    answer = window.ask(call, revision=0, **QUESTIONS[call])
+    assert (answer.status_code, answer.content) == (204, b"")
 
 
 def test_an_unstable_loop_is_told_and_not_taken(window, fitted):

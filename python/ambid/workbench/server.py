@@ -30,8 +30,12 @@ ASSETS = tuple(sorted(path.name for path in PAGE.iterdir() if path.suffix in (".
 LARGEST_BODY = 10_000
 """Bytes of a call; none is longer than a few names and numbers."""
 
+GONE_ON = 204
+"""Answer to a question about a step that is no longer the present one: there is nothing to show of it."""
+
 Json = dict[str, Any]
 Answer = Callable[[Window, Json], Json | Response]
+Look = Callable[[Session, Json], Json]
 
 
 def application(first: Session, token: str, port: int) -> ASGIApp:
@@ -61,6 +65,13 @@ def application(first: Session, token: str, port: int) -> ASGIApp:
         await _body(request)
         return JSONResponse({"window": windows.open()})
 
+    def of_step(look: Look) -> Answer:
+        def answer(window: Window, given: Json) -> Json | Response:
+            session = window.at(_whole(given, "revision"))
+            return Response(status_code=GONE_ON) if session is None else look(session, given)
+
+        return answer
+
     def route(path: str, answer: Answer, method: str) -> Route:
         return Route(f"/{token}/windows/{{window}}/{path}", of_window(answer), methods=[method])
 
@@ -69,6 +80,7 @@ def application(first: Session, token: str, port: int) -> ASGIApp:
         *(Route(f"/{token}/{name}", _file(PAGE / name)) for name in ASSETS),
         Route(f"/{token}/plotly.min.js", _file(_plotly())),
         Route(f"/{token}/windows", opened, methods=["POST"]),
+        *(route(path, of_step(look), "GET") for path, look in SHOWN.items()),
         *(route(path, answer, "GET") for path, answer in ASKED.items()),
         *(route(path, answer, "POST") for path, answer in DONE.items()),
     ]
@@ -79,44 +91,44 @@ def _view(window: Window, _: Json) -> Json:
     return window.view()
 
 
-def _where(window: Window, _: Json) -> Json:
-    return views.where(window.session)
+def _where(session: Session, _: Json) -> Json:
+    return views.where(session)
 
 
-def _candidates(window: Window, _: Json) -> Json:
-    return views.candidates(window.session)
+def _candidates(session: Session, _: Json) -> Json:
+    return views.candidates(session)
 
 
-def _lines(window: Window, given: Json) -> Json:
+def _lines(session: Session, given: Json) -> Json:
     record, pixels = _whole(given, "record"), _whole(given, "pixels")
-    return frequency_views.lines(window.session, record, str(_given(given, "channel")), pixels)
+    return frequency_views.lines(session, record, str(_given(given, "channel")), pixels)
 
 
-def _signals(window: Window, given: Json) -> Json:
+def _signals(session: Session, given: Json) -> Json:
     span = (_number(given, "from"), _number(given, "to")) if "from" in given else None
     record, pixels = _whole(given, "record"), _whole(given, "pixels")
-    return views.signals(window.session, record, str(_given(given, "channel")), span, pixels, given.get("input"))
+    return views.signals(session, record, str(_given(given, "channel")), span, pixels, given.get("input"))
 
 
-def _responses(window: Window, given: Json) -> Json:
+def _responses(session: Session, given: Json) -> Json:
     record, pixels = _whole(given, "record"), _whole(given, "pixels")
     channel, inlet = str(_given(given, "channel")), given.get("input")
-    return frequency_views.responses(window.session, record, channel, inlet, pixels)
+    return frequency_views.responses(session, record, channel, inlet, pixels)
 
 
-def _matrix(window: Window, _: Json) -> Json:
-    return {"matrices": frequency_views.matrices(window.session)}
+def _matrix(session: Session, _: Json) -> Json:
+    return {"matrices": frequency_views.matrices(session)}
 
 
-def _predicted(window: Window, given: Json) -> Json:
+def _predicted(session: Session, given: Json) -> Json:
     """What would be left with a candidate; nothing is changed."""
     channel, effect = str(_given(given, "channel")), str(_given(given, "effect"))
-    return frequency_views.prediction(window.session, _whole(given, "record"), channel, effect)
+    return frequency_views.prediction(session, _whole(given, "record"), channel, effect)
 
 
-def _preview(window: Window, given: Json) -> Json:
+def _preview(session: Session, given: Json) -> Json:
     """The misfits that a value would have; nothing is changed."""
-    return views.misfits(window.session.move(str(_given(given, "name")), _number(given, "value")))
+    return views.misfits(session.move(str(_given(given, "name")), _number(given, "value")))
 
 
 def _python(window: Window, _: Json) -> Response:
@@ -176,8 +188,7 @@ def _cancel(window: Window, _: Json) -> Json:
     return window.view()
 
 
-ASKED: dict[str, Answer] = {
-    "view": _view,
+SHOWN: dict[str, Look] = {
     "where": _where,
     "candidates": _candidates,
     "lines": _lines,
@@ -186,11 +197,15 @@ ASKED: dict[str, Answer] = {
     "matrix": _matrix,
     "predicted": _predicted,
     "preview": _preview,
+}
+"""Views of the step that the page shows, which it names: one that has been left behind is not answered for another."""
+ASKED: dict[str, Answer] = {
+    "view": _view,
     "workbench.py": _python,
     "model.json": _model,
     "report.html": _report,
 }
-"""Calls that change nothing."""
+"""Further calls that change nothing, about the step as it is now."""
 DONE: dict[str, Answer] = {
     "move": _move,
     "undo": _undo,

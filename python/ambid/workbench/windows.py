@@ -27,15 +27,25 @@ class Window:
     """
 
     def __init__(self, session: Session) -> None:
-        self.session, self.revision, self.report = session, 0, b""
+        self._present, self.report = (0, session), b""
         self.job: Job | None = None
         self._jobs, self._lock = 0, Lock()
 
     def view(self) -> dict[str, Any]:
         """All that the page shows beside its charts."""
         job = None if self.job is None else self.job.as_dict() | {"number": self._jobs}
-        revision = self.revision  # after the job: one that has ended has made its step
-        return overview(self.session) | {"revision": revision, "job": job}
+        revision, session = self._present  # after the job: one that has ended has made its step
+        return overview(session) | {"revision": revision, "job": job}
+
+    @property
+    def session(self) -> Session:
+        """The present step."""
+        return self._present[1]
+
+    def at(self, revision: int) -> Session | None:
+        """The step that a page shows; none where the window has gone on since."""
+        present, session = self._present
+        return session if revision == present else None
 
     def go(self, revision: int, step: Callable[[Session], Session]) -> None:
         """Take a step that is quick.
@@ -73,11 +83,11 @@ class Window:
     def _require_present(self, revision: int) -> None:
         if self.job is not None and self.job.is_running:
             raise StaleWindow(f"{self.job.what} is running in this session; wait for it, or cancel it")
-        if revision != self.revision:
+        if self.at(revision) is None:
             raise StaleWindow("another window has changed this session; reload the page to see how it stands")
 
     def _take(self, session: Session) -> None:
-        self.session, self.revision = session, self.revision + 1
+        self._present = (self._present[0] + 1, session)
 
     def _keep(self, report: bytes) -> None:
         self.report = report

@@ -2,9 +2,12 @@
 
 import { element, tell } from "./dom.js";
 
-export const page = { base: "", view: null };
+export const page = { base: "", view: null, renew: () => {} };
+
+const GONE_ON = 204;
 
 async function answer(response) {
+  if (response.status === GONE_ON) return null;
   const found = await response.json().catch(() => ({ error: `the server answers ${response.status}` }));
   if (!response.ok) throw new Error(found.error ?? `the server answers ${response.status}`);
   return found;
@@ -12,6 +15,13 @@ async function answer(response) {
 
 export async function ask(call, given = {}) {
   return answer(await fetch(`${page.base}/${call}?${new URLSearchParams(given)}`));
+}
+
+// Something of the step that is shown, or null where the server has gone on: then the newer step is shown soon.
+export async function look(call, given = {}) {
+  const found = await ask(call, { revision: page.view.revision, ...given });
+  if (found === null) page.renew();
+  return found;
 }
 
 export async function post(path, given = {}) {

@@ -1,6 +1,6 @@
 // The candidates, and what each would leave: told by pointing at one, with the mouse or the keyboard.
 
-import { allowSteps, ask, newest, page } from "./calls.js";
+import { allowSteps, look, newest, page } from "./calls.js";
 import { chosen, recordOf } from "./choice.js";
 import { draw, LOG, SIMULATED } from "./charts.js";
 import { $, element, fresh, misfitText, text } from "./dom.js";
@@ -10,8 +10,9 @@ const NOW = { color: "#1f4e8c", width: 1.4 }, THEN = { ...SIMULATED, dash: "dash
 const pointed = { effect: null };
 
 export async function showCandidates(step) {
-  const found = await newest("candidates", ask("candidates"));
+  const found = await newest("candidates", look("candidates"));
   if (!found) return;
+  forgetCandidates();
   const rows = found.candidates;
   $("ranking-hint").textContent = rows.length
     ? `The bar stands between noise and the present misfit, ${misfitText(page.view.misfit)}, on a logarithmic scale. Point at an effect to see what would be left with it; adding fits all parameters.`
@@ -64,7 +65,7 @@ function pointAt(effect) {
 export async function showForeseen() {
   for (const own of document.querySelectorAll("tr[data-effect]")) own.classList.toggle("pointed", own.dataset.effect === pointed.effect);
   if (!pointed.effect || !chosen.channel) return;
-  const found = await newest("foreseen", ask("predicted", { record: recordOf("training"), channel: chosen.channel, effect: pointed.effect }));
+  const found = await newest("foreseen", look("predicted", { record: recordOf("training"), channel: chosen.channel, effect: pointed.effect }));
   if (!found) return;
   $("foreseen-title").textContent = `What ${found.effect} would leave of ${found.channel}`;
   $("foreseen-told").textContent = found.lines.join("\n");

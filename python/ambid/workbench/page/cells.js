@@ -1,13 +1,13 @@
 // Tables of cells to click: the map of channels and bands, and the matrix of excitations and outputs.
 
-import { ask, newest, page } from "./calls.js";
+import { look, newest, page } from "./calls.js";
 import { choose, chosen, showChoice } from "./choice.js";
 import { $, bandText, element, fresh, text } from "./dom.js";
 
 const NONE = "none";  // what follows no excitation
 
 export async function showMaps() {
-  const found = await newest("where", ask("where"));
+  const found = await newest("where", look("where"));
   if (!found) return;
   $("sentence").textContent = found.sentence;
   chosen.channel ??= found.worst?.channel ?? page.view.records[0].channels[0].channel;
@@ -16,7 +16,7 @@ export async function showMaps() {
 }
 
 export async function showMatrices() {
-  const found = await newest("matrix", ask("matrix"));
+  const found = await newest("matrix", look("matrix"));
   if (!found) return;
   $("matrices").replaceChildren(...found.matrices.map(matrixTable));
   const train = found.matrices.find((own) => page.view.records[own.index].role === "training");

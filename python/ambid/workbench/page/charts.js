@@ -1,6 +1,6 @@
 // Charts over time: one channel, measured and simulated, and what is left. And how every chart is drawn.
 
-import { ask, newest, page } from "./calls.js";
+import { look, newest, page } from "./calls.js";
 import { chosen, recordOf } from "./choice.js";
 import { $, element, fresh, tell, text } from "./dom.js";
 
@@ -39,7 +39,7 @@ function zoomTo(role, from, to) {
 
 export async function showOverlay(role) {
   const where = $(`${role}-overlay`), record = recordOf(role), span = chosen.windows[role];
-  const found = await newest(`overlay ${role}`, ask("signals", {
+  const found = await newest(`overlay ${role}`, look("signals", {
     record, channel: chosen.channel, pixels: widthOf(where), ...(chosen.input ? { input: chosen.input } : {}),
     ...(span ? { from: span[0], to: span[1] } : {}),
   }));

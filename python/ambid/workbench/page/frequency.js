@@ -1,6 +1,6 @@
 // Charts over frequency, training and validation side by side, with one cursor through all of them.
 
-import { ask, newest } from "./calls.js";
+import { look, newest } from "./calls.js";
 import { chosen, offerInputs, recordOf, roles } from "./choice.js";
 import { draw, LOG, NOISE, SHADE, SIMULATED, widthOf } from "./charts.js";
 import { $, element, text } from "./dom.js";
@@ -26,7 +26,7 @@ const frequencyAxis = (more = {}) => ({ title: { text: "frequency [Hz]" }, type:
 
 export async function showResponses(role) {
   const where = $(`${role}-responses`);
-  const found = await newest(`responses ${role}`, ask("responses", {
+  const found = await newest(`responses ${role}`, look("responses", {
     record: recordOf(role), channel: chosen.channel, pixels: widthOf(where), ...(chosen.input ? { input: chosen.input } : {}),
   }));
   if (!found) return;
@@ -64,7 +64,7 @@ export async function showResponses(role) {
 
 export async function showSpectrum(role) {
   const where = $(`${role}-lines`);
-  const found = await newest(`lines ${role}`, ask("lines", { record: recordOf(role), channel: chosen.channel, pixels: widthOf(where) }));
+  const found = await newest(`lines ${role}`, look("lines", { record: recordOf(role), channel: chosen.channel, pixels: widthOf(where) }));
   if (!found) return;
   $(`${role}-lines-title`).textContent = `${role}: ${found.record}, ${chosen.channel}: power left on each line, in units of its noise`;
   await draw(where, [{ x: found.frequency_hz, y: found.misfit, mode: "lines+markers", name: "misfit", hoverinfo: "none", line: { color: "#1f4e8c", width: 0.6 }, marker: { size: 3, color: "#1f4e8c" } }], {

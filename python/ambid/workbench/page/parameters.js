@@ -1,6 +1,6 @@
 // Parameters by hand: a slider tells the misfit that its value would have, letting go takes it as a step.
 
-import { allowSteps, ask, page } from "./calls.js";
+import { allowSteps, look, page } from "./calls.js";
 import { $, element, misfitText, text } from "./dom.js";
 
 const LET_GO_MS = 400;
@@ -47,7 +47,8 @@ async function preview(own, slider) {
     wanted = null;
     const told = `${now.name} = ${text(Number(now.value), 5)} ${own.unit}`;
     try {
-      const found = await ask("preview", now);
+      const found = await look("preview", now);
+      if (!found) continue;
       const kept = found.validation_misfit === null ? "" : `, validation ${misfitText(found.validation_misfit)}`;
       $("preview").textContent = `${told}: training ${misfitText(found.misfit)}${kept}`;
       slider.setAttribute("aria-valuetext", `${told.split(" = ")[1]}, misfit ${misfitText(found.misfit)}`);

@@ -36,6 +36,16 @@ async function show(next) {
   else await concluded();
 }
 
+// The server has gone on without this page: another window of the session, or a job that has just ended.
+let renewing = false;
+
+page.renew = async () => {
+  if (renewing || page.view.job?.running) return;  // a job's end is looked for anyway
+  renewing = true;
+  try { await show(await ask("view")); } catch (error) { tell(error); }
+  renewing = false;
+};
+
 // All of a new step; nothing waits for a chart, which of a long record may take its time.
 function showStep() {
   shown = page.view.revision;
@@ -45,7 +55,7 @@ function showStep() {
   showParameters(step);
   const isFirst = chosen.channel === null;  // then the worst cell says which channel the charts show
   const cells = showCells();
-  if (isFirst) cells.then(showCharts);
+  if (isFirst) cells.then(() => chosen.channel && showCharts());
   else showCharts();
   fresh($("candidates-section"), cells.then(() => showCandidates(step)));
 }
