@@ -5,6 +5,7 @@
 
 import json
 import os
+import resource
 import signal
 import subprocess
 import time
@@ -20,6 +21,8 @@ FAST = {"SIGKILL": 10, "SIGINT": 5, "SIGTERM": 5}
 MANY = {"SIGKILL": 60, "SIGINT": 15, "SIGTERM": 15}
 READY = "from ambid.cli import main, signals; signals.watch(); import os; os.write(1, b'.'); main()"
 """Says when signals are heard, before the command itself is imported."""
+
+watched = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="what a process does is told by Linux's /proc")
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +56,35 @@ def test_the_demo(tmp_path):
     """Its files are whole; which of them are there is told by their being new."""
     found = disturbed(prepare(tmp_path), STORY, {"SIGKILL": 24, "SIGINT": 4, "SIGTERM": 4})
     print(dict(check(found, all_or_none=False)))
+
+
+def until(happens):
+    """Look for it, for a minute of an unloaded machine."""
+    deadline = time.monotonic() + 300.0
+    while not happens():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.02)
+
+
+def threads(process):
+    """State and clock ticks of user time, by thread."""
+    told = (own.read_text() for own in Path(f"/proc/{process.pid}/task").glob("*/stat"))
+    fields = (own.rpartition(")")[2].split() for own in told)
+    return [(own[0], int(own[11])) for own in fields]
+
+
+def worked(process):
+    """Seconds of the processor."""
+    return sum(ticks for _, ticks in threads(process)) / os.sysconf("SC_CLK_TCK")
+
+
+def waits(process):
+    """Whether it has nothing to do for a second, having worked."""
+    seen = []
+    for _ in range(20):
+        seen.append(threads(process))
+        time.sleep(0.05)
+    return worked(process) > 0.2 and all(own == seen[0] for own in seen) and {state for state, _ in seen[0]} == {"S"}
 
 
 def moments(count, seconds):
@@ -92,14 +124,15 @@ def test_from_the_first_import_on(name, count, folder):
         assert "ignored" not in err
 
 
+@watched
 def test_what_is_done_is_saved_and_says_that_it_was_stopped(folder):
     """One of so many starts that they would take minutes."""
-    begun = time.perf_counter()
+    before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
     assert ended("identify", "rig.toml", "run.csv", "-q", cwd=folder)[0] == 0
-    seconds = time.perf_counter() - begun
+    seconds = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
     arguments = ("--starts", "20000", "--json", "s.json", "--save", "s_model.json")
     process = start("identify", "rig.toml", "run.csv", *arguments, cwd=folder)
-    time.sleep(1.0 + 2.0 * seconds)
+    until(lambda: worked(process) > 1.0 + 2.0 * seconds)
     process.send_signal(signal.SIGTERM)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 143, err
@@ -119,11 +152,12 @@ def test_a_job_in_the_background_is_not_stopped_by_ctrl_c(folder):
 IGNORING = f"signal.signal(signal.SIGINT, signal.SIG_IGN)\n{READY}"
 
 
+@watched
 def test_the_second_ctrl_c_ends_what_the_first_waits_for(folder):
     """A pipe that nobody reads holds the command while it writes."""
     os.mkfifo(folder / "pipe.json")
     process = start("identify", "rig.toml", "run.csv", "--json", "pipe.json", cwd=folder)
-    time.sleep(4.0)
+    until(lambda: waits(process))
     process.send_signal(signal.SIGINT)
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(1.0)

@@ -64,7 +64,7 @@ def workbench():
     yield start
     for process in running:
         process.send_signal(signal.SIGINT)
-        assert process.wait(20) == 130
+        assert process.wait(60) == 130
 
 
 class Person:

@@ -46,7 +46,7 @@ class Caller:
 
     def done(self):
         """The view when the job has ended."""
-        for _ in range(600):
+        for _ in range(6000):
             view = self.ask("view").json()
             if not view["job"]["running"]:
                 return view
