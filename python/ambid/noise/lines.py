@@ -73,7 +73,7 @@ class RecordLines:
     tones : sequence of Tone
         The lines around them, and around the frequencies of effects in the model, are judged beside the excited ones.
     rough : bool
-        Few lines, each channel in the noise that it holds as recorded: good enough to come near an optimum.
+        Few lines, the noise of one channel not told from another's: good enough to come near an optimum.
 
     Attributes
     ----------
@@ -338,18 +338,19 @@ class RecordLines:
         return np.ascontiguousarray(lines[:: self._every])
 
     def _rough(self) -> Spectrum:
-        """The noise of each channel by itself, as recorded, transients and all."""
-        window, p = self.window.settled, self.measured.channels
+        """The noise of each sensor and reading by itself; without periods that of each channel as recorded."""
+        window, p, here = self.window.settled, self.measured.channels, self._base
         if window.is_periodic:
-            index = window.between(1)
-            lines = self.measured.quiet[index]
+            index = window.between(-(-FEW // len(self.window.excited)))
+            lines = _core.through(back_through_loop(here, window.points(index), p), self.measured.quiet[index])
+            back = back_through_loop(here, self.points, p)
         else:
             index, lines = self.window.excited, self.measured.excited
+            back = np.tile(np.eye(p, dtype=complex), (len(self.points), 1, 1))
         power = uniform_filter1d(np.abs(lines) ** 2, 2 * HALF_WIDTH + 1, axis=0, mode="nearest")
         place, judged = index / window.periods, self.index / self.window.periods
         own = np.stack([np.interp(judged, place, channel) for channel in power.T], axis=1)
-        covariance = (own[:, :, None] * np.eye(p)).astype(complex)
-        return Spectrum.of(covariance, np.tile(np.eye(p, dtype=complex), (len(own), 1, 1)), np.ones(len(own)))
+        return Spectrum.of((own[:, :, None] * np.eye(p)).astype(complex), back, np.ones(len(own)))
 
     @cached_property
     def _basis(self) -> ComplexArray:
