@@ -22,7 +22,7 @@ MANY = {"SIGKILL": 60, "SIGINT": 15, "SIGTERM": 15}
 READY = "from ambid.cli import main, signals; signals.watch(); import os; os.write(1, b'.'); main()"
 """Says when signals are heard, before the command itself is imported."""
 
-watched = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="what a process does is told by Linux's /proc")
+watched = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux's /proc")
 
 
 @pytest.fixture(scope="module")
