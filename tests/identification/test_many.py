@@ -26,6 +26,8 @@ from hidden.one_axis import ONE_AXIS
 
 ALIKE = 1e-6
 """Difference from one by one, in standard errors."""
+AT_BOUND = 1e-4
+"""The same where a bound is touched: there a descent ends by its relative step of 1e-8, not by what is left to gain."""
 
 
 def experiments(rig, seeds, order=7, hold=4, periods=4, **options):
@@ -37,13 +39,13 @@ def experiments(rig, seeds, order=7, hold=4, periods=4, **options):
     return [replace(record, period=period) for record in made]
 
 
-def require_same(many, singles):
+def require_same(many, singles, alike=ALIKE):
     for run, single in enumerate(singles):
         values = np.array([p.value for p in single.parameters.values()])
         errors = np.array([p.std_error for p in single.parameters.values()])
-        assert np.abs((many.values[run] - values) / errors).max() < ALIKE
-        assert np.abs(many.std_errors[run] / errors - 1.0).max() < ALIKE
-        assert np.allclose(many.covariances[run] / np.outer(errors, errors), single.correlation, atol=ALIKE)
+        assert np.abs((many.values[run] - values) / errors).max() < alike
+        assert np.abs(many.std_errors[run] / errors - 1.0).max() < alike
+        assert np.allclose(many.covariances[run] / np.outer(errors, errors), single.correlation, atol=alike)
         assert many.misfit[run] == pytest.approx(single.misfit, rel=1e-9)
         assert (many.status[run], many.reasons[run]) == (single.status, "")
         assert abs(many.evaluations[run] - single.evaluations) <= 1  # theta / scale is not always x
@@ -74,7 +76,7 @@ def test_a_subset_within_bounds(demo_rig):
     many, single = identify_many(start, [record], **options), identify(start, record, **options)
     assert many.names == tuple(single.parameters) == ("K_i.A_zeta", "K_i.A_eta", "tau_e")
     assert many.status == (single.status,) == ("at_bound",)
-    require_same(many, [single])
+    require_same(many, [single], AT_BOUND)
 
 
 def test_a_failure_is_a_row(demo_rig):
