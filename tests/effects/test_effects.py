@@ -1,9 +1,12 @@
 """Every effect of the catalogue against an independent simulation of the same physics, without noise."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
 import ambid
+from ambid import prbs
 from ambid.effects import CATALOGUE, Effect, Seen, find
 from ambid.effects.amplifier import AmplifierVoltageLimit, LoopDelay
 from ambid.effects.disturbance import PeriodicDisturbance
@@ -11,11 +14,13 @@ from ambid.effects.magnet import half_derivative
 from ambid.effects.rotor import Unbalance
 from ambid.errors import ModelError
 from ambid.loop.delay import pade, with_late_commands
+from ambid.loop.effect import EffectParameter
 from ambid.loop.loop import open_plant
 from ambid.loop.response import frequency_response
 from ambid.rig import Rig
 from hidden.bench import simulate
 from hidden.families import BENCHES
+from hidden.long import LONG
 
 TRUTH = BENCHES["bench"].truth
 # name: hidden physics, our parameters, agreement relative to the peak
@@ -57,9 +62,9 @@ def i_e():
     return ambid.prbs(8, amplitude=1.0, hold=3, axes=4, periods=2)
 
 
-def at_truth(rig: Rig) -> ambid.Model:
-    values = {f"{kind}.{axis}": v for kind in ("K_i", "K_s") for axis, v in zip(rig.axes, TRUTH[kind], strict=True)}
-    return ambid.Model(rig).with_values({**values, "tau_e": TRUTH["tau_e"]})
+def at_truth(rig: Rig, truth: dict = TRUTH) -> ambid.Model:
+    values = {f"{kind}.{axis}": v for kind in ("K_i", "K_s") for axis, v in zip(rig.axes, truth[kind], strict=True)}
+    return ambid.Model(rig).with_values({**values, "tau_e": truth["tau_e"]})
 
 
 def largest_error(found: ambid.Record, expected: ambid.Record) -> float:
@@ -80,6 +85,75 @@ def test_effect_is_the_physics_that_it_says(rig, i_e, name):
     without, with_it = largest_error(base.simulate(i_e), truth), largest_error(model.simulate(i_e), truth)
     assert with_it < tolerance
     assert without > 5.0 * with_it, "the effect must show"
+
+
+TURNED = {"zeta": 0.03, "eta": 0.02, "planes": 0.01}
+QUARTER = {"zeta": 0.03, "eta": 0.02}
+MANY = {"zeta": 0.03, "eta": -0.02} | {
+    f"{b}_{a}": 0.01 * k for k, (b, a) in enumerate((("C", "eta"), ("D", "zeta")), 1)
+}
+
+
+@pytest.mark.parametrize(
+    ("machine", "tilt", "gain", "values"),
+    [
+        ("small", 30.0, [1.04, 1.01, 0.98, 0.97], TURNED),
+        ("small", 135.0, [1.04, 1.01, 0.98, 0.97], TURNED),
+        ("small", 90.0, [1.03, 1.02, 0.98, 0.97], QUARTER),
+        ("small", -180.0, [1.03, 1.02, 0.97, 0.98], QUARTER),
+        ("four_bearings", 45.0, [1.03, 0.98, 0.97, 1.02, 1.0, 1.01, 1.02, 1.0], MANY),
+    ],
+)
+def test_gains_of_sensors_of_any_bearings(machine, tilt, gain, values):
+    """Turned against each other, by right angles, or more than two of them: all that K_i does not absorb."""
+    bench = {**BENCHES, **LONG}[machine]
+    *others, last = bench.rig.bearings
+    turned = bench.rig.model_copy(update={"bearings": (*others, last.model_copy(update={"tilt": tilt}))})
+    i_e = prbs(7, amplitude=0.2, axes=len(turned.axes))
+    truth = simulate(turned, i_e, {"sensor_gain_error": {"gain": gain}}, seed=None, **bench.truth)
+    absent = {p.name: values.get(p.name, 0.0) for p in find("sensor_gain_error").parameters(turned)}
+    assert set(values) <= set(absent)
+    base = at_truth(turned, bench.truth)
+    assert largest_error(base.add("sensor_gain_error", absent).simulate(i_e), truth) < 1e-8
+    assert largest_error(base.simulate(i_e), truth) > 1e-3
+
+
+@pytest.mark.parametrize(("tilt", "determined"), [(0.0, 2), (90.0, 2), (30.0, 3)])
+def test_gains_of_sensors_are_what_no_stiffness_absorbs(tilt, determined):
+    """The slopes of the response by them are no combination of those by K_i, K_s and tau_e, and all others are."""
+    rig = BENCHES["small"].rig
+    front, rear = rig.bearings
+    base = ambid.Model(rig.model_copy(update={"bearings": (front, rear.model_copy(update={"tilt": tilt}))}))
+    i_e = prbs(7, amplitude=0.2, axes=4)
+    single = [base.add(SingleGain(axis), {"g": 0.0}) for axis in base.rig.axes]
+    many = base.add("sensor_gain_error", {p.name: 0.0 for p in find("sensor_gain_error").parameters(base.rig)})
+
+    def slopes(model, own):
+        u = np.hstack([i_e, np.zeros((len(i_e), len(model.loop.inputs) - 4))])
+        found = model.loop.sensitivity(model.theta, u, own)[1].reshape(-1, len(own))
+        return found / np.linalg.norm(found, axis=0)
+
+    known = slopes(base, range(9))
+    gains = np.hstack([slopes(model, [9]) for model in single])
+    free = gains - known @ np.linalg.lstsq(known, gains)[0]
+    assert np.sum(np.linalg.svd(free, compute_uv=False) > 1e-6) == determined
+    assert len(many.names) - 9 == determined
+    both = np.hstack([known, slopes(many, range(9, 9 + determined))])
+    assert np.linalg.norm(gains - both @ np.linalg.lstsq(both, gains)[0]) < 1e-6
+
+
+@dataclass(frozen=True)
+class SingleGain(Effect):
+    """One sensor that reads too large."""
+
+    axis: str = ""
+    name = "single_gain"
+
+    def parameters(self, rig):
+        return [EffectParameter("g", "1", 0.01)]
+
+    def attach(self, plant):
+        plant.inject(f"y.{self.axis}", plant.port(self.slot("g"), plant.raw(f"y.{self.axis}"), scale=1.0))
 
 
 @pytest.mark.parametrize("speed", [0.0, 600.0])

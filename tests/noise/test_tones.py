@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ambid import Model, Noise, prbs
+from ambid import Model, Noise, identify, prbs
 from ambid.noise.lines import RecordLines
 from ambid.noise.measured import Measured
 from ambid.noise.tones import OUTSTANDING, find_tones
@@ -89,6 +89,27 @@ def test_two_hums_next_to_each_other_are_two():
 def test_a_hum_on_an_excited_line_is_found_there():
     (tone,) = found(hummed((150 * LINE, 0.05)))
     assert tone.frequency_hz / LINE == pytest.approx(150.0, abs=0.3)
+
+
+@pytest.mark.parametrize("off", [0.04, 0.053, 0.07, -0.2])
+def test_a_hum_beside_an_excited_line_is_kept(off):
+    """Little of it is left between, where tones are told from peaks of noise."""
+    record = hummed(((3 * 40 + off) * LINE, 3e-3))
+    tones = Noise(EXACT, [record]).tones[0]
+    assert len(tones) == 1
+    assert tones[0].frequency_hz == pytest.approx((3 * 40 + off) * LINE, abs=0.25 * LINE)
+
+
+def test_a_hum_that_a_rough_fit_hides_is_found_at_the_end():
+    """Of a model that is off, the lines beside it are as loud."""
+    near = 3 * 30 * LINE
+    record, off = hummed((near, 3e-3)), EXACT.with_values({"K_s.A_zeta": 1.2 * ONE_AXIS.K_s[0]})
+    noise = Noise(off, [record])
+    assert noise.tones == [()]
+    assert noise.misses_tone(EXACT)
+    fit = identify(off, record)
+    assert [tone.frequency_hz for tone in fit.comparison.noise.tones[0]] == [pytest.approx(near)]
+    assert not fit.comparison.noise.misses_tone(fit.model)
 
 
 def test_the_mains_is_suspected_and_found_where_it_is_small():

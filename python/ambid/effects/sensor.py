@@ -11,7 +11,11 @@ from ambid.effects.traits import GAIN_OF_READING, LAG_OF_CURRENT, LAG_OF_READING
 from ambid.loop.assembly import combine
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
 from ambid.loop.plant import Plant
-from ambid.rig import PointMassRotor, Rig
+from ambid.rig import Bearing, PointMassRotor, Rig
+
+APART = 5.0
+"""Degrees beyond right angles from which bearings count as turned against each other: the gain of one plane against the
+other then shows by sin(2 x 5 degrees), a sixth of what it does at 45."""
 
 
 @dataclass(frozen=True)
@@ -44,37 +48,73 @@ class SensorLag(Effect):
 
 @dataclass(frozen=True)
 class SensorGainError(Effect):
-    """Gains of the two sensors of a plane that differ; a gain common to both is absorbed by K_i."""
+    """Gains of single sensors; what K_i absorbs is left out, a gain common to all sensors of one plane."""
 
     name = "sensor_gain_error"
     physics = "single sensors read too large or too small; only their ratio within a plane is identifiable"
-    equation = "y = (1 + g) y_true at the first bearing, y = (1 - g) y_true at the second"
+    equation = "y = (1 + g) y_true at the first bearing, y = (1 - g) y_true at the second; others y = (1 + g) y_true"
     signature = "rigid-body modes shift between the bearings in one plane, the same at every amplitude"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 3"
 
     def why_not(self, rig: Rig) -> str:
         """No two sensors in one plane."""
-        shared = len(rig.bearings) > 1 and set(rig.bearings[0].axes) & set(rig.bearings[1].axes)
-        return "" if shared else "no plane has two sensors, and a gain common to a plane is one of K_i and K_s"
+        return "" if _gains(rig) else "no plane has two sensors, and a gain common to a plane is one of K_i and K_s"
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
-        """Relative gain of the first bearing's sensor, the second's being its opposite; one per direction."""
-        if self.why_not(rig):
-            return []
-        shared = [axis for axis in rig.bearings[0].axes if axis in rig.bearings[1].axes]
-        meaning = "relative gain error g of the first bearing's sensor along"
-        return [EffectParameter(axis, "1", 0.01, lower=-0.5, upper=0.5, meaning=f"{meaning} {axis}") for axis in shared]
+        """Relative gain errors, see `_gains`."""
+        return [
+            EffectParameter(name, "1", 0.01, lower=-0.5, upper=0.5, meaning=_meaning(own))
+            for name, own in _gains(rig).items()
+        ]
 
     def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
         """The largest of its gains."""
         return {GAIN_OF_READING: max(map(abs, values.values()))}
 
     def attach(self, plant: Plant) -> None:
-        """Along each direction that both bearings have."""
-        for bearing, sign in zip(plant.rig.bearings[:2], (1.0, -1.0), strict=False):
-            for parameter in self.parameters(plant.rig):
-                axis = f"{bearing.name}_{parameter.name}"
-                plant.inject(f"y.{axis}", plant.port(self.slot(parameter.name), plant.raw(f"y.{axis}"), scale=sign))
+        """At every sensor that a gain acts on."""
+        for name, own in _gains(plant.rig).items():
+            for axis, sign in own.items():
+                plant.inject(f"y.{axis}", plant.port(self.slot(name), plant.raw(f"y.{axis}"), scale=sign))
+
+
+def _gains(rig: Rig) -> dict[str, dict[str, float]]:
+    """Gains that no K_i absorbs: the sensors of each, by axis, and the signs it has there.
+
+    In each plane one of the first bearing's sensor against the second's, and one of each further sensor. Where the
+    bearings are turned against each other there are no planes, and only a gain of all sensors is absorbed: then there
+    is one of all zeta against all eta, too.
+    """
+    planes, found = _planes(rig), dict[str, dict[str, float]]()
+    for direction, axes in planes.items():
+        if len(axes) > 1:
+            found[direction] = {axes[0]: 1.0, axes[1]: -1.0}
+            found |= {axis: {axis: 1.0} for axis in axes[2:]}
+    if len(found) > 1 and any(abs(b.tilt - 90.0 * _turns(rig, b) - rig.bearings[0].tilt) > APART for b in rig.bearings):
+        signs = dict(zip(planes, (1.0, -1.0), strict=True))
+        found["planes"] = {axis: signs[direction] for direction, axes in planes.items() for axis in axes}
+    return found
+
+
+def _planes(rig: Rig) -> dict[str, list[str]]:
+    """Axes that lie in one plane, or nearest to it, by their direction at the first bearing."""
+    turned = {"zeta": "eta", "eta": "zeta"}
+    found: dict[str, list[str]] = {"zeta": [], "eta": []}
+    for bearing in rig.bearings:
+        for direction, axis in zip(bearing.axes, bearing.axis_names, strict=True):
+            found[turned[direction] if _turns(rig, bearing) % 2 else direction].append(axis)
+    return found
+
+
+def _turns(rig: Rig, bearing: Bearing) -> int:
+    """Right angles from the axes of the first bearing to those of this one, the nearest number of them."""
+    return round((bearing.tilt - rig.bearings[0].tilt) / 90.0)
+
+
+def _meaning(own: Mapping[str, float]) -> str:
+    """Of a gain that acts on these axes."""
+    above, below = (", ".join(axis for axis, sign in own.items() if sign == wanted) for wanted in (1.0, -1.0))
+    return f"relative gain error g of the sensor of {above}" + (f", and -g of {below}" if below else "")
 
 
 @dataclass(frozen=True)

@@ -270,9 +270,10 @@ def _likeliest(
     problem: WhitenedProblem = rough
     at = model.with_theta(best.theta)
     comparison = Comparison(at, records, rough.noise.renewed(at))
-    # without periods the noise is known no better than the model: it is taken from the residual once more
+    # without periods the noise is known no better than the model: it is taken from the residual once more;
+    # with them a tone may have been lost among what the rough fit left
     is_known = all(part.noise_is_measured for part in comparison.noise.parts)
-    for again in range(1 if is_known else 1 + MOST_RENEWALS):
+    for again in range(1 + MOST_RENEWALS):
         if best.status == "stopped":
             break
         comparison = comparison.renewed() if again else comparison
@@ -281,6 +282,8 @@ def _likeliest(
         problem.evaluations = evaluations
         best = yield Descent(problem, best.theta[free] / problem.scale, limits, max_evaluations)
         comparison = comparison.of(model.with_theta(best.theta))
+        if is_known and not comparison.noise.misses_tone(comparison.model):
+            break
         if again and abs(best.cost / before - 1.0) < RENEWED:
             break
     if not is_known and has_eq_9 and best.status != "stopped" and not comparison.is_adequate:

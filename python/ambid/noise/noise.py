@@ -14,7 +14,7 @@ from ambid.model import Model
 from ambid.noise.lines import REMEMBERED, RecordLines, White
 from ambid.noise.measured import Measured
 from ambid.noise.response_lines import ResponseLines
-from ambid.noise.tones import confirmed, find_tones
+from ambid.noise.tones import confirmed, find_tones, misses_tone
 from ambid.record import FrequencyResponse, Measurement
 
 __all__ = ["Noise", "Quadratic"]
@@ -84,7 +84,7 @@ class Noise:
             part = RecordLines(model, own)
             if tones := find_tones(model, part):
                 part = RecordLines(model, own, tones)
-                if (kept := confirmed(part)) != tones:
+                if (kept := confirmed(model, part)) != tones:
                     part = RecordLines(model, own, kept)
             parts.append(part)
         self._take(parts)
@@ -128,6 +128,10 @@ class Noise:
     def tones(self) -> list[tuple[Tone, ...]]:
         """Tones of each record."""
         return [part.tones for part in self.parts]
+
+    def misses_tone(self, model: Model) -> bool:
+        """Whether a model shows a tone that the one this noise is from did not; it is to be renewed then."""
+        return any(misses_tone(model, part) for part in self.in_time)
 
     @property
     def spreads(self) -> FloatArray:

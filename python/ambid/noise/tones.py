@@ -22,7 +22,7 @@ from ambid.noise.lines import RecordLines, as_lines
 from ambid.noise.wave import OUTSTANDING, refined_places
 from ambid.noise.window import Window
 
-__all__ = ["OUTSTANDING", "Between", "Tone", "confirmed", "find_tones"]
+__all__ = ["OUTSTANDING", "Between", "Tone", "confirmed", "find_tones", "misses_tone"]
 
 ALONE = 200.0
 """Power of a tone on an excited line over that of its neighbours; a pole is wider than one line."""
@@ -88,21 +88,32 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
     return (*found, *_on_excited_lines(here, part, axes, found))
 
 
-def confirmed(part: RecordLines) -> tuple[Tone, ...]:
+def misses_tone(model: Model, part: RecordLines) -> bool:
+    """Whether a model leaves a tone on an excited line that is none of those told; of one far off it is not alone."""
+    if part.window.settled.periods < 3:
+        return False
+    return bool(_on_excited_lines(model.at(part.record), part, len(part.record.axes), part.tones))
+
+
+def confirmed(model: Model, part: RecordLines) -> tuple[Tone, ...]:
     """The tones of a record's lines that stand out of the noise which is left without them.
 
-    Under a peak of noise a single line may be as loud beside its neighbours; without it the peak is still there.
+    Under a peak of noise a single line may be as loud beside its neighbours; without it the peak is still there. Of a
+    tone next to an excited line, little is left between: there that line tells.
     """
     window = part.window.settled
     per_line = part.record.sample_rate / window.samples
 
     def stands_out(tone: Tone) -> bool:
         place = tone.frequency_hz / per_line
-        is_between = abs(place - window.periods * round(place / window.periods)) >= BARELY
-        if tone.power < OUTSTANDING or not is_between:
+        nearest = window.periods * round(place / window.periods)
+        if tone.power < OUTSTANDING or abs(place - nearest) < BARELY:
             return True  # suspected, or judged on its excited line
         around = Between.around(part, np.array([int(place)]))
-        return around.over_spectrum(place) > OUTSTANDING
+        if around.over_spectrum(place) > OUTSTANDING:
+            return True
+        excited = part.window.in_period == round(place / window.periods)
+        return bool(abs(place - nearest) < 0.5 and (_alone(model.at(part.record), part)[excited] > ALONE).any())
 
     return tuple(tone for tone in part.tones if stands_out(tone))
 
@@ -138,25 +149,30 @@ def _under_hann(lines: ComplexArray, window: Window) -> FloatArray:
 
 def _on_excited_lines(here: Model, part: RecordLines, axes: int, found: Sequence[Tone]) -> tuple[Tone, ...]:
     """A tone that falls on an excited line: that line alone stands out among its neighbours."""
-    count, per_line = len(part.window.excited), part.record.sample_rate / part.window.samples
-    residual = part.white(here, []).residual
-    power = np.abs(as_lines(residual, len(part.record.channels))[:count]) ** 2
-    spacing = part.window.periods * per_line
-    power[_at_narrow_modes(here, (part.window.period + 1) // 2, spacing, 0)[part.window.in_period]] = 0.0
-    for tone in found:  # what it spills is not told again
-        power[np.abs(part.window.excited * per_line - tone.frequency_hz) < part.window.periods * per_line] = 0.0
-    beside = convolve1d(power, BESIDE / BESIDE.sum(), axis=0)
-    if (power < ALONE * beside).all():
-        return ()
-    around = median_filter(power, size=(2 * NEIGHBOURS + 1, 1), mode="nearest") / np.log(2.0)
-    # lines that the transient has been fitted to hold less than noise
-    relative = power / np.maximum(np.maximum(around, beside), NOISE)
+    relative, per_line = _alone(here, part, found), part.record.sample_rate / part.window.samples
     line, channel = divmod(int(np.argmax(relative)), relative.shape[1])
     if relative[line, channel] < ALONE:
         return ()
     frequency = float(part.window.excited[line] * per_line)
     mains = [f for f in MAINS if abs(f - frequency) < 0.5 * per_line]
     return (Tone(mains[0] if mains else frequency, channel % axes, float(relative[line, channel])),)
+
+
+def _alone(here: Model, part: RecordLines, told: Sequence[Tone] = ()) -> FloatArray:
+    """Power that a model leaves on excited lines over that of the lines beside them, shape (lines, p)."""
+    count, per_line = len(part.window.excited), part.record.sample_rate / part.window.samples
+    residual = part.white(here, []).residual
+    power = np.abs(as_lines(residual, len(part.record.channels))[:count]) ** 2
+    spacing = part.window.periods * per_line
+    power[_at_narrow_modes(here, (part.window.period + 1) // 2, spacing, 0)[part.window.in_period]] = 0.0
+    for tone in told:  # what it spills is not told again
+        power[np.abs(part.window.excited * per_line - tone.frequency_hz) < part.window.periods * per_line] = 0.0
+    beside = convolve1d(power, BESIDE / BESIDE.sum(), axis=0)
+    if (power < ALONE * beside).all():
+        return np.zeros(power.shape)
+    around = median_filter(power, size=(2 * NEIGHBOURS + 1, 1), mode="nearest") / np.log(2.0)
+    # lines that the transient has been fitted to hold less than noise
+    return np.asarray(power / np.maximum(np.maximum(around, beside), NOISE))
 
 
 @dataclass(frozen=True)
