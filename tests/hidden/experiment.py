@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,9 +11,9 @@ from ambid.record import Record
 from ambid.rig import Rig
 
 from .bench import simulate_all
-from .families import BENCHES, SPEED
+from .families import BENCHES, SPEED, Bench
 from .physics import CATALOGUE
-from .sizes import sized
+from .sizes import Sized, sized
 
 KINDS = {
     "analog": "the bench with its analog PID",
@@ -97,14 +97,21 @@ def experiment(
         raise ValueError(f"{kind}: no such kind of experiment; there are {', '.join(KINDS)}")
     names = () if effect is None else (effect,) if isinstance(effect, str) else tuple(effect)
     at = MACHINES.get(kind, "bench")
-    bench = BENCHES[at]
     found = {name: sized(name, size, at) for name in names}
+    return experiment_on(BENCHES[at], found, seed, kind=kind)
+
+
+def experiment_on(
+    bench: Bench, found: Mapping[str, Sized], seed: int = 0, *, kind: str = "analog"
+) -> tuple[Rig, list[Record], list[Record], Truth]:
+    """The same on any machine, with effects that were sized for it."""
+    names = tuple(found)
     hidden = {name: dict(one.parameters) for name, one in found.items()}
     amplitude = min((one.amplitude for one in found.values()), default=bench.amplitude)
     rig = bench.known_to(names)
     if kind == "turning":
         rig = rig.replace(speed=SPEED)
-        hidden.setdefault("unbalance", dict(sized("unbalance", "large", at).parameters))
+        hidden.setdefault("unbalance", dict(sized("unbalance", "large").parameters))
     if kind == "digital":
         pid = rig.controller.model_copy(
             update={"implementation": "digital", "sample_rate": 2.0 * rig.sample_rate, "delay_samples": 0.5}

@@ -1,0 +1,101 @@
+"""How often is the truth in the reported set, on machines that nobody chose? What is hidden has a name, or has none.
+
+    python tests/benchmarks/strangers.py --machines 12 --out strangers.jsonl
+    python tests/benchmarks/strangers.py --out strangers.jsonl --report --wrong
+
+Machines are drawn at random (`hidden/strangers.py`), every effect is sized for its machine as in `rates.py`, and each
+record is made by the independent simulator. Runs go on where the file ends; no part of it is a test.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections import defaultdict
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from ambid import diagnose
+from benchmarks.grid import aligned, read_rows, run_all
+from benchmarks.rates import HEAD, is_right, rates
+from hidden.experiment import experiment_on
+from hidden.families import Bench
+from hidden.physics import CATALOGUE, OUTSIDE
+from hidden.sizes import TARGETS, find
+from hidden.strangers import stranger
+
+SHOWN = ("machine", "hidden", "size", "verdict", "effects", "sets", "misfits", "ranking", "notes", "error")
+
+
+def run(machine: int, hidden: tuple[str, ...], size: str) -> dict[str, Any]:
+    """One experiment and its diagnosis."""
+    line: dict[str, Any] = {"machine": machine, "hidden": list(hidden), "size": size}
+    try:
+        bench = _bench(machine)
+        found = {name: find(name, TARGETS[size], bench) for name in hidden}
+        rig, train, validate, truth = experiment_on(bench, found, machine)
+        line |= {"score": truth.score, "parameters": truth.parameters}
+        begun = time.perf_counter()
+        diagnosis = diagnose(rig, train, validate=validate)
+    except Exception as error:
+        return {**line, "verdict": "error", "error": f"{type(error).__name__}: {error}"}
+    first = diagnosis.history[0] if diagnosis.history else None
+    return {
+        **line,
+        "verdict": diagnosis.verdict,
+        "effects": list(diagnosis.effects),
+        "sets": diagnosis.ambiguous_sets,
+        "misfits": [round(step.misfit, 4) for step in diagnosis.history],
+        "ranking": [[c.effect.name, round(c.score, 1)] for c in first.ranking.candidates[:4]] if first else [],
+        "notes": list(diagnosis.notes),
+        "seconds": round(time.perf_counter() - begun, 2),
+    }
+
+
+@lru_cache(maxsize=2)
+def _bench(machine: int) -> Bench:
+    return stranger(machine)
+
+
+def report(lines: list[dict[str, Any]]) -> None:
+    """Tables of the rates, by size and by machine."""
+    print(aligned(HEAD, rates(lines)), end="\n\n")
+    by_machine = defaultdict(list)
+    for line in lines:
+        by_machine[line["machine"]].append(is_right(line))
+    rows = [[str(machine), f"{sum(right)}/{len(right)}"] for machine, right in sorted(by_machine.items())]
+    print(aligned(("machine", "right"), rows))
+
+
+def main() -> None:
+    """Run what is missing, or report."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--machines", type=int, default=12)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--sizes", nargs="*", choices=list(TARGETS), default=["clear"])
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--report", action="store_true")
+    parser.add_argument("--wrong", action="store_true", help="list what went wrong")
+    given = parser.parse_args()
+    if not (given.report or given.wrong):
+        names = [(), *((name,) for name in (*CATALOGUE, *OUTSIDE))]
+        machines = range(given.first, given.first + given.machines)
+        run_all(
+            run, [(m, own, size) for m in machines for size in given.sizes for own in names], given.out, given.workers
+        )
+        return
+    lines = read_rows(given.out)
+    if given.report:
+        report(lines)
+    for line in lines if given.wrong else ():
+        if not is_right(line):
+            print({key: line[key] for key in SHOWN if key in line})
+
+
+if __name__ == "__main__":
+    main()
