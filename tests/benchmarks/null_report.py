@@ -6,10 +6,13 @@ from collections import Counter, defaultdict
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import binom
 
 from benchmarks.grid import Row, aligned, markdown, rate_text, wilson
 
 NOMINAL = 0.01
+CHANCE = 0.025
+"""Of as many false verdicts or more at a rate of `NOMINAL`, below which it is above that: of one level, not of all."""
 CLAIMS = ("explained", "ambiguous", "none_of_the_candidates")
 FACTORS = (
     *("machine", "noise", "bits", "noise / step", "freedom", "periods", "damping", "speed", "controller"),
@@ -52,6 +55,11 @@ def _order(level: str) -> tuple[float, str]:
         return np.inf, level
 
 
+def is_above(wrong: int, records: int) -> bool:
+    """Whether so many false verdicts are significantly more than `NOMINAL`, by the binomial distribution."""
+    return bool(binom.sf(wrong - 1, records, NOMINAL) < CHANCE)
+
+
 def _line(factor: str, level: str, rows: list[Row]) -> list[str]:
     wrong, low = sum(map(is_false, rows)), wilson(sum(map(is_false, rows)), len(rows))
     misfits = [row["misfit"] for row in rows if row.get("misfit") is not None]
@@ -61,7 +69,7 @@ def _line(factor: str, level: str, rows: list[Row]) -> list[str]:
         str(len(rows)),
         str(wrong),
         f"{100 * wrong / len(rows):.1f} ({100 * low[0]:.1f} .. {100 * low[1]:.1f})",
-        "yes" if low[0] > NOMINAL else "",
+        "yes" if is_above(wrong, len(rows)) else "",
         str(sum(row["verdict"] == "not_informative" for row in rows)),
         str(sum(row["verdict"] == "error" for row in rows)),
         f"{np.mean(misfits):.3f} +- {np.std(misfits):.3f}" if misfits else "",
@@ -167,7 +175,7 @@ def picture(rows: list[Row], path: Path) -> None:
     for place, (_, own) in enumerate(levels):
         wrong = sum(map(is_false, own))
         low, high = wilson(wrong, len(own))
-        colour = "tab:red" if low > NOMINAL else "k"
+        colour = "tab:red" if is_above(wrong, len(own)) else "k"
         left.plot([100 * low, 100 * high], [place, place], color=colour, lw=1.5)
         left.plot(100 * wrong / len(own), place, "o", color=colour, ms=4)
     left.axvline(100 * NOMINAL, color="tab:blue", lw=1, ls="--")
