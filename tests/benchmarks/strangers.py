@@ -4,7 +4,8 @@
     python tests/benchmarks/strangers.py --out strangers.jsonl --report --wrong
 
 Machines are drawn at random (`hidden/strangers.py`), every effect is sized for its machine as in `rates.py`, and each
-record is made by the independent simulator. Runs go on where the file ends; no part of it is a test.
+record is made by the independent simulator. What no physical size makes visible on a machine is left out.
+Runs go on where the file ends; no part of it is a test.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ from hidden.physics import CATALOGUE, OUTSIDE
 from hidden.sizes import TARGETS, find
 from hidden.strangers import stranger
 
+SEEN = 0.5
+"""Part of the score that was asked for, below which an effect is not of that size."""
 SHOWN = ("machine", "hidden", "size", "verdict", "effects", "sets", "misfits", "ranking", "notes", "error")
 
 
@@ -61,6 +64,11 @@ def _bench(machine: int) -> Bench:
     return stranger(machine)
 
 
+def shown(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Those whose effect is as large as it should be, or nearly."""
+    return [x for x in lines if x["verdict"] == "error" or not x["hidden"] or x["score"] > SEEN * TARGETS[x["size"]]]
+
+
 def report(lines: list[dict[str, Any]]) -> None:
     """Tables of the rates, by size and by machine."""
     print(aligned(HEAD, rates(lines)), end="\n\n")
@@ -89,7 +97,9 @@ def main() -> None:
             run, [(m, own, size) for m in machines for size in given.sizes for own in names], given.out, given.workers
         )
         return
-    lines = read_rows(given.out)
+    rows = read_rows(given.out)
+    lines = shown(rows)
+    print(f"{len(rows) - len(lines)} of {len(rows)} left out, too small to be seen")
     if given.report:
         report(lines)
     for line in lines if given.wrong else ():

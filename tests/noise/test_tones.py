@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ambid import Model, Noise, identify, prbs
+from ambid import Model, Noise, diagnose, identify, prbs
 from ambid.noise.lines import RecordLines
 from ambid.noise.measured import Measured
 from ambid.noise.tones import OUTSTANDING, find_tones
@@ -139,7 +139,21 @@ def test_a_hum_is_no_noise(line):
     assert np.max(ratio) < 1.25
 
 
-def test_two_settled_periods_tell_no_tones():
-    short = hummed((100.4 * LINE, 0.02))
-    part = slice(0, 2 * ONE_AXIS.period)
-    assert found(replace(short, i_e=short.i_e[part], y=short.y[part], i_c=short.i_c[part])) == ()
+def first_periods(record, count, period):
+    part = slice(0, count * period)
+    return replace(record, i_e=record.i_e[part], y=record.y[part], i_c=record.i_c[part])
+
+
+def test_of_two_settled_periods_only_what_is_suspected_is_told():
+    assert found(first_periods(hummed((100.4 * LINE, 0.02)), 2, ONE_AXIS.period)) == ()
+    assert [tone.frequency_hz for tone in found(first_periods(hummed((60.0, 0.02)), 2, ONE_AXIS.period))] == [60.0]
+
+
+def test_a_rotor_that_turns_has_its_tone_in_three_periods():
+    bench = BENCHES["small"]
+    rig = bench.known_to(("unbalance",))
+    hidden = {"unbalance": {"mass_eccentricity": 2e-6, "z": bench.middle, "phase": 0.7}}
+    i_e = bench.excitation(bench.amplitude)[: 3 * bench.period]
+    record = simulate(rig, i_e, hidden, seed=1, period=bench.period, **bench.truth, **bench.noise)
+    result = diagnose(rig, record)
+    assert (result.verdict, result.effects) == ("explained", ("unbalance",))

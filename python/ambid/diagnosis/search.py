@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri
 
+from ambid.arrays import ComplexArray
 from ambid.diagnosis.candidates import ALPHA, Candidate, Ranking
 from ambid.diagnosis.confirmation import stands
 from ambid.diagnosis.ranking import rank
@@ -39,6 +40,9 @@ PROMISING_SHARE = 0.1
 """Part of what is left that a score must predict to be worth a refit."""
 HOPELESS_SHARE = 0.3
 """A step that explains less than this of what is left does not lead to an explanation."""
+RINGS_ON = 0.2
+"""Times that a mode decays by e within a record, below which it lasts: so slow is what stands in for a tone, which
+does not decay at all: it is known the better, the farther it stands out of the noise. Twice that is not new."""
 
 Ask = Callable[[Ranking, Candidate], bool | Candidate]
 """Shown a ranking and the candidate that is to be added; False ends the search, another candidate is added instead."""
@@ -151,7 +155,22 @@ def _explains(task: Task, state: State, pair: Refitted) -> bool:
     """Whether a refitted candidate stays within what physics allows and makes no record worse that was kept back."""
     candidate, better = pair
     own = (p for p in better.model.parameters if p.name.startswith(f"{candidate.effect.name}."))
-    return not any(p.is_at_limit for p in own) and not _rises(task, state, better)
+    return not any(p.is_at_limit for p in own) and not _rings_on(state, better) and not _rises(task, state, better)
+
+
+def _rings_on(state: State, better: Comparison) -> bool:
+    """Whether a step brings a mode that outlasts a record: then its transient, free as it is, stands in for a tone."""
+    for part in state.fit.noise.in_time:
+        lasts = part.record.samples / part.record.sample_rate
+        new, known = (own.model.at(part.record).poles() for own in (better, state.fit))
+        if len(new) > len(known) and _lasting(new, RINGS_ON / lasts) > _lasting(known, 2.0 * RINGS_ON / lasts):
+            return True
+    return False
+
+
+def _lasting(poles: ComplexArray, rate: float) -> int:
+    """Modes that decay more slowly than that [1/s]."""
+    return int(np.sum((poles.imag > 0.0) & (-poles.real < rate)))
 
 
 def _rises(task: Task, state: State, better: Comparison) -> bool:

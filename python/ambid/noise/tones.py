@@ -57,10 +57,10 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
     ----------
     model : Model
     part : RecordLines
-        With three settled periods or more; else no tones are found.
+        Of two settled periods, where one line alone lies between excited ones, only what is suspected is looked for.
     """
     record, window = part.record, part.window.settled
-    if window.periods < 3:
+    if window.periods < 2:
         return ()
     here, rate, axes = model.at(record), record.sample_rate, len(record.axes)
     per_line, turning = rate / window.samples, here.rig.speed / (2.0 * np.pi)
@@ -68,7 +68,7 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
     looked_at = np.concatenate([_outstanding(part), [int(f / per_line) for f in suspects]]).astype(np.intp)
     between, hidden = Between.around(part, looked_at), _at_narrow_modes(here, window.samples // 2 + 1, per_line, 1)
     found: list[Tone] = []
-    while len(found) < MOST:
+    while window.periods > 2 and len(found) < MOST:
         line, channel, height = between.loudest(hidden)
         if height < OUTSTANDING:
             break
@@ -85,7 +85,7 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
         if is_likely and all(abs(frequency - tone.frequency_hz) > 2.0 * per_line for tone in found):
             height, channel = between.at(frequency / per_line)
             found.append(Tone(frequency, channel % axes, height))
-    return (*found, *_on_excited_lines(here, part, axes, found))
+    return (*found, *(_on_excited_lines(here, part, axes, found) if window.periods > 2 else ()))
 
 
 def misses_tone(model: Model, part: RecordLines) -> bool:

@@ -1,0 +1,18 @@
+"""What a step of the search may not bring."""
+
+import pytest
+
+from ambid import Model, compare
+from ambid.diagnosis.search import _rings_on
+from ambid.diagnosis.state import State
+from hidden.experiment import experiment
+
+
+@pytest.mark.parametrize(("damping", "rings"), [(1e-4, True), (1e-3, True), (0.02, False)])
+def test_a_mode_that_outlasts_the_record_stands_in_for_a_tone(damping, rings):
+    """Of 2.05 s; at 10 Hz, a mode with a damping of 0.001 decays by a tenth of e in it."""
+    rig, (train,), _, _ = experiment(None)
+    base = compare(Model(rig), train)
+    values = {"frequency_hz": 10.0, "damping": damping, "inverse_mass": 1e-9}
+    better = base.of(base.model.add("foundation_resonance", values))
+    assert _rings_on(State(base, base, base), better) is rings
