@@ -15,7 +15,6 @@ from ambid.errors import InputError
 from ambid.identification import ParameterEstimate
 from ambid.report import numbers, pdf, words, write_report
 from ambid.report.standing import DRAWS
-from ambid.report.subscripts import with_subscripts
 from places import LEVITATOR
 
 VOID = {"meta", "img"}
@@ -323,14 +322,6 @@ def test_pdf_is_the_same_on_a4_and_nothing_is_cut_off(explained, tmp_path):
         for box in boxes(sheet._page_box):
             if getattr(box, "text", "") or box.element_tag in ("img", "table"):
                 assert 0.0 <= box.position_x <= box.position_x + box.width <= right
-
-
-def test_subscripts_are_set_in_text_alone():
-    found = with_subscripts('<title>K_i</title><p title="K_s">K_i.A_zeta, tau_e, i_ref, i_el <code>i_e.x</code></p>')
-    assert found == (
-        '<title>K_i</title><p title="K_s">K<sub>i</sub>.A_zeta, τ<sub>e</sub>, i<sub>ref</sub>, i_el '
-        "<code>i_e.x</code></p>"
-    )
 
 
 @pytest.mark.parametrize(
