@@ -181,6 +181,31 @@ def test_numbers_are_those_of_the_json(explained, tmp_path):
     assert [row[1] for row in shown] == [words.misfit(own["predicted_misfit"]) for own in candidates[: len(shown)]]
 
 
+def test_every_record_is_drawn_before_and_after(explained, tmp_path):
+    found = page(explained, tmp_path)
+    headings = [text for level, text in found.headings if level == 3]
+    assert headings[headings.index("train") + 1] == "other, for validation"
+    for name in ("train", "other"):
+        assert found.html.count(f"of {name}, in the stretch of one period") == 2  # caption and alternative text
+        assert found.html.count(f"of {name}, which the base model misses most") == 2
+    assert "All records" not in found.all
+
+
+def test_of_many_records_the_worst_three_are_drawn_and_a_table_has_all(explained, tmp_path):
+    base, record, other = explained.history[0].model, explained.records[0], explained.validation[0]
+    records = [replace(other if k == 1 else record, name=f"run {k}") for k in range(4)]
+    several = replace(explained, records=tuple(records), fit=ambid.compare(explained.model, records))
+    found = page(several, tmp_path)
+    rows = table(found.html, "All records")
+    assert [row[:2] for row in rows] == [*([f"run {k}", "diagnosis"] for k in range(4)), ["other", "validation"]]
+    before, after = (several.fit.of(model).records for model in (base, explained.model))
+    for row, was, now in zip(rows, before, after, strict=False):
+        assert row[4] == f"{words.misfit(was.misfit)} → {words.misfit(now.misfit)}"
+    drawn = re.findall(r"of (run \d|other), in the stretch", found.html)
+    worst = sorted(sorted(range(4), key=lambda k: -before[k].misfit)[:3])
+    assert drawn == [name for k in worst for name in (f"run {k}",) * 2]
+
+
 def test_margins_are_those_of_the_command(explained, tmp_path):
     html = write_report(explained, tmp_path / "report.html").read_text(encoding="utf-8")
     told = ambid.margins(explained.model, draws=DRAWS).to_json()
@@ -306,6 +331,20 @@ def boxes(box):
     yield box
     for child in getattr(box, "children", ()):
         yield from boxes(child)
+
+
+def test_on_paper_no_page_but_the_last_is_half_empty(explained, tmp_path):
+    weasyprint = installed()
+    html = write_report(explained, tmp_path / "report.html").read_text(encoding="utf-8")
+    pages = weasyprint.HTML(string=html).render().pages
+    for sheet in pages[:-1]:
+        inner = sheet._page_box
+        ends = [
+            box.position_y + box.height
+            for box in boxes(inner)
+            if (getattr(box, "text", "") or box.element_tag == "img") and box.position_y < 0.93 * sheet.height
+        ]
+        assert max(ends) > 0.7 * sheet.height
 
 
 def test_pdf_is_the_same_on_a4_and_nothing_is_cut_off(explained, tmp_path):
