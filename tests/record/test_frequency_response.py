@@ -1,6 +1,8 @@
 """Frequency responses: what every format holds, what is refused in which words, where the std is from, and the local
 estimate from a record."""
 
+import hashlib
+
 import numpy as np
 import pytest
 import scipy.io
@@ -291,3 +293,16 @@ def test_only_axes_that_are_excited_are_inputs(bench):
     i_e[:, 1:] = 0.0
     (record,) = bench.records(i_e, [1], period=len(i_e) // 3)
     assert record.frequency_response().inputs == ("i_e.A_zeta",)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mat"])
+def test_what_was_read_is_told_by_its_hash(tmp_path, suffix):
+    path = tmp_path / f"frf{suffix}"
+    response = FrequencyResponse.from_arrays(
+        [1.0, 2.0, 3.0], np.ones((3, 1, 1)), outputs=["y.A_zeta"], inputs=["i_e.A_zeta"], std=np.ones((3, 1, 1))
+    )
+    response.save(path)
+    content = path.read_bytes()
+    found = load_measurement(path)
+    path.unlink()
+    assert (found.provenance.sha256, found.provenance.size) == (hashlib.sha256(content).hexdigest(), len(content))

@@ -145,12 +145,24 @@ def test_files_are_told_with_their_hashes(explained, tmp_path):
         assert row[3] == hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
 
+def test_hashes_are_those_of_what_was_read(explained, tmp_path):
+    rig, record = tmp_path / "rig.toml", tmp_path / "run.mat"
+    rig.write_bytes(LEVITATOR.read_bytes().replace(b"\n", b"\r\n"))
+    explained.records[0].save(record)
+    hashes = [hashlib.sha256(path.read_bytes()).hexdigest()[:16] for path in (rig, record)]
+    machine = ambid.Rig.load(rig)
+    read = ambid.Record.load(record, machine)
+    rig.write_text("another one")
+    record.unlink()
+    model = ambid.Model(machine)
+    found = page(Diagnosis.uninformative(model, [read.rows(0, read.samples)], ["why"], 0.0), tmp_path)
+    assert [row[3] for row in table(found.html, "The files.")] == hashes
+
+
 def test_what_is_in_no_file_is_said_so(explained, tmp_path):
-    record = replace(explained.records[0], path=None)
-    gone = replace(explained.validation[0], path=tmp_path / "gone.mat")
-    found = page(replace(explained, records=(record,), validation=(gone,)), tmp_path)
-    assert "made in memory, in no file" in found.all
-    assert "no longer readable (No such file or directory)" in found.all
+    record = replace(explained.records[0], path=None, provenance=None)
+    found = page(Diagnosis.uninformative(explained.model, [record], ["why"], 0.0), tmp_path)
+    assert "made in memory, read from no file" in found.all
 
 
 def test_version_and_date_are_told(explained, tmp_path):
