@@ -89,7 +89,9 @@ class FrequencyResponse:
             if getattr(self, name) is None:
                 continue
             kind = np.complex128 if name in ("response", "covariance") else np.float64
-            array = np.array(getattr(self, name), dtype=kind, order="C")
+            array = np.asarray(getattr(self, name), dtype=kind, order="C")
+            if array.flags.writeable or array.base is not None:  # else nobody can change it
+                array = array.copy()
             if array.shape != shape:
                 raise RecordError(
                     f"{self.path or self.name}: {name} has the shape {array.shape}; {count} frequencies, "

@@ -373,12 +373,15 @@ class Record:
         inputs = [name for name, is_excited in zip(names, found.excited, strict=True) if is_excited]
         sizes = sizes[found.excited]
         of_pairs = np.tile(sizes, len(self.channels))
+        covariance = found.covariance
+        covariance /= np.outer(of_pairs, of_pairs)
+        covariance.flags.writeable = False  # of a long record it is large, and need not be copied
         made = FrequencyResponse.from_arrays(
             found.frequency_hz,
             found.response / sizes,
             outputs=self.channels,
             inputs=inputs,
-            covariance=found.covariance / np.outer(of_pairs, of_pairs),
+            covariance=covariance,
             name=self.name,
             notes=self.notes,
             path=self.path,
