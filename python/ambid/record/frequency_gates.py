@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,18 +82,24 @@ def require_covariance(
     """Refuse a covariance that is none, of the pairs that were measured; returns the std, shape of the response."""
     values, known = np.asarray(covariance), np.isfinite(response.reshape(len(response), -1))
     std = np.full(known.shape, np.nan)
+    for rows, kept in known_alike(known):
+        inner = values[np.ix_(rows, kept, kept)]
+        wrong = np.flatnonzero(~_is_covariance(inner))
+        if len(wrong):
+            raise RecordError(
+                f"{where}: covariance at {frequency_hz[rows[wrong[0]]]:g} Hz is none of the errors of {len(pairs)} "
+                "pairs: expected Hermitian and positive; leave it out, or give std"
+            )
+        std[np.ix_(rows, kept)] = np.sqrt(np.diagonal(inner, axis1=1, axis2=2).real)
+    return std.reshape(response.shape)
+
+
+def known_alike(known: NDArray[np.bool_]) -> Iterator[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """Frequencies at which the same pairs were measured, `TOGETHER` at a time, and which pairs these are."""
     for kept in known[:1] if (known == known[0]).all() else np.unique(known, axis=0):
         rows = np.flatnonzero((known == kept).all(axis=1))
         for some in np.array_split(rows, -(-len(rows) // TOGETHER)):
-            inner = values[some] if kept.all() else values[np.ix_(some, kept, kept)]
-            wrong = np.flatnonzero(~_is_covariance(inner))
-            if len(wrong):
-                raise RecordError(
-                    f"{where}: covariance at {frequency_hz[some[wrong[0]]]:g} Hz is none of the errors of {len(pairs)} "
-                    "pairs: expected Hermitian and positive; leave it out, or give std"
-                )
-            std[np.ix_(some, kept)] = np.sqrt(np.diagonal(inner, axis1=1, axis2=2).real)
-    return std.reshape(response.shape)
+            yield some, np.flatnonzero(kept)
 
 
 def _is_covariance(values: ComplexArray) -> NDArray[np.bool_]:
