@@ -319,7 +319,8 @@ def test_a_cursor_in_time_tells_the_values_of_its_record(ranked):
     told = page.get_attribute("#training-cursor", "aria-valuetext")
     assert told == page.inner_text("#training-read-out")
     x, *shown = page.evaluate("""() => {
-        const drawn = document.getElementById("training-overlay").data, at = (name) => drawn.find((own) => own.name === name);
+        const drawn = document.getElementById("training-overlay").data;
+        const at = (name) => drawn.find((own) => own.name === name);
         return [at("measured").x, at("measured").y, at("simulated").y, at("residual").y].map((all) => all[7]);
     }""")
     numbers = [float(own) for own in re.findall(r"-?[\d.]+(?:e[-+]\d+)?(?= )", told)]
