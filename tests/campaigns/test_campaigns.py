@@ -155,7 +155,7 @@ def test_tables_as_csv_and_for_latex(found, tmp_path):
     assert len(list(csv.reader(tau_e.open()))) == 1 + 4
     *_, latex = found.save_tables(tmp_path / "bench.tex")
     text = latex.read_text()
-    assert r"$\tau_e$ & RSD \%" in text
+    assert r"$\tau_{e}$ & RSD \%" in text
     assert r"prbs\_large" in text
     assert text.count("tabular") == 2
     with pytest.raises(InputError, match=r"bench\.xls: the suffix is \.xls; expected \.csv or \.tex"):

@@ -1,12 +1,17 @@
 """Frequency responses: what every format holds, what is refused in which words, where the std is from, and the local
 estimate from a record."""
 
+import hashlib
+import signal
+
 import numpy as np
 import pytest
 import scipy.io
 
 from ambid import ChannelMap, FrequencyResponse, Model, Record, load_measurement, prbs
 from ambid.errors import InputError, RecordError
+from ambid.record.local_bands import fitted_bands
+from ambid.record.local_response import local_response
 from hidden.one_axis import ONE_AXIS
 
 RIG = ONE_AXIS.rig
@@ -291,3 +296,51 @@ def test_only_axes_that_are_excited_are_inputs(bench):
     i_e[:, 1:] = 0.0
     (record,) = bench.records(i_e, [1], period=len(i_e) // 3)
     assert record.frequency_response().inputs == ("i_e.A_zeta",)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mat"])
+def test_what_was_read_is_told_by_its_hash(tmp_path, suffix):
+    path = tmp_path / f"frf{suffix}"
+    response = FrequencyResponse.from_arrays(
+        [1.0, 2.0, 3.0], np.ones((3, 1, 1)), outputs=["y.A_zeta"], inputs=["i_e.A_zeta"], std=np.ones((3, 1, 1))
+    )
+    response.save(path)
+    content = path.read_bytes()
+    found = load_measurement(path)
+    path.unlink()
+    assert (found.provenance.sha256, found.provenance.size) == (hashlib.sha256(content).hexdigest(), len(content))
+
+
+def test_axes_that_are_driven_alike_share_what_cannot_be_told_apart():
+    """One excitation on two axes: the pseudo-inverse gives each half of the response, and no warning is raised."""
+    rng = np.random.default_rng(5)
+    drive = rng.standard_normal((4000, 1))
+    y = 2.0 * drive + 1e-3 * rng.standard_normal((4000, 1))
+    alone = local_response("run", drive, y, 1e3, None)
+    twice = local_response("run", np.hstack([drive, drive]), y, 1e3, None)
+    assert np.abs(alone.response - 2.0).max() < 1e-2
+    assert np.abs(twice.response - 1.0).max() < 1e-2
+
+
+def test_a_band_by_itself_is_as_among_many():
+    rng = np.random.default_rng(6)
+    u, z = (rng.standard_normal((40, 30, n)) + 1j * rng.standard_normal((40, 30, n)) for n in (2, 3))
+    together = fitted_bands(u, z)
+    for k in (0, 17, 39):
+        alone = fitted_bands(u[k : k + 1], z[k : k + 1])
+        for name in ("response", "spread", "left", "free"):
+            np.testing.assert_allclose(getattr(alone, name)[0], getattr(together, name)[k], rtol=1e-9, atol=1e-12)
+
+
+def test_a_signal_gets_through_the_bands_of_a_long_record():
+    """Many bands take seconds; none of the steps within does."""
+    rng = np.random.default_rng(7)
+    u, z = (rng.standard_normal((60_000, 30, n)) + 0j for n in (1, 2))
+    was = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.2)
+        with pytest.raises(KeyboardInterrupt):
+            fitted_bands(u, z)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, was)

@@ -1,5 +1,6 @@
 """Files of records: every format holds the same data, and every broken file is refused in its own words."""
 
+import hashlib
 import time
 
 import numpy as np
@@ -9,6 +10,7 @@ import scipy.io
 import ambid.record.readers
 from ambid.errors import InputError, RecordError
 from ambid.record import Record
+from ambid.record.readers import opened
 from reference.records import AXES, MATRICES, PERIOD, RIG, measured, signals_of, times, write_csv
 
 h5py = pytest.importorskip("h5py")
@@ -197,3 +199,20 @@ def test_large_csv_is_read_fast(tmp_path):
     start = time.process_time()
     Record.load(path)
     assert time.process_time() - start < 0.6  # 0.15 s alone on one core
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mat", ".h5", ".parquet", ".tdms"])
+def test_what_was_read_is_told_by_its_hash(tmp_path, suffix):
+    path = tmp_path / f"run{suffix}"
+    Record.from_arrays(**measured(), rig=RIG, name="run").save(path)
+    content = path.read_bytes()
+    found = Record.load(path)
+    path.unlink()
+    assert (found.provenance.sha256, found.provenance.size) == (hashlib.sha256(content).hexdigest(), len(content))
+
+
+def test_a_file_that_is_written_while_it_is_read_is_refused(tmp_path):
+    path = tmp_path / "run.mat"
+    Record.from_arrays(**measured(), rig=RIG, name="run").save(path)
+    with pytest.raises(RecordError, match=r"run\.mat: was written while it was read"), opened(path):
+        path.write_bytes(path.read_bytes() + b"more")

@@ -15,7 +15,6 @@ from ambid.errors import InputError
 from ambid.identification import ParameterEstimate
 from ambid.report import numbers, pdf, words, write_report
 from ambid.report.standing import DRAWS
-from ambid.report.subscripts import with_subscripts
 from places import LEVITATOR
 
 VOID = {"meta", "img"}
@@ -146,12 +145,24 @@ def test_files_are_told_with_their_hashes(explained, tmp_path):
         assert row[3] == hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
 
+def test_hashes_are_those_of_what_was_read(explained, tmp_path):
+    rig, record = tmp_path / "rig.toml", tmp_path / "run.mat"
+    rig.write_bytes(LEVITATOR.read_bytes().replace(b"\n", b"\r\n"))
+    explained.records[0].save(record)
+    hashes = [hashlib.sha256(path.read_bytes()).hexdigest()[:16] for path in (rig, record)]
+    machine = ambid.Rig.load(rig)
+    read = ambid.Record.load(record, machine)
+    rig.write_text("another one")
+    record.unlink()
+    model = ambid.Model(machine)
+    found = page(Diagnosis.uninformative(model, [read.rows(0, read.samples)], ["why"], 0.0), tmp_path)
+    assert [row[3] for row in table(found.html, "The files.")] == hashes
+
+
 def test_what_is_in_no_file_is_said_so(explained, tmp_path):
-    record = replace(explained.records[0], path=None)
-    gone = replace(explained.validation[0], path=tmp_path / "gone.mat")
-    found = page(replace(explained, records=(record,), validation=(gone,)), tmp_path)
-    assert "made in memory, in no file" in found.all
-    assert "no longer readable (No such file or directory)" in found.all
+    record = replace(explained.records[0], path=None, provenance=None)
+    found = page(Diagnosis.uninformative(explained.model, [record], ["why"], 0.0), tmp_path)
+    assert "made in memory, read from no file" in found.all
 
 
 def test_version_and_date_are_told(explained, tmp_path):
@@ -180,6 +191,31 @@ def test_numbers_are_those_of_the_json(explained, tmp_path):
     shown = table(html, "The candidates")
     assert [row[0] for row in shown] == [own["effect"] for own in candidates[: len(shown)]]
     assert [row[1] for row in shown] == [words.misfit(own["predicted_misfit"]) for own in candidates[: len(shown)]]
+
+
+def test_every_record_is_drawn_before_and_after(explained, tmp_path):
+    found = page(explained, tmp_path)
+    headings = [text for level, text in found.headings if level == 3]
+    assert headings[headings.index("train") + 1] == "other, for validation"
+    for name in ("train", "other"):
+        assert found.html.count(f"of {name}, in the stretch of one period") == 2  # caption and alternative text
+        assert found.html.count(f"of {name}, which the base model misses most") == 2
+    assert "All records" not in found.all
+
+
+def test_of_many_records_the_worst_three_are_drawn_and_a_table_has_all(explained, tmp_path):
+    base, record, other = explained.history[0].model, explained.records[0], explained.validation[0]
+    records = [replace(other if k == 1 else record, name=f"run {k}") for k in range(4)]
+    several = replace(explained, records=tuple(records), fit=ambid.compare(explained.model, records))
+    found = page(several, tmp_path)
+    rows = table(found.html, "All records")
+    assert [row[:2] for row in rows] == [*([f"run {k}", "diagnosis"] for k in range(4)), ["other", "validation"]]
+    before, after = (several.fit.of(model).records for model in (base, explained.model))
+    for row, was, now in zip(rows, before, after, strict=False):
+        assert row[4] == f"{words.misfit(was.misfit)} → {words.misfit(now.misfit)}"
+    drawn = re.findall(r"of (run \d|other), in the stretch", found.html)
+    worst = sorted(sorted(range(4), key=lambda k: -before[k].misfit)[:3])
+    assert drawn == [name for k in worst for name in (f"run {k}",) * 2]
 
 
 def test_margins_are_those_of_the_command(explained, tmp_path):
@@ -309,6 +345,20 @@ def boxes(box):
         yield from boxes(child)
 
 
+def test_on_paper_no_page_but_the_last_is_half_empty(explained, tmp_path):
+    weasyprint = installed()
+    html = write_report(explained, tmp_path / "report.html").read_text(encoding="utf-8")
+    pages = weasyprint.HTML(string=html).render().pages
+    for sheet in pages[:-1]:
+        inner = sheet._page_box
+        ends = [
+            box.position_y + box.height
+            for box in boxes(inner)
+            if (getattr(box, "text", "") or box.element_tag == "img") and box.position_y < 0.93 * sheet.height
+        ]
+        assert max(ends) > 0.7 * sheet.height
+
+
 def test_pdf_is_the_same_on_a4_and_nothing_is_cut_off(explained, tmp_path):
     weasyprint = installed()
     html, paper = tmp_path / "report.html", tmp_path / "report.pdf"
@@ -323,14 +373,6 @@ def test_pdf_is_the_same_on_a4_and_nothing_is_cut_off(explained, tmp_path):
         for box in boxes(sheet._page_box):
             if getattr(box, "text", "") or box.element_tag in ("img", "table"):
                 assert 0.0 <= box.position_x <= box.position_x + box.width <= right
-
-
-def test_subscripts_are_set_in_text_alone():
-    found = with_subscripts('<title>K_i</title><p title="K_s">K_i.A_zeta, tau_e, i_ref, i_el <code>i_e.x</code></p>')
-    assert found == (
-        '<title>K_i</title><p title="K_s">K<sub>i</sub>.A_zeta, τ<sub>e</sub>, i<sub>ref</sub>, i_el '
-        "<code>i_e.x</code></p>"
-    )
 
 
 @pytest.mark.parametrize(

@@ -312,6 +312,27 @@ CURSORS = """(ids) => ids.map((id) => {
 })"""
 
 
+def test_a_cursor_in_time_tells_the_values_of_its_record(ranked):
+    page = ranked.page
+    page.focus("#training-cursor")
+    for _ in range(7):
+        page.keyboard.press("ArrowRight")
+    told = page.get_attribute("#training-cursor", "aria-valuetext")
+    assert told == page.inner_text("#training-read-out")
+    x, *shown = page.evaluate("""() => {
+        const drawn = document.getElementById("training-overlay").data;
+        const at = (name) => drawn.find((own) => own.name === name);
+        return [at("measured").x, at("measured").y, at("simulated").y, at("residual").y].map((all) => all[7]);
+    }""")
+    numbers = [float(own) for own in re.findall(r"-?[\d.]+(?:e[-+]\d+)?(?= )", told)]
+    assert numbers == pytest.approx([x, *shown], rel=5e-3)
+    assert page.evaluate(CURSORS, ["training-overlay"])[0] == pytest.approx(x, rel=1e-3)
+    assert not page.locator("#validation-overlay .cursor").is_visible()
+    page.locator("#validation-overlay .nsewdrag").first.hover()
+    page.wait_for_function("document.getElementById('validation-read-out').textContent !== ''")
+    assert ranked.wrong == []
+
+
 def test_pointing_at_a_candidate_shows_what_it_would_leave(ranked):
     page = ranked.page
     rows = page.locator("tr[data-effect]")

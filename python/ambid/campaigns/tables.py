@@ -9,14 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ambid.errors import InputError
+from ambid.symbols import in_latex
 from ambid.writing import whole_file
 
 __all__ = ["Table", "save_tables", "table_files"]
 
 NAMES = ("K_i", "K_s", "tau_e")
 SUFFIXES = (".csv", ".tex")
-IN_LATEX = {"K_i": "$K_i$", "K_s": "$K_s$", "tau_e": r"$\tau_e$", "%": r"\%", "_": r"\_"}
-"""What stands for what in LaTeX, in this order."""
 
 
 @dataclass(frozen=True)
@@ -54,12 +53,12 @@ class Table:
 
     def latex(self) -> str:
         """A table with a caption, for a document."""
-        rows = [" & ".join(map(_latex, row)) + r" \\" for row in (self.heading, *self.rows)]
+        rows = [" & ".join(map(in_latex, row)) + r" \\" for row in (self.heading, *self.rows)]
         return "\n".join(
             [
                 r"\begin{table}",
                 r"\centering",
-                rf"\caption{{{_latex(self.title)}}}",
+                rf"\caption{{{in_latex(self.title)}}}",
                 rf"\begin{{tabular}}{{{'l' * 2}{'r' * (len(self.heading) - 2)}}}",
                 r"\hline",
                 rows[0],
@@ -106,14 +105,3 @@ def save_tables(tables: Sequence[Table], path: str | Path) -> list[Path]:
         with whole_file(file) as stream:
             stream.write(text.encode())
     return files
-
-
-def _latex(text: str) -> str:
-    """A cell; names of parameters as formulas, and what LaTeX would take for a command escaped."""
-    for plain, written in IN_LATEX.items():
-        if plain == "_":
-            parts = text.split("$")  # what stands between two dollars is a formula already
-            text = "$".join(part if k % 2 else part.replace("_", written) for k, part in enumerate(parts))
-        else:
-            text = text.replace(plain, written)
-    return text

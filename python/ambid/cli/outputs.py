@@ -50,7 +50,11 @@ def require_outputs(inputs: Files, outputs: Files, replaced: Sequence[str] = ())
 
 
 def conclude(
-    result: object, data: dict[str, Any], json_file: Path | None, quiet: bool, *writers: Callable[[], Sequence[Path]]
+    result: object,
+    data: dict[str, Any] | Callable[[], dict[str, Any]],
+    json_file: Path | None,
+    quiet: bool,
+    *writers: Callable[[], Sequence[Path]],
 ) -> None:
     """Write all files, then print the result; a file that cannot be written does not keep the rest from it.
 
@@ -58,8 +62,8 @@ def conclude(
     ----------
     result : object
         What is printed.
-    data : dict
-        For ``--json``, strict JSON.
+    data : dict or callable
+        For ``--json``, strict JSON; what makes it where that takes long, and is asked only where JSON is.
     json_file : Path, optional
     quiet : bool
         Whether nothing is to be printed but JSON that was asked for; JSON is always printed alone.
@@ -71,7 +75,9 @@ def conclude(
     AmbidError
         The first one of a writer, in the end.
     """
-    text = json.dumps(data, indent=1, allow_nan=False) + "\n"
+    text = ""
+    if json_file is not None:
+        text = json.dumps(data() if callable(data) else data, indent=1, allow_nan=False) + "\n"
     written: list[Path] = []
     errors: list[AmbidError] = []
     for write in (lambda: _write_text(text, json_file), *writers):

@@ -81,7 +81,7 @@ def frequency_response_command(
         "\n".join(
             [*map(repr, measured), "", repr(comparison), *by_excitation, *(n for own in measured for n in own.notes)]
         ),
-        {
+        lambda: {
             "responses": [own.to_json() for own in told],
             "matrix": [own.to_json() for own in matrices],
             **comparison.to_json(),

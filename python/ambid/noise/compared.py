@@ -45,6 +45,11 @@ class ChannelComparison:
     noise_rms: float
     misfit: float
 
+    @property
+    def beyond_noise(self) -> float:
+        """What is left in units of the noise; as it is where that is not known."""
+        return self.residual_rms / self.noise_rms if self.noise_rms > 0.0 else self.residual_rms
+
 
 @dataclass(frozen=True, repr=False)
 class RecordComparison:
@@ -80,6 +85,11 @@ class RecordComparison:
     def notes(self) -> tuple[str, ...]:
         """What is to be said beside a result of this record."""
         return (*notes_of(self.record), *(told for told in (self.uneven, self.louder) if told))
+
+    @property
+    def worst(self) -> ChannelComparison:
+        """The channel of which most is left, in units of its noise."""
+        return max(self.channels, key=lambda own: own.beyond_noise)
 
     @property
     def residual(self) -> FloatArray | ComplexArray:

@@ -21,6 +21,7 @@ from ambid.loop.effect import Tone
 from ambid.model import Model
 from ambid.noise.lines import White, as_lines
 from ambid.record import FrequencyResponse
+from ambid.record.frequency_gates import known_alike
 
 __all__ = ["ResponseLines"]
 
@@ -192,7 +193,7 @@ def _whitening(response: FrequencyResponse, known: NDArray[np.bool_]) -> Complex
         own = np.sqrt(2.0) / np.where(known, std, np.inf)
         return np.asarray(own[:, :, None] * np.eye(pairs), dtype=complex)
     found = np.zeros((len(known), pairs, pairs), dtype=complex)
-    for k, kept in enumerate(known):
-        chosen = np.ix_(kept, kept)
-        found[k][chosen] = np.sqrt(2.0) * np.linalg.inv(np.linalg.cholesky(response.covariance[k][chosen]))
+    for rows, kept in known_alike(known):
+        chosen = np.ix_(rows, kept, kept)
+        found[chosen] = np.sqrt(2.0) * np.linalg.inv(np.linalg.cholesky(response.covariance[chosen]))
     return found

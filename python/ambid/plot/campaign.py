@@ -83,14 +83,14 @@ def plot_campaign(campaign: Campaign, quantity: str = "K_i", ax: Sequence[Axes] 
                     strip.plot(np.full(len(off), i0 + shift), off, "x", color=GUIDE, ms=3.0, mew=0.6, zorder=1)
         dress(panel, title=name, y=f"[{unit}]")
         if strip is None:
-            panel.set_xlabel("bias current i0 [A]", fontsize=LABEL)
+            panel.set_xlabel("bias current i₀ [A]", fontsize=LABEL)
             continue
         strip.axhline(0.0, color=GUIDE, lw=0.8, ls=":")
         dress(strip, y="off their mean [%]")
         strip.yaxis.label.set_fontsize(SMALL)
     if ax is None:
         for strip in grid[-1]:
-            strip.set_xlabel("bias current i0 [A]", fontsize=LABEL)
+            strip.set_xlabel("bias current i₀ [A]", fontsize=LABEL)
         handles = panels[0].get_legend_handles_labels()[0]
         figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
         title = f"{campaign.folder.name}: {quantity} with 95 % intervals"

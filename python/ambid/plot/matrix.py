@@ -51,7 +51,7 @@ def plot_misfit_matrix(matrix: MisfitMatrix, ax: Sequence[Axes] | None = None) -
     bands, outputs, inputs = matrix.power.shape
     across = min(ACROSS, bands)
     if ax is None:
-        height = 0.8 + -(-bands // across) * (0.22 * outputs + 0.55)
+        height = 0.75 + -(-bands // across) * (0.15 * outputs + 0.48)
         grid = new_figure(max(WIDTH, 1.2 + across * (0.55 * inputs + 0.75)), height).subplots(
             -(-bands // across), across, sharex=True, sharey=True, squeeze=False
         )

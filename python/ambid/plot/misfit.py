@@ -52,7 +52,7 @@ def plot_misfit_map(
         raise InputError(f"record = {record}: expected 0 to {count - 1}, so many records were localised")
     one = maps[record]
     bands, channels = one.misfit.shape
-    ax = new_figure(9.0, 0.28 * bands + 1.0).add_subplot() if ax is None else ax
+    ax = new_figure(9.0, 0.2 * bands + 0.9).add_subplot() if ax is None else ax
     told = one.misfit > one.by_chance[:, None]
     norm = LogNorm(1.0, max(100.0, float(np.nanmax([largest, np.nanmax(one.misfit)]))), clip=True)
     image = ax.pcolormesh(

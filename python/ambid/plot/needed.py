@@ -80,7 +80,7 @@ def plot_needed(
             f"nothing to draw: a {port.name} explains {100 * port.share:.0f} % of the excess misfit; a shape needs "
             "more than half"
         )
-    panels = new_figure(9.0, 3.4).subplots(1, 3, sharey=True) if ax is None else ax
+    panels = new_figure(9.0, 2.9).subplots(1, 3, sharey=True) if ax is None else ax
     factor, unit = shown_in(port.unit, float(np.abs(port.needed).max()))
     names = list(axes) or [f"axis {k + 1}" for k in range(port.needed.shape[1])]
     for panel, key in zip(panels, _keys(port), strict=True):

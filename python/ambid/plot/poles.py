@@ -42,7 +42,7 @@ def plot_poles(poles: PoleMap, before: PoleMap | None = None, ax: Axes | None = 
         Both scales in Hz, linear up to 1 Hz and logarithmic beyond. The 95 % region of a closed-loop pole is drawn
         around it; where it hides behind the mark, the pole is known better than it can be shown.
     """
-    ax = new_figure(9.0, 4.8).add_subplot() if ax is None else ax
+    ax = new_figure(9.0, 3.6).add_subplot() if ax is None else ax
     ax.set_xscale("symlog", linthresh=LINEAR_HZ, linscale=0.5)
     ax.set_yscale("symlog", linthresh=LINEAR_HZ, linscale=0.5)
     drawn = [poles.closed, poles.open, *([] if before is None else [before.closed])]
@@ -82,7 +82,7 @@ def save_poles(poles: PoleMap, path: str | Path, before: PoleMap | None = None) 
     """
     path = Path(path)
     check_format(path)
-    figure = new_figure(9.0, 4.8)
+    figure = new_figure(9.0, 3.6)
     plot_poles(poles, before, figure.add_subplot())
     save_figure(figure, path)
     return path

@@ -114,7 +114,7 @@ def save_ranking(ranking: Ranking, path: str | Path) -> Path:
 
 def _figure(ranking: Ranking, most: int) -> Figure:
     """As high as its rows need."""
-    return new_figure(9.0, 0.28 * max(min(len(ranking.candidates), most), 3) + 1.4)
+    return new_figure(9.0, 0.2 * max(min(len(ranking.candidates), most), 3) + 1.3)
 
 
 def _percent(taken: float) -> str:

@@ -35,7 +35,7 @@ def plot_sensitivity(margins: Margins, ax: Axes | None = None) -> Axes:
     -------
     Axes
     """
-    ax = new_figure(9.0, 4.4).add_subplot() if ax is None else ax
+    ax = new_figure(9.0, 3.4).add_subplot() if ax is None else ax
     f, low = margins.frequency_hz, LOWEST
     for j, own in enumerate(margins.axes):
         colour, peak = AXIS_COLOURS[j % len(AXIS_COLOURS)], own.sensitivity
@@ -82,7 +82,7 @@ def save_sensitivity(margins: Margins, path: str | Path) -> Path:
     """
     path = Path(path)
     check_format(path)
-    figure = new_figure(9.0, 4.4)
+    figure = new_figure(9.0, 3.4)
     plot_sensitivity(margins, figure.add_subplot())
     save_figure(figure, path)
     return path

@@ -39,6 +39,8 @@ SECONDS = 0.06
 """Length of the stretch that is drawn, where nothing else is asked for."""
 FEWEST = 100
 """Samples of a stretch at least."""
+LABELLED = 1.45
+"""Width that a label of the legend takes [inch]."""
 
 
 def plot_comparison(
@@ -48,7 +50,7 @@ def plot_comparison(
     ax: Sequence[Axes] | None = None,
     *,
     stretch: tuple[float, float] | None = None,
-    before: Model | None = None,
+    before: Model | Comparison | None = None,
 ) -> NDArray[np.object_]:
     """Draw a readable stretch of one channel: measured and simulated, and the residual with the noise below it.
 
@@ -65,7 +67,7 @@ def plot_comparison(
         For the signals and for the residual.
     stretch : tuple of float, optional
         From and to [s]; default: `worst_stretch`, of the model before where there is one.
-    before : Model, optional
+    before : Model or Comparison, optional
         Drawn beside, such as the model without an effect; both residuals have one scale.
 
     Returns
@@ -83,10 +85,10 @@ def plot_comparison(
     k = _column(one, channel)
     row = one.channels[k]
     if isinstance(one.record, FrequencyResponse):
-        told = frequency_responses(comparison, record, [] if before is None else [before])
+        told = frequency_responses(comparison, record, [] if before is None else [_model(before)])
         inlet = one.record.inputs[int(np.argmax(np.nansum(told.left(-1)[:, k], axis=0)))]
         return plot_frequency_response(told, row.channel, inlet, ax=ax)
-    earlier = None if before is None else comparison.of(before)
+    earlier = comparison.of(before) if isinstance(before, Model) else before
     worst = stretch or worst_stretch(earlier or comparison, record, row.channel)
     span = _span(one.record, worst)
     above, below = new_figure(9.0, 4.2).subplots(2, 1, sharex=True, height_ratios=[3, 1.4]) if ax is None else ax
@@ -169,7 +171,7 @@ def draw_record(
         return draw_responses(frequency_responses(comparison, record, [] if before is None else [before]), title)
     axes, signals = one.record.axes, sorted({c.channel.split(".")[0] for c in one.channels}, reverse=True)
     earlier = comparison if before is None else comparison.of(before)
-    worst = one.channels[_column(earlier.records[record], None)].channel
+    worst = earlier.records[record].worst.channel
     chosen = stretch or worst_stretch(earlier, record)
     title += f"\n{_which(one.record, chosen, worst if stretch is None else '')}"
     figure = new_figure(6.2 * len(signals), 2.6 * len(axes) + 0.8)
@@ -191,7 +193,8 @@ def draw_record(
 def legend(figure: Figure | SubFigure, above: Axes, below: Axes) -> None:
     """One legend for a picture of `plot_comparison`, outside of it."""
     handles = [*above.get_legend_handles_labels()[0], *below.get_legend_handles_labels()[0]]
-    figure.legend(handles=handles, loc="outside upper right", ncols=4, fontsize=SMALL, frameon=False)
+    across = max(3, int(figure.bbox.width / figure.dpi / LABELLED))
+    figure.legend(handles=handles, loc="outside upper right", ncols=across, fontsize=SMALL, frameon=False)
 
 
 def save_comparison(
@@ -246,11 +249,14 @@ def _record(comparison: Comparison, record: int) -> RecordComparison:
     return comparison.records[record]
 
 
+def _model(of: Model | Comparison) -> Model:
+    return of.model if isinstance(of, Comparison) else of
+
+
 def _column(one: RecordComparison, channel: str | None) -> int:
     names = [c.channel for c in one.channels]
     if channel is None:
-        parts = [c.residual_rms / c.noise_rms if c.noise_rms > 0.0 else c.residual_rms for c in one.channels]
-        return int(np.argmax(parts))
+        channel = one.worst.channel
     if channel not in names:
         raise InputError(f"{one.record.name}: no channel {channel}; it has {', '.join(names)}")
     return names.index(channel)

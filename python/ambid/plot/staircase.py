@@ -44,7 +44,7 @@ def plot_staircase(diagnosis: Diagnosis, ax: Sequence[Axes] | None = None) -> ND
     steps = diagnosis.history
     if not steps:
         raise InputError(f"no staircase to draw: the diagnosis ended in {diagnosis.verdict} before its first step")
-    left, right = new_figure(9.0, 4.0).subplots(1, 2, width_ratios=[1.15, 1.0]) if ax is None else ax
+    left, right = new_figure(9.0, 3.4).subplots(1, 2, width_ratios=[1.15, 1.0]) if ax is None else ax
     known = np.array(
         [[s.misfit for s in steps], [np.nan if s.validation_misfit is None else s.validation_misfit for s in steps]],
         dtype=float,

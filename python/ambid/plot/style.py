@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ambid.errors import InputError, printable
+from ambid.symbols import in_picture
 from ambid.writing import whole_file
 
 if TYPE_CHECKING:
@@ -59,24 +60,29 @@ def plain_log(axis: Axis) -> None:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """A figure of its own, not pyplot's, that draws every text as it is; `width` and `height` in inches."""
+    """A figure of its own, not pyplot's, that sets symbols in its texts; `width` and `height` in inches."""
     from matplotlib.figure import Figure
     from matplotlib.text import Text
     from matplotlib.ticker import LogFormatter
 
     class Literal(Figure):
-        """Texts carry names of files: a ``$`` in one begins no formula, and a control character no damage."""
+        """Symbols have subscripts; in names of files a ``$`` begins no formula, and a control character no damage."""
 
         def draw(self, renderer: Any) -> None:
             axes = [axis for ax in self.axes for axis in (ax.xaxis, ax.yaxis)]
             logarithmic = [axis for axis in axes if isinstance(axis.get_major_formatter(), LogFormatter)]
             powers = {text for axis in logarithmic for text in axis.get_ticklabels(which="both")}
             for text in set(self.findobj(Text)) - powers:
-                text.set_parse_math(False)
-                text.set_text(printable(text.get_text()))
+                # at the moment it is drawn: labels of ticks are written anew with every drawing
+                text._preprocess_math = _set_line  # type: ignore[attr-defined]
             super().draw(renderer)
 
     return Literal(figsize=(width, height), layout="constrained")
+
+
+def _set_line(line: str) -> tuple[str, bool]:
+    """A line as it is drawn, and whether it holds formulas."""
+    return in_picture(printable(line))
 
 
 def dress(ax: Axes, *, title: str = "", x: str = "", y: str = "", grid: str | None = "both") -> None:

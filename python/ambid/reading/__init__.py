@@ -2,6 +2,7 @@
 
 from ambid.reading.guard import reading
 from ambid.reading.matlab import load_mat, variables_of
+from ambid.reading.provenance import Provenance, watched
 from ambid.reading.sizes import MOST_COLUMNS, require_size
 
-__all__ = ["MOST_COLUMNS", "load_mat", "reading", "require_size", "variables_of"]
+__all__ = ["MOST_COLUMNS", "Provenance", "load_mat", "reading", "require_size", "variables_of", "watched"]

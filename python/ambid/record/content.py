@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambid.reading import Provenance
+
 __all__ = ["Content", "Stored"]
 
 
@@ -57,6 +59,8 @@ class Content:
         False where the columns have no names and are called 1, 2, ...
     notes : list of str
         What was left aside.
+    provenance : Provenance, optional
+        Of the file.
     """
 
     arrays: dict[str, Any]
@@ -65,3 +69,4 @@ class Content:
     sample_rate: float | None = None
     has_names: bool = True
     notes: list[str] = field(default_factory=list)
+    provenance: Provenance | None = None

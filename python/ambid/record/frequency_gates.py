@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
@@ -14,6 +15,8 @@ LARGEST_TRAVEL = 1e3
 """Air gaps that the bias current of a bearing may move y by, by the response; a weakly damped mode moves some ten."""
 FEWEST = 2
 """Frequencies of a response."""
+TOGETHER = 1024
+"""Frequencies whose covariances are looked at together: of 32 pairs they are 16 MB."""
 
 
 def require_names(where: str, outputs: Sequence[str], inputs: Sequence[str], rig: Rig | None) -> None:
@@ -77,19 +80,38 @@ def require_covariance(
     where: str, frequency_hz: FloatArray, response: ComplexArray, covariance: ComplexArray | None, pairs: Sequence[str]
 ) -> FloatArray:
     """Refuse a covariance that is none, of the pairs that were measured; returns the std, shape of the response."""
-    values, flat = np.asarray(covariance), response.reshape(len(response), -1)
-    std = np.full(flat.shape, np.nan)
-    for k, own in enumerate(values):
-        kept = np.isfinite(flat[k])
-        inner = own[np.ix_(kept, kept)]
-        is_one = np.isfinite(inner).all() and np.allclose(inner, inner.conj().T, rtol=1e-6, atol=0.0)
-        if not is_one or (np.linalg.eigvalsh(inner) <= 0.0).any():
+    values, known = np.asarray(covariance), np.isfinite(response.reshape(len(response), -1))
+    std = np.full(known.shape, np.nan)
+    for rows, kept in known_alike(known):
+        inner = values[np.ix_(rows, kept, kept)]
+        wrong = np.flatnonzero(~_is_covariance(inner))
+        if len(wrong):
             raise RecordError(
-                f"{where}: covariance at {frequency_hz[k]:g} Hz is none of the errors of {len(pairs)} pairs: expected "
-                "Hermitian and positive; leave it out, or give std"
+                f"{where}: covariance at {frequency_hz[rows[wrong[0]]]:g} Hz is none of the errors of {len(pairs)} "
+                "pairs: expected Hermitian and positive; leave it out, or give std"
             )
-        std[k, kept] = np.sqrt(np.diag(inner).real)
+        std[np.ix_(rows, kept)] = np.sqrt(np.diagonal(inner, axis1=1, axis2=2).real)
     return std.reshape(response.shape)
+
+
+def known_alike(known: NDArray[np.bool_]) -> Iterator[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """Frequencies at which the same pairs were measured, `TOGETHER` at a time, and which pairs these are."""
+    for kept in known[:1] if (known == known[0]).all() else np.unique(known, axis=0):
+        rows = np.flatnonzero((known == kept).all(axis=1))
+        for some in np.array_split(rows, -(-len(rows) // TOGETHER)):
+            yield some, np.flatnonzero(kept)
+
+
+def _is_covariance(values: ComplexArray) -> NDArray[np.bool_]:
+    """Which matrices are finite, Hermitian and positive."""
+    turned = values.conj().swapaxes(1, 2)
+    is_even = (np.abs(values - turned) <= 1e-6 * np.abs(turned)).all(axis=(1, 2))
+    found: NDArray[np.bool_] = np.asarray(is_even & np.isfinite(values).all(axis=(1, 2)))
+    try:
+        np.linalg.cholesky(values[found])
+    except np.linalg.LinAlgError:
+        found[found] = (np.linalg.eigvalsh(values[found]) > 0.0).all(axis=1)
+    return found
 
 
 def require_si_units(

@@ -11,7 +11,7 @@ import numpy as np
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
-from ambid.reading import reading, variables_of
+from ambid.reading import Provenance, reading, variables_of, watched
 from ambid.record.channel_map import ChannelMap
 from ambid.record.readers import extra, flatten_cells, opened, require_content
 
@@ -40,6 +40,7 @@ class RawResponse:
     averages: float | None = None
     covariance: ComplexArray | None = None
     notes: list[str] = field(default_factory=list)
+    provenance: Provenance | None = None
 
     def mapped(self, path: Path, mapping: ChannelMap) -> RawResponse:
         """The same with the names and units of a map; channels that it does not name are left out, with a note.
@@ -75,6 +76,7 @@ class RawResponse:
             coherence=None if self.coherence is None else self.coherence[chosen],
             covariance=covariance,
             notes=[*self.notes, *([f"channels not used: {', '.join(unused)}"] if unused else [])],
+            provenance=self.provenance,
         )
 
 
@@ -111,11 +113,9 @@ def read_response(path: Path) -> RawResponse:
             f"{', '.join(UNIVERSAL)}"
         )
     require_content(path)
-    if suffix == ".csv":
-        return _from_csv(path)
-    if suffix == ".mat":
-        return _from_mat(path)
-    return _from_universal(path)
+    reader = {".csv": _from_csv, ".mat": _from_mat}.get(suffix, _from_universal)
+    with reading(path, RecordError, f"a readable {suffix} file", "save it again"), watched(path, RecordError) as found:
+        return replace(reader(path), provenance=found)
 
 
 def _from_csv(path: Path) -> RawResponse:

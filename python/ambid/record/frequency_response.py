@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
+from ambid.reading import Provenance
 from ambid.record.channel_map import ChannelMap
 from ambid.record.frequency_gates import (
     require_covariance,
@@ -55,6 +56,8 @@ class FrequencyResponse:
         Every warning, and where the std is from.
     path : Path or None
         File that it came from.
+    provenance : Provenance or None
+        Size and hash of what was read of it.
     point : Rig or None
         Rig of the operating point that it was measured at, where that is another one than the model's; see `at`.
 
@@ -73,6 +76,7 @@ class FrequencyResponse:
     covariance: ComplexArray | None = None
     notes: tuple[str, ...] = ()
     path: Path | None = None
+    provenance: Provenance | None = None
     point: Rig | None = None
 
     def __post_init__(self) -> None:
@@ -85,7 +89,9 @@ class FrequencyResponse:
             if getattr(self, name) is None:
                 continue
             kind = np.complex128 if name in ("response", "covariance") else np.float64
-            array = np.array(getattr(self, name), dtype=kind, order="C")
+            array = np.asarray(getattr(self, name), dtype=kind, order="C")
+            if array.flags.writeable or array.base is not None:  # else nobody can change it
+                array = array.copy()
             if array.shape != shape:
                 raise RecordError(
                     f"{self.path or self.name}: {name} has the shape {array.shape}; {count} frequencies, "
@@ -143,6 +149,7 @@ class FrequencyResponse:
             name=path.stem,
             notes=raw.notes,
             path=path,
+            provenance=raw.provenance,
         )
 
     @classmethod
@@ -161,12 +168,13 @@ class FrequencyResponse:
         name: str = "frequency response",
         notes: Sequence[str] = (),
         path: Path | None = None,
+        provenance: Provenance | None = None,
     ) -> FrequencyResponse:
         """Make it from arrays in SI units, with the same checks as `load`.
 
         Parameters
         ----------
-        frequency_hz, response, outputs, inputs, covariance, name, notes, path
+        frequency_hz, response, outputs, inputs, covariance, name, notes, path, provenance
             As the attributes.
         std : array_like, shape (F, outputs, inputs), optional
             NaN throughout for pairs whose std is not known: there it is taken from the coherence or, without one, from
@@ -186,7 +194,9 @@ class FrequencyResponse:
         f = np.asarray(frequency_hz, dtype=np.float64)
         shape = (len(np.atleast_1d(f)), len(outputs), len(inputs))
         unknown = np.full(shape, np.nan)
-        own = cls(name, f, h, unknown, tuple(outputs), tuple(inputs), notes=tuple(notes), path=path)
+        own = cls(
+            name, f, h, unknown, tuple(outputs), tuple(inputs), notes=tuple(notes), path=path, provenance=provenance
+        )
         require_names(where, own.outputs, own.inputs, rig)
         require_frequencies(where, own.frequency_hz, rig)
         require_values(where, own.frequency_hz, own.response, own.pairs)

@@ -15,6 +15,7 @@ independent of each other if the lines are excited alike: so what the band tells
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,25 +24,10 @@ from scipy.fft import rfft
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
+from ambid.record.local_bands import DEGREE, FREE, NODES, Bands, fitted_bands, nodes
 
 __all__ = ["LocalResponse", "local_response"]
 
-DEGREE = 3
-"""Of the polynomials: beside two poles it leaves two numbers for what is further away."""
-ORDER = 2
-"""Of the polynomial that all responses may be divided by: two poles within reach of a band, such as those of a mode."""
-ROUNDS = 4
-"""So often is that polynomial found anew, weighted by the one before."""
-STEPS = 3
-"""Steps of Gauss and Newton from there to the least squares, of which the covariance is: beside a mode that is narrower
-than the lines are apart the error had twice its variance without."""
-SHARPER = 50.0
-"""Fall of the whitened sum of squares from which on a band takes such a polynomial: where there is nothing but noise
-two poles are free to be anywhere, and bring that much in one of a hundred bands."""
-FREE = 10
-"""Lines of a band beyond the numbers that are fitted to them: so many degrees of freedom tell its noise."""
-NODES = np.polynomial.legendre.leggauss(DEGREE + 1)[0]
-"""Gauss's points, in half widths of a band."""
 LOWEST = 3.0
 """By so much the variance of the lowest frequency is raised: towards zero a loop has more poles than a band can follow,
 and on a two-bearing bench the error there was three times the variance in the mean of 24 records."""
@@ -106,171 +92,62 @@ def local_response(
             f"{where}: {len(index)} excited lines, at least {width} are needed for {u.shape[1]} excited axes; excite "
             "with a longer period, or one axis after the other"
         )
-    bands = [_band(u[rows], z[rows]) for rows in np.array_split(np.arange(len(index)), count)]
-    place = np.concatenate([own[_nodes(len(own))] for own in np.array_split(index, count)])
-    noise = _noise(bands)
-    response = np.concatenate([band.response for band in bands])
-    covariance = np.concatenate(
-        [
-            np.einsum("ab,kij->kaibj", own, band.spread).reshape(len(NODES), band.response[0].size, -1)
-            + band.shared @ band.shared.conj().transpose(0, 2, 1)
-            for own, band in zip(noise, bands, strict=True)
-        ]
-    )
+    length, longer = divmod(len(index), count)
+    split = longer * (length + 1)  # so many lines are in bands that are longer by one
+    groups = [
+        (
+            rows.reshape(-1, size),
+            fitted_bands(u[rows].reshape(-1, size, u.shape[1]), z[rows].reshape(-1, size, z.shape[1])),
+        )
+        for rows, size in ((np.arange(split), length + 1), (np.arange(split, len(index)), length))
+        if len(rows)
+    ]
+    place = np.concatenate([index[rows[:, nodes(rows.shape[1])]].ravel() for rows, _ in groups])
+    response = np.concatenate([bands.response for _, bands in groups]).reshape(-1, z.shape[1], u.shape[1])
+    covariance = _covariance([bands for _, bands in groups])
     covariance[0] *= LOWEST
     return LocalResponse(place * sample_rate / samples, response, covariance, excited)
 
 
-class _Band(NamedTuple):
-    """A band of lines.
-
-    Attributes
-    ----------
-    response : ndarray, shape (nodes, channels, inputs)
-    spread : ndarray, shape (nodes, inputs, inputs)
-        Variance of the response of a channel, by the power of its noise.
-    shared : ndarray, shape (nodes, channels * inputs, orders)
-        What errors of the common poles make of all pairs: columns of a root of their covariance.
-    left : ndarray, shape (lines, channels)
-        What is no such response.
-    free : float
-        Degrees of freedom of a channel of it.
-    """
-
-    response: ComplexArray
-    spread: ComplexArray
-    shared: ComplexArray
-    left: ComplexArray
-    free: float
+def _covariance(groups: Sequence[Bands]) -> ComplexArray:
+    """Of the errors of all pairs at every node, (bands * nodes, pairs, pairs)."""
+    noise = _noise(groups)
+    count, channels, inputs = len(noise), noise.shape[1], groups[0].spread.shape[2]
+    pairs = channels * inputs
+    found = np.empty((count * len(NODES), pairs, pairs), dtype=complex)
+    apart = found.reshape(count, len(NODES), channels, inputs, channels, inputs)
+    first = 0
+    for bands in groups:
+        end = first + len(bands.free)
+        spread = bands.spread[:, :, None, :, None, :]
+        np.multiply(noise[first:end, None, :, None, :, None], spread, out=apart[first:end])
+        for k, shared in bands.shared.items():
+            rows = slice((first + k) * len(NODES), (first + k + 1) * len(NODES))
+            found[rows] += shared @ shared.conj().transpose(0, 2, 1)
+        first = end
+    return found
 
 
-def _band(u: ComplexArray, z: ComplexArray) -> _Band:
-    """Polynomials, or, where that explains more than chance would, polynomials over one that all pairs share."""
-    inputs, x = u.shape[1], np.linspace(-1.0, 1.0, len(u))
-    nodes = x[_nodes(len(u))]
-    driving: ComplexArray = np.column_stack([u, np.ones(len(u))])
-    table = np.asarray(driving[:, :, None] * _powers(x)[:, None, :]).reshape(len(u), -1)
-    plain = _fitted(table, z)
-    poles, left = _common_poles(table, z, x, plain.left)
-    free = len(u) - table.shape[1]
-    power = np.sum(np.abs(left) ** 2, axis=0) / free
-    fall = 2.0 * float(np.sum(np.sum(np.abs(plain.left) ** 2, axis=0) / power)) - 2.0 * free * z.shape[1]
-    has_poles = fall > SHARPER
-    poles = poles[: ORDER * has_poles]
-    fit = _fitted(table / _below(x, poles)[:, None], z)
-    for _ in range(STEPS if has_poles else 0):
-        own, _ = _by_poles(table, z, x, poles, fit)
-        own = own / np.sqrt(power)
-        information = np.einsum("lkc,lmc->km", own.conj(), own)
-        step = np.linalg.solve(information, np.einsum("lkc,lc->k", own.conj(), fit.left / np.sqrt(power)))
-        closer = _fitted(table / _below(x, poles + step)[:, None], z)
-        if not np.linalg.norm(closer.left / np.sqrt(power)) < np.linalg.norm(fit.left / np.sqrt(power)):
-            break
-        poles, fit = poles + step, closer
-    below_nodes = _below(nodes, poles)
-    # values at the nodes: of each input its polynomial, nothing of the transient
-    told = np.zeros((len(NODES), inputs, inputs + 1, DEGREE + 1), dtype=complex)
-    for j in range(inputs):
-        told[:, j, j] = _powers(nodes) / below_nodes[:, None]
-    told = told.reshape(len(NODES), inputs, -1)
-    spread = told @ (fit.inverse @ fit.inverse.conj().T) @ told.conj().transpose(0, 2, 1)
-    response = (told @ fit.numbers).transpose(0, 2, 1)
-    shared = np.zeros((len(NODES), response[0].size, len(poles)), dtype=complex)
-    if has_poles:
-        own, taken = _by_poles(table, z, x, poles, fit)
-        own = own / np.sqrt(power)
-        inverse = np.linalg.inv(np.einsum("lkc,lmc->km", own.conj(), own))
-        # channels go together, lines do not
-        pull = np.einsum("lkc,lc->lk", own.conj(), fit.left / np.sqrt(power))
-        meat = pull.T @ pull.conj() * len(u) / free
-        values, vectors = np.linalg.eigh(inverse @ meat @ inverse)
-        root = vectors * np.sqrt(np.maximum(values, 0.0))
-        direct = -(_powers(nodes, ORDER + 1)[:, 1:] / below_nodes[:, None])[:, None, None, :] * response[..., None]
-        moved = direct - np.einsum("njq,qkc->ncjk", told, taken)
-        shared = moved.reshape(len(NODES), -1, ORDER) @ root
-    return _Band(response, spread, shared, fit.left, free - len(poles) / z.shape[1])
-
-
-def _below(x: FloatArray, poles: ComplexArray) -> ComplexArray:
-    """The polynomial under all responses."""
-    return np.asarray(1.0 + _powers(x, ORDER + 1)[:, 1 : 1 + len(poles)] @ poles)
-
-
-def _by_poles(
-    table: ComplexArray, z: ComplexArray, x: FloatArray, poles: ComplexArray, fit: _Fit
-) -> tuple[ComplexArray, ComplexArray]:
-    """Derivative of what is fitted by the coefficients below, (lines, orders, channels), and what the numbers take."""
-    below = _below(x, poles)
-    bent = -(_powers(x, ORDER + 1)[:, 1:] / below[:, None])[:, :, None] * (z - fit.left)[:, None, :]
-    taken = np.einsum("ql,lkc->qkc", fit.inverse, bent)
-    return bent - np.einsum("lq,qkc->lkc", table / below[:, None], taken), taken
-
-
-class _Fit(NamedTuple):
-    numbers: ComplexArray
-    inverse: ComplexArray
-    left: ComplexArray
-
-
-def _fitted(table: ComplexArray, z: ComplexArray) -> _Fit:
-    size = np.linalg.norm(table, axis=0)
-    inverse = np.linalg.pinv(table / size, rcond=1e-8) / size[:, None]
-    numbers = inverse @ z
-    return _Fit(numbers, inverse, z - table @ numbers)
-
-
-def _powers(x: FloatArray, count: int = DEGREE + 1) -> FloatArray:
-    return np.vander(x, count, increasing=True)
-
-
-def _common_poles(
-    table: ComplexArray, z: ComplexArray, x: FloatArray, left: ComplexArray
-) -> tuple[ComplexArray, ComplexArray]:
-    """Coefficients of the polynomial under all responses, from the first power on, and what is left with it.
-
-    Found by linear least squares, again and again, each time weighted by the polynomial found before (Sanathanan and
-    Koerner, IEEE Trans. Autom. Control 8 (1963) 56).
-    """
-    poles, below = np.zeros(ORDER, dtype=complex), np.ones(len(x), dtype=complex)
-    for _ in range(ROUNDS):
-        noise = np.sqrt(np.mean(np.abs(left) ** 2, axis=0))
-        basis, _ = np.linalg.qr(table / below[:, None])
-        even = z / below[:, None] / noise
-        columns = _powers(x, ORDER + 1)[:, 1:, None] * even[:, None, :]
-        columns = columns - np.einsum("lq,qkc->lkc", basis, np.einsum("lq,lkc->qkc", basis.conj(), columns))
-        even = even - basis @ (basis.conj().T @ even)
-        flat = columns.transpose(0, 2, 1).reshape(-1, ORDER)
-        poles = -np.linalg.lstsq(flat, even.ravel(), rcond=1e-10)[0]
-        below = 1.0 + _powers(x, ORDER + 1)[:, 1:] @ poles
-        left = _fitted(table / below[:, None], z).left
-    return poles, left
-
-
-def _nodes(count: int) -> NDArray[np.intp]:
-    """Which lines of a band are nearest to Gauss's points."""
-    return np.rint(0.5 * (count - 1) * (1.0 + NODES)).astype(np.intp)
-
-
-def _noise(bands: list[_Band]) -> ComplexArray:
+def _noise(groups: Sequence[Bands]) -> ComplexArray:
     """Covariance of the noise of every band, (bands, channels, channels).
 
     The power of each channel is that of the band, with what of the response is no polynomial; how the channels go
     together is taken from bands around. It is raised by nu / (nu - 1) for the nu degrees of freedom of a power, and by
     n / (n - p) for the n of the correlations of p channels, so that the mean square of what is whitened by it is 1.
     """
-    powers, scaled = [], []
-    for band in bands:
-        power = np.sum(np.abs(band.left) ** 2, axis=0) / band.free
-        powers.append(power * band.free / (band.free - 1.0))
-        scaled.append(band.left / np.sqrt(np.maximum(power, 1e-300)))
-    found = []
-    for k, power in enumerate(powers):
-        first = min(max(k - AROUND, 0), max(len(bands) - 2 * AROUND - 1, 0))
-        near = np.concatenate(scaled[first : first + 2 * AROUND + 1])
-        together = near.T @ near.conj()
-        size = np.sqrt(np.diag(together).real)
-        root = np.sqrt(power)
-        free = sum(band.free for band in bands[first : first + 2 * AROUND + 1])
-        raised = free / max(free - len(root), 1.0)
-        found.append(raised * together / np.outer(size, size) * np.outer(root, root))
-    return np.array(found)
+    powers, products = [], []
+    for bands in groups:
+        power = np.sum(np.abs(bands.left) ** 2, axis=1) / bands.free[:, None]
+        scaled = bands.left / np.sqrt(np.maximum(power, 1e-300))[:, None]
+        powers.append(power * (bands.free / (bands.free - 1.0))[:, None])
+        products.append(scaled.swapaxes(1, 2) @ scaled.conj())
+    root, product = np.sqrt(np.concatenate(powers)), np.concatenate(products)
+    free, channels = np.concatenate([bands.free for bands in groups]), root.shape[1]
+    near = min(2 * AROUND + 1, len(free))
+    first = np.clip(np.arange(len(free)) - AROUND, 0, len(free) - near)
+    together = sum(product[first + k] for k in range(near))
+    size = np.sqrt(np.diagonal(together, axis1=1, axis2=2).real)
+    degrees = np.sum([free[first + k] for k in range(near)], axis=0)
+    raised = degrees / np.maximum(degrees - channels, 1.0)
+    scale = root / size
+    return np.asarray(raised[:, None, None] * together * scale[:, :, None] * scale[:, None, :])

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.errors import InputError, RecordError
-from ambid.reading import MOST_COLUMNS, load_mat, reading, require_size, variables_of
+from ambid.reading import MOST_COLUMNS, load_mat, reading, require_size, variables_of, watched
 from ambid.record.content import Content, Stored
 from ambid.record.hdf5 import read_hdf5
 
@@ -43,8 +43,13 @@ def opened(path: Path) -> Iterator[Content]:
     require_content(path)
     suffix = path.suffix.lower()
     what = f"a readable {_CALLED.get(suffix, suffix)} file"
-    with reading(path, RecordError, what, "save it again"), reader(path) as content:
+    with (
+        reading(path, RecordError, what, "save it again"),
+        watched(path, RecordError) as provenance,
+        reader(path) as content,
+    ):
         require_columns(path, len(content.arrays))
+        content.provenance = provenance
         yield content
 
 

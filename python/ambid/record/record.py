@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambid.errors import RecordError
+from ambid.reading import Provenance
 from ambid.record import checks
 from ambid.record.channel_map import ChannelMap
 from ambid.record.driven import driven
@@ -62,6 +63,8 @@ class Record:
         Every warning and repair.
     path : Path or None
         File that it came from.
+    provenance : Provenance or None
+        Size and hash of what was read of it.
     point : Rig or None
         Rig of the operating point that it was recorded at, where that is another one than the model's; see `at`.
 
@@ -82,6 +85,7 @@ class Record:
     period: int | None = None
     notes: tuple[str, ...] = ()
     path: Path | None = None
+    provenance: Provenance | None = None
     point: Rig | None = None
 
     def __post_init__(self) -> None:
@@ -173,6 +177,7 @@ class Record:
             name=path.stem.encode("utf-8", "surrogateescape").decode("utf-8", "replace"),  # where LANG=C
             notes=(*notes, *more),
             path=path,
+            provenance=content.provenance,
             allow=allow,
         )
 
@@ -192,6 +197,7 @@ class Record:
         name: str = "record",
         notes: Sequence[str] = (),
         path: Path | None = None,
+        provenance: Provenance | None = None,
         allow: Collection[str] = (),
     ) -> Record:
         """Make a record from arrays (N, n) in SI units, with the same checks as `load`.
@@ -217,6 +223,7 @@ class Record:
             period=period,
             notes=tuple(notes),
             path=path,
+            provenance=provenance,
         )
         checks.require_length(where, record.samples, period)
         checks.require_finite(where, record._columns())
@@ -366,15 +373,19 @@ class Record:
         inputs = [name for name, is_excited in zip(names, found.excited, strict=True) if is_excited]
         sizes = sizes[found.excited]
         of_pairs = np.tile(sizes, len(self.channels))
+        covariance = found.covariance
+        covariance /= np.outer(of_pairs, of_pairs)
+        covariance.flags.writeable = False  # of a long record it is large, and need not be copied
         made = FrequencyResponse.from_arrays(
             found.frequency_hz,
             found.response / sizes,
             outputs=self.channels,
             inputs=inputs,
-            covariance=found.covariance / np.outer(of_pairs, of_pairs),
+            covariance=covariance,
             name=self.name,
             notes=self.notes,
             path=self.path,
+            provenance=self.provenance,
         )
         return replace(made, point=self.point)
 

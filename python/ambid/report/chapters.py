@@ -15,6 +15,7 @@ from ambid.effects import Effect
 from ambid.errors import RecordError
 from ambid.model.parameter import nominal
 from ambid.report import numbers, pictures, words
+from ambid.report.before_after import DRAWN, before_and_after
 from ambid.report.files import files_of
 from ambid.report.numbering import Numbering
 from ambid.report.standing import standing
@@ -48,8 +49,8 @@ def story(diagnosis: Diagnosis) -> dict[str, Any]:
         "fits": [],
         "choices": [],
         "invisible": [],
-        "signals": [],
-        "responses": None,
+        "shown": [],
+        "drawn": DRAWN,
         "where": None,
         "rankings": [],
         "ledger": None,
@@ -67,7 +68,6 @@ def _chapters(diagnosis: Diagnosis) -> dict[str, Any]:
         validation = (first.validation_misfit, last.validation_misfit)
     base, is_moved = numbers.base_model(diagnosis), last is not first
     before = compare(base, diagnosis.records) if diagnosis.fit is None else diagnosis.fit.of(base)
-    after = diagnosis.fit if is_moved else None
     where, missing = diagnosis.localisation, diagnosis.verdict != "adequate"
     said = where.sentence() if where is not None and missing else ""
     changes = moved(first.model, diagnosis.model, numbers.standard_errors(diagnosis)) if is_moved else ()
@@ -78,8 +78,7 @@ def _chapters(diagnosis: Diagnosis) -> dict[str, Any]:
         "fits": _fits(diagnosis, first, last),
         "choices": [_choices(names, diagnosis.history, base.rig) for names in diagnosis.ambiguous_sets],
         "invisible": [] if missing else _invisible(first.ranking, base.rig),
-        "signals": list(pictures.before_and_after(before, after)),
-        "responses": pictures.responses(before, after),
+        "shown": before_and_after(diagnosis, before, is_moved),
         "where": None if where is None else _where(diagnosis, where, before, said, missing),
         "rankings": _rankings(diagnosis, last, base.rig),
         "ledger": _ledger(diagnosis) if len(diagnosis.history) > 1 else None,

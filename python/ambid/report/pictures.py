@@ -29,6 +29,7 @@ from ambid.plot import (
 )
 from ambid.plot.needed import HALF, SEEN
 from ambid.plot.responses import legend
+from ambid.plot.signals import legend as signal_legend
 from ambid.plot.style import new_figure
 from ambid.record import FrequencyResponse
 from ambid.robustness import Margins, PoleMap
@@ -165,34 +166,40 @@ def needed(where: Localisation, axes: tuple[str, ...]) -> Picture | None:
     )
 
 
-def before_and_after(before: Comparison, after: Comparison | None) -> Iterator[Picture]:
-    """Measured against simulated in time, of the record, displacement and current that the base model missed most."""
-    index = _worst(before)
-    record, rows = before.records[index].record, before.records[index].channels
-    if isinstance(record, FrequencyResponse):
-        return
-    for signal in ("y.", "i_c."):
-        own = [c for c in rows if c.channel.startswith(signal)]
-        if not own:
-            continue
-        channel = max(own, key=lambda c: c.residual_rms / c.noise_rms if c.noise_rms > 0.0 else c.residual_rms).channel
-        stretch = worst_stretch(before, index, channel)
-        where = "the stretch of one period where the base model misses most"
-        caption = f"{channel} of {record.name}, in {where}; the residual below, with the band of the noise."
-        if after is None:
-            shown = plot_comparison(before, index, channel, stretch=stretch)
-        else:
-            shown = plot_comparison(after, index, channel, stretch=stretch, before=before.model)
-            caption += " Both residuals are on one scale."
-        yield as_picture(shown[0].figure, caption)
+def signals(before: Comparison, after: Comparison | None, index: int) -> Picture | None:
+    """Measured against simulated in time, of the displacement and the current that the base model missed most.
+
+    None of a frequency response, which has no time.
+    """
+    one = before.records[index]
+    if isinstance(one.record, FrequencyResponse):
+        return None
+    groups = [[c for c in one.channels if c.channel.startswith(signal)] for signal in ("y.", "i_c.")]
+    channels = [max(own, key=lambda c: c.beyond_noise).channel for own in groups if own]
+    figure = new_figure(PAGE, 2.8)
+    panels = figure.subplots(2, len(channels), sharex="col", squeeze=False, height_ratios=[3, 1.6])
+    for column, channel in zip(panels.T, channels, strict=True):
+        plot_comparison(
+            before if after is None else after,
+            index,
+            channel,
+            list(column),
+            stretch=worst_stretch(before, index, channel),
+            before=None if after is None else before,
+        )
+    signal_legend(figure, *panels[:, 0])
+    caption = (
+        f"{' and '.join(channels)} of {one.record.name}, in the stretch of one period where the base model misses most;"
+        " the residual below, with the band of the noise."
+    )
+    return as_picture(figure, caption if after is None else f"{caption} Both residuals are on one scale.")
 
 
-def responses(before: Comparison, after: Comparison | None) -> Picture | None:
-    """Frequency responses of the same record: of the displacement and of the current that the base model missed most.
+def responses(before: Comparison, after: Comparison | None, index: int) -> Picture | None:
+    """Frequency responses of a record: of the displacement and of the current that the base model missed most.
 
     None where the record is too short for them.
     """
-    index = _worst(before)
     try:
         told = frequency_responses(before if after is None else after, index, [] if after is None else [before.model])
     except RecordError:
@@ -204,7 +211,7 @@ def responses(before: Comparison, after: Comparison | None) -> Picture | None:
         if rows:
             o, i = np.unravel_index(int(np.nanargmax(missed[rows])), missed[rows].shape)
             pairs.append((told.measured.outputs[rows[o]], told.measured.inputs[i]))
-    figure = new_figure(PAGE, 5.2)
+    figure = new_figure(PAGE, 3.6)
     panels = figure.subplots(3, len(pairs), sharex=True, squeeze=False, height_ratios=[3, 1.4, 1.8])
     for column, pair in zip(panels.T, pairs, strict=True):
         plot_frequency_response(told, *pair, ax=list(column))
@@ -215,8 +222,3 @@ def responses(before: Comparison, after: Comparison | None) -> Picture | None:
         "model misses most: size with the noise of every measured value, phase, and what is left of them beside their "
         "standard deviation.",
     )
-
-
-def _worst(before: Comparison) -> int:
-    """The record that is missed most."""
-    return int(np.argmax([record.misfit for record in before.records]))

@@ -10,7 +10,7 @@ from ambid.diagnosis import Diagnosis
 from ambid.errors import InputError, printable
 from ambid.report.chapters import story
 from ambid.report.pdf import as_pdf, weasyprint
-from ambid.report.subscripts import with_subscripts
+from ambid.symbols import in_page
 from ambid.threads import with_one_blas_thread
 from ambid.writing import require_writable, whole_file
 
@@ -58,7 +58,7 @@ def write_report(diagnosis: Diagnosis, path: str | Path, *further: str | Path) -
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    page = printable(with_subscripts(environment.get_template("report.html").render(story(diagnosis))))
+    page = printable(in_page(environment.get_template("report.html").render(story(diagnosis))))
     for own in paths:
         content = as_pdf(page) if own.suffix.lower() == PDF else page.encode(errors="backslashreplace")
         with whole_file(own) as stream:

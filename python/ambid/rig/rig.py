@@ -1,5 +1,6 @@
 """The rig file: everything that is known about the machine before any record is read."""
 
+import io
 import os
 import tomllib
 from functools import cached_property
@@ -9,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, PrivateAttr, ValidationError, ValidationInfo, field_validator, model_validator
 
 from ambid.errors import RigError
-from ambid.reading import reading
+from ambid.reading import Provenance, reading
 from ambid.rig.controller import (
     SAMPLE_RATE,
     AnyController,
@@ -233,6 +234,7 @@ class Rig(Spec):
         description="a table [controller] with kind = 'pid', 'state_space' or 'transfer_function'"
     )
     _path: Path | None = PrivateAttr(None)
+    _provenance: Provenance | None = PrivateAttr(None)
 
     @field_validator("bearings")
     @classmethod
@@ -277,6 +279,11 @@ class Rig(Spec):
         return self._path
 
     @property
+    def provenance(self) -> Provenance | None:
+        """Size and hash of what was read of that file."""
+        return self._provenance
+
+    @property
     def axes(self) -> tuple[str, ...]:
         """Names of all axes in order, such as ("A_zeta", "A_eta", "B_zeta", "B_eta")."""
         return tuple(axis for bearing in self.bearings for axis in bearing.axis_names)
@@ -296,8 +303,9 @@ class Rig(Spec):
             If the file cannot be read, is not TOML, or holds a wrong key or value.
         """
         try:
-            with Path(path).open(encoding="utf-8") as file:
-                text = file.read(LONGEST_FILE + 1)
+            with Path(path).open("rb") as file:
+                content = file.read(4 * (LONGEST_FILE + 1))  # a character of UTF-8 has four bytes at most
+            text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8").read(LONGEST_FILE + 1)
         except FileNotFoundError:
             raise RigError(f"{path}: there is no such file; check the path of the rig file.") from None
         except OSError as error:
@@ -306,7 +314,9 @@ class Rig(Spec):
             raise RigError(f"{path}: not a text in UTF-8 ({error.reason}); give a rig file in TOML.") from None
         if len(text) > LONGEST_FILE:
             raise RigError(f"{path}: more than {LONGEST_FILE} characters; give a rig file, large matrices by `file`.")
-        return cls.from_toml(text, path)
+        rig = cls.from_toml(text, path)
+        rig._provenance = Provenance.of(content)
+        return rig
 
     @classmethod
     def from_toml(cls, text: str, path: str | os.PathLike[str] | None = None) -> "Rig":
@@ -360,7 +370,7 @@ class Rig(Spec):
             If a key is unknown, or the rig would be wrong.
         """
         rig = type(self)(**{key: getattr(self, key) for key in type(self).model_fields} | changes)
-        rig._path = self._path
+        rig._path, rig._provenance = self._path, self._provenance
         return rig
 
     def __eq__(self, other: object) -> bool:

@@ -2,9 +2,11 @@
 
 import { look, newest, page } from "./calls.js";
 import { chosen, recordOf } from "./choice.js";
+import { newCursor } from "./cursor.js";
 import { $, element, fresh, tell, text } from "./dom.js";
 
 const SETTLE_MS = 120;
+const told = {}, cursors = {};
 export const MEASURED = { color: "#9a9a9a", width: 4 }, SIMULATED = { color: "#a32a00", width: 1.4 };
 export const NOISE = { color: "#5b7fa6", dash: "dot", width: 1 }, SHADE = "rgba(140,175,215,.35)";
 export const LOG = { type: "log", exponentformat: "power", autorange: true };
@@ -27,7 +29,21 @@ export function overlayPanel(role) {
       element("label", {}, "from ", edge("from")), element("label", {}, "to ", edge("to")),
       element("button", { type: "button", onclick: () => { delete chosen.windows[role]; renew(role); } }, "Worst stretch"),
       element("button", { type: "button", onclick: () => zoomTo(role, 0, page.view.records[recordOf(role)].span) }, "Whole record")),
-    element("div", { className: "chart", id: `${role}-overlay`, role: "img", "aria-labelledby": `${role}-title` }));
+    element("div", { className: "chart", id: `${role}-overlay`, role: "img", "aria-labelledby": `${role}-title` }),
+    element("div", { className: "controls" }, element("label", { className: "grow" }, "cursor ", element("input", {
+      id: `${role}-cursor`, type: "range", min: 0, max: 0, step: 1, value: 0, disabled: true, oninput: (event) => cursors[role].step(event),
+    }))),
+    element("p", { className: "hint told", id: `${role}-read-out` }));
+}
+
+// A record each: their windows are apart, and so are their cursors.
+const newReader = (role) => newCursor({
+  slider: `${role}-cursor`, words: `${role}-read-out`, values: () => told[role].x, charts: () => [$(`${role}-overlay`)],
+  read: (at, nearest) => readOut(told[role], nearest(told[role].x, at)),
+});
+
+function readOut({ x, x_unit, unit, measured, simulated, residual }, k) {
+  return `${text(x[k], 6)} ${x_unit}: measured ${text(measured[k])} ${unit}, simulated ${text(simulated[k])} ${unit}; residual ${text(residual[k], 3)} ${unit}`;
 }
 
 const renew = (role) => fresh($(`${role}-overlay`), showOverlay(role));
@@ -68,6 +84,10 @@ export async function showOverlay(role) {
     yaxis2: { title: { text: `residual [${found.unit}]` }, domain: [0, 0.36], type: scale, zeroline: false, autorange: true },
   });
   if (!where.listens) listen(where, role);
+  told[role] = found;
+  cursors[role] ??= newReader(role);
+  cursors[role].follow(where);
+  cursors[role].offer();
 }
 
 function listen(where, role) {

@@ -3,13 +3,13 @@
 import { look, newest } from "./calls.js";
 import { chosen, offerInputs, recordOf, roles } from "./choice.js";
 import { draw, LOG, NOISE, SHADE, SIMULATED, widthOf } from "./charts.js";
+import { newCursor } from "./cursor.js";
 import { $, element, text } from "./dom.js";
 
 const BEFORE = { color: "#1f4e8c", width: 1.4, dash: "dash" }, GUIDE = { dash: "dot", color: "#555" };
 const STYLES = [SIMULATED, BEFORE];
 const SEEN = { symbol: "circle-open", size: 5, color: "#404040" }, LOST = { symbol: "circle", size: 3, color: "#8c8c8c" }, MARKS = ["circle-open", "x-thin-open"];
 const told = {};
-const lit = { frequency: null };
 
 const panel = (role, name) => element("div", { className: "panel" }, element("h3", { id: `${role}-${name}-title` }, role),
   element("p", { className: "hint", id: `${role}-${name}-why`, hidden: true }),
@@ -58,8 +58,8 @@ export async function showResponses(role) {
     yaxis2: { title: { text: "phase [°]" }, domain: [0.29, 0.47], range: [-200, 200], tickvals: [-180, 0, 180], zeroline: false },
     yaxis3: { ...LOG, title: { text: `left [${found.unit}]` }, domain: [0, 0.24] },
   });
-  follow(where);
-  offerCursor();
+  cursor.follow(where);
+  cursor.offer();
 }
 
 export async function showSpectrum(role) {
@@ -71,54 +71,25 @@ export async function showSpectrum(role) {
     showlegend: false, hovermode: "x", xaxis: frequencyAxis(), yaxis: { ...LOG, title: { text: "misfit" }, dtick: 1 },
     shapes: [{ type: "line", xref: "paper", x0: 0, x1: 1, y0: 1, y1: 1, line: GUIDE }, ...bandShape()],
   });
-  follow(where);
+  cursor.follow(where);
 }
 
 // ---- the cursor
 
-function follow(where) {
-  markCursor(where);
-  if (where.follows) return;
-  where.follows = true;
-  where.append(element("div", { className: "cursor", hidden: true }));
-  where.on("plotly_hover", (event) => light(event.points[0].x));
-  where.on("plotly_relayout", () => markCursor(where));
-}
-
 const frequencies = () => told[roles().find((role) => told[role])]?.frequency_hz ?? [];
 
-function offerCursor() {
-  $("cursor").max = Math.max(0, frequencies().length - 1);
-  $("cursor").disabled = !frequencies().length;
-  if (lit.frequency !== null) light(lit.frequency);
-}
-
-const nearest = (all, frequency) => all.reduce((best, own, k) => (Math.abs(Math.log(own / frequency)) < Math.abs(Math.log(all[best] / frequency)) ? k : best), 0);
-
 // One frequency in all charts, and in words.
-export function light(frequency) {
-  lit.frequency = frequency;
-  const read = roles().filter((role) => told[role]).map((role) => readOut(role, frequency)).join("\n");
-  $("cursor").value = nearest(frequencies(), frequency);
-  $("cursor").setAttribute("aria-valuetext", read);
-  $("read-out").textContent = read;
-  for (const where of document.querySelectorAll(".chart.responses, .chart.lines")) markCursor(where);
-}
+const cursor = newCursor({
+  slider: "cursor", words: "read-out", values: frequencies, scale: Math.log,
+  charts: () => document.querySelectorAll(".chart.responses, .chart.lines"),
+  read: (at, nearest) => roles().filter((role) => told[role]).map((role) => readOut(role, nearest(told[role].frequency_hz, at))).join("\n"),
+});
 
-function readOut(role, frequency) {
-  const own = told[role], k = nearest(own.frequency_hz, frequency), unit = own.unit;
+function readOut(role, k) {
+  const own = told[role], unit = own.unit;
   const models = own.models.map((model) => `${text(model.left[k], 3)} left ${model.name}`).join(", ");
   const phase = own.phase[k] === null ? "phase lost in noise" : `${text(own.phase[k], 3)}°`;
   return `${role}, ${text(own.frequency_hz[k], 4)} Hz: ${text(own.size[k], 3)} ${unit}, ${phase}; ${models}; noise ${text(own.noise[k], 2)} ${unit}`;
 }
 
-function markCursor(where) {
-  const mark = where.querySelector(".cursor"), axis = where._fullLayout?.xaxis;
-  if (!mark || !axis || lit.frequency === null) return;
-  const at = axis.d2p(lit.frequency), inside = at >= 0 && at <= axis._length;
-  mark.hidden = !inside;
-  const { t, b } = where._fullLayout._size;
-  Object.assign(mark.style, { left: `${axis._offset + at}px`, top: `${t}px`, bottom: `${b}px` });
-}
-
-$("cursor").oninput = (event) => light(frequencies()[+event.target.value]);
+$("cursor").oninput = cursor.step;
