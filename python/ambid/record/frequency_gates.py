@@ -12,6 +12,8 @@ from ambid.rig import Rig
 
 LARGEST_TRAVEL = 1e3
 """Air gaps that the bias current of a bearing may move y by, by the response; a weakly damped mode moves some ten."""
+HERMITIAN = 1e-6
+"""Part of the root of two variances by which the two halves of a covariance may differ: files round."""
 FEWEST = 2
 """Frequencies of a response."""
 
@@ -82,14 +84,27 @@ def require_covariance(
     for k, own in enumerate(values):
         kept = np.isfinite(flat[k])
         inner = own[np.ix_(kept, kept)]
-        is_one = np.isfinite(inner).all() and np.allclose(inner, inner.conj().T, rtol=1e-6, atol=0.0)
-        if not is_one or (np.linalg.eigvalsh(inner) <= 0.0).any():
+        size = np.sqrt(np.abs(np.diag(inner)))
+        # a correlation may be nothing by chance, and y and i_c have units far apart
+        correlation = inner / np.outer(size, size) if size.all() else np.full_like(inner, np.nan)
+        is_one = np.isfinite(inner).all() and np.allclose(correlation, correlation.conj().T, rtol=0.0, atol=HERMITIAN)
+        if not is_one or (np.linalg.eigvalsh(correlation) <= 0.0).any():
             raise RecordError(
                 f"{where}: covariance at {frequency_hz[k]:g} Hz is none of the errors of {len(pairs)} pairs: expected "
                 "Hermitian and positive; leave it out, or give std"
             )
         std[k, kept] = np.sqrt(np.diag(inner).real)
     return std.reshape(response.shape)
+
+
+def require_spread(where: str, spread: float | None, has_covariance: bool) -> None:
+    """Refuse a spread that is none, or of no covariance."""
+    if spread is None:
+        return
+    if not has_covariance:
+        raise RecordError(f"{where}: spread = {spread:g} without a covariance that it is of; give both or none")
+    if not 1.0 <= spread < np.inf:
+        raise RecordError(f"{where}: spread = {spread:g}; expected a finite number from 1 on; leave it out of a known covariance")
 
 
 def require_si_units(

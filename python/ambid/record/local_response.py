@@ -59,6 +59,8 @@ class LocalResponse(NamedTuple):
     frequency_hz : ndarray, shape (F,)
     response : ndarray, shape (F, channels, inputs)
     covariance : ndarray, shape (F, pairs, pairs)
+    spread : float
+        See `FrequencyResponse`; the mean over all bands.
     excited : ndarray of bool, shape (axes,)
         Which axes the inputs are.
     """
@@ -66,6 +68,7 @@ class LocalResponse(NamedTuple):
     frequency_hz: FloatArray
     response: ComplexArray
     covariance: ComplexArray
+    spread: float
     excited: NDArray[np.bool_]
 
 
@@ -108,7 +111,7 @@ def local_response(
         )
     bands = [_band(u[rows], z[rows]) for rows in np.array_split(np.arange(len(index)), count)]
     place = np.concatenate([own[_nodes(len(own))] for own in np.array_split(index, count)])
-    noise = _noise(bands)
+    noise, spreads = _noise(bands)
     response = np.concatenate([band.response for band in bands])
     covariance = np.concatenate(
         [
@@ -118,7 +121,7 @@ def local_response(
         ]
     )
     covariance[0] *= LOWEST
-    return LocalResponse(place * sample_rate / samples, response, covariance, excited)
+    return LocalResponse(place * sample_rate / samples, response, covariance, float(np.mean(spreads)), excited)
 
 
 class _Band(NamedTuple):
@@ -251,14 +254,17 @@ def _nodes(count: int) -> NDArray[np.intp]:
     return np.rint(0.5 * (count - 1) * (1.0 + NODES)).astype(np.intp)
 
 
-def _noise(bands: list[_Band]) -> ComplexArray:
-    """Covariance of the noise of every band, (bands, channels, channels).
+def _noise(bands: list[_Band]) -> tuple[ComplexArray, FloatArray]:
+    """Covariance of the noise of every band, (bands, channels, channels), and its spread, (bands,).
 
     The power of each channel is that of the band, with what of the response is no polynomial; how the channels go
     together is taken from bands around. It is raised by nu / (nu - 1) for the nu degrees of freedom of a power, and by
-    n / (n - p) for the n of the correlations of p channels, so that the mean square of what is whitened by it is 1.
+    n / (n - p + 1) for the n of the correlations of p channels, so that the mean square of what is whitened by it is 1.
+    What is whitened by too small a power counts more, and has more noise: on a direction of the response its variance
+    is (nu - 1) / (nu - 2) n / (n - p + 1), the same as for powers and matrices of complex Wishart distribution by
+    themselves.
     """
-    powers, scaled = [], []
+    powers, scaled, spreads = [], [], []
     for band in bands:
         power = np.sum(np.abs(band.left) ** 2, axis=0) / band.free
         powers.append(power * band.free / (band.free - 1.0))
@@ -271,6 +277,7 @@ def _noise(bands: list[_Band]) -> ComplexArray:
         size = np.sqrt(np.diag(together).real)
         root = np.sqrt(power)
         free = sum(band.free for band in bands[first : first + 2 * AROUND + 1])
-        raised = free / max(free - len(root), 1.0)
+        raised = free / max(free - len(root) + 1.0, 1.0)
+        spreads.append(raised * (bands[k].free - 1.0) / (bands[k].free - 2.0))
         found.append(raised * together / np.outer(size, size) * np.outer(root, root))
-    return np.array(found)
+    return np.array(found), np.array(spreads)

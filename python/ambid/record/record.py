@@ -372,6 +372,7 @@ class Record:
             outputs=self.channels,
             inputs=inputs,
             covariance=found.covariance / np.outer(of_pairs, of_pairs),
+            spread=found.spread,
             name=self.name,
             notes=self.notes,
             path=self.path,
