@@ -84,17 +84,23 @@ def require_covariance(
     for k, own in enumerate(values):
         kept = np.isfinite(flat[k])
         inner = own[np.ix_(kept, kept)]
-        size = np.sqrt(np.abs(np.diag(inner)))
-        # a correlation may be nothing by chance, and y and i_c have units far apart
-        correlation = inner / np.outer(size, size) if size.all() else np.full_like(inner, np.nan)
-        is_one = np.isfinite(inner).all() and np.allclose(correlation, correlation.conj().T, rtol=0.0, atol=HERMITIAN)
-        if not is_one or (np.linalg.eigvalsh(correlation) <= 0.0).any():
+        if not _is_covariance(inner):
             raise RecordError(
                 f"{where}: covariance at {frequency_hz[k]:g} Hz is none of the errors of {len(pairs)} pairs: expected "
                 "Hermitian and positive; leave it out, or give std"
             )
         std[k, kept] = np.sqrt(np.diag(inner).real)
     return std.reshape(response.shape)
+
+
+def _is_covariance(inner: ComplexArray) -> bool:
+    """Judged by correlations: one may be nothing by chance, and y and i_c have units far apart."""
+    power = np.diag(inner).real
+    if not (np.isfinite(inner).all() and (power > 0.0).all()):
+        return False
+    correlation = inner / np.sqrt(np.outer(power, power))
+    is_hermitian = np.allclose(correlation, correlation.conj().T, rtol=0.0, atol=HERMITIAN)
+    return bool(is_hermitian and (np.linalg.eigvalsh(correlation) > 0.0).all())
 
 
 def require_spread(where: str, spread: float | None, has_covariance: bool) -> None:
@@ -104,7 +110,7 @@ def require_spread(where: str, spread: float | None, has_covariance: bool) -> No
     if not has_covariance:
         raise RecordError(f"{where}: spread = {spread:g} without a covariance that it is of; give both or none")
     if not 1.0 <= spread < np.inf:
-        raise RecordError(f"{where}: spread = {spread:g}; expected a finite number from 1 on; leave it out of a known covariance")
+        raise RecordError(f"{where}: spread = {spread:g}; expected 1 or more, as of a covariance that is known")
 
 
 def require_si_units(

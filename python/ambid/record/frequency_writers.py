@@ -53,7 +53,7 @@ def write_response(
             for name, own in (("outputs", outputs), ("inputs", inputs)):
                 content[name] = np.array(own, dtype=object).reshape(-1, 1)
             if covariance is not None:
-                content |= {"covariance": covariance, "spread": spread}
+                content |= {"covariance": covariance, "spread": np.array(spread)}
             scipy.io.savemat(stream, content, do_compression=True)
             return
         pairs = [f"{output} / {inlet}" for output in outputs for inlet in inputs]
