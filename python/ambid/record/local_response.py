@@ -11,6 +11,10 @@ such polynomials over another one, which all of them share, since they have the 
 16th IFAC Symposium on System Identification, 2012); its errors are in the covariance. Bands do not overlap.
 In each H is told at the lines next to the four points of Gauss's quadrature, where the errors of a cubic are
 independent of each other if the lines are excited alike: so what the band tells of H is told, and nothing twice.
+
+Towards zero a loop has more poles than that within a band. But its response at -f is the conjugate of that at f: the
+lowest band is taken with its mirror image, so that as many lines tell a polynomial of twice the degree over one that
+has the poles of three modes, or of integrators.
 """
 
 from __future__ import annotations
@@ -42,9 +46,11 @@ FREE = 10
 """Lines of a band beyond the numbers that are fitted to them: so many degrees of freedom tell its noise."""
 NODES = np.polynomial.legendre.leggauss(DEGREE + 1)[0]
 """Gauss's points, in half widths of a band."""
-LOWEST = 3.0
-"""By so much the variance of the lowest frequency is raised: towards zero a loop has more poles than a band can follow,
-and on a two-bearing bench the error there was three times the variance in the mean of 24 records."""
+MIRRORED = np.polynomial.legendre.leggauss(2 * (DEGREE + 1))[0][DEGREE + 1 :]
+"""Those of a band and its mirror image, in widths of the band from zero."""
+LOWEST_DEGREE, LOWEST_ORDER = 2 * DEGREE + 1, 6
+"""The same of the lowest band and its mirror image: as many real numbers as complex ones elsewhere. Three pairs of
+poles: the two rigid modes of a plane, and integrators."""
 AROUND = 3
 """Bands to each side that the correlation of the channels is taken from."""
 LEAST_EXCITED = 1e-6
@@ -109,8 +115,11 @@ def local_response(
             f"{where}: {len(index)} excited lines, at least {width} are needed for {u.shape[1]} excited axes; excite "
             "with a longer period, or one axis after the other"
         )
-    bands = [_band(u[rows], z[rows]) for rows in np.array_split(np.arange(len(index)), count)]
-    place = np.concatenate([own[_nodes(len(own))] for own in np.array_split(index, count)])
+    lowest, *others = np.array_split(np.arange(len(index)), count)
+    bands = [_lowest_band(u[lowest], z[lowest]), *(_band(u[rows], z[rows]) for rows in others)]
+    place = np.concatenate(
+        [index[lowest[_lowest_nodes(len(lowest))]], *(index[own[_nodes(len(own))]] for own in others)]
+    )
     noise, spreads = _noise(bands)
     response = np.concatenate([band.response for band in bands])
     covariance = np.concatenate(
@@ -120,7 +129,6 @@ def local_response(
             for own, band in zip(noise, bands, strict=True)
         ]
     )
-    covariance[0] *= LOWEST
     return LocalResponse(place * sample_rate / samples, response, covariance, float(np.mean(spreads)), excited)
 
 
@@ -148,33 +156,53 @@ class _Band(NamedTuple):
 
 
 def _band(u: ComplexArray, z: ComplexArray) -> _Band:
-    """Polynomials, or, where that explains more than chance would, polynomials over one that all pairs share."""
-    inputs, x = u.shape[1], np.linspace(-1.0, 1.0, len(u))
-    nodes = x[_nodes(len(u))]
+    """What the lines of a band tell."""
+    x = np.linspace(-1.0, 1.0, len(u))
+    return _told(u, z, x, x[_nodes(len(u))], DEGREE, ORDER, 1)
+
+
+def _lowest_band(u: ComplexArray, z: ComplexArray) -> _Band:
+    """What those next to zero tell, which tell half as much each with their mirror images."""
+    x = np.arange(1, len(u) + 1) / len(u)
+    both_u, both_z = (np.concatenate([own[::-1].conj(), own]) for own in (u, z))
+    nodes, both = x[_lowest_nodes(len(u))], np.concatenate([-x[::-1], x])
+    found = _told(both_u, both_z, both, nodes, LOWEST_DEGREE, LOWEST_ORDER, 2)
+    return found._replace(left=found.left[len(u) :], free=0.5 * found.free)
+
+
+def _told(
+    u: ComplexArray, z: ComplexArray, x: FloatArray, nodes: FloatArray, degree: int, order: int, images: int
+) -> _Band:
+    """Polynomials, or, where that explains more than chance would, polynomials over one that all pairs share.
+
+    With mirror images every line is there twice, and `images` is 2.
+    """
+    inputs = u.shape[1]
     driving: ComplexArray = np.column_stack([u, np.ones(len(u))])
-    table = np.asarray(driving[:, :, None] * _powers(x)[:, None, :]).reshape(len(u), -1)
-    plain = _fitted(table, z)
-    poles, left = _common_poles(table, z, x, plain.left)
+    table = np.asarray(driving[:, :, None] * _powers(x, degree)[:, None, :]).reshape(len(u), -1)
     free = len(u) - table.shape[1]
+    plain = _fitted(table, z)
+    poles, left = _common_poles(table, z, x, plain.left, order)
     power = np.sum(np.abs(left) ** 2, axis=0) / free
     fall = 2.0 * float(np.sum(np.sum(np.abs(plain.left) ** 2, axis=0) / power)) - 2.0 * free * z.shape[1]
-    has_poles = fall > SHARPER
-    poles = poles[: ORDER * has_poles]
+    has_poles = fall > SHARPER * images
+    poles = poles[: order * has_poles]
     fit = _fitted(table / _below(x, poles)[:, None], z)
     for _ in range(STEPS if has_poles else 0):
         own, _ = _by_poles(table, z, x, poles, fit)
         own = own / np.sqrt(power)
         information = np.einsum("lkc,lmc->km", own.conj(), own)
-        step = np.linalg.solve(information, np.einsum("lkc,lc->k", own.conj(), fit.left / np.sqrt(power)))
+        pull = np.einsum("lkc,lc->k", own.conj(), fit.left / np.sqrt(power))
+        step = np.linalg.pinv(information, hermitian=True) @ pull
         closer = _fitted(table / _below(x, poles + step)[:, None], z)
         if not np.linalg.norm(closer.left / np.sqrt(power)) < np.linalg.norm(fit.left / np.sqrt(power)):
             break
         poles, fit = poles + step, closer
     below_nodes = _below(nodes, poles)
     # values at the nodes: of each input its polynomial, nothing of the transient
-    told = np.zeros((len(NODES), inputs, inputs + 1, DEGREE + 1), dtype=complex)
+    told = np.zeros((len(NODES), inputs, inputs + 1, degree + 1), dtype=complex)
     for j in range(inputs):
-        told[:, j, j] = _powers(nodes) / below_nodes[:, None]
+        told[:, j, j] = _powers(nodes, degree) / below_nodes[:, None]
     told = told.reshape(len(NODES), inputs, -1)
     spread = told @ (fit.inverse @ fit.inverse.conj().T) @ told.conj().transpose(0, 2, 1)
     response = (told @ fit.numbers).transpose(0, 2, 1)
@@ -182,21 +210,21 @@ def _band(u: ComplexArray, z: ComplexArray) -> _Band:
     if has_poles:
         own, taken = _by_poles(table, z, x, poles, fit)
         own = own / np.sqrt(power)
-        inverse = np.linalg.inv(np.einsum("lkc,lmc->km", own.conj(), own))
+        inverse = np.linalg.pinv(np.einsum("lkc,lmc->km", own.conj(), own), hermitian=True)
         # channels go together, lines do not
         pull = np.einsum("lkc,lc->lk", own.conj(), fit.left / np.sqrt(power))
         meat = pull.T @ pull.conj() * len(u) / free
         values, vectors = np.linalg.eigh(inverse @ meat @ inverse)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
-        direct = -(_powers(nodes, ORDER + 1)[:, 1:] / below_nodes[:, None])[:, None, None, :] * response[..., None]
+        direct = -(_powers(nodes, len(poles))[:, 1:] / below_nodes[:, None])[:, None, None, :] * response[..., None]
         moved = direct - np.einsum("njq,qkc->ncjk", told, taken)
-        shared = moved.reshape(len(NODES), -1, ORDER) @ root
+        shared = moved.reshape(len(NODES), -1, len(poles)) @ root
     return _Band(response, spread, shared, fit.left, free - len(poles) / z.shape[1])
 
 
 def _below(x: FloatArray, poles: ComplexArray) -> ComplexArray:
     """The polynomial under all responses."""
-    return np.asarray(1.0 + _powers(x, ORDER + 1)[:, 1 : 1 + len(poles)] @ poles)
+    return np.asarray(1.0 + _powers(x, len(poles))[:, 1:] @ poles)
 
 
 def _by_poles(
@@ -204,7 +232,7 @@ def _by_poles(
 ) -> tuple[ComplexArray, ComplexArray]:
     """Derivative of what is fitted by the coefficients below, (lines, orders, channels), and what the numbers take."""
     below = _below(x, poles)
-    bent = -(_powers(x, ORDER + 1)[:, 1:] / below[:, None])[:, :, None] * (z - fit.left)[:, None, :]
+    bent = -(_powers(x, len(poles))[:, 1:] / below[:, None])[:, :, None] * (z - fit.left)[:, None, :]
     taken = np.einsum("ql,lkc->qkc", fit.inverse, bent)
     return bent - np.einsum("lq,qkc->lkc", table / below[:, None], taken), taken
 
@@ -222,29 +250,29 @@ def _fitted(table: ComplexArray, z: ComplexArray) -> _Fit:
     return _Fit(numbers, inverse, z - table @ numbers)
 
 
-def _powers(x: FloatArray, count: int = DEGREE + 1) -> FloatArray:
-    return np.vander(x, count, increasing=True)
+def _powers(x: FloatArray, degree: int) -> FloatArray:
+    return np.vander(x, degree + 1, increasing=True)
 
 
 def _common_poles(
-    table: ComplexArray, z: ComplexArray, x: FloatArray, left: ComplexArray
+    table: ComplexArray, z: ComplexArray, x: FloatArray, left: ComplexArray, order: int
 ) -> tuple[ComplexArray, ComplexArray]:
     """Coefficients of the polynomial under all responses, from the first power on, and what is left with it.
 
     Found by linear least squares, again and again, each time weighted by the polynomial found before (Sanathanan and
     Koerner, IEEE Trans. Autom. Control 8 (1963) 56).
     """
-    poles, below = np.zeros(ORDER, dtype=complex), np.ones(len(x), dtype=complex)
+    poles, below = np.zeros(order, dtype=complex), np.ones(len(x), dtype=complex)
     for _ in range(ROUNDS):
         noise = np.sqrt(np.mean(np.abs(left) ** 2, axis=0))
         basis, _ = np.linalg.qr(table / below[:, None])
         even = z / below[:, None] / noise
-        columns = _powers(x, ORDER + 1)[:, 1:, None] * even[:, None, :]
+        columns = _powers(x, order)[:, 1:, None] * even[:, None, :]
         columns = columns - np.einsum("lq,qkc->lkc", basis, np.einsum("lq,lkc->qkc", basis.conj(), columns))
         even = even - basis @ (basis.conj().T @ even)
-        flat = columns.transpose(0, 2, 1).reshape(-1, ORDER)
+        flat = columns.transpose(0, 2, 1).reshape(-1, order)
         poles = -np.linalg.lstsq(flat, even.ravel(), rcond=1e-10)[0]
-        below = 1.0 + _powers(x, ORDER + 1)[:, 1:] @ poles
+        below = _below(x, poles)
         left = _fitted(table / below[:, None], z).left
     return poles, left
 
@@ -252,6 +280,11 @@ def _common_poles(
 def _nodes(count: int) -> NDArray[np.intp]:
     """Which lines of a band are nearest to Gauss's points."""
     return np.rint(0.5 * (count - 1) * (1.0 + NODES)).astype(np.intp)
+
+
+def _lowest_nodes(count: int) -> NDArray[np.intp]:
+    """The same of a band and its mirror image, on its own side."""
+    return np.rint(count * MIRRORED).astype(np.intp) - 1
 
 
 def _noise(bands: list[_Band]) -> tuple[ComplexArray, FloatArray]:
