@@ -78,6 +78,12 @@ STEPS = {
     "multisteps_stairs__LQI-low_pass.old.mat": (1000, 3000, 5000, 7000, 9000, 11000),
 }
 """Rows from which each record of the LQI makes one step."""
+UNUSED = (
+    ("multisteps_updown", (1500, 4500, 7500, 10500), 4400),
+    ("multisteps_stairs", (1000, 3000, 5000, 7000, 9000, 11000), 2900),
+    ("sinusoidal_fast", (3000,), 6000),
+)
+"""Runs of the PID that nothing is learned from: rows from which each makes one step, or three periods of a sine."""
 IDEAL = 0.0005
 """Lag of a coil that follows its voltage [s]: half a sample."""
 QUANTA = "1.4 / 2.5"
@@ -262,8 +268,9 @@ def runs(folder: Path) -> Iterator[tuple[Rig, str, slice, list[Record]]]:
     """
     pid, lqi = pid_rig(folder), lqi_rig(folder)
     of_pid = [
-        record_of(folder / f"multisteps_{name}__PID_anti_windup-KF.mat", pid, slice(first, first + length), FILTERED)
-        for name, first, length in (("updown", 1500, 4400), ("updown", 4500, 4400), ("stairs", 1000, 2900))
+        record_of(folder / f"{name}__PID_anti_windup-KF.mat", pid, slice(first, first + length), FILTERED)
+        for name, firsts, length in UNUSED
+        for first in firsts
     ]
     yield pid, "step__PID_anti_windup-KF.mat", slice(3000, 10000), of_pid
     of_lqi = [
@@ -277,7 +284,10 @@ def runs(folder: Path) -> Iterator[tuple[Rig, str, slice, list[Record]]]:
 def ladder(start: Rig, record: Record, unused: list[Record]) -> None:
     """The error of the simulated runs after each effect, in those that were not used too."""
     columns = [record, *unused]
-    titles = [f"{-1e3 * own.r[0, 0]:.0f} to {-1e3 * own.r[-1, 0]:.0f} mm" for own in columns]
+    titles = [
+        f"{-1e3 * own.r[0, 0]:.0f} to {-1e3 * own.r[-1, 0]:.0f} mm" if len(np.unique(own.r)) == 2 else "sine"
+        for own in columns
+    ]
     print(f"{f'um / mA, quanta {QUANTA}; the first is used':52s}", *(f"{own:>14s}" for own in titles))
     effects: list[str] = []
     is_ideal = start.amplifier.time_constant == IDEAL
