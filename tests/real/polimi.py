@@ -14,8 +14,8 @@ read all runs agree with the LQI and with the holding currents. Currents that se
 the heights (`sampling_skew`) are what a filter may look like.
 
 From the ideal coil on, coil and induced voltage bring the simulated step of the PID from 28 um and 19 mA to 16 um and
-13 mA, and its other steps, at the same filtered height, from 22 to 87 um to 14 to 66; the square law brings no more. A sine,
-which passes through gaps of 7.8 to 13.4 mm, is missed by 132 um and 123 mA, and by more with the square law. The
+13 mA, and its other steps, at the same filtered height, from 22 to 87 um to 14 to 65; the square law brings no more. A
+sine, which passes through gaps of 7.8 to 13.4 mm, is missed by 132 um and 123 mA, and by more with the square law. The
 steps of the LQI end at 27 to 33 um and 9 to 10 mA, of which 16 um and 6 mA are noise.
 
 The records are from github.com/Bocchio01/062020-Lab-Mechatronics (MIT licence): INTECO MLS2EM, upper coil.
