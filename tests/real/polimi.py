@@ -14,7 +14,8 @@ read all runs agree with the LQI and with the holding currents. Currents that se
 the heights (`sampling_skew`) are what a filter may look like.
 
 From the ideal coil on, coil and induced voltage bring the simulated step of the PID from 28 um and 19 mA to 16 um and
-13 mA, and its other runs, at the same filtered height, from 41 to 54 um to 22 to 50; the square law brings no more. The
+13 mA, and its other steps, at the same filtered height, from 22 to 87 um to 14 to 65; the square law brings no more. A
+sine, which passes through gaps of 7.8 to 13.4 mm, is missed by 132 um and 123 mA, and by more with the square law. The
 steps of the LQI end at 27 to 33 um and 9 to 10 mA, of which 16 um and 6 mA are noise.
 
 The records are from github.com/Bocchio01/062020-Lab-Mechatronics (MIT licence): INTECO MLS2EM, upper coil.
@@ -78,6 +79,12 @@ STEPS = {
     "multisteps_stairs__LQI-low_pass.old.mat": (1000, 3000, 5000, 7000, 9000, 11000),
 }
 """Rows from which each record of the LQI makes one step."""
+UNUSED = (
+    ("multisteps_updown", (1500, 4500, 7500, 10500), 4400),
+    ("multisteps_stairs", (1000, 3000, 5000, 7000, 9000, 11000), 2900),
+    ("sinusoidal_fast", (3000,), 6000),
+)
+"""Runs of the PID that nothing is learned from: rows from which each makes one step, or three periods of a sine."""
 IDEAL = 0.0005
 """Lag of a coil that follows its voltage [s]: half a sample."""
 QUANTA = "1.4 / 2.5"
@@ -135,8 +142,18 @@ def why(folder: Path) -> None:
     print(f"LQI, all: K_i {mean:.2f} +- {error_of_mean:.2f}, chi-squared {scatter:.0f} of {len(value) - 1}")
     print(f"K_s/K_i of the currents at which the ball leaves its rest: {static_ratio(folder)} A/m")
     for path in sorted(folder.glob("*KF.mat")):
-        print(path.stem, filtered(path), grain(path), sep=": ")
+        print(path.stem, filtered(path), grain(path), motion(path), sep=": ")
     by_force(folder)
+
+
+def motion(path: Path) -> str:
+    """How far the ball moves by both heights, and how often the command is at a limit."""
+    logouts = scipy.io.loadmat(path)["logouts"][:, 3000:9000]
+    u, read, height = logouts[6], logouts[HEIGHT], logouts[FILTERED]
+    clipped = 100.0 * np.mean((u == u.max()) | (u == u.min()))
+    ends = f"{1e3 * read.min():.1f} to {1e3 * read.max():.1f} mm"
+    rms = f"{1e3 * read.std():.1f} mm rms as read, {1e3 * height.std():.1f} filtered"
+    return f"{ends}, {rms}; command at a limit in {clipped:.1f} % of the samples"
 
 
 def grain(path: Path) -> str:
@@ -262,8 +279,9 @@ def runs(folder: Path) -> Iterator[tuple[Rig, str, slice, list[Record]]]:
     """
     pid, lqi = pid_rig(folder), lqi_rig(folder)
     of_pid = [
-        record_of(folder / f"multisteps_{name}__PID_anti_windup-KF.mat", pid, slice(first, first + length), FILTERED)
-        for name, first, length in (("updown", 1500, 4400), ("updown", 4500, 4400), ("stairs", 1000, 2900))
+        record_of(folder / f"{name}__PID_anti_windup-KF.mat", pid, slice(first, first + length), FILTERED)
+        for name, firsts, length in UNUSED
+        for first in firsts
     ]
     yield pid, "step__PID_anti_windup-KF.mat", slice(3000, 10000), of_pid
     of_lqi = [
@@ -277,7 +295,10 @@ def runs(folder: Path) -> Iterator[tuple[Rig, str, slice, list[Record]]]:
 def ladder(start: Rig, record: Record, unused: list[Record]) -> None:
     """The error of the simulated runs after each effect, in those that were not used too."""
     columns = [record, *unused]
-    titles = [f"{-1e3 * own.r[0, 0]:.0f} to {-1e3 * own.r[-1, 0]:.0f} mm" for own in columns]
+    titles = [
+        f"{-1e3 * own.r[0, 0]:.0f} to {-1e3 * own.r[-1, 0]:.0f} mm" if len(np.unique(own.r)) == 2 else "sine"
+        for own in columns
+    ]
     print(f"{f'um / mA, quanta {QUANTA}; the first is used':52s}", *(f"{own:>14s}" for own in titles))
     effects: list[str] = []
     is_ideal = start.amplifier.time_constant == IDEAL

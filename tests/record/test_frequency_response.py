@@ -3,6 +3,7 @@ estimate from a record."""
 
 import hashlib
 import signal
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ import scipy.io
 
 from ambid import ChannelMap, FrequencyResponse, Model, Record, load_measurement, prbs
 from ambid.errors import InputError, RecordError
-from ambid.record.local_bands import fitted_bands
-from ambid.record.local_response import local_response
+from ambid.record.local_bands import Bands, fitted_bands
+from ambid.record.local_response import _noise, local_response
+from hidden.bench import simulate
+from hidden.families import BENCHES
 from hidden.one_axis import ONE_AXIS
 
 RIG = ONE_AXIS.rig
@@ -75,6 +78,8 @@ def test_the_covariance_is_kept(tmp_path, suffix):
     made.save(tmp_path / f"frf{suffix}")
     again = FrequencyResponse.load(tmp_path / f"frf{suffix}", RIG)
     np.testing.assert_allclose(again.covariance, made.covariance, rtol=1e-11, atol=0.0)
+    assert again.spread == pytest.approx(made.spread, rel=1e-8)
+    assert made.spread > 1.1
     np.testing.assert_allclose(again.std, made.std)
     assert again.notes == ()
 
@@ -86,6 +91,24 @@ def test_a_covariance_of_a_pair_that_is_not_there_is_told(measured, tmp_path):
     found = FrequencyResponse.load(path, RIG)
     assert found.notes == ("columns not used: cov_re y.B / i_e.B",)
     assert found.covariance is None
+
+
+def test_a_spread_below_one_is_refused(measured):
+    covariance = np.einsum("kp,pq->kpq", measured.std.reshape(60, -1) ** 2, np.eye(2))
+    with pytest.raises(RecordError, match=r"spread = 0\.5; expected 1 or more"):
+        FrequencyResponse.from_arrays(
+            F, measured.response, outputs=OUTPUTS, inputs=INPUTS, covariance=covariance, spread=0.5
+        )
+
+
+def test_errors_that_have_nothing_to_do_with_each_other_are_no_fault(measured):
+    """A correlation of nothing is rounding, which need not be the same in both halves of the matrix."""
+    covariance = np.einsum("kp,pq->kpq", measured.std.reshape(60, -1) ** 2, np.eye(2)) + 0j
+    size = np.sqrt(covariance[:, 0, 0] * covariance[:, 1, 1])
+    covariance[:, 0, 1], covariance[:, 1, 0] = 1e-17 * size, -2e-17 * size
+    found = FrequencyResponse.from_arrays(F, measured.response, outputs=OUTPUTS, inputs=INPUTS, covariance=covariance)
+    np.testing.assert_allclose(found.std, measured.std)
+    assert found.spread == 1.0
 
 
 def test_a_covariance_of_some_pairs_alone_is_refused(measured, tmp_path):
@@ -144,6 +167,7 @@ def test_a_broken_table_is_refused_in_its_own_words(measured, tmp_path, line, te
         ("coherence", 2.0 * np.ones((60, 2, 1)), "expected a finite number above 0, up to 1"),
         ("covariance", np.zeros((60, 2, 2)) + 0j, "covariance at 5 Hz is none"),
         ("averages", 0.0, "averages = 0.0"),
+        ("spread", 1.2, "spread = 1.2 without a covariance"),
     ],
 )
 def test_a_broken_mat_is_refused_in_its_own_words(measured, tmp_path, key, value, words):
@@ -269,10 +293,45 @@ def test_the_local_response_is_the_loops(periods):
             record = Record("run", record.sample_rate, record.axes, record.i_e, record.y, record.i_c)
         found = record.frequency_response()
         error = (found.response - exact(f=found.frequency_hz)).reshape(len(found.frequency_hz), -1)
-        inside = found.frequency_hz > 30.0
-        white = np.linalg.solve(np.linalg.cholesky(found.covariance), error[..., None])[inside, :, 0]
+        white = np.linalg.solve(np.linalg.cholesky(found.covariance), error[..., None])[..., 0]
         misses.append(np.mean(np.abs(white) ** 2))
     assert np.mean(misses) == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize(("channels", "free"), [(2, 10), (8, 10), (4, 6)])
+def test_the_spread_of_noise_that_is_told_by_few_lines(channels, free):
+    """Whitened by its estimate, noise has a mean square of 1; along what is whitened too, the variance told."""
+    random, count = np.random.default_rng(0), 40
+    power, direction, told = [], [], 0.0
+    for _ in range(60):
+        white = random.standard_normal((2, count, free, channels)) / np.sqrt(2.0)
+        nothing = np.zeros(0)
+        bands = Bands(nothing, nothing, {}, white[0] + 1j * white[1], np.full(count, float(free)))
+        covariance, spreads = _noise([bands])
+        inverse = np.linalg.inv(covariance)
+        power.append(np.mean(np.einsum("kii->ki", inverse).real))
+        direction.append(np.mean(np.einsum("kij,kji->k", inverse, inverse).real) / channels)
+        told = np.mean(spreads)
+    assert np.mean(power) == pytest.approx(1.0, abs=0.02)
+    assert np.mean(direction) / np.mean(power) ** 2 == pytest.approx(told, rel=0.04)
+
+
+def test_the_lowest_frequencies_of_four_axes_follow_rigid_modes_and_integrators():
+    """Two modes and two integrators of each plane are below 60 Hz, where a band begins at zero."""
+    bench = replace(BENCHES["bench"], periods=3)
+    base, misses = Model(bench.rig), []
+    model = base.with_values(dict(zip(base.names, (*bench.K_i, *bench.K_s, bench.tau_e), strict=True)))
+    for seed in range(8):
+        i_e = bench.excitation(bench.amplitude, seed)
+        record = simulate(bench.rig, i_e, period=bench.period, seed=seed, **bench.truth, **bench.noise)
+        found = record.frequency_response().some(slice(0, 4))
+        points = np.exp(2j * np.pi * found.frequency_hz / record.sample_rate)
+        error = (found.response - model.loop.transfer(model.theta, points)[:, :, :4]).reshape(4, -1)
+        white = np.linalg.solve(np.linalg.cholesky(found.covariance), error[..., None])
+        own = np.einsum("kaa->ka", found.std[:, :4] / np.abs(found.response[:, :4]))
+        misses.append((np.mean(np.abs(white) ** 2), np.median(own)))
+    assert np.mean(misses, axis=0)[0] == pytest.approx(1.0, abs=0.3)
+    assert np.mean(misses, axis=0)[1] < 0.002
 
 
 def test_axes_that_are_excited_together_are_told_apart(bench, i_e):

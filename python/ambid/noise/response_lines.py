@@ -66,7 +66,7 @@ class ResponseLines:
 
     @cached_property
     def spreads(self) -> FloatArray:
-        """1 for every number where the covariance is known: it is, apart from the residual, for every direction.
+        """That of the covariance, the same for every number, where there is one.
 
         Where the std alone is known, errors may go together, and the variance on a direction is up to the largest
         eigenvalue of their correlation. The more they do, the more the power of the residual scatters from frequency to
@@ -75,7 +75,7 @@ class ResponseLines:
         neighbours, since misfit is smooth.
         """
         if self.record.covariance is not None:
-            return np.ones(self.numbers)
+            return np.full(self.numbers, self.record.spread)
         pairs = self._known.sum(axis=1)
         power = np.sum(self.white(self._base, []).residual.reshape(len(pairs), -1) ** 2, axis=1)[pairs > 0]
         apart = np.diff(np.log(np.maximum(power / pairs[pairs > 0], TINY)), n=2)

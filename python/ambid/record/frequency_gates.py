@@ -13,6 +13,8 @@ from ambid.rig import Rig
 
 LARGEST_TRAVEL = 1e3
 """Air gaps that the bias current of a bearing may move y by, by the response; a weakly damped mode moves some ten."""
+HERMITIAN = 1e-6
+"""Part of the root of two variances by which the two halves of a covariance may differ: files round."""
 FEWEST = 2
 """Frequencies of a response."""
 TOGETHER = 1024
@@ -103,15 +105,31 @@ def known_alike(known: NDArray[np.bool_]) -> Iterator[tuple[NDArray[np.intp], ND
 
 
 def _is_covariance(values: ComplexArray) -> NDArray[np.bool_]:
-    """Which matrices are finite, Hermitian and positive."""
-    turned = values.conj().swapaxes(1, 2)
-    is_even = (np.abs(values - turned) <= 1e-6 * np.abs(turned)).all(axis=(1, 2))
-    found: NDArray[np.bool_] = np.asarray(is_even & np.isfinite(values).all(axis=(1, 2)))
+    """Which matrices are finite, Hermitian and positive, by their correlations.
+
+    One of these may be nothing by chance, and y and i_c have units far apart.
+    """
+    power = np.diagonal(values, axis1=1, axis2=2).real
+    found: NDArray[np.bool_] = np.asarray(np.isfinite(values).all(axis=(1, 2)) & (power > 0.0).all(axis=1))
+    root = np.sqrt(power[found])
+    correlation = values[found] / (root[:, :, None] * root[:, None, :])
+    is_even = (np.abs(correlation - correlation.conj().swapaxes(1, 2)) <= HERMITIAN).all(axis=(1, 2))
     try:
-        np.linalg.cholesky(values[found])
+        np.linalg.cholesky(correlation)
     except np.linalg.LinAlgError:
-        found[found] = (np.linalg.eigvalsh(values[found]) > 0.0).all(axis=1)
+        is_even &= (np.linalg.eigvalsh(correlation) > 0.0).all(axis=1)
+    found[found] = is_even
     return found
+
+
+def require_spread(where: str, spread: float | None, has_covariance: bool) -> None:
+    """Refuse a spread that is none, or of no covariance."""
+    if spread is None:
+        return
+    if not has_covariance:
+        raise RecordError(f"{where}: spread = {spread:g} without a covariance that it is of; give both or none")
+    if not 1.0 <= spread < np.inf:
+        raise RecordError(f"{where}: spread = {spread:g}; expected 1 or more, as of a covariance that is known")
 
 
 def require_si_units(

@@ -18,7 +18,7 @@ from ambid.record.readers import extra, flatten_cells, opened, require_content
 __all__ = ["RawResponse", "holds_response", "read_response"]
 
 COLUMNS = ("frequency_hz", "output", "input", "re", "im")
-FURTHER = ("std", "coherence", "averages")
+FURTHER = ("std", "coherence", "averages", "spread")
 COVARIANCE = ("cov_re", "cov_im")
 """Of a row's error with that of the pair that the column names beside it, at the same frequency: real and imaginary."""
 UNIVERSAL = (".uff", ".unv")
@@ -39,6 +39,7 @@ class RawResponse:
     coherence: FloatArray | None = None
     averages: float | None = None
     covariance: ComplexArray | None = None
+    spread: float | None = None
     notes: list[str] = field(default_factory=list)
     provenance: Provenance | None = None
 
@@ -183,7 +184,7 @@ def _tabled(places: dict[tuple[float, str, str], dict[str, float]]) -> RawRespon
         cells = [complex(values.get(re, np.nan), values.get(im, np.nan)) for re, im in beside]
         covariance[where[frequency], rows[output] * len(inputs) + columns[inlet]] = cells
     covariance = np.where(np.isnan(covariance), covariance.conj().transpose(0, 2, 1), covariance)
-    known = table[4][np.isfinite(table[4])]
+    averages, spread = (float(np.median(own)) if len(own := one[np.isfinite(one)]) else None for one in table[4:])
     return RawResponse(
         f,
         outputs,
@@ -191,8 +192,9 @@ def _tabled(places: dict[tuple[float, str, str], dict[str, float]]) -> RawRespon
         table[0] + 1j * table[1],
         table[2],
         table[3],
-        float(np.median(known)) if len(known) else None,
+        averages,
         None if np.isnan(covariance).all() else covariance,
+        spread,
     )
 
 
@@ -225,9 +227,10 @@ def _from_mat(path: Path) -> RawResponse:
                     f"inputs make it {wanted}"
                 )
             found[key] = own.reshape(wanted)
-        if "averages" in held:
-            found["averages"] = float(_array(path, "averages", held["averages"], np.float64).ravel()[0])
-        unused = [n for n in held if n not in ("frequency_hz", "outputs", "inputs", "averages", *found)]
+        for key in ("averages", "spread"):
+            if key in held:
+                found[key] = float(_array(path, key, held[key], np.float64).ravel()[0])
+        unused = [n for n in held if n not in ("frequency_hz", "outputs", "inputs", *found)]
     notes = [f"variables not used: {', '.join(unused)}"] if unused else []
     return RawResponse(f, names["outputs"], names["inputs"], **found, notes=notes)
 

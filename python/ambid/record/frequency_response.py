@@ -18,6 +18,7 @@ from ambid.record.frequency_gates import (
     require_frequencies,
     require_names,
     require_si_units,
+    require_spread,
     require_values,
 )
 from ambid.record.frequency_readers import read_response
@@ -52,6 +53,9 @@ class FrequencyResponse:
         Such as ``i_e.A_zeta`` [A].
     covariance : ndarray of complex, shape (F, pairs, pairs), or None
         Of the errors at one frequency, pairs in the order of ``response[k].ravel()``; None where they are independent.
+    spread : float
+        Of a covariance that is an estimate: variance of errors whitened by it on the direction of a whitened response,
+        n / (n - P) of P pairs over n independent averages; 1 where it is known.
     notes : tuple of str
         Every warning, and where the std is from.
     path : Path or None
@@ -74,6 +78,7 @@ class FrequencyResponse:
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
     covariance: ComplexArray | None = None
+    spread: float = 1.0
     notes: tuple[str, ...] = ()
     path: Path | None = None
     provenance: Provenance | None = None
@@ -110,10 +115,10 @@ class FrequencyResponse:
         ----------
         path : str or Path
             A ``.csv`` file has the columns ``frequency_hz, output, input, re, im``, a row a frequency and pair, and may
-            have ``std``, ``coherence`` and ``averages``; a ``.mat`` file has ``frequency_hz`` (F), ``response`` (F x
-            outputs x inputs), ``outputs``, ``inputs``, and may have ``std``, ``coherence``, ``averages`` and
-            ``covariance``. Of ``.uff`` and ``.unv`` files the sets 58 are read that hold frequency responses, and
-            coherences for their std.
+            have ``std``, ``coherence`` and ``averages``, or covariances and their ``spread``; a ``.mat`` file has
+            ``frequency_hz`` (F), ``response`` (F x outputs x inputs), ``outputs``, ``inputs``, and may have ``std``,
+            ``coherence`` and ``averages``, or ``covariance`` and its ``spread``. Of ``.uff`` and ``.unv`` files the
+            sets 58 are read that hold frequency responses, and coherences for their std.
         rig : Rig, optional
             Its axes and sample rate are held against the file.
         mapping : ChannelMap or mapping of str to str, optional
@@ -145,6 +150,7 @@ class FrequencyResponse:
             coherence=raw.coherence,
             averages=raw.averages,
             covariance=raw.covariance,
+            spread=raw.spread,
             rig=rig,
             name=path.stem,
             notes=raw.notes,
@@ -164,6 +170,7 @@ class FrequencyResponse:
         coherence: ArrayLike | None = None,
         averages: float | None = None,
         covariance: ArrayLike | None = None,
+        spread: float | None = None,
         rig: Rig | None = None,
         name: str = "frequency response",
         notes: Sequence[str] = (),
@@ -182,6 +189,8 @@ class FrequencyResponse:
         coherence : array_like, shape (F, outputs, inputs), optional
         averages : float, optional
             That the coherence is from; without it the scatter about a smooth curve tells how many.
+        spread : float, optional
+            As the attribute, of a covariance that is given; 1 without it.
         rig : Rig, optional
 
         Raises
@@ -202,8 +211,9 @@ class FrequencyResponse:
         require_values(where, own.frequency_hz, own.response, own.pairs)
         if rig is not None:
             require_si_units(where, own.frequency_hz, own.response, own.outputs, own.inputs, rig)
+        require_spread(where, spread, covariance is not None)
         if covariance is not None:
-            own = replace(own, covariance=np.asarray(covariance))
+            own = replace(own, spread=1.0 if spread is None else spread, covariance=np.asarray(covariance))
             own = replace(own, std=require_covariance(where, own.frequency_hz, own.response, own.covariance, own.pairs))
             return own
         given = {"std": std, "coherence": coherence}
@@ -250,7 +260,7 @@ class FrequencyResponse:
         return list(self.outputs)
 
     def save(self, path: str | Path) -> None:
-        """Write a .csv or .mat (v5) file, which `load` reads; only .mat holds the covariance.
+        """Write a .csv or .mat (v5) file, which `load` reads, with the covariance.
 
         Raises
         ------
@@ -258,7 +268,14 @@ class FrequencyResponse:
             If the suffix is none of these.
         """
         write_response(
-            Path(path), self.frequency_hz, self.response, self.std, self.outputs, self.inputs, self.covariance
+            Path(path),
+            self.frequency_hz,
+            self.response,
+            self.std,
+            self.outputs,
+            self.inputs,
+            self.covariance,
+            self.spread,
         )
 
     def __repr__(self) -> str:

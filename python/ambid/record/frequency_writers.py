@@ -35,6 +35,7 @@ def write_response(
     outputs: Sequence[str],
     inputs: Sequence[str],
     covariance: ComplexArray | None,
+    spread: float,
 ) -> None:
     """Write the attributes of a `FrequencyResponse`; pairs that were not measured have no row in a table.
 
@@ -52,18 +53,18 @@ def write_response(
             for name, own in (("outputs", outputs), ("inputs", inputs)):
                 content[name] = np.array(own, dtype=object).reshape(-1, 1)
             if covariance is not None:
-                content["covariance"] = covariance
+                content |= {"covariance": covariance, "spread": np.array(spread)}
             scipy.io.savemat(stream, content, do_compression=True)
             return
         pairs = [f"{output} / {inlet}" for output in outputs for inlet in inputs]
         of_pairs = [f",{part} {pair}" for pair in pairs for part in COVARIANCE] if covariance is not None else []
-        lines = ["frequency_hz,output,input,re,im,std" + "".join(of_pairs)]
+        lines = ["frequency_hz,output,input,re,im,std" + "".join(of_pairs) + ",spread" * bool(of_pairs)]
         for k, o, i in np.argwhere(np.isfinite(response)):
             h = response[k, o, i]
             numbers = f"{h.real:.17g},{h.imag:.17g},{std[k, o, i]:.9g}"
             if covariance is not None:  # Hermitian: the other half of it needs no words
                 row = len(inputs) * o + i
                 numbers += "".join(f",{c.real:.12g},{c.imag:.12g}" for c in covariance[k, row, : row + 1])
-                numbers += ",," * (len(pairs) - row - 1)
+                numbers += ",," * (len(pairs) - row - 1) + f",{spread:.9g}"
             lines.append(f"{frequency_hz[k]:.17g},{outputs[o]},{inputs[i]},{numbers}")
         stream.write("\n".join([*lines, ""]).encode())

@@ -2,6 +2,10 @@
 
 Most bands are plain polynomials, which are fitted many at a time; those beside a mode have poles, and are refined one
 by one. Columns are told apart by orthogonal bases; where they cannot be, by the pseudo-inverse.
+
+Towards zero a loop has more poles than that within a band. But its response at -f is the conjugate of that at f: the
+lowest band is taken with its mirror image, so that as many lines tell a polynomial of twice the degree over one that
+has the poles of three modes, or of integrators.
 """
 
 from __future__ import annotations
@@ -13,12 +17,34 @@ from numpy.typing import NDArray
 
 from ambid.arrays import ComplexArray, FloatArray
 
-__all__ = ["DEGREE", "FREE", "NODES", "Bands", "fitted_bands", "nodes"]
+__all__ = ["DEGREE", "FREE", "NODES", "Bands", "fitted_bands", "lowest_band", "lowest_nodes", "nodes"]
+
+
+class Form(NamedTuple):
+    """What is fitted to a band.
+
+    Attributes
+    ----------
+    degree : int
+        Of the polynomials.
+    order : int
+        Of the one that all responses may be divided by.
+    images : int
+        How often every line is there: twice with mirror images.
+    """
+
+    degree: int
+    order: int
+    images: int = 1
+
 
 DEGREE = 3
 """Of the polynomials: beside two poles it leaves two numbers for what is further away."""
-ORDER = 2
-"""Of the polynomial that all responses may be divided by: two poles within reach of a band, such as those of a mode."""
+USUAL = Form(DEGREE, 2)
+"""Two poles within reach of a band, such as those of a mode."""
+LOWEST = Form(2 * DEGREE + 1, 6, 2)
+"""The same of the lowest band and its mirror image: as many real numbers as complex ones elsewhere. Three pairs of
+poles: the two rigid modes of a plane, and integrators."""
 ROUNDS = 4
 """So often is that polynomial found anew, weighted by the one before."""
 STEPS = 3
@@ -31,6 +57,8 @@ FREE = 10
 """Lines of a band beyond the numbers that are fitted to them: so many degrees of freedom tell its noise."""
 NODES = np.polynomial.legendre.leggauss(DEGREE + 1)[0]
 """Gauss's points, in half widths of a band."""
+MIRRORED = np.polynomial.legendre.leggauss(2 * (DEGREE + 1))[0][DEGREE + 1 :]
+"""Those of a band and its mirror image, in widths of the band from zero."""
 APART = 1e-6
 """Part of a column, of length 1, that must be at right angles to those before it for a basis to tell them apart."""
 LEAST = 1e-8
@@ -71,8 +99,10 @@ def fitted_bands(u: ComplexArray, z: ComplexArray) -> Bands:
     """
     bands, lines, inputs = u.shape
     columns = (DEGREE + 1) * (inputs + 1)
-    step = max(1, TOGETHER // (lines * max(columns, ORDER * z.shape[2])))
-    parts = [_fitted(u[k : k + step], z[k : k + step]) for k in range(0, bands, step)]
+    step = max(1, TOGETHER // (lines * max(columns, USUAL.order * z.shape[2])))
+    x = np.linspace(-1.0, 1.0, lines)
+    at = x[nodes(lines)]
+    parts = [_fitted(u[k : k + step], z[k : k + step], x, at, USUAL) for k in range(0, bands, step)]
     shared = {k * step + band: own for k, part in enumerate(parts) for band, own in part.shared.items()}
     response, spread, left, free = (
         np.concatenate([getattr(part, name) for part in parts]) for name in ("response", "spread", "left", "free")
@@ -80,34 +110,52 @@ def fitted_bands(u: ComplexArray, z: ComplexArray) -> Bands:
     return Bands(response, spread, shared, left, free)
 
 
+def lowest_band(u: ComplexArray, z: ComplexArray) -> Bands:
+    """The band next to zero, whose lines tell half as much each with their mirror images.
+
+    Parameters
+    ----------
+    u, z : ndarray, shape (lines, inputs), (lines, channels)
+    """
+    x = np.arange(1, len(u) + 1) / len(u)
+    both_u, both_z = (np.concatenate([own[::-1].conj(), own])[None] for own in (u, z))
+    both = np.concatenate([-x[::-1], x])
+    found = _fitted(both_u, both_z, both, x[lowest_nodes(len(u))], LOWEST)
+    return found._replace(left=found.left[:, len(u) :], free=0.5 * found.free)
+
+
 def nodes(count: int) -> NDArray[np.intp]:
     """Which lines of a band are nearest to Gauss's points."""
     return np.rint(0.5 * (count - 1) * (1.0 + NODES)).astype(np.intp)
 
 
-def _fitted(u: ComplexArray, z: ComplexArray) -> Bands:
-    """Bands that are fitted at a time."""
+def lowest_nodes(count: int) -> NDArray[np.intp]:
+    """The same of a band and its mirror image, on its own side."""
+    return np.rint(count * MIRRORED).astype(np.intp) - 1
+
+
+def _fitted(u: ComplexArray, z: ComplexArray, x: FloatArray, at: FloatArray, form: Form) -> Bands:
+    """Bands that are fitted at a time, with lines at x, and told at `at`."""
     bands, lines, inputs = u.shape
-    x = np.linspace(-1.0, 1.0, lines)
     driving: ComplexArray = np.concatenate([u, np.ones((bands, lines, 1))], axis=2)
-    table = np.asarray(driving[..., None] * _powers(x)[:, None, :]).reshape(bands, lines, -1)
+    table = np.asarray(driving[..., None] * _powers(x, form.degree)[:, None, :]).reshape(bands, lines, -1)
     numbers, inverse, across, alike = _least_squares(table, z)
     left = across @ (_adjoint(across) @ z)
-    poles, squares = _common_poles(across, z, x)
+    poles, squares = _common_poles(across, z, x, form.order)
     for k in alike:
         left[k] = z[k] - table[k] @ numbers[k]
-        poles[k], squares[k] = (own[0] for own in _common_poles(_complement(table[k])[None], z[k][None], x))
+        poles[k], squares[k] = (own[0] for own in _common_poles(_complement(table[k])[None], z[k][None], x, form.order))
     free = lines - table.shape[2]
     power = squares / free
     fall = 2.0 * np.sum(np.sum(np.abs(left) ** 2, axis=1) / power, axis=1) - 2.0 * free * z.shape[2]
-    told = _told(x[nodes(lines)], inputs, poles[0, :0])
+    told = _told(at, inputs, poles[0, :0], form.degree)
     spread = told @ (inverse @ _adjoint(inverse))[:, None] @ _adjoint(told)
     response = (told @ numbers[:, None]).swapaxes(2, 3)
     found = Bands(response, spread, {}, left, np.full(bands, float(free)))
-    for k in np.flatnonzero(fall > SHARPER).tolist():
-        own = _with_poles(table[k], z[k], x, poles[k], power[k])
+    for k in np.flatnonzero(fall > SHARPER * form.images).tolist():
+        own = _with_poles(table[k], z[k], x, at, poles[k], power[k], form.degree)
         found.response[k], found.spread[k], found.shared[k], found.left[k] = own
-        found.free[k] = free - ORDER / z.shape[2]
+        found.free[k] = free - form.order / z.shape[2]
     return found
 
 
@@ -145,7 +193,7 @@ def _by_pseudo_inverse(table: ComplexArray, z: ComplexArray) -> tuple[ComplexArr
     return numbers, inverse, z - table @ numbers
 
 
-def _common_poles(across: ComplexArray, z: ComplexArray, x: FloatArray) -> tuple[ComplexArray, FloatArray]:
+def _common_poles(across: ComplexArray, z: ComplexArray, x: FloatArray, order: int) -> tuple[ComplexArray, FloatArray]:
     """Coefficients of the polynomial under all responses, from the first power on, and squares of what is left with it.
 
     Found by linear least squares, again and again, each time weighted by the polynomial found before (Sanathanan and
@@ -153,14 +201,14 @@ def _common_poles(across: ComplexArray, z: ComplexArray, x: FloatArray) -> tuple
     what was so before, times its conjugate: a few directions, `across`, in which all is told.
     """
     bands, lines, channels = z.shape
-    powers = _powers(x, ORDER + 1)
+    powers = _powers(x, order)
     below, here = np.ones((bands, lines), dtype=complex), across
-    poles, squares = np.zeros((bands, ORDER), dtype=complex), _squares(across, z)
+    poles, squares = np.zeros((bands, order), dtype=complex), _squares(across, z)
     for _ in range(ROUNDS):
         even = z / below[:, :, None] / np.sqrt(squares / lines)[:, None]
         stacked = (powers[:, :, None] * even[:, :, None, :]).reshape(bands, lines, -1)
-        seen = (_adjoint(here) @ stacked).reshape(bands, -1, ORDER + 1, channels).swapaxes(2, 3)
-        seen = seen.reshape(bands, -1, ORDER + 1)
+        seen = (_adjoint(here) @ stacked).reshape(bands, -1, order + 1, channels).swapaxes(2, 3)
+        seen = seen.reshape(bands, -1, order + 1)
         poles = -_solved(seen[:, :, 1:], seen[:, :, 0])
         below = 1.0 + poles @ powers[:, 1:].T
         here, _ = np.linalg.qr(below.conj()[:, :, None] * across)
@@ -186,36 +234,42 @@ def _solved(columns: ComplexArray, of: ComplexArray) -> ComplexArray:
 
 
 def _with_poles(
-    table: ComplexArray, z: ComplexArray, x: FloatArray, poles: ComplexArray, power: FloatArray
+    table: ComplexArray,
+    z: ComplexArray,
+    x: FloatArray,
+    at: FloatArray,
+    poles: ComplexArray,
+    power: FloatArray,
+    degree: int,
 ) -> tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray]:
     """Response, spread, shared and what is left of one band, by steps of Gauss and Newton from the poles found."""
-    lines, inputs, free = len(z), table.shape[1] // (DEGREE + 1) - 1, len(z) - table.shape[1]
+    lines, inputs, free = len(z), table.shape[1] // (degree + 1) - 1, len(z) - table.shape[1]
     fit = _by_pseudo_inverse(table / _below(x, poles)[:, None], z)
     for _ in range(STEPS):
         own, _ = _by_poles(table, z, x, poles, fit)
         own = own / np.sqrt(power)
         information = np.einsum("lkc,lmc->km", own.conj(), own)
-        step = np.linalg.solve(information, np.einsum("lkc,lc->k", own.conj(), fit[2] / np.sqrt(power)))
+        pull = np.einsum("lkc,lc->k", own.conj(), fit[2] / np.sqrt(power))
+        step = np.linalg.pinv(information, hermitian=True) @ pull
         closer = _by_pseudo_inverse(table / _below(x, poles + step)[:, None], z)
         if not np.linalg.norm(closer[2] / np.sqrt(power)) < np.linalg.norm(fit[2] / np.sqrt(power)):
             break
         poles, fit = poles + step, closer
     numbers, inverse, left = fit
-    at = x[nodes(lines)]
-    told = _told(at, inputs, poles)
+    told = _told(at, inputs, poles, degree)
     spread = told @ (inverse @ inverse.conj().T) @ _adjoint(told)
     response = (told @ numbers).transpose(0, 2, 1)
     own, taken = _by_poles(table, z, x, poles, fit)
     own = own / np.sqrt(power)
-    covering = np.linalg.inv(np.einsum("lkc,lmc->km", own.conj(), own))
+    covering = np.linalg.pinv(np.einsum("lkc,lmc->km", own.conj(), own), hermitian=True)
     # channels go together, lines do not
     pull = np.einsum("lkc,lc->lk", own.conj(), left / np.sqrt(power))
     meat = pull.T @ pull.conj() * lines / free
     values, vectors = np.linalg.eigh(covering @ meat @ covering)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    direct = -(_powers(at, ORDER + 1)[:, 1:] / _below(at, poles)[:, None])[:, None, None, :] * response[..., None]
+    direct = -(_powers(at, len(poles))[:, 1:] / _below(at, poles)[:, None])[:, None, None, :] * response[..., None]
     moved = direct - np.einsum("njq,qkc->ncjk", told, taken)
-    return response, spread, moved.reshape(len(NODES), -1, ORDER) @ root, left
+    return response, spread, moved.reshape(len(at), -1, len(poles)) @ root, left
 
 
 def _by_poles(
@@ -227,26 +281,26 @@ def _by_poles(
 ) -> tuple[ComplexArray, ComplexArray]:
     """Derivative of what is fitted by the coefficients below, (lines, orders, channels), and what the numbers take."""
     below, (_, inverse, left) = _below(x, poles), fit
-    bent = -(_powers(x, ORDER + 1)[:, 1:] / below[:, None])[:, :, None] * (z - left)[:, None, :]
+    bent = -(_powers(x, len(poles))[:, 1:] / below[:, None])[:, :, None] * (z - left)[:, None, :]
     taken = np.einsum("ql,lkc->qkc", inverse, bent)
     return bent - np.einsum("lq,qkc->lkc", table / below[:, None], taken), taken
 
 
-def _told(at: FloatArray, inputs: int, poles: ComplexArray) -> ComplexArray:
+def _told(at: FloatArray, inputs: int, poles: ComplexArray, degree: int) -> ComplexArray:
     """What makes values at the nodes of the numbers: of each input its polynomial, nothing of the transient."""
-    told = np.zeros((len(at), inputs, inputs + 1, DEGREE + 1), dtype=complex)
+    told = np.zeros((len(at), inputs, inputs + 1, degree + 1), dtype=complex)
     for j in range(inputs):
-        told[:, j, j] = _powers(at) / _below(at, poles)[:, None]
+        told[:, j, j] = _powers(at, degree) / _below(at, poles)[:, None]
     return told.reshape(len(at), inputs, -1)
 
 
 def _below(x: FloatArray, poles: ComplexArray) -> ComplexArray:
     """The polynomial under all responses."""
-    return np.asarray(1.0 + _powers(x, ORDER + 1)[:, 1 : 1 + len(poles)] @ poles)
+    return np.asarray(1.0 + _powers(x, len(poles))[:, 1:] @ poles)
 
 
-def _powers(x: FloatArray, count: int = DEGREE + 1) -> FloatArray:
-    return np.vander(x, count, increasing=True)
+def _powers(x: FloatArray, degree: int) -> FloatArray:
+    return np.vander(x, degree + 1, increasing=True)
 
 
 def _adjoint(matrices: ComplexArray) -> ComplexArray:

@@ -24,13 +24,10 @@ from scipy.fft import rfft
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
-from ambid.record.local_bands import DEGREE, FREE, NODES, Bands, fitted_bands, nodes
+from ambid.record.local_bands import DEGREE, FREE, NODES, Bands, fitted_bands, lowest_band, lowest_nodes, nodes
 
 __all__ = ["LocalResponse", "local_response"]
 
-LOWEST = 3.0
-"""By so much the variance of the lowest frequency is raised: towards zero a loop has more poles than a band can follow,
-and on a two-bearing bench the error there was three times the variance in the mean of 24 records."""
 AROUND = 3
 """Bands to each side that the correlation of the channels is taken from."""
 LEAST_EXCITED = 1e-6
@@ -45,6 +42,8 @@ class LocalResponse(NamedTuple):
     frequency_hz : ndarray, shape (F,)
     response : ndarray, shape (F, channels, inputs)
     covariance : ndarray, shape (F, pairs, pairs)
+    spread : float
+        See `FrequencyResponse`; the mean over all bands.
     excited : ndarray of bool, shape (axes,)
         Which axes the inputs are.
     """
@@ -52,6 +51,7 @@ class LocalResponse(NamedTuple):
     frequency_hz: FloatArray
     response: ComplexArray
     covariance: ComplexArray
+    spread: float
     excited: NDArray[np.bool_]
 
 
@@ -94,24 +94,22 @@ def local_response(
         )
     length, longer = divmod(len(index), count)
     split = longer * (length + 1)  # so many lines are in bands that are longer by one
-    groups = [
-        (
-            rows.reshape(-1, size),
-            fitted_bands(u[rows].reshape(-1, size, u.shape[1]), z[rows].reshape(-1, size, z.shape[1])),
-        )
-        for rows, size in ((np.arange(split), length + 1), (np.arange(split, len(index)), length))
-        if len(rows)
-    ]
-    place = np.concatenate([index[rows[:, nodes(rows.shape[1])]].ravel() for rows, _ in groups])
-    response = np.concatenate([bands.response for _, bands in groups]).reshape(-1, z.shape[1], u.shape[1])
-    covariance = _covariance([bands for _, bands in groups])
-    covariance[0] *= LOWEST
-    return LocalResponse(place * sample_rate / samples, response, covariance, excited)
+    lowest = length + (longer > 0)
+    groups, places = [lowest_band(u[:lowest], z[:lowest])], [index[lowest_nodes(lowest)]]
+    for rows, size in ((np.arange(lowest, split), length + 1), (np.arange(max(split, lowest), len(index)), length)):
+        if len(rows):
+            own = rows.reshape(-1, size)
+            groups.append(fitted_bands(u[own], z[own]))
+            places.append(index[own[:, nodes(size)]].ravel())
+    response = np.concatenate([bands.response for bands in groups]).reshape(-1, z.shape[1], u.shape[1])
+    noise, spreads = _noise(groups)
+    covariance = _covariance(groups, noise)
+    frequency_hz = np.concatenate(places) * sample_rate / samples
+    return LocalResponse(frequency_hz, response, covariance, float(np.mean(spreads)), excited)
 
 
-def _covariance(groups: Sequence[Bands]) -> ComplexArray:
+def _covariance(groups: Sequence[Bands], noise: ComplexArray) -> ComplexArray:
     """Of the errors of all pairs at every node, (bands * nodes, pairs, pairs)."""
-    noise = _noise(groups)
     count, channels, inputs = len(noise), noise.shape[1], groups[0].spread.shape[2]
     pairs = channels * inputs
     found = np.empty((count * len(NODES), pairs, pairs), dtype=complex)
@@ -128,12 +126,15 @@ def _covariance(groups: Sequence[Bands]) -> ComplexArray:
     return found
 
 
-def _noise(groups: Sequence[Bands]) -> ComplexArray:
-    """Covariance of the noise of every band, (bands, channels, channels).
+def _noise(groups: Sequence[Bands]) -> tuple[ComplexArray, FloatArray]:
+    """Covariance of the noise of every band, (bands, channels, channels), and its spread, (bands,).
 
     The power of each channel is that of the band, with what of the response is no polynomial; how the channels go
     together is taken from bands around. It is raised by nu / (nu - 1) for the nu degrees of freedom of a power, and by
-    n / (n - p) for the n of the correlations of p channels, so that the mean square of what is whitened by it is 1.
+    n / (n - p + 1) for the n of the correlations of p channels, so that the mean square of what is whitened by it is 1.
+    What is whitened by too small a power counts more, and has more noise: on a direction of the response its variance
+    is (nu - 1) / (nu - 2) n / (n - p + 1), the same as for powers and matrices of complex Wishart distribution by
+    themselves.
     """
     powers, products = [], []
     for bands in groups:
@@ -148,6 +149,7 @@ def _noise(groups: Sequence[Bands]) -> ComplexArray:
     together = sum(product[first + k] for k in range(near))
     size = np.sqrt(np.diagonal(together, axis1=1, axis2=2).real)
     degrees = np.sum([free[first + k] for k in range(near)], axis=0)
-    raised = degrees / np.maximum(degrees - channels, 1.0)
+    raised = degrees / np.maximum(degrees - channels + 1.0, 1.0)
     scale = root / size
-    return np.asarray(raised[:, None, None] * together * scale[:, :, None] * scale[:, None, :])
+    covariance = raised[:, None, None] * together * scale[:, :, None] * scale[:, None, :]
+    return np.asarray(covariance), np.asarray(raised * (free - 1.0) / (free - 2.0))

@@ -340,8 +340,9 @@ class Record:
 
         Over a band of neighbouring excited lines, 18 for one axis and 30 for four that are excited together by
         different sequences, the response is a polynomial of degree three, and so is the transient; where that does
-        better than chance, over a common one with two poles. Four frequencies a band come out. What is no such response
-        is an error: where more than two narrow modes are within a band, or where it reaches down to the lowest lines.
+        better than chance, over a common one with two poles; the lowest band, with its mirror image, takes degree seven
+        and six poles. Four frequencies a band come out. What is no such response is an error, as where more than two
+        narrow modes are within a band.
         It raises the std, which is taken from what is left, but has the same sign over a band and is no noise. A longer
         period makes bands narrower, and so does one axis after the other.
 
@@ -382,6 +383,7 @@ class Record:
             outputs=self.channels,
             inputs=inputs,
             covariance=covariance,
+            spread=found.spread,
             name=self.name,
             notes=self.notes,
             path=self.path,
