@@ -84,9 +84,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--fits", type=int, default=16)
     parser.add_argument("--many", type=int, default=2000, help="Fits over which memory may not grow.")
-    parser.add_argument(
-        "--periods", type=Path, metavar="RIG", help="Only: time against the periods, of a rig."
-    )
+    parser.add_argument("--periods", type=Path, metavar="RIG", help="Only: time against the periods, of a rig.")
     given = parser.parse_args()
     if given.periods:
         against_periods(Rig.load(given.periods))
