@@ -15,15 +15,18 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
+from scipy.fft import rfft
 from speed import PERIOD, SAMPLES, excitation, rigid
 
 from ambid import _core
+from ambid.excitation import prbs
 from ambid.identification import identify, identify_many
 from ambid.identification.many import fit_for_core
 from ambid.identification.minimum import WhitenedProblem
 from ambid.identification.problem import Descent, Problem, noise_levels
 from ambid.model import Model
 from ambid.noise import Noise
+from ambid.rig import Rig
 from virtual import VirtualBench
 
 
@@ -57,11 +60,35 @@ def descents(start: Model, some: list, of: str) -> list:
     return made
 
 
+def against_periods(rig: Rig, order: int = 10, hold: int = 2, runs: int = 4) -> None:
+    """Time of the processor that an identification takes, and the transforms of its record alone."""
+    model, period = Model(rig), hold * (2**order - 1)
+    start = model.with_values({p.name: 1.05 * p.value for p in model.parameters if p.name.startswith("K_i")})
+    print(f"{'periods':>8s} {'identify_many':>16s} {'but for transforms':>20s}")
+    for periods in (2, 4, 8, 16, 32, 64):
+        u = prbs(order, amplitude=0.1, hold=hold, axes=len(rig.axes), periods=periods)
+        some = [replace(model.virtual_experiment(u, seed=seed), period=period) for seed in range(runs)]
+        identify_many(start, some[:1])
+        whole = processor_ms(lambda some=some: identify_many(start, some)) / runs
+        transforms = processor_ms(lambda some=some: [rfft(some[0].y, axis=0) for _ in range(2)])
+        print(f"{periods:8d} {whole:13.1f} ms {whole - transforms:17.1f} ms", flush=True)
+
+
+def processor_ms(job: Callable[[], object]) -> float:
+    begun = time.process_time()
+    job()
+    return 1e3 * (time.process_time() - begun)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--fits", type=int, default=16)
     parser.add_argument("--many", type=int, default=2000, help="Fits over which memory may not grow.")
+    parser.add_argument("--periods", type=Path, metavar="RIG", help="Only: time against the periods, of a rig.")
     given = parser.parse_args()
+    if given.periods:
+        against_periods(Rig.load(given.periods))
+        return
     bench = VirtualBench()
     model, start = Model(rigid(bench.rig())), Model(rigid(bench.rig(off=0.08)))
     some = records(model, given.fits)

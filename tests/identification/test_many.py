@@ -28,6 +28,8 @@ ALIKE = 1e-6
 """Difference from one by one, in standard errors."""
 AT_BOUND = 1e-4
 """The same where a bound is touched: there a descent ends by its relative step of 1e-8, not by what is left to gain."""
+REPEATS_ALIKE = 1e-3
+"""The same of repeats, which end by the same test of what a step would gain, at another point within it."""
 
 
 def experiments(rig, seeds, order=7, hold=4, periods=4, **options):
@@ -60,6 +62,21 @@ def test_same_numbers_as_one_by_one(which, weights, demo_rig):
     records = experiments(rig, range(3))
     singles = [identify(start, record, weights=weights) for record in records]
     require_same(identify_many(start, records, weights=weights), singles)
+
+
+def test_repeats_of_one_experiment_share_their_way_and_not_their_end():
+    records = experiments(ONE_AXIS.rig, range(12), order=6)
+    start = Model(ONE_AXIS.rig)
+    start = start.with_values({p.name: 1.1 * p.value for p in start.parameters if p.name.startswith("K_i")})
+    many = identify_many(start, records, weights="eq9")
+    singles = [identify(start, record, weights="eq9") for record in records]
+    for run, single in enumerate(singles):
+        errors = np.array([p.std_error for p in single.parameters.values()])
+        off = many.values[run] - [p.value for p in single.parameters.values()]
+        assert np.abs(off / errors).max() < REPEATS_ALIKE
+        assert np.abs(many.std_errors[run] / errors - 1.0).max() < REPEATS_ALIKE
+        assert many.status[run] == single.status
+    assert many.evaluations[1:].sum() < sum(single.evaluations for single in singles[1:])
 
 
 def test_several_records_a_run_and_a_model_for_each(demo_rig):

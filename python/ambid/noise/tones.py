@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import convolve1d, median_filter
+from scipy.ndimage import convolve1d, maximum_filter1d, median_filter
 from scipy.special import chdtrc
 
 from ambid.arrays import ComplexArray, FloatArray
@@ -132,18 +132,18 @@ def _outstanding(part: RecordLines) -> NDArray[np.intp]:
     window = part.window.settled
     is_between = np.arange(len(part.measured.quiet)) % window.periods != 0
     counted = np.maximum(convolve1d(is_between.astype(float), BESIDE), 1.0)
-    stands_out = np.zeros(len(is_between), dtype=bool)
+    stands_out, every = np.zeros(len(is_between), dtype=bool), slice(None, None, window.periods)
     for lines in part.measured.quiet.T:  # one by one: of a long record all are large
-        power = _under_hann(np.where(is_between, lines, 0.0), window)
+        power = _under_hann(np.where(is_between, lines, 0.0), every)
         stands_out |= power > SCREENED * convolve1d(power, BESIDE) / counted
     return np.flatnonzero(stands_out)
 
 
-def _under_hann(lines: ComplexArray, window: Window) -> FloatArray:
+def _under_hann(lines: ComplexArray, is_excited: NDArray[np.bool_] | slice) -> FloatArray:
     """Power of the unexcited lines of one channel under a Hann window."""
     hann = lines.copy()
     hann[1:-1] -= 0.5 * (lines[:-2] + lines[2:])
-    hann[:: window.periods] = 0.0
+    hann[is_excited] = 0.0
     return hann.real**2 + hann.imag**2
 
 
@@ -216,13 +216,16 @@ class Between:
         is_known = np.asarray(self.lines.any(axis=1))
         is_known[1:-1] |= is_known[:-2] | is_known[2:]
         is_known[:: self.window.periods] = False
-        known = np.flatnonzero(is_known)
-        counted = np.maximum(convolve1d(is_known.astype(float), BESIDE), 1.0)[known]
-        for k, lines in enumerate(self.lines.T if len(known) else ()):
-            power = _under_hann(lines, self.window)
+        # few are; what is further from them than BESIDE reaches counts for nothing
+        near = np.flatnonzero(maximum_filter1d(is_known, len(BESIDE) + 2))
+        known = is_known[near]
+        counted = np.maximum(convolve1d(known.astype(float), BESIDE), 1.0)[known]
+        is_excited = near % self.window.periods == 0
+        for k, lines in enumerate(self.lines[near].T if len(near) else ()):
+            power = _under_hann(lines, is_excited)
             middle = median_filter(power[known], size=2 * NEIGHBOURS + 1, mode="nearest") / np.log(2.0)
             beside = convolve1d(power, BESIDE)[known] / counted
-            relative[known, k] = power[known] / np.maximum(np.maximum(middle, beside), 1e-300)
+            relative[near[known], k] = power[known] / np.maximum(np.maximum(middle, beside), 1e-300)
         relative[:2] = relative[-2:] = 0.0
         return relative
 
@@ -231,7 +234,8 @@ class Between:
         near = np.arange(max(int(place) - 1, 1), min(int(place) + 3, len(self.lines) - 1))
         excited = int(np.clip(round(place / self.window.periods) - self.window.lowest, 0, len(self.inner) - 1))
         level = 2.0 * np.sum(np.abs(np.linalg.inv(self.inner[excited])) ** 2, axis=1)
-        power = np.stack([_under_hann(lines, self.window)[near] for lines in self.lines.T], axis=1)
+        every = slice(None, None, self.window.periods)
+        power = np.stack([_under_hann(lines, every)[near] for lines in self.lines.T], axis=1)
         return float(np.max(power / (UNDER_HANN * level), initial=0.0))
 
     def loudest(self, hidden: NDArray[np.bool_]) -> tuple[int, int, float]:

@@ -182,6 +182,17 @@ impl ClosedLoop {
         self.parts.iter().filter(|p| !p.inputs.is_empty()).map(prepare).collect()
     }
 
+    /// The same of the outputs that count; of others too where that costs nothing.
+    pub(crate) fn prepare_some(
+        &self,
+        theta: &[f64],
+        free: &[usize],
+        counts: impl Fn(usize) -> bool,
+    ) -> Result<Vec<Prepared<'_>>> {
+        let some = self.prepare(theta, free)?.into_iter().map(|part| part.only(&counts));
+        Ok(some.filter(|part| !part.outputs.is_empty()).collect())
+    }
+
     /// What it was made of.
     pub fn model(&self) -> &Model {
         &self.model
@@ -210,7 +221,7 @@ struct Fold {
 pub(crate) struct Prepared<'a> {
     path: Path,
     inputs: &'a [usize],
-    pub outputs: &'a [usize],
+    pub outputs: Vec<usize>,
     /// Positions in the caller's `free` of the parameters that act on this part.
     pub free: Vec<usize>,
 }
@@ -225,7 +236,17 @@ impl<'a> Prepared<'a> {
         } else {
             Path::Nonlinear(Box::new(Nonlinear::stable(&part.model, theta, &parameters)?))
         };
-        Ok(Self { path, inputs: &part.inputs, outputs: &part.outputs, free: own })
+        Ok(Self { path, inputs: &part.inputs, outputs: part.outputs.clone(), free: own })
+    }
+
+    /// The same without the outputs that do not count, where it is cheaper without them.
+    fn only(mut self, counts: impl Fn(usize) -> bool) -> Self {
+        if let Path::Linear(Response::Modal(kernel)) = &mut self.path {
+            let width = 1 + self.free.len();
+            kernel.keep(|column| counts(self.outputs[column / width]));
+            self.outputs.retain(|o| counts(*o));
+        }
+        self
     }
 
     /// Runs over all samples of `u`, which has `inputs` columns; see [`crate::kernel::Kernel::run`] for the sink.

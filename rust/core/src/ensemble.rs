@@ -1,21 +1,23 @@
 //! Many fits side by side: each goes downhill from its own start, on its own records, to the end.
 //!
-//! A fit runs in one thread from its first evaluation to its last, so that its numbers do not depend on how many others
-//! there are, nor on the number of threads.
+//! A fit runs in one thread from its first evaluation to its last, so that its numbers do not depend on the number of
+//! threads. Fits of one experiment that was repeated begin where the first of them ended: there one run of the response
+//! serves them all, and two more of its own bring each of them to its optimum, by the same test as from its start.
 
 mod descent;
 mod region;
+mod repeats;
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::closed_loop::ClosedLoop;
-use crate::error::{Error, Result, check_finite, check_len};
-use crate::residual::{Data, normal_equations};
-use crate::stop::each;
+use crate::error::{Result, check_finite, check_len};
+use crate::residual::{Data, Normal, normal_equations};
 use crate::whitened::{LineData, LineNormal, line_equations};
 use descent::{Settings, descend};
 
 pub use descent::Status;
+pub use repeats::fit_all;
 
 /// Records that one compiled loop is held against.
 #[derive(Debug, Clone)]
@@ -64,26 +66,26 @@ pub struct End {
     pub normal: LineNormal,
 }
 
-/// Runs all fits, side by side over the cores.
-///
-/// A step into an unstable loop is rejected. What keeps a fit from its first evaluation is its own result.
-///
-/// # Errors
-/// [`Error::Stopped`].
-pub fn fit_all(fits: &[Fit<'_>]) -> Result<Vec<Result<End>>> {
-    each(fits, |_, fit| match fit.run() {
-        Err(Error::Stopped) => Err(Error::Stopped),
-        ended => Ok(ended),
-    })
+/// A place that a descent begins at, and what is known of it.
+#[derive(Clone)]
+struct Begin {
+    x: DVector<f64>,
+    normal: LineNormal,
 }
 
 impl Fit<'_> {
-    fn run(&self) -> Result<End> {
+    /// The descent from the start, or from where others begin; and x of its end.
+    fn run(&self, from: Option<Begin>) -> Result<(DVector<f64>, End)> {
         self.check()?;
         let settings =
             Settings { scale: &self.scale, lower: &self.lower, upper: &self.upper, most: self.most, step: self.step };
+        let start = from.as_ref().map_or_else(|| DVector::from_column_slice(&self.x), |from| from.x.clone());
+        let mut known = from;
         let mut before: Option<(DVector<f64>, LineNormal)> = None;
         let mut evaluate = |x: &DVector<f64>| -> Result<LineNormal> {
+            if let Some(begin) = known.take_if(|begin| begin.x == *x) {
+                return Ok(begin.normal);
+            }
             let near = match &before {
                 Some((last, normal)) => moved(normal, &(x - last).component_mul(&self.scales())),
                 None => Vec::new(), // transients change with the parameters
@@ -92,9 +94,9 @@ impl Fit<'_> {
             before = Some((x.clone(), found.clone()));
             Ok(found)
         };
-        let ended = descend(&mut evaluate, DVector::from_column_slice(&self.x), &settings)?;
+        let ended = descend(&mut evaluate, start, &settings)?;
         let theta = self.theta_at(&ended.x);
-        Ok(End { theta, status: ended.status, evaluations: ended.evaluations, normal: ended.normal })
+        Ok((ended.x, End { theta, status: ended.status, evaluations: ended.evaluations, normal: ended.normal }))
     }
 
     fn check(&self) -> Result<()> {
@@ -118,14 +120,7 @@ impl Fit<'_> {
     /// The sum of squares of all groups about `theta`; `near` are transients of the records on lines, or nothing.
     fn normal(&self, theta: &[f64], near: &[Vec<f64>]) -> Result<LineNormal> {
         let size = self.free.len();
-        let mut total = LineNormal {
-            hessian: DMatrix::zeros(size, size),
-            gradient: DVector::zeros(size),
-            cost: 0.0,
-            transients: Vec::new(),
-            transient_slopes: Vec::new(),
-            fitted: Vec::new(),
-        };
+        let mut total = without_transients(DMatrix::zeros(size, size), DVector::zeros(size), 0.0);
         for (system, records) in &self.groups {
             match records {
                 Records::Lines(records) => {
@@ -161,4 +156,14 @@ fn moved(normal: &LineNormal, step: &DVector<f64>) -> Vec<Vec<f64>> {
         d
     };
     normal.transients.iter().zip(&normal.transient_slopes).map(along).collect()
+}
+
+fn without_transients(hessian: DMatrix<f64>, gradient: DVector<f64>, cost: f64) -> LineNormal {
+    LineNormal { hessian, gradient, cost, transients: Vec::new(), transient_slopes: Vec::new(), fitted: Vec::new() }
+}
+
+impl From<Normal> for LineNormal {
+    fn from(own: Normal) -> Self {
+        without_transients(own.hessian, own.gradient, own.squares.iter().sum())
+    }
 }

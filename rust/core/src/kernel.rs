@@ -70,6 +70,14 @@ impl Kernel {
         2 * (self.p.padded() + self.q.padded()) + if self.feedthrough { self.inputs } else { 0 }
     }
 
+    /// Leaves out the columns that do not count.
+    pub fn keep(&mut self, counts: impl Fn(usize) -> bool) {
+        let columns = self.columns;
+        self.columns = (0..columns).filter(|column| counts(*column)).count();
+        let weights = self.weights.iter().enumerate();
+        self.weights = weights.filter(|(i, _)| counts(i % columns)).map(|(_, weight)| *weight).collect();
+    }
+
     /// Runs over `u` (samples x inputs, row by row) from rest and hands each block of output rows to `sink`.
     ///
     /// `sink(first_sample, samples, block, stride)`; column c of sample k stands at `block[k * stride + c]`.

@@ -144,6 +144,22 @@ fn gram_tile<const FMA: bool, const V: usize>(rows: &[f64], stride: usize, i: us
     }
 }
 
+/// `sum[stride] += weights' rows`.
+pub fn add_weighted(rows: &[f64], stride: usize, weights: &[f64], sum: &mut [f64]) {
+    dispatch!(add_weighted_any, (rows: &[f64], stride: usize, weights: &[f64], sum: &mut [f64]));
+}
+
+#[inline(always)]
+fn add_weighted_any<const FMA: bool>(rows: &[f64], stride: usize, weights: &[f64], sum: &mut [f64]) {
+    for at in (0..stride).step_by(LANES) {
+        let mut total = load(sum, at);
+        for (row, weight) in rows.chunks_exact(stride).zip(weights) {
+            total = fma::<FMA>(load(row, at), [*weight; LANES], total);
+        }
+        store(sum, at, total);
+    }
+}
+
 #[inline(always)]
 pub fn load(row: &[f64], at: usize) -> Vector {
     row[at..at + LANES].try_into().expect("LANES values")

@@ -1,5 +1,7 @@
 //! Residuals of a loop against records, reduced to normal equations whose size does not depend on the records'.
 
+mod repeats;
+
 use nalgebra::{DMatrix, DVector};
 
 use crate::closed_loop::ClosedLoop;
@@ -7,6 +9,8 @@ use crate::error::{Error, Result, check_finite, check_len};
 use crate::kernel::BLOCK;
 use crate::product::{LANES, add_gram};
 use crate::stop::each;
+
+pub use repeats::of_repeats;
 
 /// A measured record.
 #[derive(Debug, Clone)]
@@ -19,6 +23,8 @@ pub struct Data {
     weights: Vec<f64>,
     /// First sample that counts. The simulation starts at 0 all the same.
     first: usize,
+    /// Sum of squares of each output from `first` on.
+    squares: Vec<f64>,
 }
 
 /// `sum of weight^2 (z - y)^2` with each channel's mean removed from both, as a quadratic form about `theta`.
@@ -50,11 +56,32 @@ impl Data {
             let (found, expected) = (first.to_string(), format!("less than the {samples} samples"));
             return Err(Error::Shape { what: "first sample that counts", found, expected });
         }
-        for o in 0..ny {
+        let mut squares = vec![0.0; ny];
+        for (o, squares) in squares.iter_mut().enumerate() {
             let mean = z.iter().skip(first * ny + o).step_by(ny).sum::<f64>() / (samples - first) as f64;
             z.iter_mut().skip(o).step_by(ny).for_each(|z| *z -= mean);
+            *squares = z.iter().skip(first * ny + o).step_by(ny).map(|z| z * z).sum();
         }
-        Ok(Self { u, z, weights, first })
+        Ok(Self { u, z, weights, first, squares })
+    }
+
+    fn check(&self, system: &ClosedLoop) -> Result<()> {
+        let ny = system.outputs();
+        check_len("weights of a record", self.weights.len(), ny)?;
+        check_len("excitation of a record", self.u.len(), self.z.len() / ny * system.inputs())
+    }
+
+    /// Adds the outputs that no input reaches, which stay zero.
+    fn add_unseen(&self, seen: &[bool], sum: &mut Normal) {
+        for (o, _) in seen.iter().enumerate().filter(|(_, seen)| !**seen) {
+            sum.squares[o] += self.squares[o] * self.weights[o].powi(2);
+        }
+    }
+}
+
+impl Normal {
+    fn zeros(free: usize, outputs: usize) -> Self {
+        Self { hessian: DMatrix::zeros(free, free), gradient: DVector::zeros(free), squares: vec![0.0; outputs] }
     }
 }
 
@@ -65,14 +92,11 @@ impl Data {
 /// [`ClosedLoop::poles`].
 pub fn normal_equations(system: &ClosedLoop, theta: &[f64], free: &[usize], records: &[&Data]) -> Result<Normal> {
     let np = free.len();
-    let prepared = system.prepare(theta, free)?;
+    records.iter().try_for_each(|data| data.check(system))?;
+    let prepared = system.prepare_some(theta, free, |o| records.iter().any(|data| data.weights[o] != 0.0))?;
     let (inputs, ny) = (system.inputs(), system.outputs());
-    for data in records {
-        check_len("weights of a record", data.weights.len(), ny)?;
-        check_len("excitation of a record", data.u.len(), data.z.len() / ny * inputs)?;
-    }
     let one = |_, data: &&Data| -> Result<Normal> {
-        let mut sum = Normal { hessian: DMatrix::zeros(np, np), gradient: DVector::zeros(np), squares: vec![0.0; ny] };
+        let mut sum = Normal::zeros(np, ny);
         let mut seen = vec![false; ny];
         for part in &prepared {
             let mut moments: Vec<Moments> = part.outputs.iter().map(|_| Moments::new(part.free.len())).collect();
@@ -83,7 +107,9 @@ pub fn normal_equations(system: &ClosedLoop, theta: &[f64], free: &[usize], reco
                 for (i, (o, moments)) in judged {
                     let rows = block.chunks_exact(stride).take(count).skip(skip);
                     let measured = data.z[(from + skip) * ny..].chunks_exact(ny).map(|z| z[*o]);
-                    moments.add(i * moments.width, rows, measured.take(count - skip));
+                    moments.lay(i * moments.width, rows);
+                    moments.subtract(measured.take(count - skip));
+                    moments.add(count - skip);
                 }
             })?;
             for (o, moments) in part.outputs.iter().zip(moments) {
@@ -94,19 +120,11 @@ pub fn normal_equations(system: &ClosedLoop, theta: &[f64], free: &[usize], reco
                 moments.add_to(&mut sum, *o, data.weights[*o], &part.free);
             }
         }
-        // outputs that no input reaches stay zero
-        for o in (0..ny).filter(|o| !seen[*o]) {
-            let squares: f64 = data.z[data.first * ny..].iter().skip(o).step_by(ny).map(|z| z * z).sum();
-            sum.squares[o] += squares * data.weights[o].powi(2);
-        }
+        data.add_unseen(&seen, &mut sum);
         Ok(sum)
     };
     let mut sums = each(records, one)?.into_iter();
-    let mut total = sums.next().unwrap_or(Normal {
-        hessian: DMatrix::zeros(np, np),
-        gradient: DVector::zeros(np),
-        squares: vec![0.0; ny],
-    });
+    let mut total = sums.next().unwrap_or_else(|| Normal::zeros(np, ny));
     for sum in sums {
         total.hessian += sum.hessian;
         total.gradient += sum.gradient;
@@ -134,22 +152,23 @@ impl Moments {
         Self { width, rows, stride, sum: vec![0.0; stride * stride] }
     }
 
-    /// Adds rows that hold `[output, slopes..]` from cell `at` on, and the measurements that belong to them.
-    fn add<'a>(
-        &mut self,
-        at: usize,
-        rows: impl ExactSizeIterator<Item = &'a [f64]> + Clone,
-        measured: impl Iterator<Item = f64>,
-    ) {
-        let count = rows.len();
+    /// Takes over rows that hold `[output, slopes..]` from cell `at` on.
+    fn lay<'a>(&mut self, at: usize, rows: impl Iterator<Item = &'a [f64]> + Clone) {
         for i in 0..self.width {
             for (own, row) in self.rows.chunks_exact_mut(self.stride).zip(rows.clone()) {
                 own[i] = row[at + i];
             }
         }
+    }
+
+    fn subtract(&mut self, measured: impl Iterator<Item = f64>) {
         for (own, measured) in self.rows.chunks_exact_mut(self.stride).zip(measured) {
             own[0] -= measured;
         }
+    }
+
+    /// Adds the first rows to the sums.
+    fn add(&mut self, count: usize) {
         add_gram(&self.rows[..count * self.stride], self.stride, &mut self.sum);
     }
 

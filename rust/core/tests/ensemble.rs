@@ -126,3 +126,51 @@ fn one_that_cannot_begin_leaves_the_others_alone() {
     assert_truth(&ends[1], &p);
     assert!(matches!(ends[2], Err(Error::Shape { what: "scale", .. })));
 }
+
+/// Difference of a repeat from the same fit alone, in standard errors; both stop within less of their optimum.
+const ALIKE: f64 = 1e-3;
+
+/// Records of one excitation, and their noise of this size relative to the largest output.
+fn repeats(p: &Problem, random: &mut Random, noise: f64) -> Vec<Data> {
+    let system = p.system();
+    let u = random.signal(400 * system.inputs());
+    let z = system.simulate(&p.theta, &u).expect("stable");
+    let size = z.iter().fold(0.0_f64, |a, z| a.max(z.abs()));
+    let mut weights = vec![1.0 / (noise * size); system.outputs()];
+    weights[0] = 0.0;
+    let mut one = || z.iter().map(|z| z + noise * size * random.between(-1.0, 1.0)).collect();
+    let of = |z| Data::new(&system, u.clone(), z, weights.clone(), 20).expect("consistent");
+    (0..20).map(|_| of(one())).collect()
+}
+
+#[test]
+fn repeats_end_at_their_own_optimum_in_fewer_evaluations() {
+    let p = machine(0.0, 0.02);
+    let (system, mut random) = (p.system(), Random(6));
+    let data = repeats(&p, &mut random, 0.05);
+    let fits: Vec<Fit<'_>> = data.iter().map(|own| fit(&p, &system, Records::Samples(vec![own]), 1.1)).collect();
+    for (k, (own, beside)) in fits.iter().zip(fit_all(&fits).expect("nobody stops it")).enumerate() {
+        let alone = fit_all(std::slice::from_ref(own)).expect("nobody stops it").remove(0).expect("stable");
+        let beside = beside.expect("stable");
+        assert_eq!(beside.status, Status::Converged);
+        assert!(k == 0 || beside.evaluations < alone.evaluations);
+        assert!((beside.normal.cost / alone.normal.cost - 1.0).abs() < 1e-9);
+        let curvature = alone.normal.hessian.diagonal();
+        for ((found, expected), curvature) in beside.theta.iter().zip(&alone.theta).zip(&curvature) {
+            assert!((found - expected).abs() * curvature.sqrt() < ALIKE, "{found} for {expected}");
+        }
+    }
+}
+
+#[test]
+fn a_repeat_that_finds_no_optimum_from_there_begins_at_its_own_start() {
+    let p = machine(0.0, 0.02);
+    let (system, mut random) = (p.system(), Random(7));
+    let data = repeats(&p, &mut random, 0.05);
+    let some = data.iter().map(|own| Fit { most: 2, ..fit(&p, &system, Records::Samples(vec![own]), 1.1) });
+    let fits: Vec<Fit<'_>> = some.collect();
+    for (own, beside) in fits.iter().zip(fit_all(&fits).expect("nobody stops it")) {
+        let alone = fit_all(std::slice::from_ref(own)).expect("nobody stops it").remove(0).expect("stable");
+        assert_eq!(beside.expect("stable").theta, alone.theta);
+    }
+}
