@@ -206,14 +206,14 @@ def _worth_refitting(state: State, ranking: Ranking) -> list[Candidate]:
 
 
 def _taken(state: State, better: Comparison, added: Effect) -> State:
-    """Go on from a better model; what a model that is far off leaves between the excited lines is no noise."""
+    """Go on from a better model; what one far off leaves between the excited lines is no noise, and hides tones."""
     better = refit(better)
     fall, reference = state.fit.cost - better.cost, state.reference
     if added.frequencies_hz(better.model.rig):
         own = {p.name.split(".", 1)[1]: p.value for p in better.model.parameters if p.name.startswith(f"{added.name}.")}
         reference = refit(reference.of(reference.model.add(added, own)))
     state = replace(state, fit=better, reference=reference)
-    if fall <= state.dof:
+    if fall <= state.dof and not better.noise.misses_tone(better.model):
         return state
     fit = better
     for _ in range(MOST_RENEWALS):
