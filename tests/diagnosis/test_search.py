@@ -16,3 +16,11 @@ def test_a_mode_that_outlasts_the_record_stands_in_for_a_tone(damping, rings):
     values = {"frequency_hz": 10.0, "damping": damping, "inverse_mass": 1e-9}
     better = base.of(base.model.add("foundation_resonance", values))
     assert _rings_on(State(base, base, base), better) is rings
+
+
+def test_a_hysteresis_is_no_mode():
+    """Linear at rest, its states would last for ever."""
+    rig, (train,), _, _ = experiment(None)
+    base = compare(Model(rig), train)
+    better = base.of(base.model.add("magnetic_hysteresis", {"share": 0.05, "inverse_width": 4.0}))
+    assert not _rings_on(State(base, base, base), better)

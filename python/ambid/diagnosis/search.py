@@ -40,6 +40,8 @@ PROMISING_SHARE = 0.1
 """Part of what is left that a score must predict to be worth a refit."""
 HOPELESS_SHARE = 0.3
 """A step that explains less than this of what is left does not lead to an explanation."""
+FORESEEN = 0.1
+"""Part of a fall of J that a score foresees, at the least, of a mode that answers the excitation: scores err by less."""
 RINGS_ON = 0.2
 """Times that a mode decays by e within a record, below which it lasts: so slow is what stands in for a tone, which
 does not decay at all: it is known the better, the farther it stands out of the noise. Twice that is not new."""
@@ -155,14 +157,20 @@ def _explains(task: Task, state: State, pair: Refitted) -> bool:
     """Whether a refitted candidate stays within what physics allows and makes no record worse that was kept back."""
     candidate, better = pair
     own = (p for p in better.model.parameters if p.name.startswith(f"{candidate.effect.name}."))
-    return not any(p.is_at_limit for p in own) and not _rings_on(state, better) and not _rises(task, state, better)
+    is_foreseen = candidate.score > FORESEEN * (state.fit.cost - better.cost)  # by its answer to the excitation
+    stands_in = not is_foreseen and _rings_on(state, better)
+    return not any(p.is_at_limit for p in own) and not stands_in and not _rises(task, state, better)
 
 
 def _rings_on(state: State, better: Comparison) -> bool:
-    """Whether a step brings a mode that outlasts a record: then its transient, free as it is, stands in for a tone."""
+    """Whether a step brings a mode that outlasts a record: then its transient, free as it is, stands in for a tone.
+
+    A linear mode: what a nonlinear effect does at rest is not what it does in motion.
+    """
+    models = [own.model.without_nonlinear() for own in (better, state.fit)]
     for part in state.fit.noise.in_time:
         lasts = part.record.samples / part.record.sample_rate
-        new, known = (own.model.at(part.record).poles() for own in (better, state.fit))
+        new, known = (model.at(part.record).poles() for model in models)
         if len(new) > len(known) and _lasting(new, RINGS_ON / lasts) > _lasting(known, 2.0 * RINGS_ON / lasts):
             return True
     return False

@@ -208,6 +208,10 @@ def half_derivative() -> tuple[np.ndarray, np.ndarray]:
     return poles, weights
 
 
+ROUNDED_RATE, ROUNDED_STATE = 0.03, 0.05
+"""Parts of the largest rate and of the width of a loop within which absolute values are rounded."""
+
+
 @dataclass(frozen=True)
 class MagneticHysteresis(Effect):
     """A rate-independent loop between current and flux.
@@ -216,6 +220,8 @@ class MagneticHysteresis(Effect):
     ----------
     width : float
         That the probe has [A].
+    fastest : float
+        Rate of the current that flows, the largest [A/s].
     """
 
     name = "magnetic_hysteresis"
@@ -225,10 +231,12 @@ class MagneticHysteresis(Effect):
     source = "Wen, ASCE J. Eng. Mech. 102 (1976) 249, exponent 1"
 
     width: float = 0.3
+    fastest: float = 3e3
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
         """Loops narrow and wide against the current that flows."""
-        return [MagneticHysteresis(float(seen.peaks["i_f"] * share)) for share in (0.03, 0.1, 0.3, 1.0)]
+        peak, fastest = seen.peaks["i_f"], seen.peaks["i_f_rate"]
+        return [MagneticHysteresis(float(share * peak), float(fastest)) for share in (0.03, 0.1, 0.3, 1.0)]
 
     def why_not(self, rig: Rig) -> str:
         """A current that jumps."""
@@ -267,7 +275,11 @@ class MagneticHysteresis(Effect):
     def attach(self, plant: Plant) -> None:
         """A Bouc-Wen state for each axis; its absolute values are rounded, so that they have slopes."""
         slot = self.slot("inverse_width")
-        smoothing = {"A": 1.0, "rate_smoothing": 100.0, "state_smoothing": 0.05 * self.width}
+        smoothing = {
+            "A": 1.0,
+            "rate_smoothing": ROUNDED_RATE * self.fastest,
+            "state_smoothing": ROUNDED_STATE * self.width,
+        }
         for axis in plant.axes:
             name = f"hysteresis.{axis}"
             h = plant.state(name)
