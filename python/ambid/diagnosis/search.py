@@ -41,7 +41,7 @@ PROMISING_SHARE = 0.1
 HOPELESS_SHARE = 0.3
 """A step that explains less than this of what is left does not lead to an explanation."""
 FORESEEN = 0.1
-"""Part of a fall of J that a score foresees, at the least, of a mode that answers the excitation: scores err by less."""
+"""Part of the fall of J that the score of a mode foresees, at the least, where it answers the excitation."""
 RINGS_ON = 0.2
 """Times that a mode decays by e within a record, below which it lasts: so slow is what stands in for a tone, which
 does not decay at all: it is known the better, the farther it stands out of the noise. Twice that is not new."""
