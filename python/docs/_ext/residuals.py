@@ -67,7 +67,9 @@ class Bench:
 
     def _seen(self) -> Seen:
         """Near enough: displacements at the sensors for those at the magnets, excitation for what drives a lag."""
-        peaks = {"s": self.record.y, "i_f": self.record.i_c, "drive": self.record.i_e}
+        i_f = self.record.i_c
+        rate = self.rig.sample_rate * np.diff(i_f, axis=0)
+        peaks = {"s": self.record.y, "i_f": i_f, "i_f_rate": rate, "drive": self.record.i_e}
         return Seen(self.rig, {name: float(np.abs(signal).max()) for name, signal in peaks.items()})
 
     def settled(self, signal: Array) -> Array:
