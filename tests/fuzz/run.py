@@ -60,8 +60,8 @@ class Worker:
     def start(self) -> None:
         self.given = 0
         paths = [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
-        # the limit is one of addresses, of which every thread's heap would reserve 64 MB that nothing is in
-        alone = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "1"}
+        # the limit is one of addresses, of which Arrow's own pool would reserve 1 GB, and every heap of a thread 64 MB
+        alone = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "1", "ARROW_DEFAULT_MEMORY_POOL": "system"}
         environment = os.environ | alone | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
         with self._errors.open("wb") as errors:
             self.process = subprocess.Popen(
