@@ -103,7 +103,7 @@ def test_a_signal_midway(name, code, place, again, whole, tmp_path):
     assert job.returncode == code
     assert "Traceback" not in err
     assert 1 < len(content(out)) < len(whole)
-    assert ("the same command goes on from there" in printed) == (name != "SIGKILL")
+    assert ("the same command goes on from there" in printed + err) == (name != "SIGKILL")
     assert again(out).code == 0
     assert content(out) == whole
 

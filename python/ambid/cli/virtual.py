@@ -18,6 +18,8 @@ from ambid.cli.terminal import progress, with_time_left
 from ambid.cli.workers import workers_of
 from ambid.errors import Stopped
 
+GO_ON = "the same command goes on from there"
+
 
 def monte_carlo_command(
     rig: RigFile,
@@ -71,7 +73,12 @@ def monte_carlo_command(
         diagnose=diagnose,
     )
     is_stopped = False
-    with stoppable(), progress(quiet, "Monte Carlo") as report, workers_of(plan, workers, cluster) as executor:
+    left_at_worst = (f"while {out} was written; {GO_ON}",) if out is not None else ()
+    with (
+        stoppable(*left_at_worst),
+        progress(quiet, "Monte Carlo") as report,
+        workers_of(plan, workers, cluster) as executor,
+    ):
         told = with_time_left(report)
         try:
             found = ambid.run_monte_carlo(
@@ -81,7 +88,7 @@ def monte_carlo_command(
             found, is_stopped = cast(ambid.MonteCarlo, stopped.result), True
     left = [f"stopped after {len(found.rows)} of {runs} runs"] if is_stopped else []
     if is_stopped and out is not None:
-        left.append("the same command goes on from there")
+        left.append(GO_ON)
     data = found.to_json() | {"stopped": is_stopped}
     conclude("\n".join([repr(found), *left]), data, json_file, quiet)
     if is_stopped:
