@@ -48,13 +48,13 @@ def test_many_moments(job, folder, tmp_path):
 @pytest.mark.slow
 def test_a_report_and_pictures(tmp_path):
     more = ("--report", "d.html", "--plot", "d.png")
-    print(dict(check(disturbed(prepare(tmp_path), (*JOBS["diagnose"], *more), {"SIGKILL": 20, "SIGINT": 5}))))
+    print(dict(check(disturbed(prepare(tmp_path), (*JOBS["diagnose"], *more), {"SIGKILL": 8, "SIGINT": 2}))))
 
 
 @pytest.mark.slow
 def test_the_demo(tmp_path):
     """Its files are whole; which of them are there is told by their being new."""
-    found = disturbed(prepare(tmp_path), STORY, {"SIGKILL": 24, "SIGINT": 4, "SIGTERM": 4})
+    found = disturbed(prepare(tmp_path), STORY, {"SIGKILL": 10, "SIGINT": 2, "SIGTERM": 2})
     print(dict(check(found, all_or_none=False)))
 
 
