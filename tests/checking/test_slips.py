@@ -245,7 +245,7 @@ def test_excitation_beyond_the_lines_that_count():
     assert "no line of i_e" in warning
 
 
-@pytest.mark.parametrize(("periods", "stops"), [(0, False), (2, True), (3, False), (4, None)])
+@pytest.mark.parametrize(("periods", "stops"), [(0, False), (1, True), (2, False), (3, False), (4, None)])
 def test_too_few_periods(periods, stops):
     rig, record = bench_experiment()
     cut = {s: getattr(record, s)[: max(periods, 1) * record.period] for s in ("i_e", "y", "i_c")}

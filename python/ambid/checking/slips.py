@@ -178,20 +178,20 @@ def _travel(record: Record, rig: Rig) -> list[Finding]:
 
 
 def _periods(record: Record) -> list[Finding]:
-    """Enough periods for the noise to be known."""
+    """Enough periods for the noise to be known well."""
     if record.periods >= 4:
         return []
     todo = "record 4 periods or more, or state the period"
-    if record.periods == 3:
-        return [
-            Finding("warning", record.name, "3 periods: the noise is known from 2 of them only, and no tones", todo)
-        ]
     if record.period is None:
         what = "no period of the excitation found: the noise is what no smooth response to i_e explains, and neither "
         what += "tones nor drift are looked for"
         return [Finding("warning", record.name, what, todo)]
-    what = f"{record.periods} periods of the excitation: no misfit in units of the noise, and no diagnosis"
-    return [Finding("warning", record.name, what, todo, stops_diagnosis=True)]
+    if record.periods < 2:
+        what = f"{record.periods} period of the excitation: no misfit in units of the noise, and no diagnosis"
+        return [Finding("warning", record.name, what, todo, stops_diagnosis=True)]
+    beside = "tones are looked for at the mains and at the speed alone" if record.periods == 3 else "no tones"
+    what = f"{record.periods} periods: few lines beside the excited ones tell the noise, and {beside}"
+    return [Finding("warning", record.name, what, todo)]
 
 
 def _controller(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:

@@ -298,4 +298,4 @@ def _exponent(growth: list[Growth]) -> float:
 def _tone_cell(record: Record, tone: Tone) -> Cell:
     half = record.sample_rate / record.samples
     band = (tone.frequency_hz - half, tone.frequency_hz + half)
-    return Cell(record.name, f"y.{record.axes[tone.axis]}", band, tone.power, "synchronous")
+    return Cell(record.name, record.channels[tone.channel], band, tone.power, "synchronous")

@@ -29,7 +29,7 @@ class PeriodicDisturbance(Effect):
     axis : int or str
         Index or name of an axis, ``all`` or ``each``.
     reference : int
-        Axis whose displacement counts the phase.
+        Channel whose part at that frequency counts the phase, of y of all axes, then i_c of all axes.
     """
 
     name = "periodic_disturbance"
@@ -49,7 +49,7 @@ class PeriodicDisturbance(Effect):
         tones = [tone for tone in seen.tones if not is_synchronous(tone, seen.rig)]
         axes = [*range(len(seen.rig.axes)), "all", "each"] if len(seen.rig.axes) > 1 else [0]
         return [
-            PeriodicDisturbance(tone.frequency_hz, port, axis, tone.axis)
+            PeriodicDisturbance(tone.frequency_hz, port, axis, tone.channel)
             for tone in tones[:2]
             for port in ("current", "force")
             for axis in axes

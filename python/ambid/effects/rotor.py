@@ -286,7 +286,7 @@ class Unbalance(Effect):
     z : float, optional
         Its place [m]; default: at every bearing.
     reference : int
-        Axis whose displacement counts the angle.
+        Channel whose part at that frequency counts the angle, of y of all axes, then i_c of all axes.
     frequency_hz : float, optional
         Default: that of the rig's speed.
     """
@@ -303,12 +303,12 @@ class Unbalance(Effect):
     frequency_hz: float | None = None
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
-        """At each likely place, and in two planes; the angle is counted from the axis that shows it most."""
+        """At each likely place, and in two planes; the angle is counted from the channel that shows it most."""
         near = [tone for tone in seen.tones if is_synchronous(tone, seen.rig)]
         if not near:
             return ()
         places = [*likely_places(seen.rig), None]
-        return [Unbalance(z, near[0].axis, near[0].frequency_hz) for z in places]
+        return [Unbalance(z, near[0].channel, near[0].frequency_hz) for z in places]
 
     def positions(self, rig: Rig) -> Sequence[float]:
         """Its place."""

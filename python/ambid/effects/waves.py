@@ -24,18 +24,25 @@ def is_synchronous(tone: Tone, rig: Rig) -> bool:
 def cosine_and_sine(
     frequency: float, sample_rate: float, samples: int, record: Record | None, reference: int
 ) -> FloatArray:
-    """Cosine and sine, shape (samples, 2), that count their angle from that of a record's displacement.
+    """Cosine and sine, shape (samples, 2), that count their angle from that of a record's displacement or current.
 
-    The start of a record has no fixed angle to the rotor or to the mains; the displacement of one axis at that
-    frequency has.
+    The start of a record has no fixed angle to the rotor or to the mains; what one channel holds at that frequency has.
+    `reference` counts y of all axes, then i_c of all axes; where i_c was not recorded, y stands for it.
     """
     angle = 2.0 * pi * frequency / sample_rate * np.arange(samples)
     if record is not None:
-        whole = slice(record.period or 0, samples)
-        y = record.y[whole, reference]
-        if record.period is not None:
-            y = y - np.resize(y[: len(y) // record.period * record.period].reshape(-1, record.period).mean(0), len(y))
-        table = np.column_stack([np.cos(angle[whole]), np.sin(angle[whole])])
-        cosine, sine = np.linalg.lstsq(table, y - y.mean(), rcond=None)[0]
+        signals = record.y if record.i_c is None else np.hstack([record.y, record.i_c])
+        own = signals[:, [reference % signals.shape[1]]]
+        table = np.column_stack([np.cos(angle), np.sin(angle)])[: len(own)]
+        cosine, sine = np.linalg.lstsq(_between_excited(table, record), _between_excited(own, record)[:, 0])[0]
         angle = angle + np.arctan2(-sine, cosine)
     return np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def _between_excited(columns: FloatArray, record: Record) -> FloatArray:
+    """What does not repeat with the excitation, without the first period where two others remain."""
+    if record.period is None or record.periods < 2:
+        return columns - columns.mean(axis=0)
+    first = record.period if record.periods > 2 else 0
+    own = columns[first : record.periods * record.period].reshape(-1, record.period, columns.shape[1])
+    return np.asarray((own - own.mean(axis=0)).reshape(-1, columns.shape[1]))

@@ -23,14 +23,14 @@ class Tone:
     Attributes
     ----------
     frequency_hz : float
-    axis : int
-        Axis whose displacement or current holds most of it, in units of its noise.
+    channel : int
+        Of y of all axes, then i_c of all axes, the one that holds most of it, in units of its noise.
     power : float
         Largest power of a channel over the noise around.
     """
 
     frequency_hz: float
-    axis: int
+    channel: int
     power: float
 
 

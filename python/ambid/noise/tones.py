@@ -62,7 +62,7 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
     record, window = part.record, part.window.settled
     if window.periods < 2:
         return ()
-    here, rate, axes = model.at(record), record.sample_rate, len(record.axes)
+    here, rate = model.at(record), record.sample_rate
     per_line, turning = rate / window.samples, here.rig.speed / (2.0 * np.pi)
     suspects = [f for f in (turning, *MAINS) if 2.0 * per_line < f < 0.45 * rate]
     looked_at = np.concatenate([_outstanding(part), [int(f / per_line) for f in suspects]]).astype(np.intp)
@@ -78,21 +78,21 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
             hidden |= np.abs(np.arange(len(hidden)) - line) <= 2
             continue
         found = [replace(tone, frequency_hz=own * per_line) for tone, own in zip(found, places, strict=True)]
-        found.append(Tone(place * per_line, channel % axes, height))
+        found.append(Tone(place * per_line, channel, height))
         between = Between.around(part, looked_at, found)
     for frequency in sorted(suspects, key=lambda f: between.chance(f / per_line)):
         is_likely = frequency == turning or between.chance(frequency / per_line) < SUSPECTED
         if is_likely and all(abs(frequency - tone.frequency_hz) > 2.0 * per_line for tone in found):
             height, channel = between.at(frequency / per_line)
-            found.append(Tone(frequency, channel % axes, height))
-    return (*found, *(_on_excited_lines(here, part, axes, found) if window.periods > 2 else ()))
+            found.append(Tone(frequency, channel, height))
+    return (*found, *(_on_excited_lines(here, part, found) if window.periods > 2 else ()))
 
 
 def misses_tone(model: Model, part: RecordLines) -> bool:
     """Whether a model leaves a tone on an excited line that is none of those told; of one far off it is not alone."""
     if part.window.settled.periods < 3:
         return False
-    return bool(_on_excited_lines(model.at(part.record), part, len(part.record.axes), part.tones))
+    return bool(_on_excited_lines(model.at(part.record), part, part.tones))
 
 
 def confirmed(model: Model, part: RecordLines) -> tuple[Tone, ...]:
@@ -147,7 +147,7 @@ def _under_hann(lines: ComplexArray, is_excited: NDArray[np.bool_] | slice) -> F
     return hann.real**2 + hann.imag**2
 
 
-def _on_excited_lines(here: Model, part: RecordLines, axes: int, found: Sequence[Tone]) -> tuple[Tone, ...]:
+def _on_excited_lines(here: Model, part: RecordLines, found: Sequence[Tone]) -> tuple[Tone, ...]:
     """A tone that falls on an excited line: that line alone stands out among its neighbours."""
     relative, per_line = _alone(here, part, found), part.record.sample_rate / part.window.samples
     line, channel = divmod(int(np.argmax(relative)), relative.shape[1])
@@ -155,7 +155,7 @@ def _on_excited_lines(here: Model, part: RecordLines, axes: int, found: Sequence
         return ()
     frequency = float(part.window.excited[line] * per_line)
     mains = [f for f in MAINS if abs(f - frequency) < 0.5 * per_line]
-    return (Tone(mains[0] if mains else frequency, channel % axes, float(relative[line, channel])),)
+    return (Tone(mains[0] if mains else frequency, channel, float(relative[line, channel])),)
 
 
 def _alone(here: Model, part: RecordLines, told: Sequence[Tone] = ()) -> FloatArray:
