@@ -180,7 +180,7 @@ def misfit_matrix(comparison: Comparison) -> tuple[MisfitMatrix, ...]:
     """
     found = []
     for part in comparison.noise.parts:
-        here = comparison.model.at(part.record)
+        here = part.at(comparison.model)
         own = _of_response(part, here) if isinstance(part, ResponseLines) else _of_lines(part, here)
         if own is not None:
             found.append(own)

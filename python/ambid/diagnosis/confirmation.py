@@ -44,7 +44,7 @@ def stands(task: Task, state: State, pair: Refitted) -> bool:
     """
     candidate, better = pair
     if state.validation is not None:
-        fall = state.validation.cost - state.validation.of(better.model).cost
+        fall = state.validation.cost - state.validation.of(better.model).with_own_angles().cost
         return bool(fall > chdtri(candidate.degrees, CHANCE))
     split = [halves(record) for record in state.fit.noise.records]
     if not all(split):

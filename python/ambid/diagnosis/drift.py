@@ -100,7 +100,7 @@ def largest_change(comparison: Comparison) -> Change | None:
 def _patterns(part: RecordLines, model: Model, free: list[int]) -> ComplexArray:
     """Whitened derivatives on the excited lines, shape (lines, p, free)."""
     count, p = len(part.window.excited), len(part.record.channels)
-    slopes = part.slopes(model.at(part.record), free)
+    slopes = part.slopes(part.at(model), free)
     return as_lines(slopes, p)[:count]
 
 

@@ -185,10 +185,10 @@ def _rises(task: Task, state: State, better: Comparison) -> bool:
     """Whether a step makes records that were kept back worse, by more than chance and what is left there allow."""
     if not task.validate or state.validation is None:
         return False
-    before, after = state.validation, state.validation.of(better.model)
     degrees = max(1, len(better.model.names) - len(state.fit.model.names))
     try:
-        rise = after.cost - before.cost
+        after = state.validation.of(better.model).with_own_angles()
+        rise = after.cost - state.validation.cost
     except UnstableLoopError:
         return True  # no such record was made by a loop that leaves all bounds
     return rise > chdtri(degrees, ALPHA) * max(1.0, after.misfit)

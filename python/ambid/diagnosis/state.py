@@ -123,9 +123,9 @@ def noted(
     validation, misfit = state.validation, None
     if task.validate:
         if validation is None or removed is None:
-            validation = compare(state.fit.model, task.validate)
+            validation = compare(state.fit.model, task.validate).with_own_angles()
         else:
-            validation = validation.of(state.fit.model)
+            validation = validation.of(state.fit.model).with_own_angles()
         misfit = validation.cost / (validation.dof + len(validation.model.names))  # nothing was fitted to them
     after = state.fit.model
     shifted = moved(state.history[-1].model, after, standard_errors(state.fit)) if state.history else ()

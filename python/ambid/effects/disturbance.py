@@ -70,6 +70,11 @@ class PeriodicDisturbance(Effect):
         """Its own."""
         return [self.frequency_hz]
 
+    def quarters(self, rig: Rig) -> Sequence[tuple[str, str]]:
+        """Both parts at every place."""
+        names = [p.name for p in self.parameters(rig)]
+        return list(zip(names[::2], names[1::2], strict=True))
+
     def waveform(self, rig: Rig, samples: int, record: Record | None) -> FloatArray:
         """Cosine and sine at the frequency."""
         return cosine_and_sine(self.frequency_hz, rig.sample_rate, samples, record, self.reference)
@@ -80,11 +85,10 @@ class PeriodicDisturbance(Effect):
         if self.port not in SIGNALS:
             raise ModelError(f"periodic_disturbance: port = {self.port!r}; expected {' or '.join(SIGNALS)}")
         signal = SIGNALS[self.port]
-        names = [p.name for p in self.parameters(plant.rig)]
-        hit = self._hit(plant.axes)
+        pairs, hit = self.quarters(plant.rig), self._hit(plant.axes)
         for k, axis in enumerate(hit):
-            own = names[2 * k : 2 * k + 2] if self.axis == "each" else names
-            for name, wave in zip(own, inputs, strict=True):
+            pair = pairs[k if self.axis == "each" else 0]
+            for name, wave in zip(pair, inputs, strict=True):
                 plant.inject(f"{signal}.{axis}", plant.port(self.slot(name), wave))
 
     def _hit(self, axes: Sequence[str]) -> Sequence[str]:

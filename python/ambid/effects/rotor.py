@@ -342,6 +342,11 @@ class Unbalance(Effect):
         """That of rotation."""
         return [self.frequency_hz or rig.speed / (2.0 * pi)]
 
+    def quarters(self, rig: Rig) -> Sequence[tuple[str, str]]:
+        """Both parts at every place."""
+        names = [p.name for p in self.parameters(rig)]
+        return list(zip(names[::2], names[1::2], strict=True))
+
     def waveform(self, rig: Rig, samples: int, record: Record | None) -> FloatArray:
         """Cosine and sine of the angle of rotation."""
         return cosine_and_sine(self.frequencies_hz(rig)[0], rig.sample_rate, samples, record, self.reference)
@@ -351,8 +356,7 @@ class Unbalance(Effect):
         cosine, sine = plant.input("unbalance.cos"), plant.input("unbalance.sin")
         squared = (2.0 * pi * self.frequency_hz) ** 2 if self.frequency_hz else plant.rig.speed**2
         places = [self.z] if self.z is not None else [b.position for b in plant.rig.bearings]
-        names = [p.name for p in self.parameters(plant.rig)]
-        for place, in_phase, ahead in zip(places, names[::2], names[1::2], strict=True):
+        for place, (in_phase, ahead) in zip(places, self.quarters(plant.rig), strict=True):
             for plane, (a, b) in enumerate([(cosine, -sine), (sine, cosine)][: plant.rotor.planes]):
                 force = plant.port(self.slot(in_phase), a, scale=squared) + plant.port(
                     self.slot(ahead), b, scale=squared

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
 from math import pi
 
 import numpy as np
+from scipy.fft import rfft
 
 from ambid.arrays import FloatArray
 from ambid.loop.effect import Tone
@@ -13,6 +15,11 @@ from ambid.rig import Rig
 
 NEAR_SPEED = 0.02
 """Part by which a tone may lie off the speed of the rig file and still be called synchronous."""
+
+APART = 0.05
+"""Lines from an excited one within which a wave leaves next to nothing beside that one."""
+NEAR = 12
+"""Lines to each side of a frequency, for each excitation and once more, that a response is told by."""
 
 
 def is_synchronous(tone: Tone, rig: Rig) -> bool:
@@ -34,15 +41,42 @@ def cosine_and_sine(
         signals = record.y if record.i_c is None else np.hstack([record.y, record.i_c])
         own = signals[:, [reference % signals.shape[1]]]
         table = np.column_stack([np.cos(angle), np.sin(angle)])[: len(own)]
-        cosine, sine = np.linalg.lstsq(_between_excited(table, record), _between_excited(own, record)[:, 0])[0]
+        rows = _between_excited if _is_apart(frequency, record) else partial(_beside_excitation, frequency=frequency)
+        both = rows(np.hstack([table, own]), record)
+        cosine, sine = np.linalg.lstsq(both[:, :2], both[:, 2])[0]
         angle = angle + np.arctan2(-sine, cosine)
     return np.column_stack([np.cos(angle), np.sin(angle)])
 
 
+def _is_apart(frequency: float, record: Record) -> bool:
+    """Whether a frequency is far enough from any excited line to be told beside it."""
+    if record.period is None or record.periods < 2:
+        return False
+    place = frequency / record.sample_rate * record.period
+    return abs(place - round(place)) * record.periods > APART
+
+
 def _between_excited(columns: FloatArray, record: Record) -> FloatArray:
     """What does not repeat with the excitation, without the first period where two others remain."""
-    if record.period is None or record.periods < 2:
-        return columns - columns.mean(axis=0)
+    assert record.period is not None, "asked of periods"
     first = record.period if record.periods > 2 else 0
     own = columns[first : record.periods * record.period].reshape(-1, record.period, columns.shape[1])
     return np.asarray((own - own.mean(axis=0)).reshape(-1, columns.shape[1]))
+
+
+def _beside_excitation(columns: FloatArray, record: Record, frequency: float) -> FloatArray:
+    """Lines around a frequency, real and imaginary parts, without what is smooth there, or a smooth response.
+
+    Over so few lines a response to the excitation, and a transient, are straight: the local polynomial method, see
+    Pintelon, Schoukens, System Identification, 2nd ed., chapter 7.
+    """
+    drives = [part[:, np.ptp(part, axis=0) > 0.0] for part in (record.i_e, record.r) if part is not None]
+    inputs = np.hstack(drives) if drives else np.zeros((record.samples, 0))
+    reach = NEAR * (1 + inputs.shape[1])
+    middle = round(frequency / record.sample_rate * record.samples)
+    near = np.arange(max(1, middle - reach), min(middle + reach, (record.samples - 1) // 2) + 1)
+    own, driven = (rfft(part, axis=0)[near] for part in (columns, inputs))
+    slope = ((near - middle) / reach)[:, None]
+    smooth = np.hstack([np.ones_like(slope), slope, driven, slope * driven])
+    left = own - smooth @ np.linalg.lstsq(smooth, own, rcond=None)[0]
+    return np.concatenate([left.real, left.imag])

@@ -171,6 +171,13 @@ class Effect(ABC):
         """Frequencies of its own, whose lines of the spectrum are judged beside the excited ones."""
         return ()
 
+    def quarters(self, rig: Rig) -> Sequence[tuple[str, str]]:
+        """Pairs of parameters that are a quarter period of a wave apart.
+
+        The angle that a record begins at turns them into each other; see `Comparison.with_own_angles`.
+        """
+        return ()
+
     def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
         """What it shares with effects of its family, the narrowest first, and how large that is at parameter values.
 

@@ -127,7 +127,7 @@ class RecordComparison:
 
 def record_against(model: Model, part: Part) -> RecordComparison:
     """A record whose noise is known."""
-    here = model.at(part.record)
+    here = part.at(model)
     if isinstance(part, ResponseLines):
         return _of_response(here, part)
     power = part.noise_power()

@@ -91,6 +91,16 @@ class Comparison(Tabular):
         """Another model against the same records in the same noise."""
         return Comparison(model, self._records, self.noise)
 
+    def with_own_angles(self) -> Comparison:
+        """The same with the angle that waves of effects begin each record at, of records that nothing is fitted to.
+
+        An unbalance or a hum is counted from what a channel holds of it, and that may be little beside a strong
+        excitation; here each record tells the angle by all of its lines.
+        """
+        if not any(effect.quarters(self.model.rig) for effect in self.model.acting):
+            return self
+        return Comparison(self.model, self._records, self.noise.with_own_angles(self.model))
+
     def renewed(self) -> Comparison:
         """The same model in the noise that its own residual tells.
 
@@ -152,7 +162,7 @@ class Comparison(Tabular):
         if not self.misfit <= self.bound:
             return (None,) * len(self._records)
         return tuple(
-            part.louder_in_motion(self.model.at(part.record)) if isinstance(part, RecordLines) else None
+            part.louder_in_motion(part.at(self.model)) if isinstance(part, RecordLines) else None
             for part in self.noise.parts
         )
 

@@ -9,6 +9,7 @@ is from, linearised at rest, takes up what is left.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from functools import cached_property
 from typing import NamedTuple
 
@@ -22,6 +23,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.loop.controller import of_reference
 from ambid.loop.effect import Effect, Tone
 from ambid.model import Model
+from ambid.noise.angles import THIRDS, best_angle, turned
 from ambid.noise.colour import back_through_loop
 from ambid.noise.in_time import NEUTRAL, InTime
 from ambid.noise.local import likelier_beside_excitation
@@ -29,6 +31,7 @@ from ambid.noise.measured import Measured
 from ambid.noise.still import Louder, louder_in_motion
 from ambid.noise.transients import OWN, freed, orthonormal
 from ambid.noise.unexcited import Unexcited
+from ambid.noise.wave import NEAR, waves_between
 from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, Spectrum, between_lines, require_noise
 
 __all__ = ["RecordLines", "White", "as_lines"]
@@ -89,6 +92,7 @@ class RecordLines:
     def __init__(self, model: Model, measured: Measured, tones: Sequence[Tone] = (), *, rough: bool = False) -> None:
         self.measured, self.record, self.window = measured, measured.record, measured.window
         self.tones = tuple(tones)
+        self._angles: dict[str, float] = {}
         self._base = here = _shaping(model.at(self.record))
         self.unexcited = Unexcited(here, measured)
         own = [f for effect in here.acting for f in effect.frequencies_hz(here.rig)]
@@ -103,6 +107,26 @@ class RecordLines:
         self._transients: dict[tuple[_core.ClosedLoop, bytes], tuple[FloatArray, int]] = {}
         way = self._rough if rough else self._between if self.window.is_periodic else self._without_periods
         self.spectrum = way()
+
+    def at(self, model: Model) -> Model:
+        """The model at the operating point of the record, with its own angles where they are known."""
+        here = model.at(self.record)
+        return turned(here, self._angles) if self._angles else here
+
+    def with_own_angles(self, model: Model) -> RecordLines:
+        """The same, with the angle of every wave of the model where it fits best."""
+        best = self
+        for effect in model.acting:
+            if effect.quarters(model.rig):
+                tried = [best._turned(effect, float(angle)) for angle in THIRDS]
+                costs = [float(np.sum(own.white(own.at(model), []).residual ** 2)) for own in tried]
+                best = best._turned(effect, best_angle(costs))
+        return best
+
+    def _turned(self, effect: Effect, angle: float) -> RecordLines:
+        other = copy(self)
+        other._angles = self._angles | {effect.name: angle}
+        return other
 
     @property
     def noise_is_measured(self) -> bool:
@@ -314,9 +338,14 @@ class RecordLines:
         return both[:, np.any(both, axis=0)]
 
     @property
+    def drive_power(self) -> FloatArray:
+        """Power of the excitation on the judged lines, of all axes together, shape (lines,)."""
+        return np.asarray(np.sum(np.abs(self._excitation) ** 2, axis=1))
+
+    @property
     def loudest(self) -> int:
         """Which of the judged lines holds most of the excitation."""
-        return int(np.argmax(np.sum(np.abs(self._excitation) ** 2, axis=1)))
+        return int(np.argmax(self.drive_power))
 
     @property
     def constant_responses(self) -> FloatArray:
@@ -397,18 +426,28 @@ class RecordLines:
         here, p = self._base, self.measured.channels
         shapes = [np.tile(np.eye(p, dtype=complex), (len(self.points), 1, 1)), back_through_loop(here, self.points, p)]
         if not here.is_linear:
-            residual = self._z - self._simulated(here, [])[0]
+            residual = self._without_tones(self._z - self._simulated(here, [])[0])
             found = likelier_beside_excitation(residual, self._excitation, shapes)
             return Spectrum.of(*found, np.ones(len(self.points)))
         core, inputs, transient = here.loop.core, self._inputs(here), None
         for _ in range(2):  # the first time with a transient that is as smooth as it may be
             response, _, _ = core.lines(here.theta, [], self.points, inputs, transient, False)
-            found = likelier_beside_excitation(self._z - response[:, :p], self._excitation, shapes)
+            residual = self._without_tones(self._z - response[:, :p])
+            found = likelier_beside_excitation(residual, self._excitation, shapes)
             require_noise(*found[:2], self._z)
             spectrum = Spectrum.of(*found, np.ones(len(self.points)))
             data = _core.LineData(core, self.points, inputs, self._z, spectrum.whitening)
             transient = _core.line_equations(core, here.theta, [], [data])[3][0]
         return spectrum
+
+    def _without_tones(self, left: ComplexArray) -> ComplexArray:
+        """Judged lines less the waves of the tones that all lines around are judged of."""
+        places = np.array([tone.frequency_hz for tone in self.tones]) * self.window.samples / self.record.sample_rate
+        near = np.round(places)[:, None] + np.arange(-NEAR, NEAR + 1)
+        places = places[np.isin(near, self.index).all(axis=1)]
+        lines = np.zeros((self.window.samples // 2 + 1, left.shape[1]), dtype=complex)
+        lines[self.index] = left
+        return left - waves_between(lines, self.window, places.tolist(), self.index)
 
     def _around(self, frequencies_hz: Sequence[float]) -> NDArray[np.intp]:
         """The unexcited lines next to frequencies."""

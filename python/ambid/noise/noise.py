@@ -119,6 +119,11 @@ class Noise:
         other._set(model, [part.measured for part in self.parts])
         return other
 
+    def with_own_angles(self, model: Model) -> Noise:
+        """The same noise, with the angle of every wave of a model where it fits each record best."""
+        parts = self.parts
+        return Noise.of_parts([p.with_own_angles(model) if isinstance(p, RecordLines) else p for p in parts])
+
     @property
     def in_time(self) -> tuple[RecordLines, ...]:
         """The parts that are of records in time."""
@@ -148,19 +153,19 @@ class Noise:
 
     def departure(self, model: Model) -> FloatArray:
         """Whitened response of a settled model less what was measured; of two models the difference is one of both."""
-        return np.concatenate([part.departure(model.at(part.record)) for part in self.parts])
+        return np.concatenate([part.departure(part.at(model)) for part in self.parts])
 
     def slopes(self, model: Model, free: Sequence[int]) -> FloatArray:
         """Whitened derivatives of the settled response by the parameters in `free`."""
-        return np.vstack([part.slopes(model.at(part.record), free) for part in self.parts])
+        return np.vstack([part.slopes(part.at(model), free) for part in self.parts])
 
     def transients(self, model: Model) -> list[FloatArray]:
         """Of each record an orthonormal basis of what a transient can look like, whitened."""
-        return [part.transients(model.at(part.record)) for part in self.parts]
+        return [part.transients(part.at(model)) for part in self.parts]
 
     def white(self, model: Model, free: Sequence[int]) -> list[White]:
         """Every record against a model, with the derivatives by the parameters in `free`."""
-        return [part.white(model.at(part.record), free) for part in self.parts]
+        return [part.white(part.at(model), free) for part in self.parts]
 
     def jacobian(self, model: Model, free: Sequence[int]) -> tuple[FloatArray, FloatArray]:
         """Whitened residual, and whitened derivative of the response by the parameters in `free`."""
@@ -193,7 +198,7 @@ class Noise:
         """Of every loop its records on lines, with their places; None unless all are of linear models in time."""
         own: OnLines = {}
         for k, part in enumerate(self.parts):
-            here = model.at(part.record)
+            here = part.at(model)
             if not (here.is_linear and isinstance(part, RecordLines)):
                 return None
             own.setdefault(here.loop.core, []).append((k, part, part.data(here)))
@@ -209,12 +214,12 @@ class Noise:
             transients[k], turning[k] = transient, slopes
             part = self.parts[k]
             assert isinstance(part, RecordLines)
-            part.remember(model.at(part.record), transient, fitted)
+            part.remember(part.at(model), transient, fitted)
         found = Quadratic(ended["hessian"], ended["gradient"], ended["cost"], sum(ended["fitted"]), transients, turning)
         self._keep((self._place(model), tuple(free), False), found)
 
     def _place(self, model: Model) -> object:
-        return tuple(model.at(part.record).loop.core for part in self.parts), model.theta.tobytes()
+        return tuple(part.at(model).loop.core for part in self.parts), model.theta.tobytes()
 
     def _keep(self, key: tuple[object, tuple[int, ...], bool], found: Quadratic) -> None:
         self._known[key] = found
@@ -225,26 +230,27 @@ class Noise:
         size, cost, fitted = len(free), 0.0, 0
         hessian, gradient = np.zeros((size, size)), np.zeros(size)
         transients, turning = [np.zeros(0)] * len(self.parts), [np.zeros((size, 0))] * len(self.parts)
-        own: OnLines = {}
+        own: dict[tuple[_core.ClosedLoop, bytes], list[tuple[int, RecordLines, Model]]] = {}
         for k, part in enumerate(self.parts):
-            here = model.at(part.record)
+            here = part.at(model)
             if here.is_linear and isinstance(part, RecordLines):
-                own.setdefault(here.loop.core, []).append((k, part, part.data(here)))
+                own.setdefault((here.loop.core, here.theta.tobytes()), []).append((k, part, here))
                 continue
             residual, columns, states, _ = part.white(here, free, roughly=roughly)
             hessian, gradient = hessian + columns.T @ columns, gradient - columns.T @ residual
             cost, fitted = cost + float(residual @ residual), fitted + states
-        for core, members in own.items():
+        for (core, _), members in own.items():
             start = [near[k] for k, _, _ in members] if near else []
-            best = [part.known_transient(model.at(part.record)) for _, part, _ in members]
+            best = [part.known_transient(here) for _, part, here in members]
             if all(own is not None for own in best):
                 start = [own for own in best if own is not None]
-            found = _core.line_equations(core, model.theta, list(free), [data for _, _, data in members], start)
+            data = [part.data(here) for _, part, here in members]
+            found = _core.line_equations(core, members[0][2].theta, list(free), data, start)
             hessian, gradient = hessian + found[0], gradient + found[1]
             cost, fitted = cost + found[2], fitted + sum(found[5])
-            for (k, part, _), transient, slopes, numbers in zip(members, *found[3:], strict=True):
+            for (k, part, here), transient, slopes, numbers in zip(members, *found[3:], strict=True):
                 transients[k], turning[k] = transient, slopes
-                part.remember(model.at(part.record), transient, numbers)
+                part.remember(here, transient, numbers)
         return Quadratic(hessian, gradient, cost, fitted, transients, turning)
 
 

@@ -64,6 +64,10 @@ class ResponseLines:
         self.whitening = _whitening(response, self._known)
         self.numbers, self.judged = 2 * self._known.size, 2 * int(self._known.sum())
 
+    def at(self, model: Model) -> Model:
+        """The model at the operating point of the response."""
+        return model.at(self.record)
+
     @cached_property
     def spreads(self) -> FloatArray:
         """That of the covariance, the same for every number, where there is one.

@@ -19,7 +19,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.loop.effect import Tone
 from ambid.model import Model
 from ambid.noise.lines import RecordLines, as_lines
-from ambid.noise.wave import OUTSTANDING, refined_places
+from ambid.noise.wave import NEAR, OUTSTANDING, refined_places
 from ambid.noise.window import Window
 
 __all__ = ["OUTSTANDING", "Between", "Tone", "confirmed", "find_tones", "misses_tone"]
@@ -60,11 +60,11 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
         Of two settled periods, where one line alone lies between excited ones, only what is suspected is looked for.
     """
     record, window = part.record, part.window.settled
-    if window.periods < 2:
-        return ()
     here, rate = model.at(record), record.sample_rate
     per_line, turning = rate / window.samples, here.rig.speed / (2.0 * np.pi)
     suspects = [f for f in (turning, *MAINS) if 2.0 * per_line < f < 0.45 * rate]
+    if not window.is_periodic:
+        return _without_periods(here, part, suspects)
     looked_at = np.concatenate([_outstanding(part), [int(f / per_line) for f in suspects]]).astype(np.intp)
     between, hidden = Between.around(part, looked_at), _at_narrow_modes(here, window.samples // 2 + 1, per_line, 1)
     found: list[Tone] = []
@@ -90,9 +90,9 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
 
 def misses_tone(model: Model, part: RecordLines) -> bool:
     """Whether a model leaves a tone on an excited line that is none of those told; of one far off it is not alone."""
-    if part.window.settled.periods < 3:
+    if part.window.settled.periods == 2:
         return False
-    return bool(_on_excited_lines(model.at(part.record), part, part.tones))
+    return bool(_on_excited_lines(part.at(model), part, part.tones))
 
 
 def confirmed(model: Model, part: RecordLines) -> tuple[Tone, ...]:
@@ -103,6 +103,8 @@ def confirmed(model: Model, part: RecordLines) -> tuple[Tone, ...]:
     """
     window = part.window.settled
     per_line = part.record.sample_rate / window.samples
+    if not window.is_periodic:
+        return part.tones
 
     def stands_out(tone: Tone) -> bool:
         place = tone.frequency_hz / per_line
@@ -113,7 +115,7 @@ def confirmed(model: Model, part: RecordLines) -> tuple[Tone, ...]:
         if around.over_spectrum(place) > OUTSTANDING:
             return True
         excited = part.window.in_period == round(place / window.periods)
-        return bool(abs(place - nearest) < 0.5 and (_alone(model.at(part.record), part)[excited] > ALONE).any())
+        return bool(abs(place - nearest) < 0.5 and (_alone(part.at(model), part)[excited] > ALONE).any())
 
     return tuple(tone for tone in part.tones if stands_out(tone))
 
@@ -147,9 +149,13 @@ def _under_hann(lines: ComplexArray, is_excited: NDArray[np.bool_] | slice) -> F
     return hann.real**2 + hann.imag**2
 
 
-def _on_excited_lines(here: Model, part: RecordLines, found: Sequence[Tone]) -> tuple[Tone, ...]:
+def _on_excited_lines(
+    here: Model, part: RecordLines, found: Sequence[Tone], hidden: NDArray[np.bool_] | None = None
+) -> tuple[Tone, ...]:
     """A tone that falls on an excited line: that line alone stands out among its neighbours."""
     relative, per_line = _alone(here, part, found), part.record.sample_rate / part.window.samples
+    if hidden is not None:
+        relative[hidden] = 0.0
     line, channel = divmod(int(np.argmax(relative)), relative.shape[1])
     if relative[line, channel] < ALONE:
         return ()
@@ -158,17 +164,52 @@ def _on_excited_lines(here: Model, part: RecordLines, found: Sequence[Tone]) -> 
     return (Tone(mains[0] if mains else frequency, channel, float(relative[line, channel])),)
 
 
-def _alone(here: Model, part: RecordLines, told: Sequence[Tone] = ()) -> FloatArray:
-    """Power that a model leaves on excited lines over that of the lines beside them, shape (lines, p)."""
+def _without_periods(here: Model, part: RecordLines, suspects: Sequence[float]) -> tuple[Tone, ...]:
+    """Lines that a model leaves, and that are no line of the excitation; and what is suspected, where it is likely."""
+    window, per_line = part.window, part.record.sample_rate / part.window.samples
+    drive = part.drive_power
+    is_driven = drive > SCREENED * convolve1d(drive, BESIDE / BESIDE.sum())
+    found: list[Tone] = []
+    while len(found) < MOST and (more := _on_excited_lines(here, part, found, hidden=is_driven)):
+        place = _between_lines(here, part, round(more[0].frequency_hz / per_line))
+        found.append(replace(more[0], frequency_hz=place * per_line))
+    relative = _alone(here, part, found, least=1.0)
+    for frequency in suspects:
+        line = int(np.argmin(np.abs(window.excited - frequency / per_line)))
+        is_judged = abs(window.excited[line] - frequency / per_line) < 0.5 and not is_driven[line]
+        chance = chdtrc(2 * relative.shape[1], 2.0 * relative[line].sum())
+        is_likely = frequency == suspects[0] and here.rig.speed > 0.0 or chance < SUSPECTED
+        if is_judged and is_likely and all(abs(frequency - tone.frequency_hz) > 2.0 * per_line for tone in found):
+            channel = int(np.argmax(relative[line]))
+            found.append(Tone(frequency, channel, float(relative[line, channel])))
+    return tuple(found)
+
+
+def _between_lines(here: Model, part: RecordLines, line: int) -> float:
+    """The place of a tone between the lines of a record without periods, if all around it are judged."""
+    near = np.arange(line - NEAR, line + NEAR + 1)
+    if not np.isin(near, part.index).all():
+        return float(line)
+    left = np.zeros((part.window.samples // 2 + 1, len(part.record.channels)), dtype=complex)
+    left[part.index] = part.residual_lines(here)
+    return refined_places(left, part.window, [float(line)])[0]
+
+
+def _alone(here: Model, part: RecordLines, told: Sequence[Tone] = (), least: float = ALONE) -> FloatArray:
+    """Power that a model leaves on excited lines over that of the lines beside them, shape (lines, p).
+
+    Nothing where no line stands out by `least`.
+    """
     count, per_line = len(part.window.excited), part.record.sample_rate / part.window.samples
     residual = part.white(here, []).residual
     power = np.abs(as_lines(residual, len(part.record.channels))[:count]) ** 2
     spacing = part.window.periods * per_line
     power[_at_narrow_modes(here, (part.window.period + 1) // 2, spacing, 0)[part.window.in_period]] = 0.0
+    spilled = spacing if part.window.is_periodic else NEAR * per_line
     for tone in told:  # what it spills is not told again
-        power[np.abs(part.window.excited * per_line - tone.frequency_hz) < part.window.periods * per_line] = 0.0
+        power[np.abs(part.window.excited * per_line - tone.frequency_hz) < spilled] = 0.0
     beside = convolve1d(power, BESIDE / BESIDE.sum(), axis=0)
-    if (power < ALONE * beside).all():
+    if (power < least * beside).all():
         return np.zeros(power.shape)
     around = median_filter(power, size=(2 * NEIGHBOURS + 1, 1), mode="nearest") / np.log(2.0)
     # lines that the transient has been fitted to hold less than noise

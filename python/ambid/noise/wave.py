@@ -12,7 +12,7 @@ from scipy.optimize import minimize_scalar
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.noise.window import Window
 
-__all__ = ["OUTSTANDING", "refined_places", "waves_between"]
+__all__ = ["NEAR", "OUTSTANDING", "refined_places", "waves_between"]
 
 OUTSTANDING = 70.0
 """Power of a tone over that around it; noise alone reaches 40 in a few of a hundred records of 60 000 lines."""
@@ -69,9 +69,10 @@ def waves_between(
 
 
 def _near(window: Window, places: Sequence[float]) -> NDArray[np.intp]:
-    """The unexcited lines near any of the places."""
+    """The unexcited lines near any of the places; without periods all that are near."""
     around = np.unique(np.add.outer(np.round(places).astype(np.intp), np.arange(-NEAR, NEAR + 1)))
-    return around[(around > 0) & (around <= (window.samples - 1) // 2) & (around % window.periods != 0)]
+    is_unexcited = (around % window.periods != 0) | (not window.is_periodic)
+    return around[(around > 0) & (around <= (window.samples - 1) // 2) & is_unexcited]
 
 
 def _table_near(window: Window, places: Sequence[float], near: NDArray[np.intp]) -> FloatArray:
