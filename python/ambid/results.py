@@ -70,6 +70,12 @@ def of_unit(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
+def band_text(low: float, high: float, between: str = " .. ") -> str:
+    """From and to of a band [Hz], with so many digits that they differ."""
+    digits = 0 if high >= 99.5 or high - low >= 9.95 else 1 if high >= 9.95 else 2
+    return f"{low:.{digits}f}{between}{high:.{digits}f}"
+
+
 def speed_text(speed: float) -> str:
     """A speed of rotation [rad/s], in rpm too."""
     return f"{speed:g} rad/s ({speed * 30.0 / pi:.0f} rpm)"

@@ -1,4 +1,4 @@
-"""Levitators that nobody chose: one axis, a slow coil, any rate, driven by i_e or by a reference; effects to hide in them.
+"""Levitators that nobody chose: one axis, a slow coil, any rate, driven by i_e or by a reference; and what to hide.
 
 The reference of a digital law adds what the law makes of it to the command, so that the independent simulator, which
 knows i_e alone, runs them.
@@ -15,7 +15,7 @@ from ambid import Model
 from ambid.errors import UnstableLoopError
 from ambid.excitation import prbs
 from ambid.record import Record
-from ambid.rig import Actuator, Amplifier, Bearing, PointMassRotor, PidController, Rig
+from ambid.rig import Actuator, Amplifier, Bearing, PidController, PointMassRotor, Rig
 
 from .bench import simulate
 
@@ -103,7 +103,9 @@ class Levitator:
             levels = self.amplitude * random.uniform(-1.0, 1.0, count // (8 * slow) + 2)
             return np.repeat(levels, 8 * slow)[:count]
         if kind == "noise":
-            return np.repeat(self.amplitude * random.standard_normal(count // (slow // 3 + 1) + 1), slow // 3 + 1)[:count]
+            return np.repeat(self.amplitude * random.standard_normal(count // (slow // 3 + 1) + 1), slow // 3 + 1)[
+                :count
+            ]
         t = np.arange(count) / self.rig.sample_rate
         low, high = 0.05 * self.pole, min(3.0 * self.pole, self.rig.sample_rate)
         return self.amplitude * np.sin(low * t[-1] / np.log(high / low) * ((high / low) ** (t / t[-1]) - 1.0))
@@ -180,7 +182,7 @@ def _drawn(random: np.random.Generator) -> Levitator:
     samples = int(np.clip(between(300.0, 2000.0) / pole * rate, 2500, 30000))
     adc = float(random.choice([0.0, 1.0])) * gap / float(random.choice([2000.0, 8000.0, 30000.0]))
     return Levitator(
-        rig=rig if drive.startswith("r ") else rig.replace(controller=controller.model_copy(update={"reference": False})),
+        rig=rig.replace(controller=controller.model_copy(update={"reference": drive.startswith("r ")})),
         K_i=K_i, K_s=K_s, tau_e=tau_e, drive=drive, amplitude=size, samples=samples,
         cut=int(random.integers(0, samples // 4)), pole=pole,
         sensor_noise=between(1e-4, 6e-4) * gap, current_noise=between(5e-4, 3e-3) * bias, adc_step=adc,

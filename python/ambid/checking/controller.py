@@ -13,6 +13,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 from scipy.optimize import least_squares
 
 from ambid.arrays import ComplexArray, FloatArray
@@ -32,6 +34,12 @@ DELAYS = (0.0, -0.5, 0.5, 1.0, 1.5)
 """Delays in samples from which the equation is solved before y is said to be late: what is held has a kink at each."""
 FEWEST = 30
 """Lines clear of noise that tell when y was read."""
+ALONE = 30.0
+"""Power that is missed on a line over the median beside it; noise exceeds it once in 2^30 lines."""
+BESIDE = 41
+"""Lines that the median is of."""
+SPILLED = 3
+"""Lines to each side that hold some of a wave, under a Hann window."""
 LEAST_LATE = 0.05
 """Part of a sample by which y must be late to be told; an amplifier that the equation only knows nearly brings 0.03."""
 
@@ -77,7 +85,12 @@ class Late:
 
 
 def fit_controller(loop: NominalLoop, lines: Lines) -> ControllerFit:
-    """Scale i_e and the gains of the controller so that i_c follows, axis by axis; see the head of this file."""
+    """Scale i_e and the gains of the controller so that i_c follows, axis by axis; see the head of this file.
+
+    Of a record without periods what stands alone on a line, as a hum does that joins i_c, is left out.
+    """
+    if not lines.whole_periods:
+        lines = lines.some(~_alone(loop, lines))
     excited, fed_back = controller_terms(loop, lines)
     scale, error, share, missed = [], [], [], []
     for equation in _equations(loop, lines):
@@ -127,6 +140,17 @@ def read_late(loop: NominalLoop, lines: Lines) -> Late | None:
                 continue
         seconds[k], errors[k], current[k] = late, spread[-1] * equation.step, x[-4] * equation.step
     return Late(seconds, errors, current) if seconds.any() else None
+
+
+def _alone(loop: NominalLoop, lines: Lines) -> NDArray[np.bool_]:
+    """Lines next to one that the rig's own equation misses by far more than those around, unless it is excited so."""
+    found = np.zeros(len(lines.frequency_hz), dtype=bool)
+    for equation in _equations(loop, lines):
+        missed, driven = (np.abs(own) ** 2 for own in (equation.missed_by_rig, equation.i_e))
+        is_driven = driven > ALONE * median_filter(driven, BESIDE, mode="nearest")
+        found |= (missed > ALONE * median_filter(missed, BESIDE, mode="nearest")) & ~is_driven
+    near = np.abs(lines.index[:, None] - lines.index[found]) <= SPILLED
+    return np.asarray(near.any(axis=1))
 
 
 def _equations(loop: NominalLoop, lines: Lines) -> list[_Equation]:
@@ -182,6 +206,12 @@ class _Equation:
     def size(self) -> float:
         """Norm of i_c."""
         return float(np.linalg.norm(self.i_c))
+
+    @property
+    def missed_by_rig(self) -> ComplexArray:
+        """What i_c is missed by with the rig's own gains, nothing having been held."""
+        excited, fed_back = self.paths(0.0, 0.0)
+        return excited * self.i_e + fed_back * self.of_y.sum(axis=1) - self.i_c
 
     def solved(self, delay: float = 0.0) -> tuple[FloatArray, FloatArray, float]:
         """Unknowns, their standard errors, and the square of the part of i_c that is left, from a delay on."""

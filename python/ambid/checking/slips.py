@@ -183,8 +183,8 @@ def _periods(record: Record) -> list[Finding]:
         return []
     todo = "record 4 periods or more, or state the period"
     if record.period is None:
-        what = "no period of the excitation found: the noise is what no smooth response to i_e explains, and neither "
-        what += "tones nor drift are looked for"
+        what = "no period of the excitation found: the noise is what no smooth response to i_e explains, and drift "
+        what += "is not looked for"
         return [Finding("warning", record.name, what, todo)]
     if record.periods < 2:
         what = f"{record.periods} period of the excitation: no misfit in units of the noise, and no diagnosis"

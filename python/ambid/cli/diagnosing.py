@@ -33,6 +33,7 @@ from ambid.cli.outputs import Files, conclude, drawn, pictures, reported, requir
 from ambid.cli.signals import exit_code, stoppable
 from ambid.cli.terminal import choose, progress, require_terminal, say, with_time_left
 from ambid.errors import InputError, RecordError, Stopped
+from ambid.results import band_text
 
 if TYPE_CHECKING:
     from ambid.diagnosis.localisation import Cell
@@ -262,5 +263,5 @@ def _where(comparison: ambid.Comparison) -> Sequence[Cell]:
 
 def _line(cell: Cell) -> str:
     low, high = cell.band_hz
-    place = f"  {cell.record}: {cell.channel:12s} {low:7.0f} .. {high:.0f} Hz"
+    place = f"  {cell.record}: {cell.channel:12s} {band_text(low, high):>14s} Hz"
     return f"{place}: {cell.misfit:.1f} times noise, {cell.kind}"

@@ -24,7 +24,7 @@ from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.lines import RecordLines
 from ambid.noise.response_lines import ResponseLines
-from ambid.results import picture, plain
+from ambid.results import band_text, picture, plain
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["MisfitMatrix", "misfit_matrix"]
@@ -145,7 +145,7 @@ class MisfitMatrix:
         low, high = self.edges_hz[b : b + 2]
         sign = {1: ", real part > 0", -1: ", real part < 0", 0: ""}[int(self.sign[b, o, i])]
         return (
-            f"{self.outputs[o]} by {self.inputs[i]}, {low:.0f} .. {high:.0f} Hz: {self.power[b, o, i]:.3g} times noise"
+            f"{self.outputs[o]} by {self.inputs[i]}, {band_text(low, high)} Hz: {self.power[b, o, i]:.3g} times noise"
             f"{sign}"
         )
 
@@ -155,7 +155,7 @@ class MisfitMatrix:
         for band, (low, high) in enumerate(zip(self.edges_hz[:-1], self.edges_hz[1:], strict=True)):
             names = [name for name, is_unknown in zip(self.inputs, unknown[band], strict=True) if is_unknown]
             if names:
-                text = f"{', '.join(names)} cannot be told apart from {low:.0f} to {high:.0f} Hz"
+                text = f"{', '.join(names)} cannot be told apart from {band_text(low, high, ' to ')} Hz"
                 found.append(f"{text}: excite axes with other sequences, or one after the other")
         return found
 

@@ -11,7 +11,7 @@ from ambid.arrays import FloatArray
 from ambid.diagnosis.candidates import Ranking
 from ambid.diagnosis.localisation import MisfitMap, misfit_maps
 from ambid.errors import InputError
-from ambid.results import picture, plain
+from ambid.results import band_text, picture, plain
 
 __all__ = ["Prediction", "predict"]
 
@@ -57,7 +57,7 @@ class Prediction:
         text = [f"{self.effect}: misfit {self.misfit_now:.3f} now, {self.misfit_then:.3f} then (predicted)"]
         for _, now, then, b, c in cells[:most]:
             low, high = now.edges_hz[b : b + 2]
-            place = f"  {now.record}: {now.channels[c]:12s} {low:7.0f} .. {high:.0f} Hz"
+            place = f"  {now.record}: {now.channels[c]:12s} {band_text(low, high):>14s} Hz"
             text.append(f"{place}: {now.misfit[b, c]:.1f} now, {then.misfit[b, c]:.1f} then, times noise")
         return text
 

@@ -19,7 +19,7 @@ from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.window import notes_of
 from ambid.record import Measurement
-from ambid.results import Tabular, of_unit, picture, plain
+from ambid.results import Tabular, band_text, of_unit, picture, plain
 
 VERDICTS = {
     "adequate": "nothing is missing that these data can show, in this band and at this amplitude",
@@ -294,8 +294,5 @@ class Diagnosis(Tabular):
         worst = [cell for cell in self.where[:3] if np.isfinite(cell.misfit)]
         if worst and self.verdict != "adequate":
             lines += ["", "largest misfit of the model at the start:"]
-            lines += [
-                f"  {c.channel:12s} {c.band_hz[0]:7.0f} .. {c.band_hz[1]:.0f} Hz: {c.misfit:.1f} times noise"
-                for c in worst
-            ]
+            lines += [f"  {c.channel:12s} {band_text(*c.band_hz):>14s} Hz: {c.misfit:.1f} times noise" for c in worst]
         return "\n".join([*lines, "", f"next: {self.next_experiment}", *(f"note: {note}" for note in self.notes)])

@@ -12,6 +12,7 @@ from ambid.diagnosis.verdict import Verdict
 from ambid.effects.slips import ControllerGainError, ExcitationGainError
 from ambid.noise import Noise
 from ambid.noise.response_lines import ResponseLines
+from ambid.results import band_text
 from ambid.rig import PidController, Rig
 
 __all__ = ["next_experiment", "notes", "not_determined"]
@@ -31,7 +32,7 @@ OF_SMALL_MOTION = (
 FORESEEN = "`ambid diagnose --next` simulates these and tells which is the cheapest, and how long to record"
 WITHOUT_PERIODS = (
     "i_e does not repeat, or not often enough to see it: the noise is what no smooth response to i_e explains, and "
-    "neither tones nor drift were looked for"
+    "drift was not looked for"
 )
 
 
@@ -158,7 +159,7 @@ def next_experiment(verdict: Verdict, history: Sequence[Step]) -> str:
     if verdict.remains is not None and not verdict.is_to_the_noise:
         cell = verdict.remains
         return (
-            f"what is left is largest in {cell.channel} from {cell.band_hz[0]:.0f} to {cell.band_hz[1]:.0f} Hz "
+            f"what is left is largest in {cell.channel} from {band_text(*cell.band_hz, ' to ')} Hz "
             f"({cell.misfit:.1f} times noise): state what is good enough with --tolerance, or record at half the "
             "amplitude, where formulas of large motion matter less, and diagnose the records together"
         )
@@ -174,7 +175,7 @@ def next_experiment(verdict: Verdict, history: Sequence[Step]) -> str:
     if cell.kind == "synchronous":
         return f"record without excitation and look for what goes on at {np.mean(cell.band_hz):.2f} Hz"
     return (
-        f"the misfit is largest in {cell.channel} from {cell.band_hz[0]:.0f} to {cell.band_hz[1]:.0f} Hz: repeat at "
+        f"the misfit is largest in {cell.channel} from {band_text(*cell.band_hz, ' to ')} Hz: repeat at "
         "half and twice the amplitude and diagnose the records together, to see how it grows"
     )
 

@@ -15,6 +15,8 @@ from ambid.loop.plant import Plant
 from ambid.rig import PointMassRotor, Rig
 
 UNBOUNDED = float("inf")
+SLOWEST = 0.01
+"""Part of the sample rate from which a mode of the housing is looked for, or from 10 Hz if that is less."""
 
 
 def _stiffness(rig: Rig) -> float:
@@ -168,7 +170,8 @@ class FoundationResonance(Effect):
         """A scan over frequency, a tenth of an octave more than its probe is wide."""
         if self.frequency_hz is not None:
             return (self,)
-        return [FoundationResonance(float(f)) for f in np.geomspace(10.0, 0.2 * seen.rig.sample_rate, 40)]
+        rate = seen.rig.sample_rate
+        return [FoundationResonance(float(f)) for f in np.geomspace(min(10.0, SLOWEST * rate), 0.2 * rate, 40)]
 
     def without_probe(self) -> Effect:
         """The frequency is a parameter."""
@@ -181,7 +184,7 @@ class FoundationResonance(Effect):
                 "frequency_hz",
                 "Hz",
                 self.frequency_hz or 100.0,
-                lower=1.0,
+                lower=min(1.0, 0.1 * SLOWEST * rig.sample_rate),
                 upper=0.5 * rig.sample_rate,
                 meaning="frequency f of the housing's mode",
             ),

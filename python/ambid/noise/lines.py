@@ -327,7 +327,7 @@ class RecordLines:
         return self._judged(self._base.excitation(self.record)[:, : self._base.loop.driven])
 
     @cached_property
-    def _excitation(self) -> ComplexArray:
+    def drive(self) -> ComplexArray:
         """What drives each axis that is not still, as one excitation: r acts by way of the controller."""
         i_e, r = np.split(self._driven, [len(self.record.axes)], axis=1)
         both = i_e if r.shape[1] == 0 else r
@@ -338,14 +338,9 @@ class RecordLines:
         return both[:, np.any(both, axis=0)]
 
     @property
-    def drive_power(self) -> FloatArray:
-        """Power of the excitation on the judged lines, of all axes together, shape (lines,)."""
-        return np.asarray(np.sum(np.abs(self._excitation) ** 2, axis=1))
-
-    @property
     def loudest(self) -> int:
         """Which of the judged lines holds most of the excitation."""
-        return int(np.argmax(self.drive_power))
+        return int(np.argmax(np.sum(np.abs(self.drive) ** 2, axis=1)))
 
     @property
     def constant_responses(self) -> FloatArray:
@@ -353,7 +348,7 @@ class RecordLines:
 
         To what drives the axes together as on the loudest line.
         """
-        drive = self._excitation @ self._excitation[self.loudest].conj()
+        drive = self.drive @ self.drive[self.loudest].conj()
         lines = drive[:, None, None] * np.eye(self.measured.channels)
         return self.whiten(np.concatenate([lines, 1j * lines], axis=2))
 
@@ -427,13 +422,13 @@ class RecordLines:
         shapes = [np.tile(np.eye(p, dtype=complex), (len(self.points), 1, 1)), back_through_loop(here, self.points, p)]
         if not here.is_linear:
             residual = self._without_tones(self._z - self._simulated(here, [])[0])
-            found = likelier_beside_excitation(residual, self._excitation, shapes)
+            found = likelier_beside_excitation(residual, self.drive, shapes)
             return Spectrum.of(*found, np.ones(len(self.points)))
         core, inputs, transient = here.loop.core, self._inputs(here), None
         for _ in range(2):  # the first time with a transient that is as smooth as it may be
             response, _, _ = core.lines(here.theta, [], self.points, inputs, transient, False)
             residual = self._without_tones(self._z - response[:, :p])
-            found = likelier_beside_excitation(residual, self._excitation, shapes)
+            found = likelier_beside_excitation(residual, self.drive, shapes)
             require_noise(*found[:2], self._z)
             spectrum = Spectrum.of(*found, np.ones(len(self.points)))
             data = _core.LineData(core, self.points, inputs, self._z, spectrum.whitening)

@@ -46,6 +46,8 @@ BESIDE = np.array([1.0] * 6 + [0.0] * 5 + [1.0] * 6)
 """Lines to each side for the mean: next to a tone, but within the width of a pole."""
 BARELY = 0.05
 """Part of a line from an excited one within which a wave leaves next to nothing between them, as a transient does."""
+BLURRED = 3
+"""Lines to each side that hold some of a wave, under a Hann window."""
 MOST = 8
 """Tones that are told of a record."""
 
@@ -90,6 +92,10 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
 
 def misses_tone(model: Model, part: RecordLines) -> bool:
     """Whether a model leaves a tone on an excited line that is none of those told; of one far off it is not alone."""
+    if not part.window.is_periodic:
+        told = [tone.frequency_hz for tone in part.tones]
+        per_line = part.record.sample_rate / part.window.samples
+        return any(all(abs(own.frequency_hz - f) > per_line for f in told) for own in find_tones(model, part))
     if part.window.settled.periods == 2:
         return False
     return bool(_on_excited_lines(part.at(model), part, part.tones))
@@ -149,13 +155,9 @@ def _under_hann(lines: ComplexArray, is_excited: NDArray[np.bool_] | slice) -> F
     return hann.real**2 + hann.imag**2
 
 
-def _on_excited_lines(
-    here: Model, part: RecordLines, found: Sequence[Tone], hidden: NDArray[np.bool_] | None = None
-) -> tuple[Tone, ...]:
+def _on_excited_lines(here: Model, part: RecordLines, found: Sequence[Tone]) -> tuple[Tone, ...]:
     """A tone that falls on an excited line: that line alone stands out among its neighbours."""
     relative, per_line = _alone(here, part, found), part.record.sample_rate / part.window.samples
-    if hidden is not None:
-        relative[hidden] = 0.0
     line, channel = divmod(int(np.argmax(relative)), relative.shape[1])
     if relative[line, channel] < ALONE:
         return ()
@@ -165,24 +167,62 @@ def _on_excited_lines(
 
 
 def _without_periods(here: Model, part: RecordLines, suspects: Sequence[float]) -> tuple[Tone, ...]:
-    """Lines that a model leaves, and that are no line of the excitation; and what is suspected, where it is likely."""
+    """Lines that a model misses, and that are not excited so; of what is suspected, what stands out less.
+
+    The speed is always told.
+    """
     window, per_line = part.window, part.record.sample_rate / part.window.samples
-    drive = part.drive_power
+    drive = _hann_of(part.drive, part.index).sum(axis=1)
     is_driven = drive > SCREENED * convolve1d(drive, BESIDE / BESIDE.sum())
+    hidden = maximum_filter1d(is_driven, 2 * BLURRED + 1)
     found: list[Tone] = []
-    while len(found) < MOST and (more := _on_excited_lines(here, part, found, hidden=is_driven)):
-        place = _between_lines(here, part, round(more[0].frequency_hz / per_line))
-        found.append(replace(more[0], frequency_hz=place * per_line))
-    relative = _alone(here, part, found, least=1.0)
+    while len(found) < MOST:
+        line, channel, height = _loudest(here, part, found, hidden)
+        if height < ALONE:
+            break
+        found.append(Tone(_between_lines(here, part, int(window.excited[line])) * per_line, channel, height))
+    relative = _relative(here, part, found)
     for frequency in suspects:
         line = int(np.argmin(np.abs(window.excited - frequency / per_line)))
-        is_judged = abs(window.excited[line] - frequency / per_line) < 0.5 and not is_driven[line]
-        chance = chdtrc(2 * relative.shape[1], 2.0 * relative[line].sum())
-        is_likely = frequency == suspects[0] and here.rig.speed > 0.0 or chance < SUSPECTED
-        if is_judged and is_likely and all(abs(frequency - tone.frequency_hz) > 2.0 * per_line for tone in found):
-            channel = int(np.argmax(relative[line]))
-            found.append(Tone(frequency, channel, float(relative[line, channel])))
+        height, channel = float(relative[line].max()), int(np.argmax(relative[line]))
+        is_turning = frequency == here.rig.speed / (2.0 * np.pi)
+        is_likely = abs(window.excited[line] - frequency / per_line) < 1.0 and height > SCREENED and not hidden[line]
+        if (is_turning or is_likely) and all(abs(frequency - tone.frequency_hz) > 2.0 * per_line for tone in found):
+            found.append(Tone(frequency, channel, height))
     return tuple(found)
+
+
+def _loudest(here: Model, part: RecordLines, told: Sequence[Tone], hidden: NDArray[np.bool_]) -> tuple[int, int, float]:
+    """Line, channel and relative power of the line of a record without periods that a model misses most."""
+    relative = _relative(here, part, told)
+    relative[hidden] = 0.0
+    line, channel = divmod(int(np.argmax(relative)), relative.shape[1])
+    return line, channel, float(relative[line, channel])
+
+
+def _relative(here: Model, part: RecordLines, told: Sequence[Tone]) -> FloatArray:
+    """Power that a model leaves on lines of a record without periods over that beside them, shape (lines, p).
+
+    As it was recorded: the noise of such a record is told by what is left, tones included.
+    """
+    per_line = part.record.sample_rate / part.window.samples
+    power = _hann_of(part.residual_lines(here), part.index)
+    power[_at_narrow_modes(here, part.window.samples // 2 + 1, per_line, 1)[part.index]] = 0.0
+    for tone in told:
+        power[np.abs(part.index * per_line - tone.frequency_hz) < 2 * BLURRED * per_line] = 0.0
+    beside = convolve1d(power, BESIDE / BESIDE.sum(), axis=0)
+    around = median_filter(power, size=(2 * NEIGHBOURS + 1, 1), mode="nearest") / np.log(2.0)
+    return np.asarray(power / np.maximum(np.maximum(around, beside), 1e-300))
+
+
+def _hann_of(lines: ComplexArray, index: NDArray[np.intp]) -> FloatArray:
+    """Power of lines under a Hann window, of those that stand between others without a gap."""
+    power, inner = np.abs(lines) ** 2, np.diff(index, n=2, prepend=-2, append=-2) == 0
+    inner[1:-1] &= np.diff(index)[:-1] == 1
+    inner[[0, -1]] = False
+    at = np.flatnonzero(inner)
+    power[at] = np.abs(lines[at] - 0.5 * (lines[at - 1] + lines[at + 1])) ** 2
+    return np.asarray(power)
 
 
 def _between_lines(here: Model, part: RecordLines, line: int) -> float:
@@ -195,21 +235,17 @@ def _between_lines(here: Model, part: RecordLines, line: int) -> float:
     return refined_places(left, part.window, [float(line)])[0]
 
 
-def _alone(here: Model, part: RecordLines, told: Sequence[Tone] = (), least: float = ALONE) -> FloatArray:
-    """Power that a model leaves on excited lines over that of the lines beside them, shape (lines, p).
-
-    Nothing where no line stands out by `least`.
-    """
+def _alone(here: Model, part: RecordLines, told: Sequence[Tone] = ()) -> FloatArray:
+    """Power that a model leaves on excited lines over that of the lines beside them, shape (lines, p)."""
     count, per_line = len(part.window.excited), part.record.sample_rate / part.window.samples
     residual = part.white(here, []).residual
     power = np.abs(as_lines(residual, len(part.record.channels))[:count]) ** 2
     spacing = part.window.periods * per_line
     power[_at_narrow_modes(here, (part.window.period + 1) // 2, spacing, 0)[part.window.in_period]] = 0.0
-    spilled = spacing if part.window.is_periodic else NEAR * per_line
     for tone in told:  # what it spills is not told again
-        power[np.abs(part.window.excited * per_line - tone.frequency_hz) < spilled] = 0.0
+        power[np.abs(part.window.excited * per_line - tone.frequency_hz) < part.window.periods * per_line] = 0.0
     beside = convolve1d(power, BESIDE / BESIDE.sum(), axis=0)
-    if (power < least * beside).all():
+    if (power < ALONE * beside).all():
         return np.zeros(power.shape)
     around = median_filter(power, size=(2 * NEIGHBOURS + 1, 1), mode="nearest") / np.log(2.0)
     # lines that the transient has been fitted to hold less than noise

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from ambid.diagnosis import MisfitMatrix
 from ambid.errors import InputError
-from ambid.plot.style import LABEL, NOTHING, SMALL, band_text, dress, new_figure, short_number
+from ambid.plot.style import LABEL, NOTHING, SMALL, dress, new_figure, short_number
+from ambid.results import band_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -86,7 +87,7 @@ def plot_misfit_matrix(matrix: MisfitMatrix, ax: Sequence[Axes] | None = None) -
         panel.set_xticks(np.arange(inputs + 1) + 0.5, [*names, "none"], rotation=40, ha="right", rotation_mode="anchor")
         panel.set_yticks(np.arange(outputs) + 0.5, matrix.outputs)
         panel.set_ylim(outputs, 0)
-        dress(panel, title=f"{band_text(*edges)} Hz", grid=None)
+        dress(panel, title=f"{band_text(*edges, ' – ')} Hz", grid=None)
         panel.tick_params(length=0)
         panel.spines[["left", "bottom"]].set_visible(False)
     if ax is None:

@@ -11,7 +11,8 @@ import numpy as np
 from ambid.diagnosis import Localisation
 from ambid.diagnosis.localisation import MisfitMap
 from ambid.errors import InputError
-from ambid.plot.style import AXIS_COLOURS, GUIDE, LABEL, NOTHING, SMALL, band_text, dress, new_figure, short_number
+from ambid.plot.style import AXIS_COLOURS, GUIDE, LABEL, NOTHING, SMALL, dress, new_figure, short_number
+from ambid.results import band_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,7 +72,7 @@ def plot_misfit_map(
             ax.text(c + 0.5, b + 0.5, text, ha="center", va="center", fontsize=SMALL, color=colour)
     ax.set_facecolor(NOTHING)
     ax.set_xticks(np.arange(channels) + 0.5, one.channels)
-    ax.set_yticks(np.arange(bands) + 0.5, [band_text(*edges) for edges in pairwise(one.edges_hz)])
+    ax.set_yticks(np.arange(bands) + 0.5, [band_text(*edges, " – ") for edges in pairwise(one.edges_hz)])
     dress(ax, title=f"{one.record}: misfit by band and channel, in times noise power", y="band [Hz]", grid=None)
     ax.tick_params(length=0)
     ax.spines[["left", "bottom"]].set_visible(False)

@@ -44,11 +44,6 @@ def short_number(value: float) -> str:
     return f"{value:.0f}" if value >= 99.5 else f"{value:.2g}" if value >= 9.95 else f"{value:.1f}"
 
 
-def band_text(low: float, high: float) -> str:
-    """From and to of a band."""
-    return f"{low:.1f} – {high:.1f}" if high < 9.95 else f"{low:.0f} – {high:.0f}"
-
-
 def plain_log(axis: Axis) -> None:
     """A logarithmic scale with plain numbers at 1, 2 and 5, or at the powers of ten where it is long."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
