@@ -438,7 +438,7 @@ class RecordLines:
     def _without_tones(self, left: ComplexArray) -> ComplexArray:
         """Judged lines less the waves of the tones that all lines around are judged of."""
         places = np.array([tone.frequency_hz for tone in self.tones]) * self.window.samples / self.record.sample_rate
-        near = np.round(places)[:, None] + np.arange(-NEAR, NEAR + 1)
+        near = np.maximum(1, np.round(places)[:, None] + np.arange(-NEAR, NEAR + 1))
         places = places[np.isin(near, self.index).all(axis=1)]
         lines = np.zeros((self.window.samples // 2 + 1, left.shape[1]), dtype=complex)
         lines[self.index] = left

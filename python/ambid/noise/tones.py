@@ -227,7 +227,7 @@ def _hann_of(lines: ComplexArray, index: NDArray[np.intp]) -> FloatArray:
 
 def _between_lines(here: Model, part: RecordLines, line: int) -> float:
     """The place of a tone between the lines of a record without periods, if all around it are judged."""
-    near = np.arange(line - NEAR, line + NEAR + 1)
+    near = np.arange(max(1, line - NEAR), line + NEAR + 1)
     if not np.isin(near, part.index).all():
         return float(line)
     left = np.zeros((part.window.samples // 2 + 1, len(part.record.channels)), dtype=complex)
