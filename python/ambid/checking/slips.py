@@ -189,8 +189,8 @@ def _periods(record: Record) -> list[Finding]:
     if record.periods < 2:
         what = f"{record.periods} period of the excitation: no misfit in units of the noise, and no diagnosis"
         return [Finding("warning", record.name, what, todo, stops_diagnosis=True)]
-    beside = "tones are looked for at the mains and at the speed alone" if record.periods == 3 else "no tones"
-    what = f"{record.periods} periods: few lines beside the excited ones tell the noise, and {beside}"
+    what = f"{record.periods} periods: few lines beside the excited ones tell the noise; tones are looked for on "
+    what += "excited lines, at the mains and at the speed alone"
     return [Finding("warning", record.name, what, todo)]
 
 

@@ -15,8 +15,14 @@ from ambid.loop.plant import Plant
 from ambid.rig import PointMassRotor, Rig
 
 UNBOUNDED = float("inf")
-SLOWEST = 0.01
-"""Part of the sample rate from which a mode of the housing is looked for, or from 10 Hz if that is less."""
+SLOWEST_HZ, OF_FALL = 10.0, 0.25
+"""From there on a mode of the housing is looked for; of a levitator, from this part of the rate at which it falls."""
+
+
+def _slowest_hz(rig: Rig) -> float:
+    if not isinstance(rig.rotor, PointMassRotor):
+        return SLOWEST_HZ
+    return min(SLOWEST_HZ, OF_FALL * float(np.sqrt(abs(_stiffness(rig)) / rig.rotor.mass)) / (2.0 * pi))
 
 
 def _stiffness(rig: Rig) -> float:
@@ -170,8 +176,8 @@ class FoundationResonance(Effect):
         """A scan over frequency, a tenth of an octave more than its probe is wide."""
         if self.frequency_hz is not None:
             return (self,)
-        rate = seen.rig.sample_rate
-        return [FoundationResonance(float(f)) for f in np.geomspace(min(10.0, SLOWEST * rate), 0.2 * rate, 40)]
+        slowest, fastest = _slowest_hz(seen.rig), 0.2 * seen.rig.sample_rate
+        return [FoundationResonance(float(f)) for f in np.geomspace(slowest, fastest, 40)]
 
     def without_probe(self) -> Effect:
         """The frequency is a parameter."""
@@ -184,7 +190,7 @@ class FoundationResonance(Effect):
                 "frequency_hz",
                 "Hz",
                 self.frequency_hz or 100.0,
-                lower=min(1.0, 0.1 * SLOWEST * rig.sample_rate),
+                lower=0.1 * _slowest_hz(rig),
                 upper=0.5 * rig.sample_rate,
                 meaning="frequency f of the housing's mode",
             ),

@@ -59,7 +59,8 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
     ----------
     model : Model
     part : RecordLines
-        Of two settled periods, where one line alone lies between excited ones, only what is suspected is looked for.
+        Of two settled periods, where one line alone lies between excited ones, only what is suspected is looked for
+        there.
     """
     record, window = part.record, part.window.settled
     here, rate = model.at(record), record.sample_rate
@@ -87,7 +88,7 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
         if is_likely and all(abs(frequency - tone.frequency_hz) > 2.0 * per_line for tone in found):
             height, channel = between.at(frequency / per_line)
             found.append(Tone(frequency, channel, height))
-    return (*found, *(_on_excited_lines(here, part, found) if window.periods > 2 else ()))
+    return (*found, *_on_excited_lines(here, part, found))
 
 
 def misses_tone(model: Model, part: RecordLines) -> bool:
@@ -96,8 +97,6 @@ def misses_tone(model: Model, part: RecordLines) -> bool:
         told = [tone.frequency_hz for tone in part.tones]
         per_line = part.record.sample_rate / part.window.samples
         return any(all(abs(own.frequency_hz - f) > per_line for f in told) for own in find_tones(model, part))
-    if part.window.settled.periods == 2:
-        return False
     return bool(_on_excited_lines(part.at(model), part, part.tones))
 
 
