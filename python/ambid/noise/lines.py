@@ -8,30 +8,28 @@ is from, linearised at rest, takes up what is left.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from copy import copy
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
 from scipy.ndimage import uniform_filter1d
 
 from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
-from ambid.loop.controller import of_reference
 from ambid.loop.effect import Effect, Tone
 from ambid.model import Model
-from ambid.noise.angles import THIRDS, best_angle, turned
+from ambid.noise.angles import THIRDS, best_angle
 from ambid.noise.colour import back_through_loop
 from ambid.noise.in_time import NEUTRAL, InTime
+from ambid.noise.judged import FEW, JudgedLines
 from ambid.noise.local import likelier_beside_excitation
 from ambid.noise.measured import Measured
 from ambid.noise.still import Louder, louder_in_motion
 from ambid.noise.transients import OWN, freed, orthonormal
 from ambid.noise.unexcited import Unexcited
-from ambid.noise.wave import NEAR, waves_between
 from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, Spectrum, between_lines, require_noise
 
 __all__ = ["RecordLines", "White", "as_lines"]
@@ -40,8 +38,6 @@ REMEMBERED = 8
 """Models whose transients are kept."""
 FORGOTTEN = 1e-16
 """Part of a transient that is left where it is nothing beside what it was."""
-FEW = 400
-"""Lines that lead a fit near its optimum."""
 
 
 class White(NamedTuple):
@@ -65,7 +61,7 @@ class White(NamedTuple):
     transients: FloatArray
 
 
-class RecordLines:
+class RecordLines(JudgedLines):
     """The judged lines of one record, and their noise, which stays the same for all models after.
 
     Parameters
@@ -80,38 +76,20 @@ class RecordLines:
 
     Attributes
     ----------
-    index : ndarray of int
-        Judged lines: the excited ones, then others.
-    points : ndarray of complex
-        The same as points of the unit circle.
     unexcited : Unexcited
         The lines that the noise is taken from.
     spectrum : Spectrum
     """
 
     def __init__(self, model: Model, measured: Measured, tones: Sequence[Tone] = (), *, rough: bool = False) -> None:
-        self.measured, self.record, self.window = measured, measured.record, measured.window
-        self.tones = tuple(tones)
-        self._angles: dict[str, float] = {}
-        self._base = here = _shaping(model.at(self.record))
-        self.unexcited = Unexcited(here, measured)
-        own = [f for effect in here.acting for f in effect.frequencies_hz(here.rig)]
-        self.more = self._around([*own, *(tone.frequency_hz for tone in tones)])
-        self._every = max(1, len(self.window.excited) // FEW) if rough else 1
-        self.index = np.concatenate([self.window.excited, self.more])[:: self._every]
-        self.points = self.window.points(self.index)
-        self._z = self._some(measured.excited, measured.single)
+        super().__init__(model, measured, tones, rough=rough)
+        self.unexcited = Unexcited(self._base, measured)
         every = 0 if len(self.more) else self._every
         self._in_time = InTime(self.record, self.window, self._judged, every, measured.folded)
         self._data: dict[tuple[Effect, ...], _core.LineData] = {}  # by the disturbances that drive a model
         self._transients: dict[tuple[_core.ClosedLoop, bytes], tuple[FloatArray, int]] = {}
         way = self._rough if rough else self._between if self.window.is_periodic else self._without_periods
         self.spectrum = way()
-
-    def at(self, model: Model) -> Model:
-        """The model at the operating point of the record, with its own angles where they are known."""
-        here = model.at(self.record)
-        return turned(here, self._angles) if self._angles else here
 
     def with_own_angles(self, model: Model) -> RecordLines:
         """The same, with the angle of every wave of the model where it fits best."""
@@ -315,33 +293,6 @@ class RecordLines:
         share = 1.0 - 1.0 / self.spectrum.raised  # p / n_l
         return np.asarray(1.0 - share / self.measured.channels)[:, None]
 
-    def _inputs(self, here: Model) -> ComplexArray:
-        """Inputs on the judged lines: i_e and r, then those of disturbances in the model."""
-        if here.loop.core.inputs == here.loop.driven:
-            return self._driven
-        return self._judged(here.excitation(self.record))
-
-    @cached_property
-    def _driven(self) -> ComplexArray:
-        """i_e and r on the judged lines."""
-        return self._judged(self._base.excitation(self.record)[:, : self._base.loop.driven])
-
-    @cached_property
-    def drive(self) -> ComplexArray:
-        """What drives each axis that is not still, as one excitation: r acts by way of the controller."""
-        i_e, r = np.split(self._driven, [len(self.record.axes)], axis=1)
-        both = i_e if r.shape[1] == 0 else r
-        if i_e.any() and r.any():
-            both = i_e + (of_reference(self._base.rig, self.points) @ r[..., None])[..., 0]
-        elif i_e.any():
-            both = i_e
-        return both[:, np.any(both, axis=0)]
-
-    @property
-    def loudest(self) -> int:
-        """Which of the judged lines holds most of the excitation."""
-        return int(np.argmax(np.sum(np.abs(self.drive) ** 2, axis=1)))
-
     @property
     def constant_responses(self) -> FloatArray:
         """Whitened responses, in and out of phase, that are the same at every frequency, shape (numbers, 2 p).
@@ -351,15 +302,6 @@ class RecordLines:
         drive = self.drive @ self.drive[self.loudest].conj()
         lines = drive[:, None, None] * np.eye(self.measured.channels)
         return self.whiten(np.concatenate([lines, 1j * lines], axis=2))
-
-    def _judged(self, signal: FloatArray) -> ComplexArray:
-        """The judged lines of a signal that starts with the record."""
-        return self._some(self.window.excited_lines(signal), lambda index: self.window.single_lines(signal, index))
-
-    def _some(self, excited: ComplexArray, single: Callable[[NDArray[np.intp]], ComplexArray]) -> ComplexArray:
-        """Those that are judged of the excited lines, and of others, which are told one by one."""
-        lines = np.concatenate([excited, single(self.more)]) if len(self.more) else excited
-        return np.ascontiguousarray(lines[:: self._every])
 
     def _rough(self) -> Spectrum:
         """The noise of each sensor and reading by itself; without periods that of each channel as recorded."""
@@ -435,23 +377,6 @@ class RecordLines:
             transient = _core.line_equations(core, here.theta, [], [data])[3][0]
         return spectrum
 
-    def _without_tones(self, left: ComplexArray) -> ComplexArray:
-        """Judged lines less the waves of the tones that all lines around are judged of."""
-        places = np.array([tone.frequency_hz for tone in self.tones]) * self.window.samples / self.record.sample_rate
-        near = np.maximum(1, np.round(places)[:, None] + np.arange(-NEAR, NEAR + 1))
-        places = places[np.isin(near, self.index).all(axis=1)]
-        lines = np.zeros((self.window.samples // 2 + 1, left.shape[1]), dtype=complex)
-        lines[self.index] = left
-        return left - waves_between(lines, self.window, places.tolist(), self.index)
-
-    def _around(self, frequencies_hz: Sequence[float]) -> NDArray[np.intp]:
-        """The unexcited lines next to frequencies."""
-        window = self.window
-        at = [frequency * window.samples / self.record.sample_rate for frequency in frequencies_hz]
-        near = {line for place in at for line in range(int(place) - 1, int(place) + 3)}
-        inside = (line for line in near if 0 < line < window.samples // 2 and line % window.periods)
-        return np.array(sorted(inside) if window.is_periodic else [], dtype=np.intp)
-
     def _simulated(self, here: Model, free: list[int]) -> tuple[ComplexArray, ComplexArray]:
         """Judged lines of a nonlinear model's response and of its derivatives, simulated in time."""
         if self._starts_at_rest is None:
@@ -467,11 +392,6 @@ class RecordLines:
         responses = self._in_time.change(here), self._in_time.lines(here, [], at_rest=True)[0]
         settled, from_rest = (float(np.linalg.norm(self.whiten(self._z - response))) for response in responses)
         return from_rest < settled
-
-
-def _shaping(here: Model) -> Model:
-    """What shapes the noise of a model: itself, or, where its nonlinear effects make rest neutral, what it is else."""
-    return here if here.is_linear or here.decay_rate > NEUTRAL else here.without_nonlinear()
 
 
 def as_lines(white: FloatArray, p: int) -> ComplexArray:
