@@ -199,13 +199,13 @@ def _worth_refitting(state: State, ranking: Ranking) -> list[Candidate]:
 
     Where far more than noise is left, they must promise to explain a tenth of it.
     What is left beside an effect that explains a hundred times as much may be the error of its formula: then only
-    what explains most of that is worth it.
+    what explains most of that is worth it; nor is what its formula is known to leave, see `Effect.formula_error`.
     """
     significant = ranking.significant
     best = max((candidate.score for candidate in significant), default=0.0)
     small = best < NEGLIGIBLE_SHARE * state.fall
     minor = state.fit.cost < state.at_noise or best < 0.5 * (state.fit.cost - state.dof)
-    if state.added and small and minor:
+    if state.added and (small and minor or best < state.of_formulas):
         return []
     least = 0.5 * best
     if state.fit.cost > state.at_noise:

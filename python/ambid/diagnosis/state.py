@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 from ambid.diagnosis.candidates import Candidate, Ranking
 from ambid.diagnosis.moves import moved, standard_errors
@@ -93,6 +94,13 @@ class State:
     def fall(self) -> float:
         """By how much the effects have lowered J; disturbances left out, which have lines of their own."""
         return self.reference.cost - self.fit.cost
+
+    @property
+    def of_formulas(self) -> float:
+        """How much of J the errors of the formulas of the effects may be."""
+        own = {effect.name: effect.formula_error for effect in self.added if effect.formula_error}
+        falls = [(after.added, before.misfit - after.misfit) for before, after in pairwise(self.history)]
+        return self.dof * sum(own[name] * fall for name, fall in falls if name in own)
 
     @property
     def explained(self) -> float:

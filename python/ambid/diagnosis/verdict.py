@@ -160,12 +160,15 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
 
 
 def _is_at_noise(task: Task, state: State) -> bool:
-    """Whether nothing but noise is left; a record of the same amplitude that was kept back adds to the evidence."""
-    above = (state.fit.cost - state.dof) / (SPREAD * np.sqrt(2.0 * state.dof))
+    """Whether nothing but noise is left, or what formulas of the effects are known to leave.
+
+    A record of the same amplitude that was kept back adds to the evidence.
+    """
+    above = (state.fit.cost - state.dof - state.of_formulas) / (SPREAD * np.sqrt(2.0 * state.dof))
     kept_back = state.history[-1].validation_misfit
     if kept_back is None or state.validation is None or _validated(task, state):
         return bool(above < BEYOND_NOISE)
-    other = (kept_back - 1.0) * np.sqrt(state.validation.dof / 2.0) / SPREAD
+    other = (kept_back - 1.0 - state.of_formulas / state.dof) * np.sqrt(state.validation.dof / 2.0) / SPREAD
     return bool(above < BEYOND_NOISE and above + other < BEYOND_NOISE * np.sqrt(2.0))
 
 

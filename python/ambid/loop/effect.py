@@ -119,6 +119,8 @@ class Effect(ABC):
         Names of simpler effects that this one includes; where one of them does as well, it is named instead.
     plural : bool
         Whether its name is a plural.
+    formula_error : float
+        Part of what it explains that its formula may leave, for another effect to be no better an explanation of.
     unseen : str
         Why it is not tried where it has no `variants`.
     """
@@ -130,6 +132,7 @@ class Effect(ABC):
     equation: ClassVar[str] = ""
     contains: ClassVar[tuple[str, ...]] = ()
     plural: ClassVar[bool] = False
+    formula_error: ClassVar[float] = 0.0
     unseen: ClassVar[str] = "the records show nothing that it could be tried at"
 
     def __post_init__(self) -> None:
