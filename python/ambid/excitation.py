@@ -64,8 +64,8 @@ def prbs(
     """
     _require_integer("order", order, 2, 24)
     _require_positive("amplitude", amplitude, "A")
-    for key, value in (("hold", hold), ("axes", axes), ("periods", periods)):
-        _require_integer(key, value, 1)
+    for key, value, least in (("hold", hold, 1), ("axes", axes, 1), ("periods", periods, 1), ("seed", seed, 0)):
+        _require_integer(key, value, least)
     chips = 2**order - 1
     if shifts is None:
         shifts = [axis * chips // axes for axis in range(axes)]
@@ -142,7 +142,7 @@ def multisine(
     Source: Schroeder, IEEE Trans. Inf. Theory 16 (1970) 85; Van der Ouderaa et al., clipping, IEEE Trans. Instrum.
     Meas. 37 (1988) 145; Rivera et al., zippered multisines, Chem. Eng. Sci. (2009).
     """
-    for key, value, least in (("period", period, 4), ("axes", axes, 1), ("periods", periods, 1)):
+    for key, value, least in (("period", period, 4), ("axes", axes, 1), ("periods", periods, 1), ("seed", seed, 0)):
         _require_integer(key, value, least)
     _require_positive("rms", rms, "A")
     if phases not in ("schroeder", "random", "clipped"):

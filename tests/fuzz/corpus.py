@@ -19,6 +19,8 @@ Breaker = Callable[[], None]
 CHECK, STATIC = ("check", "rig.toml"), ("static-load", "bench.toml", "load.csv")
 MODEL = ("compare", "rig.toml", "run.csv", "--model", "model.json")
 
+RUNS = ("monte-carlo", "rig.toml", "--runs", "2", "--seconds", "0.1")
+
 
 def replaced(name: str, old: str, new: str) -> Breaker:
     """Another text in a file; `old` is a pattern."""
@@ -175,6 +177,18 @@ CORPUS: dict[str, tuple[Breaker, tuple[str, ...], str]] = {
     "period of one sample": (nothing, (*CHECK, "run.csv", "--period", "1"), "from 3 to 630"),
     "period of five samples": (nothing, ("diagnose", "rig.toml", "run.csv", "--period", "5"), ""),
     "weights of 1e300": (nothing, ("identify", "rig.toml", "run.csv", "--weight", "y=1e300"), "y = 1e+300"),
+    "excitation, a seed below zero": (
+        nothing, ("excitation", "rig.toml", "--out", "out.csv", "--seed", "-1"), "seed = -1"
+    ),
+    "runs, an amplitude of 1e300": (nothing, (*RUNS, "--amplitude", "1e300"), ""),
+    "runs, noise of 1e300": (nothing, (*RUNS, "--diagnose", "--sensor-noise", "1e300"), ""),
+    "runs, more workers than memory": (nothing, (*RUNS, "--workers", "100000000000"), "expected 1 to 1000"),
+    "design, noise of 1e300": (
+        nothing, ("design", "rig.toml", "--accuracy", "K_i=5%", "--sensor-noise", "1e300"), "sensor_noise = 1e+300"
+    ),
+    "check, a fault and not a word": (
+        column("run.csv", 1, lambda i: i / 1e3), (*CHECK, "run.csv", "--quiet"), "rig.toml: 1 fault"
+    ),
     "an escape for an option": (nothing, (*CHECK, "--\x1b[31m"), r"--\x1b[31m"),
 }  # fmt: skip
 """What is broken, the words of the command, and what it must say; nothing where the file is taken."""
