@@ -11,6 +11,8 @@ from ambid.errors import InputError
 
 __all__ = ["multisine", "prbs"]
 
+MOST_ORDER = 24
+"""Of a shift register: a period of 17 million chips."""
 CLIPPINGS = 200
 """Rounds of clipping that lower a crest factor; twice as many gain less than a twentieth on 6 to 900 lines."""
 CLIPPED_FROM = 0.4
@@ -62,7 +64,7 @@ def prbs(
     -----
     Primitive polynomials are those of `scipy.signal.max_len_seq`. Source: Golomb, Shift Register Sequences (1967).
     """
-    _require_integer("order", order, 2, 24)
+    _require_integer("order", order, 2, MOST_ORDER)
     _require_positive("amplitude", amplitude, "A")
     for key, value, least in (("hold", hold, 1), ("axes", axes, 1), ("periods", periods, 1), ("seed", seed, 0)):
         _require_integer(key, value, least)

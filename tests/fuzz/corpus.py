@@ -183,6 +183,10 @@ CORPUS: dict[str, tuple[Breaker, tuple[str, ...], str]] = {
     "runs, an amplitude of 1e300": (nothing, (*RUNS, "--amplitude", "1e300"), ""),
     "runs, noise of 1e300": (nothing, (*RUNS, "--diagnose", "--sensor-noise", "1e300"), ""),
     "runs, more workers than memory": (nothing, (*RUNS, "--workers", "100000000000"), "expected 1 to 1000"),
+    "runs beyond memory": (nothing, (*RUNS, "--runs", "1000000000000"), "expected 1 to 10000000"),
+    "excitation beyond memory": (
+        nothing, ("excitation", "rig.toml", "--out", "out.csv", "--periods", "1000000"), "samples at the most"
+    ),
     "design, noise of 1e300": (
         nothing, ("design", "rig.toml", "--accuracy", "K_i=5%", "--sensor-noise", "1e300"), "sensor_noise = 1e+300"
     ),
