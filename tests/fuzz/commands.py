@@ -217,7 +217,7 @@ COMMANDS = {
     }),
     "margins": Command(("rig.toml",), QUIET | MODEL | SEED | PLOT | {
         "--at": ("controller", "sensor", "sensor", "x", ""),
-        "--draws": ("1", "10", "0", "-1", "3", "1000000000"),
+        "--draws": ("1", "40", "100", "0", "-1", "39", "1000000000"),
     }),
     "poles": Command(("rig.toml",), QUIET | MODEL | BEFORE | PLOT),
     "campbell": Command(("bench.toml",), QUIET | MODEL | PLOT | {
@@ -251,6 +251,6 @@ COMMANDS = {
     ),
     "demo": Command((), QUIET | FORCE | {
         "--out": ("rig.toml", "none/story", ".", "/dev/full", "x" * 300, "out.json"),
-    }, last=("--json", "none/out.json"), often=1),
+    }, last=("--json", "nowhere/out.json"), often=1),
 }  # fmt: skip
 """The whole story of the demo takes too long to be fuzzed: it is always asked for a file in a folder that is none."""

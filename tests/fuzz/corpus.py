@@ -21,6 +21,8 @@ MODEL = ("compare", "rig.toml", "run.csv", "--model", "model.json")
 
 RUNS = ("monte-carlo", "rig.toml", "--runs", "2", "--seconds", "0.1")
 
+COMPARE = ("compare", "rig.toml", "run.csv")
+
 
 def replaced(name: str, old: str, new: str) -> Breaker:
     """Another text in a file; `old` is a pattern."""
@@ -110,6 +112,17 @@ def covariance(change: Callable[[list[list[float]]], object]) -> Breaker:
     return make
 
 
+def free_response() -> None:
+    """Excitation too small for its square, and a displacement that decays."""
+    column("run.csv", 1, lambda i: 1e-300 * i)()
+    column("run.csv", 2, lambda y: 1e-3 * y)()
+    head, *rows = Path("run.csv").read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    decay = [float(c[2]) + 1e-4 * 0.98**k for k, c in enumerate(cells)]
+    rows = [",".join([c[0], c[1], repr(y), *c[3:]]) for c, y in zip(cells, decay, strict=True)]
+    Path("run.csv").write_text("\n".join([head, *rows]) + "\n")
+
+
 def nothing() -> None:
     pass
 
@@ -138,6 +151,9 @@ CORPUS: dict[str, tuple[Breaker, tuple[str, ...], str]] = {
     "csv, a line of megabytes": (replaced("run.csv", "0.0001", "x" * 5_000_000), (*CHECK, "run.csv"), "more ch"),
     "csv, beyond floating point": (replaced("run.csv", "\n0.0001,", "\n1e400,"), (*CHECK, "run.csv"), "t is inf"),
     "csv, a current of nothing": (column("run.csv", 3, lambda i: i / 1e300), (*CHECK, "run.csv"), "i_c.A_zeta is c"),
+    "csv, an excitation of nothing": (column("run.csv", 1, lambda i: 1e-300 * i), COMPARE, "no excitation"),
+    "csv, an excitation of nothing, and a decay": (free_response, COMPARE, ""),
+    "campbell, of a point mass": (nothing, ("campbell", "rig.toml"), "rig.toml: no bearing has two axes"),
     "load, a current of nothing": (column("load.csv", 5, lambda i: 1e-300 * i), STATIC, "i_c.A_eta is constant"),
     "mat, cells in cells": (appended(lambda: containers.nested(30_000)), (*CHECK, "run.mat"), "deeper than 50"),
     "mat, two gigabytes": (appended(containers.bomb), (*CHECK, "run.mat"), "run.mat: not a readable .mat"),
@@ -186,6 +202,13 @@ CORPUS: dict[str, tuple[Breaker, tuple[str, ...], str]] = {
     "runs beyond memory": (nothing, (*RUNS, "--runs", "1000000000000"), "expected 1 to 10000000"),
     "excitation beyond memory": (
         nothing, ("excitation", "rig.toml", "--out", "out.csv", "--periods", "1000000"), "samples at the most"
+    ),
+    "runs, an amplitude of 1e-300": (nothing, (*RUNS, "--amplitude", "1e-300"), ""),
+    "design, a peak of 1e-300": (
+        nothing, ("design", "rig.toml", "--accuracy", "K_i=5%", "--peak", "1e-300"), "limit excitation = 1e-300"
+    ),
+    "rig, a loop beyond floating point": (
+        replaced("filter.toml", "300000.0", "3e305"), ("compare", "filter.toml", "run.csv"), "controller.numerator"
     ),
     "design, noise of 1e300": (
         nothing, ("design", "rig.toml", "--accuracy", "K_i=5%", "--sensor-noise", "1e300"), "sensor_noise = 1e+300"

@@ -66,7 +66,7 @@ def _of_model(rng: Rng) -> list[str]:
     on_rig = (
         ["compare", "rig.toml", "run.csv"],
         ["simulate", "rig.toml", "--out", "out.mat", *SHORT],
-        ["margins", "rig.toml", "--draws", "20"],
+        ["margins", "rig.toml", "--draws", "40"],
         ["poles", "rig.toml"],
         ["campbell", "rig.toml", "--measured", "model.json"],
         ["excitation", "rig.toml", "--out", "out.wav"],
@@ -113,7 +113,7 @@ def fields_of_rig(rng: Rng, bases: Path, folder: Path) -> Input:
             ["compare", name, "run.csv"],
             ["identify", name, "run.csv", "--max-evaluations", "10"],
             ["frequency-response", name, "run.csv"],
-            ["margins", name, "--draws", "20"],
+            ["margins", name, "--draws", "40"],
             ["poles", name],
             ["campbell", name],
             ["excitation", name, "--out", "out.mat"],

@@ -126,7 +126,7 @@ def judge(made: Input) -> tuple[str, str]:
     if lost and "--force" not in made.words:
         return "lost", f"{lost[0]}: {said[:200]}"
     written = Path("out.json")
-    if written.exists():
+    if written.is_file():
         try:
             json.loads(written.read_text(), parse_constant=_refuse)
         except ValueError as error:
