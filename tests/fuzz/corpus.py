@@ -145,6 +145,11 @@ CORPUS: dict[str, tuple[Breaker, tuple[str, ...], str]] = {
     ),
     "model, covariance of another size": (covariance(lambda rows: rows.pop()), MODEL, "covariance has the shape"),
     "model, covariance not symmetric": (covariance(lambda m: m[0].__setitem__(1, 1.0)), MODEL, "not symmetric"),
+    "model, draws that are no physics": (
+        covariance(lambda m: [m[k].__setitem__(k, 1e12) for k in range(4)]),
+        ("margins", "rig.toml", "--draws", "40", "--model", "model.json"),
+        "rig.toml: 4",
+    ),
     "model, negative variance": (covariance(lambda m: m[0].__setitem__(0, -1.0)), MODEL, "negative variance"),
     "csv, a million columns": (text("run.csv", "a," * 1_000_000 + "\n"), (*CHECK, "run.csv"), "1048576 characters"),
     "csv, twenty thousand columns": (text("run.csv", "a," * 20_000 + "\n1"), (*CHECK, "run.csv"), "20001 columns"),
