@@ -215,6 +215,9 @@ CORPUS: dict[str, tuple[Breaker, tuple[str, ...], str]] = {
     "rig, a loop beyond floating point": (
         replaced("filter.toml", "300000.0", "3e305"), ("compare", "filter.toml", "run.csv"), "controller.numerator"
     ),
+    "design, an accuracy of 1e-300": (
+        nothing, ("design", "rig.toml", "--accuracy", "K_i=1e-300"), "accuracy of K_i.A_zeta = '1e-300'"
+    ),
     "design, noise of 1e300": (
         nothing, ("design", "rig.toml", "--accuracy", "K_i=5%", "--sensor-noise", "1e300"), "sensor_noise = 1e+300"
     ),
