@@ -11,6 +11,8 @@ from ambid.errors import InputError
 
 __all__ = ["multisine", "prbs"]
 
+MOST_ORDER = 24
+"""Of a shift register: a period of 17 million chips."""
 CLIPPINGS = 200
 """Rounds of clipping that lower a crest factor; twice as many gain less than a twentieth on 6 to 900 lines."""
 CLIPPED_FROM = 0.4
@@ -62,10 +64,10 @@ def prbs(
     -----
     Primitive polynomials are those of `scipy.signal.max_len_seq`. Source: Golomb, Shift Register Sequences (1967).
     """
-    _require_integer("order", order, 2, 24)
+    _require_integer("order", order, 2, MOST_ORDER)
     _require_positive("amplitude", amplitude, "A")
-    for key, value in (("hold", hold), ("axes", axes), ("periods", periods)):
-        _require_integer(key, value, 1)
+    for key, value, least in (("hold", hold, 1), ("axes", axes, 1), ("periods", periods, 1), ("seed", seed, 0)):
+        _require_integer(key, value, least)
     chips = 2**order - 1
     if shifts is None:
         shifts = [axis * chips // axes for axis in range(axes)]
@@ -142,7 +144,7 @@ def multisine(
     Source: Schroeder, IEEE Trans. Inf. Theory 16 (1970) 85; Van der Ouderaa et al., clipping, IEEE Trans. Instrum.
     Meas. 37 (1988) 145; Rivera et al., zippered multisines, Chem. Eng. Sci. (2009).
     """
-    for key, value, least in (("period", period, 4), ("axes", axes, 1), ("periods", periods, 1)):
+    for key, value, least in (("period", period, 4), ("axes", axes, 1), ("periods", periods, 1), ("seed", seed, 0)):
         _require_integer(key, value, least)
     _require_positive("rms", rms, "A")
     if phases not in ("schroeder", "random", "clipped"):

@@ -262,6 +262,9 @@ def test_exit_code_1_when_the_evaluations_run_out(here, command):
     assert result.code == 1
     assert "max_evaluations" in result.out
     assert read("i.json")["status"] == "max_evaluations"
+    quiet = command("identify", *here, "--max-evaluations", "1", "--quiet")
+    assert (quiet.code, quiet.out) == (1, "")
+    assert quiet.err.startswith("error: max_evaluations: the evaluations ran out")
 
 
 def test_exit_code_1_when_the_loop_is_unstable(here, command):

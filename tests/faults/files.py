@@ -2,15 +2,37 @@
 
 import json
 import struct
+import tomllib
+import zipfile
+from io import BytesIO
 from pathlib import Path
 
+import scipy.io
+
 OLD = b"what was there before\n" * 500
-ENDS = {".html": b"</html>", ".svg": b"</svg>"}
+ENDS = {
+    ".html": b"</html>",
+    ".svg": b"</svg>",
+    ".pdf": b"%%EOF",
+    ".tex": b"\\end{table}",
+    ".m": b"\nend",
+    ".parquet": b"PAR1",
+}
+ROWS = {"v.csv": 1008, "played.csv": 2032, "frf.csv": 56}
+"""Of the tables that the commands of these tests write, below their head."""
+
+
+def grows(path):
+    """Whether a file stands in a folder to which a command adds: before it there was none."""
+    return Path(path).parent.suffix == ".parquet"
 
 
 def write_old(path):
     """Put the old file in its place."""
-    Path(path).write_bytes(OLD)
+    if grows(path):
+        Path(path).unlink(missing_ok=True)
+    else:
+        Path(path).write_bytes(OLD)
 
 
 def left_over():
@@ -23,37 +45,36 @@ def left_over():
 
 def is_writing(paths):
     """Whether a temporary file is there, or one of these is no longer the old one."""
-    return any(Path().glob("**/.ambid-*.tmp")) or any(Path(path).stat().st_size != len(OLD) for path in paths)
+    return any(Path().glob("**/.ambid-*.tmp")) or any(map(_is_touched, paths))
+
+
+def _is_touched(path):
+    if grows(path):
+        return Path(path).exists()
+    return Path(path).stat().st_size != len(OLD)
 
 
 def state(path):
     """`old`, `new`, `none` or `broken`."""
     if not path.exists():
-        return "none"
+        return "old" if grows(path) else "none"
     content = path.read_bytes()
     if content == OLD:
         return "old"
-    return "new" if is_whole(path.suffix, content) else "broken"
+    return "new" if is_whole(path, content) else "broken"
 
 
-def is_whole(suffix, content):
+def is_whole(path, content):
     """Whether a file that the command writes is complete."""
-    if suffix == ".json":
+    if path.suffix in READ:
         try:
-            json.loads(content)
-        except ValueError:
+            return READ[path.suffix](content) is not False
+        except Exception:  # whatever a reader makes of half a file
             return False
-        return True
-    if suffix == ".png":
-        return list(chunks(content))[-1:] == [b"IEND"]
-    if suffix == ".csv":
+    if path.suffix == ".csv":
         rows = content.split(b"\n")
-        return rows[-1] == b"" and len({row.count(b",") for row in rows[:-1]}) == 1 and len(rows) == 2 + ROWS
-    return content.rstrip().endswith(ENDS[suffix])
-
-
-ROWS = 1008
-"""Of the records that `simulate` makes in these tests."""
+        return rows[-1] == b"" and len({row.count(b",") for row in rows[:-1]}) == 1 and len(rows) == 2 + ROWS[path.name]
+    return content.rstrip().endswith(ENDS[path.suffix])
 
 
 def chunks(content):
@@ -65,3 +86,23 @@ def chunks(content):
             return
         yield content[place + 4 : place + 8]
         place += 12 + length
+
+
+def checked(content):
+    """Whether the checksum at the end of a stepper file, FNV-1a, is that of all bytes before."""
+    check = 0xCBF29CE484222325
+    for byte in content[:-8]:
+        check = (check ^ byte) * 0x100000001B3 % (1 << 64)
+    return check == int.from_bytes(content[-8:], "little")
+
+
+READ = {
+    ".json": json.loads,
+    ".png": lambda content: list(chunks(content))[-1:] == [b"IEND"],
+    ".toml": lambda content: "controller" in tomllib.loads(content.decode()),
+    ".mat": lambda content: "K_D" in scipy.io.loadmat(BytesIO(content)),
+    ".wav": lambda content: len(content) == 8 + struct.unpack("<I", content[4:8])[0],
+    ".fmu": lambda content: zipfile.ZipFile(BytesIO(content)).testzip() is None,
+    ".stepper": checked,
+}
+"""What reads a format to its end, by suffix."""

@@ -10,15 +10,20 @@ import signal
 import subprocess
 import time
 from pathlib import Path
+from typing import get_type_hints
 
 import pytest
+from typer.main import get_command
 
 import ambid
-from faults.jobs import FEW, JOBS, STORY, disturbed, ended, prepare, start
+from ambid.cli.app import app
+from faults.jobs import FEW, JOBS, ONE_BY_ONE, OPTIONS, STORY, disturbed, ended, prepare, start
 from faults.promises import CODES, check
 
 FAST = {"SIGKILL": 10, "SIGINT": 5, "SIGTERM": 5}
 MANY = {"SIGKILL": 60, "SIGINT": 15, "SIGTERM": 15}
+SOME = {"SIGKILL": 8, "SIGINT": 2, "SIGTERM": 2}
+"""Of a command that takes seconds."""
 READY = "from ambid.cli import main, signals; signals.watch(); import os; os.write(1, b'.'); main()"
 """Says when signals are heard, before the command itself is imported."""
 
@@ -30,6 +35,21 @@ def folder(tmp_path_factory):
     return prepare(tmp_path_factory.mktemp("faults"))
 
 
+def test_every_option_that_writes_is_tried():
+    """A path that is an option is written, unless it is one of those that are read."""
+    read = {"--model", "--before", "--rig", "--measured", "--record", "--validate"}
+    commands = get_command(app).commands
+    written = {
+        (own.name, max(option.opts, key=len))
+        for own in app.registered_commands
+        for option in commands[own.name].params
+        if option.param_type_name == "option" and "Path" in str(get_type_hints(own.callback)[option.name])
+    }
+    written = {(name, option) for name, option in written if option not in read}
+    tried = {(words[0], word) for words in (*JOBS.values(), STORY) for word in words if word in OPTIONS}
+    assert written - tried == set()
+
+
 @pytest.mark.parametrize("job", FEW)
 def test_a_few_moments(job, folder):
     counts = check(disturbed(folder, JOBS[job], FAST))
@@ -39,16 +59,10 @@ def test_a_few_moments(job, folder):
 @pytest.mark.slow
 @pytest.mark.parametrize("job", JOBS)
 def test_many_moments(job, folder, tmp_path):
-    counts = check(disturbed(prepare(tmp_path), JOBS[job], MANY))
+    counts = check(disturbed(prepare(tmp_path), JOBS[job], SOME if job == "report" else MANY), job not in ONE_BY_ONE)
     print(job, dict(counts))
     # the others save what is done; how late the moments reach goes with the load
     assert any("old" in key[1:] for key in counts if key[0] == "SIGKILL"), "the moments begin before the first file"
-
-
-@pytest.mark.slow
-def test_a_report_and_pictures(tmp_path):
-    more = ("--report", "d.html", "--plot", "d.png")
-    print(dict(check(disturbed(prepare(tmp_path), (*JOBS["diagnose"], *more), {"SIGKILL": 8, "SIGINT": 2}))))
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import pyuff
 import scipy.io
 
 import ambid
@@ -14,6 +15,8 @@ from ambid.demo import DATA
 
 LEVITATOR = Path(__file__).parents[1] / "data" / "levitator.toml"
 SUFFIXES = (".csv", ".mat", ".h5", ".parquet", ".tdms")
+RESPONSES = ("response.csv", "response.mat", "response.uff")
+"""Frequency responses of the record."""
 CONTROLLERS = {
     "filter.toml": """
 kind = "transfer_function"
@@ -43,7 +46,7 @@ shapes = [[0.3, 0.3, 0.3, 0.3], [0.5, 0.2, -0.2, -0.5], [0.5, -0.2, -0.2, 0.5]]
 
 
 def healthy(folder: Path) -> None:
-    """Write one of each: rigs, records in every format, a model, a static loading, a campaign."""
+    """Write one of each: rigs, records and responses in every format, a model, a loading, a campaign, rows of runs."""
     folder.mkdir(parents=True)
     shutil.copy(LEVITATOR, folder / "rig.toml")
     text = LEVITATOR.read_text()
@@ -59,6 +62,9 @@ def healthy(folder: Path) -> None:
     record = model.virtual_experiment(excitation, seed=1)
     for suffix in SUFFIXES:
         record.save(folder / f"run{suffix}")
+    _responses(folder, record)
+    (folder / "rows.parquet").mkdir()
+    (folder / "rows.parquet" / "_plan.json").write_text("{}\n")
     with h5py.File(folder / "run73.mat", "w", userblock_size=512) as file:
         file["fs"], file["y"], file["i_e"], file["i_c"] = 1e4, record.y.T, record.i_e.T, record.i_c.T
     with (folder / "run73.mat").open("r+b") as file:
@@ -70,3 +76,34 @@ def healthy(folder: Path) -> None:
     held = {k: v for k, v in scipy.io.loadmat(folder / "run.mat").items() if not k.startswith("__")}
     scipy.io.savemat(folder / "open.mat", held)
     shutil.copy(folder / "open.mat", folder / "bench_run" / "6A" / "prbs_1.mat")
+
+
+def _responses(folder: Path, record: ambid.Record) -> None:
+    own = record.frequency_response()
+    for name in RESPONSES[:2]:
+        own.save(folder / name)
+    pyuff.UFF(str(folder / "response.uff")).write_sets(
+        pyuff.prepare_58(
+            binary=0,
+            func_type=4,
+            abscissa_spacing=1,
+            abscissa_spec_data_type=18,
+            ordinate_spec_data_type=8,
+            orddenom_spec_data_type=13,
+            rsp_node=1,
+            rsp_dir=1,
+            ref_node=2,
+            ref_dir=1,
+            rsp_ent_name="y.A_zeta",
+            ref_ent_name="i_e.A_zeta",
+            data=own.response[:, own.outputs.index("y.A_zeta"), own.inputs.index("i_e.A_zeta")],
+            x=own.frequency_hz,
+            id1="",
+            id2="",
+            id3="",
+            id4="",
+            id5="",
+            ord_data_type=5,
+        ),
+        "overwrite",
+    )

@@ -19,6 +19,10 @@ Breaker = Callable[[], None]
 CHECK, STATIC = ("check", "rig.toml"), ("static-load", "bench.toml", "load.csv")
 MODEL = ("compare", "rig.toml", "run.csv", "--model", "model.json")
 
+RUNS = ("monte-carlo", "rig.toml", "--runs", "2", "--seconds", "0.1")
+
+COMPARE = ("compare", "rig.toml", "run.csv")
+
 
 def replaced(name: str, old: str, new: str) -> Breaker:
     """Another text in a file; `old` is a pattern."""
@@ -108,6 +112,17 @@ def covariance(change: Callable[[list[list[float]]], object]) -> Breaker:
     return make
 
 
+def free_response() -> None:
+    """Excitation too small for its square, and a displacement that decays."""
+    column("run.csv", 1, lambda i: 1e-300 * i)()
+    column("run.csv", 2, lambda y: 1e-3 * y)()
+    head, *rows = Path("run.csv").read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    decay = [float(c[2]) + 1e-4 * 0.98**k for k, c in enumerate(cells)]
+    rows = [",".join([c[0], c[1], repr(y), *c[3:]]) for c, y in zip(cells, decay, strict=True)]
+    Path("run.csv").write_text("\n".join([head, *rows]) + "\n")
+
+
 def nothing() -> None:
     pass
 
@@ -130,12 +145,20 @@ CORPUS: dict[str, tuple[Breaker, tuple[str, ...], str]] = {
     ),
     "model, covariance of another size": (covariance(lambda rows: rows.pop()), MODEL, "covariance has the shape"),
     "model, covariance not symmetric": (covariance(lambda m: m[0].__setitem__(1, 1.0)), MODEL, "not symmetric"),
+    "model, draws that are no physics": (
+        covariance(lambda m: [m[k].__setitem__(k, 1e12) for k in range(4)]),
+        ("margins", "rig.toml", "--draws", "40", "--model", "model.json"),
+        "rig.toml: 4",
+    ),
     "model, negative variance": (covariance(lambda m: m[0].__setitem__(0, -1.0)), MODEL, "negative variance"),
     "csv, a million columns": (text("run.csv", "a," * 1_000_000 + "\n"), (*CHECK, "run.csv"), "1048576 characters"),
     "csv, twenty thousand columns": (text("run.csv", "a," * 20_000 + "\n1"), (*CHECK, "run.csv"), "20001 columns"),
     "csv, a line of megabytes": (replaced("run.csv", "0.0001", "x" * 5_000_000), (*CHECK, "run.csv"), "more ch"),
     "csv, beyond floating point": (replaced("run.csv", "\n0.0001,", "\n1e400,"), (*CHECK, "run.csv"), "t is inf"),
     "csv, a current of nothing": (column("run.csv", 3, lambda i: i / 1e300), (*CHECK, "run.csv"), "i_c.A_zeta is c"),
+    "csv, an excitation of nothing": (column("run.csv", 1, lambda i: 1e-300 * i), COMPARE, "no excitation"),
+    "csv, an excitation of nothing, and a decay": (free_response, COMPARE, ""),
+    "campbell, of a point mass": (nothing, ("campbell", "rig.toml"), "rig.toml: no bearing has two axes"),
     "load, a current of nothing": (column("load.csv", 5, lambda i: 1e-300 * i), STATIC, "i_c.A_eta is constant"),
     "mat, cells in cells": (appended(lambda: containers.nested(30_000)), (*CHECK, "run.mat"), "deeper than 50"),
     "mat, two gigabytes": (appended(containers.bomb), (*CHECK, "run.mat"), "run.mat: not a readable .mat"),
@@ -175,6 +198,32 @@ CORPUS: dict[str, tuple[Breaker, tuple[str, ...], str]] = {
     "period of one sample": (nothing, (*CHECK, "run.csv", "--period", "1"), "from 3 to 630"),
     "period of five samples": (nothing, ("diagnose", "rig.toml", "run.csv", "--period", "5"), ""),
     "weights of 1e300": (nothing, ("identify", "rig.toml", "run.csv", "--weight", "y=1e300"), "y = 1e+300"),
+    "excitation, a seed below zero": (
+        nothing, ("excitation", "rig.toml", "--out", "out.csv", "--seed", "-1"), "seed = -1"
+    ),
+    "runs, an amplitude of 1e300": (nothing, (*RUNS, "--amplitude", "1e300"), ""),
+    "runs, noise of 1e300": (nothing, (*RUNS, "--diagnose", "--sensor-noise", "1e300"), ""),
+    "runs, more workers than memory": (nothing, (*RUNS, "--workers", "100000000000"), "expected 1 to 1000"),
+    "runs beyond memory": (nothing, (*RUNS, "--runs", "1000000000000"), "expected 1 to 10000000"),
+    "excitation beyond memory": (
+        nothing, ("excitation", "rig.toml", "--out", "out.csv", "--periods", "1000000"), "samples at the most"
+    ),
+    "runs, an amplitude of 1e-300": (nothing, (*RUNS, "--amplitude", "1e-300"), ""),
+    "design, a peak of 1e-300": (
+        nothing, ("design", "rig.toml", "--accuracy", "K_i=5%", "--peak", "1e-300"), "limit excitation = 1e-300"
+    ),
+    "rig, a loop beyond floating point": (
+        replaced("filter.toml", "300000.0", "3e305"), ("compare", "filter.toml", "run.csv"), "controller.numerator"
+    ),
+    "design, an accuracy of 1e-300": (
+        nothing, ("design", "rig.toml", "--accuracy", "K_i=1e-300"), "accuracy of K_i.A_zeta = '1e-300'"
+    ),
+    "design, noise of 1e300": (
+        nothing, ("design", "rig.toml", "--accuracy", "K_i=5%", "--sensor-noise", "1e300"), "sensor_noise = 1e+300"
+    ),
+    "check, a fault and not a word": (
+        column("run.csv", 1, lambda i: i / 1e3), (*CHECK, "run.csv", "--quiet"), "rig.toml: 1 fault"
+    ),
     "an escape for an option": (nothing, (*CHECK, "--\x1b[31m"), r"--\x1b[31m"),
 }  # fmt: skip
 """What is broken, the words of the command, and what it must say; nothing where the file is taken."""

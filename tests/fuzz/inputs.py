@@ -12,81 +12,11 @@ import numpy as np
 
 import ambid
 from fuzz import containers, mutations
-from fuzz.bases import SUFFIXES
+from fuzz.bases import RESPONSES, SUFFIXES
+from fuzz.commands import COMMANDS, ODD, SHORT, Options
 from fuzz.mutations import Rng, pick
 
 RIGS = ("rig.toml", "rig.toml", "filter.toml", "matrices.toml", "bench.toml", "modes.toml")
-ODD = (
-    *mutations.NUMBERS,
-    *mutations.WORDS,
-    "y.A_zeta=2",
-    "K_i",
-    "K_i.*",
-    "tau_e=1e-4",
-    "a=b:c",
-    "[",
-    "*",
-    "0x10",
-    "1_0",
-    "٣",
-    "-",
-)
-OPTIONS: dict[str, tuple[str, ...]] = {
-    "--period": ("1", "3", "4", "5", "126", "126", "630", "-1", "315", "252", "100"),
-    "--map": (
-        "y.A_zeta=2",
-        "y.A_zeta=y.A_zeta:1e300",
-        "t=1:nan",
-        "y.=1",
-        "y.A_zeta=3:1e-320",
-        "fs=2",
-        "i_e.A_zeta=2:1e-3",
-        "i_e.A_zeta=1:inf",
-    ),
-    "--sample-rate": ("1e4", "1e4", "10001", "-1", "1e-300", "1e300", "inf"),
-}
-OF_IDENTIFY: dict[str, tuple[str, ...]] = OPTIONS | {
-    "--free": ("K_i", "tau_e", "K_i,K_s", ",", "*"),
-    "--fix": ("tau_e", "tau_e=1e-4", "tau_e=1e300", "K_s.A_zeta=1e-300", "K_i.A_zeta=inf"),
-    "--share": ("K=K_i.*", "x=K_i.A_zeta", "=", "tau_e=K_i"),
-    "--per-axis": ("tau_e", "K_i"),
-    "--bound": (
-        "tau_e=1e-4:1e-3",
-        "tau_e=nan:1",
-        "tau_e=-inf:inf",
-        "K_i=0:1e308",
-        "K_i.A_zeta=180:180",
-        "tau_e=0:5e-324",
-    ),
-    "--weight": ("eq9", "y=1e300", "i_c=0", "y=1e-300", "y=inf", "y=nan", "i_c=1e308"),
-    "--starts": ("2", "0", "-1", "5"),
-    "--seed": ("-1", "0", "18446744073709551616"),
-    "--max-evaluations": ("1", "0", "3", "-1"),
-}
-OF_SIMULATE: dict[str, tuple[str, ...]] = {
-    "--seconds": ("0.05", "0.1", "nan", "inf", "-1", "1e300"),
-    "--amplitude": ("1e300", "1e-300", "0", "nan", "-1", "1e8"),
-    "--effect": (
-        "loop_delay",
-        "loop_delay:delay=1",
-        "loop_delay:delay=nan",
-        "sensor_lag:time_constant=1e300",
-        "x:y=z",
-        "flux_saturation",
-    ),
-    "--sensor-noise": ("1e300", "nan", "-1", "inf"),
-    "--current-noise": ("1e300", "nan", "-1", "inf"),
-    "--seed": ("-1", "18446744073709551616", "1"),
-}
-OF_COMMANDS = {
-    "check": OPTIONS,
-    "compare": OPTIONS,
-    "identify": OF_IDENTIFY,
-    "simulate": OF_SIMULATE,
-    "effects": {},
-    "static-load": {},
-    "diagnose": OPTIONS | {"--tolerance": ("1", "0", "nan", "inf", "1e300"), "--effects": ("loop_delay", "", ",", "x")},
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -119,13 +49,33 @@ def _take(bases: Path, folder: Path, *names: str) -> None:
 
 def _judge(rng: Rng, record: str) -> list[str]:
     """A command on the levitator and a record; the dear ones seldom."""
-    command = pick(rng, ("check",) * 4 + ("compare",) * 4 + ("identify",) * 2 if rng.random() < 0.99 else ("diagnose",))
+    usual = ("check",) * 4 + ("compare",) * 3 + ("identify",) * 2 + ("frequency-response",) * 2
+    command = pick(rng, usual if rng.random() < 0.98 else ("diagnose", "rank", "workbench"))
+    if command == "workbench":
+        return [command, "--no-browser", "rig.toml", record]
     words = [command, "rig.toml", record, "--json", "out.json"]
     if rng.random() < 0.2:
         words += ["--map", "y.A_zeta=y.A_zeta:1", "--map", "i_e.A_zeta=i_e.A_zeta", "--map", "t=t"]
-    if command == "compare" and rng.random() < 0.05:
+    if command in ("compare", "frequency-response") and rng.random() < 0.05:
         words += ["--plot", "out.svg"]
     return words
+
+
+def _of_model(rng: Rng) -> list[str]:
+    """A command on a saved model of the levitator."""
+    on_rig = (
+        ["compare", "rig.toml", "run.csv"],
+        ["simulate", "rig.toml", "--out", "out.mat", *SHORT],
+        ["margins", "rig.toml", "--draws", "40"],
+        ["poles", "rig.toml"],
+        ["campbell", "rig.toml", "--measured", "model.json"],
+        ["excitation", "rig.toml", "--out", "out.wav"],
+        ["monte-carlo", "rig.toml", "--runs", "1", *SHORT],
+    )
+    targets = (["--uss", "out.mat"], ["--stepper", "out.step"], ["--fmu", "out.fmu"])
+    if rng.random() < 0.25:
+        return ["export", "model.json", *pick(rng, targets)]
+    return [*pick(rng, on_rig), "--model", "model.json"]
 
 
 def bytes_of_record(rng: Rng, bases: Path, folder: Path) -> Input:
@@ -143,7 +93,7 @@ def bytes_of_others(rng: Rng, bases: Path, folder: Path) -> Input:
     mutations.in_bytes(rng, folder / name)
     words = {
         "rig.toml": ["check", "rig.toml", "run.csv"],
-        "model.json": ["compare", "rig.toml", "run.csv", "--model", "model.json"],
+        "model.json": _of_model(rng),
         "load.csv": ["static-load", "bench.toml", "load.csv"],
     }[name]
     return Input(f"bytes of {name}", [*words, "--json", "out.json"], name)
@@ -162,6 +112,13 @@ def fields_of_rig(rng: Rng, bases: Path, folder: Path) -> Input:
             ["simulate", name, "--out", "out.csv", "--seconds", "0.05"],
             ["compare", name, "run.csv"],
             ["identify", name, "run.csv", "--max-evaluations", "10"],
+            ["frequency-response", name, "run.csv"],
+            ["margins", name, "--draws", "40"],
+            ["poles", name],
+            ["campbell", name],
+            ["excitation", name, "--out", "out.mat"],
+            ["design", name, "--effect", "loop_delay", "--seconds", "1"],
+            ["monte-carlo", name, "--runs", "1", *SHORT],
         ),
     )
     return Input("fields of a rig", [*words, "--json", "out.json"], name)
@@ -170,16 +127,25 @@ def fields_of_rig(rng: Rng, bases: Path, folder: Path) -> Input:
 def fields_of_model(rng: Rng, bases: Path, folder: Path) -> Input:
     _take(bases, folder, "rig.toml", "run.csv", "model.json")
     mutations.structure(rng, folder / "model.json")
-    words = pick(
-        rng, (["compare", "rig.toml", "run.csv"], ["simulate", "rig.toml", "--out", "out.mat", "--seconds", "0.05"])
-    )
-    return Input("fields of a model", [*words, "--model", "model.json", "--json", "out.json"], "model.json")
+    return Input("fields of a model", [*_of_model(rng), "--json", "out.json"], "model.json")
 
 
 def fields_of_csv(rng: Rng, bases: Path, folder: Path) -> Input:
     _take(bases, folder, "rig.toml", "run.csv")
     mutations.table(rng, folder / "run.csv")
     return Input("fields of .csv", _judge(rng, "run.csv"), "run.csv")
+
+
+def responses(rng: Rng, bases: Path, folder: Path) -> Input:
+    """A damaged frequency response."""
+    name = pick(rng, RESPONSES)
+    _take(bases, folder, "rig.toml", name)
+    if name.endswith(".csv") and rng.random() < 0.6:
+        mutations.table(rng, folder / name)
+    else:
+        mutations.in_bytes(rng, folder / name)
+    command = pick(rng, ("compare", "identify", "frequency-response", "check"))
+    return Input(f"responses in {Path(name).suffix}", [command, "rig.toml", name, "--json", "out.json"], name)
 
 
 def fields_of_load(rng: Rng, bases: Path, folder: Path) -> Input:
@@ -205,26 +171,28 @@ def fields_of_containers(rng: Rng, bases: Path, folder: Path) -> Input:
 
 
 def options(rng: Rng, bases: Path, folder: Path) -> Input:
+    shutil.copytree(bases, folder, dirs_exist_ok=True)
+    name = pick(rng, [name for name, own in COMMANDS.items() for _ in range(own.often)])
+    command = COMMANDS[name]
     record = f"run{pick(rng, SUFFIXES)}"
-    _take(bases, folder, "rig.toml", "model.json", "bench.toml", "load.csv", record)
-    command = pick(rng, tuple(OF_COMMANDS)[:-1] * 3 if rng.random() < 0.98 else ("diagnose",))
-    words = [command]
-    words += {
-        "simulate": ["rig.toml", "--out", "out.csv"],
-        "static-load": ["bench.toml", "load.csv"],
-        "effects": [],
-    }.get(command, ["rig.toml", record])
-    known = OF_COMMANDS[command] or {"--rig": ("rig.toml", "none")}
+    words = [name, *(record if word == "RECORD" else word for word in command.words)]
     for _ in range(int(rng.integers(1, 4))):
-        name = pick(rng, tuple(known))
-        if name == "--map" and rng.random() < 0.8:
-            words += ["--map", "y.A_zeta=y.A_zeta", "--map", "i_c.A_zeta=i_c.A_zeta", "--map", "t=t"]
-        words += [name, pick(rng, known[name]) if rng.random() < 0.8 else pick(rng, ODD)]
+        words += _option(rng, command.options)
     if rng.random() < 0.1:
         words.insert(
             int(rng.integers(len(words) + 1)), pick(rng, (*ODD, "--\x1b[31m", "-x", "--model", "--json", "--"))
         )
-    return Input(f"options of {command}", [*words, "--json", "out.json"], None)
+    return Input(f"options of {name}", [*words, *command.last], None)
+
+
+def _option(rng: Rng, known: Options) -> list[str]:
+    """An option with a value, mostly one of those that are known."""
+    name = pick(rng, tuple(known))
+    if not known[name]:
+        return [name]
+    value = pick(rng, known[name]) if rng.random() < 0.8 else pick(rng, ODD)
+    mapped = ["y.A_zeta=y.A_zeta", "i_c.A_zeta=i_c.A_zeta", "t=t"] if name == "--map" and rng.random() < 0.8 else []
+    return [word for text in mapped for word in ("--map", text)] + ([name, value] if name else [value])
 
 
 def names(rng: Rng, bases: Path, folder: Path) -> Input:
@@ -259,8 +227,9 @@ KINDS = (
     + (fields_of_model,) * 3
     + (fields_of_csv,) * 3
     + (fields_of_load, campaign)
+    + (responses,) * 2
     + (fields_of_containers,) * 6
-    + (options,) * 4
+    + (options,) * 8
     + (names,)
 )
 """As often as they stand here."""

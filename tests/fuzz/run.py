@@ -30,7 +30,7 @@ MOST_WAITING = 60.0
 """Seconds on the clock: an input that sleeps hangs too, and a busy machine is no fault of it."""
 RENEWED = 250
 """Inputs of a process: what libraries leak of damaged files, some megabytes each, stays far below its bound."""
-FINE = ("exit 0", "exit 1", "exit 2")
+FINE = ("exit 0", "exit 1", "exit 2", "exit 130")
 
 
 @dataclass

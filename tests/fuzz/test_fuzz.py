@@ -8,10 +8,13 @@ import unicodedata
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from typer.main import get_command
 
 import ambid
+from ambid.cli.app import app
 from ambid.errors import LONGEST_MESSAGE, InputError, printable
 from fuzz.bases import healthy
+from fuzz.commands import COMMANDS
 from fuzz.corpus import CORPUS
 from fuzz.run import table, verdicts
 
@@ -21,6 +24,18 @@ def bases(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fuzz") / "healthy"
     healthy(folder)
     return folder
+
+
+def test_every_option_of_the_command_line_is_tried():
+    """What is not here is fuzzed by nobody: `tests/fuzz/commands.py` has values for it."""
+    known = {
+        name: {max(option.opts, key=len) for option in own.params if option.param_type_name == "option"}
+        for name, own in get_command(app).commands.items()
+    }
+    assert set(COMMANDS) == set(known)
+    for name, command in COMMANDS.items():
+        tried = {word for word in (*command.options, *command.last) if word.startswith("--")}
+        assert tried == known[name], name
 
 
 @pytest.mark.parametrize("case", CORPUS)

@@ -9,12 +9,14 @@ import json
 import os
 import re
 import resource
+import signal
 import sys
 import time
 import traceback
 import unicodedata
 import warnings
 from pathlib import Path
+from threading import Timer
 
 import ambid.cli
 from fuzz.inputs import Input, make
@@ -23,11 +25,18 @@ ROOM = 1 << 30
 """Bytes that an input may take beyond what the process has after its first runs."""
 LONGEST = 6000
 """Characters on stderr: a screen, and the file's name again."""
+SERVES = "http://127.0.0.1:"
+"""What the workbench says when it waits for a browser; from then on it ends at Ctrl-C alone."""
+SERVED = 0.1
+"""Seconds until that comes."""
+GIVEN = {".toml", ".csv", ".mat", ".h5", ".parquet", ".tdms", ".uff"}
+"""Suffixes of rigs and records, of which nothing may be lost."""
 
 
 def main() -> None:
     """Read numbers of inputs from stdin, a line each; answer each with a line of JSON on stdout."""
     faulthandler.enable()
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background does not hear it
     seed, bases, folder = int(sys.argv[1]), Path(sys.argv[2]), Path(sys.argv[3])
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
@@ -55,8 +64,21 @@ def _resident() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
+class _Out(io.StringIO):
+    """A terminal with somebody who ends the workbench as soon as it serves."""
+
+    def write(self, text: str) -> int:
+        if text.startswith(SERVES):
+            Timer(SERVED, os.kill, (os.getpid(), signal.SIGINT)).start()
+        return super().write(text)
+
+
+def _given() -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in Path().rglob("*") if path.suffix in GIVEN and path.is_file()}
+
+
 def _run(words: list[str]) -> tuple[int, str, str]:
-    out, err = io.StringIO(), io.StringIO()
+    out, err = _Out(), io.StringIO()
     sys.argv = ["ambid", *words]
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -69,7 +91,8 @@ def _run(words: list[str]) -> tuple[int, str, str]:
 
 
 def judge(made: Input) -> tuple[str, str]:
-    """How a run of the command ends: ``exit 0``, ``exit 1``, ``exit 2``, or what is wrong with it."""
+    """How a run of the command ends: ``exit`` and its code, or what is wrong with it."""
+    before = _given()
     try:
         code, out, err = _run(made.words)
     except BaseException as error:
@@ -80,7 +103,7 @@ def judge(made: Input) -> tuple[str, str]:
     said, named = out + err, {word for word in made.words if Path(word).suffix} | {made.damaged}
     if "Traceback" in said or "panicked" in said:
         return "traceback", said[-300:]
-    if code not in (0, 1, 2):
+    if code not in (0, 1, 2) and not (code == 130 and SERVES in out):
         return "exit code", f"{code}: {said[:200]}"
     if code and not said.strip():
         return "silent", f"exit {code}"
@@ -98,8 +121,12 @@ def judge(made: Input) -> tuple[str, str]:
     steering = next((c for c in said if c not in "\n\t" and unicodedata.category(c) in ("Cc", "Cf", "Cs")), None)
     if steering:
         return "steering", f"{steering!r} in {said[:200]!r}"
+    after = _given()
+    lost = [path for path, content in before.items() if after.get(path) != content]
+    if lost and "--force" not in made.words:
+        return "lost", f"{lost[0]}: {said[:200]}"
     written = Path("out.json")
-    if written.exists():
+    if written.is_file():
         try:
             json.loads(written.read_text(), parse_constant=_refuse)
         except ValueError as error:

@@ -10,11 +10,13 @@ import typer
 
 import ambid
 from ambid.cli.effect_option import with_effects
+from ambid.cli.experiments import LONGEST_SIMULATION
 from ambid.cli.files import load_model, load_records
 from ambid.cli.options import Force, JsonFile, ModelFile, Quiet, RigFile, assignment, known_effects, names, number
 from ambid.cli.outputs import Files, conclude, require_outputs
 from ambid.cli.signals import stoppable
 from ambid.errors import InputError
+from ambid.excitation import MOST_ORDER
 from ambid.writing import is_device
 
 if TYPE_CHECKING:
@@ -63,13 +65,15 @@ def excitation_command(
     limits = ambid.Limits(travel=travel, current=current, slew_rate=slew_rate)
     chosen = _columns(machine, axes)
     if signal == PRBS:
+        samples = (2 ** min(max(order, 0), MOST_ORDER) - 1) * hold
+        _require_short(samples, periods)
         played = ambid.prbs(order, amplitude=amplitude, hold=hold, axes=len(chosen), periods=periods, seed=seed)
-        samples = (2**order - 1) * hold
     elif signal == MULTISINE:
         if not (np.isfinite(amplitude) and amplitude > 0.0):
             raise InputError(f"--amplitude {amplitude:g}: expected a finite number above zero")
         if periods < 1:
             raise InputError(f"--periods {periods}: expected 1 or more")
+        _require_short(period, periods)
         inside, rate = _band(machine, period, band), machine.sample_rate
         wave = ambid.multisine(period, rms=1.0, band_hz=inside, sample_rate=rate, axes=len(chosen), phases="clipped")
         played, samples = np.tile(wave * (amplitude / np.abs(wave).max(axis=0)), (periods, 1)), period
@@ -206,6 +210,15 @@ def _require_out(inputs: Files, out: Path, json_file: Path | None, force: bool) 
     require_outputs(inputs, {"--out": out, "--json": json_file}, replaced=["--out"])
     if out.exists() and not is_device(out) and not force:
         raise InputError(f"--out {out}: is there already; give another file, or replace it with --force")
+
+
+def _require_short(period: int, periods: int) -> None:
+    """Refuse an excitation that would not fit into memory, before it is made."""
+    if period * periods > LONGEST_SIMULATION:
+        raise InputError(
+            f"{periods} periods of {period} samples: expected {LONGEST_SIMULATION} samples at the most; give fewer or "
+            "shorter periods"
+        )
 
 
 def _columns(rig: ambid.Rig, axes: str | None) -> list[int]:

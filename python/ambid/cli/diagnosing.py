@@ -58,6 +58,9 @@ def check_command(
     with stoppable():
         found = ambid.check(machine, in_time(loaded))
     conclude(found, found.to_json(), json_file, quiet)
+    if not found.is_sound and quiet:
+        first = found.faults[0]
+        raise InputError(f"{rig}: {len(found.faults)} fault(s), first {first.where}: {first.what}; {first.todo}")
     if not found.is_sound:
         raise typer.Exit(2)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -45,10 +46,14 @@ def init_command(
     require_outputs({}, {"--out": out, "--json": json_file}, replaced=["--out"])
     if out.exists() and not force:
         raise InputError(f"--out {out}: is there already; give another file, or replace it with --force")
-    with whole_file(out) as stream:
-        stream.write(text.encode())
+
+    def saved() -> Sequence[Path]:
+        with whole_file(out) as stream:
+            stream.write(text.encode())
+        return ()  # it is named below
+
     told = f"{out}: {KINDS[kind]}; put the numbers of your machine in, then: ambid check {out}"
-    conclude(told, {"rig": str(out), "kind": kind}, json_file, quiet)
+    conclude(told, {"rig": str(out), "kind": kind}, json_file, quiet, saved)
 
 
 def simulate_command(

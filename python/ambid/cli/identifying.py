@@ -29,7 +29,7 @@ from ambid.cli.options import (
 from ambid.cli.outputs import conclude, drawn, pictures, require_outputs, saved
 from ambid.cli.signals import exit_code, stoppable
 from ambid.cli.terminal import progress
-from ambid.errors import Stopped
+from ambid.errors import IdentificationError, Stopped
 
 UNFINISHED = ("not_identifiable", "max_evaluations")
 MEND = "first: mend the fault and fit again; until then neither the values nor what seems to be missing means anything"
@@ -100,6 +100,8 @@ def identify_command(
     )
     if estimate.status == "stopped":
         raise typer.Exit(exit_code())
+    if estimate.status in UNFINISHED and quiet:
+        raise IdentificationError(f"{estimate.status}: {estimate.to_json()['status_meaning']}")
     if estimate.status in UNFINISHED:
         raise typer.Exit(1)
 

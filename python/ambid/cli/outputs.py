@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import ambid
+from ambid.cli.signals import begin_results
 from ambid.errors import AmbidError, InputError, printable
 from ambid.writing import is_device, require_writable, whole_file
 
@@ -75,6 +76,7 @@ def conclude(
     AmbidError
         The first one of a writer, in the end.
     """
+    begin_results()
     text = ""
     if json_file is not None:
         text = json.dumps(data() if callable(data) else data, indent=1, allow_nan=False) + "\n"

@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from enum import Enum, auto
 from typing import Any
 
-__all__ = ["exit_code", "finish", "stoppable", "watch"]
+__all__ = ["begin_results", "exit_code", "finish", "stoppable", "watch"]
 
 AGAIN = 0.02
 """Seconds after which a KeyboardInterrupt that a callback of a library has swallowed is raised again."""
@@ -73,7 +73,12 @@ def stoppable(left: str = NOTHING) -> Iterator[None]:
         print(f"{_stopped()} {left}", file=sys.stderr)
         raise SystemExit(exit_code()) from None
     finally:
-        _Watch.stage = Stage.RESULTS
+        begin_results()
+
+
+def begin_results() -> None:
+    """From here on files are written, also where a command had no job: the first signal waits."""
+    _Watch.stage = Stage.RESULTS
 
 
 def _stopped() -> str:

@@ -19,6 +19,8 @@ __all__ = ["workers_of"]
 
 PATIENCE = 10.0
 """Seconds in which a scheduler answers; one that is there takes far less than one."""
+MOST_WORKERS = 1000
+"""Processes of one machine: beyond its cores they only take memory, some hundred megabytes each."""
 
 
 def workers_of(plan: ambid.Plan, workers: int, cluster: str | None) -> AbstractContextManager[Any]:
@@ -29,8 +31,8 @@ def workers_of(plan: ambid.Plan, workers: int, cluster: str | None) -> AbstractC
     InputError
         If they contradict each other, or no scheduler answers.
     """
-    if workers < 1:
-        raise InputError(f"--workers {workers}: expected 1 or more")
+    if not 1 <= workers <= MOST_WORKERS:
+        raise InputError(f"--workers {workers}: expected 1 to {MOST_WORKERS}")
     if cluster is not None and workers > 1:
         raise InputError(f"--workers {workers}, --cluster {cluster}: a cluster has workers of its own; leave one out")
     if cluster is not None:

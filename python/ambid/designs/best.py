@@ -37,6 +37,8 @@ NORMAL_95 = 1.96
 """Standard errors on either side that a 95 % interval reaches."""
 SPARE = 0.02
 """Part that is played beyond what is needed: transients take more of few periods than of many."""
+FINEST = 1e-15
+"""Of a parameter's scale: half of the narrowest interval that can be wanted."""
 LONGEST = 3600.0
 """Seconds that an experiment may last: no machine stays the same for longer."""
 
@@ -262,7 +264,13 @@ def _half_widths(model: Model, accuracy: Mapping[str, float | str]) -> dict[str,
             parameter = model.parameters[k]
             if share and parameter.name.split(".")[0] in {own.name for own in model.effects}:
                 raise InputError(f"accuracy of {parameter.name} = {text!r}: an effect has no value; give SI units")
-            found[parameter.name] = number / 100.0 * abs(parameter.value) if share else number
+            half = number / 100.0 * abs(parameter.value) if share else number
+            if half < FINEST * parameter.scale:
+                raise InputError(
+                    f"accuracy of {parameter.name} = {text!r}: expected at least {FINEST * parameter.scale:.3g}; no "
+                    "number holds more digits"
+                )
+            found[parameter.name] = half
     return found
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.errors import InputError
 from ambid.model import Model
+from ambid.record.checks import LARGEST_VALUE, SMALLEST_CHANGE
 from ambid.results import Tabular, plain
 from ambid.rig import Rig
 
@@ -57,8 +58,10 @@ class Limits:
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():
-            if value is not None and not (np.isfinite(value) and value > 0.0):
-                raise InputError(f"limit {name} = {value!r}: expected a finite number above zero")
+            if value is not None and not SMALLEST_CHANGE <= value <= LARGEST_VALUE:
+                raise InputError(
+                    f"limit {name} = {value!r}: expected a number from {SMALLEST_CHANGE:g} to {LARGEST_VALUE:g}"
+                )
 
     def of(self, rig: Rig) -> dict[str, FloatArray]:
         """By signal what is allowed on each axis, SI units, shape (axes,)."""

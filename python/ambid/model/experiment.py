@@ -10,6 +10,7 @@ from ambid.errors import ModelError, RecordError
 from ambid.loop.loop import Loop
 from ambid.model.structure import Structure
 from ambid.record import Record
+from ambid.record.checks import LARGEST_VALUE
 
 __all__ = ["inputs", "inputs_of", "simulated", "virtual_experiment"]
 
@@ -103,5 +104,12 @@ def _record(
     name: str, structure: Structure, excitation: FloatArray, reference: FloatArray | None, outputs: FloatArray
 ) -> Record:
     rig, n = structure.rig, len(structure.rig.axes)
+    signals = {"i_e": excitation, "r": reference, "y": outputs[:, :n], "i_c": outputs[:, n:]}
+    for signal, values in signals.items():
+        if values is not None and not (np.abs(values) <= LARGEST_VALUE).all():
+            raise ModelError(
+                f"{name}: {signal} reaches {np.abs(values).max():.4g}, allowed is {LARGEST_VALUE:g}: its square would "
+                "leave floating point; give a smaller excitation, or less noise"
+            )
     record = Record(name, rig.sample_rate, rig.axes, excitation, outputs[:, :n], outputs[:, n:], r=reference)
     return record if structure.reference is rig else record.at(rig)

@@ -23,6 +23,9 @@ CHUNK = 64
 BATCH = 16
 """Identifications of a task: a second of work or so, to which sending it adds milliseconds. A diagnosis is one."""
 
+MOST_RUNS = 10_000_000
+"""Runs of a plan: their rows are held for what is told of all, a kilobyte or so each."""
+
 
 def run_monte_carlo(
     plan: Plan,
@@ -58,7 +61,7 @@ def run_monte_carlo(
     Raises
     ------
     InputError
-        If the folder holds something else, `runs` is no positive number, or the executor is none.
+        If the folder holds something else, `runs` is none from 1 to `MOST_RUNS`, or the executor is none.
     OutputError
         If a chunk cannot be written; those before stay.
     IdentificationError
@@ -66,8 +69,8 @@ def run_monte_carlo(
     Stopped
         At Ctrl-C, with the runs that are done; it is a KeyboardInterrupt.
     """
-    if runs < 1:
-        raise InputError(f"runs = {runs}: expected 1 or more")
+    if not 1 <= runs <= MOST_RUNS:
+        raise InputError(f"runs = {runs}: expected 1 to {MOST_RUNS}")
     rows = _Rows(runs, None if out is None else Chunks(Path(out), plan))
     left = rows.left()
     total = sum(map(len, left))

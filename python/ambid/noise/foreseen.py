@@ -18,6 +18,7 @@ from ambid.noise.measured import Measured
 from ambid.noise.noise import Noise
 from ambid.noise.whitener import Spectrum
 from ambid.record import Record
+from ambid.record.checks import LARGEST_VALUE, SMALLEST_CHANGE
 
 __all__ = ["Instruments", "foreseen"]
 
@@ -49,12 +50,14 @@ class Instruments:
         Raises
         ------
         InputError
-            If a noise is not above zero: of a record without noise nothing can be foreseen.
+            If a noise is zero, or so small or large that its power is none in floating point: nothing can be foreseen.
         """
         told = {"sensor_noise": sensor_noise} | ({} if current_noise is None else {"current_noise": current_noise})
         for name, rms in told.items():
-            if not (np.isfinite(rms) and rms > 0.0):
-                raise InputError(f"{name} = {rms!r}: expected an rms above zero, in m or A")
+            if not SMALLEST_CHANGE <= rms <= LARGEST_VALUE:
+                raise InputError(
+                    f"{name} = {rms!r}: expected an rms from {SMALLEST_CHANGE:g} to {LARGEST_VALUE:g}, in m or A"
+                )
         power = np.repeat([rms**2 for rms in told.values()], axes)
         return cls(np.zeros(1), np.diag(power).astype(complex)[None])
 

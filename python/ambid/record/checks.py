@@ -14,6 +14,8 @@ MIN_SAMPLES = 200
 """Fewest samples of a record."""
 SMALLEST_CHANGE = 1e-20
 """Metres, or ampere, that a channel must change by: no sensor tells less, and its square loses its digits."""
+LARGEST_VALUE = 1e100
+"""In any unit: the squares of larger ones, summed over a record, come near the end of floating point."""
 MIN_PERIOD = 3
 """Fewest samples of a period: with fewer, no line of the spectrum lies between 0 and half the sample rate."""
 RATE_TOLERANCE = 1e-3
@@ -61,9 +63,9 @@ def require_length(where: str, samples: int, period: int | None) -> None:
 
 
 def require_finite(where: str, columns: Iterable[tuple[str, NDArray[np.float64]]]) -> None:
-    """Refuse NaN and infinity, naming the channel and the first row (counted from 1)."""
+    """Refuse NaN, infinity and what is beyond `LARGEST_VALUE`; names the channel and the first row (counted from 1)."""
     for channel, values in columns:
-        bad = np.flatnonzero(~np.isfinite(values))
+        bad = np.flatnonzero(~(np.abs(values) <= LARGEST_VALUE))
         if bad.size:
             raise RecordError(
                 f"{where}: {channel} is {values[bad[0]]} in row {bad[0] + 1} ({bad.size} such rows); "

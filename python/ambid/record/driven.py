@@ -84,12 +84,13 @@ def driven(
     notes = checks.notes_on_excitation(where, axes, signals["y"], i_e, r)
     if is_rebuilt and "i_ref" in signals:
         notes += checks.notes_on_limits(axes, signals["i_ref"])
-    found = period if is_rebuilt else find_period(_scaled([i_e, r]))
+    drives = [s for s in (i_e, r) if s is not None and np.ptp(s, axis=0).max() >= checks.SMALLEST_CHANGE]
+    found = period if is_rebuilt or not drives else find_period(_scaled(drives))
     what = "i_e repeats" if r is None else "what drives the loop repeats"
     if stated and found and stated % found:
         notes.append(f"a period of {stated} samples was stated, but {what} after {found}")
     period = period or found
-    if found is None and "i_e" in logged and r is None:
+    if found is None and "i_e" in logged and drives and r is None:
         signals, mended, more = mended_excitation(signals, axes)
         period, notes = period or mended, [*notes, *more]
     periods = len(signals["y"]) // period if period else 0
@@ -122,8 +123,6 @@ def _with_reference(where: str, rig: Rig | None, logged: Signals) -> tuple[Signa
     return logged, []
 
 
-def _scaled(signals: Sequence[NDArray[np.float64] | None]) -> NDArray[np.float64]:
+def _scaled(signals: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
     """Signals of several units beside each other, each over the largest rms of its axes."""
-    own = [s for s in signals if s is not None]
-    sizes = [float(s.std(axis=0).max()) for s in own]
-    return np.hstack([s / size for s, size in zip(own, sizes, strict=True) if size > 0.0] or own)
+    return np.hstack([s / s.std(axis=0).max() for s in signals])

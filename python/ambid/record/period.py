@@ -58,6 +58,7 @@ def mismatches(x: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
     """
     samples = len(x)
     x = x - x.mean(axis=0)
+    x = np.ldexp(x, -np.frexp(np.abs(x).max())[1])  # exact, and no square of it leaves floating point
     rms = np.sqrt(np.mean(x**2, axis=0))
     x = x[:, rms > 1e-3 * rms.max()] / rms[rms > 1e-3 * rms.max()]
     lags = np.arange(1, samples // 2 + 1)

@@ -7,7 +7,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from ambid.diagnosis import Diagnosis
-from ambid.errors import InputError, printable
+from ambid.errors import InputError, OutputError, printable
 from ambid.report.chapters import story
 from ambid.report.pdf import as_pdf, weasyprint
 from ambid.symbols import in_page
@@ -45,7 +45,7 @@ def write_report(diagnosis: Diagnosis, path: str | Path, *further: str | Path) -
     InputError
         If a suffix is another one, the folder does not exist, or WeasyPrint, which .pdf needs, is not installed.
     OutputError
-        If a file cannot be written; what was there stands.
+        If a file cannot be written; what was there stands, and the others are written.
     """
     paths = [Path(own) for own in (path, *further)]
     for own in paths:
@@ -59,10 +59,16 @@ def write_report(diagnosis: Diagnosis, path: str | Path, *further: str | Path) -
         lstrip_blocks=True,
     )
     page = printable(in_page(environment.get_template("report.html").render(story(diagnosis))))
+    errors: list[OutputError] = []
     for own in paths:
         content = as_pdf(page) if own.suffix.lower() == PDF else page.encode(errors="backslashreplace")
-        with whole_file(own) as stream:
-            stream.write(content)
+        try:
+            with whole_file(own) as stream:
+                stream.write(content)
+        except OutputError as error:
+            errors.append(error)
+    if errors:
+        raise errors[0]
     return paths[0]
 
 

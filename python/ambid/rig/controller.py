@@ -338,9 +338,14 @@ class TransferFunctionController(_ReadingController):
         refuse(*problems)
         for k, (numerator, denominator) in enumerate(self._pairs(n_axes)):
             if len(numerator) > len(denominator):
-                text = f"expected degree {len(denominator) - 1} at most, that of the denominator; "
-                text += "improper: filter the derivative, or divide by one more pole."
+                text = f"expected degree {len(denominator) - 1} at most, that of the denominator; improper: "
+                text += "filter the derivative, or divide by one more pole."
                 problems.append(problem(text, tuple(numerator.tolist()), "numerator", k))
+            first = abs(denominator[0])
+            for key, row in (("numerator", numerator), ("denominator", denominator)):
+                if max(map(abs, row), default=0.0) > np.finfo(float).max * min(first, 1.0):
+                    text = f"expected numbers that are finite over {first:g}, the denominator's first."
+                    problems.append(problem(text, tuple(row.tolist()), key, k))
         refuse(*problems)
         return self
 

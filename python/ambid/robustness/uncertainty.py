@@ -131,9 +131,10 @@ def drawn(
     z = np.random.default_rng(seed).standard_normal((count, len(uncertainty.free)))
     allowed = np.array([uncertainty.allows(theta) for theta in uncertainty.at(z)])
     if allowed.mean() < FEWEST_ALLOWED:
+        where = loop.model.rig.path or loop.model.rig.name
         raise ModelError(
-            f"{count - allowed.sum()} of {count} draws from the covariance have values that physics does not allow; "
-            "the records tell too little of the parameters: excite more, or longer, and identify again"
+            f"{where}: {count - allowed.sum()} of {count} draws from the covariance have values that physics does not "
+            "allow; the records tell too little of the parameters: excite more, or longer, and identify again"
         )
     z = z[allowed]
     peaks, curves = np.full((len(z), 2 * loop.axes + 2), np.inf), []

@@ -196,7 +196,8 @@ def campbell(
     linear, notes = of_small_motion(model)
     pairs = _planes(linear)
     if not len(pairs):
-        raise InputError(f"{model.rig.name}: no bearing has two axes, so that nothing can whirl; look at its poles")
+        where = model.rig.path or model.rig.name
+        raise InputError(f"{where}: no bearing has two axes, so that nothing can whirl; look at its poles")
     known = [model] if measured is None else list(measured)
     seen = tuple(own for each in known for own in _identified(each))
     if speeds is None:
