@@ -237,6 +237,7 @@ class SamplingSkew(Effect):
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """By how much i_c is read late, and y early [s]."""
         tau, sample = rig.amplifier.time_constant, 1.0 / rig.sample_rate
+        reach = sample if tau > 2.0 * sample else 0.5 * sample  # beyond it the expansion in d is of no use
         found = []
         if tau > 0.0:
             found.append(
@@ -244,8 +245,8 @@ class SamplingSkew(Effect):
                     "current_late",
                     "s",
                     min(0.02 * sample, 0.25 * tau),
-                    lower=-0.5 * sample,
-                    upper=0.5 * sample,
+                    lower=-reach,
+                    upper=reach,
                     meaning="by how much i_c is read late, d",
                 )
             )
