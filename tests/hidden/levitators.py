@@ -211,7 +211,7 @@ def _is_stable(found: Levitator) -> bool:
 Sized = Callable[[float, Levitator], dict]
 
 EFFECTS: dict[str, tuple[Sized, float, float]] = {
-    "force_nonlinearity": (lambda x, m: {"share": x}, 0.1, 1.0),
+    "force_nonlinearity": (lambda x, m: {"share": 1.0}, 1.0, 1.0),
     "flux_saturation": (lambda x, m: {"level": x, "curve": "blend"}, 0.2, 0.85),
     "eddy_currents": (lambda x, m: {"tau": x * 1e-3 / m.pole}, 0.1, 30.0),
     "magnetic_hysteresis": (lambda x, m: {"share": x, "width": 0.05 * m.rig.bearings[0].bias_current}, 0.05, 0.6),
