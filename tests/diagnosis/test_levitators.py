@@ -1,0 +1,35 @@
+"""Levitators drawn at random, with slow coils and any excitation: names where something is hidden, else none."""
+
+import pytest
+
+from ambid import diagnose
+from hidden.levitators import EFFECTS, levitator
+
+
+def found(number, effect=None, size=0.0):
+    machine = levitator(number)
+    hidden = {effect: EFFECTS[effect][0](size, machine)} if effect else {}
+    return diagnose(machine.rig, machine.record(hidden, 2), validate=machine.record(hidden, 3))
+
+
+@pytest.mark.parametrize("number", [3, 14, 16])
+def test_nothing_is_named_where_nothing_is_hidden(number):
+    own = found(number)
+    assert own.verdict == "adequate", own
+
+
+@pytest.mark.parametrize(
+    ("number", "effect", "size"),
+    [
+        (3, "periodic_disturbance", 1.0),  # driven by noise
+        (14, "periodic_disturbance", 1.0),  # three periods, the hum on an excited line
+        pytest.param(13, "foundation_resonance", 0.2, marks=pytest.mark.slow),  # at 2 Hz
+        pytest.param(9, "sampling_skew", 1.0, marks=pytest.mark.slow),  # nine tenths of a sample
+        pytest.param(11, "magnetic_hysteresis", 0.3, marks=pytest.mark.slow),
+    ],
+)
+def test_what_is_hidden_is_named_and_nothing_else(number, effect, size):
+    own = found(number, effect, size)
+    assert (own.verdict, own.effects) == ("explained", (effect,)), own
+    assert own.history[0].misfit > 1.2
+    assert own.history[-1].misfit < 1.1
