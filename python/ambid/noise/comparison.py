@@ -97,7 +97,8 @@ class Comparison(Tabular):
         An unbalance or a hum is counted from what a channel holds of it, and that may be little beside a strong
         excitation; here each record tells the angle by all of its lines.
         """
-        if not any(effect.quarters(self.model.rig) for effect in self.model.acting):
+        has_waves = any(effect.quarters(self.model.rig) for effect in self.model.acting)
+        if not (has_waves and self.is_judged):
             return self
         return Comparison(self.model, self._records, self.noise.with_own_angles(self.model))
 

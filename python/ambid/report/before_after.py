@@ -66,7 +66,8 @@ def before_and_after(diagnosis: Diagnosis, before: Comparison, is_moved: bool) -
         known = diagnosis.kept_back
         was = compare(before.model, diagnosis.validation) if known is None else known
         was = was.of(before.model) if was.is_judged else was
-        sides.append(("validation", was, None if after is None or not was.is_judged else was.of(after.model)))
+        now = None if after is None or not was.is_judged else was.of(after.model).with_own_angles()
+        sides.append(("validation", was, now))
     places = [(role, was, now, k) for role, was, now in sides for k in range(len(was.records))]
     misfits = np.nan_to_num([was.records[k].misfit for _, was, _, k in places], nan=-np.inf)
     drawn = set(np.argsort(-misfits, kind="stable")[:DRAWN].tolist())
