@@ -59,11 +59,15 @@ def test_resistance_and_inductance_are_those_measured_at_rest(run):
 
 @pytest.mark.parametrize("time_constant", [0.0005, 0.002])
 def test_from_the_ideal_coil_on_its_inductance_is_found(run, time_constant):
-    """From a lag of a sample the score sees nothing of one of 28 samples; refits start further off."""
+    """From a lag of a sample the score sees nothing of one of 28 samples; refits start further off.
+
+    Then the mains comes up, some hundredths of a newton.
+    """
     rig, record = run
     ideal = rig.replace(amplifier=rig.amplifier.model_copy(update={"time_constant": time_constant}))
     found = diagnose(ideal, record)
-    assert found.effects == ("amplifier_bandwidth",)
+    assert found.effects == ("amplifier_bandwidth", "periodic_disturbance")
+    assert found.model.effects[1].frequency_hz == pytest.approx(50.0, abs=0.1)
     inductance = found.parameters["amplifier_bandwidth.inductance"]
     assert abs(inductance.value - 0.117) < 2.0 * inductance.std_error < 0.01
     assert any("while the machine moves" in note for note in found.notes)

@@ -175,7 +175,7 @@ def diagnose_command(
     quiet: Quiet = False,
 ) -> None:
     """Name the physics that the model lacks, add it, and watch the misfit fall."""
-    from ambid.noise.comparison import ADEQUATE  # not at the top: --help need not open that room
+    from ambid.noise.chance import ADEQUATE  # not at the top: --help need not open that room
 
     require_outputs(
         {"RIG": rig, "RECORD": records, "--validate": validate, "--model": model},

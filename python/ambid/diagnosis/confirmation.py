@@ -14,6 +14,7 @@ from ambid.diagnosis.state import State, Task
 from ambid.errors import RecordError, UnstableLoopError
 from ambid.identification.minimum import ROUGHLY, refit
 from ambid.noise import Comparison
+from ambid.noise.angles import undisturbed
 from ambid.record import FrequencyResponse, Measurement, Record
 
 __all__ = ["CHANCE", "halves", "stands"]
@@ -56,8 +57,8 @@ def stands(task: Task, state: State, pair: Refitted) -> bool:
                 return False
             continue  # a step moves one half only: what explains all of that stands
         try:
-            base = refit(Comparison(state.fit.model, own), step=ROUGHLY)
-            fall = base.cost - refit(base.of(better.model), step=ROUGHLY).cost
+            base = refit(Comparison(undisturbed(state.fit.model), own), step=ROUGHLY)
+            fall = base.cost - refit(base.of(undisturbed(better.model)), step=ROUGHLY).cost
         except (RecordError, UnstableLoopError):
             continue  # too short to be judged
         if fall < chdtri(candidate.degrees, CHANCE):

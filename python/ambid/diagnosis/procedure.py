@@ -23,7 +23,7 @@ from ambid.identification.minimum import refit
 from ambid.model import Model
 from ambid.model.parameter import nominal
 from ambid.noise import Comparison
-from ambid.noise.comparison import ADEQUATE
+from ambid.noise.chance import ADEQUATE
 from ambid.record import Record, Source, measured
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread

@@ -105,7 +105,7 @@ def _added(task: Task, state: State, ask: Ask | None) -> Iterator[State]:
         promised = max(fall, candidate.score) if better.cost < state.at_noise < state.fit.cost else candidate.score
         if candidate.chance_of(min(fall, promised)) > np.log(ALPHA / len(ranking.candidates)):
             return  # the refit brings less than the score promised
-        if not state.added and state.fit.misfit <= state.fit.bound and not stands(task, state, order[0]):
+        if not state.physics and state.fit.misfit <= state.fit.bound and not stands(task, state, order[0]):
             return  # no misfit was left, and the rest of the evidence knows nothing of it
         answer = True if ask is None else ask(ranking, candidate)
         if isinstance(answer, Candidate) and answer is not candidate:

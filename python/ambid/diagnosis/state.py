@@ -96,6 +96,11 @@ class State:
         return self.reference.cost - self.fit.cost
 
     @property
+    def physics(self) -> tuple[Effect, ...]:
+        """The effects that were added, but for disturbances, which have lines of their own."""
+        return tuple(effect for effect in self.added if not effect.frequencies_hz(self.fit.model.rig))
+
+    @property
     def of_formulas(self) -> float:
         """How much of J the errors of the formulas of the effects may be."""
         own = {effect.name: effect.formula_error for effect in self.added if effect.formula_error}

@@ -116,7 +116,7 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
     change = largest_change(left) if effects else where.change
     tones = tuple(tone for tone in left.tones if tone.power > OUTSTANDING)
     is_clean = not tones and (change is None or change.power < OVERTURNS)
-    by_share = share > EXPLAINED_SHARE and len(effects) <= MOST_BY_SHARE
+    by_share = share > EXPLAINED_SHARE and len(state.physics) <= MOST_BY_SHARE
     is_at_noise = _is_at_noise(task, state)
     changes = () if is_at_noise or is_stopped or not is_clean else changing(state)
     sets = tuple(state.sets[name] for name in effects if len(state.sets.get(name, ())) > 1)
@@ -125,7 +125,7 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
     is_small = misfit <= max(tolerance, state.at_noise / state.dof) and left.loudest <= tolerance
     if not effects and is_small and is_clean:
         word = "adequate"
-    elif effects and (is_at_noise or by_share or changes) and is_clean:
+    elif effects and (is_at_noise or by_share or changes) and is_clean and (state.physics or is_small):
         word = "ambiguous" if sets else "explained"
     elif is_stopped:
         word = "not_informative"

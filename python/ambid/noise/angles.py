@@ -12,7 +12,7 @@ import numpy as np
 
 from ambid.model import Model
 
-__all__ = ["THIRDS", "best_angle", "turned"]
+__all__ = ["THIRDS", "best_angle", "turned", "undisturbed"]
 
 THIRDS = 2.0 * np.pi / 3.0 * np.arange(3)
 """Angles at which J is asked for."""
@@ -33,3 +33,10 @@ def turned(model: Model, angles: Mapping[str, float]) -> Model:
             values[a] = own[a] * np.cos(angle) - own[b] * np.sin(angle)
             values[b] = own[b] * np.cos(angle) + own[a] * np.sin(angle)
     return model.with_values(values)
+
+
+def undisturbed(model: Model) -> Model:
+    """The model without effects that act as waves."""
+    for effect in model.acting:
+        model = model.without(effect.name) if effect.quarters(model.rig) else model
+    return model

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from scipy.special import chdtri
 
-__all__ = ["SPREAD", "misfit_bound"]
+__all__ = ["ADEQUATE", "SPREAD", "misfit_bound"]
+
+ADEQUATE = 1.10
+"""Largest misfit J/dof of a model that is called adequate, if chance does not bring more on a short record."""
 
 SPREAD = 1.5
 """Standard deviation of J in units of sqrt(2 dof): the noise spectrum is estimated too.

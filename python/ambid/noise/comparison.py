@@ -18,7 +18,7 @@ from ambid.errors import RecordError, UnstableLoopError
 from ambid.loop.effect import Tone
 from ambid.model import Model
 from ambid.model.operating_point import suffix
-from ambid.noise.chance import misfit_bound
+from ambid.noise.chance import ADEQUATE, misfit_bound
 from ambid.noise.compared import ChannelComparison, RecordComparison, record_against, unjudged
 from ambid.noise.fit import with_average
 from ambid.noise.halves import uneven
@@ -31,7 +31,7 @@ from ambid.results import Tabular, picture, plain
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
-__all__ = ["ADEQUATE", "Comparison", "compare"]
+__all__ = ["Comparison", "compare"]
 
 READ_IN = {
     "m": (1e6, "um"),
@@ -42,9 +42,6 @@ READ_IN = {
     "A/m": (1e3, "mA/m"),
 }
 """Factors and names of the units that tables are printed in."""
-
-ADEQUATE = 1.10
-"""Largest misfit J/dof of a model that is called adequate, if chance does not bring more on a short record."""
 
 
 class Comparison(Tabular):

@@ -21,7 +21,7 @@ from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.loop.effect import Effect, Tone
 from ambid.model import Model
-from ambid.noise.angles import THIRDS, best_angle
+from ambid.noise.angles import THIRDS, best_angle, undisturbed
 from ambid.noise.colour import back_through_loop
 from ambid.noise.in_time import NEUTRAL, InTime
 from ambid.noise.judged import FEW, JudgedLines
@@ -279,7 +279,8 @@ class RecordLines(JudgedLines):
         if self.window.is_periodic:
             return None
         left, whitening = self.residual_lines(here), self.spectrum.whitening
-        return louder_in_motion(left, whitening, self.index, self.simulated(here), self.record.sample_rate)
+        moved = self.simulated(undisturbed(here))  # a hum never stands still
+        return louder_in_motion(left, whitening, self.index, moved, self.record.sample_rate)
 
     def noise_power(self) -> FloatArray:
         """Power of the noise of each channel on the judged lines, shape (lines, p), in units of the lines."""

@@ -18,6 +18,7 @@ from scipy.special import chdtrc
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.loop.effect import Tone
 from ambid.model import Model
+from ambid.noise.chance import ADEQUATE, misfit_bound
 from ambid.noise.lines import RecordLines, as_lines
 from ambid.noise.wave import NEAR, OUTSTANDING, refined_places
 from ambid.noise.window import Window
@@ -48,6 +49,8 @@ BARELY = 0.05
 """Part of a line from an excited one within which a wave leaves next to nothing between them, as a transient does."""
 BLURRED = 3
 """Lines to each side that hold some of a wave, under a Hann window."""
+CYCLES = 2 * NEAR
+"""In a record without periods, below which only what is suspected is told: around fewer, lines are not alike."""
 MOST = 8
 """Tones that are told of a record."""
 
@@ -96,7 +99,10 @@ def misses_tone(model: Model, part: RecordLines) -> bool:
     if not part.window.is_periodic:
         told = [tone.frequency_hz for tone in part.tones]
         per_line = part.record.sample_rate / part.window.samples
-        return any(all(abs(own.frequency_hz - f) > per_line for f in told) for own in find_tones(model, part))
+        found = find_tones(model, part)
+        if all(any(abs(tone.frequency_hz - f) < per_line for f in told) for tone in found):
+            return False
+        return bool(confirmed(model, RecordLines(model, part.measured, found)))
     return bool(_on_excited_lines(part.at(model), part, part.tones))
 
 
@@ -104,12 +110,13 @@ def confirmed(model: Model, part: RecordLines) -> tuple[Tone, ...]:
     """The tones of a record's lines that stand out of the noise which is left without them.
 
     Under a peak of noise a single line may be as loud beside its neighbours; without it the peak is still there. Of a
-    tone next to an excited line, little is left between: there that line tells.
+    tone next to an excited line, little is left between: there that line tells. Without periods, the noise beside a
+    model that misses much holds what is missed: there tones are told where they are most of it.
     """
     window = part.window.settled
     per_line = part.record.sample_rate / window.samples
     if not window.is_periodic:
-        return part.tones
+        return part.tones if _is_else_near(part.at(model), part, part.tones) else ()
 
     def stands_out(tone: Tone) -> bool:
         place = tone.frequency_hz / per_line
@@ -168,12 +175,13 @@ def _on_excited_lines(here: Model, part: RecordLines, found: Sequence[Tone]) -> 
 def _without_periods(here: Model, part: RecordLines, suspects: Sequence[float]) -> tuple[Tone, ...]:
     """Lines that a model misses, and that are not excited so; of what is suspected, what stands out less.
 
-    The speed is always told.
+    What is not suspected must make many cycles; the speed is always told.
     """
     window, per_line = part.window, part.record.sample_rate / part.window.samples
     drive = _hann_of(part.drive, part.index).sum(axis=1)
     is_driven = drive > SCREENED * convolve1d(drive, BESIDE / BESIDE.sum())
     hidden = maximum_filter1d(is_driven, 2 * BLURRED + 1)
+    hidden[: np.searchsorted(window.excited, CYCLES)] = True
     found: list[Tone] = []
     while len(found) < MOST:
         line, channel, height = _loudest(here, part, found, hidden)
@@ -185,10 +193,22 @@ def _without_periods(here: Model, part: RecordLines, suspects: Sequence[float]) 
         line = int(np.argmin(np.abs(window.excited - frequency / per_line)))
         height, channel = float(relative[line].max()), int(np.argmax(relative[line]))
         is_turning = frequency == here.rig.speed / (2.0 * np.pi)
-        is_likely = abs(window.excited[line] - frequency / per_line) < 1.0 and height > SCREENED and not hidden[line]
+        is_judged = abs(window.excited[line] - frequency / per_line) < 1.0 and not is_driven[line]
+        is_likely = is_judged and height > SCREENED
         if (is_turning or is_likely) and all(abs(frequency - tone.frequency_hz) > 2.0 * per_line for tone in found):
             found.append(Tone(frequency, channel, height))
     return tuple(found)
+
+
+def _is_else_near(here: Model, part: RecordLines, tones: Sequence[Tone]) -> bool:
+    """Whether what a model leaves away from some tones is near the noise, or less than what it leaves on them."""
+    places = np.array([tone.frequency_hz for tone in tones]) * part.window.samples / part.record.sample_rate
+    away = (np.abs(part.index[:, None] - places) > NEAR).all(axis=1)
+    p = len(part.record.channels)
+    power = np.sum(np.abs(as_lines(part.white(here, []).residual, p)) ** 2, axis=1)
+    beside, dof = float(power[away].sum()), 2 * p * max(1, int(away.sum()))
+    excess = beside - dof, float(power.sum()) - 2 * p * len(power)
+    return beside <= max(ADEQUATE, misfit_bound(dof)) * dof or excess[0] < 0.5 * excess[1]
 
 
 def _loudest(here: Model, part: RecordLines, told: Sequence[Tone], hidden: NDArray[np.bool_]) -> tuple[int, int, float]:

@@ -12,7 +12,7 @@ import numpy as np
 from ambid.diagnosis import Diagnosis
 from ambid.diagnosis.moves import Moved
 from ambid.identification import ParameterEstimate
-from ambid.noise.comparison import ADEQUATE
+from ambid.noise.chance import ADEQUATE
 from ambid.plot.style import misfit_text
 
 PREFIXED = re.compile(r"(s|m|N|A|Hz|rad)(?=$|[ /])")

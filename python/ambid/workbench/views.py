@@ -9,7 +9,7 @@ import numpy as np
 from ambid.diagnosis import Candidate, Localisation
 from ambid.errors import InputError
 from ambid.model import Parameter
-from ambid.noise.comparison import ADEQUATE
+from ambid.noise.chance import ADEQUATE
 from ambid.plot import worst_stretch
 from ambid.plot.style import misfit_text, shown_in
 from ambid.record import Record
