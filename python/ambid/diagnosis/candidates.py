@@ -37,7 +37,8 @@ class Candidate:
     predicted_misfit : float
         J/dof after adding it, to first order.
     confusable_with : tuple of str
-        Candidates that these data can hardly tell from it.
+        Candidates that act on these data much as it does: the cosine of both responses is beyond
+        `diagnosis.ranking.CONFUSABLE`.
     smallest_visible : dict of str to float
         Value of each probed parameter that these data would just show; what is smaller stays invisible.
     direction : ndarray, shape (lines,), or None

@@ -51,7 +51,7 @@ def plot_ranking(ranking: Ranking, ax: Axes | None = None, *, most: int = MOST) 
     -------
     Axes
         A row each from top to bottom in rank order: a bar from the misfit now down to the predicted one, its end a
-        filled dot; hollow where these data can hardly tell the candidate from the first, grey where its score may be
+        filled dot; hollow where the candidate acts on these data much as the first does, grey where its score may be
         chance. To the right the predicted misfit, and the part of the excess misfit that it takes away.
     """
     from matplotlib.lines import Line2D
@@ -87,7 +87,7 @@ def plot_ranking(ranking: Ranking, ax: Axes | None = None, *, most: int = MOST) 
     style: dict[str, Any] = {"marker": "o", "ms": 6, "mew": 1.4, "ls": "none"}
     handles = [Line2D([], [], mfc=FALL, mec=FALL, label="beyond chance", **style)]
     if like_first:
-        text = "hardly told from the first"
+        text = "acts much like the first"
         handles.append(Line2D([], [], mfc="white", mec=FALL, label=text, **style))
     if len(significant) < len(ranking.candidates):
         handles.append(Line2D([], [], mfc=UNSURE, mec=UNSURE, label="may be chance", **style))

@@ -129,7 +129,7 @@ def ranking(found: Ranking) -> Picture:
     return as_picture(
         ax.figure,
         "The misfit that each candidate predicts, between what it is now and noise alone, and the part of the excess "
-        "misfit that it would take away. Grey dots may be chance, hollow ones can hardly be told from the first.",
+        "misfit that it would take away. Grey dots may be chance, hollow ones act much like the first.",
     )
 
 

@@ -32,7 +32,7 @@ function row(own, step) {
     onpointerenter: () => pointAt(own.effect), onfocusin: () => pointAt(own.effect) },
     element("td", {}, element("details", {}, element("summary", {}, own.effect), element("p", {}, own.physics), element("p", {}, own.signature),
       element("p", {}, "predicted: " + Object.entries(own.predicted_value).map(([name, value]) => `${name} ${text(value, 3)}`).join(", ")),
-      ...(own.confusable_with.length ? [element("p", {}, `hardly told from ${own.confusable_with.join(", ")}`)] : []))),
+      ...(own.confusable_with.length ? [element("p", {}, `acts much like ${own.confusable_with.join(", ")}`)] : []))),
     element("td", { className: "number" }, bar(own.left), ` ${misfitText(own.predicted_misfit)}`),
     element("td", { className: "number" }, own.significant ? own.chance : `${own.chance}, may be chance`),
     element("td", {}, element("button", { type: "button", "data-step": "yes", "aria-label": `add ${own.effect}`, onclick: () => step("add", { name: own.effect }) }, "Add")));
