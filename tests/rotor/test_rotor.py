@@ -240,6 +240,20 @@ def test_measured_frequencies_replace_the_first_ones_and_shapes_stay():
     assert len(rigid.frequencies_rad_s) == 2
 
 
+@pytest.mark.parametrize("off", [-1e-16, 1e-16, 5e-7])
+def test_ends_of_the_shaft_are_on_it_whatever_rounding_does(off):
+    """A sum of lengths in another order is another number; both are one place."""
+    sections = [(length, 0.05, 0.0) for length in (0.1178, 0.1931, 0.1046, 0.1734)]
+
+    def with_disk_at(z):
+        return shaft(sections, [(z, 1.0, 1e-3, 2e-3)], flexible_modes=1)
+
+    end, exact = 0.5889 + off, reduced_rotor(with_disk_at(0.5889), [0.0, 0.5889])
+    assert_allclose(reduced_rotor(with_disk_at(end), [0.0, end]).shape(end), exact.shape(0.5889), rtol=1e-5)
+    with pytest.raises(RigError, match=r"disk\[0\]\.position = 0\.5889.*expected 0 to 0\.5889 m"):
+        with_disk_at(end + 2e-6)
+
+
 # Other kinds of rotor -------------------------------------------------------------------------------------------------
 
 

@@ -30,12 +30,7 @@ from ambid.rig.fields import (
     refuse,
     rig_error,
 )
-from ambid.rig.rotor import (
-    PointMassRotor,
-    Position,
-    Rotor,
-    along,
-)
+from ambid.rig.rotor import PointMassRotor, Position, Rotor, off_the_shaft
 from ambid.rig.toml import toml_text
 from ambid.writing import whole_file
 
@@ -256,7 +251,7 @@ class Rig(Spec):
                 problem(complaint, getattr(bearing, key), k, key)
                 for k, bearing in enumerate(bearings)
                 for key in ("position", "sensor_position")
-                if (complaint := along(rotor.span).complaint(getattr(bearing, key)))
+                if (complaint := off_the_shaft(rotor.span, getattr(bearing, key)))
             ]
         refuse(*problems)
         return bearings

@@ -29,6 +29,8 @@ DAMPING = Range(0.0, 0.5, "", (("percent", 1e-2),), "a damping ratio")
 FREQUENCY = Range(0.1, 1e5, "Hz")
 MODE_FREQUENCY = Range(0.0, 1e5, "Hz", (), "0 for a rigid mode")
 
+SAME_PLACE = 1e-6
+"""Axial positions closer than this [m] are one place."""
 FREEDOMS_PER_NODE = 4
 MOST_SECTIONS = 1000
 """Sections, or disks, of a rotor: its bending modes then take two seconds and half a gigabyte."""
@@ -181,7 +183,7 @@ class FiniteElementRotor(_FlexibleRotor):
         problems = [
             problem(text, disk.position, "disk", k, "position")
             for k, disk in enumerate(self.disk)
-            if (text := along(self.span).complaint(disk.position))
+            if (text := off_the_shaft(self.span, disk.position))
         ]
         bare = [k for k, section in enumerate(self.section) if section.material is None]
         if bare and self.material is None:
@@ -366,9 +368,12 @@ Rotor = Annotated[
 ]
 
 
-def along(span: tuple[float, float]) -> Range:
-    """Range of the positions on a shaft that reaches over `span` [m]."""
-    return Range(*span, "m", (MILLIMETRES,), "the shaft")
+def off_the_shaft(span: tuple[float, float], position: float) -> str | None:
+    """Say that a position is not on a shaft that reaches over `span` [m], its ends included; None if it is."""
+    first, last = span
+    if first - SAME_PLACE <= position <= last + SAME_PLACE:
+        return None
+    return Range(first, last, "m", (MILLIMETRES,), "the shaft").complaint(position)
 
 
 def _wrong_shapes(matrices: dict[str, Any], size: int) -> list[InitErrorDetails]:

@@ -15,10 +15,8 @@ from scipy.sparse.linalg import eigsh
 from ambid.arrays import FloatArray
 from ambid.errors import RigError
 from ambid.rig import FiniteElementRotor
+from ambid.rig.rotor import SAME_PLACE
 from ambid.rotor.beam import PlaneMatrices, beam_element, both_planes
-
-SAME_PLACE = 1e-6
-"""Axial positions closer than this [m] are one place."""
 
 _CONVERGED = 1e-4  # largest relative change of a kept frequency when the elements are halved
 _TOLERABLE = 5e-4  # the same where more nodes would be too many

@@ -13,7 +13,8 @@ from scipy.linalg import eigh
 from ambid.arrays import FloatArray
 from ambid.errors import RigError
 from ambid.rig import FiniteElementRotor, MatrixRotor, ModalRotor, PointMassRotor
-from ambid.rotor.assembly import SAME_PLACE, BeamModel, assemble, lowest_modes, place_of
+from ambid.rig.rotor import SAME_PLACE
+from ambid.rotor.assembly import BeamModel, assemble, lowest_modes, place_of
 from ambid.rotor.beam import plane_freedoms
 from ambid.rotor.matrices import matrix_model
 
