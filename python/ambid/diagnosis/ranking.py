@@ -140,9 +140,9 @@ def _unseen_by_responses(rig: Rig, effect: Effect) -> str:
 def see(comparison: Comparison) -> Seen:
     """What effects may look at before they are tried."""
     model, noise = comparison.model, comparison.noise
-    has_drive = model.rig.amplifier.time_constant > 0.0
-    has_rate = has_drive or model.rig.actuator.has_lag
-    watched = ["s", "i_f"] + ["i_f_rate"] * has_rate + ["drive"] * has_drive
+    has_amplifier = model.rig.amplifier.time_constant > 0.0
+    has_rate = has_amplifier or model.rig.actuator.has_lag
+    watched = ["s", "i_f"] + ["i_f_rate"] * has_rate + ["i_a_free"] * has_amplifier
     peaks = dict.fromkeys(watched, 0.0)
     n = len(model.rig.axes)
     records = [part.record for part in noise.in_time]

@@ -120,8 +120,8 @@ class AmplifierBandwidth(Effect):
                 rate, bend = self._coil(plant, axis, current)
             else:
                 rate, bend = self._second_order(plant, axis, current)
-            plant.set_rate(f"amplifier.{axis}", rate)
-            for name, true in (("i_a", current), ("i_a_rate", rate), ("i_a_bend", bend)):
+            plant.set_rate(f"amplifier.{axis}", rate + plant.cut(axis))
+            for name, true in (("i_a", current), ("i_a_free", rate), ("i_a_bend", bend)):
                 plant.inject(f"{name}.{axis}", true - plant.raw(f"{name}.{axis}"))
 
     def _second_order(self, plant: Plant, axis: str, current: Signal) -> tuple[Signal, Signal]:
@@ -161,7 +161,7 @@ class AmplifierVoltageLimit(Effect):
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
         """Limits that cut more or less off the fastest change that the linear amplifier makes."""
-        fastest = seen.peaks["drive"] / seen.rig.amplifier.time_constant
+        fastest = seen.peaks["i_a_free"]
         return [AmplifierVoltageLimit(float(1.0 / (share * fastest))) for share in (0.95, 0.8, 0.6, 0.4, 0.25)]
 
     def why_not(self, rig: Rig) -> str:
@@ -185,11 +185,10 @@ class AmplifierVoltageLimit(Effect):
 
     def attach(self, plant: Plant) -> None:
         """What the limit cuts off, rounded at the corners by 5 % of it."""
-        tau = plant.rig.amplifier.time_constant
         slots, constants = {"inverse_limit": self.slot("inverse_slew_rate")}, {"smoothing": self.smoothing}
         for axis in plant.axes:
-            cut = plant.block("slew_limit", [plant.raw(f"drive.{axis}") / tau], slots, constants)
-            plant.inject(f"drive.{axis}", tau * cut)
+            cut = plant.block("slew_limit", [plant[f"i_a_free.{axis}"]], slots, constants)
+            plant.inject(f"i_a_rate.{axis}", cut)
 
 
 @dataclass(frozen=True)

@@ -75,7 +75,7 @@ class SensorGainError(Effect):
         """At every sensor that a gain acts on."""
         for name, own in _gains(plant.rig).items():
             for axis, sign in own.items():
-                plant.inject(f"y.{axis}", plant.port(self.slot(name), plant.raw(f"y.{axis}"), scale=sign))
+                plant.inject(f"scaled.{axis}", plant.port(self.slot(name), plant.raw(f"scaled.{axis}"), scale=sign))
 
 
 def _gains(rig: Rig) -> dict[str, dict[str, float]]:
@@ -145,7 +145,7 @@ class SensorMisalignment(Effect):
         for bearing in plant.rig.bearings:
             if len(bearing.axes) < 2:
                 continue
-            zeta, eta = (f"y.{axis}" for axis in bearing.axis_names)
+            zeta, eta = (f"turned.{axis}" for axis in bearing.axis_names)
             slot = self.slot(f"angle_{bearing.name}")
             plant.inject(zeta, plant.port(slot, plant.raw(eta)))
             plant.inject(eta, plant.port(slot, plant.raw(zeta), scale=-1.0))
@@ -198,7 +198,7 @@ class SensorPositionError(Effect):
                 axis, direction = next(places)
                 slope = (plant.shape(above, direction) - plant.shape(below, direction)) / (above - below)
                 tilt = combine(slope, [plant[f"eta.{k}"] for k in range(plant.coordinates)])
-                plant.inject(f"y.{axis}", plant.port(self.slot(f"offset_{bearing.name}"), tilt))
+                plant.inject(f"at_sensor.{axis}", plant.port(self.slot(f"offset_{bearing.name}"), tilt))
 
 
 @dataclass(frozen=True)

@@ -223,13 +223,14 @@ class FoundationResonance(Effect):
             h, scaled_rate = plant.state(f"housing.{axis}"), plant.state(f"housing_rate.{axis}")
             pushed = plant.port(self.slot("inverse_mass"), plant[f"f.{axis}"])
             # scaled_rate = h'/w: h' = w scaled_rate, scaled_rate' = -w h - 2 zeta w scaled_rate - f/(m w)
-            plant.set_rate(f"housing.{axis}", plant.port(frequency, scaled_rate, scale=2.0 * pi))
+            rate = plant.port(frequency, scaled_rate, scale=2.0 * pi)
+            plant.set_rate(f"housing.{axis}", rate)
             damped = plant.port(damping, scaled_rate, scale=2.0)
             slowed = plant.port(frequency, h + damped, scale=2.0 * pi)
             pushed = plant.port(frequency, pushed, power=-1, scale=1.0 / (2.0 * pi))
             plant.set_rate(f"housing_rate.{axis}", -slowed - pushed)
-            plant.inject(f"s.{axis}", -h)
-            plant.inject(f"y.{axis}", -h)
+            for signal, moved in (("s", h), ("at_sensor", h), ("v", rate)):
+                plant.inject(f"{signal}.{axis}", -moved)
 
 
 EFFECTS = (

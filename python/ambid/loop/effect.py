@@ -43,7 +43,7 @@ class Seen:
     rig : Rig
     peaks : mapping of str to float
         Largest absolute value of signals of the plant over all axes and records: ``s``, ``i_f``, ``i_f_rate``,
-        ``drive``; rates where there are lags.
+        ``i_a_free``; rates where there are lags.
     tones : sequence of Tone
         Lines of the residual that belong to no excitation.
     held : sequence of float

@@ -15,6 +15,8 @@ from ambid.rotor import ReducedRotor
 
 EXCITATION = "excitation"
 """What a `GainError` of i_e is of."""
+READING = ("at_sensor", "turned", "scaled", "y")
+"""What becomes of a displacement until it is read, in this order whatever the order of the effects."""
 
 
 class Plant(Assembly):
@@ -25,12 +27,12 @@ class Plant(Assembly):
     where i_ref is in V and 1/R is an entry of Delta. An ideal amplifier, or an actuator without lag, has no state.
 
     Signals of each axis: ``i_ref`` [A or V] that leaves the controller, ``i_set`` [A] that it asks for, ``i_a`` [A]
-    behind the amplifier, its rate ``i_a_rate`` [A/s] and the rate of that ``i_a_bend`` while the command is held,
-    ``i_c`` [A] as recorded, ``i_f`` [A] that makes force and its rate ``i_f_rate`` [A/s], ``s`` [m] and ``v`` [m/s] at
-    the magnet, ``f`` [N], ``y`` [m] as read; ``drive`` [A] is ``tau_a i_a'``. Signals of each modal coordinate k:
-    ``eta.k``, ``eta_rate.k``,
-    ``eta_bend.k``, ``modal_force.k``. The parameters of effects are stated for the rig `reference`, which is another
-    operating point of this machine where records of several are fitted together.
+    behind the amplifier, its rate ``i_a_free`` [A/s] before and ``i_a_rate`` behind what limits it, and the rate of
+    that ``i_a_bend`` while the command is held, ``i_c`` [A] as recorded, ``i_f`` [A] that makes force and its rate
+    ``i_f_rate`` [A/s], ``s`` [m] and ``v`` [m/s] at the magnet, ``f`` [N]; ``at_sensor`` [m] at the sensor, ``turned``
+    along its axis, ``scaled`` by its gain, and ``y`` as read, each made of the one before. Of each modal coordinate k:
+    ``eta.k``, ``eta_rate.k``, ``eta_bend.k``, ``modal_force.k``. The parameters of effects are stated for the rig
+    `reference`, which is another operating point of this machine where records of several are fitted together.
 
     Parameters
     ----------
@@ -78,7 +80,9 @@ class Plant(Assembly):
         for axis, a, b in zip(self.axes, from_current, from_motion, strict=True):
             self.signal(f"f.{axis}", a + b)
         for axis, z, direction in zip(self.axes, self.sensors, self.directions, strict=True):
-            self.signal(f"y.{axis}", self.at(z, direction))
+            read = self.at(z, direction)
+            for signal in READING:
+                read = self.signal(f"{signal}.{axis}", read)
 
         onto = np.array([self.shape(z, d) for z, d in zip(self.magnets, self.directions, strict=True)])
         forces = [self[f"f.{axis}"] for axis in self.axes]
@@ -102,6 +106,10 @@ class Plant(Assembly):
         for k, onto in enumerate(self.shape(z, direction)):
             if onto:
                 self.inject(f"modal_force.{k}", onto * force)
+
+    def cut(self, axis: str) -> Signal:
+        """What limits take off the rate of a current [A/s]."""
+        return self[f"i_a_rate.{axis}"] - self.raw(f"i_a_rate.{axis}")
 
     def delay_commands(self, slot: str) -> None:
         """Let everything that leaves the controller arrive late, by what fills a slot [s].
@@ -130,16 +138,15 @@ class Plant(Assembly):
         i_set = self.signal(f"i_set.{axis}", self.port(f"R.{axis}", i_ref, power=-1) if is_voltage else i_ref)
         if amplifier.time_constant == 0.0:
             i_a = self.signal(f"i_a.{axis}", i_set)
-            self.signal(f"i_a_rate.{axis}", ZERO)
-            self.signal(f"i_a_bend.{axis}", ZERO)
+            for signal in ("i_a_free", "i_a_rate", "i_a_bend"):
+                self.signal(f"{signal}.{axis}", ZERO)
         else:
             state = self.state(f"i_a.{axis}")
             i_a = self.signal(f"i_a.{axis}", state)
-            drive = self.signal(f"drive.{axis}", i_set - state)
-            rate = drive / amplifier.time_constant
-            self.signal(f"i_a_rate.{axis}", rate)
-            self.signal(f"i_a_bend.{axis}", -rate / amplifier.time_constant)
-            self.set_rate(f"i_a.{axis}", rate)
+            rate = (i_set - state) / amplifier.time_constant
+            limited = self.signal(f"i_a_rate.{axis}", self.signal(f"i_a_free.{axis}", rate))
+            self.signal(f"i_a_bend.{axis}", -limited / amplifier.time_constant)
+            self.set_rate(f"i_a.{axis}", rate + self.cut(axis))
         self.signal(f"i_c.{axis}", i_a)
         return i_a
 
