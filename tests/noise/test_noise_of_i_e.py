@@ -51,13 +51,16 @@ def test_every_channel_is_at_its_noise_at_the_lowest_lines():
 
 
 def test_of_an_i_e_that_was_rebuilt_the_misfit_is_not_above_one():
-    """Taken for excitation, its noise makes residuals of y and i_c that are one: a misfit of 10 and more."""
-    for seed in range(4):
+    """Beside it, i_c would be judged by what it made itself: a misfit of 10 and more, on several axes for all effects."""
+    misfits = []
+    for seed in range(8):
         record = MODEL.virtual_experiment(EXCITATION, seed=seed, current_noise=5e-3)
         own = {"y": record.y, "i_c": record.i_c, "axes": record.axes, "sample_rate": record.sample_rate}
         rebuilt = ambid.Record.from_arrays(**own, rig=MODEL.rig, period=PERIOD)
         assert "rebuilt from i_c" in rebuilt.notes[0]
-        assert 0.6 < ambid.compare(MODEL, rebuilt).misfit < 1.05
+        assert rebuilt.i_c is None
+        misfits.append(ambid.compare(MODEL, rebuilt).misfit)
+    assert 0.9 < np.mean(misfits) < 1.05
 
 
 def test_what_repeats_to_the_last_bit_has_no_such_noise():

@@ -55,6 +55,8 @@ class Candidate:
         So many of the degrees of freedom can only have one sign.
     variants : float
         So many independent places, frequencies or sizes were tried.
+    near : tuple of (Effect, dict)
+        Other variants with nearly the same score, with the values predicted for them: only a refit tells them apart.
     """
 
     effect: Effect
@@ -71,6 +73,7 @@ class Candidate:
     spread: float = 1.0
     one_sided: int = 0
     variants: float = 1.0
+    near: tuple[tuple[Effect, dict[str, float]], ...] = field(default=(), repr=False, compare=False)
 
     @property
     def chance(self) -> float:

@@ -47,6 +47,10 @@ OWN = 1e-12
 SLIPS = (ControllerGainError, ExcitationGainError)
 KNOWN_COMMAND = "i_e comes from the recorded command, and holds whatever the controller's gains miss"
 UNDRIVEN = "nothing drives the records, and what an effect changes of a free response is not told from how it began"
+NEAR = 0.99
+"""Part of the best score from which on only a refit tells variants of an effect apart."""
+MOST_NEAR = 2
+"""So many variants are refitted beside the best."""
 CONFUSABLE = 0.9
 """Two candidates whose freed responses have a larger cosine are called confusable."""
 
@@ -152,7 +156,7 @@ def see(comparison: Comparison) -> Seen:
         for k, name in enumerate(watched, start=2):
             peaks[name] = max(peaks[name], float(found[k * n : (k + 1) * n].max()))
     tones = {round(tone.frequency_hz, 3): tone for own in noise.tones for tone in own}
-    return Seen(model.rig, peaks, tuple(tones.values()), comparison.held)
+    return Seen(model.rig, peaks, tuple(tones.values()), comparison.held, model.points)
 
 
 class Point:
@@ -237,8 +241,9 @@ def _best(point: Point, variants: Sequence[Effect], cost: float) -> tuple[Candid
     if len(calls) > 1 and gram.any():  # else no variant is felt at all
         turned = block_diag(*[call.of.turned for call in calls])
         independent = independent_tests(turned.T @ gram @ turned, len(calls))
-    best = min(calls, key=lambda call: call.chance(independent))
-    return best.candidate(independent), why
+    best, *others = sorted(calls, key=lambda call: call.chance(independent))
+    near = [(c.effect, c.predicted) for c in others if c.fall > NEAR * best.fall and not is_nonlinear(c.rig, c.effect)]
+    return replace(best.candidate(independent), near=tuple(near[:MOST_NEAR])), why
 
 
 def _nonzero(size: FloatArray) -> FloatArray:
@@ -294,15 +299,20 @@ class _Call:
         own = log_chance_bounded(self.fall / self.spread, self.degrees, self.one_sided)
         return min(0.0, own + float(np.log(variants)))
 
+    @property
+    def predicted(self) -> dict[str, float]:
+        """Values of the parameters that the residual calls for."""
+        return self.effect.start(self.rig, (self.free / _nonzero(self.of.size)).tolist())
+
     def candidate(self, variants: float) -> Candidate:
         """The effect with its score."""
         direction = self.free @ self.of.rows
-        norm, amplitudes = float(np.linalg.norm(direction)), self.free / _nonzero(self.of.size)
+        norm = float(np.linalg.norm(direction))
         return Candidate(
             effect=self.effect,
             score=self.fall,
             degrees=self.degrees,
-            start=self.effect.start(self.rig, amplitudes.tolist()),
+            start=self.predicted,
             predicted_misfit=(self.cost - self.fall) / (self.point.dof - self.degrees),
             smallest_visible=_smallest_visible(self.effect.probes(self.rig), self.of.size),
             direction=direction / norm if norm > 0.0 else direction,

@@ -56,8 +56,21 @@ def refits(task: Task, state: State, tried: Sequence[Candidate], *, whatever_pro
             if ends[-1].cost < state.at_noise or len(ends) == len(starts) - 1:
                 break
         if ends:
-            found.append((candidate, min(ends, key=lambda end: end.cost)))
+            found.append(_best_variant(state, candidate, min(ends, key=lambda end: end.cost)))
     return sorted(found, key=lambda pair: criterion(pair[1]))
+
+
+def _best_variant(state: State, candidate: Candidate, fit: Comparison) -> Refitted:
+    """The candidate, or the variant of it that does better once it is refitted."""
+    found = (candidate, fit)
+    for effect, values in candidate.near:
+        try:
+            other = refit(state.fit.of(state.fit.model.add(effect, values)), step=ROUGHLY)
+        except (UnstableLoopError, ModelError, ValueError):
+            continue
+        if criterion(other) < criterion(found[1]):
+            found = (replace(candidate, effect=effect, start=values), other)
+    return found
 
 
 def alternatives(order: Sequence[Refitted]) -> tuple[str, ...]:

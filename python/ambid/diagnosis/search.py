@@ -15,7 +15,7 @@ from ambid.arrays import ComplexArray
 from ambid.diagnosis.candidates import ALPHA, Candidate, Ranking
 from ambid.diagnosis.confirmation import stands
 from ambid.diagnosis.ranking import rank
-from ambid.diagnosis.rivals import Refitted, alternatives, is_driven_off, reconsidered, refits
+from ambid.diagnosis.rivals import EQUALLY_GOOD, Refitted, alternatives, is_driven_off, reconsidered, refits
 from ambid.diagnosis.state import State, Task, nominal_with_effects_of, noted
 from ambid.effects import Effect
 from ambid.errors import ModelError, UnstableLoopError
@@ -85,14 +85,17 @@ def add_chosen(task: Task, state: State, chosen: Sequence[Effect]) -> Iterator[S
         if not order:
             raise ModelError(f"{effect.name}: no stable loop with it was found; leave it out")
         candidate, better = order[0]
-        state = _taken(state, better, candidate.effect)
+        state = _taken(task, state, better, candidate.effect)
         state = noted(task, state, _ranked(task, state), candidate)
         yield state
 
 
-def _added(task: Task, state: State, ask: Ask | None) -> Iterator[State]:
+def _added(task: Task, state: State, ask: Ask | None, *, however_small: bool = False) -> Iterator[State]:
     while len(state.added) < MOST_EFFECTS:
         ranking = state.ranking
+        if _is_negligible(state, ranking) and not however_small:
+            yield from _to_the_noise(task, state) if ask is None else ()
+            return
         tried = _worth_refitting(state, ranking)
         order = [pair for pair in refits(task, state, tried) if _explains(task, state, pair)]
         if not order or order[0][1].cost > state.at_noise:
@@ -118,7 +121,7 @@ def _added(task: Task, state: State, ask: Ask | None) -> Iterator[State]:
         elif _is_hopeless(state, better):
             yield replace(state, hopeless=better)
             return
-        state = _taken(state, better, candidate.effect)
+        state = _taken(task, state, better, candidate.effect)
         rivals = {**state.rivals, candidate.effect.name: tuple(other for other, _ in order)}
         sets = {**state.sets, candidate.effect.name: alternatives(order)}
         state = replace(state, rivals=rivals, sets=sets)
@@ -194,28 +197,44 @@ def _rises(task: Task, state: State, better: Comparison) -> bool:
     return rise > chdtri(degrees, ALPHA) * max(1.0, after.misfit)
 
 
+def _is_negligible(state: State, ranking: Ranking) -> bool:
+    """Whether what is called for may be the error of a formula that the model holds already.
+
+    Beside an effect that explains a hundred times as much, only what explains most of the rest counts; nor does what a
+    formula is known to leave, see `Effect.formula_error`.
+    """
+    best = max((candidate.score for candidate in ranking.significant), default=0.0)
+    small = best < NEGLIGIBLE_SHARE * state.fall
+    minor = state.fit.cost < state.at_noise or best < 0.5 * (state.fit.cost - state.dof)
+    return bool(state.added) and (small and minor or best < state.of_formulas)
+
+
+def _to_the_noise(task: Task, state: State) -> Iterator[State]:
+    """Steps that explain little each, if together they lead to the noise; not beside a law that is idealised.
+
+    The formula of a linear effect leaves less than that, or what is left has no name.
+    """
+    if state.physics and state.fit.model.is_linear and state.fit.cost > state.at_noise:
+        steps = list(_added(task, state, None, however_small=True))
+        if steps and steps[-1].fit.cost < state.at_noise:
+            yield from steps
+
+
 def _worth_refitting(state: State, ranking: Ranking) -> list[Candidate]:
     """The significant candidates whose score is at least half of the best, since scores can err by that much.
 
     Where far more than noise is left, they must promise to explain a tenth of it.
-    What is left beside an effect that explains a hundred times as much may be the error of its formula: then only
-    what explains most of that is worth it; nor is what its formula is known to leave, see `Effect.formula_error`.
     """
     significant = ranking.significant
-    best = max((candidate.score for candidate in significant), default=0.0)
-    small = best < NEGLIGIBLE_SHARE * state.fall
-    minor = state.fit.cost < state.at_noise or best < 0.5 * (state.fit.cost - state.dof)
-    if state.added and (small and minor or best < state.of_formulas):
-        return []
-    least = 0.5 * best
+    least = 0.5 * max((candidate.score for candidate in significant), default=0.0)
     if state.fit.cost > state.at_noise:
         least = max(least, PROMISING_SHARE * (state.fit.cost - state.dof))
     return [candidate for candidate in significant if candidate.score >= least][:REFITTED]
 
 
-def _taken(state: State, better: Comparison, added: Effect) -> State:
+def _taken(task: Task, state: State, better: Comparison, added: Effect) -> State:
     """Go on from a better model; what one far off leaves between the excited lines is no noise, and hides tones."""
-    better = refit(better)
+    better = _nearer_the_rig(task, refit(better), added)
     fall, reference = state.fit.cost - better.cost, state.reference
     if added.frequencies_hz(better.model.rig):
         own = {p.name.split(".", 1)[1]: p.value for p in better.model.parameters if p.name.startswith(f"{added.name}.")}
@@ -230,6 +249,20 @@ def _taken(state: State, better: Comparison, added: Effect) -> State:
         if abs(fit.cost / before - 1.0) < RENEWED:
             break
     return replace(state, fit=fit, base=fit.of(state.base.model), reference=fit.of(reference.model))
+
+
+def _nearer_the_rig(task: Task, fit: Comparison, added: Effect) -> Comparison:
+    """Of two lags in series, which may be exchanged, the one of the base model nearer to that of the rig file."""
+    values = dict(zip(fit.model.names, fit.model.theta.tolist(), strict=True))
+    nominal = dict(zip(task.nominal.names, task.nominal.theta.tolist(), strict=True))
+    for name, other in added.in_series.items():
+        own = added.slot(name)
+        if own in values and values.get(other, 0.0) > 0.0 and nominal.get(other, 0.0) > 0.0:
+            now, exchanged = (abs(np.log(values[key] / nominal[other])) for key in (other, own))
+            if exchanged < now:
+                swapped = refit(fit.of(fit.model.with_values({own: values[other], other: values[own]})))
+                fit = min(fit, swapped, key=lambda each: each.cost - EQUALLY_GOOD * (each is swapped))
+    return fit
 
 
 def _ranked(task: Task, state: State) -> Ranking:

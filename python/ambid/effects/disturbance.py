@@ -46,7 +46,7 @@ class PeriodicDisturbance(Effect):
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
         """Each tone that is not synchronous, as a current and as a force, at each axis and at all."""
-        tones = [tone for tone in seen.tones if not is_synchronous(tone, seen.rig)]
+        tones = [tone for tone in seen.tones if not is_synchronous(tone, seen)]
         axes = [*range(len(seen.rig.axes)), "all", "each"] if len(seen.rig.axes) > 1 else [0]
         return [
             PeriodicDisturbance(tone.frequency_hz, port, axis, tone.channel)

@@ -303,12 +303,16 @@ class Unbalance(Effect):
     frequency_hz: float | None = None
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
-        """At each likely place, and in two planes; the angle is counted from the channel that shows it most."""
-        near = [tone for tone in seen.tones if is_synchronous(tone, seen.rig)]
+        """At each likely place, and in two planes; the angle is counted from the channel that shows it most.
+
+        It turns with the tone that was found, and at several speeds with each of them.
+        """
+        near = [tone for tone in seen.tones if is_synchronous(tone, seen)]
         if not near:
             return ()
         places = [*likely_places(seen.rig), None]
-        return [Unbalance(z, near[0].channel, near[0].frequency_hz) for z in places]
+        frequency = near[0].frequency_hz if len(seen.speeds) == 1 else None
+        return [Unbalance(z, near[0].channel, frequency) for z in places]
 
     def positions(self, rig: Rig) -> Sequence[float]:
         """Its place."""

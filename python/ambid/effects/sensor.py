@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from ambid.effects.traits import GAIN_OF_READING, LAG_OF_CURRENT, LAG_OF_READING
 from ambid.loop.assembly import combine
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
 from ambid.loop.plant import Plant
-from ambid.rig import Bearing, PointMassRotor, Rig
+from ambid.rig import Bearing, PointMassRotor, Rig, StateSpaceController
 
 APART = 5.0
 """Degrees beyond right angles from which bearings count as turned against each other: the gain of one plane against the
@@ -25,6 +26,7 @@ class SensorLag(Effect):
     name = "sensor_lag"
     physics = "the displacement sensor and its filter follow the rotor with a first-order lag"
     equation = "tau y' = y_true - y"
+    in_series = MappingProxyType({"time_constant": "tau_e"})
     signature = "y too small and late at high frequency; the loop loses damping, while i_c follows i_e as modelled"
     source = "ISO 14839-3; Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 3"
 
@@ -48,7 +50,14 @@ class SensorLag(Effect):
 
 @dataclass(frozen=True)
 class SensorGainError(Effect):
-    """Gains of single sensors; what K_i absorbs is left out, a gain common to all sensors of one plane."""
+    """Gains of single sensors; what K_i absorbs is left out, a gain common to all sensors of one plane.
+
+    Attributes
+    ----------
+    between_planes : bool
+        Whether one plane's gain against the other's is told, too, as a rotor that turns, or a controller that acts from
+        one plane to the other, may tell it; bearings that are turned against each other always do.
+    """
 
     name = "sensor_gain_error"
     physics = "single sensors read too large or too small; only their ratio within a plane is identifiable"
@@ -56,15 +65,23 @@ class SensorGainError(Effect):
     signature = "rigid-body modes shift between the bearings in one plane, the same at every amplitude"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 3"
 
+    between_planes: bool = False
+
+    def variants(self, seen: Seen) -> Sequence[Effect]:
+        """With and without a gain between planes that act on each other."""
+        acts = bool(seen.speeds - {0.0}) or isinstance(seen.rig.controller, StateSpaceController)
+        return [SensorGainError(apart) for apart in (False, True)[: 1 + acts]]
+
     def why_not(self, rig: Rig) -> str:
         """No two sensors in one plane."""
-        return "" if _gains(rig) else "no plane has two sensors, and a gain common to a plane is one of K_i and K_s"
+        why = "no plane has two sensors, and a gain common to a plane is one of K_i and K_s"
+        return "" if self._gains(rig) else why
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Relative gain errors, see `_gains`."""
         return [
             EffectParameter(name, "1", 0.01, lower=-0.5, upper=0.5, meaning=_meaning(own))
-            for name, own in _gains(rig).items()
+            for name, own in self._gains(rig).items()
         ]
 
     def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
@@ -73,27 +90,31 @@ class SensorGainError(Effect):
 
     def attach(self, plant: Plant) -> None:
         """At every sensor that a gain acts on."""
-        for name, own in _gains(plant.rig).items():
+        for name, own in self._gains(plant.rig).items():
             for axis, sign in own.items():
                 plant.inject(f"scaled.{axis}", plant.port(self.slot(name), plant.raw(f"scaled.{axis}"), scale=sign))
 
+    def _gains(self, rig: Rig) -> dict[str, dict[str, float]]:
+        """Gains that no K_i absorbs: the sensors of each, by axis, and the signs it has there.
 
-def _gains(rig: Rig) -> dict[str, dict[str, float]]:
-    """Gains that no K_i absorbs: the sensors of each, by axis, and the signs it has there.
+        In each plane one of the first bearing's sensor against the second's, and one of each further sensor. Where the
+        planes act on each other, only a gain of all sensors is absorbed: then there is one of all zeta against all eta,
+        too.
+        """
+        planes, found = _planes(rig), dict[str, dict[str, float]]()
+        for direction, axes in planes.items():
+            if len(axes) > 1:
+                found[direction] = {axes[0]: 1.0, axes[1]: -1.0}
+                found |= {axis: {axis: 1.0} for axis in axes[2:]}
+        if len(found) > 1 and (self.between_planes or _are_turned(rig)):
+            signs = dict(zip(planes, (1.0, -1.0), strict=True))
+            found["planes"] = {axis: signs[direction] for direction, axes in planes.items() for axis in axes}
+        return found
 
-    In each plane one of the first bearing's sensor against the second's, and one of each further sensor. Where the
-    bearings are turned against each other there are no planes, and only a gain of all sensors is absorbed: then there
-    is one of all zeta against all eta, too.
-    """
-    planes, found = _planes(rig), dict[str, dict[str, float]]()
-    for direction, axes in planes.items():
-        if len(axes) > 1:
-            found[direction] = {axes[0]: 1.0, axes[1]: -1.0}
-            found |= {axis: {axis: 1.0} for axis in axes[2:]}
-    if len(found) > 1 and any(abs(b.tilt - 90.0 * _turns(rig, b) - rig.bearings[0].tilt) > APART for b in rig.bearings):
-        signs = dict(zip(planes, (1.0, -1.0), strict=True))
-        found["planes"] = {axis: signs[direction] for direction, axes in planes.items() for axis in axes}
-    return found
+
+def _are_turned(rig: Rig) -> bool:
+    """Whether bearings are turned against each other, other than by right angles."""
+    return any(abs(b.tilt - 90.0 * _turns(rig, b) - rig.bearings[0].tilt) > APART for b in rig.bearings)
 
 
 def _planes(rig: Rig) -> dict[str, list[str]]:

@@ -194,7 +194,7 @@ class FoundationResonance(Effect):
                 upper=0.5 * rig.sample_rate,
                 meaning="frequency f of the housing's mode",
             ),
-            EffectParameter("damping", "1", 0.07, lower=1e-4, upper=2.0, meaning="its damping ratio zeta"),
+            EffectParameter("damping", "1", 0.07, upper=0.5, meaning="its damping ratio zeta"),
             EffectParameter("inverse_mass", "1/kg", 1e-3, meaning="its compliance: one over the moving mass m"),
         ]
 

@@ -9,9 +9,8 @@ import numpy as np
 from scipy.fft import rfft
 
 from ambid.arrays import FloatArray
-from ambid.loop.effect import Tone
+from ambid.loop.effect import Seen, Tone
 from ambid.record import Record
-from ambid.rig import Rig
 
 NEAR_SPEED = 0.02
 """Part by which a tone may lie off the speed of the rig file and still be called synchronous."""
@@ -22,10 +21,9 @@ NEAR = 12
 """Lines to each side of a frequency, for each excitation and once more, that a response is told by."""
 
 
-def is_synchronous(tone: Tone, rig: Rig) -> bool:
-    """Whether a tone turns with the rotor."""
-    own = rig.speed / (2.0 * pi)
-    return abs(tone.frequency_hz - own) < NEAR_SPEED * own
+def is_synchronous(tone: Tone, seen: Seen) -> bool:
+    """Whether a tone turns with the rotor, at one of the speeds that there are records of."""
+    return any(abs(2.0 * pi * tone.frequency_hz - speed) < NEAR_SPEED * speed for speed in seen.speeds)
 
 
 def cosine_and_sine(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import Field, dataclass, fields, is_dataclass
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -48,12 +49,20 @@ class Seen:
         Lines of the residual that belong to no excitation.
     held : sequence of float
         Mean current of each axis, which holds the weight of the rotor [A]; empty where it was not recorded.
+    points : sequence of Rig
+        Further operating points that there are records of.
     """
 
     rig: Rig
     peaks: Mapping[str, float]
     tones: Sequence[Tone] = ()
     held: Sequence[float] = ()
+    points: Sequence[Rig] = ()
+
+    @property
+    def speeds(self) -> frozenset[float]:
+        """Of all operating points [rad/s]."""
+        return frozenset(rig.speed for rig in (self.rig, *self.points))
 
 
 @dataclass(frozen=True)
@@ -123,6 +132,9 @@ class Effect(ABC):
         Part of what it explains that its formula may leave, for another effect to be no better an explanation of.
     unseen : str
         Why it is not tried where it has no `variants`.
+    in_series : mapping of str to str
+        Of its parameters, those that a parameter of the base model may be exchanged with: lags of one order, one behind
+        the other. Told is then the pair in which the base parameter is nearer to the rig file.
     """
 
     name: ClassVar[str]
@@ -133,6 +145,7 @@ class Effect(ABC):
     contains: ClassVar[tuple[str, ...]] = ()
     plural: ClassVar[bool] = False
     formula_error: ClassVar[float] = 0.0
+    in_series: ClassVar[Mapping[str, str]] = MappingProxyType({})
     unseen: ClassVar[str] = "the records show nothing that it could be tried at"
 
     def __post_init__(self) -> None:
@@ -220,7 +233,8 @@ class Effect(ABC):
         """Values to start a refit from, given how much of each probe the residual calls for."""
         start = {}
         for amplitude, p in zip(amplitudes, self.parameters(rig), strict=True):
-            least, most = max(p.lower, -10.0 * p.probe), min(p.upper, 100.0 * p.probe)
+            below = 100.0 if p.lower == -p.upper else 10.0
+            least, most = max(p.lower, -below * p.probe), min(p.upper, 100.0 * p.probe)
             wanted = amplitude if abs(amplitude) > 1e-6 else 0.1
             start[p.name] = float(min(max(wanted * p.probe, least), most))
         return start

@@ -12,7 +12,7 @@ from scipy.special import fdtrc
 
 from ambid.arrays import FloatArray
 from ambid.errors import RecordError
-from ambid.noise.local import beside_excitation, regression
+from ambid.noise.local import beside_excitation, driving, regression
 from ambid.noise.window import Window, thinned
 from ambid.record import Record
 
@@ -59,7 +59,7 @@ def uneven(record: Record, residual: FloatArray, excitation: FloatArray) -> str:
     level = uniform_filter1d(first + second, 2 * BESIDE + 1, axis=0, mode="reflect")
     ratio = np.mean(second / level, axis=0) / np.mean(first / level, axis=0)
     k = int(np.argmax(np.abs(np.log(ratio))))
-    fitted, width = regression(len(level), excitation.shape[1])
+    fitted, width = regression(len(level), driving(excitation).shape[1])
     free, larger = 2.0 * len(level) * (1.0 - fitted / width), max(ratio[k], 1.0 / ratio[k])
     if larger < MATTERS or 2.0 * fdtrc(free, free, larger) > CHANCE / len(ratio):
         return ""

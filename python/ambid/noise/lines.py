@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +21,7 @@ from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.loop.effect import Effect, Tone
 from ambid.model import Model
-from ambid.noise.angles import THIRDS, best_angle, undisturbed
+from ambid.noise.angles import best_angle, undisturbed
 from ambid.noise.colour import back_through_loop
 from ambid.noise.in_time import NEUTRAL, InTime
 from ambid.noise.judged import FEW, JudgedLines
@@ -96,10 +96,12 @@ class RecordLines(JudgedLines):
         best = self
         for effect in model.acting:
             if effect.quarters(model.rig):
-                tried = [best._turned(effect, float(angle)) for angle in THIRDS]
-                costs = [float(np.sum(own.white(own.at(model), []).residual ** 2)) for own in tried]
-                best = best._turned(effect, best_angle(costs))
+                best = best._turned(effect, best_angle(partial(best._cost_at, model, effect)))
         return best
+
+    def _cost_at(self, model: Model, effect: Effect, angle: float) -> float:
+        own = self._turned(effect, angle)
+        return float(np.sum(own.white(own.at(model), []).residual ** 2))
 
     def _turned(self, effect: Effect, angle: float) -> RecordLines:
         other = copy(self)

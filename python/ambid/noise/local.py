@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import chain
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
 from ambid.noise.envelope import Envelope
 
-__all__ = ["beside_excitation", "likelier_beside_excitation", "regression"]
+__all__ = ["beside_excitation", "driving", "likelier_beside_excitation", "regression"]
 
 DEGREE = 2
 """Of the polynomials over frequency in the local regression."""
@@ -66,6 +67,7 @@ def beside_excitation(
         Of each residual: S, shape (lines, p, p); power, shape (lines, p); spread.
     """
     count, p = several[0].shape
+    axes, excitation = excitation.shape[1], driving(excitation)
     fitted, width = regression(count, excitation.shape[1])
     free = width - fitted
     if free < ENOUGH * p:
@@ -87,12 +89,17 @@ def beside_excitation(
         here = np.flatnonzero((nearest >= first) & (nearest < first + len(rows)))
         at = nearest[here] - first
         place = np.clip(here - own_starts[at], 0, width - 1)
-        for k, (left, leverage) in enumerate(_left(several, excitation, roots, rows, powers)):
+        for k, (left, leverage) in enumerate(_left(several, excitation, roots, rows, powers, axes)):
             spectra[k][first : first + together] = left.transpose(0, 2, 1) @ left.conj() / free
             own_power[k][here] = np.abs(left[at, place]) ** 2 / (1.0 - leverage[at, place])
     factor = (free + fitted * free / (free - p)) / width
     spread = free / (free - p) / factor
     return [(factor * spectrum[nearest], power, spread) for spectrum, power in zip(spectra, own_power, strict=True)]
+
+
+def driving(excitation: ComplexArray | FloatArray) -> Any:
+    """The columns that drive anything: a regression on an axis at rest takes lines at random."""
+    return excitation[:, excitation.any(axis=0)]
 
 
 def regression(count: int, axes: int) -> tuple[int, int]:
@@ -107,9 +114,10 @@ def _left(
     roots: Sequence[FloatArray] | None,
     rows: NDArray[np.intp],
     powers: FloatArray,
+    axes: int,
 ) -> list[tuple[ComplexArray, FloatArray]]:
     """What regressions on these rows leave of each residual, and the part of each line's noise that they took."""
-    p, axes = several[0].shape[1], excitation.shape[1]
+    p = several[0].shape[1]
     if roots is None:
         left, taken = _beside(np.concatenate([lines[rows] for lines in several], axis=2), excitation[rows], powers)
         return [(left[:, :, k * p : (k + 1) * p], taken[:, :, None]) for k in range(len(several))]

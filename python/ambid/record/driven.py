@@ -18,7 +18,7 @@ from ambid.rig import Rig
 __all__ = ["Driven", "driven"]
 
 SPENT = "i_c is left out: i_e was rebuilt from it and explains all of it, so that y alone is judged"
-"""Note on a record without periods whose i_e comes from i_c."""
+"""Note on a record whose i_e comes from i_c."""
 FEWEST = 3
 """Periods that tell the noise by themselves."""
 
@@ -76,7 +76,7 @@ def driven(
             where=where,
         )
         signals, told = {**signals, "i_e": i_e}, [*told, note]
-        if "i_ref" not in logged and period is None:
+        if "i_ref" not in logged:
             signals.pop("i_c", None)
             told.append(SPENT)
     i_e, r = signals["i_e"], signals.get("r")
