@@ -51,7 +51,7 @@ def test_every_channel_is_at_its_noise_at_the_lowest_lines():
 
 
 def test_of_an_i_e_that_was_rebuilt_the_misfit_is_not_above_one():
-    """Beside it, i_c would be judged by what it made itself: a misfit of 10 and more, on several axes for all effects."""
+    """Beside it, i_c would be judged by what it made itself: a misfit of 10 and more."""
     misfits = []
     for seed in range(8):
         record = MODEL.virtual_experiment(EXCITATION, seed=seed, current_noise=5e-3)

@@ -233,7 +233,7 @@ class Effect(ABC):
         """Values to start a refit from, given how much of each probe the residual calls for."""
         start = {}
         for amplitude, p in zip(amplitudes, self.parameters(rig), strict=True):
-            below = 100.0 if p.lower == -p.upper else 10.0
+            below = 10.0 if np.isfinite(p.lower) else 100.0
             least, most = max(p.lower, -below * p.probe), min(p.upper, 100.0 * p.probe)
             wanted = amplitude if abs(amplitude) > 1e-6 else 0.1
             start[p.name] = float(min(max(wanted * p.probe, least), most))

@@ -1,0 +1,48 @@
+"""Several lags and laws in one loop: which are added, and which of two lags is whose."""
+
+import numpy as np
+import pytest
+
+import ambid
+from ambid.diagnosis import diagnose
+from hidden.bench import measured
+from hidden.one_axis import ONE_AXIS
+
+RIG = ONE_AXIS.rig
+
+
+def record(hidden, seed, **truth):
+    i_e = ambid.prbs(9, amplitude=1.0, hold=2, periods=6, seed=seed)
+    return measured(RIG, i_e, hidden, seed=seed, **{**ONE_AXIS.truth, **truth})
+
+
+@pytest.mark.parametrize(("lag", "tau_e"), [(6e-4, ONE_AXIS.truth["tau_e"]), (5e-5, ONE_AXIS.truth["tau_e"])])
+def test_of_two_lags_in_series_the_base_model_keeps_the_one_near_its_own(lag, tau_e):
+    """A lag of the magnet and one of the sensor may be exchanged: J cannot tell which is whose, the rig file can."""
+    train = record({"sensor_lag": {"tau": lag}}, 1)
+    found = diagnose(RIG, train)
+    assert found.effects == ("sensor_lag",)
+    values = dict(zip(found.model.names, found.model.theta, strict=True))
+    assert values["sensor_lag.time_constant"] == pytest.approx(lag, rel=0.1)
+    assert values["tau_e"] == pytest.approx(tau_e, rel=0.1)
+    swapped = {"sensor_lag.time_constant": values["tau_e"], "tau_e": values["sensor_lag.time_constant"]}
+    here, there = (ambid.compare(found.model.with_values(own), train).misfit for own in ({}, swapped))
+    assert there == pytest.approx(here, rel=1e-6), "the record itself cannot tell"
+
+
+def test_small_effects_beside_a_large_one_are_added_where_they_lead_to_the_noise():
+    """Each is a hundredth of what the lag explains, and without them the lag would be no explanation."""
+    hidden = {"sensor_lag": {"tau": 3e-4}, "back_emf": {"coefficient": 0.25}, "force_nonlinearity": {"share": 1.0}}
+    found = diagnose(RIG, record(hidden, 2))
+    assert "sensor_lag" in found.effects
+    assert found.verdict == "explained"
+    assert found.history[-1].misfit < 1.06
+    assert len(found.effects) > 1
+
+
+def test_a_mode_that_is_damped_out_of_sight_is_no_explanation():
+    """Else drag on the rotor is read as a housing without a band of its own, with K_i and K_s a third of theirs."""
+    model = ambid.Model(RIG).add("foundation_resonance", {"frequency_hz": 1.0, "damping": 0.5, "inverse_mass": 0.05})
+    limits = {p.name: p.is_at_limit for p in model.parameters}
+    assert limits["foundation_resonance.damping"]
+    assert sum(limits.values()) == 1

@@ -1,0 +1,52 @@
+"""What a rotor that turns at several speeds shows, and what its planes tell of each other."""
+
+import numpy as np
+
+import ambid
+from ambid.effects import Seen, find
+from ambid.effects.rotor import Unbalance
+from ambid.loop.effect import Tone
+from hidden.bench import measured, simulate
+from hidden.families import BENCHES
+
+from .test_effects import at_truth, largest_error
+
+BENCH = BENCHES["small"]
+SLOW, FAST = (BENCH.rig.replace(speed=2.0 * np.pi * hz) for hz in (41.0, 97.0))
+
+
+def test_unbalance_turns_with_each_of_the_speeds():
+    tones = [Tone(41.02, 1, 1e3), Tone(97.01, 0, 1e3), Tone(50.0, 2, 1e3)]
+    alone = find("unbalance").variants(Seen(SLOW, {}, tones))
+    assert {effect.frequency_hz for effect in alone} == {41.02}, "as it was found, where there is one speed"
+    seen = Seen(SLOW, {}, tones, points=(FAST,))
+    assert {effect.frequency_hz for effect in find("unbalance").variants(seen)} == {None}
+    hums = find("periodic_disturbance").variants(seen)
+    assert {effect.frequency_hz for effect in hums} == {50.0}, "a tone at another of the speeds is no hum"
+
+
+def test_unbalance_is_named_from_two_speeds_together():
+    hidden = {"unbalance": {"mass_eccentricity": 2e-6, "z": BENCH.middle, "phase": 0.7}}
+    records = [
+        measured(rig, BENCH.excitation(BENCH.amplitude, 3), hidden, seed=k, **BENCH.truth, **BENCH.noise).at(rig)
+        for k, rig in enumerate((SLOW, FAST))
+    ]
+    found = ambid.diagnose(SLOW, records)
+    assert found.verdict == "explained"
+    assert "unbalance" in found.effects
+    assert not any(isinstance(effect, Unbalance) and effect.frequency_hz for effect in found.model.effects)
+
+
+def test_a_rotor_that_turns_tells_the_gains_of_its_planes():
+    """Which a rotor at rest leaves to K_i and K_s."""
+    at_rest = find("sensor_gain_error").variants(Seen(BENCH.rig.replace(speed=0.0), {}))
+    assert [effect.between_planes for effect in at_rest] == [False]
+    both = find("sensor_gain_error").variants(Seen(FAST, {}))
+    assert [effect.between_planes for effect in both] == [False, True]
+    front, rear = FAST.bearings
+    aligned = FAST.model_copy(update={"bearings": (front, rear.model_copy(update={"tilt": front.tilt}))})
+    i_e = ambid.prbs(7, amplitude=0.2, axes=4)
+    gain = {"sensor_gain_error": {"gain": [1.03, 0.97, 1.03, 0.97]}}
+    truth = simulate(aligned, i_e, gain, seed=None, **BENCH.truth)
+    model = at_truth(aligned, BENCH.truth).add(both[1], {"zeta": 0.0, "eta": 0.0, "planes": 0.03})
+    assert largest_error(model.simulate(i_e), truth) < 1e-8
