@@ -185,14 +185,30 @@ def test_a_broken_mat_is_refused_in_its_own_words(measured, tmp_path, key, value
 
 
 def test_the_std_of_coherence_and_averages(tmp_path):
-    """Bendat and Piersol: |H|^2 (1 - g) / (g n); without n the scatter tells it."""
+    """Bendat and Piersol: |H|^2 (1 - g) / (g n), raised by n / (n - 2); without n the scatter tells it."""
     h, coherence = exact(), 0.8 * np.ones((60, 2, 1))
-    std = np.abs(h) * np.sqrt(0.2 / 0.8 / 16)
+    std = np.abs(h) * np.sqrt(0.2 / 0.8 / 14)
     told = FrequencyResponse.from_arrays(F, h, outputs=OUTPUTS, inputs=INPUTS, coherence=coherence, averages=16)
     np.testing.assert_allclose(told.std, std)
     found = FrequencyResponse.from_arrays(F, h + noise(std, 1), outputs=OUTPUTS, inputs=INPUTS, coherence=coherence)
-    np.testing.assert_allclose(found.std / std, 1.0, atol=0.5)
+    assert np.median(found.std / std) == pytest.approx(1.0, abs=0.3)
     assert "from the coherence" in found.notes[0]
+
+
+@pytest.mark.parametrize("averages", [8, 18, 60])
+def test_what_few_averages_leave_is_one(averages):
+    """The coherence is an estimate too: segments of an input and a noisy output, as an analyser averages them."""
+    random = np.random.default_rng(averages)
+    f = np.linspace(20.0, 900.0, 3000)
+    h = exact(f=f)[:, :1]
+    x, v = (random.normal(size=(len(f), averages)) + 1j * random.normal(size=(len(f), averages)) for _ in range(2))
+    y = h[:, 0] * x + 0.3 * np.abs(h[:, 0]) * v
+    cross, own = np.sum(y * x.conj(), axis=1), np.sum(np.abs(x) ** 2, axis=1)
+    coherence = np.abs(cross) ** 2 / own / np.sum(np.abs(y) ** 2, axis=1)
+    given = {"outputs": OUTPUTS[:1], "inputs": INPUTS, "coherence": coherence[:, None, None], "averages": averages}
+    found = FrequencyResponse.from_arrays(f, (cross / own)[:, None, None], **given)
+    left = (found.response - h) / found.std
+    assert np.mean(np.abs(left) ** 2) == pytest.approx(1.0, abs=0.1)
 
 
 def test_the_std_of_nothing_but_the_response():

@@ -30,7 +30,8 @@ def std_of(
     """The std of every pair, shape of the response, and notes on those that were not given.
 
     Of n averages with coherence g the variance is ``|H|^2 (1 - g) / (g n)`` (Bendat and Piersol, Random Data, 4th ed.,
-    chapter 9, g being the squared one).
+    chapter 9, g being the squared one). It is an estimate itself, of n - 1 degrees of freedom, and raised by n / (n - 2)
+    so that the mean square of what is whitened by it is 1.
 
     Raises
     ------
@@ -58,9 +59,7 @@ def std_of(
             if averages is None:
                 seen = scatter(where, pair, f, values)
                 averages_seen = np.median(of_one**2) / np.median(seen**2)
-                found[own, k] = of_one / np.sqrt(max(averages_seen, 1.0))
-            else:
-                found[own, k] = of_one / np.sqrt(averages)
+            found[own, k] = of_one / np.sqrt(max((averages or averages_seen) - 2.0, 1.0))
             from_coherence.append(pair)
         else:
             found[own, k] = scatter(where, pair, f, values)
