@@ -138,7 +138,8 @@ def place_of(z: float, positions: FloatArray) -> int:
         allowed = ", ".join(f"{positions[i]:g}" for i in sorted(nearest))
         raise RigError(
             f"position {z:g} m is not a place at which the rotor is known; the nearest ones are {allowed} m. "
-            "Use one of them, or give the rotor a node there."
+            "Use one of them, or describe the rotor at more positions: it is known between them, too, where they lie "
+            "within 0.3 of a half-wave of its highest bending mode."
         )
     return int(nearest[0])
 
