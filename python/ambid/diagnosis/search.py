@@ -121,7 +121,10 @@ def _added(task: Task, state: State, ask: Ask | None, *, however_small: bool = F
         elif _is_hopeless(state, better):
             yield replace(state, hopeless=better)
             return
-        state = _taken(task, state, better, candidate.effect)
+        taken = _taken(task, state, better, candidate.effect)
+        if taken.fit.misfit > max(state.fit.misfit, taken.fit.bound):
+            return  # held against the noise that it leaves itself, it is worse than nothing
+        state = taken
         rivals = {**state.rivals, candidate.effect.name: tuple(other for other, _ in order)}
         sets = {**state.sets, candidate.effect.name: alternatives(order)}
         state = replace(state, rivals=rivals, sets=sets)
