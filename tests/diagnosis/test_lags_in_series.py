@@ -1,6 +1,5 @@
 """Several lags and laws in one loop: which are added, and which of two lags is whose."""
 
-import numpy as np
 import pytest
 
 import ambid

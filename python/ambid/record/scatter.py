@@ -30,8 +30,8 @@ def std_of(
     """The std of every pair, shape of the response, and notes on those that were not given.
 
     Of n averages with coherence g the variance is ``|H|^2 (1 - g) / (g n)`` (Bendat and Piersol, Random Data, 4th ed.,
-    chapter 9, g being the squared one). It is an estimate itself, of n - 1 degrees of freedom, and raised by n / (n - 2)
-    so that the mean square of what is whitened by it is 1.
+    chapter 9, g being the squared one). It is an estimate itself, of n - 1 degrees of freedom, and raised by
+    n / (n - 2), so that the mean square of what is whitened by it is 1.
 
     Raises
     ------
