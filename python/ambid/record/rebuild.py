@@ -28,7 +28,7 @@ SAME = 1e-3
 CLEARLY = 0.8
 """Part of what an amplifier leaves of i_c under the present command that it must leave under an older one."""
 
-__all__ = ["NOT_LOGGED", "Rebuilt", "rebuild_excitation", "unexplained"]
+__all__ = ["NOT_LOGGED", "Rebuilt", "rebuild_excitation", "rounding_of", "steps_of", "unexplained"]
 
 
 class Rebuilt(NamedTuple):
@@ -98,7 +98,7 @@ def rebuild_excitation(
     if lost := controller.delay_samples % 1:
         note += f"; {lost:.3g} sample of its delay is not undone"
     period = period or find_period(i_e, tolerance=REBUILT_TOLERANCE)
-    steps = None if i_ref is None else _steps(i_e, i_ref)
+    steps = None if i_ref is None else steps_of(i_e, rounding_of(i_ref))
     if r is not None and steps is not None:
         i_e = steps
     if integrating:
@@ -140,18 +140,18 @@ def _read(rig: Rig, y: FloatArray, i_c: FloatArray | None, r: FloatArray | None,
     return np.hstack([own for name in rig.controller.signals if (own := signals[name]) is not None])
 
 
-def _rounding(command: FloatArray) -> FloatArray:
+def rounding_of(command: FloatArray) -> FloatArray:
     """Change of a command from sample to sample that is rounding of it, or of the converter that made it, (axes,)."""
     size = np.abs(np.diff(command, axis=0)).mean(axis=0)
     return np.maximum(SAME * size, [2.0 * converter_step(own) for own in command.T])
 
 
-def _steps(i_e: FloatArray, i_ref: FloatArray) -> FloatArray | None:
+def steps_of(i_e: FloatArray, rounding: FloatArray) -> FloatArray | None:
     """The same, held where it changes by no more than rounding of the command does; None where it hardly ever holds.
 
     What is left there is a small part of y itself, which would pass for what drives it.
     """
-    held = is_held(i_e, _rounding(i_ref))
+    held = is_held(i_e, rounding)
     if held.mean() <= HOLDS:
         return None
     change = np.where(held, 0.0, np.diff(i_e, axis=0, prepend=i_e[:1]))
@@ -215,7 +215,7 @@ def _recover(
     left = command if i_e is None else command - i_e[: len(command)]
     modes = free_modes(K[0], K[2], len(left))
     own = i_ref if i_ref is not None else command - feedback[: len(command)]
-    return without_free_modes(left, modes, _rounding(own), period), source, integrating
+    return without_free_modes(left, modes, rounding_of(own), period), source, integrating
 
 
 def _is_before_delay(i_ref: FloatArray, i_c: FloatArray, whole: int) -> bool:
