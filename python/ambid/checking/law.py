@@ -103,8 +103,8 @@ def find_laws(record: Record, rig: Rig) -> tuple[Law, ...]:
 def _unexplained(record: Record, rig: Rig) -> FloatArray:
     """What the rig's controller leaves of the command beside a logged i_e."""
     signals = {name: getattr(record, name) for name in ("y", "i_ref", "i_c", "r")}
-    left = unexplained(rig, record.sample_rate, **signals, where=str(record.path or record.name))
-    return left if record.i_e is None or record.is_rebuilt else left - record.i_e[: len(left)]
+    i_e = None if record.is_rebuilt else record.i_e
+    return unexplained(rig, record.sample_rate, **signals, i_e=i_e, where=str(record.path or record.name))
 
 
 def _read(record: Record, rig: Rig, k: int, count: int) -> dict[str, FloatArray]:

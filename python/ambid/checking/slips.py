@@ -231,8 +231,9 @@ def _controller(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding
 
 def _slip(scale: FloatArray, error: FloatArray) -> tuple[str, float] | None:
     """The signal of one axis that is too large by a factor of `SLIPS`, and this factor."""
-    excitation, gains = scale[:1], scale[1:][error[1:] < 0.1 * np.abs(scale[1:])]
-    if not len(gains):
+    is_known = error < 0.1 * np.abs(scale)
+    excitation, gains = scale[:1], scale[1:][is_known[1:]]
+    if not (is_known[0] and len(gains)):
         return None
 
     def near(values: FloatArray, factor: float) -> bool:

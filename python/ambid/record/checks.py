@@ -204,9 +204,12 @@ def _rate_of_times(where: str, t: NDArray[np.float64], notes: list[str]) -> floa
 def _require_same_rate(where: str, source: str, rate: float, other: str, expected: float) -> None:
     if abs(rate - expected) <= RATE_TOLERANCE * expected:
         return
-    units = {1e-3: "milliseconds", 1e-6: "microseconds", 1 / expected: "sample numbers"}
-    guess = [unit for factor, unit in units.items() if abs(rate / expected / factor - 1) < 0.01]
-    hint = f": t looks like {guess[0]}; give seconds" if guess and source == "t" else "; correct the one that is wrong"
+    units = ((1e-3, "milliseconds"), (1e-6, "microseconds"), (1 / expected, "sample numbers"))
+    guess = [(factor, unit) for factor, unit in units if abs(rate / expected / factor - 1) < 0.01]
+    hint = "; correct the one that is wrong"
+    if guess and source == "t":
+        looks = " or ".join(unit for _, unit in guess)
+        hint = f": t looks like {looks}; give seconds, as t=COLUMN:{guess[0][0]:g} of a map does"
     raise RecordError(
         f"{where}: {source} says {rate:.6g} Hz, {other} says {expected:.6g} Hz (allowed difference 0.1 %){hint}"
     )

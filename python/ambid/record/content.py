@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ambid.reading import Provenance
+from ambid.errors import RecordError
+from ambid.reading import MOST_COLUMNS, Provenance
 
-__all__ = ["Content", "Stored"]
+__all__ = ["Content", "Stored", "require_columns"]
 
 
 @dataclass(frozen=True)
@@ -70,3 +72,9 @@ class Content:
     has_names: bool = True
     notes: list[str] = field(default_factory=list)
     provenance: Provenance | None = None
+
+
+def require_columns(path: Path, count: int) -> None:
+    """Refuse a table on its side."""
+    if count > MOST_COLUMNS:
+        raise RecordError(f"{path}: {count} columns, at most {MOST_COLUMNS} are read; give one a channel")

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from ambid.errors import RecordError
 from ambid.record import checks
+from ambid.record.applied import applied_excitation
+from ambid.record.free_modes import REBUILT_TOLERANCE
 from ambid.record.mending import mended_excitation, mended_outputs
 from ambid.record.period import find_period
 from ambid.record.rebuild import NOT_LOGGED, rebuild_excitation
@@ -59,7 +61,13 @@ def driven(
         If i_e cannot be rebuilt, nothing drives the loop, or the controller does not act on the reference that does.
     """
     signals, told = _with_reference(where, rig, logged)
-    period = stated
+    period, is_known = stated, False
+    if rig is not None and "i_e" in logged and "i_ref" in logged:
+        applied, more = applied_excitation(where, rig, sample_rate, signals)
+        told = [*told, *more]
+        if applied is not None:
+            signals, is_known = {**signals, "i_e": applied}, True
+            period = stated or find_period(applied, tolerance=REBUILT_TOLERANCE)
     if "i_e" not in signals:
         if rig is None:
             return Driven(
@@ -80,17 +88,17 @@ def driven(
             signals.pop("i_c", None)
             told.append(SPENT)
     i_e, r = signals["i_e"], signals.get("r")
-    is_rebuilt = "i_e" not in logged and bool(np.any(i_e))
+    is_known |= "i_e" not in logged and bool(np.any(i_e))
     notes = checks.notes_on_excitation(where, axes, signals["y"], i_e, r)
-    if is_rebuilt and "i_ref" in signals:
+    if is_known and "i_ref" in signals:
         notes += checks.notes_on_limits(axes, signals["i_ref"])
     drives = [s for s in (i_e, r) if s is not None and np.ptp(s, axis=0).max() >= checks.SMALLEST_CHANGE]
-    found = period if is_rebuilt or not drives else find_period(_scaled(drives))
+    found = period if is_known or not drives else find_period(_scaled(drives))
     what = "i_e repeats" if r is None else "what drives the loop repeats"
     if stated and found and stated % found:
         notes.append(f"a period of {stated} samples was stated, but {what} after {found}")
     period = period or found
-    if found is None and "i_e" in logged and drives and r is None:
+    if found is None and not is_known and "i_e" in logged and drives and r is None:
         signals, mended, more = mended_excitation(signals, axes)
         period, notes = period or mended, [*notes, *more]
     periods = len(signals["y"]) // period if period else 0

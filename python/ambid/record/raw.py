@@ -105,7 +105,10 @@ def _from_matrices(path: Path, content: Content, sample_rate: float | None) -> R
     axes = None if content.axes is None else _axis_names(path, content.axes)
     present = ", ".join(values)
     if "y" not in values:
-        raise RecordError(f"{path}: variable 'y' (displacement [m], N x axes) is missing; the variables are {present}")
+        raise RecordError(
+            f"{path}: variable 'y' (displacement [m], N x axes) is missing; the variables are {present}; {NAMES}, "
+            "where column k of a matrix M is M[k]"
+        )
     if "fs" not in values and "t" not in values and sample_rate is None:
         raise RecordError(f"{path}: neither 'fs' [Hz] nor 't' [s] is there; add one. The variables are {present}")
     arrays = {name: numbers(path, name, values[name]) for name in ("fs", "t", *SIGNALS) if name in values}
@@ -120,7 +123,8 @@ def _from_matrices(path: Path, content: Content, sample_rate: float | None) -> R
         array = arrays[signal].reshape(-1, 1) if arrays[signal].ndim == 1 else arrays[signal]
         if array.ndim != 2:
             raise RecordError(f"{path}: {signal} has the shape {array.shape}; give N x axes")
-        if axes is not None and array.shape[0] == len(axes) != array.shape[1]:
+        wide = array.shape[0] == 1 or (raw.t is not None and array.shape[1] == len(raw.t) != array.shape[0])
+        if array.shape[0] == len(axes) != array.shape[1] if axes is not None else wide and array.shape[1] > 1:
             array = array.T
             raw.notes.append(f"{signal} is stored as axes x N and was transposed")
         if axes is not None and array.shape[1] != len(axes):

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import importlib
 import logging
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
-from itertools import chain
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar
@@ -17,15 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.errors import InputError, RecordError
-from ambid.reading import MOST_COLUMNS, load_mat, reading, require_size, variables_of, watched
-from ambid.record.content import Content, Stored
+from ambid.reading import load_mat, reading, require_size, variables_of, watched
+from ambid.record.content import Content, Stored, require_columns
+from ambid.record.csv_table import read_table
 from ambid.record.hdf5 import read_hdf5
 
 T = TypeVar("T")
 
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
-LONGEST_LINE = 1 << 20
-"""Characters of a header: 100 for each of as many columns as are allowed."""
 
 
 @contextmanager
@@ -51,12 +48,6 @@ def opened(path: Path) -> Iterator[Content]:
         require_columns(path, len(content.arrays))
         content.provenance = provenance
         yield content
-
-
-def require_columns(path: Path, count: int) -> None:
-    """Refuse a table on its side."""
-    if count > MOST_COLUMNS:
-        raise RecordError(f"{path}: {count} columns, at most {MOST_COLUMNS} are read; give one a channel")
 
 
 def by_suffix(path: Path, functions: dict[str, T]) -> T:
@@ -108,61 +99,7 @@ def require_names(path: Path, content: Content) -> None:
 
 @contextmanager
 def _read_csv(path: Path) -> Iterator[Content]:
-    try:
-        with path.open(encoding="utf-8-sig") as file:
-            head = file.readline(LONGEST_LINE)
-            if len(head) == LONGEST_LINE:
-                raise RecordError(f"{path}: a first line of more than {LONGEST_LINE} characters; give a row a sample")
-            separator = max(",;\t", key=head.count)
-            names = [name.strip() for name in head.split(separator)]
-            require_columns(path, len(names))
-            has_names = not all(_is_number(name) for name in names)
-            rows = _rows(file)
-            first = next(rows, None) if has_names else head
-            if not has_names:
-                names = [str(k + 1) for k in range(len(names))]
-            twice = [name for name, count in Counter(names).items() if count > 1]
-            if twice:
-                raise RecordError(f"{path}: column {twice[0]!r} is there {Counter(names)[twice[0]]} times; keep one")
-            if first is None:
-                raise RecordError(f"{path}: a header without rows; record it again")
-            # row by row: the text of a long record is several times as large as its numbers
-            table = np.loadtxt(chain([first], rows), delimiter=separator, comments=None, ndmin=2)
-    except UnicodeDecodeError:
-        raise RecordError(f"{path}: not a text file; give comma-separated text in UTF-8") from None
-    except ValueError as error:
-        raise RecordError(f"{path}: {_first_bad_cell(path, names, separator, has_names) or error}") from None
-    if table.shape[1] != len(names):
-        raise RecordError(f"{path}: {len(names)} names in the header, {table.shape[1]} columns below; make them equal")
-    yield Content(dict(zip(names, table.T, strict=True)), is_table=True, has_names=has_names)
-
-
-def _rows(file: Iterable[str]) -> Iterator[str]:
-    """Lines that hold something."""
-    return filter(str.strip, file)
-
-
-def _first_bad_cell(path: Path, names: list[str], separator: str, has_names: bool) -> str | None:
-    """Name the first cell that is no number, or the first row of a wrong length."""
-    with path.open(encoding="utf-8-sig") as file:
-        if has_names:
-            file.readline()
-        for row, line in enumerate(_rows(file), start=1):
-            cells = line.rstrip("\n").split(separator)
-            if len(cells) != len(names):
-                return f"row {row} has {len(cells)} cells, the header {len(names)}; complete or remove the row"
-            for name, cell in zip(names, cells, strict=True):
-                if not _is_number(cell):
-                    return f"{name}, row {row}: {cell.strip()!r} is not a number; correct the cell"
-    return None
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
+    yield read_table(path)
 
 
 @contextmanager
@@ -188,13 +125,15 @@ def _variable(path: Path, name: str) -> NDArray[Any]:
 
 
 def _members(name: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """A variable, or the members of a single structure."""
+    """A variable, or the members of a structure, or of each of several, counted from 1."""
     members = getattr(getattr(value, "dtype", None), "names", None)
-    if members is None or value.size != 1:
+    if members is None:
         yield name, value
         return
-    for member in members:
-        yield from _members(f"{name}.{member}", value[member].item())
+    for k, own in enumerate(value.ravel(), start=1):
+        at = name if value.size == 1 else f"{name}[{k}]"
+        for member in members:
+            yield from _members(f"{at}.{member}", own[member])
 
 
 def flatten_cells(axes: NDArray[Any]) -> list[Any]:

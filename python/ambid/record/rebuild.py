@@ -9,6 +9,14 @@ from scipy.linalg import schur
 
 from ambid.arrays import FloatArray
 from ambid.errors import RecordError
+from ambid.record.free_modes import (
+    HOLDS,
+    REBUILT_TOLERANCE,
+    converter_step,
+    free_modes,
+    is_held,
+    without_free_modes,
+)
 from ambid.record.period import find_period
 from ambid.rig import Rig
 
@@ -20,10 +28,7 @@ SAME = 1e-3
 CLEARLY = 0.8
 """Part of what an amplifier leaves of i_c under the present command that it must leave under an older one."""
 
-__all__ = ["NOT_LOGGED", "Rebuilt", "rebuild_excitation", "unexplained"]
-
-REBUILT_TOLERANCE = 0.6
-"""A rebuilt i_e carries the noise of its sources: two of its periods agree less well than those of a logged one."""
+__all__ = ["NOT_LOGGED", "Rebuilt", "rebuild_excitation", "rounding_of", "steps_of", "unexplained"]
 
 
 class Rebuilt(NamedTuple):
@@ -78,28 +83,29 @@ def rebuild_excitation(
 
     Notes
     -----
-    The integrator's state before the record is not known, and it acts as a constant added to i_e. With an integrating K
-    the mean of i_e is therefore set to zero.
+    What the controller's states held before the record is not known: its free response is taken off
+    (`without_free_modes`), of which that of an integrator is a constant. With an integrating K the mean of i_e is zero.
     """
     controller = rig.controller
     read = _read(rig, y, i_c, r, where)
-    i_e, source, integrating = _recover(rig, sample_rate, read, i_ref, i_c, where)
-    if r is not None and i_ref is not None and (left := _follows(i_e, i_ref)) < SAME:
-        note = f"{NOT_LOGGED}: the recorded command follows from y and r by the rig's controller to {left:.1g}, and "
-        return Rebuilt(np.zeros_like(y), period, note + "i_e is taken as zero: the reference r drives the loop")
+    i_e, source, integrating = _recover(rig, sample_rate, read, i_ref, i_c, where, period=period)
+    if i_ref is not None and (left := _follows(i_e, i_ref)) is not None:
+        of, what = ("y", "nothing") if r is None else ("y and r", "the reference r")
+        note = f"{NOT_LOGGED}: the recorded command follows from {of} by the rig's controller to {left:.1g}, and "
+        return Rebuilt(np.zeros_like(y), period, f"{note}i_e is taken as zero: {what} drives the loop")
     of = "y" if r is None else "y and r"
     note = f"{NOT_LOGGED}: rebuilt from {source}, {of} and the rig's {controller.implementation} controller"
     if lost := controller.delay_samples % 1:
         note += f"; {lost:.3g} sample of its delay is not undone"
     period = period or find_period(i_e, tolerance=REBUILT_TOLERANCE)
-    if r is not None and i_ref is not None:
-        i_e = _without_rounding(i_e, i_ref)
+    steps = None if i_ref is None else steps_of(i_e, rounding_of(i_ref))
+    if r is not None and steps is not None:
+        i_e = steps
     if integrating:
         if r is None:
-            _refuse_drift(i_e, y, rig.axes, where)
-        mean = i_e[: len(i_e) // period * period if period else None].mean(axis=0)
-        i_e = i_e - mean
-        note += f"; its mean ({', '.join(f'{m:.3g}' for m in mean)} A, the integrator's operating point) was removed"
+            _refuse_drift(i_e if steps is None else i_e - steps, i_e, y, rig.axes, where)
+        i_e = i_e - i_e[: len(i_e) // period * period if period else None].mean(axis=0)
+        note += "; its mean, and what the controller's states held when the record begins, were removed"
     while (missing := len(y) - len(i_e)) > 0:
         tail = i_e[-period:][:missing] if period else np.repeat(i_e[-1:], missing, axis=0)
         i_e = np.concatenate([i_e, tail])
@@ -114,13 +120,15 @@ def unexplained(
     i_ref: FloatArray | None = None,
     i_c: FloatArray | None = None,
     r: FloatArray | None = None,
+    i_e: FloatArray | None = None,
     where: str = "record",
 ) -> FloatArray:
-    """What the law of the rig's controller leaves of a recorded command, shape (up to N, axes), up to a constant.
+    """What the law of the rig's controller and a logged i_e leave of a recorded command, shape (up to N, axes).
 
-    Parameters and errors are those of `rebuild_excitation`.
+    It begins where the delay of the command ends, and is known up to a constant. Parameters and errors are those of
+    `rebuild_excitation`.
     """
-    return _recover(rig, sample_rate, _read(rig, y, i_c, r, where), i_ref, i_c, where)[0]
+    return _recover(rig, sample_rate, _read(rig, y, i_c, r, where), i_ref, i_c, where, i_e=i_e)[0]
 
 
 def _read(rig: Rig, y: FloatArray, i_c: FloatArray | None, r: FloatArray | None, where: str) -> FloatArray:
@@ -132,26 +140,46 @@ def _read(rig: Rig, y: FloatArray, i_c: FloatArray | None, r: FloatArray | None,
     return np.hstack([own for name in rig.controller.signals if (own := signals[name]) is not None])
 
 
-def _without_rounding(i_e: FloatArray, i_ref: FloatArray) -> FloatArray:
-    """The same where it changes by no more than rounding of the command does: held, where the law holds.
+def rounding_of(command: FloatArray) -> FloatArray:
+    """Change of a command from sample to sample that is rounding of it, or of the converter that made it, (axes,)."""
+    size = np.abs(np.diff(command, axis=0)).mean(axis=0)
+    return np.maximum(SAME * size, [2.0 * converter_step(own) for own in command.T])
+
+
+def steps_of(i_e: FloatArray, rounding: FloatArray) -> FloatArray | None:
+    """The same, held where it changes by no more than rounding of the command does; None where it hardly ever holds.
 
     What is left there is a small part of y itself, which would pass for what drives it.
     """
-    change = np.diff(i_e, axis=0, prepend=i_e[:1])
-    size = np.abs(np.diff(i_ref, axis=0)).mean(axis=0)
-    is_held = np.abs(change) < SAME * size
-    kept = np.where(is_held, 0.0, change) if is_held.mean() > 0.5 else change
-    return np.asarray(i_e[:1] + np.cumsum(kept, axis=0))
+    held = is_held(i_e, rounding)
+    if held.mean() <= HOLDS:
+        return None
+    change = np.where(held, 0.0, np.diff(i_e, axis=0, prepend=i_e[:1]))
+    return np.asarray(i_e[:1] + np.cumsum(change, axis=0))
 
 
-def _follows(i_e: FloatArray, i_ref: FloatArray) -> float:
-    """Part of the command, by rms without its mean, that the law leaves; the worst axis."""
-    own = i_ref[len(i_ref) - len(i_e) :] if len(i_e) else i_ref
-    return float(np.max(i_e.std(axis=0) / np.maximum(own.std(axis=0), 1e-300)))
+def _follows(i_e: FloatArray, i_ref: FloatArray) -> float | None:
+    """Part of the command, by rms without its mean, that the law leaves on the worst axis; None for more than rounding.
+
+    Rounding is small, or within a step of the converter.
+    """
+    own = i_ref[len(i_ref) - len(i_e) :]
+    left, size = i_e - i_e.mean(axis=0), np.maximum(own.std(axis=0), 1e-300)
+    steps = np.array([converter_step(column) for column in own.T])
+    is_rounding = (left.std(axis=0) < SAME * size) | (np.abs(left).max(axis=0) <= 1.01 * steps)
+    return float(np.max(left.std(axis=0) / size)) if is_rounding.all() else None
 
 
 def _recover(
-    rig: Rig, rate: float, read: FloatArray, i_ref: FloatArray | None, i_c: FloatArray | None, where: str
+    rig: Rig,
+    rate: float,
+    read: FloatArray,
+    i_ref: FloatArray | None,
+    i_c: FloatArray | None,
+    where: str,
+    *,
+    i_e: FloatArray | None = None,
+    period: int | None = None,
 ) -> tuple[FloatArray, str, bool]:
     """Return i_e as far as it acts within the record, what it was recovered from, and whether K integrates."""
     controller = rig.controller
@@ -184,7 +212,10 @@ def _recover(
             whole = 0
         command = command[whole:]
         command = command + feedback[: len(command)]
-    return command, source, integrating
+    left = command if i_e is None else command - i_e[: len(command)]
+    modes = free_modes(K[0], K[2], len(left))
+    own = i_ref if i_ref is not None else command - feedback[: len(command)]
+    return without_free_modes(left, modes, rounding_of(own), period), source, integrating
 
 
 def _is_before_delay(i_ref: FloatArray, i_c: FloatArray, whole: int) -> bool:
@@ -239,10 +270,10 @@ def _then_lag(K: tuple[FloatArray, ...], tau: float) -> tuple[FloatArray, ...]:
     )
 
 
-def _refuse_drift(i_e: FloatArray, y: FloatArray, axes: tuple[str, ...], where: str) -> None:
+def _refuse_drift(between_steps: FloatArray, i_e: FloatArray, y: FloatArray, axes: tuple[str, ...], where: str) -> None:
     """Raise where the rebuilt i_e is mostly a ramp: K integrated an offset of y that the real one did not see."""
     time = np.linspace(-0.5, 0.5, len(i_e))
-    drift = np.abs(12 * (time @ i_e) / len(i_e))
+    drift = np.abs(12 * (time @ between_steps) / len(i_e))
     for axis, ramp, spread, offset in zip(axes, drift, i_e.std(axis=0), y.mean(axis=0), strict=True):
         if ramp > 2 * spread:
             raise RecordError(

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ambid.errors import RecordError
 from ambid.reading import Provenance
 from ambid.record import checks
+from ambid.record.applied import APPLIED
 from ambid.record.channel_map import ChannelMap
 from ambid.record.driven import driven
 from ambid.record.frequency_response import FrequencyResponse
@@ -323,7 +324,7 @@ class Record:
     @property
     def has_known_command(self) -> bool:
         """Whether i_e comes from the recorded command: it then holds whatever the controller's gains miss."""
-        return self.is_rebuilt and self.i_ref is not None
+        return self.i_ref is not None and any(note.startswith((NOT_LOGGED, APPLIED)) for note in self.notes)
 
     @property
     def outputs(self) -> NDArray[np.float64]:

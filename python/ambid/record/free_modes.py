@@ -1,0 +1,123 @@
+"""What the states of a controller held when a record began: its free response, told apart from an excitation."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambid.arrays import FloatArray
+from ambid.record.period import find_period
+
+__all__ = ["HOLDS", "REBUILT_TOLERANCE", "converter_step", "free_modes", "is_held", "without_free_modes"]
+
+REBUILT_TOLERANCE = 0.6
+"""A rebuilt i_e carries the noise of its sources: two of its periods agree less well than those of a logged one."""
+HOLDS = 0.5
+"""Part of the samples at which an excitation of steps, or none, holds: more than half make a least sum exact."""
+ROUNDS = 20
+"""Of reweighting, for the least sum of absolute values; each about halves what is left of the way."""
+RANK = 1e-12
+"""Part of the largest singular value below which free modes are the same."""
+
+
+def free_modes(A: FloatArray, C: FloatArray, samples: int) -> FloatArray:
+    """C A^k for k = 0, 1, ..., shape (samples, outputs, states): the output that a unit in each state leaves.
+
+    A pole outside of the unit circle leaves what no sum of numbers holds: none is returned then.
+    """
+    if np.abs(np.linalg.eigvals(A)).max(initial=0.0) > 1.0 + 1e-6:
+        return np.zeros((samples, len(C), 0))
+    found, power = C[None], A
+    while len(found) < samples:
+        found, power = np.concatenate([found, found @ power]), power @ power
+    return found[:samples]
+
+
+def converter_step(command: FloatArray) -> float:
+    """The step of which all changes of a command (N,) are multiples, as a converter leaves it; 0 for none."""
+    change = np.abs(np.diff(command))
+    change = change[change > 1e-12 * np.abs(command).max()]
+    if not len(change):
+        return 0.0
+    step = float(change.min())
+    for most in (10.0, 1e3, np.inf):  # the last digits that were written count less in larger multiples
+        own = change[change < most * step]
+        step = float(own.sum() / np.round(own / step).sum())
+    return step if np.all(np.abs(change / step - np.round(change / step)) < 0.1) else 0.0
+
+
+def is_held(left: FloatArray, rounding: FloatArray) -> NDArray[np.bool_]:
+    """Samples (N, axes) at which what the law leaves changes by no more than rounding."""
+    return np.asarray(np.abs(np.diff(left, axis=0, prepend=left[:1])) <= rounding)
+
+
+def without_free_modes(left: FloatArray, modes: FloatArray, rounding: FloatArray, period: int | None) -> FloatArray:
+    """What the law from rest leaves of a command, less the free response of the controller's states.
+
+    Where an excitation holds from sample to sample, as steps do, or there is none, the least sum of the absolute values
+    of its changes gives the states exactly, whatever else acts here and there. Else they are those by which it repeats
+    best; without a period, those that leave least. What is then taken of a true excitation acts as other states at the
+    first sample do: a response that the loop forgets, and that is fitted with every record.
+
+    Parameters
+    ----------
+    left : ndarray, shape (N, axes)
+        Up to the free response [A or V].
+    modes : ndarray, shape (N, axes, states)
+        Of `free_modes`.
+    rounding : ndarray, shape (axes,)
+        Up to which a change is none.
+    period : int, optional
+        Samples per period, if it was stated.
+    """
+    by_changes = np.stack([_least_changes(own, modes[:, k], rounding[k]) for k, own in enumerate(left.T)], axis=1)
+    if is_held(by_changes, rounding).mean() > HOLDS:
+        return by_changes
+    least = _each(left, modes, 0)
+    period = period or find_period(least, tolerance=REBUILT_TOLERANCE)
+    return least if period is None else _each(least, modes, period)
+
+
+def _each(left: FloatArray, modes: FloatArray, period: int) -> FloatArray:
+    """Less the modes that leave least of each axis, or of its change over a period."""
+    fitted = []
+    for k, own in enumerate(left.T):
+        mode = modes[:, k]
+        goal, table = (own[period:] - own[:-period], mode[period:] - mode[:-period]) if period else (own, mode)
+        basis, back = _basis(table)
+        fitted.append(own - mode @ (back @ (basis.T @ goal)))
+    return np.stack(fitted, axis=1)
+
+
+def _least_changes(own: FloatArray, mode: FloatArray, rounding: float) -> FloatArray:
+    """Less the modes by which the sum of absolute changes of one axis is least."""
+    goal = np.diff(own)
+    basis, back = _basis(np.diff(mode, axis=0))
+    if not basis.size:
+        return own
+    x = basis.T @ goal
+    floor = np.abs(goal - basis @ x).max()
+    for _ in range(ROUNDS):
+        change = goal - basis @ x
+        weight = 1.0 / np.sqrt(np.hypot(change, max(floor, 1e-3 * rounding, 1e-300)))
+        x = _solved(weight[:, None] * basis, weight * goal)
+        floor *= 0.3
+    kept = np.abs(goal - basis @ x) <= rounding
+    if kept.mean() > HOLDS:
+        x = _solved(basis[kept], goal[kept])
+    return np.asarray(own - mode @ (back @ x))
+
+
+def _solved(table: FloatArray, goal: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.lstsq(table, goal, rcond=None)[0], dtype=np.float64)
+
+
+def _basis(table: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Orthonormal columns that span a table, and the factors of its own columns that they stand for."""
+    size = np.linalg.norm(table, axis=0)
+    table = table[:, size > 0.0] / size[size > 0.0]
+    u, s, vt = np.linalg.svd(table, full_matrices=False)
+    kept = s > RANK * s.max(initial=0.0)
+    back = np.zeros((len(size), int(kept.sum())))
+    back[size > 0.0] = vt[kept].T / s[kept] / size[size > 0.0][:, None]
+    return u[:, kept], back

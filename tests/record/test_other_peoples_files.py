@@ -1,0 +1,97 @@
+"""Files as spreadsheets, oscilloscopes and Simulink write them."""
+
+import numpy as np
+import pytest
+import scipy.io
+
+from ambid import Record, Rig
+from ambid.errors import RecordError
+from places import LEVITATOR
+
+RIG = Rig.load(LEVITATOR)
+AXIS, RATE = RIG.axes[0], RIG.sample_rate
+RNG = np.random.default_rng(1)
+COLUMNS = {
+    "t": np.arange(600) / RATE,
+    f"i_e.{AXIS}": np.tile(0.1 * np.sign(RNG.standard_normal(200)), 3),
+    f"y.{AXIS}": 1e-5 * RNG.standard_normal(600),
+    f"i_c.{AXIS}": 0.1 * RNG.standard_normal(600),
+}
+
+
+def text(separator: str, above: str = "", below: str = "", *, commas: bool = False) -> str:
+    rows = [separator.join(f"{value:.12g}" for value in row) for row in np.column_stack(list(COLUMNS.values()))]
+    rows = [row.replace(".", ",") for row in rows] if commas else rows
+    return "\n".join([above + separator.join(COLUMNS), *([below] if below else []), *rows]) + "\n"
+
+
+FILES = {
+    "decimal commas": (text(";", commas=True), "decimal commas"),
+    "decimal commas and tabs": (text("\t", commas=True), "decimal commas"),
+    "comment with a comma": (
+        text(",", above="# bench 3, 2 May\n"),
+        "comment lines above the header are passed over: 1",
+    ),
+    "header as a comment": (text(",", above="# "), ""),
+    "line of units": (text(",", below="s,A,m,A"), "line of units (s, A, m, A)"),
+    "units in brackets": (text(";", below="[s];[A];[m];[A]"), "line of units"),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_table_is_read(tmp_path, name):
+    written, note = FILES[name]
+    (tmp_path / "own.csv").write_text(written)
+    record = Record.load(tmp_path / "own.csv", RIG)
+    np.testing.assert_allclose(record.y[:, 0], COLUMNS[f"y.{AXIS}"], rtol=1e-11)
+    assert record.period == 200
+    assert any(note in own for own in record.notes) if note else not record.notes
+
+
+def test_two_decimal_marks_are_refused(tmp_path):
+    lines = text(";").splitlines()
+    lines[5] = lines[5].replace(".", ",")
+    (tmp_path / "own.csv").write_text("\n".join(lines))
+    with pytest.raises(RecordError, match="decimal commas and decimal points"):
+        Record.load(tmp_path / "own.csv", RIG)
+
+
+def test_a_bad_cell_is_named_by_its_row_whatever_is_above(tmp_path):
+    lines = text(";", above="# bench 3\n", below="s;A;m;A", commas=True).splitlines()
+    lines[7] = lines[7].replace(";", ";off", 1)
+    (tmp_path / "own.csv").write_text("\n".join(lines))
+    with pytest.raises(RecordError, match=rf"i_e.{AXIS}, row 5: 'off"):
+        Record.load(tmp_path / "own.csv", RIG)
+
+
+def test_rows_of_matlab_are_turned(tmp_path):
+    rows = {name.partition(".")[0]: values[None, :] for name, values in COLUMNS.items()}
+    scipy.io.savemat(tmp_path / "own.mat", rows)
+    record = Record.load(tmp_path / "own.mat", RIG)
+    np.testing.assert_array_equal(record.y[:, 0], COLUMNS[f"y.{AXIS}"])
+    assert any("y is stored as axes x N" in note for note in record.notes)
+
+
+def test_a_structure_of_simulink_says_how_it_is_mapped(tmp_path):
+    values = np.column_stack(list(COLUMNS.values())[1:])
+    signals = np.zeros((1, 2), dtype=[("values", object)])
+    signals[0, 0]["values"], signals[0, 1]["values"] = values[:, :1], values[:, 1:]
+    scipy.io.savemat(tmp_path / "own.mat", {"ML": {"time": COLUMNS["t"], "signals": signals}})
+    with pytest.raises(RecordError, match=r"ML.time, ML.signals\[1\].values.*--map t=COLUMN.*M\[k\]"):
+        Record.load(tmp_path / "own.mat", RIG)
+    names = {"t": "ML.time", f"i_e.{AXIS}": "ML.signals[1].values", f"y.{AXIS}": "ML.signals[2].values[1]"}
+    record = Record.load(tmp_path / "own.mat", RIG, mapping=names)
+    np.testing.assert_array_equal(record.y[:, 0], values[:, 1])
+
+
+def test_at_1000_hz_milliseconds_are_named_beside_sample_numbers(tmp_path):
+    own = RIG.replace(sample_rate=1000.0)
+    np.savetxt(
+        tmp_path / "own.csv",
+        np.column_stack([np.arange(600.0), *list(COLUMNS.values())[1:]]),
+        delimiter=",",
+        header=",".join(COLUMNS),
+        comments="",
+    )
+    with pytest.raises(RecordError, match="milliseconds or sample numbers; give seconds, as t=COLUMN:0.001"):
+        Record.load(tmp_path / "own.csv", own)
