@@ -20,7 +20,7 @@ SAME = 1e-3
 CLEARLY = 0.8
 """Part of what an amplifier leaves of i_c under the present command that it must leave under an older one."""
 
-__all__ = ["NOT_LOGGED", "Rebuilt", "rebuild_excitation", "unexplained"]
+__all__ = ["NOT_LOGGED", "Rebuilt", "commanded", "rebuild_excitation"]
 
 REBUILT_TOLERANCE = 0.6
 """A rebuilt i_e carries the noise of its sources: two of its periods agree less well than those of a logged one."""
@@ -106,21 +106,21 @@ def rebuild_excitation(
     return Rebuilt(i_e, period, note)
 
 
-def unexplained(
+def commanded(
     rig: Rig,
     sample_rate: float,
     *,
     y: FloatArray,
-    i_ref: FloatArray | None = None,
     i_c: FloatArray | None = None,
     r: FloatArray | None = None,
     where: str = "record",
 ) -> FloatArray:
-    """What the law of the rig's controller leaves of a recorded command, shape (up to N, axes), up to a constant.
+    """What the rig's digital controller, at rest before, makes of a record without its delay, shape (N, axes) [A].
 
-    Parameters and errors are those of `rebuild_excitation`.
+    Parameters and errors are those of `rebuild_excitation`; the record is at the controller's rate.
     """
-    return _recover(rig, sample_rate, _read(rig, y, i_c, r, where), i_ref, i_c, where)[0]
+    K = rig.controller.state_space(len(rig.axes), sample_rate)
+    return -_response(K, _read(rig, y, i_c, r, where))[0]
 
 
 def _read(rig: Rig, y: FloatArray, i_c: FloatArray | None, r: FloatArray | None, where: str) -> FloatArray:
