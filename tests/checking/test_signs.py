@@ -40,3 +40,13 @@ def test_of_y_where_the_machine_alone_shows_it():
     assert "correlation of -" in fault.what
     assert "the sign of y is opposite: map it with a factor -1" in fault.todo
     assert "mass" not in fault.todo
+
+
+def test_of_a_reference_where_i_e_is_rebuilt_from_the_command():
+    rig, own = record()
+    rebuilt = Record.from_arrays(
+        y=own.y, r=-own.r, i_c=own.i_c, i_ref=own.i_ref, sample_rate=RATE, axes=rig.axes, rig=rig
+    )
+    (fault,) = check(rig, [rebuilt]).faults
+    assert fault.where.endswith(": r")
+    assert "the sign of r is opposite" in fault.todo

@@ -99,10 +99,12 @@ def check(rig: Rig, records: Record | str | Path | Sequence[Record | str | Path]
         findings += of_record
         if not foreign:
             described.append(RecordFigures.of(record, own))
+            stops = any(finding.stops_diagnosis for finding in of_record)
             if found := _laws(record, own):
                 laws[record.name] = found
-                signs = any(finding.stops_diagnosis for finding in of_record)  # of what the law was found from
-                findings += [] if signs else slips_of_laws(record.name, found)
+                findings += [] if stops else slips_of_laws(record.name, found)
+            elif not stops:
+                findings += _turned_reference(record, own)
     implementation = f"{rig.controller.implementation} {rig.controller.kind}"
     machine = (
         f"axes {', '.join(rig.axes)} at {rig.sample_rate:g} Hz, {speed_text(rig.speed)}, {implementation} controller"
@@ -117,6 +119,17 @@ def _laws(record: Record, rig: Rig) -> tuple[Law, ...]:
         return find_laws(record, rig)
     except RecordError:  # another rate, or a current that was not recorded; told where it matters
         return ()
+
+
+def _turned_reference(record: Record, rig: Rig) -> list[Finding]:
+    """A reference whose sign, turned, shows the rig's law where the command follows none."""
+    if record.r is None or not rig.controller.reference:
+        return []
+    turned = _laws(replace(record, r=-record.r), rig)
+    if not turned or any(abs(law.factor - 1.0) > DOUBTFUL_GAIN for law in turned):
+        return []
+    what = "the command follows no law of y and r, and the rig's with r turned"
+    return [Finding.fault(f"{record.name}: r", what, f"the sign of r is opposite: {TURNED}")]
 
 
 def _foreign(record: Record, rig: Rig) -> list[Finding]:
@@ -240,10 +253,11 @@ def _controller(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding
 
 
 def _opposite(record: Record, loop: NominalLoop, lines: Lines, missed: float) -> list[Finding]:
-    """y or r whose sign, turned, lets a controller that acts on both explain i_c; nothing where neither does."""
+    """y, r or both whose sign, turned, lets a controller that acts on them explain i_c; nothing where none does."""
     if not lines.r.any():
         return []
     turned = {"y": replace(lines, y=-lines.y), "r": replace(lines, r=-lines.r)}
+    turned["y and r"] = replace(lines, y=-lines.y, r=-lines.r)
     left = {signal: float(np.median(fit_controller(loop, own).missed)) for signal, own in turned.items()}
     signal = min(left, key=lambda name: left[name])
     if left[signal] > min(0.5 * missed, UNEXPLAINED):

@@ -96,10 +96,11 @@ def rebuild_excitation(
         i_e = _without_rounding(i_e, i_ref)
     if integrating:
         if r is None:
-            _refuse_drift(i_e, y, rig.axes, where)
+            _refuse_drift(i_e, y, rig, where)
         mean = i_e[: len(i_e) // period * period if period else None].mean(axis=0)
         i_e = i_e - mean
-        note += f"; its mean ({', '.join(f'{m:.3g}' for m in mean)} A, the integrator's operating point) was removed"
+        told = f"{', '.join(f'{m:.3g}' for m in mean)} {rig.amplifier.command_unit}"
+        note += f"; its mean ({told}, the integrator's operating point) was removed"
     while (missing := len(y) - len(i_e)) > 0:
         tail = i_e[-period:][:missing] if period else np.repeat(i_e[-1:], missing, axis=0)
         i_e = np.concatenate([i_e, tail])
@@ -115,7 +116,9 @@ def commanded(
     r: FloatArray | None = None,
     where: str = "record",
 ) -> FloatArray:
-    """What the rig's digital controller, at rest before, makes of a record without its delay, shape (N, axes) [A].
+    """What the rig's digital controller, at rest before, makes of a record without its delay, shape (N, axes).
+
+    In the unit of its command, [A] or [V].
 
     Parameters and errors are those of `rebuild_excitation`; the record is at the controller's rate.
     """
@@ -239,13 +242,15 @@ def _then_lag(K: tuple[FloatArray, ...], tau: float) -> tuple[FloatArray, ...]:
     )
 
 
-def _refuse_drift(i_e: FloatArray, y: FloatArray, axes: tuple[str, ...], where: str) -> None:
+def _refuse_drift(i_e: FloatArray, y: FloatArray, rig: Rig, where: str) -> None:
     """Raise where the rebuilt i_e is mostly a ramp: K integrated an offset of y that the real one did not see."""
     time = np.linspace(-0.5, 0.5, len(i_e))
     drift = np.abs(12 * (time @ i_e) / len(i_e))
-    for axis, ramp, spread, offset in zip(axes, drift, i_e.std(axis=0), y.mean(axis=0), strict=True):
+    unit = rig.amplifier.command_unit
+    for axis, ramp, spread, offset in zip(rig.axes, drift, i_e.std(axis=0), y.mean(axis=0), strict=True):
         if ramp > 2 * spread:
             raise RecordError(
-                f"{where}: i_e.{axis} rebuilt from y drifts by {ramp:.3g} A over the record: the mean of y.{axis}, "
-                f"{offset:.3g} m, is not what the integrator saw; subtract the controller's set point from y"
+                f"{where}: i_e.{axis} rebuilt from y drifts by {ramp:.3g} {unit} over the record: "
+                f"the mean of y.{axis}, {offset:.3g} m, is not what the integrator saw; subtract the controller's set "
+                "point from y"
             )
