@@ -3,6 +3,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from ambid import Model, compare, effects
@@ -10,6 +11,7 @@ from ambid.diagnosis.ports import needed_at_ports
 from ambid.diagnosis.state import State
 from ambid.diagnosis.verdict import Verdict
 from ambid.diagnosis.wording import notes
+from ambid.report.words import left_sentence
 from ambid.results import told_apart
 from ambid.rig import Rig
 from places import LEVITATOR
@@ -74,3 +76,10 @@ def test_a_current_that_was_not_recorded_is_not_said_to_be_misread(demo_estimate
 def test_digits_are_enough_to_see_which_is_larger():
     assert told_apart(1.7, 1.1) == ("1.70", "1.10")
     assert told_apart(1.10004, 1.1) == ("1.10004", "1.10000")
+
+
+def test_the_report_says_above_of_the_bound_alone():
+    cells = SimpleNamespace(misfit=np.ones((1, 1)), by_chance=2.0 * np.ones(1))
+    for value, word in ((1.07, "within"), (1.2, "above")):
+        fit = SimpleNamespace(misfit=value, bound=1.1, is_adequate=False)  # louder in motion
+        assert f"{word} its bound" in left_sentence(SimpleNamespace(fit=fit, left=[cells]))
