@@ -1,5 +1,6 @@
 """Results as tables: in notebooks and for pandas."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -79,6 +80,23 @@ def test_what_is_shown_is_escaped_and_notes_are_told(diagnosis):
     html = diagnosis._repr_html_()
     assert "a &lt;note&gt;" in html
     assert "verdict: adequate" in html
+
+
+def test_the_parameters_and_what_was_not_tried_are_printed(diagnosis, ranking):
+    (untold,) = [replace(ranking, not_tried={"unbalance": "the rotor does not turn"})]
+    told = repr(replace(diagnosis, history=[replace(diagnosis.history[0], ranking=untold)]))
+    low, high = diagnosis.parameters["tau_e"].ci95
+    assert f"{low:.6g} .. {high:.6g} s" in told
+    assert "not tried: unbalance (the rotor does not turn)" in told
+
+
+def test_an_explanation_in_the_main_takes_the_place_of_a_whole_one(diagnosis):
+    told = "in the main only: the effects explain 99.0 % of the excess misfit"
+    partly = replace(diagnosis, verdict="explained", notes=(told, "another"))
+    for text in (repr(partly), "\n".join(partly.summary()), partly.to_json()["verdict_meaning"]):
+        assert text.count(told) == 1
+        assert "the effects named explain the misfit" not in text
+    assert "the effects named explain the misfit" in repr(replace(partly, notes=()))
 
 
 def test_a_parameter_that_is_not_determined_has_an_empty_cell(demo_estimate):

@@ -40,6 +40,7 @@ def test_a_set_point_that_ramps_is_told_with_its_ends(size):
     found = diagnose(rig, measured)
     assert found.effects == ()
     assert any("y.A_zeta goes from" in note for note in found.notes)
+    assert any("cut it where it stands" in note for note in found.notes) == (found.verdict != "adequate")
     assert not any("seems to change" in note for note in found.notes)
 
 

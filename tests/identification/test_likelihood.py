@@ -84,6 +84,7 @@ def test_it_ends_with_a_verdict_and_what_to_do_next(bench, i_e, run):
     (slow,) = replace(bench, tau_a=bench.tau_a + 1e-5).records(i_e, [1], period=510)
     wrong = identify(bench.rig(), slow)
     assert not wrong.is_adequate
+    assert "above its bound" in wrong.verdict
     assert "physics is missing" in wrong.verdict
     assert "ambid diagnose" in wrong.next
     assert any("intervals are widened" in note for note in wrong.notes)

@@ -42,7 +42,9 @@ def test_what_a_step_shows_is_not_lost_in_the_noise_of_the_rest():
     found = identify(TRUTH.rig(RATE, rig_law()), step)
     assert found.misfit < found.misfit_bound
     assert not found.is_adequate
-    assert "while the machine moves" in found.verdict
+    assert "while the machine moves, above 1.00" in found.verdict
+    assert "within its bound" in found.verdict
+    assert not any("above its bound" in note for note in found.notes)
     assert any("noise does not know of the motion" in note for note in found.comparison.records[0].notes)
 
 

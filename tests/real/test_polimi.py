@@ -20,7 +20,7 @@ def run():
 def test_the_law_of_its_controller_is_told(run):
     rig, record = run
     (law,) = check(rig, [record]).laws["step"]
-    assert law.text == "u = 1166 e + 1399 int e + 151.6 de/dt"
+    assert law.text == "u = 1166 e + 1399 int e + 151.6 de/dt, de/dt behind a lag of 0.5 ms"
     assert law.left < 1e-7
     assert law.rig_left < 1e-5
     for name, expected in {"e": 100.0, "int e": 120.0, "de/dt": 13.0}.items():

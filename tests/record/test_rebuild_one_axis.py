@@ -50,3 +50,14 @@ def test_a_current_that_gave_the_excitation_is_not_judged_beside_it():
     assert found.channels == ["y.A_zeta"]
     assert any("i_c is left out" in note for note in found.notes)
     assert diagnose(rig(), found).verdict == "adequate"
+
+
+def test_the_mean_of_what_is_rebuilt_has_the_unit_of_commands():
+    own, found = rig(), signals()
+    for resistance, unit in ((None, "A"), (2.0, "V")):
+        amplifier = own.amplifier.model_copy(update={"resistance": resistance})
+        of_unit = own.replace(amplifier=amplifier)
+        taken = Record.from_arrays(
+            y=found["y"], i_ref=found["i_ref"], sample_rate=of_unit.sample_rate, axes=of_unit.axes, rig=of_unit
+        )
+        assert any(f" {unit}, the integrator's operating point" in note for note in taken.notes)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ambid.arrays import FloatArray
 from ambid.record import Record
 from ambid.record.checks import at_limits
-from ambid.record.rebuild import unexplained
+from ambid.record.rebuild import commanded
 from ambid.rig import Rig
 
 __all__ = ["Law", "find_laws"]
@@ -25,10 +25,16 @@ EXACT = 1e-6
 """Part of the command below which what is left is rounding of what was logged, and the shortest law is taken."""
 ROUNDING = 1e-6
 """Share in the largest term of a recursion below which a term is rounding, and not told."""
+SAME = 1e-6
+"""Part of the rig's own command that its law may leave in the words of another, to be told in these."""
 ALIKE = 0.05
 """Part of the command up to which a law counts as found."""
 TOLD = 3.0
 """Standard errors that a gain must have to be told."""
+MOST_LATE = 2
+"""Samples by which a command may come after what it answers to, beside those of the rig's delay."""
+SETTLED = 1e-9
+"""Part of what the rig's controller held before the first sample that may be left of it where it is compared."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +45,10 @@ class Law:
     ----------
     axis : str
     text : str
-        Such as ``u = 38 e + 188 int e + 1.92 de/dt``, e = r - y (or -y), else its recursion.
+        Such as ``u = 38 e + 188 int e + 1.92 de/dt, de/dt behind a lag of 0.5 ms``, e = r - y (or -y), which are the
+        four gains of a digital PID in a rig file; else its recursion.
     gains : dict of str to float
-        Factors of the terms of `text`.
+        Factors of the terms of `text`, and the ``lag`` [s].
     std_error : dict of str to float
         Of these.
     left : float
@@ -50,6 +57,16 @@ class Law:
         The same of the rig's controller.
     clipped : float
         Part of the samples in which the command stood at its highest or lowest; they are left aside.
+    late : int
+        Samples by which the recorded command comes after what it answers to.
+    rig_late : int
+        The same by the rig's delay, whole samples.
+    factor : float
+        By which the rig's controller as a whole meets the command best.
+    factor_left : float
+        What it leaves with this factor, as `left`.
+    rig_gains : dict of str to float
+        Factors of the terms of `text` in the rig's own law; empty where the text is a recursion.
     """
 
     axis: str
@@ -59,6 +76,11 @@ class Law:
     left: float
     rig_left: float
     clipped: float
+    late: int
+    rig_late: int
+    factor: float
+    factor_left: float
+    rig_gains: dict[str, float]
 
     def line(self) -> str:
         """One line of text."""
@@ -66,45 +88,87 @@ class Law:
         clipped = f"; {100 * self.clipped:.2g} % of the samples, its highest and lowest, left aside"
         return (
             f"{self.axis}: {self.text}, to {self.left:.1g} (95 % within {within}){clipped}; "
-            f"the rig's controller leaves {self.rig_left:.2g} of the command"
+            f"the rig's controller leaves {self.rig_left:.2g} of the command{self._delay()}"
         )
+
+    def _delay(self) -> str:
+        """By how much the command comes late, where it or the rig's does."""
+        if self.late == self.rig_late == 0:
+            return ""
+        shown = f"; it comes {_samples(self.late)} after what it answers to" if self.late else "; it shows no delay"
+        if self.late == self.rig_late:
+            return f"{shown}, as the rig says"
+        before = ", and was recorded before it, or there is none" if self.late == 0 else ""
+        return f"{shown}: the rig has {_samples(self.rig_late)}{before}"
 
 
 def find_laws(record: Record, rig: Rig) -> tuple[Law, ...]:
     """The law of every axis whose command was recorded; an axis that no law explains is left out.
 
     Least squares on increments of the command, which hold whatever an integrator started from. Samples at a limit of
-    the command, and those that follow from them, are left aside: there the command is not what the law asked for.
+    the command, and those that follow from them, are left aside: there the command is not what the law asked for. Of
+    several delays of the command the one counts under which a law leaves least; the rig's, where others do as well.
 
     Parameters
     ----------
     record : Record
         With `i_ref`; an i_e that was logged is taken off.
     rig : Rig
-        Of it, with a digital controller; says which signals the controller reads, and how late its command comes.
+        Of it, with a digital controller; says which signals the controller reads.
     """
-    if record.i_ref is None or not rig.controller.is_digital:
+    own, rate = rig.controller, record.sample_rate
+    if record.i_ref is None or not own.is_digital or abs(own.rate(rate) - rate) > 1e-6 * rate:
         return ()
     i_e = np.zeros_like(record.y) if record.i_e is None or record.is_rebuilt else record.i_e
-    rig_left, late, found = _increments(_unexplained(record, rig)), int(rig.controller.delay_samples), []
+    of_rig = commanded(rig, rate, y=record.y, i_c=record.i_c, r=record.r, where=str(record.path or record.name))
+    settled, whole = _settled(rig, rate), int(own.delay_samples)
+    delays = sorted({*range(MOST_LATE + 1), whole}, key=lambda late: abs(late - whole))
+    found = []
     for k, axis in enumerate(record.axes):
-        command, free = record.i_ref[late:, k], ~at_limits(record.i_ref[late:, k])
-        u = command - i_e[: len(command), k]
-        fit = _Fit(u, _read(record, rig, k, len(u)), free, 1.0 / record.sample_rate)
-        best = _best([fit.pid(), fit.filtered_pid(), *(fit.recursion(lags) for lags in range(1, MOST_LAGS + 1))])
+        fits = []
+        for late in delays:
+            command = record.i_ref[late:, k]
+            u = command - i_e[: len(command), k]
+            fits.append(_Fit(u, _read(record, rig, k, len(u)), ~at_limits(command), 1.0 / rate, late))
+        kinds = [[fit.law(kind) for fit in fits] for kind in range(2 + MOST_LAGS)]
+        best = _best([min(own, key=lambda law: max(law.left, EXACT)) for own in kinds])
         if best.left > ALIKE:
             continue
-        left = rig_left[: len(u), k]
-        missed = float(np.sqrt(np.mean(left[fit.rows(1)] ** 2)) / u.std())
-        found.append(Law(axis, *best, rig_left=missed, clipped=float(1.0 - free.mean())))
+        fit = next(fit for fit in fits if fit.late == best.late)
+        rig_u = of_rig[: len(fit.u), k]
+        rig_left, factor, factor_left = fit.against(rig_u, settled)
+        rig_gains: dict[str, float] = {}
+        if best.kind < 2:
+            read = replace(fit, u=rig_u, free=fit.free & (np.arange(len(rig_u)) >= settled)).law(best.kind)
+            rig_gains = read.gains if read.left < SAME else {}
+        found.append(
+            Law(
+                axis,
+                best.text,
+                best.gains,
+                best.std_error,
+                best.left,
+                rig_left=rig_left,
+                clipped=float(1.0 - fit.free.mean()),
+                late=best.late,
+                rig_late=whole,
+                factor=factor,
+                factor_left=factor_left,
+                rig_gains=rig_gains,
+            )
+        )
     return tuple(found)
 
 
-def _unexplained(record: Record, rig: Rig) -> FloatArray:
-    """What the rig's controller leaves of the command beside a logged i_e."""
-    signals = {name: getattr(record, name) for name in ("y", "i_ref", "i_c", "r")}
-    i_e = None if record.is_rebuilt else record.i_e
-    return unexplained(rig, record.sample_rate, **signals, i_e=i_e, where=str(record.path or record.name))
+def _samples(count: int) -> str:
+    return f"{count} sample{'' if count == 1 else 's'}"
+
+
+def _settled(rig: Rig, rate: float) -> int:
+    """Samples after which a controller's output no longer shows what it held at first, but for its integrators."""
+    poles = np.abs(np.linalg.eigvals(rig.controller.state_space(len(rig.axes), rate)[0]))
+    slowest = poles[poles < 1.0 - 1e-6].max(initial=1e-3)
+    return int(np.ceil(np.log(SETTLED) / np.log(max(slowest, 1e-3))))
 
 
 def _read(record: Record, rig: Rig, k: int, count: int) -> dict[str, FloatArray]:
@@ -123,13 +187,19 @@ def _increments(signal: FloatArray) -> FloatArray:
     return np.diff(signal, axis=0, prepend=signal[:1])
 
 
+_Terms = tuple[str, dict[str, float], dict[str, float], float]
+"""Text, gains and their standard errors of a law that was fitted, and what it leaves."""
+
+
 class _Found(NamedTuple):
-    """A law that was fitted: what `Law` begins with."""
+    """A law that was fitted: what `Law` begins with, how it was sought (see `_Fit.law`), and its delay."""
 
     text: str
     gains: dict[str, float]
     std_error: dict[str, float]
     left: float
+    kind: int
+    late: int
 
 
 def _best(laws: Sequence[_Found]) -> _Found:
@@ -155,12 +225,37 @@ class _Fit:
         Samples in which u stands at no limit.
     step : float
         Of sampling [s].
+    late : int
+        Samples by which u was recorded after what is read.
     """
 
     u: FloatArray
     read: Mapping[str, FloatArray]
     free: NDArray[np.bool_]
     step: float
+    late: int
+
+    def law(self, kind: int) -> _Found:
+        """Sought as a PID (0), as one whose difference is filtered (1), or as a recursion (2 on)."""
+        text, gains, std_error, left = (
+            (self._pid, self._filtered_pid)[kind]() if kind < 2 else self._recursion(kind - 1)
+        )
+        return _Found(text, gains, std_error, left, kind, self.late)
+
+    def against(self, other: FloatArray, begin: int) -> tuple[float, float, float]:
+        """What another command leaves of u from a sample on, the factor on it that leaves least, and what that does."""
+        rows = self.rows(1)
+        rows = rows[rows >= begin]
+        own, other = (_increments(signal)[rows] for signal in (self.u, other))
+        own, other = own - own.mean(), other - other.mean()  # what two integrators held is a slope
+        factor = float(own @ other / max(float(other @ other), 1e-300))
+        left = [float(np.sqrt(np.mean((own - own_factor * other) ** 2)) / self.size) for own_factor in (1.0, factor)]
+        return left[0], factor, left[1]
+
+    @property
+    def size(self) -> float:
+        """Rms of u without its mean."""
+        return max(float(self.u.std()), 1e-300)
 
     def rows(self, lags: int) -> NDArray[np.intp]:
         """Samples whose command, and as many before, stand at no limit."""
@@ -170,8 +265,11 @@ class _Fit:
         kept[: max(lags, 3)] = False
         return np.flatnonzero(kept)
 
-    def pid(self) -> _Found:
-        """Gains of e, of its trapezoidal sum and of its difference, and of other signals; small ones are dropped."""
+    def _pid(self) -> _Terms:
+        """Gains of e, of its trapezoidal sum and of its difference, and of other signals; small ones are dropped.
+
+        A difference over one sample is, by Tustin's rule, a derivative behind a lag of half a sample.
+        """
         e, h = self.read["e"], self.step
         de = _increments(e)
         columns = {"e": de, "int e": h * (e - 0.5 * de), "de/dt": _increments(de) / h}
@@ -181,32 +279,31 @@ class _Fit:
             x, error, left = self._solved(np.column_stack([columns[name] for name in names]), 1)
             sure = np.abs(x) > TOLD * error
             if sure.all() or len(names) == 1:
-                return _Found(_sum("u", names, x), _named(names, x), _named(names, error), left)
+                gains, lag = _named(names, x), {"lag": 0.5 * h} if "de/dt" in names else {}
+                return _pid_text(gains | lag), gains | lag, _named(names, error), left
             names.pop(int(np.argmin(np.abs(x) / np.maximum(error, 1e-300))))
 
-    def filtered_pid(self) -> _Found:
-        """The same of e alone, its difference behind a lag."""
+    def _filtered_pid(self) -> _Terms:
+        """The same of e alone, its derivative behind a lag, both by Tustin's rule as `rig.PidController` has them."""
         e, h = self.read["e"], self.step
         table = np.column_stack([_back(_increments(self.u), 1), e, _back(e, 1), _back(e, 2)])
         x, error, left = self._solved(table, 2)
-        if not 0.0 < x[0] < 1.0 or len(self.read) > 1:
-            return _Found("", {}, {}, np.inf)
+        if not -1.0 < x[0] < 1.0 or len(self.read) > 1:
+            return "", {}, {}, np.inf
 
         def gains(x: FloatArray) -> FloatArray:
             a, now, before, earlier = x
             integral = (now + before + earlier) / (1.0 - a)
             jump = (now * a**2 + before * a + earlier) / (1.0 - a) ** 2
-            lag = h * a / (1.0 - a)
-            return np.array([now - 0.5 * integral - jump, integral / h, jump * (lag + h), lag])
+            lag = 0.5 * h * (1.0 + a) / (1.0 - a)
+            return np.array([now - 0.5 * integral - jump, integral / h, jump * (lag + 0.5 * h), lag])
 
         turned = np.array([gains(x + step) - gains(x - step) for step in np.diag(np.maximum(error, 1e-9))])
         errors = 0.5 * np.sqrt(np.sum(turned**2, axis=0))
-        names, found = ["e", "int e", "de/dt"], gains(x)
-        text = f"{_sum('u', names, found[:3])}, de/dt behind a lag of {1e3 * found[3]:.4g} ms"
-        names.append("lag")
-        return _Found(text, _named(names, found), _named(names, errors), left)
+        found = _named(("e", "int e", "de/dt", "lag"), gains(x))
+        return _pid_text(found), found, _named(found, errors), left
 
-    def recursion(self, lags: int) -> _Found:
+    def _recursion(self, lags: int) -> _Terms:
         """Commands before, and all that is read now and before."""
         past = {f"u[k-{j}]": _back(self.u, j) for j in range(1, lags + 1)}
         for name, own in self.read.items():
@@ -216,7 +313,8 @@ class _Fit:
         size = np.abs(x) * np.linalg.norm(table, axis=0)
         told = size > ROUNDING * size.max()
         names = [name for name, own in zip(past, told, strict=True) if own]
-        return _Found(_sum("u[k]", names, x[told]), _named(names, x[told]), _named(names, error[told]), left)
+        gains = _named(names, x[told])
+        return _sum("u[k]", gains), gains, _named(names, error[told]), left
 
     def _solved(self, table: FloatArray, lags: int) -> tuple[FloatArray, FloatArray, float]:
         """Factors of columns that add up to the increments of u, their standard errors, and what is left of u."""
@@ -229,7 +327,7 @@ class _Fit:
         free = max(1, len(goal) - len(x))
         spread = np.linalg.pinv((table / size).T @ (table / size)).diagonal()
         error = np.sqrt(float(left @ left) / free * np.maximum(spread, 0.0)) / size
-        return x, error, float(np.sqrt(left @ left / free) / max(self.u.std(), 1e-300))
+        return x, error, float(np.sqrt(left @ left / free) / self.size)
 
 
 def _back(signal: FloatArray, lag: int) -> FloatArray:
@@ -241,7 +339,12 @@ def _named(names: Iterable[str], values: FloatArray) -> dict[str, float]:
     return dict(zip(names, values.tolist(), strict=True))
 
 
-def _sum(left: str, names: Sequence[str], factors: FloatArray) -> str:
-    signed = [(name, "-" if factor < 0.0 else "+", abs(factor)) for name, factor in zip(names, factors, strict=True)]
-    terms = [f"{sign} {size:.4g} {name}" for name, sign, size in signed]
+def _pid_text(gains: Mapping[str, float]) -> str:
+    """Such as ``u = 38 e + 188 int e + 1.92 de/dt, de/dt behind a lag of 0.5 ms``, as a rig file has it."""
+    text = _sum("u", {name: gain for name, gain in gains.items() if name != "lag"})
+    return f"{text}, de/dt behind a lag of {1e3 * gains['lag']:.4g} ms" if "lag" in gains else text
+
+
+def _sum(left: str, factors: Mapping[str, float]) -> str:
+    terms = [f"{'-' if factor < 0.0 else '+'} {abs(factor):.4g} {name}" for name, factor in factors.items()]
     return f"{left} = {' '.join(terms).removeprefix('+ ')}"

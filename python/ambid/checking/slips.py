@@ -31,6 +31,7 @@ from ambid.checking.equations import (
 )
 from ambid.checking.instants import slips_of_clocks, slips_of_instants
 from ambid.checking.law import Law, find_laws
+from ambid.checking.law_slips import slips_of_laws
 from ambid.checking.nominal import HIGHEST_FREQUENCY, Lines, NominalLoop, moves
 from ambid.checking.path import path
 from ambid.checking.rig_slips import slips_of_rig
@@ -49,10 +50,13 @@ ALIKE = 0.5
 """Correlation above which two signals have to do with each other."""
 NOMINAL = 0.8
 """Correlation with the nominal response from which on its size must be right; hidden lags of a sample leave 0.6."""
+OPPOSITE = -0.6
+"""Correlation with the nominal response below which the sign of y is wrong."""
 UNEXPLAINED = 0.4
 """Part of i_c, by rms, that the controller's equation may miss before a wrong column or excitation is sought."""
 SLIPS = (-1.0, 1e3, 1e-3, 1e6, 1e-6)
 """Factors by which a sign or a unit goes wrong."""
+TURNED = "map it with a factor -1 (y and r grow along the force of a positive i_c)"
 UNITS = {("y", 1e3): "mm", ("y", 1e6): "um", ("i_e", 1e3): "mA", ("i_c", 1e3): "mA", ("i_c", 1e6): "uA"}
 DOUBTFUL_GAIN, WRONG_GAIN = 0.02, 0.10
 """Relative error of a controller's gain, beyond five standard errors."""
@@ -91,10 +95,16 @@ def check(rig: Rig, records: Record | str | Path | Sequence[Record | str | Path]
     for record in loaded:
         own = rig if record.point is None else record.point
         foreign = _foreign(record, own)
-        findings += foreign or _record(record, loops[own])
+        of_record = foreign or _record(record, loops[own])
+        findings += of_record
         if not foreign:
             described.append(RecordFigures.of(record, own))
-            laws |= {record.name: found} if (found := _laws(record, own)) else {}
+            stops = any(finding.stops_diagnosis for finding in of_record)
+            if found := _laws(record, own):
+                laws[record.name] = found
+                findings += [] if stops else slips_of_laws(record.name, found)
+            elif not stops:
+                findings += _turned_reference(record, own)
     implementation = f"{rig.controller.implementation} {rig.controller.kind}"
     machine = (
         f"axes {', '.join(rig.axes)} at {rig.sample_rate:g} Hz, {speed_text(rig.speed)}, {implementation} controller"
@@ -109,6 +119,17 @@ def _laws(record: Record, rig: Rig) -> tuple[Law, ...]:
         return find_laws(record, rig)
     except RecordError:  # another rate, or a current that was not recorded; told where it matters
         return ()
+
+
+def _turned_reference(record: Record, rig: Rig) -> list[Finding]:
+    """A reference whose sign, turned, shows the rig's law where the command follows none."""
+    if record.r is None or not rig.controller.reference:
+        return []
+    turned = _laws(replace(record, r=-record.r), rig)
+    if not turned or any(abs(law.factor - 1.0) > DOUBTFUL_GAIN for law in turned):
+        return []
+    what = "the command follows no law of y and r, and the rig's with r turned"
+    return [Finding.fault(f"{record.name}: r", what, f"the sign of r is opposite: {TURNED}")]
 
 
 def _foreign(record: Record, rig: Rig) -> list[Finding]:
@@ -206,6 +227,8 @@ def _controller(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding
     fit = fit_controller(loop, lines)
     moving = moves(np.asarray(lines.i_c))
     if np.median(fit.missed[moving]) > UNEXPLAINED:
+        if opposite := _opposite(record, loop, lines, float(np.median(fit.missed[moving]))):
+            return opposite
         if record.is_rebuilt:  # what drove the loop is known then
             what = f"i_c follows what drives the loop with {100 * np.median(fit.missed[moving]):.0f} % left unexplained"
             todo = "check the lag of the amplifier; a diagnosis ranks what else it may be"
@@ -227,6 +250,20 @@ def _controller(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding
     if loop.rig.amplifier.resistance is not None:
         known = np.hstack([known[:, :first], np.repeat(fit.scale[:, first : first + 1], fit.scale.shape[1] - first, 1)])
     return found + _gains(record, fit, fit.scale / known, judged)
+
+
+def _opposite(record: Record, loop: NominalLoop, lines: Lines, missed: float) -> list[Finding]:
+    """y, r or both whose sign, turned, lets a controller that acts on them explain i_c; nothing where none does."""
+    if not lines.r.any():
+        return []
+    turned = {"y": replace(lines, y=-lines.y), "r": replace(lines, r=-lines.r)}
+    turned["y and r"] = replace(lines, y=-lines.y, r=-lines.r)
+    left = {signal: float(np.median(fit_controller(loop, own).missed)) for signal, own in turned.items()}
+    signal = min(left, key=lambda name: left[name])
+    if left[signal] > min(0.5 * missed, UNEXPLAINED):
+        return []
+    what = f"i_c is missed by {100 * missed:.0f} % as it is, and by {100 * left[signal]:.0f} % with {signal} turned"
+    return [Finding.fault(f"{record.name}: {signal}", what, f"the sign of {signal} is opposite: {TURNED}")]
 
 
 def _slip(scale: FloatArray, error: FloatArray) -> tuple[str, float] | None:
@@ -251,7 +288,9 @@ def _slip(scale: FloatArray, error: FloatArray) -> tuple[str, float] | None:
 
 def _slipped(where: str, signal: str, factor: float, by: str) -> Finding:
     if factor < 0.0:
-        todo = "turn the sign of the channel" + (", or that of the controller in the rig" if signal == "y" else "")
+        todo = "map it with a factor -1" + (
+            ", and r with it, or turn the controller in the rig" if signal == "y" else ""
+        )
         return Finding.fault(where, f"the sign is opposite to what {by} calls for", todo)
     size = f"{factor:g} times too large" if factor > 1.0 else f"{1.0 / factor:g} times too small"
     unit = UNITS.get((signal, factor))
@@ -334,11 +373,14 @@ def _machine(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
     found = []
     if alike < 0.9 or gain.min() < 0.75 or gain.max() > 1.35:
         # a low correlation may be noise; a wrong size or sign of what is like the nominal response is not
-        other = alike < -0.6 or (alike > NOMINAL and not 0.6 < np.median(gain) < 1.7)
+        other = alike < OPPOSITE or (alike > NOMINAL and not 0.6 < np.median(gain) < 1.7)
         severe = bool(other and (record.i_c is not None or loop.gain_factor == 1.0))
         what = f"y follows {cause} with a gain of {gain.min():.2f} to {gain.max():.2f} and a correlation of "
         what += f"{alike:.2f}, expected 0.75 to 1.35 and more than 0.9"
         todo = "is this a record of another rig, or another bias current? Check mass, K_i, K_s and sensor scales"
+        if alike < OPPOSITE:
+            what = f"y follows {cause} with a correlation of {alike:.2f}, expected more than 0.9"
+            todo = f"the sign of y is opposite: {TURNED}, and r with it if it is read in the same way"
         found.append(Finding("fault" if severe else "warning", record.name, what, todo, stops_diagnosis=severe))
     order, ratio = exchanged_axes(loop, lines)
     if ratio < 0.6:

@@ -51,6 +51,10 @@ class Finding:
         """Whether it tells that a record does not stay at one operating point."""
         return self.where.endswith(PATH)
 
+    def line(self, *, advises: bool = True) -> str:
+        """In one line, with what to do about it or without."""
+        return f"{self.where}: {self.what}" + (f"; {self.todo}" if advises else "")
+
     @classmethod
     def fault(cls, where: str, what: str, todo: str) -> Finding:
         """One that stops a diagnosis."""

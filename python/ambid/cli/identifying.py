@@ -112,10 +112,11 @@ def _slips(machine: ambid.Rig, loaded: list[ambid.Record], estimate: ambid.Estim
     Operating points that a record passes through are told in any case: they hide what is missing.
     """
     told, findings = set(estimate.notes), ambid.check(machine, loaded).findings
-    if estimate.is_adequate or not estimate.comparison.is_judged:
+    is_told_whole = not estimate.is_adequate and estimate.comparison.is_judged
+    if not is_told_whole:
         findings = tuple(found for found in findings if found.is_of_path)
     return [
-        f"{found.severity}: {found.where}: {found.what}; {found.todo}"
+        f"{found.severity}: {found.line(advises=not estimate.is_adequate)}"
         for found in findings
         if found.severity != "note" and found.what not in told
     ]

@@ -196,7 +196,7 @@ def needed_at_ports(comparison: Comparison, index: int = 0) -> tuple[Port, ...]:
     responses = loop.transfer(model.theta, window.points(window.excited))
 
     found = []
-    for name, (_, unit, meaning) in PORTS.items():
+    for name, (_, unit, meaning) in _seen(record.channels).items():
         columns = [k for k, inlet in enumerate(loop.inputs) if inlet.startswith(f"{name}.")]
         way = whitening @ responses[:, :p, columns]
         spectrum = _least_squares(way, white)
@@ -214,6 +214,15 @@ def needed_at_ports(comparison: Comparison, index: int = 0) -> tuple[Port, ...]:
     return tuple(sorted(found, key=_by_misfit_then_shape))
 
 
+def _seen(channels: Sequence[str]) -> dict[str, tuple[str, str, str]]:
+    """The ports of which what was recorded tells something: no reading of a current that was not recorded."""
+    return {
+        name: own
+        for name, own in PORTS.items()
+        if name != "reading" or any(channel.startswith("i_c.") for channel in channels)
+    }
+
+
 def _of_response(model: Model, part: ResponseLines) -> tuple[Port, ...]:
     """The same of a frequency response: what each port would need is a response to each excitation, and no signal."""
     here, (count, outputs, inputs) = model.at(part.record), part.record.response.shape
@@ -227,7 +236,7 @@ def _of_response(model: Model, part: ResponseLines) -> tuple[Port, ...]:
     white = as_lines(residual - basis @ (basis.T @ residual), outputs * inputs)
     responses = loop.transfer(here.theta, part.points(here))[:, rows]
     found, nothing = [], np.zeros((0, len(here.rig.axes)))
-    for name, (_, unit, meaning) in PORTS.items():
+    for name, (_, unit, meaning) in _seen(part.record.outputs).items():
         columns = [k for k, inlet in enumerate(loop.inputs) if inlet.startswith(f"{name}.")]
         # each excitation calls for a signal of its own
         ways = np.einsum("koc,ij->koicj", responses[:, :, columns], np.eye(inputs))

@@ -149,7 +149,7 @@ def diagnose(
         notes=(
             *_undetermined(start, verdict.fit),
             *notes(verdict, state.fit.noise),
-            *(f"{f.where}: {f.what}; {f.todo}" for f in findings if f.is_of_path),
+            *(f.line(advises=verdict.word != "adequate") for f in findings if f.is_of_path),
         ),
     )
     if is_stopped:
@@ -170,7 +170,7 @@ def _uninformed(start: Model, estimate: Estimate) -> str:
     frequency = only_frequency(comparison, names) if comparison.is_judged else None
     if estimate.is_adequate or not comparison.is_judged:
         return not_determined(estimate.directions, frequency) if estimate.directions else ""
-    what = f"misfit {estimate.misfit:.3g}, bound {estimate.misfit_bound:.3g}: physics is missing"
+    what = f"{estimate.exceeds}: physics is missing"
     if all(isinstance(record, Record) and record.is_free_response for record in estimate.records):
         return f"{what}, but nothing drives the records, and a free response does not tell what; excite the loop"
     if frequency is None:

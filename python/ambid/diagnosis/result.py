@@ -19,7 +19,7 @@ from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.window import notes_of
 from ambid.record import Measurement
-from ambid.results import Tabular, band_text, of_unit, picture, plain
+from ambid.results import Tabular, band_text, picture, plain
 
 VERDICTS = {
     "adequate": "nothing is missing that these data can show, in this band and at this amplitude",
@@ -28,6 +28,9 @@ VERDICTS = {
     "none_of_the_candidates": "something is missing that no effect of the catalogue explains; nothing was added",
     "not_informative": "these data cannot decide",
 }
+
+IN_THE_MAIN = "in the main only"
+"""What the note begins with that takes the place of the verdict's meaning, where more than noise is left."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +151,8 @@ class Diagnosis(Tabular):
     covariance : ndarray
         Of all its parameters.
     explained_percent : float
-        Part of the excess misfit of the base model that the effects explain; NaN where nothing was to explain.
+        Part of the excess misfit of the base model over noise that the effects explain, 0 to 100, both judged in one
+        noise; 100 where the base model has no excess; NaN where nothing was named.
     families : dict of str to Family
         Near twins of each named effect.
     model : Model
@@ -207,6 +211,11 @@ class Diagnosis(Tabular):
     plot = picture("plot_staircase")
 
     @property
+    def meaning(self) -> str:
+        """What the verdict says, in a sentence; where effects explain in the main only, what they leave."""
+        return next((note for note in self.notes if note.startswith(IN_THE_MAIN)), VERDICTS[self.verdict])
+
+    @property
     def left(self) -> tuple[MisfitMap, ...]:
         """The misfit map of the last model, of every record: where nothing is left, it is 1 throughout."""
         return () if self.fit is None or not self.fit.is_judged else misfit_maps(self.fit)
@@ -226,7 +235,7 @@ class Diagnosis(Tabular):
         return plain(
             {
                 "verdict": self.verdict,
-                "verdict_meaning": VERDICTS[self.verdict],
+                "verdict_meaning": self.meaning,
                 "effects": list(self.effects),
                 "ambiguous_sets": self.ambiguous_sets,
                 "history": [step.as_dict() for step in self.history],
@@ -269,9 +278,14 @@ class Diagnosis(Tabular):
         """Verdict, what it means, what to do next, and the notes."""
         named = f": {', '.join(self.effects)}" if self.effects else ""
         sets = [f"cannot be told apart: {', '.join(names)}" for names in self.ambiguous_sets]
-        verdict = f"verdict: {self.verdict}{named}; {VERDICTS[self.verdict]}"
+        verdict = f"verdict: {self.verdict}{named}; {self.meaning}"
         families = [family.line() for family in self.families.values()]
-        return [verdict, *sets, *families, f"next: {self.next_experiment}", *self.notes]
+        return [verdict, *sets, *families, f"next: {self.next_experiment}", *self._further_notes]
+
+    @property
+    def _further_notes(self) -> list[str]:
+        """But that which is the meaning."""
+        return [note for note in self.notes if note != self.meaning]
 
     def save(self, path: str | Path) -> None:
         """Write the last model with its covariance, for ``--model`` and `Model.load`."""
@@ -279,20 +293,21 @@ class Diagnosis(Tabular):
 
     def __repr__(self) -> str:
         named = f": {', '.join(self.effects)}" if self.effects else ""
-        lines = [f"verdict: {self.verdict}{named}", f"  {VERDICTS[self.verdict]}"]
+        lines = [f"verdict: {self.verdict}{named}", f"  {self.meaning}"]
         lines += [f"  cannot be told apart: {', '.join(names)}" for names in self.ambiguous_sets]
         lines += [f"  {family.line()}" for family in self.families.values()]
         lines += ["", *(step.line() for step in self.history)]
         lines += [line for step in self.history for line in step.moves()]
-        own = [p for p in self.model.parameters if p.typical is not None]
-        if own:
-            lines += [""]
-            for p in own:
-                error = self.parameters[p.name].std_error
-                spread = "" if error is None or not np.isfinite(error) else f" +- {error:.2g}"
-                lines.append(f"{p.name:36s} {p.value:12.5g}{spread}{of_unit(p.unit)}")
+        if self.history:
+            here = self.model
+            of_effects = {e.slot(p.name): f"   {p.meaning}" for e in here.effects for p in e.parameters(here.rig)}
+            lines += ["", "parameters of the last model, 95 % intervals:"]
+            lines += [f"  {name:34s} {p.line()}{of_effects.get(name, '')}" for name, p in self.parameters.items()]
         worst = [cell for cell in self.where[:3] if np.isfinite(cell.misfit)]
         if worst and self.verdict != "adequate":
             lines += ["", "largest misfit of the model at the start:"]
             lines += [f"  {c.channel:12s} {band_text(*c.band_hz):>14s} Hz: {c.misfit:.1f} times noise" for c in worst]
-        return "\n".join([*lines, "", f"next: {self.next_experiment}", *(f"note: {note}" for note in self.notes)])
+        if self.not_tried:
+            lines += ["", f"not tried: {'; '.join(f'{name} ({why})' for name, why in self.not_tried.items())}"]
+        lines += ["", f"next: {self.next_experiment}", *(f"note: {note}" for note in self._further_notes)]
+        return "\n".join(lines)

@@ -109,9 +109,19 @@ class State:
 
     @property
     def explained(self) -> float:
-        """Part of the excess misfit of the base model that is explained, that of disturbances left out."""
+        """Part of the excess misfit of the base model that the effects explain, 0 to 1; 1 where there is no excess."""
+        return self.share_of(self.fit)
+
+    @property
+    def explained_by_physics(self) -> float:
+        """The same beside the disturbances, which have lines of their own."""
         excess = self.reference.cost - self.dof
         return 1.0 if excess <= 0.0 else self.fall / excess
+
+    def share_of(self, fit: Comparison) -> float:
+        """Part of the excess misfit of the base model that another fit explains, in the same noise, 0 to 1."""
+        excess = self.base.cost - self.dof
+        return 1.0 if excess <= 0.0 else min(1.0, max(0.0, (self.base.cost - fit.cost) / excess))
 
     @property
     def ranking(self) -> Ranking:

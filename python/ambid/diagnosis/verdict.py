@@ -53,7 +53,7 @@ class Verdict:
     tolerance : float
         Misfit up to which a model is good enough.
     share : float
-        Part of the excess misfit that is explained.
+        Part of the excess misfit of the base model that is explained, 0 to 1.
     tones : tuple of Tone
         That stand out in what is left.
     change : Change or None
@@ -116,7 +116,7 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
     change = largest_change(left) if effects else where.change
     tones = tuple(tone for tone in left.tones if tone.power > OUTSTANDING)
     is_clean = not tones and (change is None or change.power < OVERTURNS)
-    by_share = share > EXPLAINED_SHARE and len(state.physics) <= MOST_BY_SHARE
+    by_share = state.explained_by_physics > EXPLAINED_SHARE and len(state.physics) <= MOST_BY_SHARE
     is_at_noise = _is_at_noise(task, state)
     changes = () if is_at_noise or is_stopped or not is_clean else changing(state)
     sets = tuple(state.sets[name] for name in effects if len(state.sets.get(name, ())) > 1)
@@ -135,7 +135,7 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
         best = state.fit if state.hopeless is None else state.hopeless
         tried = tuple(effect.name for effect in best.model.effects[len(state.base.model.effects) :])
         if tried:
-            tried_share = (state.base.cost - best.cost) / (state.base.cost - state.dof)
+            tried_share = state.share_of(best)
         fit, effects, sets = state.base, (), ()
     others = _others(task, state)
     return Verdict(

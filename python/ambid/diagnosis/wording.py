@@ -6,13 +6,14 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from ambid.diagnosis.result import Step
+from ambid.diagnosis.result import IN_THE_MAIN, Step
 from ambid.diagnosis.rivals import APART
 from ambid.diagnosis.verdict import Verdict
+from ambid.effects.disturbance import PeriodicDisturbance
 from ambid.effects.slips import ControllerGainError, ExcitationGainError
 from ambid.noise import Noise
 from ambid.noise.response_lines import ResponseLines
-from ambid.results import band_text
+from ambid.results import band_text, told_apart
 from ambid.rig import PidController, Rig
 
 __all__ = ["next_experiment", "notes", "not_determined"]
@@ -23,6 +24,7 @@ deviation 2 sqrt(lambda), and only what is beyond `APART` of these tells."""
 TWINS = 0.999
 """Effects whose freed responses have a larger cosine are the same in this kind of record."""
 CONTROLLER_SLIP, EXCITATION_SLIP = ControllerGainError.name, ExcitationGainError.name
+HUM = PeriodicDisturbance.name
 MINOR = 0.05
 """Gains whose error is a smaller part of the largest one are not told."""
 OF_SMALL_MOTION = (
@@ -69,9 +71,12 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
         Of the records.
     """
     if verdict.word in ("explained", "ambiguous") and not verdict.is_to_the_noise:
-        left = f"J/dof {verdict.misfit:.2f} remains, above its bound {verdict.fit.bound:.2f}"
-        if verdict.misfit <= verdict.fit.bound:
-            left = f"{verdict.fit.loudest:.2g} times the noise remains while the machine moves"
+        left = "{} times the noise remains while the machine moves, above {}".format(
+            *told_apart(verdict.fit.loudest, verdict.tolerance)
+        )
+        bound = max(verdict.tolerance, verdict.fit.bound)
+        if verdict.misfit > bound:
+            left = "J/dof {} remains, above its bound {}".format(*told_apart(verdict.misfit, bound))
         why = (
             "what is left stands out of the noise, since their formulas only approximate this machine or something "
             "smaller is missing"
@@ -81,7 +86,7 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
                 "at every operating point by itself they explain all of it, with other values of what all points share"
             )
         yield (
-            f"in the main only: the effects explain {100 * verdict.share:.1f} % of the excess misfit, but {left}: {why}"
+            f"{IN_THE_MAIN}: the effects explain {100 * verdict.share:.1f} % of the excess misfit, but {left}: {why}"
         )
         for own in verdict.changes:
             yield f"{own.parameter} changes with the operating point: from {' to '.join(own.ends)}"
@@ -108,9 +113,23 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
             yield f"{part.record.name}: {OF_SMALL_MOTION}"
         elif not part.window.is_periodic:
             yield f"{part.record.name}: {WITHOUT_PERIODS}"
-    yield from (told for own in verdict.fit.records for told in (own.uneven, own.louder) if told)
+    for held in verdict.fit.records:
+        yield from (told for told in (held.uneven, "" if verdict.is_to_the_noise else held.louder) if told)
+    yield from _of_one_axis(verdict)
     if verdict.is_stopped:
         yield "stopped by Ctrl-C after the steps above: more may be missing, and rivals were not compared"
+
+
+def _of_one_axis(verdict: Verdict) -> Iterator[str]:
+    """That one axis does not tell where a hum comes in."""
+    if len(verdict.fit.model.rig.axes) > 1:
+        return
+    for effect in verdict.fit.model.effects:
+        if effect.name in verdict.effects and effect.name == HUM:
+            yield (
+                f"{HUM}: on one axis a force, a current and a hum of the sensor give the same record; hold the mass "
+                "still and record y to tell the sensor's"
+            )
 
 
 def _slips(verdict: Verdict) -> Iterator[str]:

@@ -56,10 +56,11 @@ class PeriodicDisturbance(Effect):
         ]
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
-        """Amplitudes in phase with the reference and a quarter period behind it [A or N]."""
-        unit, size = ("A", 1e-3) if self.port == "current" else ("N", 0.1)
+        """Amplitudes in phase with the reference and a quarter period behind it, in the unit of commands or N."""
+        unit, size = (rig.amplifier.command_unit, 1e-3) if self.port == "current" else ("N", 0.1)
         places = {f"_{axis}": f", at {axis}" for axis in rig.axes} if self.axis == "each" else {"": ""}
-        parts = {"cosine": "a in phase with the reference", "sine": "b a quarter period behind it"}
+        own = f"of a {self.port} of {self.frequency_hz:.5g} Hz"
+        parts = {"cosine": f"a {own} in phase with the reference", "sine": f"b {own} a quarter period behind it"}
         return [
             EffectParameter(f"{part}{end}", unit, size, lower=-float("inf"), meaning=f"amplitude {meaning}{place}")
             for end, place in places.items()

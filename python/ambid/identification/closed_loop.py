@@ -27,8 +27,8 @@ __all__ = ["Found", "Steps", "identify", "several", "steps"]
 
 LIKELIHOOD, EQ_9 = "likelihood", "eq9"
 MISFIT = (
-    "the misfit is above its bound: physics is missing, and the intervals are widened by what is left; they hold the "
-    "truth only if what is missing does not bend the parameters further"
+    "physics is missing, and the intervals are widened by what is left; they hold the truth only if what is missing "
+    "does not bend the parameters further"
 )
 MOST_RENEWALS = 3
 """So often is the noise of a record without periods taken from the residual again, at the most."""

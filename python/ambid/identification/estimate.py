@@ -52,6 +52,14 @@ class ParameterEstimate:
         """With the 95 % interval of the normal distribution."""
         return cls(value, std_error, (value - NORMAL_95 * std_error, value + NORMAL_95 * std_error), unit)
 
+    def line(self) -> str:
+        """Value, 95 % interval and unit, as far as they are known."""
+        if self.value is None:
+            return "not identifiable from these records"
+        low, high = self.ci95 or (np.nan, np.nan)
+        interval = f"   {low:.6g} .. {high:.6g}" if np.isfinite(high - low) else ""
+        return f"{self.value:13.6g}{interval}{of_unit(self.unit)}"
+
     def as_dict(self) -> dict[str, Any]:
         """Plain data, as in JSON."""
         return {
@@ -150,6 +158,13 @@ class Estimate(Tabular):
         return self.comparison.is_adequate and not (self.curvature is not None and self.curvature.is_seen)
 
     @property
+    def exceeds(self) -> str:
+        """What keeps the model from being adequate, with value and bound; empty where nothing does."""
+        if self.is_adequate or not self.comparison.is_judged:
+            return ""
+        return self.comparison.exceeds or "the curved force of a single magnet is seen"
+
+    @property
     def next(self) -> str:
         """What to do now."""
         if not self.comparison.is_judged:
@@ -177,11 +192,9 @@ class Estimate(Tabular):
         what = f"misfit {self.misfit:.2f}, bound {self.misfit_bound:.2f} (J/dof, 1 when the model is right)"
         if self.is_adequate:
             return f"{what}: nothing is missing that these records can show"
-        if (loudest := self.comparison.loudest) > 1.0:
-            what += f", but {loudest:.2g} times the noise while the machine moves"
         if self.comparison.is_adequate:
-            return f"{what}, but the curved force of a single magnet is seen: K_i and K_s change on the way"
-        return f"{what}: physics is missing, however good the fit looks"
+            return f"{what}, but {self.exceeds}: K_i and K_s change on the way"
+        return f"{self.exceeds}: physics is missing, however good the fit looks"
 
     @property
     def correlation(self) -> FloatArray:

@@ -27,7 +27,7 @@ from ambid.noise.noise import Noise
 from ambid.noise.response_lines import ResponseLines
 from ambid.noise.still import Louder
 from ambid.record import FrequencyResponse, Measurement, Record, Source, measured
-from ambid.results import Tabular, picture, plain
+from ambid.results import Tabular, picture, plain, told_apart
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
@@ -153,6 +153,17 @@ class Comparison(Tabular):
     def loudest(self) -> float:
         """Largest power of what is left in motion over that at rest, beyond chance; 1 where none is larger."""
         return max((own.ratio for own in self._in_motion if own is not None), default=1.0)
+
+    @property
+    def exceeds(self) -> str:
+        """Which bound the model does not keep, with the value and the bound; empty where it keeps both."""
+        if not self.misfit <= self.bound:
+            return "misfit {} (J/dof), above its bound {}".format(*told_apart(self.misfit, self.bound))
+        if self.loudest <= 1.0:
+            return ""
+        value, one = told_apart(self.loudest, 1.0)
+        within = "misfit {} within its bound {}".format(*told_apart(self.misfit, self.bound))
+        return f"{value} times the noise while the machine moves, above {one} ({within})"
 
     @cached_property
     def _in_motion(self) -> tuple[Louder | None, ...]:

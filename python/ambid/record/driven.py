@@ -108,7 +108,8 @@ def driven(
     if periods < FEWEST:
         count = f"{periods} whole periods" if period else "no period"
         of = "i_e" if r is None else "i_e and r"
-        notes.append(f"{count} of {of} found: the noise ceiling needs {FEWEST}, and is not estimated")
+        needs = f"the noise ceiling needs {FEWEST} to be told by repeats; where one is told, the noise model tells it"
+        notes.append(f"{count} of {of} found: {needs}")
     return Driven(signals, period, [*told, *notes])
 
 

@@ -28,7 +28,7 @@ SAME = 1e-3
 CLEARLY = 0.8
 """Part of what an amplifier leaves of i_c under the present command that it must leave under an older one."""
 
-__all__ = ["NOT_LOGGED", "Rebuilt", "rebuild_excitation", "rounding_of", "steps_of", "unexplained"]
+__all__ = ["NOT_LOGGED", "Rebuilt", "commanded", "rebuild_excitation", "rounding_of", "steps_of", "unexplained"]
 
 
 class Rebuilt(NamedTuple):
@@ -103,9 +103,11 @@ def rebuild_excitation(
         i_e = steps
     if integrating:
         if r is None:
-            _refuse_drift(i_e if steps is None else i_e - steps, i_e, y, rig.axes, where)
-        i_e = i_e - i_e[: len(i_e) // period * period if period else None].mean(axis=0)
-        note += "; its mean, and what the controller's states held when the record begins, were removed"
+            _refuse_drift(i_e if steps is None else i_e - steps, i_e, y, rig, where)
+        mean = i_e[: len(i_e) // period * period if period else None].mean(axis=0)
+        i_e = i_e - mean
+        told = f"{', '.join(f'{m:.3g}' for m in mean)} {rig.amplifier.command_unit}, the integrator's operating point"
+        note += f"; its mean ({told}), and what the controller's states held when the record begins, were removed"
     while (missing := len(y) - len(i_e)) > 0:
         tail = i_e[-period:][:missing] if period else np.repeat(i_e[-1:], missing, axis=0)
         i_e = np.concatenate([i_e, tail])
@@ -129,6 +131,24 @@ def unexplained(
     `rebuild_excitation`.
     """
     return _recover(rig, sample_rate, _read(rig, y, i_c, r, where), i_ref, i_c, where, i_e=i_e)[0]
+
+
+def commanded(
+    rig: Rig,
+    sample_rate: float,
+    *,
+    y: FloatArray,
+    i_c: FloatArray | None = None,
+    r: FloatArray | None = None,
+    where: str = "record",
+) -> FloatArray:
+    """What the rig's digital controller, at rest before, makes of a record without its delay, shape (N, axes).
+
+    In the unit of its command, [A] or [V]. Parameters and errors are those of `rebuild_excitation`; the record is at
+    the controller's rate.
+    """
+    K = rig.controller.state_space(len(rig.axes), sample_rate)
+    return -_response(K, _read(rig, y, i_c, r, where))[0]
 
 
 def _read(rig: Rig, y: FloatArray, i_c: FloatArray | None, r: FloatArray | None, where: str) -> FloatArray:
@@ -270,13 +290,15 @@ def _then_lag(K: tuple[FloatArray, ...], tau: float) -> tuple[FloatArray, ...]:
     )
 
 
-def _refuse_drift(between_steps: FloatArray, i_e: FloatArray, y: FloatArray, axes: tuple[str, ...], where: str) -> None:
+def _refuse_drift(between_steps: FloatArray, i_e: FloatArray, y: FloatArray, rig: Rig, where: str) -> None:
     """Raise where the rebuilt i_e is mostly a ramp: K integrated an offset of y that the real one did not see."""
     time = np.linspace(-0.5, 0.5, len(i_e))
     drift = np.abs(12 * (time @ between_steps) / len(i_e))
-    for axis, ramp, spread, offset in zip(axes, drift, i_e.std(axis=0), y.mean(axis=0), strict=True):
+    unit = rig.amplifier.command_unit
+    for axis, ramp, spread, offset in zip(rig.axes, drift, i_e.std(axis=0), y.mean(axis=0), strict=True):
         if ramp > 2 * spread:
             raise RecordError(
-                f"{where}: i_e.{axis} rebuilt from y drifts by {ramp:.3g} A over the record: the mean of y.{axis}, "
-                f"{offset:.3g} m, is not what the integrator saw; subtract the controller's set point from y"
+                f"{where}: i_e.{axis} rebuilt from y drifts by {ramp:.3g} {unit} over the record: "
+                f"the mean of y.{axis}, {offset:.3g} m, is not what the integrator saw; subtract the controller's set "
+                "point from y"
             )

@@ -178,7 +178,7 @@ def left_sentence(diagnosis: Diagnosis) -> str:
     cells = sum(int(np.isfinite(own.misfit).sum()) for own in maps)
     beyond = sum(int((own.misfit > own.by_chance[:, None]).sum()) for own in maps)
     largest = max(float(np.nanmax(own.misfit)) for own in maps)
-    within, verb = "within" if fit.is_adequate else "above", "holds" if beyond == 1 else "hold"
+    within, verb = "within" if fit.misfit <= fit.bound else "above", "holds" if beyond == 1 else "hold"
     return (
         f"The last model leaves a misfit of {misfit(fit.misfit)}, {within} its bound of {misfit(fit.bound)}: "
         f"{beyond or 'none'} of the {cells} cells of channel and band {verb} more than chance may bring, and the "

@@ -1,7 +1,8 @@
 """Controllers as the rig file describes them, and their state space.
 
-What is given is K from the displacements y [m] to currents [A]; the loop applies the minus: i_ref = -(K y) + i_e. With
-a reference it acts on y - r, and it may read further recorded signals beside y.
+What is given is K from the displacements y [m] to currents [A], or to voltages [V] of a voltage-driven coil; the loop
+applies the minus: i_ref = -(K y) + i_e. With a reference it acts on y - r, and it may read further recorded signals
+beside y.
 """
 
 from abc import ABC, abstractmethod
@@ -22,9 +23,9 @@ Matrix = tuple[tuple[Annotated[float, FINITE], ...], ...]
 SAMPLE_RATE = Range(100.0, 1e6, "Hz", (("kilohertz", 1e3),))
 DELAY_SAMPLES = Range(0.0, 100.0, "samples")
 _SIGN = "the loop applies the minus: i_ref = -(K y) + i_e"
-PROPORTIONAL = Range(0.0, 1e9, "A/m", (), _SIGN)
-INTEGRAL = Range(0.0, 1e12, "A/(m s)", (), _SIGN)
-DERIVATIVE = Range(0.0, 1e7, "A s/m", (), _SIGN)
+PROPORTIONAL = Range(0.0, 1e9, "A/m, or V/m with amplifier.resistance", (), _SIGN)
+INTEGRAL = Range(0.0, 1e12, "A/(m s), or V/(m s) with amplifier.resistance", (), _SIGN)
+DERIVATIVE = Range(0.0, 1e7, "A s/m, or V s/m with amplifier.resistance", (), _SIGN)
 FILTER_TIME_CONSTANT = Range(1e-7, 0.1, "s", (MILLISECONDS,))
 MOST_STATES = 200
 """States of a controller given as matrices: the time that poles take grows by the cube of their number."""
@@ -167,11 +168,12 @@ class PidController(Controller):
     Parameters
     ----------
     proportional : float or sequence of float
-        P [A/m]; a number for all axes, or one per axis.
+        P [A/m], or [V/m] where `Amplifier.resistance` says that the controller commands a voltage; a number for all
+        axes, or one per axis.
     integral : float or sequence of float
-        I [A/(m s)], likewise.
+        I [A/(m s)] or [V/(m s)], likewise.
     derivative : float or sequence of float
-        D [A s/m], likewise.
+        D [A s/m] or [V s/m], likewise.
     derivative_time_constant : float or sequence of float
         T [s]; needed where D is not zero.
     """
