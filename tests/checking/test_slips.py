@@ -267,7 +267,19 @@ def test_travel_and_bias_current():
     offset = replace(record, y=record.y + 3e-4, i_c=record.i_c + 7.0)
     texts = warnings_of(rig, offset)
     assert any("more than half of the air gap" in text for text in texts)
-    assert any("more than the bias current of 6 A" in text for text in texts)
+    assert any("17 % above bias_current = 6 A, and reaches" in text for text in texts)
+    factor = 7.0 / np.abs(record.i_c).max()
+    large = replace(record, i_e=factor * record.i_e, y=factor * record.y, i_c=factor * record.i_c)
+    assert any("more than the bias current of 6 A: a magnet cannot push" in text for text in warnings_of(rig, large))
+
+
+def test_an_absolute_gap_is_held_about_its_mean():
+    rig, record = bench_experiment()
+    gap = rig.bearings[0].air_gap
+    absolute = replace(record, y=record.y - gap)
+    assert not any("air gap" in text for text in warnings_of(rig, absolute))
+    (figures,) = check(rig, [absolute]).records
+    assert figures.share_of_gap == pytest.approx(np.abs(record.y - record.y.mean(axis=0)).max() / gap)
 
 
 def test_notes_of_a_record_are_warnings():

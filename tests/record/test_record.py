@@ -161,6 +161,7 @@ def test_coarse_converters_are_not_clipped(seed):
 def test_beyond_the_air_gap_is_told_and_far_beyond_it_may_be_vouched_for():
     keywords = measured()
     gap = RIG.bearings[0].air_gap
+    keywords["y"] = keywords["y"] - keywords["y"].mean(axis=0)
     keywords["y"] = keywords["y"] * (3.0 * gap / np.abs(keywords["y"]).max())
     record = Record.from_arrays(**keywords, rig=RIG)
     assert any("m, the air gap is" in note and "taken as it is" in note for note in record.notes)
@@ -170,6 +171,15 @@ def test_beyond_the_air_gap_is_told_and_far_beyond_it_may_be_vouched_for():
     assert any("taken as it is" in note for note in Record.from_arrays(**keywords, rig=RIG, allow=["travel"]).notes)
     with pytest.raises(InputError, match="--allow gap: expected travel or current"):
         Record.from_arrays(**keywords, rig=RIG, allow=["gap"])
+
+
+def test_the_mean_of_an_absolute_gap_is_no_travel_and_is_told_once():
+    keywords = measured()
+    gap = RIG.bearings[0].air_gap
+    record = Record.from_arrays(**keywords | {"y": keywords["y"] - 1.1 * gap}, rig=RIG)
+    (note,) = record.notes
+    assert "y is read from elsewhere than the middle of the air gap" in note
+    assert f"A_zeta {-1.1 * gap + keywords['y'][:, 0].mean():.4g} m at an air gap of {gap:g} m" in note
 
 
 def test_currents_above_100_a_are_held_against_the_bias():

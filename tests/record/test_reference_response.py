@@ -34,3 +34,17 @@ def test_it_is_that_of_the_loop(with_i_e):
     errors = np.abs(response.response - one.simulated) / response.std
     assert np.median(errors, axis=0).max() < 1.2  # 0.83 of normal ones
     assert [channel.unit[-1] for channel in one.channels] == ["A" if with_i_e else "m"] * 2
+
+
+def test_lines_that_nothing_moves_are_left_out():
+    lines = np.exp(2j * np.pi * np.random.default_rng(3).random(1001)) * (np.arange(1001) < 120)
+    one = np.fft.irfft(lines)
+    r = np.round(np.tile(one / one.std(), 5) * 1e5) * 1e-9  # as a file with six digits holds it
+    found = TRUTH.run(RATE, pid(*GAINS, RATE), r, 0.0 * r, noise=(1e-7, 1e-4))
+    own = rig()
+    signals = {"y": found["y"], "i_c": found["i_c"], "r": r[:, None]}
+    record = Record.from_arrays(**signals, sample_rate=RATE, axes=own.axes, rig=own)
+    response = record.frequency_response()
+    assert 50.0 < response.frequency_hz.max() < 60.0
+    (channel, *_) = compare(Model(own), response).records[0].channels
+    assert channel.fit_percent > 90.0

@@ -39,7 +39,7 @@ from ambid.checking.soundness import SEVERITIES, Finding, LoopFigures, RecordFig
 from ambid.effects.slips import LEAST, MOST, ControllerGainError, ExcitationGainError
 from ambid.errors import RecordError
 from ambid.record import Record
-from ambid.record.checks import decays
+from ambid.record.checks import decays, displacement
 from ambid.results import speed_text
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
@@ -178,24 +178,35 @@ def _travel(record: Record, rig: Rig) -> list[Finding]:
         what = f"rms {rms[k]:.3g} m, less than any sensor resolves"
         return [Finding.fault(f"{record.name}: y.{record.axes[k]}", what, "give metres")]
     begun = record.y if record.r is None else record.y - record.r[0]  # a set-point is no travel
-    y = np.abs(begun).max(axis=0)
+    y = np.abs(displacement(begun, gap)).max(axis=0)
     j = int(np.argmax(y / gap))
     if y[j] > 0.5 * gap[j]:
         what = f"reaches {1e6 * y[j]:.3g} um, more than half of the air gap of {1e6 * gap[j]:g} um"
         todo = "expect strong nonlinearity; excite less"
         if y[j] > gap[j]:
-            what, todo = f"reaches {y[j]:.3g} m, the air gap is {gap[j]:g} m", "check air_gap, and that y is in metres"
+            what, todo = (
+                f"reaches {y[j]:.3g} m, the air gap is {gap[j]:g} m",
+                "check air_gap, and that y is in metres",
+            )
         found.append(Finding("warning", f"{record.name}: y.{record.axes[j]}", what, todo))
-    i_c = np.zeros(len(bias))
-    if record.i_c is not None:
-        mean = record.i_c.mean(axis=0)
-        i_c = np.abs(record.i_c - np.where(np.abs(mean / bias - 1.0) < HOLDS_BIAS, mean, 0.0)).max(axis=0)
-    j = int(np.argmax(i_c / bias))
-    if i_c[j] > bias[j]:
-        what = f"reaches {i_c[j]:.3g} A, more than the bias current of {bias[j]:g} A: a magnet cannot push"
-        todo = "excite less, or check bias_current"
-        found.append(Finding("warning", f"{record.name}: i_c.{record.axes[j]}", what, todo))
-    return found
+    return found if record.i_c is None else [*found, *_currents(record, record.i_c, bias)]
+
+
+def _currents(record: Record, i_c: FloatArray, bias: FloatArray) -> list[Finding]:
+    """Currents stay below the bias, or about it where the whole current was recorded; the worst axis is named."""
+    mean = i_c.mean(axis=0)
+    largest = np.abs(i_c - np.where(np.abs(mean / bias - 1.0) < HOLDS_BIAS, mean, 0.0)).max(axis=0)
+    j = int(np.argmax(largest / bias))
+    if largest[j] <= bias[j]:
+        return []
+    what = f"reaches {largest[j]:.3g} A, more than the bias current of {bias[j]:g} A: a magnet cannot push"
+    todo = "excite less, or check bias_current"
+    if mean[j] > 0.0 and np.abs(i_c[:, j] - mean[j]).max() <= bias[j]:
+        apart = f"{100 * abs(mean[j] / bias[j] - 1.0):.2g} % {'above' if mean[j] > bias[j] else 'below'}"
+        what = f"has a mean of {mean[j]:.4g} A, {apart} bias_current = {bias[j]:g} A, and reaches {largest[j]:.3g} A"
+        todo = "if it is the whole current, correct bias_current; if the control current alone, a magnet cannot push: "
+        todo += "excite less"
+    return [Finding("warning", f"{record.name}: i_c.{record.axes[j]}", what, todo)]
 
 
 def _periods(record: Record) -> list[Finding]:

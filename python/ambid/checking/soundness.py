@@ -153,7 +153,7 @@ class RecordFigures:
     y_rms : tuple of float
         [m].
     share_of_gap : float
-        Largest |y| over the air gap of its bearing.
+        Largest deviation of y from its mean over the air gap of its bearing.
     i_c_rms : tuple of float, or None
         [A].
     noise_ceiling_percent : dict of str to float
@@ -185,7 +185,7 @@ class RecordFigures:
             i_e_amplitude=float(np.abs(i_e - i_e.mean(axis=0)).max()),
             i_e_unit=rig.amplifier.command_unit,
             y_rms=tuple(record.y.std(axis=0).tolist()),
-            share_of_gap=float((np.abs(record.y) / gaps).max()),
+            share_of_gap=float((np.abs(record.y - record.y.mean(axis=0)) / gaps).max()),
             i_c_rms=None if record.i_c is None else tuple(record.i_c.std(axis=0).tolist()),
             noise_ceiling_percent=noise_ceiling(record),
         )

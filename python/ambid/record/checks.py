@@ -26,6 +26,8 @@ BIASES_OF_CURRENT = 20.0
 """Where the bias currents are known, an rms of more than so many of them is needed, too, to look like mA."""
 GAPS_OF_TRAVEL = 10.0
 """Air gaps beyond which |y| looks like mm; from one on it is told."""
+FROM_ELSEWHERE = 0.9
+"""Air gaps from which on a mean is no displacement from their middle, but an absolute gap: no rotor stands so far."""
 ALLOWED = ("travel", "current")
 """What a person may vouch for: displacements and currents that look like a wrong unit."""
 CLIPPED_SHARE = 0.01
@@ -123,11 +125,14 @@ def require_ampere(
 def require_metres(
     where: str, signal: str, axes: tuple[str, ...], y: NDArray[np.float64], rig: Rig, *, is_allowed: bool = False
 ) -> list[str]:
-    """Refuse displacements, or references, far beyond the air gap, or note them where a person vouches for them."""
+    """Refuse displacements, or references, far beyond the air gap, or note them where a person vouches for them.
+
+    The mean of an absolute gap does not count.
+    """
     gaps = {axis: bearing.air_gap for bearing in rig.bearings for axis in bearing.axis_names}
     notes = []
     for axis, values in zip(axes, y.T, strict=True):
-        largest = float(np.abs(values).max())
+        largest = float(np.abs(displacement(values, gaps[axis])).max())
         told = f"{signal}.{axis} reaches {largest:.4g} m, the air gap is {gaps[axis]:g} m"
         if largest > GAPS_OF_TRAVEL * gaps[axis] and not is_allowed:
             raise RecordError(
@@ -137,6 +142,23 @@ def require_metres(
         if largest > gaps[axis]:
             notes.append(f"{told}: taken as it is; see that air_gap and the unit of {signal} are right")
     return notes
+
+
+def displacement(y: NDArray[np.float64], gap: NDArray[np.float64] | float) -> NDArray[np.float64]:
+    """The same from the middle of the air gap, or, where it is read from elsewhere, about its mean."""
+    mean = y.mean(axis=0)
+    return np.asarray(y - np.where(np.abs(mean) > FROM_ELSEWHERE * gap, mean, 0.0))
+
+
+def notes_on_means(axes: tuple[str, ...], y: NDArray[np.float64], rig: Rig) -> list[str]:
+    """Note the axes whose y is read from elsewhere than the middle of the air gap."""
+    gaps = np.array([bearing.air_gap for bearing in rig.bearings for _ in bearing.axis_names])
+    mean = y.mean(axis=0)
+    off = np.flatnonzero(np.abs(mean) > FROM_ELSEWHERE * gaps)
+    if not len(off):
+        return []
+    told = ", ".join(f"{axes[k]} {mean[k]:.4g} m at an air gap of {gaps[k]:g} m" for k in off)
+    return [f"y is read from elsewhere than the middle of the air gap ({told}): its mean is left out, and that of r"]
 
 
 def require_on_shaft(where: str, z: NDArray[np.float64], rig: Rig) -> None:

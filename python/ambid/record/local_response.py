@@ -33,6 +33,9 @@ AROUND = 3
 LEAST_EXCITED = 1e-6
 """Power of an axis over that of the loudest below which it is not excited."""
 
+LEAST_ON_A_LINE = 1e-10
+"""Power of an axis on a line over that on its loudest below which it is rounding, as of a converter of 16 bits."""
+
 
 class LocalResponse(NamedTuple):
     """What local polynomials tell.
@@ -74,7 +77,7 @@ def local_response(
     Raises
     ------
     RecordError
-        If there are too few lines.
+        If there are too few lines, or too few in every band are excited: what unexcited ones would tell is left out.
     """
     power = np.var(drives, axis=0)
     excited = power > LEAST_EXCITED * power.max(initial=0.0)
@@ -95,17 +98,26 @@ def local_response(
     length, longer = divmod(len(index), count)
     split = longer * (length + 1)  # so many lines are in bands that are longer by one
     lowest = length + (longer > 0)
+    moving = np.abs(u) ** 2 > LEAST_ON_A_LINE * (np.abs(u) ** 2).max(axis=0)
     groups, places = [lowest_band(u[:lowest], z[:lowest])], [index[lowest_nodes(lowest)]]
+    known = [_is_known(moving[None, :lowest], lowest_nodes(lowest))]
     for rows, size in ((np.arange(lowest, split), length + 1), (np.arange(max(split, lowest), len(index)), length)):
         if len(rows):
             own = rows.reshape(-1, size)
             groups.append(fitted_bands(u[own], z[own]))
             places.append(index[own[:, nodes(size)]].ravel())
+            known.append(_is_known(moving[own], nodes(size)))
+    told = np.concatenate(known)
+    if not told.any():
+        raise RecordError(
+            f"{where}: no {width} neighbouring lines of which {DEGREE + 1} or more are excited on every axis; excite "
+            "more lines, or hold the model against the record itself"
+        )
     response = np.concatenate([bands.response for bands in groups]).reshape(-1, z.shape[1], u.shape[1])
     noise, spreads = _noise(groups)
     covariance = _covariance(groups, noise)
     frequency_hz = np.concatenate(places) * sample_rate / samples
-    return LocalResponse(frequency_hz, response, covariance, float(np.mean(spreads)), excited)
+    return LocalResponse(frequency_hz[told], response[told], covariance[told], float(np.mean(spreads)), excited)
 
 
 def _covariance(groups: Sequence[Bands], noise: ComplexArray) -> ComplexArray:
@@ -153,3 +165,11 @@ def _noise(groups: Sequence[Bands]) -> tuple[ComplexArray, FloatArray]:
     scale = root / size
     covariance = raised[:, None, None] * together * scale[:, :, None] * scale[:, None, :]
     return np.asarray(covariance), np.asarray(raised * (free - 1.0) / (free - 2.0))
+
+
+def _is_known(moving: NDArray[np.bool_], at: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Which points of bands (bands, lines, axes) tell of H: each axis moves lines enough, and on both sides."""
+    below, above = (np.logical_or.accumulate(own, axis=1) for own in (moving, moving[:, ::-1]))
+    between = (below & above[:, ::-1])[:, at]
+    enough = moving.sum(axis=1)[:, None] > DEGREE
+    return np.asarray((between & enough).all(axis=2).ravel())

@@ -236,6 +236,7 @@ class Record:
                 if values is not None:
                     is_allowed = "travel" in allow
                     more += checks.require_metres(where, signal, record.axes, values, rig, is_allowed=is_allowed)
+            more += checks.notes_on_means(record.axes, record.y, rig)
             record = replace(record, notes=(*record.notes, *more))
         for channel, values in record._columns():
             if not channel.startswith(("y.", "r.")):
