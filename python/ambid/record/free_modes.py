@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,17 +22,29 @@ RANK = 1e-12
 """Part of the largest singular value below which free modes are the same."""
 
 
-def free_modes(A: FloatArray, C: FloatArray, samples: int) -> FloatArray:
-    """C A^k for k = 0, 1, ..., shape (samples, outputs, states): the output that a unit in each state leaves.
+def free_modes(A: FloatArray, C: FloatArray, samples: int) -> list[FloatArray]:
+    """C A^k for k = 0, 1, ..., of each output (samples, states): what a unit in each of its states leaves there.
 
-    A pole outside of the unit circle leaves what no sum of numbers holds: none is returned then.
+    States that never reach an output are none of its own. A pole outside of the unit circle leaves what no sum of
+    numbers holds: no state is returned then.
     """
     if np.abs(np.linalg.eigvals(A)).max(initial=0.0) > 1.0 + 1e-6:
-        return np.zeros((samples, len(C), 0))
-    found, power = C[None], A
-    while len(found) < samples:
-        found, power = np.concatenate([found, found @ power]), power @ power
-    return found[:samples]
+        return [np.zeros((samples, 0))] * len(C)
+    acts = (A != 0.0) | np.eye(len(A), dtype=bool)
+    found = []
+    for row in C:
+        own = row != 0.0
+        for _ in range(len(A)):
+            own = own @ acts
+        power = A[np.ix_(own, own)]
+        modes = np.empty((samples, int(own.sum())))
+        modes[:1], known = row[own], 1
+        while known < samples:
+            more = min(known, samples - known)
+            modes[known : known + more] = modes[:more] @ power
+            known, power = known + more, power @ power
+        found.append(modes)
+    return found
 
 
 def converter_step(command: FloatArray) -> float:
@@ -51,7 +65,9 @@ def is_held(left: FloatArray, rounding: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(np.abs(np.diff(left, axis=0, prepend=left[:1])) <= rounding)
 
 
-def without_free_modes(left: FloatArray, modes: FloatArray, rounding: FloatArray, period: int | None) -> FloatArray:
+def without_free_modes(
+    left: FloatArray, modes: Sequence[FloatArray], rounding: FloatArray, period: int | None
+) -> FloatArray:
     """What the law from rest leaves of a command, less the free response of the controller's states.
 
     Where an excitation holds from sample to sample, as steps do, or there is none, the least sum of the absolute values
@@ -63,14 +79,14 @@ def without_free_modes(left: FloatArray, modes: FloatArray, rounding: FloatArray
     ----------
     left : ndarray, shape (N, axes)
         Up to the free response [A or V].
-    modes : ndarray, shape (N, axes, states)
+    modes : sequence of ndarray, shape (N, states)
         Of `free_modes`.
     rounding : ndarray, shape (axes,)
         Up to which a change is none.
     period : int, optional
         Samples per period, if it was stated.
     """
-    by_changes = np.stack([_least_changes(own, modes[:, k], rounding[k]) for k, own in enumerate(left.T)], axis=1)
+    by_changes = np.stack([_least_changes(own, modes[k], rounding[k]) for k, own in enumerate(left.T)], axis=1)
     if is_held(by_changes, rounding).mean() > HOLDS:
         return by_changes
     least = _each(left, modes, 0)
@@ -78,11 +94,11 @@ def without_free_modes(left: FloatArray, modes: FloatArray, rounding: FloatArray
     return least if period is None else _each(least, modes, period)
 
 
-def _each(left: FloatArray, modes: FloatArray, period: int) -> FloatArray:
+def _each(left: FloatArray, modes: Sequence[FloatArray], period: int) -> FloatArray:
     """Less the modes that leave least of each axis, or of its change over a period."""
     fitted = []
     for k, own in enumerate(left.T):
-        mode = modes[:, k]
+        mode = modes[k]
         goal, table = (own[period:] - own[:-period], mode[period:] - mode[:-period]) if period else (own, mode)
         basis, back = _basis(table)
         fitted.append(own - mode @ (back @ (basis.T @ goal)))
@@ -99,8 +115,8 @@ def _least_changes(own: FloatArray, mode: FloatArray, rounding: float) -> FloatA
     floor = np.abs(goal - basis @ x).max()
     for _ in range(ROUNDS):
         change = goal - basis @ x
-        weight = 1.0 / np.sqrt(np.hypot(change, max(floor, 1e-3 * rounding, 1e-300)))
-        x = _solved(weight[:, None] * basis, weight * goal)
+        weighted = basis / np.hypot(change, max(floor, 1e-3 * rounding, 1e-300))[:, None]
+        x = _solved(weighted.T @ basis, weighted.T @ goal)
         floor *= 0.3
     kept = np.abs(goal - basis @ x) <= rounding
     if kept.mean() > HOLDS:
