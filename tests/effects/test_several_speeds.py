@@ -28,13 +28,14 @@ def test_unbalance_turns_with_each_of_the_speeds():
 def test_unbalance_is_named_from_two_speeds_together():
     hidden = {"unbalance": {"mass_eccentricity": 2e-6, "z": BENCH.middle, "phase": 0.7}}
     records = [
-        measured(rig, BENCH.excitation(BENCH.amplitude, 3), hidden, seed=k, **BENCH.truth, **BENCH.noise).at(rig)
+        measured(rig, BENCH.excitation(BENCH.amplitude, 3), hidden, seed=10 + k, **BENCH.truth, **BENCH.noise).at(rig)
         for k, rig in enumerate((SLOW, FAST))
     ]
     few = [find(name) for name in ("unbalance", "periodic_disturbance", "gyroscopic_coupling")]
     found = ambid.diagnose(SLOW, records, catalogue=few)
     assert found.verdict == "explained"
-    assert "unbalance" in found.effects
+    assert found.effects == ("unbalance",), "each record begins it at an angle of its own, which no channel tells well"
+    assert found.history[-1].misfit < 1.01
     assert not any(isinstance(effect, Unbalance) and effect.frequency_hz for effect in found.model.effects)
 
 

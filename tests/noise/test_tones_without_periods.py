@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ambid import Model, compare, diagnose
+from ambid.noise import Comparison
 from ambid.noise.lines import RecordLines
 from ambid.noise.measured import Measured
 from ambid.noise.tones import find_tones
@@ -72,16 +73,15 @@ def test_a_hum_is_named_whatever_its_angle_in_the_record_that_was_kept_back():
 def test_the_own_angle_is_where_the_misfit_is_least():
     train, kept_back = (made("noise", seed, hum=0.02, angle=angle) for seed, angle in ((1, 0.3), (2, 2.5)))
     model = diagnose(ONE_AXIS.rig, train).model
-    before = compare(model, kept_back)
-    best = before.with_own_angles()
+    best = compare(model, kept_back)
     (part,) = best.noise.parts
     (effect,) = model.acting
-    around = [part._turned(effect, part._angles[effect.name] + turn) for turn in np.linspace(-np.pi, np.pi, 41)]
+    around = [part._turned(effect, part.angles[effect.name] + turn) for turn in np.linspace(-np.pi, np.pi, 41)]
     costs = [np.sum(own.white(own.at(model), []).residual ** 2) for own in around]
     assert int(np.argmin(costs)) == 20
     assert best.cost == pytest.approx(costs[20], rel=1e-9)
     assert best.misfit == pytest.approx(1.0, abs=0.1)
-    assert compare(EXACT, kept_back).with_own_angles().cost == compare(EXACT, kept_back).cost
+    assert Comparison(EXACT, [kept_back]).with_own_angles().cost == Comparison(EXACT, [kept_back]).cost
 
 
 @pytest.mark.slow

@@ -86,7 +86,7 @@ def compare_command(
     shown = None if stretch is None else span("--stretch", stretch, "0.5:0.56")
     start, loaded = _opened(rig, records, model, period, columns, sample_rate, allow, outputs, before)
     with stoppable():
-        comparison = ambid.compare(start, loaded).with_own_angles()
+        comparison = ambid.compare(start, loaded)
         where, matrices = _where(comparison), ambid.misfit_matrix(comparison) if comparison.is_judged else ()
     largest = ["", "largest misfit:", *map(_line, where[:MOST_PRINTED])] if where else []
     data = comparison.to_json() | {

@@ -146,7 +146,7 @@ def noted(
     validation, misfit = state.validation, None
     if task.validate:
         if validation is None or removed is None:
-            validation = compare(state.fit.model, task.validate).with_own_angles()
+            validation = compare(state.fit.model, task.validate)
         else:
             validation = validation.of(state.fit.model).with_own_angles()
         misfit = validation.cost / (validation.dof + len(validation.model.names))  # nothing was fitted to them

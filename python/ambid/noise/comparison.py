@@ -94,10 +94,18 @@ class Comparison(Tabular):
         An unbalance or a hum is counted from what a channel holds of it, and that may be little beside a strong
         excitation; here each record tells the angle by all of its lines.
         """
-        has_waves = any(effect.quarters(self.model.rig) for effect in self.model.acting)
-        if not (has_waves and self.is_judged):
+        if not (self.is_judged and self._has_waves):
             return self
         return Comparison(self.model, self._records, self.noise.with_own_angles(self.model))
+
+    @property
+    def waves_differ(self) -> bool:
+        """Whether waves of effects are in several records, which may begin them at angles of their own."""
+        return self.is_judged and len(self.noise.in_time) > 1 and self._has_waves
+
+    @property
+    def _has_waves(self) -> bool:
+        return any(effect.quarters(self.model.rig) for effect in self.model.acting)
 
     def renewed(self) -> Comparison:
         """The same model in the noise that its own residual tells.
@@ -286,7 +294,8 @@ def compare(model: Model | Rig, records: Source | Sequence[Source]) -> Compariso
     Parameters
     ----------
     model : Model or Rig
-        As it stands; nothing is fitted but the state that each record begins with. A rig means its nominal values.
+        As it stands; nothing is fitted but the state that each record begins with, and the angle at which each begins
+        waves of effects, such as unbalance. A rig means its nominal values.
     records : Record or FrequencyResponse, path of a file, or sequence of them
 
     Returns
@@ -307,4 +316,4 @@ def compare(model: Model | Rig, records: Source | Sequence[Source]) -> Compariso
         for record in records:
             if isinstance(record, FrequencyResponse):  # refuses a loop that is unstable or lacks its channels
                 ResponseLines(record, model).simulated(model.at(record))
-        return Comparison(model, records)
+        return Comparison(model, records).with_own_angles()

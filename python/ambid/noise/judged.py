@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -35,6 +35,8 @@ class JudgedLines:
         The lines around them, and around the frequencies of effects in the model, are judged beside the excited ones.
     rough : bool
         Few lines.
+    angles : mapping of str to float
+        By which waves of effects, by name, are turned in this record [rad].
 
     Attributes
     ----------
@@ -46,11 +48,13 @@ class JudgedLines:
         The judged lines as points of the unit circle.
     """
 
-    def __init__(self, model: Model, measured: Measured, tones: Sequence[Tone], *, rough: bool) -> None:
+    def __init__(
+        self, model: Model, measured: Measured, tones: Sequence[Tone], *, rough: bool, angles: Mapping[str, float]
+    ) -> None:
         self.measured, self.record, self.window = measured, measured.record, measured.window
         self.tones = tuple(tones)
-        self._angles: dict[str, float] = {}
-        self._base = here = _shaping(model.at(self.record))
+        self.angles = dict(angles)
+        self._base = here = _shaping(self.at(model))
         own = [f for effect in here.acting for f in effect.frequencies_hz(here.rig)]
         self.more = self._around([*own, *(tone.frequency_hz for tone in tones)])
         self._every = max(1, len(self.window.excited) // FEW) if rough else 1
@@ -61,7 +65,7 @@ class JudgedLines:
     def at(self, model: Model) -> Model:
         """The model at the operating point of the record, with its own angles where they are known."""
         here = model.at(self.record)
-        return turned(here, self._angles) if self._angles else here
+        return turned(here, self.angles) if self.angles else here
 
     def _inputs(self, here: Model) -> ComplexArray:
         """Inputs on the judged lines: i_e and r, then those of disturbances in the model."""

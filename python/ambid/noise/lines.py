@@ -8,7 +8,7 @@ is from, linearised at rest, takes up what is left.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from functools import cached_property, partial
 from typing import NamedTuple
@@ -73,6 +73,8 @@ class RecordLines(JudgedLines):
         The lines around them, and around the frequencies of effects in the model, are judged beside the excited ones.
     rough : bool
         Few lines, the noise of one channel not told from another's: good enough to come near an optimum.
+    angles : mapping of str to float
+        By which waves of effects, by name, are turned in this record [rad].
 
     Attributes
     ----------
@@ -81,8 +83,16 @@ class RecordLines(JudgedLines):
     spectrum : Spectrum
     """
 
-    def __init__(self, model: Model, measured: Measured, tones: Sequence[Tone] = (), *, rough: bool = False) -> None:
-        super().__init__(model, measured, tones, rough=rough)
+    def __init__(
+        self,
+        model: Model,
+        measured: Measured,
+        tones: Sequence[Tone] = (),
+        *,
+        rough: bool = False,
+        angles: Mapping[str, float] | None = None,
+    ) -> None:
+        super().__init__(model, measured, tones, rough=rough, angles=angles or {})
         self.unexcited = Unexcited(self._base, measured)
         every = 0 if len(self.more) else self._every
         self._in_time = InTime(self.record, self.window, self._judged, every, measured.folded)
@@ -105,7 +115,7 @@ class RecordLines(JudgedLines):
 
     def _turned(self, effect: Effect, angle: float) -> RecordLines:
         other = copy(self)
-        other._angles = self._angles | {effect.name: angle}
+        other.angles = self.angles | {effect.name: angle}
         return other
 
     @property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,21 +73,7 @@ class Noise:
     """
 
     def __init__(self, model: Model, records: Sequence[Measurement]) -> None:
-        self._set(model, [_before_models(record) for record in records])
-
-    def _set(self, model: Model, measured: Sequence[Measured | FrequencyResponse]) -> None:
-        parts: list[Part] = []
-        for own in measured:
-            if isinstance(own, FrequencyResponse):
-                parts.append(ResponseLines(own, model))
-                continue
-            part = RecordLines(model, own)
-            if tones := find_tones(model, part):
-                part = RecordLines(model, own, tones)
-                if (kept := confirmed(model, part)) != tones:
-                    part = RecordLines(model, own, kept)
-            parts.append(part)
-        self._take(parts)
+        self._take([_judged(model, _before_models(record)) for record in records])
 
     def _take(self, parts: Sequence[Part]) -> None:
         self.parts = tuple(parts)
@@ -114,10 +100,13 @@ class Noise:
         return other
 
     def renewed(self, model: Model) -> Noise:
-        """The noise of the same records by the residual of another model."""
-        other = Noise.__new__(Noise)
-        other._set(model, [part.measured for part in self.parts])
-        return other
+        """The noise of the same records by the residual of another model, with the angles that are known."""
+        return Noise.of_parts(
+            [
+                _judged(model, part.measured, part.angles if isinstance(part, RecordLines) else None)
+                for part in self.parts
+            ]
+        )
 
     def with_own_angles(self, model: Model) -> Noise:
         """The same noise, with the angle of every wave of a model where it fits each record best."""
@@ -252,6 +241,18 @@ class Noise:
                 transients[k], turning[k] = transient, slopes
                 part.remember(here, transient, numbers)
         return Quadratic(hessian, gradient, cost, fitted, transients, turning)
+
+
+def _judged(model: Model, measured: Measured | FrequencyResponse, angles: Mapping[str, float] | None = None) -> Part:
+    """A record on its judged lines, the tones found that a model leaves of it."""
+    if isinstance(measured, FrequencyResponse):
+        return ResponseLines(measured, model)
+    part = RecordLines(model, measured, angles=angles)
+    if tones := find_tones(model, part):
+        part = RecordLines(model, measured, tones, angles=angles)
+        if (kept := confirmed(model, part)) != tones:
+            part = RecordLines(model, measured, kept, angles=angles)
+    return part
 
 
 def _before_models(record: Measurement, damping: float = 0.0) -> Measured | FrequencyResponse:

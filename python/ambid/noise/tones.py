@@ -66,7 +66,7 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
         there.
     """
     record, window = part.record, part.window.settled
-    here, rate = model.at(record), record.sample_rate
+    here, rate = part.at(model), record.sample_rate
     per_line, turning = rate / window.samples, here.rig.speed / (2.0 * np.pi)
     suspects = [f for f in (turning, *MAINS) if 2.0 * per_line < f < 0.45 * rate]
     if not window.is_periodic:
@@ -102,7 +102,7 @@ def misses_tone(model: Model, part: RecordLines) -> bool:
         found = find_tones(model, part)
         if all(any(abs(tone.frequency_hz - f) < per_line for f in told) for tone in found):
             return False
-        return bool(confirmed(model, RecordLines(model, part.measured, found)))
+        return bool(confirmed(model, RecordLines(model, part.measured, found, angles=part.angles)))
     return bool(_on_excited_lines(part.at(model), part, part.tones))
 
 

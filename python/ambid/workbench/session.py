@@ -21,7 +21,7 @@ __all__ = ["Bench", "Session", "Tell", "silent"]
 
 KEPT = 8
 """Maps that are kept, for steps that are shown again; each holds a comparison with its records."""
-AGAIN = "\nkept_back = ambid.compare(comparison.model, validate).with_own_angles() if validate else None"
+AGAIN = "\nkept_back = ambid.compare(comparison.model, validate) if validate else None"
 MOVED = "\nkept_back = kept_back.of(comparison.model).with_own_angles() if validate else None"
 
 Tell = Callable[[str, int, int], None]
@@ -259,4 +259,4 @@ def _where(comparison: Comparison) -> Localisation:
 
 
 def _kept_back(bench: Bench, model: Model) -> Comparison | None:
-    return compare(model, bench.validate).with_own_angles() if bench.validate else None
+    return compare(model, bench.validate) if bench.validate else None
