@@ -71,6 +71,8 @@ class Verdict:
         What is left where the effects explain each of several operating points by itself.
     remains : Cell or None
         Where most is left by the effects that explain.
+    kept_back : float or None
+        Misfit of the last model on the records to validate on, where it is above their bound.
     """
 
     word: str
@@ -90,6 +92,7 @@ class Verdict:
     is_chosen: bool
     changes: tuple[Changing, ...]
     remains: Cell | None
+    kept_back: float | None
 
     @property
     def is_to_the_noise(self) -> bool:
@@ -156,6 +159,7 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
         task.is_chosen,
         changes,
         largest_cell(fit, left, change) if word == "explained" else None,
+        _beyond_bound(state),
     )
 
 
@@ -170,6 +174,12 @@ def _is_at_noise(task: Task, state: State) -> bool:
         return bool(above < BEYOND_NOISE)
     other = (kept_back - 1.0 - state.of_formulas / state.dof) * np.sqrt(state.validation.dof / 2.0) / SPREAD
     return bool(above < BEYOND_NOISE and above + other < BEYOND_NOISE * np.sqrt(2.0))
+
+
+def _beyond_bound(state: State) -> float | None:
+    """Misfit of the records to validate on, where it is above their bound."""
+    misfit, kept_back = state.history[-1].validation_misfit, state.validation
+    return misfit if misfit is not None and kept_back is not None and misfit > kept_back.bound else None
 
 
 def _others(task: Task, state: State) -> str:

@@ -108,6 +108,11 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
             f"{change.parameter} seems to change during {change.record}, by {100 * change.relative:.2g} % at "
             f"{change.frequency_hz:.3g} Hz ({change.power:.0f} in units of noise, 2 where nothing changes)"
         )
+    if verdict.kept_back is not None and verdict.word != "none_of_the_candidates":
+        yield (
+            f"on the records to validate on the misfit is {verdict.kept_back:.2f} (J/dof), above its bound: what is "
+            "missing there shows less, or not at all, in the records that the model was fitted to"
+        )
     for part in noise.parts:
         if isinstance(part, ResponseLines):
             yield f"{part.record.name}: {OF_SMALL_MOTION}"
@@ -166,6 +171,8 @@ def next_experiment(verdict: Verdict, history: Sequence[Step]) -> str:
     history : sequence of Step
         With the ranking before each step.
     """
+    if verdict.kept_back is not None and verdict.word in ("adequate", "explained"):
+        return "diagnose the records to validate on together with these, to see what is missing there"
     if verdict.word == "adequate":
         return "nothing is needed in this band and at this amplitude; a larger one would show nonlinear effects"
     if verdict.word == "ambiguous":

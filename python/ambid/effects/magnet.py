@@ -18,6 +18,8 @@ from ambid.rig import Rig
 HOLDING = 0.8
 """Part of the bias from which a mean current says that it holds a weight alone: of a pair of magnets that would carry
 it so, the lower one were all but off."""
+ABOUT_REST = 0.02
+"""Part of the bias within which a mean current says nothing of a weight: it may be stated about that which holds it."""
 
 BIAS_RATIO = "nu: bias current of the rig file over the effective one"
 
@@ -47,8 +49,8 @@ class ForceNonlinearity(Effect):
     single: bool = False
 
     def variants(self, seen: Seen) -> Sequence[ForceNonlinearity]:
-        """About the currents that hold the weight; of one magnet where that current is the bias, see `HOLDING`."""
-        return [ForceNonlinearity(single=True) if _is_single(seen) else ForceNonlinearity(tuple(seen.held))]
+        """About the currents that hold the weight; of one magnet where it may be that, see `_magnets`."""
+        return [ForceNonlinearity(held, single) for held, single in _magnets(seen)]
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Bias current of the rig file over the effective one: 1 for the law as it stands, 0 for the linear one."""
@@ -93,8 +95,8 @@ class FluxSaturation(Effect):
     single: bool = False
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
-        """About the currents that hold the weight; of one magnet where that current is the bias, see `HOLDING`."""
-        return [FluxSaturation(single=True) if _is_single(seen) else FluxSaturation(tuple(seen.held))]
+        """About the currents that hold the weight; of one magnet where it may be that, see `_magnets`."""
+        return [FluxSaturation(held, single) for held, single in _magnets(seen)]
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Linear flux density at bias over that of saturation, sharpness of the knee, bias ratio of the square law."""
@@ -129,10 +131,19 @@ class FluxSaturation(Effect):
         _force_law(plant, "power", {key: self.slot(name) for key, name in slots.items()}, self.held, self.single)
 
 
-def _is_single(seen: Seen) -> bool:
-    """Whether one magnet holds the weight of a plain mass: the mean of its recorded current is the bias."""
+def _magnets(seen: Seen) -> list[tuple[tuple[float, ...], bool]]:
+    """The current that holds the weight on each axis, and whether one magnet does so alone: what may be tried.
+
+    One magnet holds a plain mass where the mean of its recorded current is the bias, see `HOLDING`. Where that mean is
+    nothing, beside what a pair needs, the current may be stated about that at rest: then either may be.
+    """
     (bias, *more) = (bias for bias, _, _ in _of_axes(seen.rig))
-    return seen.rig.rotor.kind == "mass" and not more and bool(seen.held) and seen.held[0] >= HOLDING * bias
+    is_plain = seen.rig.rotor.kind == "mass" and not more
+    if is_plain and seen.held and seen.held[0] >= HOLDING * bias:
+        return [((), True)]
+    pair = (tuple(seen.held), False)
+    is_about_rest = is_plain and (not seen.held or abs(seen.held[0]) < ABOUT_REST * bias)
+    return [pair, ((), True)] if is_about_rest else [pair]
 
 
 def _force_law(plant: Plant, curve: str, slots: Mapping[str, str], held: Sequence[float], single: bool) -> None:

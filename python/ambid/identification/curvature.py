@@ -126,8 +126,8 @@ def _law(comparison: Comparison) -> ForceNonlinearity | None:
     law = ForceNonlinearity()
     if not are_driven or not model.is_linear or law.why_not(model.rig):
         return None
-    (variant,) = law.variants(Seen(model.rig, {}, (), comparison.held))
-    return variant if variant.single else None
+    likeliest, *_ = law.variants(Seen(model.rig, {}, (), comparison.held))
+    return likeliest if likeliest.single else None
 
 
 def _excursion(comparison: Comparison) -> tuple[float, float]:
