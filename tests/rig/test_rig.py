@@ -214,6 +214,7 @@ BROKEN_VALUES = [
     ('name = "B"', 'name = "A"', "bearing[1] (A).name = 'A'", "a name of its own", "rename"),
     ('name = "A"', 'name = "A.1"', "bearing[0] (A.1).name = 'A.1'", "no dots", ""),
     ("tilt = 45.0", 'axes = ["eta"]', "bearing[0] (A).axes = ('eta',)", "['zeta', 'eta'], or ['zeta']", ""),
+    ("tilt = 45.0", 'axes = ["axial"]', "bearing[0] (A).axes[0] = 'axial'", "a rig file of its own", ""),
     ("time_constant = 0.0002", "time_constant = 0.2", "amplifier.time_constant = 0.2", "0 to 0.05 s", "Write 0.0002"),
     ("time_constant = 0.0004", "time_constant = 0", "actuator.time_constant = 0", "1e-7 to 0.05 s", ""),
     ("sample_rate = 10000.0", "sample_rate = 10", "sample_rate = 10", "100 to 1e6 Hz", "kilohertz? Write 10000"),

@@ -82,7 +82,11 @@ class Bearing(Spec):
 
     name: str = Field(description="a name such as A: letters, digits and _, no dots")
     axes: tuple[Literal["zeta", "eta"], ...] = Field(
-        ("zeta", "eta"), description="['zeta', 'eta'], or ['zeta'] for a single axis"
+        ("zeta", "eta"),
+        description=(
+            "['zeta', 'eta'], or ['zeta'] for a single axis, both across the shaft; along it a rotor is a plain mass, "
+            "and a thrust bearing has a rig file of its own"
+        ),
     )
     position: Position
     sensor_position: Position
