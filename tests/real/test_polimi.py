@@ -45,6 +45,8 @@ def test_a_step_that_the_model_misses_is_not_adequate(run):
     """Behind that filter K_i is 0.7 of what the holding current says; over the whole record the misfit is of noise."""
     found = diagnose(*run)
     assert found.verdict == "none_of_the_candidates"
+    units = {port.name: port.unit for port in found.localisation.ports}
+    assert units == {"force": "N", "current": "V", "sensor": "m", "reading": "A"}, "what is commanded is a voltage"
     assert found.history[0].misfit < found.fit.bound
     assert any("noise does not know of the motion" in note for note in found.notes)
 

@@ -36,6 +36,8 @@ PORTS = {
     "sensor": ("y", "m", "displacement at the sensors"),
     "reading": ("i_c", "A", "reading of the current alone"),
 }
+VOLTAGE = {"current": ("i_ref", "V", "voltage of the coils, command included")}
+"""The same port where the command is a voltage."""
 UNSEEN = 1e-9
 """Of the largest singular value: combinations of signals that the records see less of have no weight."""
 WATCHED = ("s", "v", "i_f", "i_ref", "y")
@@ -196,7 +198,7 @@ def needed_at_ports(comparison: Comparison, index: int = 0) -> tuple[Port, ...]:
     responses = loop.transfer(model.theta, window.points(window.excited))
 
     found = []
-    for name, (_, unit, meaning) in _seen(record.channels).items():
+    for name, (_, unit, meaning) in _seen(record.channels, model.rig).items():
         columns = [k for k, inlet in enumerate(loop.inputs) if inlet.startswith(f"{name}.")]
         way = whitening @ responses[:, :p, columns]
         spectrum = _least_squares(way, white)
@@ -214,11 +216,12 @@ def needed_at_ports(comparison: Comparison, index: int = 0) -> tuple[Port, ...]:
     return tuple(sorted(found, key=_by_misfit_then_shape))
 
 
-def _seen(channels: Sequence[str]) -> dict[str, tuple[str, str, str]]:
+def _seen(channels: Sequence[str], rig: Rig) -> dict[str, tuple[str, str, str]]:
     """The ports of which what was recorded tells something: no reading of a current that was not recorded."""
+    ports = PORTS if rig.amplifier.resistance is None else PORTS | VOLTAGE
     return {
         name: own
-        for name, own in PORTS.items()
+        for name, own in ports.items()
         if name != "reading" or any(channel.startswith("i_c.") for channel in channels)
     }
 
@@ -236,7 +239,7 @@ def _of_response(model: Model, part: ResponseLines) -> tuple[Port, ...]:
     white = as_lines(residual - basis @ (basis.T @ residual), outputs * inputs)
     responses = loop.transfer(here.theta, part.points(here))[:, rows]
     found, nothing = [], np.zeros((0, len(here.rig.axes)))
-    for name, (_, unit, meaning) in _seen(part.record.outputs).items():
+    for name, (_, unit, meaning) in _seen(part.record.outputs, model.rig).items():
         columns = [k for k, inlet in enumerate(loop.inputs) if inlet.startswith(f"{name}.")]
         # each excitation calls for a signal of its own
         ways = np.einsum("koc,ij->koicj", responses[:, :, columns], np.eye(inputs))

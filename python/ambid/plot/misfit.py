@@ -113,6 +113,6 @@ def plot_growth(localisation: Localisation, ax: Axes | None = None) -> Axes:
     for side, values in ((ax.xaxis, amplitude), (ax.yaxis, unexplained)):
         side.set_ticks(values, [f"{value:.3g}" for value in values])
         side.set_ticks([], minor=True)
-    dress(ax, title="Growth with amplitude", x="rms of i_e [A]", y="unexplained y, rms [µm]")
+    dress(ax, title="Growth with amplitude", x="rms of the excitation, in its own unit", y="unexplained y, rms [µm]")
     ax.legend(fontsize=SMALL, frameon=False)
     return ax

@@ -24,7 +24,7 @@ SIGNALS = {
     "s": ("displacement s at the magnet [µm]", 1e6),
     "v": ("velocity ds/dt [mm/s]", 1e3),
     "i_f": ("current i [A]", 1.0),
-    "i_ref": ("command i_ref [A]", 1.0),
+    "i_ref": ("command i_ref [{unit}]", 1.0),
     "y": ("reading y [µm]", 1e6),
     "s_other": ("± displacement of the other axis [µm]", 1e6),
     "v_other": ("± velocity of the other axis [mm/s]", 1e3),
@@ -85,6 +85,7 @@ def plot_needed(
     names = list(axes) or [f"axis {k + 1}" for k in range(port.needed.shape[1])]
     for panel, key in zip(panels, _keys(port), strict=True):
         label, scale = SIGNALS[key]
+        label = label.format(unit=port.unit)  # a command is in the unit of the port that it acts at
         x = _signed(port, key)
         centres, _, low, high = _bins(x, port.needed)
         spread = {"facecolor": BAND, "lw": 0.0, "label": "two thirds of the samples"}
