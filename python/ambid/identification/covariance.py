@@ -46,6 +46,8 @@ WHOLLY_UNKNOWN = 1.0
 """A combination of parameters with a relative standard deviation above this is not identifiable."""
 DOUBTFUL = 0.05
 """Relative standard deviation above which it is asked what the excitation alone determines."""
+SEVERAL = 10.0
+"""Lines that share the power of an excitation, beyond which it is more than a sine that falls between lines."""
 RESOLVED = 0.01
 """Relative difference of frequencies at which two records of a single sine each have not the same."""
 ELSEWHERE = 0.01
@@ -108,6 +110,8 @@ def only_frequency(comparison: Comparison, free: Sequence[int]) -> float | None:
     """
     parts, records = comparison.noise.in_time, comparison.noise.records
     if len(parts) < len(records) or any(part.record.is_free_response for part in parts):
+        return None
+    if any(part.lines_driven > SEVERAL for part in parts):
         return None
     rest, left = np.zeros((len(free), len(free))), 0.0
     residuals = comparison.noise.by_record(comparison.residual)

@@ -94,6 +94,12 @@ class JudgedLines:
         """Which of the judged lines holds most of the excitation."""
         return int(np.argmax(np.sum(np.abs(self.drive) ** 2, axis=1)))
 
+    @property
+    def lines_driven(self) -> float:
+        """How many lines share the power of the excitation: so many, if all of them had as much of it."""
+        power = np.sum(np.abs(self.drive) ** 2, axis=1)
+        return float(power.sum() ** 2 / max(float(power @ power), 1e-300))
+
     def _judged(self, signal: FloatArray) -> ComplexArray:
         """The judged lines of a signal that starts with the record."""
         return self._some(self.window.excited_lines(signal), lambda index: self.window.single_lines(signal, index))
