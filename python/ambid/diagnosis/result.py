@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,12 +14,14 @@ from ambid.arrays import FloatArray
 from ambid.diagnosis.candidates import Ranking
 from ambid.diagnosis.localisation import Cell, Localisation, MisfitMap, misfit_maps
 from ambid.diagnosis.moves import TOLD, Moved
+from ambid.effects import Effect
 from ambid.identification import ParameterEstimate
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.window import notes_of
 from ambid.record import Measurement
 from ambid.results import Tabular, band_text, picture, plain
+from ambid.rig import Rig
 
 VERDICTS = {
     "adequate": "nothing is missing that these data can show, in this band and at this amplitude",
@@ -29,6 +31,7 @@ VERDICTS = {
     "not_informative": "these data cannot decide",
 }
 
+SETTING_UNITS = {"z": "m", "frequency_hz": "Hz"}
 IN_THE_MAIN = "in the main only"
 """What the note begins with that takes the place of the verdict's meaning, where more than noise is left."""
 
@@ -303,6 +306,7 @@ class Diagnosis(Tabular):
             of_effects = {e.slot(p.name): f"   {p.meaning}" for e in here.effects for p in e.parameters(here.rig)}
             lines += ["", "parameters of the last model, 95 % intervals:"]
             lines += [f"  {name:34s} {p.line()}{of_effects.get(name, '')}" for name, p in self.parameters.items()]
+            lines += [line for effect in here.effects for line in _settings(effect, here.rig)]
         worst = [cell for cell in self.where[:3] if np.isfinite(cell.misfit)]
         if worst and self.verdict != "adequate":
             lines += ["", "largest misfit of the model at the start:"]
@@ -311,3 +315,16 @@ class Diagnosis(Tabular):
             lines += ["", f"not tried: {'; '.join(f'{name} ({why})' for name, why in self.not_tried.items())}"]
         lines += ["", f"next: {self.next_experiment}", *(f"note: {note}" for note in self._further_notes)]
         return "\n".join(lines)
+
+
+def _settings(effect: Effect, rig: Rig) -> Iterator[str]:
+    """What was found beside the parameters of an effect: its place, its frequency, and what its angle counts from."""
+    own = effect.settings()
+    for name in effect.fine:
+        if own.get(name) is not None:
+            label = f"{effect.name}.{name}"
+            yield f"  {label:34s} {own[name]:.6g} {SETTING_UNITS[name]}   where the misfit is least"
+    if effect.quarters(rig):
+        channels = [f"{signal}.{axis}" for signal in ("y", "i_c") for axis in rig.axes]
+        channel = channels[own.get("reference", 0) % len(channels)]
+        yield f"  {f'{effect.name}, angle':34s} counted from the wave in {channel}"

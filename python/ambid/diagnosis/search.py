@@ -16,6 +16,7 @@ from ambid.diagnosis.candidates import ALPHA, Candidate, Ranking
 from ambid.diagnosis.confirmation import stands
 from ambid.diagnosis.ranking import rank
 from ambid.diagnosis.rivals import EQUALLY_GOOD, Refitted, alternatives, is_driven_off, reconsidered, refits
+from ambid.diagnosis.settled import settled
 from ambid.diagnosis.state import State, Task, nominal_with_effects_of, noted
 from ambid.effects import Effect
 from ambid.errors import ModelError, UnstableLoopError
@@ -164,20 +165,25 @@ def _explains(task: Task, state: State, pair: Refitted) -> bool:
     candidate, better = pair
     own = (p for p in better.model.parameters if p.name.startswith(f"{candidate.effect.name}."))
     is_foreseen = candidate.score > FORESEEN * (state.fit.cost - better.cost)  # by its answer to the excitation
-    stands_in = not is_foreseen and _rings_on(state, better)
+    stands_in = not is_foreseen and _has_more_modes(state.fit, better) and _rings_on(state.fit, better)
     return not any(p.is_at_limit for p in own) and not stands_in and not _rises(task, state, better)
 
 
-def _rings_on(state: State, better: Comparison) -> bool:
+def _has_more_modes(before: Comparison, after: Comparison) -> bool:
+    counts = [len(own.model.without_nonlinear().poles()) for own in (before, after)]
+    return counts[1] > counts[0]
+
+
+def _rings_on(before: Comparison, after: Comparison) -> bool:
     """Whether a step brings a mode that outlasts a record: then its transient, free as it is, stands in for a tone.
 
     A linear mode: what a nonlinear effect does at rest is not what it does in motion.
     """
-    models = [own.model.without_nonlinear() for own in (better, state.fit)]
-    for part in state.fit.noise.in_time:
+    models = [own.model.without_nonlinear() for own in (after, before)]
+    for part in before.noise.in_time:
         lasts = part.record.samples / part.record.sample_rate
         new, known = (model.at(part.record).poles() for model in models)
-        if len(new) > len(known) and _lasting(new, RINGS_ON / lasts) > _lasting(known, 2.0 * RINGS_ON / lasts):
+        if _lasting(new, RINGS_ON / lasts) > _lasting(known, 2.0 * RINGS_ON / lasts):
             return True
     return False
 
@@ -237,7 +243,8 @@ def _worth_refitting(state: State, ranking: Ranking) -> list[Candidate]:
 
 def _taken(task: Task, state: State, better: Comparison, added: Effect) -> State:
     """Go on from a better model; what one far off leaves between the excited lines is no noise, and hides tones."""
-    better = _nearer_the_rig(task, refit(better), added)
+    better = _nearer_the_rig(task, settled(refit(better), added), added)
+    (added,) = (effect for effect in better.model.effects if effect.name == added.name)
     fall, reference = state.fit.cost - better.cost, state.reference
     if added.frequencies_hz(better.model.rig):
         own = {p.name.split(".", 1)[1]: p.value for p in better.model.parameters if p.name.startswith(f"{added.name}.")}
@@ -275,15 +282,20 @@ def _ranked(task: Task, state: State) -> Ranking:
     return rank(state.fit.of(start) if is_lost else state.fit, task.catalogue, start=start, progress=task.progress)
 
 
+def _at_limits(fit: Comparison) -> set[str]:
+    return {p.name for p in fit.model.parameters if p.is_at_limit}
+
+
 def _pruned(task: Task, state: State) -> Iterator[State]:
-    """Take out effects that a later one has made needless."""
+    """Take out effects that a later one has made needless; not where it stands in for a tone, or at a bound."""
     for effect in state.added[:-1]:
         try:
             less = refit(state.fit.of(state.fit.model.without(effect.name)), step=ROUGHLY)
         except UnstableLoopError:
             continue  # no loop without it
         degrees = len(state.fit.model.names) - len(less.model.names)
-        if less.cost - state.fit.cost < chdtri(degrees, ALPHA):
+        stands_in = _rings_on(state.fit, less) or bool(_at_limits(less) - _at_limits(state.fit))
+        if less.cost - state.fit.cost < chdtri(degrees, ALPHA) and not stands_in:
             state = replace(state, fit=refit(less), sets=state.without_set(effect.name))
             state = noted(task, state, _ranked(task, state), removed=effect.name)
             yield state

@@ -38,6 +38,7 @@ class PeriodicDisturbance(Effect):
     signature = "one line that belongs neither to the excitation nor to the speed"
     source = "Pintelon, Schoukens, System Identification, 2nd ed., chapter 2"
     unseen = "the residual has no line of its own beside those of the excitation and the speed"
+    fine = ("frequency_hz",)
 
     frequency_hz: float = 50.0
     port: str = "current"

@@ -297,6 +297,7 @@ class Unbalance(Effect):
     signature = "one line at the frequency of rotation, forward whirl, whether excited or not"
     source = "Friswell, Penny, Garvey, Lees, Dynamics of Rotating Machines, 2010, chapter 6"
     unseen = "no line of the residual turns with the rotor"
+    fine = ("frequency_hz", "z")
 
     z: float | None = None
     reference: int = 0

@@ -132,6 +132,9 @@ class Effect(ABC):
         Part of what it explains that its formula may leave, for another effect to be no better an explanation of.
     unseen : str
         Why it is not tried where it has no `variants`.
+    fine : tuple of str
+        Settings that are numbers, such as a place `z` or a `frequency_hz`: from the values that are tried, a diagnosis
+        moves them to where J is least.
     in_series : mapping of str to str
         Of its parameters, those that a parameter of the base model may be exchanged with: lags of one order, one behind
         the other. Told is then the pair in which the base parameter is nearer to the rig file.
@@ -145,6 +148,7 @@ class Effect(ABC):
     contains: ClassVar[tuple[str, ...]] = ()
     plural: ClassVar[bool] = False
     formula_error: ClassVar[float] = 0.0
+    fine: ClassVar[tuple[str, ...]] = ()
     in_series: ClassVar[Mapping[str, str]] = MappingProxyType({})
     unseen: ClassVar[str] = "the records show nothing that it could be tried at"
 
