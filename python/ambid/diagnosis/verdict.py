@@ -9,6 +9,7 @@ import numpy as np
 
 from ambid.diagnosis.apart import Changing, changing
 from ambid.diagnosis.drift import Change, largest_change
+from ambid.diagnosis.left import shape_left
 from ambid.diagnosis.localisation import Cell, Localisation, largest_cell, localise
 from ambid.diagnosis.state import State, Task
 from ambid.loop.effect import Tone
@@ -73,6 +74,8 @@ class Verdict:
         Where most is left by the effects that explain.
     kept_back : float or None
         Misfit of the last model on the records to validate on, where it is above their bound.
+    shape : str
+        What the last model leaves that is more than noise, and neither linear nor of a name, where that decides.
     """
 
     word: str
@@ -93,6 +96,7 @@ class Verdict:
     changes: tuple[Changing, ...]
     remains: Cell | None
     kept_back: float | None
+    shape: str
 
     @property
     def is_to_the_noise(self) -> bool:
@@ -120,7 +124,10 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
     tones = tuple(tone for tone in left.tones if tone.power > OUTSTANDING)
     is_clean = not tones and (change is None or change.power < OVERTURNS)
     by_share = state.explained_by_physics > EXPLAINED_SHARE and len(state.physics) <= MOST_BY_SHARE
-    is_at_noise = _is_at_noise(task, state)
+    is_at_noise, shape = _is_at_noise(task, state), ""
+    if effects and is_at_noise and not by_share:
+        shape = shape_left(state)
+        is_at_noise = not shape
     changes = () if is_at_noise or is_stopped or not is_clean else changing(state)
     sets = tuple(state.sets[name] for name in effects if len(state.sets.get(name, ())) > 1)
     fit, tried_share = state.fit, 0.0
@@ -160,6 +167,7 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
         changes,
         largest_cell(fit, left, change) if word == "explained" else None,
         _beyond_bound(state),
+        shape,
     )
 
 

@@ -100,6 +100,8 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
         if verdict.tried:
             names, share = ", ".join(verdict.tried), 100 * verdict.tried_share
             yield f"best tried: {names}, which explains {share:.0f} % of the excess misfit; not added"
+        if verdict.shape:
+            yield f"what that leaves is no noise: {verdict.shape}, which nothing of the catalogue brings"
         yield from (f"a tone at {tone.frequency_hz:.2f} Hz is left" for tone in verdict.tones)
         if sentence := verdict.where.sentence():
             yield sentence
