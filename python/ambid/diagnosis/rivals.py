@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ambid.diagnosis.candidates import Candidate
+from ambid.diagnosis.ranking import FAR_OFF
 from ambid.diagnosis.state import State, Task, nominal_with_effects_of
 from ambid.effects import Effect
 from ambid.errors import ModelError, UnstableLoopError
@@ -21,8 +22,6 @@ EQUALLY_GOOD = 9.2
 """Candidates whose criterion is within this of the best cannot be told apart (99 % of a chi-squared with 2 dof)."""
 APART = 2.33
 """Standard deviations of J1 - J2 that tell two rivals apart: chance brings more in one of a hundred records."""
-FAR_OFF = 20.0
-"""Misfit J/dof of a base model above which refits start from the rig file's values too."""
 
 Refitted = tuple[Candidate, Comparison]
 
