@@ -4,7 +4,6 @@ import pytest
 
 from ambid import Model, compare
 from ambid.diagnosis.search import _rings_on
-from ambid.diagnosis.state import State
 from hidden.experiment import experiment
 
 
@@ -15,7 +14,7 @@ def test_a_mode_that_outlasts_the_record_stands_in_for_a_tone(damping, rings):
     base = compare(Model(rig), train)
     values = {"frequency_hz": 10.0, "damping": damping, "inverse_mass": 1e-9}
     better = base.of(base.model.add("foundation_resonance", values))
-    assert _rings_on(State(base, base, base), better) is rings
+    assert _rings_on(base, better) is rings
 
 
 def test_a_hysteresis_is_no_mode():
@@ -23,4 +22,4 @@ def test_a_hysteresis_is_no_mode():
     rig, (train,), _, _ = experiment(None)
     base = compare(Model(rig), train)
     better = base.of(base.model.add("magnetic_hysteresis", {"share": 0.05, "inverse_width": 4.0}))
-    assert not _rings_on(State(base, base, base), better)
+    assert not _rings_on(base, better)

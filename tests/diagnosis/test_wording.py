@@ -10,7 +10,7 @@ from ambid import Model, compare, effects
 from ambid.diagnosis.ports import needed_at_ports
 from ambid.diagnosis.state import State
 from ambid.diagnosis.verdict import Verdict
-from ambid.diagnosis.wording import notes
+from ambid.diagnosis.wording import next_experiment, notes
 from ambid.report.words import left_sentence
 from ambid.results import told_apart
 from ambid.rig import Rig
@@ -24,6 +24,7 @@ def verdict(model, **keys):
     fit = SimpleNamespace(model=model, records=(), bound=1.1, loudest=1.0)
     own = {"word": "explained", "effects": ("periodic_disturbance",), "sets": (), "fit": fit, "misfit": 1.0}
     own |= {"tolerance": 1.1, "share": 0.99, "change": None, "changes": (), "is_stopped": False, "is_chosen": False}
+    own |= {"kept_back": None, "shape": ""}
     own = dict.fromkeys(Verdict.__annotations__, ()) | own | keys
     return Verdict(**own)
 
@@ -43,6 +44,14 @@ def test_what_remains_is_told_with_the_bound_that_it_failed(hum):
     (left, *_) = notes(verdict(hum, misfit=1.15, fit=loud), QUIET)
     assert "1.70 times the noise remains while the machine moves, above 1.10" in left
     assert not any("in the main" in note for note in notes(verdict(hum), QUIET))
+
+
+def test_a_misfit_of_records_kept_back_is_told_and_asked_for(hum):
+    poor = verdict(hum, kept_back=1.53)
+    assert any(note.startswith("on the records to validate on the misfit is 1.53") for note in notes(poor, QUIET))
+    assert next_experiment(poor, ()) == next_experiment(verdict(hum, word="adequate", kept_back=1.53), ())
+    assert "together with these" in next_experiment(poor, ())
+    assert not any("validate" in note for note in notes(verdict(hum), QUIET))
 
 
 def test_the_louder_motion_of_an_adequate_model_is_not_called_missing_physics(hum):
