@@ -55,8 +55,9 @@ class Candidate:
         So many of the degrees of freedom can only have one sign.
     variants : float
         So many independent places, frequencies or sizes were tried.
-    near : tuple of (Effect, dict)
-        Other variants with nearly the same score, with the values predicted for them: only a refit tells them apart.
+    near : tuple of (Effect, dict, float)
+        Other variants with a score that is near enough for a refit to tell, the values predicted for them, and their
+        score over that of the best.
     """
 
     effect: Effect
@@ -73,7 +74,7 @@ class Candidate:
     spread: float = 1.0
     one_sided: int = 0
     variants: float = 1.0
-    near: tuple[tuple[Effect, dict[str, float]], ...] = field(default=(), repr=False, compare=False)
+    near: tuple[tuple[Effect, dict[str, float], float], ...] = field(default=(), repr=False, compare=False)
 
     @property
     def chance(self) -> float:

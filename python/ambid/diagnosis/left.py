@@ -12,6 +12,7 @@ import numpy as np
 from ambid.diagnosis.ports import needed_at_ports
 from ambid.diagnosis.state import State
 from ambid.errors import UnstableLoopError
+from ambid.noise.lines import RecordLines
 
 __all__ = ["shape_left"]
 
@@ -20,9 +21,14 @@ SHAPED = 1e-5
 
 
 def shape_left(state: State) -> str:
-    """The nonlinear shape that the last model leaves most surely, in words; empty where none is sure."""
+    """The nonlinear shape that the last model leaves most surely, in words; empty where none is sure.
+
+    Asked of records with periods, whose noise is measured: without, it is what is left, and may have any shape.
+    """
     least, told = np.log(SHAPED), ""
-    for index in range(len(state.fit.noise.records)):
+    for index, part in enumerate(state.fit.noise.parts):
+        if not (isinstance(part, RecordLines) and part.noise_is_measured):
+            continue
         try:
             ports = needed_at_ports(state.fit, index)
         except UnstableLoopError:  # a nonlinear model that is not stable at rest has no way back to a port

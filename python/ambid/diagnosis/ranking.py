@@ -47,11 +47,8 @@ OWN = 1e-12
 SLIPS = (ControllerGainError, ExcitationGainError)
 KNOWN_COMMAND = "i_e comes from the recorded command, and holds whatever the controller's gains miss"
 UNDRIVEN = "nothing drives the records, and what an effect changes of a free response is not told from how it began"
-NEAR, NEAR_BY_FAR = 0.99, 0.5
-"""Part of the best score from which on only a refit tells variants of an effect apart; of a model that is far off,
-whose scores can err by as much, the other."""
-FAR_OFF = 20.0
-"""Misfit J/dof of such a model; refits start from the rig file's values, too."""
+NEAR = 0.5
+"""Part of the best score from which on a refit may find another variant of an effect better: scores can err by that."""
 MOST_NEAR = 2
 """So many variants are refitted beside the best."""
 CONFUSABLE = 0.9
@@ -245,8 +242,8 @@ def _best(point: Point, variants: Sequence[Effect], cost: float) -> tuple[Candid
         turned = block_diag(*[call.of.turned for call in calls])
         independent = independent_tests(turned.T @ gram @ turned, len(calls))
     best, *others = sorted(calls, key=lambda call: call.chance(independent))
-    share = NEAR_BY_FAR if cost > FAR_OFF * point.dof else NEAR
-    near = [(c.effect, c.predicted) for c in others if c.fall > share * best.fall and not is_nonlinear(c.rig, c.effect)]
+    linear = [c for c in others if c.fall > NEAR * best.fall and not is_nonlinear(c.rig, c.effect)]
+    near = [(c.effect, c.predicted, c.fall / best.fall) for c in linear if best.fall > 0.0]
     return replace(best.candidate(independent), near=tuple(near[:MOST_NEAR])), why
 
 

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from ambid.diagnosis.candidates import Candidate
-from ambid.diagnosis.ranking import FAR_OFF
 from ambid.diagnosis.state import State, Task, nominal_with_effects_of
 from ambid.effects import Effect
 from ambid.errors import ModelError, UnstableLoopError
@@ -22,6 +21,10 @@ EQUALLY_GOOD = 9.2
 """Candidates whose criterion is within this of the best cannot be told apart (99 % of a chi-squared with 2 dof)."""
 APART = 2.33
 """Standard deviations of J1 - J2 that tell two rivals apart: chance brings more in one of a hundred records."""
+FAR_OFF = 20.0
+"""Misfit J/dof of a base model above which refits start from the rig file's values too."""
+LIKE = 0.99
+"""Part of a variant's score that another must have for both to be refitted; of a base model that is far off, none."""
 
 Refitted = tuple[Candidate, Comparison]
 
@@ -62,7 +65,10 @@ def refits(task: Task, state: State, tried: Sequence[Candidate], *, whatever_pro
 def _best_variant(state: State, candidate: Candidate, fit: Comparison) -> Refitted:
     """The candidate, or the variant of it that does better once it is refitted."""
     found = (candidate, fit)
-    for effect, values in candidate.near:
+    is_far_off = state.fit.cost > FAR_OFF * state.dof
+    for effect, values, share in candidate.near:
+        if not is_far_off and share < LIKE:
+            continue
         try:
             other = refit(state.fit.of(state.fit.model.add(effect, values)), step=ROUGHLY)
         except (UnstableLoopError, ModelError, ValueError):
