@@ -37,7 +37,7 @@ def settled(fit: Comparison, effect: Effect) -> Comparison:
         (here,) = (own for own in best.model.effects if own.name == effect.name)
         if getattr(here, name) is not None:
             best = _along(best, here, name, _first_step(fit, name))
-    return refit(best) if fit.cost - best.cost > chdtri(len(effect.fine), ALPHA) else fit
+    return refit(best) if best is not fit and fit.cost - best.cost > chdtri(len(effect.fine), ALPHA) else fit
 
 
 def _first_step(fit: Comparison, name: str) -> float:
@@ -69,9 +69,14 @@ def _along(fit: Comparison, effect: Any, name: str, step: float) -> Comparison:
 
 def _at(fit: Comparison, effect: Effect) -> Comparison | None:
     """The fit with another variant of an effect in its place; nothing where the rotor is not known there."""
-    prefix = f"{effect.name}."
-    own = {p.name.removeprefix(prefix): p.value for p in fit.model.parameters if p.name.startswith(prefix)}
+    model, known = fit.model, dict(zip(fit.model.names, fit.model.theta.tolist(), strict=True))
+    later = model.effects[[own.name for own in model.effects].index(effect.name) + 1 :]
+    for own in (effect, *later):
+        model = model.without(own.name)
     try:
-        return refit(fit.of(fit.model.without(effect.name).add(effect, own)), step=ROUGHLY)
+        for own in (effect, *later):
+            prefix = f"{own.name}."
+            model = model.add(own, {k.removeprefix(prefix): v for k, v in known.items() if k.startswith(prefix)})
+        return refit(fit.of(model), step=ROUGHLY)
     except (UnstableLoopError, ModelError, ValueError):
         return None
