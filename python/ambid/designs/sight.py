@@ -153,7 +153,8 @@ def visible(comparison: Comparison, catalogue: Sequence[Effect] = CATALOGUE) -> 
     Visibility
         Of each effect the variant and the parameter that show best.
     """
-    point, seen, present = Point(comparison), see(comparison), {own.name for own in comparison.model.effects}
+    point, present = Point(comparison), {own.name for own in comparison.model.effects}
+    seen = replace(see(comparison), held=())  # what holds the weight is not simulated
     others = [effect for effect in catalogue if effect.name not in present]
     candidates = sum(comparison.model.home_of(effect) is not None for effect in others)
     felt: dict[str, list[_Felt]] = {}

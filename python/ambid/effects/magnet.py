@@ -142,7 +142,7 @@ def _magnets(seen: Seen) -> list[tuple[tuple[float, ...], bool]]:
     if is_plain and seen.held and seen.held[0] >= HOLDING * bias:
         return [((), True)]
     pair = (tuple(seen.held), False)
-    is_about_rest = is_plain and (not seen.held or abs(seen.held[0]) < ABOUT_REST * bias)
+    is_about_rest = is_plain and bool(seen.held) and abs(seen.held[0]) < ABOUT_REST * bias
     return [pair, ((), True)] if is_about_rest else [pair]
 
 
