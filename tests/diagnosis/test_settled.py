@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from ambid import diagnose
+from ambid import Model, diagnose
 from ambid.effects import find
+from ambid.effects.support import SealForces
 from hidden.bench import measured
 from hidden.families import BENCHES
 
@@ -28,6 +29,16 @@ def test_a_seal_is_found_where_it_is():
     assert seal.z == pytest.approx(z, abs=0.02 * (last - first))
     assert abs(found.parameters["seal_forces.direct_stiffness"].value / 4e5 - 1.0) < 0.01
     assert f"seal_forces.z                      {seal.z:.6g} m" in repr(found)
+
+
+def test_a_place_that_a_person_gives_stays():
+    first, *_, last = sorted(bearing.position for bearing in BENCH.rig.bearings)
+    hidden = {"seal_forces": {"z": 0.4 * first + 0.6 * last, "direct": 4e5, "cross": 2e5, "damping": 200.0}}
+    train, here = record(BENCH.rig, hidden, 1), SealForces(0.5 * first + 0.5 * last)
+    assert diagnose(BENCH.rig, train, effects=[here]).model.effects == (here,)
+    model = Model(BENCH.rig).add(here)
+    added = diagnose(model, train, effects=["sensor_position_error"])
+    assert added.model.effects[0] == here
 
 
 def test_a_large_unbalance_does_not_become_a_mode_that_rings_on():

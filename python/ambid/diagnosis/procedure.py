@@ -56,7 +56,8 @@ def diagnose(
     validate : likewise
         Not used for choosing; best at another amplitude.
     effects : sequence of str or Effect, optional
-        A person's own choice: add these, names of the catalogue or effects, in this order, instead of choosing.
+        A person's own choice: add these, names of the catalogue or effects, in this order, instead of choosing. An
+        effect keeps the settings that it is given with, such as its place.
     catalogue : sequence of Effect
         Candidates; effects of your own may be among them.
     tolerance : float
@@ -107,7 +108,14 @@ def diagnose(
     estimate = identify(start, records)
     if why := _uninformed(start, estimate):
         return Diagnosis.uninformative(estimate.model, records, [why], begun)
-    task = Task(_nominal(start), tuple(validate), tuple(catalogue), progress, is_chosen=chosen is not None)
+    task = Task(
+        nominal=_nominal(start),
+        validate=tuple(validate),
+        catalogue=tuple(catalogue),
+        progress=progress,
+        is_chosen=chosen is not None,
+        as_given=tuple(effect for effect in chosen or () if effect.settings()),
+    )
     base = estimate.comparison
     if not base.is_adequate and not all(part.noise_is_measured for part in base.noise.parts):
         base = refit(base)  # `identify` did not trust the weights, as physics is missing

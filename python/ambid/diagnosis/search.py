@@ -244,8 +244,9 @@ def _worth_refitting(state: State, ranking: Ranking) -> list[Candidate]:
 def _taken(task: Task, state: State, better: Comparison, added: Effect) -> State:
     """Go on from a better model; what one far off leaves between the excited lines is no noise, and hides tones."""
     better = refit(better)
-    for effect in better.model.effects:  # beside what was added since, a place is another
-        better = settled(better, effect)
+    for effect in better.model.effects[len(state.base.model.effects) :]:
+        if effect not in task.as_given:
+            better = settled(better, effect)  # beside what was added since, a place is another
     better = _nearer_the_rig(task, better, added)
     (added,) = (effect for effect in better.model.effects if effect.name == added.name)
     fall, reference = state.fit.cost - better.cost, state.reference

@@ -33,6 +33,8 @@ class Task:
     progress : callable
     is_chosen : bool
         Whether a person has chosen the effects.
+    as_given : tuple of Effect
+        Effects that a person has chosen with their settings, which stay.
     """
 
     nominal: Model
@@ -40,6 +42,7 @@ class Task:
     catalogue: tuple[Effect, ...]
     progress: Progress
     is_chosen: bool = False
+    as_given: tuple[Effect, ...] = ()
 
 
 @dataclass(frozen=True)
