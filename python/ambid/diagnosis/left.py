@@ -16,7 +16,7 @@ from ambid.noise.lines import RecordLines
 
 __all__ = ["shape_left"]
 
-SHAPED = 1e-5
+SHAPE_LEFT = 1e-5
 """Chance of the score of a shape that is no chance, over some twenty shapes: right models leave none below 1e-2."""
 
 
@@ -25,7 +25,7 @@ def shape_left(state: State) -> str:
 
     Asked of records with periods, whose noise is measured: without, it is what is left, and may have any shape.
     """
-    least, told = np.log(SHAPED), ""
+    least, told = np.log(SHAPE_LEFT), ""
     for index, part in enumerate(state.fit.noise.parts):
         if not (isinstance(part, RecordLines) and part.noise_is_measured):
             continue
