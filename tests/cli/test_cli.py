@@ -254,7 +254,14 @@ def test_campaign(here, bench, command):
         (a, m) for a in AXES for m in ("prbs", "static")
     }
     assert imread("K_i.png").shape[0] > 300
-    assert command("campaign", bench, "--quiet").out == ""
+
+
+def test_a_campaign_replaces_its_own_tables_but_no_record(bench, short, command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    again = ("campaign", bench, "--quiet", "--table", "c.csv")
+    assert [(command(*again).code, Path("c_K_s.csv").is_file()) for _ in range(2)] == [(0, True)] * 2
+    shutil.copy(short / "run.csv", "c_K_s.csv")
+    assert "--table c_K_s.csv: would replace a record" in command(*again).err
 
 
 def test_exit_code_1_when_the_evaluations_run_out(here, command):

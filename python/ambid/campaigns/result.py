@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ambid.campaigns.tables import Table, save_tables
+from ambid.campaigns.tables import FIRST, Table, save_tables
 from ambid.identification import Estimate, ParameterEstimate, StaticEstimate
 from ambid.results import picture
 from ambid.rig import Rig
@@ -205,7 +205,7 @@ def _force_current(campaign: Campaign) -> Table:
         for axis in campaign.axes
     )
     title = "K_i [N/A] with 95 % interval, by closed-loop identification and by static loading"
-    return Table("K_i", title, ("folder", "axis", "i0 [A]", *campaign.methods), rows)
+    return Table("K_i", title, (FIRST, "axis", "i0 [A]", *campaign.methods), rows)
 
 
 def _force_displacement(campaign: Campaign) -> Table:
@@ -216,7 +216,7 @@ def _force_displacement(campaign: Campaign) -> Table:
             rows.append((point.folder.name, runs.kind, _bias(point, campaign), *cells))
     heading = [name for axis in campaign.axes for name in (axis, "RSD %")]
     title = "K_s [N/m] and its relative standard deviation over the runs, by axis"
-    return Table("K_s", title, ("folder", "records", "i0 [A]", *heading), tuple(rows))
+    return Table("K_s", title, (FIRST, "records", "i0 [A]", *heading), tuple(rows))
 
 
 def _lag(campaign: Campaign) -> Table:
@@ -233,7 +233,7 @@ def _lag(campaign: Campaign) -> Table:
         for runs in point.runs
     )
     title = "tau_e [s] and its relative standard deviation over the runs; average fit of y"
-    return Table("tau_e", title, ("folder", "records", "i0 [A]", "tau_e", "RSD %", "fit %", "noise ceiling %"), rows)
+    return Table("tau_e", title, (FIRST, "records", "i0 [A]", "tau_e", "RSD %", "fit %", "noise ceiling %"), rows)
 
 
 def _bias(point: BiasPoint, campaign: Campaign) -> str:

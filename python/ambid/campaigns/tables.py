@@ -12,10 +12,12 @@ from ambid.errors import InputError
 from ambid.symbols import in_latex
 from ambid.writing import whole_file
 
-__all__ = ["Table", "save_tables", "table_files"]
+__all__ = ["Table", "is_table", "save_tables", "table_files"]
 
 NAMES = ("K_i", "K_s", "tau_e")
 SUFFIXES = (".csv", ".tex")
+FIRST = "folder"
+"""What every table has in its first column, and no record."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,12 @@ def table_files(path: Path) -> list[Path]:
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path}: the suffix is {path.suffix or 'missing'}; expected {' or '.join(SUFFIXES)}")
     return [path.with_stem(f"{path.stem}_{name}") for name in NAMES]
+
+
+def is_table(path: Path) -> bool:
+    """Whether a file that is there may be one that `save_tables` wrote, and not a record."""
+    with path.open("rb") as stream:
+        return stream.readline(len(FIRST) + 1) == f"{FIRST},".encode()
 
 
 def save_tables(tables: Sequence[Table], path: str | Path) -> list[Path]:

@@ -167,14 +167,12 @@ def campaign_command(
     quiet: Quiet = False,
 ) -> None:
     """Find K_i by both methods, K_s and tau_e at every bias current of a campaign."""
-    from ambid.campaigns.tables import table_files  # not at the top: --help need not open that room
+    from ambid.campaigns.tables import is_table, table_files  # not at the top: --help need not open that room
 
-    outputs = {
-        "--json": json_file,
-        "--plot": [] if plot is None else ambid.plot.campaign_files(plot),
-        "--table": [] if table is None else table_files(table),
-    }
-    require_outputs({}, outputs)
+    tables = [] if table is None else table_files(table)
+    plots = [] if plot is None else ambid.plot.campaign_files(plot)
+    outputs = {"--json": json_file, "--plot": plots, "--table": tables}
+    require_outputs({}, outputs, replaced=[path for path in tables if path.is_file() and is_table(path)])
     is_stopped = False
     with stoppable(), progress(quiet, "campaign") as report:
         try:

@@ -22,15 +22,15 @@ Files = Mapping[str, Path | Sequence[Path] | None]
 """By option or argument; None where it was not given."""
 
 
-def require_outputs(inputs: Files, outputs: Files, replaced: Sequence[str] = ()) -> None:
+def require_outputs(inputs: Files, outputs: Files, replaced: Sequence[str | Path] = ()) -> None:
     """Refuse outputs before any work is done.
 
     Parameters
     ----------
     inputs, outputs : mapping
         What the command reads and writes.
-    replaced : sequence of str
-        Options whose file may be a rig or a record that is there.
+    replaced : sequence of str or Path
+        Options whose file may be a rig or a record that is there; and files that look like one, and are none.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def require_outputs(inputs: Files, outputs: Files, replaced: Sequence[str] = ())
             raise InputError(f"{option} {path}: the same file as {other} {its}; give another file")
     for option, path in written:
         require_writable(path)
-        if option not in replaced and path.is_file():
+        if option not in replaced and path not in replaced and path.is_file():
             _require_own_kind(option, path)
 
 
