@@ -121,7 +121,7 @@ def test_pictures_of_two_methods_a_panel_for_each_axis(found, tmp_path):
     k_i = [point.force_current("static", "B_eta") for point in found.points]
     np.testing.assert_allclose(static.lines[0].get_ydata(), [p.value for p in k_i])
     strip = panels[3].figure.axes[7]
-    assert strip.get_ylabel() == "off their mean [%]"
+    assert strip.get_ylabel() == "off their\nmean [%]"
     low = strip.containers[2].lines[2][0].get_segments()[0][0, 1]
     means = np.mean([found.points[0].force_current(method, "B_eta").value for method in found.methods])
     assert low == pytest.approx(100.0 * (k_i[0].ci95[0] / means - 1.0))

@@ -24,6 +24,16 @@ def test_a_weak_effect_that_is_there_all_the_time_is_still_named(seed):
     assert "sensor_lag" in {*found.effects, *(name for names in found.ambiguous_sets for name in names)}, found
 
 
+@pytest.mark.parametrize("frequency", [50.0, 50.37])
+@pytest.mark.parametrize("seed", range(2))
+def test_a_weak_hum_that_is_there_all_the_time_is_named(seed, frequency):
+    """Two tenths of a milliampere: each half shows its lines, while the misfit of all lines is within its bound."""
+    hum = {"periodic_disturbance": {"frequency_hz": frequency, "amplitude": 2e-4, "port": "current"}}
+    found = diagnose(RIG, record(hum, seed))
+    assert found.history[0].misfit < 1.15
+    assert found.effects == ("periodic_disturbance",), found
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_what_is_in_one_half_only_is_not_named(seed):
     """A gain of y that is 0.1 % off in the first half: small enough to leave the base model adequate."""

@@ -6,6 +6,8 @@ that were kept back, or, where there are none, on each half of those that it was
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.special import chdtri
 
@@ -52,18 +54,30 @@ def stands(task: Task, state: State, pair: Refitted) -> bool:
         return True
     for k in (0, 1):
         own = [half[k] for half in split]
-        if all(isinstance(record, Record) and record.is_free_response for record in own):
+        is_wave = bool(candidate.effect.quarters(better.model.rig))
+        if all(isinstance(record, Record) and record.is_free_response for record in own) and not is_wave:
             if not better.is_adequate:
                 return False
             continue  # a step moves one half only: what explains all of that stands
         try:
-            base = refit(Comparison(undisturbed(state.fit.model), own), step=ROUGHLY)
-            fall = base.cost - refit(base.of(undisturbed(better.model)), step=ROUGHLY).cost
+            fall = _fall_by_wave(state, better, own) if is_wave else _fall(state, better, own)
         except (RecordError, UnstableLoopError):
             continue  # too short to be judged
         if fall < chdtri(candidate.degrees, CHANCE):
             return False
     return True
+
+
+def _fall(state: State, better: Comparison, records: Sequence[Measurement]) -> float:
+    """By how much the step lowers J of other records; a wave begins them at another angle, and is left out."""
+    base = refit(Comparison(undisturbed(state.fit.model), records), step=ROUGHLY)
+    return base.cost - refit(base.of(undisturbed(better.model)), step=ROUGHLY).cost
+
+
+def _fall_by_wave(state: State, better: Comparison, records: Sequence[Measurement]) -> float:
+    """The same where it is itself a wave, which alone has the lines that it is judged on."""
+    full = refit(Comparison(better.model, records), step=ROUGHLY)
+    return refit(full.of(state.fit.model), step=ROUGHLY).cost - full.cost
 
 
 def halves(record: Measurement) -> tuple[Measurement, ...]:

@@ -86,7 +86,7 @@ def plot_campaign(campaign: Campaign, quantity: str = "K_i", ax: Sequence[Axes] 
             panel.set_xlabel("bias current i₀ [A]", fontsize=LABEL)
             continue
         strip.axhline(0.0, color=GUIDE, lw=0.8, ls=":")
-        dress(strip, y="off their mean [%]")
+        dress(strip, y="off their\nmean [%]")
         strip.yaxis.label.set_fontsize(SMALL)
     if ax is None:
         for strip in grid[-1]:
