@@ -45,6 +45,8 @@ def test_a_rotor_that_turns_tells_the_gains_of_its_planes():
     assert [effect.between_planes for effect in at_rest] == [False]
     both = find("sensor_gain_error").variants(Seen(FAST, {}))
     assert [effect.between_planes for effect in both] == [False, True]
+    beside_a_seal = find("sensor_gain_error").variants(Seen(BENCH.rig.replace(speed=0.0), {}, across_planes=True))
+    assert [effect.between_planes for effect in beside_a_seal] == [False, True]
     front, rear = FAST.bearings
     aligned = FAST.model_copy(update={"bearings": (front, rear.model_copy(update={"tilt": front.tilt}))})
     i_e = ambid.prbs(7, amplitude=0.2, axes=4)

@@ -156,7 +156,8 @@ def see(comparison: Comparison) -> Seen:
         for k, name in enumerate(watched, start=2):
             peaks[name] = max(peaks[name], float(found[k * n : (k + 1) * n].max()))
     tones = {round(tone.frequency_hz, 3): tone for own in noise.tones for tone in own}
-    return Seen(model.rig, peaks, tuple(tones.values()), comparison.held, model.points)
+    across = any(effect.across_planes for effect in model.effects)
+    return Seen(model.rig, peaks, tuple(tones.values()), comparison.held, model.points, across)
 
 
 class Point:

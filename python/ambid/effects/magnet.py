@@ -309,6 +309,7 @@ class AxisCrossCoupling(Effect):
     equation = "F_zeta of i_zeta + c i_eta, F_eta of i_eta + c i_zeta"
     signature = "zeta answers eta and eta answers zeta with the same sign, at one bearing"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 3"
+    across_planes = True
 
     def why_not(self, rig: Rig) -> str:
         """Bearings of one axis."""

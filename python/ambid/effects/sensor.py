@@ -55,8 +55,9 @@ class SensorGainError(Effect):
     Attributes
     ----------
     between_planes : bool
-        Whether one plane's gain against the other's is told, too, as a rotor that turns, or a controller that acts from
-        one plane to the other, may tell it; bearings that are turned against each other always do.
+        Whether one plane's gain against the other's is told, too, as a rotor that turns, or a controller or another
+        effect that acts from one plane to the other, may tell it; bearings that are turned against each other always
+        do.
     """
 
     name = "sensor_gain_error"
@@ -69,7 +70,8 @@ class SensorGainError(Effect):
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
         """With and without a gain between planes that act on each other."""
-        acts = bool(seen.speeds - {0.0}) or isinstance(seen.rig.controller, StateSpaceController)
+        is_matrix = isinstance(seen.rig.controller, StateSpaceController)
+        acts = is_matrix or seen.across_planes or bool(seen.speeds - {0.0})
         return [SensorGainError(apart) for apart in (False, True)[: 1 + acts]]
 
     def why_not(self, rig: Rig) -> str:
@@ -147,6 +149,7 @@ class SensorMisalignment(Effect):
     equation = "y_zeta = true y_zeta + a true y_eta, y_eta = true y_eta - a true y_zeta"
     signature = "zeta answers eta with opposite sign to eta answering zeta, in y of one bearing"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 8"
+    across_planes = True
 
     def why_not(self, rig: Rig) -> str:
         """Bearings of one axis."""

@@ -45,6 +45,7 @@ class SealForces(Effect):
     signature = "rigid-body band, both planes, and one plane answering the other with opposite signs"
     source = "Childs, Turbomachinery Rotordynamics, 1993, chapter 4"
     plural = True
+    across_planes = True
     fine = ("z",)
 
     z: float | None = None

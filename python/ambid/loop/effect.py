@@ -51,6 +51,8 @@ class Seen:
         Mean current of each axis, which holds the weight of the rotor [A]; empty where it was not recorded.
     points : sequence of Rig
         Further operating points that there are records of.
+    across_planes : bool
+        Whether an effect of the model makes one plane act on the other.
     """
 
     rig: Rig
@@ -58,6 +60,7 @@ class Seen:
     tones: Sequence[Tone] = ()
     held: Sequence[float] = ()
     points: Sequence[Rig] = ()
+    across_planes: bool = False
 
     @property
     def speeds(self) -> frozenset[float]:
@@ -128,6 +131,8 @@ class Effect(ABC):
         Names of simpler effects that this one includes; where one of them does as well, it is named instead.
     plural : bool
         Whether its name is a plural.
+    across_planes : bool
+        Whether it makes one plane of the rotor act on the other.
     formula_error : float
         Part of what it explains that its formula may leave, for another effect to be no better an explanation of.
     unseen : str
@@ -147,6 +152,7 @@ class Effect(ABC):
     equation: ClassVar[str] = ""
     contains: ClassVar[tuple[str, ...]] = ()
     plural: ClassVar[bool] = False
+    across_planes: ClassVar[bool] = False
     formula_error: ClassVar[float] = 0.0
     fine: ClassVar[tuple[str, ...]] = ()
     in_series: ClassVar[Mapping[str, str]] = MappingProxyType({})
