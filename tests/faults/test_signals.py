@@ -21,8 +21,8 @@ from faults.jobs import FEW, JOBS, ONE_BY_ONE, OPTIONS, STORY, disturbed, ended,
 from faults.promises import CODES, check
 
 FAST = {"SIGKILL": 10, "SIGINT": 5, "SIGTERM": 5}
-MANY = {"SIGKILL": 24, "SIGINT": 8, "SIGTERM": 8}
-SOME = {"SIGKILL": 8, "SIGINT": 2, "SIGTERM": 2}
+MANY = {"SIGKILL": 12, "SIGINT": 4, "SIGTERM": 4}
+SOME = {"SIGKILL": 6, "SIGINT": 2, "SIGTERM": 2}
 """Of a command that takes seconds."""
 READY = "from ambid.cli import main, signals; signals.watch(); import os; os.write(1, b'.'); main()"
 """Says when signals are heard, before the command itself is imported."""

@@ -15,15 +15,16 @@ from ambid.identification.curvature import Curvature, curvature
 from ambid.identification.damped import damped_start
 from ambid.identification.estimate import Estimate, ParameterEstimate
 from ambid.identification.minimum import ROUGHLY, WhitenedProblem
+from ambid.identification.preparation import prepare
 from ambid.identification.problem import Descent, End, LeastSquares, Limits, Problem, noise_levels
-from ambid.identification.starts import best_of, is_kept_away, spread_starts, stable_model
+from ambid.identification.starts import best_of, is_kept_away, stable_model
 from ambid.model import Model
 from ambid.noise import Comparison, Noise, compare
-from ambid.record import FrequencyResponse, Measurement, Record, Source, measured
+from ambid.record import Measurement, Record, Source
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
-__all__ = ["Found", "Steps", "identify", "several", "steps"]
+__all__ = ["LIKELIHOOD", "Found", "Steps", "identify", "steps"]
 
 LIKELIHOOD, EQ_9 = "likelihood", "eq9"
 MISFIT = (
@@ -58,6 +59,21 @@ class Found(NamedTuple):
         if (found := curvature(comparison, free, self.limits, self.covariance)) is None:
             return self
         return self._replace(covariance=self.covariance + np.outer(found.shift, found.shift), curvature=found)
+
+    @property
+    def misfit(self) -> float:
+        """J/dof."""
+        return self.comparison.misfit
+
+    @property
+    def bound(self) -> float:
+        """Misfit up to which the model may be right."""
+        return self.comparison.bound
+
+    @property
+    def is_adequate(self) -> bool:
+        """See `Comparison.is_adequate`."""
+        return self.comparison.is_adequate
 
     @property
     def status(self) -> str:
@@ -171,25 +187,8 @@ def steps(
     """The identification that `identify` describes, descent by descent."""
     if isinstance(weights, str) and weights not in (LIKELIHOOD, EQ_9):
         raise ModelError(f"weights = {weights!r}; expected {LIKELIHOOD!r}, {EQ_9!r}, or factors by channel")
-    for name, number, least in (("starts", starts, 1), ("seed", seed, 0), ("max_evaluations", max_evaluations, 1)):
-        if number < least:
-            raise ModelError(f"{name} = {number}; expected {least} or more")
-    model = Model(model) if isinstance(model, Rig) else model
-    records = measured(records, model.rig)
-    if isinstance(fixed, Mapping):
-        model = model.with_values({model.names[i]: v for name, v in fixed.items() for i in model.index([name])})
-    _check_records(model, records)
-    model = model.covering(records)
-    in_time = tuple(record for record in records if isinstance(record, Record))
-    for record in in_time:
-        model.excitation(record)  # refuses a record without one
-    chosen = set(range(len(model.names)) if free is None else model.index(several(free)))
-    chosen -= set(model.index(several(fixed)))
-    if not chosen:
-        raise ModelError("no parameter is free; leave some out of `fixed`, or name some in `free`")
-    free_indices = sorted(chosen)
-    limits = _limits(model, free_indices, bounds)
-    origins = spread_starts(model.theta, free_indices, limits, starts, seed)
+    prepared = prepare(model, records, free, fixed, bounds, starts, seed, max_evaluations)
+    model, records, in_time, free_indices, limits, origins = prepared
     notes: list[str] = []
     if weights == LIKELIHOOD:
         try:
@@ -212,11 +211,6 @@ def steps(
     return (
         yield from _in_time(model, in_time, free_indices, limits, origins, factors, max_evaluations, progress, notes)
     )
-
-
-def several(names: str | Iterable[str]) -> tuple[str, ...]:
-    """Names or patterns, of which one may be given by itself."""
-    return (names,) if isinstance(names, str) else tuple(names)
 
 
 def _in_time(
@@ -294,23 +288,6 @@ def _likeliest(
     return Found(problem, best, limits, found, directions, comparison, [*notes, *more]).curved()
 
 
-def _check_records(model: Model, records: tuple[Measurement, ...]) -> None:
-    if not records:
-        raise RecordError("no record was given; give at least one")
-    for record in records:
-        where = record.path or record.name
-        if isinstance(record, FrequencyResponse):
-            continue  # the channels of the loop are looked up by name
-        if record.axes != model.rig.axes:
-            raise RecordError(
-                f"{where}: axes {', '.join(record.axes)}, the rig has {', '.join(model.rig.axes)}; "
-                "load the record with its rig"
-            )
-        rate = (record.point or model.rig).sample_rate
-        if abs(record.sample_rate / rate - 1.0) > 1e-6:
-            raise RecordError(f"{where}: {record.sample_rate:g} Hz, the rig samples at {rate:g} Hz")
-
-
 def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:
     factors = np.ones(len(model.loop.outputs))
     for name, factor in (weights or {}).items():
@@ -328,23 +305,6 @@ def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:
     if not factors.any():
         raise ModelError("weights: every channel has weight 0; leave at least one in")
     return factors
-
-
-def _limits(model: Model, free: list[int], bounds: Mapping[str, tuple[float, float]] | None) -> Limits:
-    """Lower and upper bounds of x."""
-    lower = np.array([p.lower for p in model.parameters])
-    upper = np.array([p.upper for p in model.parameters])
-    for name, (low, high) in (bounds or {}).items():
-        at = model.index([name])
-        if not 0.0 <= low < high:
-            raise ModelError(f"bounds of {name}: {low:g} .. {high:g}; expected 0 <= lower < upper, SI units")
-        lower[at], upper[at] = low, high
-        outside = [model.names[i] for i in at if i in free and not low <= model.theta[i] <= high]
-        if outside:
-            values = ", ".join(f"{n} = {model.theta[model.names.index(n)]:g}" for n in outside)
-            raise ModelError(f"bounds of {name}: the start {values} lies outside {low:g} .. {high:g}; move one of them")
-    scale = np.array([model.parameters[i].scale for i in free])
-    return lower[free] / scale, upper[free] / scale
 
 
 def _estimate(found: Found, begun: float) -> Estimate:

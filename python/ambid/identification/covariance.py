@@ -38,7 +38,16 @@ from ambid.noise.colour import loop_noise
 from ambid.noise.transients import freed, orthonormal
 from ambid.record import Record
 
-__all__ = ["covariance", "lost", "only_frequency", "sandwich", "score_covariance", "undetermined", "weakest"]
+__all__ = [
+    "covariance",
+    "lost",
+    "of_hessian",
+    "only_frequency",
+    "sandwich",
+    "score_covariance",
+    "undetermined",
+    "weakest",
+]
 
 UNSEEN_VARIANCE = 1e6
 """Relative variance that stands for infinity, for a combination that moves no output."""
@@ -187,6 +196,13 @@ def sandwich(problem: Problem, theta: FloatArray) -> FloatArray:
     # where no output moves, the score does not scatter either, and the sandwich alone would claim perfect knowledge
     inverse, unseen = _inverse(hessian)
     relative = inverse @ score @ inverse + UNSEEN_VARIANCE * unseen @ unseen.T
+    return np.asarray(relative * np.outer(problem.scale, problem.scale))
+
+
+def of_hessian(problem: Problem, theta: FloatArray) -> FloatArray:
+    """Covariance of the free parameters where residuals are white noise of the size that they are weighed with."""
+    inverse, unseen = _inverse(problem.normal_equations(theta[problem.free] / problem.scale)[0])
+    relative = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
     return np.asarray(relative * np.outer(problem.scale, problem.scale))
 
 

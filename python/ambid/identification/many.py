@@ -11,7 +11,14 @@ import numpy as np
 from ambid import _core
 from ambid.arrays import FloatArray
 from ambid.errors import AmbidError, ModelError, Stopped
-from ambid.identification.closed_loop import LIKELIHOOD, Found, Steps, several, steps
+from ambid.identification.closed_loop import LIKELIHOOD, Found, Steps, steps
+from ambid.identification.known_noise import (
+    FoundInKnownNoise,
+    StepsInKnownNoise,
+    noise_of_channels,
+    steps_in_known_noise,
+)
+from ambid.identification.preparation import several
 from ambid.identification.problem import Descent, End
 from ambid.model import Model
 from ambid.record import Source
@@ -105,6 +112,7 @@ def identify_many(
     fixed: str | Iterable[str] | Mapping[str, float] = (),
     bounds: Mapping[str, tuple[float, float]] | None = None,
     weights: str | Mapping[str, float] = LIKELIHOOD,
+    noise: Mapping[str, float] | None = None,
     starts: int = 1,
     seed: int = 0,
     max_evaluations: int = 100,
@@ -117,6 +125,9 @@ def identify_many(
     of eq. 9, runs that repeat one experiment, with the same excitation and start, go down from the optimum of the first
     of them: they end within a thousandth of a standard error of what `identify` finds; the descents cost half.
 
+    Most of an identification is finding the noise of its record. Where that is known, white and on what is recorded, as
+    in many a virtual experiment, `noise` says so, and a run is its descent alone, with intervals and misfit.
+
     Parameters
     ----------
     model : Model or Rig, or sequence of them
@@ -126,6 +137,9 @@ def identify_many(
         so that a generator keeps only a few in memory.
     free, fixed, bounds, weights, starts, seed, max_evaluations
         As for `identify`.
+    noise : mapping of str to float, optional
+        Rms of white noise of the signals ``y`` [m] and ``i_c`` [A], or of single channels such as ``y.A_zeta``; it goes
+        in place of `weights`. Channels of which nothing is said are left out. Records in time are simulated from rest.
     progress : callable, optional
         Called with the number of runs that are done.
 
@@ -136,7 +150,8 @@ def identify_many(
     Raises
     ------
     ModelError
-        If a name in `free` or `fixed` selects nothing, or there are fewer models than runs.
+        If a name in `free`, `fixed` or `noise` selects nothing, both `noise` and `weights` are given, or there are
+        fewer models than runs.
     Stopped
         At Ctrl-C, with the runs before the first one that is not done, if any; it is a KeyboardInterrupt.
     """
@@ -146,22 +161,28 @@ def identify_many(
     for own in models:
         own.index(() if free is None else free)
         own.index(tuple(fixed))
+        if noise is not None:
+            noise_of_channels(own.loop.outputs, noise)
+    if noise is not None and weights != LIKELIHOOD:
+        raise ModelError("noise is given, which the weights follow from; leave weights out")
 
-    def waiting() -> Iterator[Steps]:
+    def waiting() -> Iterator[Steps | StepsInKnownNoise]:
         for run, measured in enumerate(records):
             if each is not None and run >= len(each):
                 raise ModelError(f"{len(each)} models for more runs than that; give one for each run, or one for all")
-            yield steps(
-                models[0] if each is None else each[run],
-                measured,
-                free=free,
-                fixed=fixed,
-                bounds=bounds,
-                weights=weights,
-                starts=starts,
-                seed=seed,
-                max_evaluations=max_evaluations,
-            )
+            start = models[0] if each is None else each[run]
+            options: Any = {
+                "free": free,
+                "fixed": fixed,
+                "bounds": bounds,
+                "starts": starts,
+                "seed": seed,
+                "max_evaluations": max_evaluations,
+            }
+            if noise is None:
+                yield steps(start, measured, weights=weights, **options)
+            else:
+                yield steps_in_known_noise(start, measured, noise, **options)
 
     rows: dict[int, _Row] = {}
     try:
@@ -193,8 +214,8 @@ class _Row:
     evaluations: int = 0
 
     @classmethod
-    def of(cls, found: Found) -> _Row:
-        problem, comparison = found.problem, found.comparison
+    def of(cls, found: Found | FoundInKnownNoise) -> _Row:
+        problem = found.problem
         own = [problem.model.parameters[i] for i in problem.free]
         names = tuple(p.name for p in own)
         lost = [k for k, name in enumerate(names) if name in found.unknown]
@@ -207,9 +228,9 @@ class _Row:
             units=tuple(p.unit for p in own),
             values=values,
             covariance=covariance,
-            misfit=comparison.misfit,
-            bound=comparison.bound,
-            adequate=comparison.is_adequate,
+            misfit=found.misfit,
+            bound=found.bound,
+            adequate=found.is_adequate,
             evaluations=problem.evaluations,
         )
 
@@ -218,9 +239,9 @@ def _model(own: Model | Rig) -> Model:
     return Model(own) if isinstance(own, Rig) else own
 
 
-def _ended(waiting: Iterator[Steps]) -> Iterator[tuple[int, _Row]]:
+def _ended(waiting: Iterator[Steps | StepsInKnownNoise]) -> Iterator[tuple[int, _Row]]:
     """Runs as they end: whatever descents are wanted go together, and an identification that ends makes room."""
-    active: dict[int, tuple[Steps, Descent]] = {}
+    active: dict[int, tuple[Steps | StepsInKnownNoise, Descent]] = {}
     numbered, more = enumerate(waiting), True
     while more or active:
         while more and len(active) < TOGETHER:
@@ -241,7 +262,7 @@ def _ended(waiting: Iterator[Steps]) -> Iterator[tuple[int, _Row]]:
                 active[run] = own_steps, got
 
 
-def _next(own: Steps, end: End | AmbidError | None) -> Descent | _Row:
+def _next(own: Steps | StepsInKnownNoise, end: End | AmbidError | None) -> Descent | _Row:
     """The next descent that an identification wants, or what it ended with."""
     try:
         if isinstance(end, AmbidError):

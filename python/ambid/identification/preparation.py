@@ -1,0 +1,122 @@
+"""What every identification begins with: its records held against the model, what is free, and between which bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ambid.arrays import FloatArray
+from ambid.errors import ModelError, RecordError
+from ambid.identification.problem import Limits
+from ambid.identification.starts import spread_starts
+from ambid.model import Model
+from ambid.record import FrequencyResponse, Measurement, Record, Source, measured
+from ambid.rig import Rig
+
+__all__ = ["Prepared", "prepare", "several"]
+
+
+class Prepared(NamedTuple):
+    """An identification before its first descent.
+
+    Attributes
+    ----------
+    model : Model
+        Start values, covering the operating points of all records.
+    records : tuple of Measurement
+    in_time : tuple of Record
+        Those in time.
+    free : list of int
+        Indices of the free parameters.
+    limits : (ndarray, ndarray)
+        Bounds of x = theta / scale.
+    origins : list of ndarray
+        Where descents start.
+    """
+
+    model: Model
+    records: tuple[Measurement, ...]
+    in_time: tuple[Record, ...]
+    free: list[int]
+    limits: Limits
+    origins: list[FloatArray]
+
+
+def prepare(
+    model: Model | Rig,
+    records: Source | Sequence[Source],
+    free: str | Iterable[str] | None,
+    fixed: str | Iterable[str] | Mapping[str, float],
+    bounds: Mapping[str, tuple[float, float]] | None,
+    starts: int,
+    seed: int,
+    max_evaluations: int,
+) -> Prepared:
+    """Take what `identify` was given.
+
+    Raises
+    ------
+    InputError
+        If a name, bound, number or record does not fit the model.
+    """
+    for name, number, least in (("starts", starts, 1), ("seed", seed, 0), ("max_evaluations", max_evaluations, 1)):
+        if number < least:
+            raise ModelError(f"{name} = {number}; expected {least} or more")
+    model = Model(model) if isinstance(model, Rig) else model
+    records = measured(records, model.rig)
+    if isinstance(fixed, Mapping):
+        model = model.with_values({model.names[i]: v for name, v in fixed.items() for i in model.index([name])})
+    _check_records(model, records)
+    model = model.covering(records)
+    in_time = tuple(record for record in records if isinstance(record, Record))
+    for record in in_time:
+        model.excitation(record)  # refuses a record without one
+    chosen = set(range(len(model.names)) if free is None else model.index(several(free)))
+    chosen -= set(model.index(several(fixed)))
+    if not chosen:
+        raise ModelError("no parameter is free; leave some out of `fixed`, or name some in `free`")
+    indices = sorted(chosen)
+    limits = _limits(model, indices, bounds)
+    origins = spread_starts(model.theta, indices, limits, starts, seed)
+    return Prepared(model, records, in_time, indices, limits, origins)
+
+
+def several(names: str | Iterable[str]) -> tuple[str, ...]:
+    """Names or patterns, of which one may be given by itself."""
+    return (names,) if isinstance(names, str) else tuple(names)
+
+
+def _check_records(model: Model, records: tuple[Measurement, ...]) -> None:
+    if not records:
+        raise RecordError("no record was given; give at least one")
+    for record in records:
+        where = record.path or record.name
+        if isinstance(record, FrequencyResponse):
+            continue  # the channels of the loop are looked up by name
+        if record.axes != model.rig.axes:
+            raise RecordError(
+                f"{where}: axes {', '.join(record.axes)}, the rig has {', '.join(model.rig.axes)}; "
+                "load the record with its rig"
+            )
+        rate = (record.point or model.rig).sample_rate
+        if abs(record.sample_rate / rate - 1.0) > 1e-6:
+            raise RecordError(f"{where}: {record.sample_rate:g} Hz, the rig samples at {rate:g} Hz")
+
+
+def _limits(model: Model, free: list[int], bounds: Mapping[str, tuple[float, float]] | None) -> Limits:
+    """Lower and upper bounds of x."""
+    lower = np.array([p.lower for p in model.parameters])
+    upper = np.array([p.upper for p in model.parameters])
+    for name, (low, high) in (bounds or {}).items():
+        at = model.index([name])
+        if not 0.0 <= low < high:
+            raise ModelError(f"bounds of {name}: {low:g} .. {high:g}; expected 0 <= lower < upper, SI units")
+        lower[at], upper[at] = low, high
+        outside = [model.names[i] for i in at if i in free and not low <= model.theta[i] <= high]
+        if outside:
+            values = ", ".join(f"{n} = {model.theta[model.names.index(n)]:g}" for n in outside)
+            raise ModelError(f"bounds of {name}: the start {values} lies outside {low:g} .. {high:g}; move one of them")
+    scale = np.array([model.parameters[i].scale for i in free])
+    return lower[free] / scale, upper[free] / scale
