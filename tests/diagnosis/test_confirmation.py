@@ -7,6 +7,7 @@ import pytest
 
 from ambid import diagnose
 from ambid.model.parameter import Parameter
+from benchmarks.null_cells import made
 from hidden.one_axis import NAMED, ONE_AXIS, record
 
 RIG = ONE_AXIS.rig
@@ -32,6 +33,13 @@ def test_a_weak_hum_that_is_there_all_the_time_is_named(seed, frequency):
     found = diagnose(RIG, record(hum, seed))
     assert found.history[0].misfit < 1.15
     assert found.effects == ("periodic_disturbance",), found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("record", [328, 452])
+def test_noise_that_is_louder_than_its_spectrum_on_one_line_is_no_wave(record):
+    """Of 32 channels: a score by chance in a million, twice in 700 records, where the lines beside are as loud."""
+    assert diagnose(*made(record)).effects == ()
 
 
 @pytest.mark.parametrize("seed", range(5))

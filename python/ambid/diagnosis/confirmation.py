@@ -17,6 +17,7 @@ from ambid.errors import RecordError, UnstableLoopError
 from ambid.identification.minimum import ROUGHLY, refit
 from ambid.noise import Comparison
 from ambid.noise.angles import undisturbed
+from ambid.noise.tones import SUSPECTED
 from ambid.record import FrequencyResponse, Measurement, Record
 
 __all__ = ["CHANCE", "halves", "stands"]
@@ -49,12 +50,14 @@ def stands(task: Task, state: State, pair: Refitted) -> bool:
     if state.validation is not None:
         fall = state.validation.cost - state.validation.of(better.model).with_own_angles().cost
         return bool(fall > chdtri(candidate.degrees, CHANCE))
+    is_wave = bool(candidate.effect.quarters(better.model.rig))
+    if is_wave and not _stands_out(state.fit, candidate.effect.frequencies_hz(better.model.rig)):
+        return False
     split = [halves(record) for record in state.fit.noise.records]
     if not all(split):
         return True
     for k in (0, 1):
         own = [half[k] for half in split]
-        is_wave = bool(candidate.effect.quarters(better.model.rig))
         if all(isinstance(record, Record) and record.is_free_response for record in own) and not is_wave:
             if not better.is_adequate:
                 return False
@@ -66,6 +69,21 @@ def stands(task: Task, state: State, pair: Refitted) -> bool:
         if fall < chdtri(candidate.degrees, CHANCE):
             return False
     return True
+
+
+def _stands_out(fit: Comparison, frequencies_hz: Sequence[float]) -> bool:
+    """Whether a wave stands out of the lines beside it, of whichever record.
+
+    It stands on single lines, in both halves alike, whether it is one or noise: that the noise there is as loud as its
+    spectrum says, which its score takes for granted, has to be seen.
+    """
+    for part in fit.noise.in_time:
+        near = 2.0 * part.record.sample_rate / part.window.samples
+        for tone in part.tones:
+            chance = len(part.record.channels) * np.exp(-tone.power)
+            if chance < SUSPECTED and any(abs(tone.frequency_hz - own) < near for own in frequencies_hz):
+                return True
+    return False
 
 
 def _fall(state: State, better: Comparison, records: Sequence[Measurement]) -> float:

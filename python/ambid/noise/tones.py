@@ -23,7 +23,7 @@ from ambid.noise.lines import RecordLines, as_lines
 from ambid.noise.wave import NEAR, OUTSTANDING, refined_places
 from ambid.noise.window import Window
 
-__all__ = ["OUTSTANDING", "Between", "Tone", "confirmed", "find_tones", "misses_tone"]
+__all__ = ["OUTSTANDING", "SUSPECTED", "Between", "Tone", "confirmed", "find_tones", "misses_tone"]
 
 ALONE = 200.0
 """Power of a tone on an excited line over that of its neighbours; a pole is wider than one line."""
@@ -34,7 +34,8 @@ NOISE = 2.0
 SUSPECTED = 1e-3
 """Chance of the power at a frequency that is suspected from the start, such as that of the mains.
 
-What passes is a candidate, and has yet to be significant by its score, at a chance that is smaller still."""
+What passes is a candidate, and has yet to be significant by its score, at a chance that is smaller still. Of a
+frequency that is known, such as the speed, it is asked where nothing else confirms the wave."""
 SCREENED = 30.0
 """Power of a line as recorded over the mean of those beside it, below which no line is looked at but the suspects."""
 AROUND = 40
