@@ -42,6 +42,7 @@ HEAD = (
     "right name",
     "same as in time",
     "intervals that hold the truth",
+    "J/dof, its rms about 1",
     "farthest from truth",
     "farthest from record",
 )
@@ -50,7 +51,7 @@ HEAD = (
 def run(cases: Path | None, source: str, hidden: str, number: int) -> Row:
     """Diagnose a record in time, and half of another one as a response in each form."""
     rig, own, beside, truth = (
-        _measured(cases, hidden, number) if cases and source == "measured" else _simulated(hidden, number)
+        _measured(cases, hidden, number) if cases and source == "measured" else simulated(hidden, number)
     )
     in_time = diagnose(rig, beside)
     row: Row = {"time": _told(in_time, truth, None)}
@@ -80,7 +81,7 @@ def _measured(cases: Path, hidden: str, number: int) -> tuple[Rig, Record, Recor
     return rig, own, beside, _truth(rig, answers["K_i"], answers["K_s"], answers["tau_e"])
 
 
-def _simulated(hidden: str, number: int) -> tuple[Rig, Record, Record, dict[str, float]]:
+def simulated(hidden: str, number: int) -> tuple[Rig, Record, Record, dict[str, float]]:
     """The same of a record of the simulator, of which the second half is the record in time."""
     bench = replace(BENCHES["bench"], periods=6)
     effects = {hidden: sized(hidden, "clear").parameters} if hidden else {}
@@ -142,11 +143,17 @@ def rows_of(rows: list[Row]) -> list[tuple[object, ...]]:
                             for one, row in zip(told, own, strict=True)
                         ),
                         rate_text(int(np.sum(away < NORMAL_95)), away.size),
+                        spread_text([one["misfit"] for one in told]),
                         f"{away.max():.1f}",
                         f"{max(apart):.1f}" if apart else "",
                     )
                 )
     return found
+
+
+def spread_text(misfits: Sequence[float]) -> str:
+    """Mean of J/dof, and its root mean square about 1."""
+    return f"{np.mean(misfits):.3f}, {np.sqrt(np.mean((np.asarray(misfits) - 1.0) ** 2)):.3f}"
 
 
 def _is_wrong(one: Row, hidden: str) -> bool:

@@ -6,6 +6,7 @@ import pytest
 from ambid import FrequencyResponse, Model, Record, diagnose, localise, rank
 from ambid.noise import compare
 from ambid.report import write_report
+from benchmarks.responses import simulated
 from hidden.one_axis import NAMED, ONE_AXIS, record
 
 RIG = ONE_AXIS.rig
@@ -87,6 +88,15 @@ def test_half_of_a_record_as_a_response_names_what_the_record_does(effect):
         if in_time.effects == response.effects:
             apart = abs(values[name].value - others[name].value)
             assert apart < 3.5 * np.hypot(values[name].std_error, others[name].std_error), name
+
+
+@pytest.mark.slow
+def test_the_misfit_of_a_right_model_scatters_more_than_that_of_a_record():
+    """Of this one J/dof is 1.043, as of one in sixty responses: three standard deviations of a record's in time."""
+    rig, own, *_ = simulated("loop_delay", 7)
+    found = diagnose(rig, own.frequency_response())
+    assert found.history[-1].misfit > 1.04
+    assert ("loop_delay" in found.effects) or any("loop_delay" in names for names in found.ambiguous_sets), found
 
 
 def test_responses_and_records_are_diagnosed_together():

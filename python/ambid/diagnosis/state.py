@@ -91,7 +91,7 @@ class State:
     @property
     def at_noise(self) -> float:
         """J up to which a model may be right."""
-        return self.dof * misfit_bound(self.dof)
+        return self.dof * misfit_bound(self.dof, spread=self.fit.noise.scatter)
 
     @property
     def fall(self) -> float:

@@ -14,7 +14,6 @@ from ambid.diagnosis.localisation import Cell, Localisation, largest_cell, local
 from ambid.diagnosis.state import State, Task
 from ambid.loop.effect import Tone
 from ambid.noise import Comparison
-from ambid.noise.chance import SPREAD
 from ambid.noise.tones import OUTSTANDING
 from ambid.record import Measurement, Record
 
@@ -176,11 +175,12 @@ def _is_at_noise(task: Task, state: State) -> bool:
 
     A record of the same amplitude that was kept back adds to the evidence.
     """
-    above = (state.fit.cost - state.dof - state.of_formulas) / (SPREAD * np.sqrt(2.0 * state.dof))
+    above = (state.fit.cost - state.dof - state.of_formulas) / (state.fit.noise.scatter * np.sqrt(2.0 * state.dof))
     kept_back = state.history[-1].validation_misfit
     if kept_back is None or state.validation is None or _validated(task, state):
         return bool(above < BEYOND_NOISE)
-    other = (kept_back - 1.0 - state.of_formulas / state.dof) * np.sqrt(state.validation.dof / 2.0) / SPREAD
+    other = (kept_back - 1.0 - state.of_formulas / state.dof) * np.sqrt(state.validation.dof / 2.0)
+    other /= state.validation.noise.scatter
     return bool(above < BEYOND_NOISE and above + other < BEYOND_NOISE * np.sqrt(2.0))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from scipy.special import chdtri
 
-__all__ = ["ADEQUATE", "SPREAD", "misfit_bound"]
+__all__ = ["ADEQUATE", "RESPONSE_SPREAD", "SPREAD", "misfit_bound"]
 
 ADEQUATE = 1.10
 """Largest misfit J/dof of a model that is called adequate, if chance does not bring more on a short record."""
@@ -13,11 +13,16 @@ SPREAD = 1.5
 """Standard deviation of J in units of sqrt(2 dof): the noise spectrum is estimated too.
 
 With m unexcited lines to each excited one, it is sqrt(1 + 1/m): 1.41 for two periods."""
+RESPONSE_SPREAD = 2.5
+"""The same of a frequency response, whose covariance is told by fewer lines, which neighbouring frequencies share.
+
+Of 60 responses made from records, with a right model, J/dof lies on average 1.4 % above 1, and its root mean square
+about 1 is 0.024, of some 21 750 degrees of freedom."""
 RARE = 1e-3
 """Chance that the misfit of a right model is above its bound."""
 
 
-def misfit_bound(dof: int, chance: float = RARE) -> float:
-    """J/dof that the right model exceeds with so small a chance: of chi-squared with dof / SPREAD^2 degrees."""
-    own = dof / SPREAD**2
+def misfit_bound(dof: int, chance: float = RARE, spread: float = SPREAD) -> float:
+    """J/dof that the right model exceeds with so small a chance: of chi-squared with dof / spread^2 degrees."""
+    own = dof / spread**2
     return float(chdtri(own, chance) / own)

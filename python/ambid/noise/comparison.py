@@ -145,7 +145,7 @@ class Comparison(Tabular):
     @property
     def bound(self) -> float:
         """Misfit up to which the model may be right: `ADEQUATE`, or what chance brings at these degrees of freedom."""
-        return max(ADEQUATE, misfit_bound(self.dof)) if self._noise is not None else np.nan
+        return max(ADEQUATE, misfit_bound(self.dof, spread=self.noise.scatter)) if self._noise is not None else np.nan
 
     @property
     def is_judged(self) -> bool:

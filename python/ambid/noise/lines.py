@@ -22,6 +22,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.loop.effect import Effect, Tone
 from ambid.model import Model
 from ambid.noise.angles import best_angle, undisturbed
+from ambid.noise.chance import SPREAD
 from ambid.noise.colour import back_through_loop
 from ambid.noise.in_time import NEUTRAL, InTime
 from ambid.noise.judged import FEW, JudgedLines
@@ -82,6 +83,8 @@ class RecordLines(JudgedLines):
         The lines that the noise is taken from.
     spectrum : Spectrum
     """
+
+    scatter = SPREAD
 
     def __init__(
         self,

@@ -132,6 +132,12 @@ class Noise:
         """Variance of each whitened number on the direction of a whitened response, see `Spectrum`."""
         return np.concatenate([part.spreads for part in self.parts])
 
+    @property
+    def scatter(self) -> float:
+        """Standard deviation of the J of a right model, in units of sqrt(2 dof)."""
+        numbers = [part.judged for part in self.parts]
+        return float(np.sqrt(np.average([part.scatter**2 for part in self.parts], weights=numbers)))
+
     def by_record(self, white: FloatArray) -> list[FloatArray]:
         """Whitened numbers of all records, record by record."""
         return np.split(white, np.cumsum([part.numbers for part in self.parts])[:-1])

@@ -19,6 +19,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import ModelError, RecordError
 from ambid.loop.effect import Tone
 from ambid.model import Model
+from ambid.noise.chance import RESPONSE_SPREAD
 from ambid.noise.lines import White, as_lines
 from ambid.record import FrequencyResponse
 from ambid.record.frequency_gates import known_alike
@@ -53,6 +54,7 @@ class ResponseLines:
     """
 
     noise_is_measured = True
+    scatter = RESPONSE_SPREAD
     tones: tuple[Tone, ...] = ()
 
     def __init__(self, response: FrequencyResponse, model: Model) -> None:
