@@ -1,12 +1,20 @@
 """What the tests of the workbench share: a hidden delay of a mass on one axis, and the chain that finds it."""
 
+import os
+import shutil
+import signal
+import subprocess
+import sys
+
 import pytest
 
 import ambid
 from ambid.workbench import Bench, Session
 from hidden.one_axis import ONE_AXIS, record
+from workbench.person import Person
 
 HIDDEN = {"loop_delay": {"seconds": 5e-5}}
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
 
 
 @pytest.fixture(scope="package")
@@ -23,3 +31,69 @@ def fitted(begun):
 @pytest.fixture(scope="package")
 def added(fitted):
     return fitted.add("loop_delay")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    playwright = pytest.importorskip("playwright.sync_api", reason="the browser tests need the package playwright")
+    pytest.importorskip("plotly", reason="the workbench's charts need plotly")
+    pytest.importorskip("uvicorn", reason="the workbench's server needs uvicorn")
+    if BROWSER is None:
+        pytest.skip("the browser tests need chromium")
+    with playwright.sync_playwright() as tools:
+        browser = tools.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def workbench():
+    """Start the command with these arguments, and return its address."""
+    running = []
+
+    def start(*arguments):
+        code = "from ambid.cli import main; main()"
+        command = [sys.executable, "-c", code, "workbench", *map(str, arguments), "--no-browser"]
+        path = os.pathsep.join(entry for entry in sys.path if entry)
+        process = subprocess.Popen(
+            command,
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONPATH": path, "OPENBLAS_NUM_THREADS": "1"},
+        )
+        running.append(process)
+        assert process.stdout is not None
+        return process.stdout.readline().strip()
+
+    yield start
+    for process in running:
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60) == 130
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """The mass on one axis with its own delay, as files."""
+    folder = tmp_path_factory.mktemp("small")
+    record(HIDDEN, seed=1).save(folder / "train.mat")
+    return ONE_AXIS.rig.path, folder / "train.mat"
+
+
+@pytest.fixture(scope="module")
+def served(workbench, small):
+    """Where the same is served with a record to validate on."""
+    rig, train = small
+    record(HIDDEN, seed=2, share=0.5).save(train.with_name("kept.mat"))
+    return workbench(rig, train, "--validate", train.with_name("kept.mat"))
+
+
+@pytest.fixture
+def ranked(browser, served):
+    """A person whose model is fitted and its candidates ranked."""
+    person = Person(browser, served)
+    person.page.click("#fit")
+    person.steps(2)
+    person.page.click("#rank")
+    person.page.wait_for_selector("#candidates tbody tr")
+    person.settled()
+    return person
