@@ -175,7 +175,7 @@ def require_on_shaft(where: str, z: NDArray[np.float64], rig: Rig) -> None:
 
 
 def sample_rate_of(
-    where: str, t: NDArray[np.float64] | None, stated: float | None, expected: float | None
+    where: str, t: NDArray[np.float64] | None, stated: float | None, rig: Rig | None
 ) -> tuple[float, list[str]]:
     """Sample rate [Hz] from the times, what the file states and what the rig expects, which must agree; and notes."""
     notes: list[str] = []
@@ -190,8 +190,10 @@ def sample_rate_of(
         _require_same_rate(where, "t", measured, "fs", rate)
     if rate is None:
         raise RecordError(f"{where}: no sample rate; give fs [Hz] or t [s]")
-    if expected is not None:
-        _require_same_rate(where, "t" if stated is None else "fs", rate, "the rig's sample_rate", expected)
+    if rig is not None:
+        expected = rig.sample_rate
+        theirs = "the rig's sample_rate" if rig.path is None else f"sample_rate in {rig.path}"
+        _require_same_rate(where, "t" if stated is None else "fs", rate, theirs, expected)
         if abs(rate - expected) > 1e-6 * expected:
             notes.append(f"sample rate {rate:.9g} Hz, taken as the rig's {expected:g} Hz")
         rate = expected

@@ -168,7 +168,7 @@ class Record:
                 raise RecordError(f"{where}: t has {len(raw.t)} rows, y has {len(arrays['y'])}; give one t per sample")
             checks.require_finite(where, [("t", raw.t)])
         checks.require_length(where, len(arrays["y"]), period)
-        rate, more = checks.sample_rate_of(where, raw.t, raw.sample_rate, None if rig is None else rig.sample_rate)
+        rate, more = checks.sample_rate_of(where, raw.t, raw.sample_rate, rig)
         return cls.from_arrays(
             **arrays,
             sample_rate=rate,
@@ -230,7 +230,7 @@ class Record:
         checks.require_finite(where, record._columns())
         if rig is not None:
             record = record._in_order_of(tuple(rig.axes))
-            rate, more = checks.sample_rate_of(where, None, record.sample_rate, rig.sample_rate)
+            rate, more = checks.sample_rate_of(where, None, record.sample_rate, rig)
             record = replace(record, sample_rate=rate)
             for signal, values in (("y", record.y), ("r", record.r)):
                 if values is not None:
