@@ -115,6 +115,10 @@ def test_stated_notes(tmp_path):
     slow = write_csv(tmp_path / "d.csv", signals, t=times * 1.0005)
     assert "taken as the rig's 10000 Hz" in notes(Record.load(slow, RIG))
     assert Record.load(slow, RIG).sample_rate == 1e4
+    rig = RIG.model_copy(update={"sample_rate": 1e5})
+    rig.save(tmp_path / "fast.toml")
+    with pytest.raises(RecordError, match=r"d\.csv: t says .*, sample_rate in .*fast\.toml says 100000 Hz"):
+        Record.load(slow, type(RIG).load(tmp_path / "fast.toml"))
     turned = {name: array.T for name, array in signals.items()}
     scipy.io.savemat(tmp_path / "e.mat", MATRICES | turned)
     assert "y is stored as axes x N" in notes(Record.load(tmp_path / "e.mat", RIG))
