@@ -43,7 +43,7 @@ class FoundInKnownNoise(NamedTuple):
     @property
     def bound(self) -> float:
         """Misfit up to which the model may be right."""
-        return max(ADEQUATE, misfit_bound(self.dof))
+        return max(ADEQUATE, misfit_bound(self.dof, spread=1.0))  # the noise is not estimated
 
     @property
     def is_adequate(self) -> bool:
