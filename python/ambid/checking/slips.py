@@ -41,7 +41,7 @@ from ambid.errors import RecordError
 from ambid.record import Record
 from ambid.record.checks import decays, displacement
 from ambid.results import speed_text
-from ambid.rig import Rig
+from ambid.rig import Rig, as_rig
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["Finding", "LoopFigures", "RecordFigures", "Soundness", "check"]
@@ -68,12 +68,12 @@ LEAST_SHARE = 0.02
 
 
 @with_one_blas_thread
-def check(rig: Rig, records: Record | str | Path | Sequence[Record | str | Path] = ()) -> Soundness:
+def check(rig: Rig | str | Path, records: Record | str | Path | Sequence[Record | str | Path] = ()) -> Soundness:
     """Hold a rig against itself, and records against the rig; nothing is fitted to be kept.
 
     Parameters
     ----------
-    rig : Rig
+    rig : Rig, or path of its file
     records : Record, path of its file, or sequence of them
         Loaded with this rig, or with that of the operating point that they state.
 
@@ -82,6 +82,7 @@ def check(rig: Rig, records: Record | str | Path | Sequence[Record | str | Path]
     Soundness
         Findings, worst first, and the machine and the records in figures.
     """
+    rig = as_rig(rig)
     several = (records,) if isinstance(records, Record | str | Path) else records
     loaded = [own if isinstance(own, Record) else Record.load(own, rig) for own in several]
     points = dict.fromkeys(record.point for record in loaded if record.point not in (None, rig))

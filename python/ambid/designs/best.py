@@ -17,10 +17,9 @@ from ambid.designs.peaks import Forecast, Limits, forecast
 from ambid.designs.sight import Visibility, visible
 from ambid.effects import Effect, find
 from ambid.errors import InputError, ModelError
-from ambid.model import Model
+from ambid.model import Given, Model, as_model
 from ambid.noise.foreseen import Instruments
 from ambid.results import Tabular, plain
-from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["Design", "design"]
@@ -132,7 +131,7 @@ class Design(Tabular):
 
 @with_one_blas_thread
 def design(
-    model: Model | Rig,
+    model: Given,
     instruments: Instruments,
     *,
     accuracy: Mapping[str, float | str] | None = None,
@@ -146,7 +145,7 @@ def design(
 
     Parameters
     ----------
-    model : Model or Rig
+    model : Model or Rig, or path of a rig file or saved model
         What the machine is taken to be: the best powers are those at its values.
     instruments : Instruments
         Noise, stated or of a record.
@@ -177,7 +176,7 @@ def design(
     UnstableLoopError
         If the model's loop is unstable.
     """
-    base = Model(model) if isinstance(model, Rig) else model
+    base = as_model(model)
     limits = limits or Limits()
     _require(signal, spread, seconds)
     full, free = _with_sizes(base, effects)

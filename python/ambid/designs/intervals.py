@@ -12,12 +12,11 @@ from ambid.arrays import FloatArray
 from ambid.errors import InputError
 from ambid.identification import ParameterEstimate
 from ambid.identification.covariance import covariance
-from ambid.model import Model
+from ambid.model import Given, Model, as_model
 from ambid.noise import Comparison
 from ambid.noise.foreseen import Instruments, foreseen
 from ambid.record import Record
 from ambid.results import Tabular, plain
-from ambid.rig import Rig
 
 __all__ = ["FEWEST", "Prospect", "prospect"]
 
@@ -93,12 +92,12 @@ class Prospect(Tabular):
         return "\n".join(lines)
 
 
-def prospect(model: Model | Rig, i_e: FloatArray, *, period: int, instruments: Instruments) -> Prospect:
+def prospect(model: Given, i_e: FloatArray, *, period: int, instruments: Instruments) -> Prospect:
     """Foresee what a record of an experiment would tell.
 
     Parameters
     ----------
-    model : Model or Rig
+    model : Model or Rig, or path of a rig file or saved model
         What the machine is taken to be.
     i_e : ndarray, shape (N, axes)
         As it would be played, from rest.
@@ -118,7 +117,7 @@ def prospect(model: Model | Rig, i_e: FloatArray, *, period: int, instruments: I
     UnstableLoopError
         If the model's loop is unstable.
     """
-    model = Model(model) if isinstance(model, Rig) else model
+    model = as_model(model)
     record = planned(model, i_e, period, instruments)
     return Prospect(foreseen(model, [record], [instruments]), record.seconds)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ambid.arrays import FloatArray
 from ambid.errors import InputError
-from ambid.model import Model
+from ambid.model import Given, as_model
 from ambid.record.checks import LARGEST_VALUE, SMALLEST_CHANGE
 from ambid.results import Tabular, plain
 from ambid.rig import Rig
@@ -182,14 +182,12 @@ class Forecast(Tabular):
         return "\n".join([*lines, *self._passed()])
 
 
-def forecast(
-    model: Model | Rig, i_e: FloatArray, *, period: int | None = None, limits: Limits | None = None
-) -> Forecast:
+def forecast(model: Given, i_e: FloatArray, *, period: int | None = None, limits: Limits | None = None) -> Forecast:
     """Tell what an excitation does to a machine that is at rest when it begins.
 
     Parameters
     ----------
-    model : Model or Rig
+    model : Model or Rig, or path of a rig file or saved model
     i_e : ndarray, shape (N, axes)
     period : int, optional
         Samples per period; by default all are one period.
@@ -206,7 +204,7 @@ def forecast(
     UnstableLoopError
         If the model's loop is unstable.
     """
-    model = Model(model) if isinstance(model, Rig) else model
+    model = as_model(model)
     rig, limits = model.rig, limits or Limits()
     period = len(i_e) if period is None else period
     if period < 1 or len(i_e) % period:

@@ -20,12 +20,11 @@ from ambid.errors import RigError, Stopped
 from ambid.identification import Estimate, ParameterEstimate, identify
 from ambid.identification.covariance import covariance, lost, only_frequency, weakest
 from ambid.identification.minimum import refit
-from ambid.model import Model
+from ambid.model import Given, Model, as_model
 from ambid.model.parameter import nominal
 from ambid.noise import Comparison
 from ambid.noise.chance import ADEQUATE
 from ambid.record import Record, Source, measured
-from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["diagnose"]
@@ -33,7 +32,7 @@ __all__ = ["diagnose"]
 
 @with_one_blas_thread
 def diagnose(
-    model: Model | Rig,
+    model: Given,
     records: Source | Sequence[Source],
     *,
     validate: Source | Sequence[Source] = (),
@@ -48,7 +47,7 @@ def diagnose(
 
     Parameters
     ----------
-    model : Model or Rig
+    model : Model or Rig, or path of a rig file or saved model
         Start; a rig means its nominal values.
     records : Record or FrequencyResponse, path of a file, or sequence of them
         Records of two or more periods each (four for tones and drift), or with an excitation that never repeats; at any
@@ -91,7 +90,7 @@ def diagnose(
     chosen = None
     if effects is not None:
         chosen = [find(effect, catalogue=catalogue) if isinstance(effect, str) else effect for effect in effects]
-    start = model if isinstance(model, Model) else Model(model)
+    start = as_model(model)
     records, validate = measured(records, start.rig), measured(validate, start.rig)
     start = start.covering(records)
     for record in validate:

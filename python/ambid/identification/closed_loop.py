@@ -18,10 +18,9 @@ from ambid.identification.minimum import ROUGHLY, WhitenedProblem
 from ambid.identification.preparation import prepare
 from ambid.identification.problem import Descent, End, LeastSquares, Limits, Problem, noise_levels
 from ambid.identification.starts import best_of, is_kept_away, stable_model
-from ambid.model import Model
+from ambid.model import Given, Model
 from ambid.noise import Comparison, Noise, compare
 from ambid.record import Measurement, Record, Source
-from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["LIKELIHOOD", "Found", "Steps", "identify", "steps"]
@@ -92,7 +91,7 @@ Steps = Generator[Descent, End, Found]
 
 @with_one_blas_thread
 def identify(
-    model: Model | Rig,
+    model: Given,
     records: Source | Sequence[Source],
     *,
     free: str | Iterable[str] | None = None,
@@ -114,7 +113,7 @@ def identify(
 
     Parameters
     ----------
-    model : Model or Rig
+    model : Model or Rig, or path of a rig file or saved model
         Start values; a rig means its nominal values.
     records : Record or FrequencyResponse, path of a file, or sequence of them
         Of this rig; records in time all with the same axes and sample rate.
@@ -172,7 +171,7 @@ def identify(
 
 
 def steps(
-    model: Model | Rig,
+    model: Given,
     records: Source | Sequence[Source],
     *,
     free: str | Iterable[str] | None = None,

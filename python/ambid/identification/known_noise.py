@@ -18,10 +18,9 @@ from ambid.identification.covariance import of_hessian, undetermined
 from ambid.identification.preparation import prepare
 from ambid.identification.problem import Descent, End, Problem
 from ambid.identification.starts import stable_model
-from ambid.model import Model
+from ambid.model import Given
 from ambid.noise.chance import ADEQUATE, misfit_bound
 from ambid.record import Source
-from ambid.rig import Rig
 
 __all__ = ["FoundInKnownNoise", "StepsInKnownNoise", "noise_of_channels", "steps_in_known_noise"]
 
@@ -84,7 +83,7 @@ def noise_of_channels(outputs: tuple[str, ...], noise: Mapping[str, float]) -> F
 
 
 def steps_in_known_noise(
-    model: Model | Rig,
+    model: Given,
     records: Source | Sequence[Source],
     noise: Mapping[str, float],
     *,

@@ -20,10 +20,9 @@ from ambid.identification.known_noise import (
 )
 from ambid.identification.preparation import several
 from ambid.identification.problem import Descent, End
-from ambid.model import Model
+from ambid.model import Given, as_model
 from ambid.record import Source
 from ambid.results import Tabular
-from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["FAILED", "Estimates", "fit_for_core", "identify_many"]
@@ -105,7 +104,7 @@ class Estimates(Tabular):
 
 @with_one_blas_thread
 def identify_many(
-    model: Model | Rig | Sequence[Model | Rig],
+    model: Given | Sequence[Given],
     records: Iterable[Source | Sequence[Source]],
     *,
     free: str | Iterable[str] | None = None,
@@ -130,7 +129,7 @@ def identify_many(
 
     Parameters
     ----------
-    model : Model or Rig, or sequence of them
+    model : Model or Rig, path of the file of either, or sequence of them
         Start values of all runs, or of each.
     records : iterable
         What each run is identified from: a measurement, or several that are fitted together. Taken one after the other,
@@ -155,8 +154,8 @@ def identify_many(
     Stopped
         At Ctrl-C, with the runs before the first one that is not done, if any; it is a KeyboardInterrupt.
     """
-    each = None if isinstance(model, Model | Rig) else [_model(own) for own in model]
-    models = [_model(model)] if isinstance(model, Model | Rig) else each or []
+    each = None if isinstance(model, Given) else [as_model(own) for own in model]
+    models = [as_model(model)] if isinstance(model, Given) else each or []
     free, fixed = None if free is None else several(free), fixed if isinstance(fixed, Mapping) else several(fixed)
     for own in models:
         own.index(() if free is None else free)
@@ -233,10 +232,6 @@ class _Row:
             adequate=found.is_adequate,
             evaluations=problem.evaluations,
         )
-
-
-def _model(own: Model | Rig) -> Model:
-    return Model(own) if isinstance(own, Rig) else own
 
 
 def _ended(waiting: Iterator[Steps | StepsInKnownNoise]) -> Iterator[tuple[int, _Row]]:

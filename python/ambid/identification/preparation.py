@@ -11,9 +11,8 @@ from ambid.arrays import FloatArray
 from ambid.errors import ModelError, RecordError
 from ambid.identification.problem import Limits
 from ambid.identification.starts import spread_starts
-from ambid.model import Model
+from ambid.model import Given, Model, as_model
 from ambid.record import FrequencyResponse, Measurement, Record, Source, measured
-from ambid.rig import Rig
 
 __all__ = ["Prepared", "prepare", "several"]
 
@@ -45,7 +44,7 @@ class Prepared(NamedTuple):
 
 
 def prepare(
-    model: Model | Rig,
+    model: Given,
     records: Source | Sequence[Source],
     free: str | Iterable[str] | None,
     fixed: str | Iterable[str] | Mapping[str, float],
@@ -64,7 +63,7 @@ def prepare(
     for name, number, least in (("starts", starts, 1), ("seed", seed, 0), ("max_evaluations", max_evaluations, 1)):
         if number < least:
             raise ModelError(f"{name} = {number}; expected {least} or more")
-    model = Model(model) if isinstance(model, Rig) else model
+    model = as_model(model)
     records = measured(records, model.rig)
     if isinstance(fixed, Mapping):
         model = model.with_values({model.names[i]: v for name, v in fixed.items() for i in model.index([name])})

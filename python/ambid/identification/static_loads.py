@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from ambid.identification.static_slips import exchanged_bearings, notes_on_nomin
 from ambid.loop.geometry import axis_angles, axis_directions, modal_geometry, rotor_of
 from ambid.record import StaticLoading
 from ambid.record.checks import order_of_axes
-from ambid.rig import PointMassRotor, Rig
+from ambid.rig import PointMassRotor, Rig, as_rig
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["StaticEstimate", "static_load"]
@@ -93,7 +94,10 @@ class StaticEstimate:
 
 @with_one_blas_thread
 def static_load(
-    rig: Rig, loadings: StaticLoading | Sequence[StaticLoading], *, deflection: bool = False
+    rig: Rig | str | Path,
+    loadings: StaticLoading | str | Path | Sequence[StaticLoading | str | Path],
+    *,
+    deflection: bool = False,
 ) -> StaticEstimate:
     """Find K_i of every axis by static loading.
 
@@ -114,9 +118,9 @@ def static_load(
 
     Parameters
     ----------
-    rig : Rig
+    rig : Rig, or path of its file
         Its bearings; with `deflection` also its rotor and its nominal K_s.
-    loadings : StaticLoading or sequence of StaticLoading
+    loadings : StaticLoading, path of its file, or sequence of them
         Steps at one operating point of this rig.
     deflection : bool
         False takes the rotor as centred in the magnets, the classic method. True takes K_s s from f, where the kept
@@ -143,7 +147,12 @@ def static_load(
     ----------
     HC3: J. G. MacKinnon and H. White, Journal of Econometrics 29 (1985), 305-325.
     """
-    loadings = (loadings,) if isinstance(loadings, StaticLoading) else tuple(loadings)
+    rig, given = as_rig(rig), (loadings,) if isinstance(loadings, StaticLoading | str | Path) else loadings
+    read = [own if isinstance(own, StaticLoading) else StaticLoading.load(own, rig) for own in given]
+    return _solved(rig, tuple(read), deflection)
+
+
+def _solved(rig: Rig, loadings: tuple[StaticLoading, ...], deflection: bool) -> StaticEstimate:
     if not loadings:
         raise IdentificationError("no static loading was given; give at least one")
     for loading in loadings:

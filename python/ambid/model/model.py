@@ -59,6 +59,8 @@ class Model:
         points: Sequence[Rig] = (),
         reference: Rig | None = None,
     ) -> None:
+        if not isinstance(rig, Rig):
+            raise ModelError(f"rig: {type(rig).__name__} given; expected a Rig, as `Rig.load(path)` reads it")
         structure = Structure(rig, tuple(effects), tuple(points), rig if reference is None else reference, substeps)
         self._set(structure, tuple(structure.usual_parameters() if parameters is None else parameters))
 

@@ -16,7 +16,7 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.errors import RecordError, UnstableLoopError
 from ambid.loop.effect import Tone
-from ambid.model import Model
+from ambid.model import Given, Model, as_model
 from ambid.model.operating_point import suffix
 from ambid.noise.chance import ADEQUATE, misfit_bound
 from ambid.noise.compared import ChannelComparison, RecordComparison, record_against, unjudged
@@ -28,7 +28,6 @@ from ambid.noise.response_lines import ResponseLines
 from ambid.noise.still import Louder
 from ambid.record import FrequencyResponse, Measurement, Record, Source, measured
 from ambid.results import Tabular, picture, plain, told_apart
-from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["Comparison", "compare"]
@@ -288,12 +287,12 @@ class Comparison(Tabular):
 
 
 @with_one_blas_thread
-def compare(model: Model | Rig, records: Source | Sequence[Source]) -> Comparison:
+def compare(model: Given, records: Source | Sequence[Source]) -> Comparison:
     """Hold a model against what was measured, in units of the noise.
 
     Parameters
     ----------
-    model : Model or Rig
+    model : Model or Rig, or path of a rig file or saved model
         As it stands; nothing is fitted but the state that each record begins with, and the angle at which each begins
         waves of effects, such as unbalance. A rig means its nominal values.
     records : Record or FrequencyResponse, path of a file, or sequence of them
@@ -309,7 +308,7 @@ def compare(model: Model | Rig, records: Source | Sequence[Source]) -> Compariso
     RecordError
         If a record has other axes than the rig, or no excitation, or a response has channels that the loop lacks.
     """
-    model = Model(model) if isinstance(model, Rig) else model
+    model = as_model(model)
     records = measured(records, model.rig)
     model = model.covering(records)
     with model.loop.telling_the_mode(model.theta):

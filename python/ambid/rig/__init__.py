@@ -6,6 +6,7 @@ from ambid.rig.controller import (
     StateSpaceController,
     TransferFunctionController,
 )
+from ambid.rig.given import as_rig
 from ambid.rig.rig import Actuator, Amplifier, Bearing, Rig
 from ambid.rig.rotor import (
     Disk,
@@ -35,4 +36,5 @@ __all__ = [
     "Section",
     "StateSpaceController",
     "TransferFunctionController",
+    "as_rig",
 ]

@@ -9,7 +9,7 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.effects.slips import ExcitationGainError
 from ambid.errors import InputError, UnstableLoopError
-from ambid.model import Model
+from ambid.model import Given, Model, as_model
 from ambid.robustness.peaks import Peaks, find_peaks, gains, peaks_of, slopes_of
 from ambid.robustness.result import ZONES, AxisMargins, Margin, Margins, zone_of
 from ambid.robustness.sensitivity import BrokenLoop, Place
@@ -26,7 +26,7 @@ NO_COVARIANCE = "the model has no covariance: these are nominal margins; identif
 
 
 def margins(
-    model: Model,
+    model: Given,
     *,
     at: Place = "controller",
     draws: int = DRAWS,
@@ -39,7 +39,7 @@ def margins(
 
     Parameters
     ----------
-    model : Model
+    model : Model or Rig, or path of a rig file or saved model
         Such as `Estimate.model` or one that `Model.load` read; without a covariance of its parameters the margins are
         nominal. Nonlinear effects are left out, which is told.
     at : {"controller", "sensor"}
@@ -67,6 +67,7 @@ def margins(
         raise InputError(f"draws = {draws}: expected {FEWEST_DRAWS} to {MOST_DRAWS}")
     if seed < 0:
         raise InputError(f"seed = {seed}: expected 0 or more")
+    model = as_model(model)
     linear, notes = of_small_motion(model)
     loop, theta = BrokenLoop(linear, at), linear.theta
     if not is_stable(loop, theta):

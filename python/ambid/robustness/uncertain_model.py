@@ -18,7 +18,7 @@ from ambid.loop.assembly import Lft
 from ambid.loop.delay import with_late_commands
 from ambid.loop.loop import open_plant
 from ambid.loop.response import StateSpace
-from ambid.model import Model
+from ambid.model import Given, as_model
 from ambid.results import of_unit
 from ambid.robustness.matlab import write_with_script
 from ambid.robustness.sensitivity import Law
@@ -170,14 +170,14 @@ class UncertainModel:
         return "\n".join([f"Uncertain model of {self.name!r}, A and Delta {own}; 95 % ranges", *rows])
 
 
-def uncertain(model: Model) -> UncertainModel:
+def uncertain(model: Given) -> UncertainModel:
     """Take a model with its uncertainty apart: G, Delta and K.
 
     Errors of the controller's gains and the scale of i_e are not in G: K is taken at the model's values of them.
 
     Parameters
     ----------
-    model : Model
+    model : Model or Rig, or path of a rig file or saved model
         Linear, with the covariance of its parameters, such as `Estimate.model` or one that `Model.load` read.
 
     Raises
@@ -185,6 +185,7 @@ def uncertain(model: Model) -> UncertainModel:
     ModelError
         If it has no covariance, an effect is not linear, or the 95 % range of a parameter leaves what physics allows.
     """
+    model = as_model(model)
     require_linear(model)
     uncertainty = Uncertainty.of(model)
     if uncertainty is None or model.covariance is None:

@@ -12,7 +12,7 @@ from scipy.optimize import linear_sum_assignment
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import InputError
 from ambid.loop.mode import Modes
-from ambid.model import Model
+from ambid.model import Given, Model, as_model
 from ambid.results import Tabular, picture, plain, speed_text
 from ambid.robustness.eigenvalues import damping_ratio, pole_map
 from ambid.robustness.procedure import of_small_motion
@@ -170,13 +170,13 @@ class Campbell(Tabular):
 
 
 def campbell(
-    model: Model, speeds: Sequence[float] | None = None, *, measured: Sequence[Model] | None = None
+    model: Given, speeds: Sequence[float] | None = None, *, measured: Sequence[Model] | None = None
 ) -> Campbell:
     """Find the natural frequencies of the closed loop over the speed of rotation.
 
     Parameters
     ----------
-    model : Model
+    model : Model or Rig, or path of a rig file or saved model
         Nonlinear effects are left out, which is told.
     speeds : sequence of float, optional
         Rising, two or more [rad/s]; default: 0 to a quarter beyond the largest measured one.
@@ -193,6 +193,7 @@ def campbell(
     InputError
         If the machine has one axis, which cannot whirl, or the speeds do not rise from 0 or more.
     """
+    model = as_model(model)
     linear, notes = of_small_motion(model)
     pairs = _planes(linear)
     if not len(pairs):

@@ -1,0 +1,56 @@
+"""A model, a rig or the path of the file of either: what a script has at hand."""
+
+import re
+
+import numpy as np
+import pytest
+
+import ambid
+from ambid.errors import ModelError, RigError
+from ambid.model import as_model
+from hidden.experiment import experiment
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("given")
+    rig, (record, *_), _, _ = experiment(None, "clear", 5)
+    rig.save(folder / "rig.toml")
+    record.save(folder / "train.mat")
+    ambid.Model(rig).with_values({"tau_e": 2.9e-4}).save(folder / "model.json")
+    return folder
+
+
+def test_paths_stand_for_what_they_hold(files):
+    rig, record = str(files / "rig.toml"), files / "train.mat"
+    loaded = ambid.Rig.load(rig)
+    assert ambid.compare(rig, record).misfit == ambid.compare(loaded, ambid.Record.load(record, loaded)).misfit
+    np.testing.assert_array_equal(as_model(files / "rig.toml").theta, ambid.Model(loaded).theta)
+    saved = as_model(files / "model.json")
+    assert dict(zip(saved.names, saved.theta, strict=True))["tau_e"] == 2.9e-4
+    found, *_ = ambid.identify_many(rig, [record], free="K_i").values
+    wanted = [ambid.identify(rig, record, free="K_i")[name].value for name in loaded_names(rig)]
+    np.testing.assert_allclose(found, wanted, rtol=1e-9)
+    assert ambid.check(rig, record).findings == ambid.check(loaded, record).findings
+    assert ambid.margins(rig).zone == ambid.margins(ambid.Model(loaded)).zone
+
+
+def loaded_names(rig):
+    return [name for name in as_model(rig).names if name.startswith("K_i.")]
+
+
+@pytest.mark.parametrize("call", [ambid.identify, ambid.compare, ambid.diagnose])
+def test_what_is_none_of_them_is_named(call, files):
+    with pytest.raises(ModelError, match=re.escape("model: int given; expected a Model, a Rig, or the path")):
+        call(3, files / "train.mat")
+    with pytest.raises(RigError, match=r"train\.mat: not a text"):
+        call(files / "train.mat", files / "rig.toml")
+
+
+def test_a_model_is_made_of_a_rig(files):
+    with pytest.raises(ModelError, match=re.escape("rig: str given; expected a Rig, as `Rig.load(path)` reads it")):
+        ambid.Model(str(files / "rig.toml"))
+    with pytest.raises(RigError, match="rig: int given"):
+        ambid.check(3)
+    with pytest.raises(RigError, match="rig: int given"):
+        ambid.static_load(3, [])
