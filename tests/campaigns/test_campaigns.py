@@ -3,6 +3,8 @@
 import csv
 import json
 import shutil
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -110,6 +112,20 @@ def test_json_and_tables(found, template):
     assert any(line.split()[:3] == ["10A", "B_eta", "10"] and f"{k_i.value:.2f} [" in line for line in lines)
     assert sum(line.split()[:1] == ["6A"] for line in lines) == 4 + 2 + 2
     assert "forces: f = K_i i + K_s s, K_s > 0 destabilises" in lines
+    assert (
+        content["next"] == "hold the models against records at another amplitude, bias current or speed: ambid compare"
+    )
+    assert lines[-1] == f"next: {content['next']}"
+
+
+def test_what_the_worst_records_miss_is_to_be_named(found):
+    """The command is one that can be pasted, of the bias current and kind with the largest misfit."""
+    first, point = found.points
+    large, small = point.runs
+    bad = SimpleNamespace(exceeds="misfit 4 above 1.1", misfit=4.0, misfit_bound=1.1, records=small.joint.records)
+    worse = replace(found, points=(first, replace(point, runs=(large, replace(small, joint=bad)))))
+    train, other = small.joint.records[0].path, large.joint.records[0].path
+    assert worse.next == f"name what 10A prbs_small misses: ambid diagnose {point.rig.path} {train} --validate {other}"
 
 
 def test_pictures_of_two_methods_a_panel_for_each_axis(found, tmp_path):

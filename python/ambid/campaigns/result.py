@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -167,6 +168,7 @@ class Campaign:
             "K_i": rows,
             "points": [point.to_json() for point in self.points],
             "notes": list(self.notes),
+            "next": self.next,
         }
 
     @property
@@ -184,13 +186,29 @@ class Campaign:
         """
         return save_tables(self.tables, path)
 
+    @property
+    def next(self) -> str:
+        """What to do now: where the model misses most, the command that names what is missing."""
+        missed = [(point, runs) for point in self.points for runs in point.runs if runs.joint.exceeds]
+        if not missed:
+            return "hold the models against records at another amplitude, bias current or speed: ambid compare"
+        point, runs = max(missed, key=lambda each: each[1].joint.misfit / each[1].joint.misfit_bound)
+        others = [other.joint.records[0] for other in point.runs if other is not runs]
+        files = [point.rig.path, runs.joint.records[0].path, *(["--validate", others[0].path] if others else [])]
+        command = " ".join(shlex.quote(str(file)) for file in files)
+        return f"name what {point.folder.name} {runs.kind} misses: ambid diagnose {command}"
+
     plot = picture("plot_campaign")
 
     def __repr__(self) -> str:
         lines = [line for table in self.tables for line in (*table.lines(), "")]
         lines += ["forces: f = K_i i + K_s s, K_s > 0 destabilises"]
-        lines += [f"note: {point.folder.name}: {note}" for point in self.points for note in point.notes]
-        return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
+        folders: dict[str, list[str]] = {}
+        for point in self.points:
+            for note in point.notes:
+                folders.setdefault(note, []).append(point.folder.name)
+        lines += [f"note: {', '.join(where)}: {note}" for note, where in folders.items()]
+        return "\n".join([*lines, *(f"note: {note}" for note in self.notes), f"next: {self.next}"])
 
 
 def _force_current(campaign: Campaign) -> Table:
@@ -228,12 +246,15 @@ def _lag(campaign: Campaign) -> Table:
             *_over_runs(runs, "tau_e"),
             f"{runs.joint.fit_percent['average']:.2f}",
             f"{runs.joint.noise_ceiling_percent['average']:.2f}",
+            f"{runs.joint.misfit:.2f}",
+            f"{runs.joint.misfit_bound:.2f}",
         )
         for point in campaign.points
         for runs in point.runs
     )
-    title = "tau_e [s] and its relative standard deviation over the runs; average fit of y"
-    return Table("tau_e", title, (FIRST, "records", "i0 [A]", "tau_e", "RSD %", "fit %", "noise ceiling %"), rows)
+    title = "tau_e [s] and its relative standard deviation over the runs; average fit of y; misfit J/dof"
+    heading = (FIRST, "records", "i0 [A]", "tau_e", "RSD %", "fit %", "noise ceiling %", "misfit", "bound")
+    return Table("tau_e", title, heading, rows)
 
 
 def _bias(point: BiasPoint, campaign: Campaign) -> str:
