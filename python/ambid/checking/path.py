@@ -74,8 +74,13 @@ def _moves(record: Record) -> str:
 def _from_to(record: Record, channel: int, begin: float, end: float, far: float | None = None) -> str:
     name = record.channels[channel]
     factor, unit = (1e6, "um") if name.startswith("y.") else (1.0, "A")
-    over = "" if far is None or far < 1.1 * abs(end - begin) else f", over {factor * far:.3g} {unit}"
-    return f"{name} goes from {factor * begin:.4g} to {factor * end:.4g} {unit}{over}"
+    over = "" if far is None or far < 1.1 * abs(end - begin) else f", over {_digits(factor * far)} {unit}"
+    return f"{name} goes from {_digits(factor * begin)} to {_digits(factor * end)} {unit}{over}"
+
+
+def _digits(value: float) -> str:
+    """Four digits, and no power of ten."""
+    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.4g}"
 
 
 def _slope(means: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -50,6 +50,8 @@ def plot_misfit_matrix(matrix: MisfitMatrix, ax: Sequence[Axes] | None = None) -
     from matplotlib.colors import LogNorm
 
     bands, outputs, inputs = matrix.power.shape
+    kinds = tuple(dict.fromkeys(name.partition(".")[0] for name in matrix.inputs))
+    names = [name if len(kinds) > 1 else name.partition(".")[2] for name in matrix.inputs]
     across = min(ACROSS, bands)
     if ax is None:
         height = 0.75 + -(-bands // across) * (0.15 * outputs + 0.48)
@@ -83,7 +85,6 @@ def plot_misfit_matrix(matrix: MisfitMatrix, ax: Sequence[Axes] | None = None) -
                 text = f"{sign}{short_number(values[o, i])}"
                 panel.text(i + 0.5, o + 0.5, text, ha="center", va="center", fontsize=SMALL - 1, color=colour)
         panel.axvline(inputs, color="black", lw=1.2)
-        names = [name.partition(".")[2] for name in matrix.inputs]
         panel.set_xticks(np.arange(inputs + 1) + 0.5, [*names, "none"], rotation=40, ha="right", rotation_mode="anchor")
         panel.set_yticks(np.arange(outputs) + 0.5, matrix.outputs)
         panel.set_ylim(outputs, 0)
@@ -92,10 +93,9 @@ def plot_misfit_matrix(matrix: MisfitMatrix, ax: Sequence[Axes] | None = None) -
         panel.spines[["left", "bottom"]].set_visible(False)
     if ax is None:
         figure = panels[0].figure
-        kinds = "/".join(dict.fromkeys(name.partition(".")[0] for name in matrix.inputs))
         figure.suptitle(
-            f"{matrix.record}: what each output answers to each {kinds} beyond the model, and to none of them\n"
-            "power, and the sign of the real part where it has one; grey may be chance",
+            f"{matrix.record}: what each output answers to each {'/'.join(kinds)} beyond the model, and to none "
+            "of them\npower, and the sign of the real part where it has one; grey may be chance",
             fontsize=LABEL + 1,
             x=0.01,
             ha="left",

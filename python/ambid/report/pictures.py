@@ -189,8 +189,8 @@ def signals(before: Comparison, after: Comparison | None, index: int) -> Picture
         )
     signal_legend(figure, *panels[:, 0])
     caption = (
-        f"{' and '.join(channels)} of {one.record.name}, in the stretch of one period where the base model misses most;"
-        " the residual below, with the band of the noise."
+        f"{' and '.join(channels)} of {one.record.name}, in the stretch where the base model misses most; the residual "
+        "below, with the band of the noise."
     )
     return as_picture(figure, caption if after is None else f"{caption} Both residuals are on one scale.")
 
