@@ -26,7 +26,6 @@ TAKEN_UP = 1e-6
 """Of a parameter's response, relative: what is left of it beside a port that can do all that it does."""
 STILL = 0.01
 """Of the degrees of freedom: a refit that takes away less leaves the linearisation as it is."""
-ROUNDS = 3
 
 
 class _Inlets(Effect):
@@ -171,21 +170,16 @@ class Sight:
         return Left(needed, residual - beyond @ step, step, power, self.judged - taken)
 
     def unbent(self, port: str, left: Left) -> Left:
-        """What a port leaves where the known parameters are refitted until they stay where they are."""
-        theta = self.model.theta
-        for _ in range(ROUNDS):
-            if left.power < STILL * left.free:
-                break
-            theta = theta + left.step
-            try:
-                sight = Sight.of(self.model.with_theta(theta), self.part, self.signals)
-            except (ModelError, UnstableLoopError):  # values that no machine has: no nearer than this
-                break
-            further = sight.left_by(port)
-            if further.cost + further.power > left.cost + left.power:
-                break
-            left = further
-        return left
+        """What a port leaves as a model sees it whose known parameters are where they want to be beside it."""
+        if left.power < STILL * left.free:
+            return left
+        own = {port: self.signals[port]}
+        try:
+            nearer = Sight.of(self.model.with_theta(self.model.theta + left.step), self.part, own)
+        except (ModelError, UnstableLoopError):  # values that no machine has: no nearer than this
+            return left
+        further = nearer.left_by(port)
+        return further if further.cost + further.power < left.cost + left.power else left
 
 
 def stacked(lines: ComplexArray) -> FloatArray:
