@@ -198,7 +198,8 @@ def test_every_record_is_drawn_before_and_after(explained, tmp_path):
     headings = [text for level, text in found.headings if level == 3]
     assert headings[headings.index("train") + 1] == "other, for validation"
     for name in ("train", "other"):
-        assert found.html.count(f"of {name}, in the stretch where the base model misses most") == 2  # caption and alternative text
+        # in the caption and in the alternative text
+        assert found.html.count(f"of {name}, in the stretch where the base model misses most") == 2
         assert found.html.count(f"of {name}, which the base model misses most") == 2
     assert "All records" not in found.all
 
