@@ -19,7 +19,9 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-# processes that the peers start import this file anew, and find the folder there
+# Processes that the peers start import this file anew, and find the folder there. It stands in the place of this
+# script's own, whose `coverage.py` numba would take for the package of that name.
+sys.path.pop(0)
 sys.path.insert(0, os.environ.setdefault("PEERS_FOLDER", str(Path(sys.argv[min(1, len(sys.argv) - 1)]).resolve())))
 
 import numpy as np
