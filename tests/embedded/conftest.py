@@ -14,12 +14,19 @@ def saturating(rig):
     return ambid.Model(rig).add("flux_saturation")
 
 
+@pytest.fixture(scope="session")
+def digital():
+    """A levitator whose controller acts twice in a sample of the record, half a period of its own late."""
+    rig = ambid.Rig.load(LEVITATOR)
+    own = {"implementation": "digital", "sample_rate": 2 * rig.sample_rate, "delay_samples": 0.5}
+    return ambid.Model(rig.replace(controller=rig.controller.model_copy(update=own)))
+
+
 @pytest.fixture(scope="session", params=["demo", "digital", "saturating"])
-def model(request, demo_rig, saturating):
+def model(request, demo_rig, saturating, digital):
     """A linear analog loop of four axes, a digital one of one axis, and a nonlinear one."""
-    if request.param == "saturating":
-        return saturating
-    return ambid.Model(demo_rig if request.param == "demo" else ambid.Rig.load(LEVITATOR))
+    made = {"demo": lambda: ambid.Model(demo_rig), "digital": lambda: digital, "saturating": lambda: saturating}
+    return made[request.param]()
 
 
 @pytest.fixture(scope="session")

@@ -60,6 +60,21 @@ def test_the_example_in_c_steps_as_python_does(model, excitation, program, tmp_p
 
 
 @native
+def test_valgrind_finds_no_error_and_no_byte_that_is_not_given_back(program, digital, tmp_path):
+    """Of a loop with a digital controller; what it reports falsely of others stands in the documents."""
+    valgrind = shutil.which("valgrind")
+    if valgrind is None:
+        pytest.skip("there is no valgrind on this machine: apt-get install valgrind")
+    ambid.to_stepper(digital, tmp_path / "model.stepper")
+    asked = ["--leak-check=full", "--show-leak-kinds=all", "--errors-for-leak-kinds=all", "--error-exitcode=9"]
+    run = [valgrind, *asked, program, tmp_path / "model.stepper"]
+    done = subprocess.run(run, input="0.1\n" * 50, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert "ERROR SUMMARY: 0 errors" in done.stderr
+    assert len(done.stdout.splitlines()) == 50
+
+
+@native
 def test_what_the_page_shows_runs(demo_rig, tmp_path):
     page = (ROOT / "python" / "docs" / "embedded.md").read_text()
     (shown,) = re.findall(r"^```c\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
