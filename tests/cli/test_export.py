@@ -17,6 +17,7 @@ def model(tmp_path, monkeypatch):
     own = ambid.Model(ambid.Rig.load(LEVITATOR))
     own.save("model.json", np.diag((0.05 * own.theta) ** 2))
     own.save("bare.json")
+    own.save("vague.json", np.diag((1.0 * own.theta) ** 2))
     return own
 
 
@@ -38,7 +39,8 @@ def test_a_saved_model_becomes_a_file_and_a_script(model, command):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["bare.json", "--uss", "bench.mat"], "no covariance"),
+        (["bare.json", "--uss", "bench.mat"], "bare.json: levitator: the model has no covariance"),
+        (["vague.json", "--uss", "bench.mat"], "vague.json: K_i.A_zeta: the 95 % range -172.8"),
         (["model.json", "--uss", "bench.txt"], "the suffix is .txt; expected .mat"),
         (["none.json", "--uss", "bench.mat"], "none.json"),
     ],

@@ -11,7 +11,7 @@ import typer
 import ambid
 from ambid.cli.options import Force, JsonFile, Quiet
 from ambid.cli.outputs import conclude, require_outputs
-from ambid.errors import InputError
+from ambid.errors import InputError, ModelError
 from ambid.results import plain
 
 
@@ -52,7 +52,10 @@ def export_command(
     data: dict[str, Any] = {"files": [str(path) for paths in files.values() for path in paths]}
     writers: list[Callable[[], Sequence[Path]]] = []
     if uss is not None:
-        result = found = ambid.uncertain(own)
+        try:
+            result = found = ambid.uncertain(own)
+        except ModelError as error:
+            raise ModelError(f"{model}: {error}") from None
         ranges = zip(found.parameters, found.values.tolist(), found.ci95.tolist(), found.units, strict=True)
         data |= {
             "states": len(found.A),
