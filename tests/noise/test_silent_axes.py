@@ -15,12 +15,12 @@ def test_silent_axes_leave_the_power_of_the_noise_as_it_is():
     random = np.random.default_rng(1)
     lines, excitation = (random.normal(size=(300, 4)) + 1j * random.normal(size=(300, 4)) for _ in range(2))
     excitation[:, :3] = 0.0
-    [(spectrum, power, spread)] = beside_excitation([lines], excitation)
-    [(alone, alone_power, alone_spread)] = beside_excitation([lines], excitation[:, 3:])
-    assert power.min() > 0.0
-    assert np.array_equal(spectrum, alone)
-    assert np.array_equal(power, alone_power)
-    assert spread == alone_spread
+    [found] = beside_excitation([lines], excitation)
+    [alone] = beside_excitation([lines], excitation[:, 3:])
+    assert found.power.min() > 0.0
+    assert np.array_equal(found.spectrum, alone.spectrum)
+    assert np.array_equal(found.power, alone.power)
+    assert found.spread == alone.spread
 
 
 def test_one_axis_driven_without_periods():

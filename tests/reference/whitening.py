@@ -28,7 +28,8 @@ class Whitening:
     @classmethod
     def beside(cls, residual: np.ndarray, excitation: np.ndarray, window: Window) -> "Whitening":
         at = window.excited
-        ((covariance, *_),) = beside_excitation([window.lines(residual)[at]], window.lines(excitation)[at])
+        [found] = beside_excitation([window.lines(residual)[at]], window.lines(excitation)[at])
+        covariance = found.spectrum
         unshaped = np.tile(np.eye(covariance.shape[1], dtype=complex), (len(at), 1, 1))
         return cls(window, Spectrum.of(covariance, unshaped, np.ones(len(at))))
 

@@ -73,5 +73,5 @@ def uneven(record: Record, residual: FloatArray, excitation: FloatArray) -> str:
 def _powers(residual: FloatArray, excitation: FloatArray, half: Window) -> FloatArray:
     """Power of the noise on lines of a half, shape (lines, p)."""
     index = thinned(half.in_period, JUDGED)
-    [(_, power, _)] = beside_excitation([half.lines(residual)[index]], half.lines(excitation)[index])
-    return power
+    [found] = beside_excitation([half.lines(residual)[index]], half.lines(excitation)[index])
+    return found.power

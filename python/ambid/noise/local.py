@@ -8,8 +8,7 @@ System Identification: A Frequency Domain Approach, 2nd ed., chapter 7).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +40,27 @@ LEAST_WIDTH = 31
 """Lines in a local regression, if more are not needed."""
 
 
-Found = tuple[ComplexArray, FloatArray, float]
-"""S of every line, the power of the noise of every line and channel by itself, and the spread, see `Spectrum`."""
+class Found(NamedTuple):
+    """The noise of a residual."""
+
+    regressions: ComplexArray
+    """S of every regression, shape (regressions, p, p)."""
+    nearest: NDArray[np.intp]
+    """The regression of every line, shape (lines,)."""
+    power: FloatArray
+    """Of every line and channel by itself, shape (lines, p)."""
+    spread: float
+    """See `Spectrum`."""
+
+    @property
+    def spectrum(self) -> ComplexArray:
+        """S of every line, shape (lines, p, p): large."""
+        return self.regressions[self.nearest]
+
+    @property
+    def log_determinant(self) -> float:
+        """Sum over all lines of the logarithm of the determinant of S."""
+        return float(np.sum(np.linalg.slogdet(self.regressions)[1][self.nearest]))
 
 
 def beside_excitation(
@@ -63,8 +81,8 @@ def beside_excitation(
 
     Returns
     -------
-    list of tuple
-        Of each residual: S, shape (lines, p, p); power, shape (lines, p); spread.
+    list of Found
+        Of each residual.
     """
     count, p = several[0].shape
     axes, excitation = excitation.shape[1], driving(excitation)
@@ -94,7 +112,7 @@ def beside_excitation(
             own_power[k][here] = np.abs(left[at, place]) ** 2 / (1.0 - leverage[at, place])
     factor = (free + fitted * free / (free - p)) / width
     spread = free / (free - p) / factor
-    return [(factor * spectrum[nearest], power, spread) for spectrum, power in zip(spectra, own_power, strict=True)]
+    return [Found(factor * own, nearest, power, spread) for own, power in zip(spectra, own_power, strict=True)]
 
 
 def driving(excitation: ComplexArray | FloatArray) -> Any:
@@ -165,25 +183,28 @@ def likelier_beside_excitation(
     """
     behind = [_core.through(back, lines) for back in shapes]
     plain = beside_excitation(behind, excitation)
-    tries = [(back, own, smooth) for back, own in zip(shapes, behind, strict=True) for smooth in (_around, _envelope)]
-    powers = [power for _, power, _ in plain for _ in (_around, _envelope)]
+    tries = [(k, smooth) for k in range(len(shapes)) for smooth in (_around, _envelope)]
+    powers = [plain[k].power for k, _ in tries]
     rounds = 2 if len(lines) <= FEW else 1
     for left in reversed(range(rounds)):
-        even = [smooth(power) for (_, _, smooth), power in zip(tries, powers, strict=True)]
+        even = [smooth(power) for (_, smooth), power in zip(tries, powers, strict=True)]
         roots = [root for root, _ in even]
-        residuals = [own / root for (_, own, _), root in zip(tries, roots, strict=True)]
+        residuals = [behind[k] / root for (k, _), root in zip(tries, roots, strict=True)]
         flat = beside_excitation(residuals, excitation, roots if rounds > 1 else None)
         if left:
-            powers = [power * root**2 for (_, power, _), root in zip(flat, roots, strict=True)]
-    ways = chain(
-        ((back, own, 0.0) for back, (own, _, _) in zip(shapes, plain, strict=True)),
-        (
-            (back / root[:, :, None], own, numbers)  # one at a time: it is large
-            for (back, _, _), (root, numbers), (own, _, _) in zip(tries, even, flat, strict=True)
-        ),
-    )
-    shape, own, _ = max(ways, key=lambda way: _likelihood(way[1], way[0]) - way[2])
-    return own, shape, np.full(len(lines), plain[0][2])
+            powers = [own.power * root**2 for own, root in zip(flat, roots, strict=True)]
+    gains = [float(np.sum(np.linalg.slogdet(back)[1])) for back in shapes]
+    # logarithms of the likelihood that a residual has its spectrum behind its shape, but for a constant (Whittle)
+    likelihoods = [2.0 * gain - own.log_determinant for gain, own in zip(gains, plain, strict=True)]
+    for (k, _), (root, numbers), own in zip(tries, even, flat, strict=True):
+        likelihoods.append(2.0 * (gains[k] - float(np.sum(np.log(root)))) - own.log_determinant - numbers)
+    best = int(np.argmax(likelihoods))
+    if best < len(shapes):
+        own, shape = plain[best], shapes[best]
+    else:
+        (k, _), root, own = tries[best - len(shapes)], roots[best - len(shapes)], flat[best - len(shapes)]
+        shape = shapes[k] / root[:, :, None]
+    return own.spectrum, shape, np.full(len(lines), own.spread)
 
 
 def _envelope(power: FloatArray) -> tuple[FloatArray, float]:
@@ -202,8 +223,3 @@ def _around(power: FloatArray) -> tuple[FloatArray, float]:
     below = np.concatenate([np.zeros((1, p)), np.cumsum(power, axis=0)])
     level = (below[high] - below[low]) / (high - low)[:, None]
     return np.sqrt(np.maximum(level, 1e-300)), float(p * np.sum(1.0 / (high - low)))
-
-
-def _likelihood(spectrum: ComplexArray, shape: ComplexArray) -> float:
-    """Logarithm of the likelihood that a residual has this spectrum behind its shape, but for a constant (Whittle)."""
-    return float(np.sum(2.0 * np.linalg.slogdet(shape)[1] - np.linalg.slogdet(spectrum)[1]))
