@@ -17,6 +17,7 @@ __all__ = [
     "fit_all",
     "inverses",
     "line_equations",
+    "local_regressions",
     "normal_equations",
     "through",
     "way_back",
@@ -155,6 +156,16 @@ def line_equations(
     system: ClosedLoop, theta: _Vector, free: list[int], records: list[LineData], near: Sequence[_Vector] = ...
 ) -> tuple[_Matrix, _Vector, float, list[_Vector], list[_Matrix], list[int]]: ...
 def fit_all(fits: list[Fit]) -> list[Ended | ModelError | UnstableLoopError]: ...
+def local_regressions(
+    lines: _Lines,
+    excitation: _Lines,
+    weighted: Sequence[tuple[int, _Vector]],
+    starts: NDArray[np.uintp],
+    nearest: NDArray[np.uintp],
+    width: int,
+    degree: int,
+    most_taken: float,
+) -> tuple[_Lines, _Matrix]: ...
 def whitening(covariance: _Lines, back: _Lines) -> tuple[_Lines, _Lines]: ...
 def whittle(covariance: _Lines, lines: _Lines) -> float: ...
 def inverses(matrices: _Lines) -> _Lines: ...

@@ -30,8 +30,6 @@ MOST_TAKEN = 0.95
 """Part of a line's noise that a regression may take, at the most, for the rest to tell its power."""
 FEW = 4000
 """Lines up to which regressions are wide beside the colour of the noise, and are weighted by it."""
-TOGETHER = 500_000
-"""Numbers of regressions that are held in memory at a time."""
 SMOOTH = 1.0 / 3.0
 """Part of a line's number over which the power of noise is even."""
 NARROWEST, WIDEST = 8, 40
@@ -45,7 +43,7 @@ class Found(NamedTuple):
 
     regressions: ComplexArray
     """S of every regression, shape (regressions, p, p)."""
-    nearest: NDArray[np.intp]
+    nearest: NDArray[np.uintp]
     """The regression of every line, shape (lines,)."""
     power: FloatArray
     """Of every line and channel by itself, shape (lines, p)."""
@@ -93,31 +91,25 @@ def beside_excitation(
             f"{count} lines are too few to tell the noise of {p} channels from what follows {excitation.shape[1]} "
             "excitations; record for longer, or excite periodically"
         )
-    step = max(1, width // 8)
-    starts = np.append(np.arange(0, count - width, step), count - width)  # the last ends with the lines
-    powers = np.linspace(-1.0, 1.0, width)[:, None] ** np.arange(DEGREE + 1)
-    spectra = [np.empty((len(starts), p, p), dtype=complex) for _ in several]
-    own_power = [np.empty((count, p)) for _ in several]
+    starts = np.append(np.arange(0, count - width, max(1, width // 8)), count - width)  # the last ends with the lines
     middle = starts + 0.5 * (width - 1)
-    nearest = np.searchsorted(0.5 * (middle[1:] + middle[:-1]), np.arange(count))
-    together = max(1, TOGETHER // (width * max(fitted, p * len(several))))
-    for first in range(0, len(starts), together):
-        own_starts = starts[first : first + together]
-        rows = own_starts[:, None] + np.arange(width)
-        here = np.flatnonzero((nearest >= first) & (nearest < first + len(rows)))
-        at = nearest[here] - first
-        place = np.clip(here - own_starts[at], 0, width - 1)
-        for k, (left, leverage) in enumerate(_left(several, excitation, roots, rows, powers, axes)):
-            spectra[k][first : first + together] = left.transpose(0, 2, 1) @ left.conj() / free
-            own_power[k][here] = np.abs(left[at, place]) ** 2 / (1.0 - leverage[at, place])
+    nearest = np.searchsorted(0.5 * (middle[1:] + middle[:-1]), np.arange(count)).astype(np.uintp)
     factor = (free + fitted * free / (free - p)) / width
     spread = free / (free - p) / factor
-    return [Found(factor * own, nearest, power, spread) for own, power in zip(spectra, own_power, strict=True)]
+    found = []
+    for k, lines in enumerate(several):
+        weighted = [(p, np.ones(count))] if roots is None else _weighted(roots[k], axes)
+        lines = np.ascontiguousarray(lines)
+        own, power = _core.local_regressions(
+            lines, excitation, weighted, starts.astype(np.uintp), nearest, width, DEGREE, MOST_TAKEN
+        )
+        found.append(Found(factor / free * own, nearest, power, spread))
+    return found
 
 
 def driving(excitation: ComplexArray | FloatArray) -> Any:
     """The columns that drive anything: a regression on an axis at rest takes lines at random."""
-    return excitation[:, excitation.any(axis=0)]
+    return np.ascontiguousarray(excitation[:, excitation.any(axis=0)])
 
 
 def regression(count: int, axes: int) -> tuple[int, int]:
@@ -126,49 +118,11 @@ def regression(count: int, axes: int) -> tuple[int, int]:
     return fitted, min(max(LEAST_WIDTH, REGRESSED * fitted), count - 2)
 
 
-def _left(
-    several: Sequence[ComplexArray],
-    excitation: ComplexArray,
-    roots: Sequence[FloatArray] | None,
-    rows: NDArray[np.intp],
-    powers: FloatArray,
-    axes: int,
-) -> list[tuple[ComplexArray, FloatArray]]:
-    """What regressions on these rows leave of each residual, and the part of each line's noise that they took."""
-    p = several[0].shape[1]
-    if roots is None:
-        left, taken = _beside(np.concatenate([lines[rows] for lines in several], axis=2), excitation[rows], powers)
-        return [(left[:, :, k * p : (k + 1) * p], taken[:, :, None]) for k in range(len(several))]
-    found = []
-    for lines, root in zip(several, roots, strict=True):
-        parts = []
-        for own in (slice(0, axes), slice(axes, p)):  # y, then i_c, whose colours differ most
-            if not len(range(p)[own]):  # y alone was recorded, or nothing drives
-                continue
-            weight = 1.0 / np.exp(np.log(root[:, own]).mean(axis=1))[rows]
-            left, taken = _beside(lines[rows][:, :, own], excitation[rows], powers, weight)
-            parts.append((left, np.broadcast_to(taken[:, :, None], left.shape)))
-        found.append(
-            (np.concatenate([own for own, _ in parts], axis=2), np.concatenate([own for _, own in parts], axis=2))
-        )
-    return found
-
-
-def _beside(
-    own: ComplexArray, excitation: ComplexArray, powers: FloatArray, weight: FloatArray | None = None
-) -> tuple[ComplexArray, FloatArray]:
-    """What regressions, shape (regressions, lines, channels), leave that follows neither excitation nor transient.
-
-    Then the part of each line's noise that they took with it, shape (regressions, lines): most at both ends.
-    """
-    inputs = np.concatenate([excitation, np.ones((*excitation.shape[:2], 1))], axis=2)
-    table = (inputs[..., None] * powers[:, None, :]).reshape(*excitation.shape[:2], -1)
-    if weight is not None:
-        table = table * weight[:, :, None]
-    size = np.linalg.norm(table, axis=1, keepdims=True)
-    basis, _ = np.linalg.qr(table / np.where(size > 0.0, size, 1.0))
-    leverage = np.minimum(np.sum(np.abs(basis) ** 2, axis=2), MOST_TAKEN)
-    return np.asarray(own - basis @ (basis.conj().transpose(0, 2, 1) @ own)), leverage
+def _weighted(root: FloatArray, axes: int) -> list[tuple[int, FloatArray]]:
+    """Channels that are weighted alike, by the last one's end: y, then i_c, whose colours differ most."""
+    ends = sorted({axes, root.shape[1]} - {0})  # y alone may be recorded, or nothing drive
+    level = np.log(root)
+    return [(end, np.exp(-level[:, first:end].mean(axis=1))) for first, end in zip([0, *ends], ends, strict=False)]
 
 
 def likelier_beside_excitation(

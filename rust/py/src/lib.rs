@@ -23,7 +23,7 @@ mod _core {
     #[pymodule_export]
     use crate::lines::{LineData, line_equations};
     #[pymodule_export]
-    use crate::noise::{Scatter, inverses, through, way_back, whitening, whittle};
+    use crate::noise::{Scatter, inverses, local_regressions, through, way_back, whitening, whittle};
     #[pymodule_export]
     use crate::residual::{Data, normal_equations};
     #[pymodule_export]

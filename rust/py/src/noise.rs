@@ -1,6 +1,6 @@
 //! `Scatter`, and what is done with the small matrices of noise on lines.
 
-use ambid_core::{Scatter as Core, noise};
+use ambid_core::{Scatter as Core, Weighted, Windows, noise, regressed};
 use numpy::{
     Complex64, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods,
 };
@@ -40,6 +40,30 @@ impl Scatter {
         let found = py.detach(|| self.core.between(low, high, left_out)).map_err(raise)?;
         cube(py, found, [low.len(), self.channels, self.channels])
     }
+}
+
+/// What regressions leave: see `ambid_core::regressed`.
+#[pyfunction]
+#[allow(clippy::too_many_arguments)]
+pub fn local_regressions<'py>(
+    py: Python<'py>,
+    lines: PyReadonlyArray2<'py, Complex64>,
+    excitation: PyReadonlyArray2<'py, Complex64>,
+    weighted: Vec<(usize, PyReadonlyArray1<'py, f64>)>,
+    starts: PyReadonlyArray1<'py, usize>,
+    nearest: PyReadonlyArray1<'py, usize>,
+    width: usize,
+    degree: usize,
+    most_taken: f64,
+) -> PyResult<(Matrices<'py>, Bound<'py, PyArray2<f64>>)> {
+    let p = lines.shape()[1];
+    let own = signal("lines", &lines, p)?;
+    let excitation = signal("excitation on lines", &excitation, excitation.shape()[1])?;
+    let groups = weighted.iter().map(|(end, weights)| Ok((*end, weights.as_slice()?)));
+    let groups = groups.collect::<PyResult<Vec<Weighted<'_>>>>()?;
+    let windows = Windows { starts: starts.as_slice()?, nearest: nearest.as_slice()?, width, degree, most_taken };
+    let left = py.detach(|| regressed(own, p, excitation, &groups, windows)).map_err(raise)?;
+    Ok((cube(py, left.sums, [starts.len(), p, p])?, table(py, left.power, p)?))
 }
 
 #[pyfunction]
