@@ -310,9 +310,15 @@ BROKEN_TABLES = [
     ),
     (
         "controller",
-        TRANSFER + 'numerator = [1]\ndenominator = [1, "a"]',
-        "controller.denominator[0][1] = 'a'",
-        "number",
+        TRANSFER + "numerator = [1, 1.7e304]\ndenominator = [1, 1]",
+        "controller.numerator[0][1] = 1.7e+304",
+        "at most 1e100",
+    ),
+    (
+        "controller",
+        TRANSFER + "numerator = [1, 1e90]\ndenominator = [1e-20, 1]",
+        "controller.numerator[0] = (1.0, 1e+90)",
+        "at most 1e100 over 1e-20",
     ),
     (
         "controller",

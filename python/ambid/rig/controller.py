@@ -15,7 +15,7 @@ from pydantic import Field, field_validator, model_validator
 from pydantic_core import InitErrorDetails
 
 from ambid.errors import RigError
-from ambid.rig.fields import FINITE, MILLISECONDS, NOTHING, Range, Spec, per_axis, problem, refuse
+from ambid.rig.fields import FINITE, MILLISECONDS, MOST, NOTHING, Range, Spec, per_axis, plain, problem, refuse
 from ambid.rig.realisation import StateSpace, added, companion, pid, stack, tustin
 
 Matrix = tuple[tuple[Annotated[float, FINITE], ...], ...]
@@ -345,8 +345,8 @@ class TransferFunctionController(_ReadingController):
                 problems.append(problem(text, tuple(numerator.tolist()), "numerator", k))
             first = abs(denominator[0])
             for key, row in (("numerator", numerator), ("denominator", denominator)):
-                if max(map(abs, row), default=0.0) > np.finfo(float).max * min(first, 1.0):
-                    text = f"expected numbers that are finite over {first:g}, the denominator's first."
+                if max(map(abs, row), default=0.0) > MOST * min(first, 1.0):
+                    text = f"expected numbers of at most {plain(MOST)} over {first:g}, the denominator's first."
                     problems.append(problem(text, tuple(row.tolist()), key, k))
         refuse(*problems)
         return self
