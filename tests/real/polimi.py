@@ -3,20 +3,20 @@
     python tests/real/polimi.py FOLDER         laws, verdicts, parameters of a step of each controller, errors of others
     python tests/real/polimi.py FOLDER why     why the K_i of both differ: the step's height is a filter's
 
-The step of the PID gives K_i 0.77 with an interval of 2 %, ten steps of the LQI 1.11 +- 0.11, and a magnet whose force
+The step of the PID gives K_i 0.77 with an interval of 2 %, ten steps of the LQI 1.08 +- 0.11, and a magnet whose force
 goes with the square of its current has 2 m g / i, 1.1 to 1.4. The cause is the record: what the step holds as height as
 read is the output of a Kalman filter, the same numbers as its filtered height, 10 001 distinct ones in 10 001 samples
 where the other runs have the 2 500 of a quantum of 1.4 um, and a twentieth of their noise. The other runs of the PID
 hold both heights. By the force equation alone, m a = K_i i + K_s s, which knows no controller, no coil and no voltage,
 the heights as read give K_i 1.06, the filtered ones of the same runs 0.75, and the step 0.78: the filter passes about
 0.7 of the motion from 7 to 26 Hz. So the K_i of the step is that of the magnet and the filter, and with the height as
-read all runs agree with the LQI and with the holding currents. Currents that seem to be read half a millisecond before
+read all runs agree with the LQI and with the holding currents. Currents that seem to be read a millisecond before
 the heights (`sampling_skew`) are what a filter may look like.
 
-From the ideal coil on, coil and induced voltage bring the simulated step of the PID from 28 um and 19 mA to 16 um and
-13 mA, and its other steps, at the same filtered height, from 22 to 87 um to 14 to 65; the square law brings no more. A
-sine, which passes through gaps of 7.8 to 13.4 mm, is missed by 132 um and 123 mA, and by more with the square law. The
-steps of the LQI end at 27 to 33 um and 9 to 10 mA, of which 16 um and 6 mA are noise.
+From the ideal coil on, coil and induced voltage bring the simulated step of the PID from 27 um and 19 mA to 17 um and
+14 mA, and its other steps, at the same filtered height, from 21 to 85 um to 13 to 46; the square law brings no more. A
+sine, which passes through gaps of 7.8 to 13.4 mm, is missed by 112 um and 119 mA at the least. The steps of the LQI end
+at 29 to 33 um and 9 to 10 mA, of which 16 um and 6 mA are noise.
 
 The records are from github.com/Bocchio01/062020-Lab-Mechatronics (MIT licence): INTECO MLS2EM, upper coil.
 """
