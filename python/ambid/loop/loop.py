@@ -171,7 +171,7 @@ class Loop:
             raise UnstableLoopError(f"{error}; {moved_by_worst(sampled, self._rotor)}") from None
 
     def poles(self, theta: ArrayLike) -> np.ndarray:
-        """Poles of the closed loop [1/s], shape (states,), slowest first."""
+        """Poles of the closed loop [1/s], shape (states,), slowest first; -inf of what is gone within a sample."""
         poles = self.core.poles(_vector(theta))
         return poles[np.lexsort((poles.imag, -poles.real))]
 

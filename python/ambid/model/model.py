@@ -401,7 +401,7 @@ class Model:
         return self.loop.simulator(self.theta)
 
     def poles(self) -> NDArray[np.complex128]:
-        """Poles of the closed loop [1/s], slowest first; a digital loop's are ln(mu) fs of its poles mu."""
+        """Poles of the closed loop [1/s], slowest first; a digital loop's are ln(mu) fs of its poles mu, -inf of 0."""
         return self.loop.poles(self.theta)
 
     def to_rig(self) -> Rig:
