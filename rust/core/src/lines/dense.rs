@@ -135,7 +135,9 @@ impl Dense {
         let sizes = Sizes { states: if np == 0 { 0 } else { n }, outputs: ny, width };
         for (g, (w, u)) in w.chunks(GROUP).zip(u.chunks(GROUP * nu)).enumerate() {
             let points = Self::group(w);
-            self.left(&points, &mut y);
+            if np > 0 || basis > 0 {
+                self.left(&points, &mut y);
+            }
             for (i, x) in x.chunks_exact_mut(2 * GROUP).enumerate() {
                 let state = n - 1 - i;
                 for (l, w) in w.iter().enumerate() {
