@@ -21,6 +21,7 @@ def slips_of_rig(loop: NominalLoop) -> list[Finding]:
         *_stability(loop),
         *_controller_alone(own),
         *_magnets(own),
+        *_planes(loop),
         *_nodes(loop),
         *_rate(own, LoopFigures.of(loop)),
     ]
@@ -82,6 +83,15 @@ def _magnets(rig: Rig) -> list[Finding]:
                     )
                 )
     return found
+
+
+def _planes(loop: NominalLoop) -> list[Finding]:
+    """A shaft is levitated in both planes, or looked at in one."""
+    if loop.rotor.planes == 2 or not loop.rotor.positions.size:
+        return []
+    without = ", and has no gyroscopic moments" if loop.rig.speed else ""
+    what = f"all axes lie in one plane: the model holds the rotor's motion in that plane alone{without}"
+    return [Finding("note", "bearing.axes", what, "name both axes of every bearing where both planes are levitated")]
 
 
 def _nodes(loop: NominalLoop) -> list[Finding]:

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from ambid.loop.geometry import rotor_of, why_unknown
 from ambid.rig import FiniteElementRotor, Rig
+from ambid.rotor import further_modes
+
+MORE_MODES = 2
+"""Bending modes beyond those of the model that may join it beside what acts there."""
 
 
 def half_way(rig: Rig) -> float:
-    """Half-way between the outermost bearings, or the place nearest to it where the rotor is known [m]."""
+    """Half-way between the outermost bearings, or the place nearest to it where the rotor is known [m].
+
+    Known with the bending modes, too, that the model leaves out.
+    """
     ends = [b.position for b in rig.bearings]
     middle = 0.5 * (min(ends) + max(ends))
-    if not why_unknown(rig, [middle]):
+    if not why_unknown(rig, [middle], further_modes(rig.rotor, MORE_MODES)):
         return middle
     return float(min(rotor_of(rig).positions, key=lambda z: round(abs(z - middle), 9)))
 

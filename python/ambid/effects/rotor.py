@@ -15,7 +15,7 @@ from ambid.effects.waves import cosine_and_sine, is_synchronous
 from ambid.errors import RigError
 from ambid.loop.assembly import combine
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
-from ambid.loop.geometry import rotor_of
+from ambid.loop.geometry import lies_in_one_plane, rotor_of
 from ambid.loop.plant import Plant
 from ambid.record import Record
 from ambid.rig import PointMassRotor, Rig
@@ -258,6 +258,8 @@ class GyroscopicCoupling(Effect):
             return "the rotor does not turn (speed = 0)"
         if isinstance(rig.rotor, PointMassRotor):
             return "a point mass has no gyroscopic moments"
+        if lies_in_one_plane(rig):
+            return "all axes lie in one plane, and what guides the rotor across it holds its gyroscopic moments"
         given = rotor_of(rig).gyroscopic.any()
         return "" if given else "the rotor is given without gyroscopic moments (rotor.G or rotor.gyroscopic)"
 

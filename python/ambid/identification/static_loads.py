@@ -15,7 +15,7 @@ from ambid.arrays import FloatArray
 from ambid.errors import IdentificationError, RigError
 from ambid.identification.estimate import ParameterEstimate
 from ambid.identification.static_slips import exchanged_bearings, notes_on_nominal, require_units
-from ambid.loop.geometry import axis_angles, axis_directions, modal_geometry, rotor_of
+from ambid.loop.geometry import axis_angles, axis_directions, lies_in_one_plane, modal_geometry, rotor_of
 from ambid.record import StaticLoading
 from ambid.record.checks import order_of_axes
 from ambid.rig import PointMassRotor, Rig, as_rig
@@ -221,8 +221,7 @@ def _magnet_forces(rig: Rig, z: FloatArray, loads: FloatArray) -> FloatArray:
 
     Where all axes lie in one plane, something else guides the rotor across it, and only that plane is balanced.
     """
-    directions = axis_directions(rig)
-    plane = directions[:1] if np.linalg.matrix_rank(directions) == 1 else np.eye(2)
+    directions, plane = axis_directions(rig), _planes(rig)
     axis_parts, load_parts = directions @ plane.T, loads @ plane.T
     if not isinstance(rig.rotor, PointMassRotor):
         magnets = np.array([[bearing.position] for bearing in rig.bearings for _ in bearing.axes])
@@ -238,12 +237,17 @@ def _magnet_forces(rig: Rig, z: FloatArray, loads: FloatArray) -> FloatArray:
     return np.asarray(-np.linalg.solve(axis_parts.T, load_parts.T).T, dtype=np.float64)
 
 
+def _planes(rig: Rig) -> FloatArray:
+    """Directions of the planes that are balanced, shape (planes, 2)."""
+    return axis_directions(rig)[:1] if lies_in_one_plane(rig) else np.eye(2)
+
+
 def _deflection_forces(rig: Rig, z: FloatArray, loads: FloatArray, magnet_forces: FloatArray) -> FloatArray:
     """K_s s of each axis while the sensors read zero, shape (M, n) [N], by the kept modes and the nominal K_s."""
     rotor = rotor_of(rig, places=np.unique(z))
     where = modal_geometry(rig, rotor)
     shapes = np.array([rotor.shape(at) for at in z])
-    modal_forces = np.hstack([load[:, None] * shapes for load in loads.T[: rotor.planes]])
+    modal_forces = np.hstack([load[:, None] * shapes for load in _planes(rig) @ loads.T])
     modal_forces += magnet_forces @ where.force.T
 
     omega = np.tile(rotor.frequencies_rad_s, rotor.planes)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -32,6 +33,8 @@ class Geometry:
 def rotor_of(rig: Rig, more: int = 0, places: Iterable[float] = ()) -> ReducedRotor:
     """The rotor of a rig, known at its magnets, sensors and `places`, with `more` bending modes than its model keeps.
 
+    Where all axes lie in one plane, something else guides the rotor across it, and only that plane is modelled.
+
     Raises
     ------
     RigError
@@ -39,16 +42,20 @@ def rotor_of(rig: Rig, more: int = 0, places: Iterable[float] = ()) -> ReducedRo
     """
     own = [z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)]
     try:
-        return reduced_rotor(with_more_modes(rig.rotor, more) if more else rig.rotor, [*own, *places])
+        rotor = reduced_rotor(with_more_modes(rig.rotor, more) if more else rig.rotor, [*own, *places])
     except RigError as error:
         raise RigError(f"{rig.path or rig.name}: {error}") from None
+    return _in_one_plane(rotor) if rotor.planes == 2 and lies_in_one_plane(rig) else rotor
 
 
-def why_unknown(rig: Rig, positions: Iterable[float]) -> str:
-    """Why the rotor's displacement is not known at one of these positions [m]; empty where it is at all."""
+_in_one_plane = lru_cache(maxsize=16)(ReducedRotor.in_one_plane)  # the same object again, which others keep plants of
+
+
+def why_unknown(rig: Rig, positions: Iterable[float], more: int = 0) -> str:
+    """Why the displacement is not known at one of these positions [m], with `more` bending modes; empty if it is."""
     try:
         for z in positions:
-            rotor_of(rig).shape(z)
+            rotor_of(rig, more).shape(z)
     except RigError as error:
         return str(error)
     return ""
@@ -71,9 +78,20 @@ def axis_directions(rig: Rig) -> FloatArray:
     return np.round(np.column_stack([np.cos(angles), np.sin(angles)]), 15)
 
 
+def lies_in_one_plane(rig: Rig) -> bool:
+    """Whether no axis has a part across the plane of the first one."""
+    return bool(np.linalg.matrix_rank(axis_directions(rig)) == 1)
+
+
+def axes_in_planes(rig: Rig, planes: int) -> FloatArray:
+    """Direction of each axis in so many planes, shape (axes, planes); one plane is that of the first axis."""
+    directions = axis_directions(rig)
+    return directions @ directions[:1].T if planes == 1 else directions
+
+
 def modal_geometry(rig: Rig, rotor: ReducedRotor) -> Geometry:
     """Modal input and output matrices of all axes of a rig."""
-    directions = axis_directions(rig)[:, : rotor.planes]
+    directions = axes_in_planes(rig, rotor.planes)
     places = [(bearing.position, bearing.sensor_position) for bearing in rig.bearings for _ in bearing.axes]
     force = [np.kron(d, rotor.shape(magnet)) for d, (magnet, _) in zip(directions, places, strict=True)]
     sensor = [np.kron(d, rotor.shape(sensor)) for d, (_, sensor) in zip(directions, places, strict=True)]

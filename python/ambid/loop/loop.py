@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
-from ambid.errors import ModelError, UnstableLoopError
+from ambid.errors import ModelError, RigError, UnstableLoopError
 from ambid.loop.assembly import Block, Lft
 from ambid.loop.controller import Reading, close_analog, law_errors
 from ambid.loop.effect import Effect
@@ -325,8 +325,11 @@ def open_plant(rig: Rig, effects: Sequence[Effect], watch: Sequence[str] = (), r
     more = _further_modes(rig, effects)
     rotor = rotor_of(rig, more)
     for effect in effects:
-        for z in effect.positions(rig):
-            rotor.shape(z)  # refuses a place that is not known
+        try:
+            for z in effect.positions(rig):
+                rotor.shape(z)
+        except RigError as error:  # a place that is known without the bending modes that other effects bring
+            raise ModelError(f"{effect.name}: {error}") from None
     built = _base_plant(rig, rotor, more).copy()
     built.reference = rig if reference is None else reference
     for effect in effects:

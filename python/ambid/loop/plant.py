@@ -9,7 +9,7 @@ import numpy as np
 
 from ambid.errors import ModelError
 from ambid.loop.assembly import ZERO, Assembly, GainError, Lft, Signal, combine
-from ambid.loop.geometry import axis_directions
+from ambid.loop.geometry import axes_in_planes
 from ambid.rig import Rig
 from ambid.rotor import ReducedRotor
 
@@ -50,7 +50,7 @@ class Plant(Assembly):
         self.late: str | None = None
         self.gain_errors: list[GainError] = []
         self.axes = rig.axes
-        self.directions = axis_directions(rig)[:, : rotor.planes]
+        self.directions = axes_in_planes(rig, rotor.planes)
         self.coordinates = len(rotor.frequencies_rad_s) * rotor.planes
         self.magnets = [b.position for b in rig.bearings for _ in b.axes]
         self.sensors = [b.sensor_position for b in rig.bearings for _ in b.axes]

@@ -51,7 +51,7 @@ class ReducedRotor:
         Whether the positions lie so close that a cubic spline through the shapes holds between them: always those of
         finite elements; else three of ten of a half-wave of the highest bending mode, or closer.
     planes : int
-        2, or 1 for a point mass on one axis.
+        2, or 1 for a point mass on one axis and for a rotor that is looked at in one plane.
     """
 
     frequencies_rad_s: FloatArray
@@ -82,6 +82,12 @@ class ReducedRotor:
         rotation[np.abs(rotation) < 1e-12] = 0.0
         return np.array([rotation[1], -rotation[0]]), rotation
 
+    def in_one_plane(self) -> ReducedRotor:
+        """The same rotor where something else guides it across one plane, and holds its gyroscopic moments."""
+        n = len(self.frequencies_rad_s)
+        still = np.zeros((n, n))
+        return replace(self, gyroscopic=still, T_R=self.T_R[:, :n], T_L=self.T_L[:n], planes=1)
+
     def shape(self, z: float) -> FloatArray:
         """Lateral displacement of each mode at an axial position, identical for both planes.
 
@@ -101,7 +107,7 @@ class ReducedRotor:
             `z` is off the shaft, or, unless the modes are known between the positions, not within 1e-6 m of one; the
             message says what is near.
         """
-        if self.planes == 1:
+        if not self.positions.size:
             return self.shapes[0].copy()
         if not self.between:
             return self.shapes[place_of(z, self.positions)].copy()
