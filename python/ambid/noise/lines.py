@@ -14,6 +14,7 @@ from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
 from scipy.ndimage import uniform_filter1d
 
@@ -22,6 +23,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.loop.effect import Effect, Tone
 from ambid.model import Model
 from ambid.noise.angles import best_angle, undisturbed
+from ambid.noise.beside_poles import lines_beside_poles, some_lines
 from ambid.noise.chance import SPREAD
 from ambid.noise.colour import back_through_loop
 from ambid.noise.in_time import NEUTRAL, InTime
@@ -235,9 +237,7 @@ class RecordLines(JudgedLines):
 
     def whiten(self, lines: ComplexArray) -> FloatArray:
         """Judged lines of shape (lines, p) or (lines, p, q), whitened, as real numbers."""
-        white = self.spectrum.whitening @ (lines if lines.ndim == 3 else lines[..., None])
-        flat = np.stack([white.real, white.imag], axis=2).reshape(-1, white.shape[-1])
-        return flat if lines.ndim == 3 else flat[:, 0]
+        return _whitened(self.spectrum.whitening, lines)
 
     def residual_lines(self, here: Model) -> ComplexArray:
         """Residual on the judged lines at the best transient, not whitened, shape (lines, p)."""
@@ -262,7 +262,7 @@ class RecordLines(JudgedLines):
         samples = self.record.samples
         if not here.is_linear:
             return self._simulated_in_time(here)
-        transient, _ = self.transient(here)
+        transient = self._transient_in_time(here)
         y, until = np.zeros((samples, p)), samples
         if here.decay_rate > NEUTRAL:
             until = int(min(samples, np.ceil(-np.log(FORGOTTEN) / here.decay_rate * self.record.sample_rate)))
@@ -280,14 +280,39 @@ class RecordLines(JudgedLines):
             y[:, k] += np.resize(steady, samples) if repeats else np.pad(steady, (0, samples - length))
         return np.asarray(y)
 
+    def _transient_in_time(self, here: Model) -> FloatArray:
+        """The best transient of a linear model by the judged lines and those beside its slow poles."""
+        more = lines_beside_poles(here, self.window, self.record.sample_rate, self.tones)
+        if not len(more):
+            return self.transient(here)[0]
+        core, index = here.loop.core, np.concatenate([self.index, more])
+        z = np.concatenate([self._z, np.hstack([some_lines(self.window, part, more) for part in self.record.parts])])
+        excitation = np.ascontiguousarray(here.excitation(self.record))
+        inputs = np.concatenate([self._inputs(here), some_lines(self.window, excitation, more)])
+        data = _core.LineData(core, self.window.points(index), inputs, z, self._whitening_with(more))
+        return np.asarray(_core.line_equations(core, here.theta, [], [data])[3][0])
+
+    def _whitening_with(self, more: NDArray[np.intp]) -> ComplexArray:
+        """That of the judged lines, then of others, each that of the excited line beside it."""
+        beside = np.minimum(np.searchsorted(self.window.excited, more), len(self.window.excited) - 1)
+        return np.concatenate([self.spectrum.whitening, self.spectrum.whitening[beside]])
+
     def _simulated_in_time(self, here: Model) -> FloatArray:
         """The same of a nonlinear model."""
-        window, p = self.window, self.measured.channels
-        lines, base = self._simulated(here, [])[0], self._base
-        white, columns = self.whiten(self._z - lines), self.whiten(self._basis)
+        window, p, base = self.window, self.measured.channels, self._base
+        self._simulated(here, [])  # decides whether it starts at rest
+        steady = self._in_time.samples(here, at_rest=bool(self._starts_at_rest))
+        more = lines_beside_poles(base, window, self.record.sample_rate, self.tones)
+        index = np.concatenate([self.index, more])
+        left = np.concatenate(
+            [self._judged(self.record.outputs - steady), some_lines(window, self.record.outputs - steady, more)]
+        )
+        nothing = np.zeros((len(index), base.loop.core.inputs), dtype=complex)
+        basis = base.loop.core.lines(base.theta, [], window.points(index), nothing)[2][:, :p]
+        white, columns = (_whitened(self._whitening_with(more), lines) for lines in (left, basis))
         d = np.asarray(np.linalg.lstsq(columns, white, rcond=np.sqrt(OWN))[0])
         free = base.loop.core.free_response(base.theta, d, window.samples, self.record.samples)[:, :p]
-        return np.asarray(self._in_time.samples(here, at_rest=bool(self._starts_at_rest)) + free)
+        return np.asarray(steady + free)
 
     def louder_in_motion(self, here: Model) -> Louder | None:
         """Whether a model leaves more where the machine moves than where it stands still; not asked of periods."""
@@ -408,6 +433,12 @@ class RecordLines(JudgedLines):
         responses = self._in_time.change(here), self._in_time.lines(here, [], at_rest=True)[0]
         settled, from_rest = (float(np.linalg.norm(self.whiten(self._z - response))) for response in responses)
         return from_rest < settled
+
+
+def _whitened(whitening: ComplexArray, lines: ComplexArray) -> FloatArray:
+    white = whitening @ (lines if lines.ndim == 3 else lines[..., None])
+    flat = np.stack([white.real, white.imag], axis=2).reshape(-1, white.shape[-1])
+    return flat if lines.ndim == 3 else flat[:, 0]
 
 
 def as_lines(white: FloatArray, p: int) -> ComplexArray:
