@@ -229,3 +229,13 @@ def test_one_axis_cannot_whirl(levitator):
 @pytest.mark.parametrize(("direction", "word"), [(1.0, "forward"), (-0.5, "backward"), (0.1, "planar")])
 def test_words_of_whirl(direction, word):
     assert whirl_of(direction) == word
+
+
+def test_poles_of_a_delay_are_no_natural_frequencies(rigid):
+    """Their frequencies lie beyond half the sample rate, and no part of the machine moves with them."""
+    late = Model(rigid).add("loop_delay", {"delay": 2e-5})
+    beyond = 0.5 * late.rig.sample_rate
+    assert (late.poles().imag / (2.0 * np.pi) > beyond).any()
+    found = ambid.campbell(late, speeds=np.linspace(0.0, 300.0, 7), measured=[late])
+    assert np.nanmax(found.frequency_hz) < beyond
+    assert all(own.frequency_hz < beyond for own in found.measured)

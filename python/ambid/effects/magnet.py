@@ -237,7 +237,7 @@ class MagneticHysteresis(Effect):
 
     name = "magnetic_hysteresis"
     physics = "rate-independent loop between current and flux: part of the current follows a hysteresis"
-    equation = "flux = i - c h, h' = i' - (|i'| h + i' |h|)/(2 width)"
+    equation = "flux = i - c h, h' = i' - (|i'| h + i' |h|)/width"
     signature = "the flux lags by the same angle at every frequency, and less at larger amplitude"
     source = "Wen, ASCE J. Eng. Mech. 102 (1976) 249, exponent 1"
     formula_error = 0.1  # laws of hysteresis differ: of plays in parallel it leaves 1 to 10 % where loops are small
@@ -267,7 +267,7 @@ class MagneticHysteresis(Effect):
                 1.0 / self.width,
                 lower=1e-3,
                 upper=1e4,
-                meaning="one over the width of the loop",
+                meaning="one over the width of the loop, across which h goes from -width/2 to width/2",
             ),
         ]
 

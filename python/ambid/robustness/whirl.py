@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from ambid.arrays import ComplexArray, FloatArray
@@ -244,11 +245,17 @@ def _direction(moved: ComplexArray, pairs: Sequence[tuple[int, int]]) -> float:
     return (forward - backward) / total if total > 0.0 else 0.0
 
 
+def _is_seen(model: Model, poles: ComplexArray | complex) -> NDArray[np.bool_]:
+    """Whether a pole swings, and below half the sample rate: beyond are those of a delay, which nothing moves with."""
+    rates = np.asarray(poles).imag
+    return np.asarray((rates > 0.0) & (rates < np.pi * model.rig.sample_rate))
+
+
 def _modes_at(model: Model, speed: float) -> Modes:
     """Swinging modes at a speed."""
     here = model.at(model.rig.replace(speed=speed))
     found = here.loop.modes(here.theta)
-    swinging = np.isfinite(found.poles) & (found.poles.imag > 0.0) & (damping_ratio(found.poles) < MOST_DAMPED)
+    swinging = np.isfinite(found.poles) & _is_seen(here, found.poles) & (damping_ratio(found.poles) < MOST_DAMPED)
     shapes = found.shapes * ~found.has_twin  # a mixture of two that are alike turns neither way
     return Modes(found.poles[swinging], shapes[:, swinging], found.slopes[swinging])
 
@@ -264,7 +271,7 @@ def _identified(model: Model) -> Iterator[Whirl]:
         for pole, frequency, damping, (spread, _) in zip(
             errors.closed, errors.frequency_hz, errors.damping, errors.std_error, strict=True
         ):
-            if frequency > 0.0 and damping < MOST_DAMPED:
+            if _is_seen(here, pole) and damping < MOST_DAMPED:
                 moved = shapes[:, int(np.argmin(np.abs(modes.poles - pole)))]
                 turned = _direction(moved, pairs) if rig.speed else 0.0
                 yield Whirl(rig.speed, float(frequency), float(damping), float(spread), turned)
