@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 NOW = "#1f4e8c"
 LEAST = 0.3
 """Of the scale, times noise: few lines may hold less by chance, which says nothing."""
+HEADROOM = 1.5
+"""Times the largest misfit, which the scale reaches."""
 
 
 def plot_prediction(prediction: Prediction, record: int = 0, ax: Sequence[Axes] | None = None) -> NDArray[np.object_]:
@@ -73,10 +75,12 @@ def plot_prediction(prediction: Prediction, record: int = 0, ax: Sequence[Axes] 
             middle = np.sqrt(own.edges_hz[:-1] * own.edges_hz[1:])[known]
             label, mark = ("now", "o") if own is now else (f"with {prediction.effect}, predicted", "x")
             panel.loglog(middle, own.misfit[known, c], marker=mark, ms=2.5, lw=1.3, label=label, **style)
-        panel.set_ylim(bottom=LEAST)
         panel.axhline(1.0, color=GUIDE, lw=1.0, ls=":", label="noise alone")
         dress(panel, title=channel)
         panel.title.set_fontsize(LABEL)
+    top = max(1.0, *(float(np.nanmax(own.misfit)) for own in (now, then)))
+    for panel in panels[:channels]:  # once all are drawn: they may share a scale, which would keep that of the first
+        panel.set_ylim(LEAST, HEADROOM * top)
     if ax is None:
         plain_log(panels[0].xaxis)
         for c, panel in enumerate(panels):

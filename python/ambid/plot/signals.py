@@ -41,6 +41,8 @@ FEWEST = 100
 """Samples of a stretch at least."""
 LABELLED = 1.45
 """Width that a label of the legend takes [inch]."""
+MOST_ABREAST = 4
+"""Labels that stand beside the title; more take two lines."""
 
 
 def plot_comparison(
@@ -194,6 +196,7 @@ def legend(figure: Figure | SubFigure, above: Axes, below: Axes) -> None:
     """One legend for a picture of `plot_comparison`, outside of it."""
     handles = [*above.get_legend_handles_labels()[0], *below.get_legend_handles_labels()[0]]
     across = max(3, int(figure.bbox.width / figure.dpi / LABELLED))
+    across = min(across, -(-len(handles) // 2)) if len(handles) > MOST_ABREAST else across
     figure.legend(handles=handles, loc="outside upper right", ncols=across, fontsize=SMALL, frameon=False)
 
 
