@@ -38,7 +38,7 @@ class Loop:
     effects : sequence of Effect
         Physics that is attached to the plant.
     noise : bool
-        Whether sensor noise is a further input of each axis (for virtual experiments).
+        Whether sensor noise is a further input of each axis, and that of i_c where the controller reads it.
     watch : sequence of str
         Signals of the plant that become further outputs of each axis, such as ``s`` and ``i_f``.
     substeps : int, optional
@@ -72,7 +72,7 @@ class Loop:
         reference: Rig | None = None,
         parameters: int | None = None,
     ) -> None:
-        between = open_plant(rig, effects, watch, reference)
+        between = open_plant(rig, effects, watch, reference, noise=noise)
         matrices, errors = _controller(rig), law_errors(between, rig)
         self._is_analog = not rig.controller.is_digital
         late = None if between.late is None else filled_by[between.late]
@@ -320,8 +320,18 @@ def _block(block: Block, filled_by: dict[str, int]) -> _core._Block:
     return chosen
 
 
-def open_plant(rig: Rig, effects: Sequence[Effect], watch: Sequence[str] = (), reference: Rig | None = None) -> Lft:
-    """The plant with all effects attached; bending modes that effects bring are the last of the rotor."""
+def open_plant(
+    rig: Rig,
+    effects: Sequence[Effect],
+    watch: Sequence[str] = (),
+    reference: Rig | None = None,
+    *,
+    noise: bool = False,
+) -> Lft:
+    """The plant with all effects attached; bending modes that effects bring are the last of the rotor.
+
+    With `noise`, that of i_c is a further input ``n_i.<axis>``, the last, where the controller reads it.
+    """
     more = _further_modes(rig, effects)
     rotor = rotor_of(rig, more)
     for effect in effects:
@@ -334,6 +344,8 @@ def open_plant(rig: Rig, effects: Sequence[Effect], watch: Sequence[str] = (), r
     built.reference = rig if reference is None else reference
     for effect in effects:
         effect.attach(built)
+    for axis in rig.axes if noise and "i_c" in rig.controller.signals else ():
+        built.inject(f"i_c.{axis}", built.input(f"n_i.{axis}"))
     return built.between_commands_and_outputs(watch)
 
 

@@ -75,7 +75,7 @@ def virtual_experiment(
     current_noise: float,
     seed: int | None,
 ) -> Record:
-    """What an instrument would record; `loop` has sensor noise as further inputs, see `Model.virtual_experiment`."""
+    """What an instrument would record; `loop` has noise as further inputs, see `Model.virtual_experiment`."""
     for name, rms in {"sensor_noise": sensor_noise, "current_noise": current_noise}.items():
         if not (np.isfinite(rms) and rms >= 0.0):
             raise ModelError(f"{name} = {rms:g}: expected an rms of 0 or more, in m or A")
@@ -83,9 +83,13 @@ def virtual_experiment(
         raise ModelError(f"seed = {seed}: expected a whole number of 0 or more")
     excitation, reference = _drives(structure, i_e, r)
     random = np.random.default_rng(seed)
-    noise = sensor_noise * random.standard_normal(excitation.shape)
-    outputs = loop.simulate(theta, np.hstack([inputs(structure, excitation, reference), noise]))
-    outputs[:, len(structure.rig.axes) :] += current_noise * random.standard_normal(excitation.shape)
+    of_y = sensor_noise * random.standard_normal(excitation.shape)
+    of_i_c = current_noise * random.standard_normal(excitation.shape)
+    is_read = any(name.startswith("n_i.") for name in loop.inputs)
+    noise = [of_i_c, of_y] if is_read else [of_y]
+    outputs = loop.simulate(theta, np.hstack([inputs(structure, excitation, reference), *noise]))
+    if not is_read:
+        outputs[:, len(structure.rig.axes) :] += of_i_c
     return _record("virtual experiment", structure, excitation, reference, outputs)
 
 

@@ -322,7 +322,7 @@ class Model:
         return self.structure.compiled(self.parameters, watch=signals, more=inlets)
 
     def with_noise_inputs(self) -> Loop:
-        """The loop with sensor noise as a further input of each axis."""
+        """The loop with noise of the sensors as further inputs, and of i_c where the controller reads it."""
         if not self._noisy:
             self._noisy.append(self.structure.compiled(self.parameters, noise=True))
         return self._noisy[0]
@@ -375,7 +375,7 @@ class Model:
         sensor_noise : float
             Rms of white noise on every displacement [m]; the controller reads it too.
         current_noise : float
-            Rms of white noise on every recorded current [A].
+            Rms of white noise on every recorded current [A]; a controller that reads currents reads it too.
         seed : int, optional
 
         Raises

@@ -18,8 +18,9 @@ __all__ = ["back_through_loop", "loop_noise"]
 def loop_noise(model: Model, points: ComplexArray, channels: int) -> ComplexArray:
     """The way from noise of the instruments to y and i_c, shape (points, channels, channels).
 
-    Smooth noise of the sensors shows in y and i_c with every pole of the loop, noise of the current readings in i_c
-    alone. Taken back by the inverse, the noise of a record is smooth over frequency again.
+    Smooth noise of what the controller reads shows in y and i_c with every pole of the loop: that of the sensors, and
+    of the current readings where it reads those, else they show it in i_c alone. Taken back by the inverse, the noise
+    of a record is smooth over frequency again.
 
     Parameters
     ----------
@@ -30,23 +31,31 @@ def loop_noise(model: Model, points: ComplexArray, channels: int) -> ComplexArra
     channels : int
         Of y and i_c, or of y alone.
     """
-    loop, sensors = _with_sensors(model)
+    loop, read = _with_noise(model, channels)
     way = np.tile(np.eye(channels, dtype=complex), (len(points), 1, 1))
     with suppress(UnstableLoopError):  # at the edge of stability no shape is of help
-        way[:, :, : len(sensors)] = loop.transfer(model.theta, points)[:, :channels, sensors]
+        way[:, :, : len(read)] = loop.transfer(model.theta, points)[:, :channels, read]
     return way
 
 
-def back_through_loop(model: Model, points: ComplexArray, channels: int) -> ComplexArray:
-    """The inverse of `loop_noise`."""
-    loop, sensors = _with_sensors(model)
+def back_through_loop(
+    model: Model, points: ComplexArray, channels: int, *, currents_are_read: bool = True
+) -> ComplexArray:
+    """The inverse of `loop_noise`.
+
+    Without `currents_are_read` of readings of i_c that the controller has not: they are recorded by other instruments.
+    """
+    loop, read = _with_noise(model, channels)
+    if not currents_are_read:
+        read = read[: len(model.rig.axes)]
     try:
-        return _core.way_back(loop.core, model.theta, points, sensors, channels)
+        return _core.way_back(loop.core, model.theta, points, read, channels)
     except UnstableLoopError:
         return np.tile(np.eye(channels, dtype=complex), (len(points), 1, 1))
 
 
-def _with_sensors(model: Model) -> tuple[Loop, list[int]]:
-    """The loop with inputs for noise, and which of them are that of the sensors."""
+def _with_noise(model: Model, channels: int) -> tuple[Loop, list[int]]:
+    """The loop with inputs for noise, and which of them are those of the channels that the controller reads."""
     loop = model.with_noise_inputs()
-    return loop, [k for k, name in enumerate(loop.inputs) if name.startswith("n.")]
+    of_y, of_i_c = ([k for k, name in enumerate(loop.inputs) if name.startswith(kind)] for kind in ("n.", "n_i."))
+    return loop, (of_y + of_i_c)[:channels]

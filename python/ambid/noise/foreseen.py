@@ -77,7 +77,8 @@ class Instruments:
                 "whose excitation repeats, or state the noise"
             )
         count = len(part.window.excited)
-        root = _core.inverses(np.ascontiguousarray(part.spectrum.inner[:count]))
+        back = back_through_loop(part.unexcited.base, part.points[:count], part.measured.channels)
+        root = back @ _core.inverses(np.ascontiguousarray(part.spectrum.whitening[:count]))
         covariance = 2.0 * root @ root.conj().transpose(0, 2, 1) / part.spectrum.raised[:count, None, None]
         return cls(part.window.excited * part.record.sample_rate / part.window.samples, covariance)
 

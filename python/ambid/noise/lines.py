@@ -372,11 +372,11 @@ class RecordLines(JudgedLines):
 
     def _between(self) -> Spectrum:
         """The noise, from lines that are not excited."""
-        window, p, here = self.window.settled, self.measured.channels, self._base
+        window, p = self.window.settled, self.measured.channels
         index = window.between(max(2, -(-PER_CHANNEL * p // (2 * HALF_WIDTH))))
         residual = self.unexcited.left(index, self.tones)
         covariance, spread = between_lines(residual, index / window.periods, self.index / self.window.periods)
-        back = back_through_loop(here, self.points, p)
+        back = self.unexcited.back(self.points)
         covariance = self._with_noise_of_i_e(self._with_rounding(covariance, back), back)
         require_noise(covariance, back, self._z)
         return Spectrum.of(covariance, back, spread)
@@ -395,14 +395,18 @@ class RecordLines(JudgedLines):
         rounding = self.measured.rounding
         way = np.array(back)
         if self._base.rig.controller.is_digital:
-            axes = len(self.record.axes)
-            way[:, :, :axes] = np.eye(self.measured.channels)[:, :axes]
+            read = len(self.record.axes)
+            if self.unexcited.currents_are_read and "i_c" in self._base.rig.controller.signals:
+                read = self.measured.channels
+            way[:, :, :read] = np.eye(self.measured.channels)[:, :read]
         return np.asarray(covariance + (way * rounding) @ way.conj().transpose(0, 2, 1))
 
     def _without_periods(self) -> Spectrum:
         """The noise, from what follows neither the excitation nor a transient."""
         here, p = self._base, self.measured.channels
-        shapes = [np.tile(np.eye(p, dtype=complex), (len(self.points), 1, 1)), back_through_loop(here, self.points, p)]
+        shapes = [np.tile(np.eye(p, dtype=complex), (len(self.points), 1, 1))]
+        for currents_are_read in (True, False) if "i_c" in here.rig.controller.signals else (True,):
+            shapes.append(back_through_loop(here, self.points, p, currents_are_read=currents_are_read))
         if not here.is_linear:
             residual = self._without_tones(self._z - self._simulated(here, [])[0])
             found = likelier_beside_excitation(residual, self.drive, shapes)

@@ -17,6 +17,7 @@ from ambid.noise.colour import back_through_loop
 from ambid.noise.measured import Measured
 from ambid.noise.transients import orthonormal
 from ambid.noise.wave import OUTSTANDING, waves_between
+from ambid.noise.whitener import likelier_shape
 
 __all__ = ["Unexcited"]
 
@@ -50,7 +51,29 @@ class Unexcited:
         Of few lines the transient takes part of the noise with it, most of the lowest one: they are raised to what they
         would hold without.
         """
-        return self._left(index, tones, is_heard=self.is_heard)
+        back = self.back(self.window.points(index))
+        return self._left(index, tones, back, is_heard=self.is_heard)
+
+    def back(self, points: ComplexArray) -> ComplexArray:
+        """The way back through the loop, behind which noise is smooth, shape (points, p, p)."""
+        return self._back(points, currents_are_read=self.currents_are_read)
+
+    @cached_property
+    def currents_are_read(self) -> bool:
+        """Whether a controller that reads i_c acts on the noise of it, too.
+
+        So it does where it is recorded as the controller reads it; an instrument of its own has noise of its own.
+        Whichever makes the unexcited lines likelier.
+        """
+        if "i_c" not in self.base.rig.controller.signals or self.measured.channels == self._axes:
+            return True
+        some = self.window.between(SEVERAL)
+        backs = [self._back(self.window.points(some), currents_are_read=own) for own in (True, False)]
+        left = [self._left(some, (), back, is_heard=self.is_heard) for back in backs]
+        return likelier_shape(left, backs, some / self.window.periods) == 0
+
+    def _back(self, points: ComplexArray, *, currents_are_read: bool) -> ComplexArray:
+        return back_through_loop(self.base, points, self.measured.channels, currents_are_read=currents_are_read)
 
     @cached_property
     def is_heard(self) -> bool:
@@ -62,7 +85,8 @@ class Unexcited:
         if not self._varies:
             return True
         some = self.window.between(1)
-        heard, unheard = (self._left(some, (), is_heard=own) for own in (True, False))
+        back = self._back(self.window.points(some), currents_are_read=True)
+        heard, unheard = (self._left(some, (), back, is_heard=own) for own in (True, False))
         return bool(np.mean(np.log(np.abs(heard) + TINY)) <= np.mean(np.log(np.abs(unheard) + TINY)))
 
     def unheard(self, judged: NDArray[np.intp]) -> ComplexArray | None:
@@ -93,15 +117,16 @@ class Unexcited:
         part = part.reshape(self.window.periods, -1)
         return bool((part != part[0]).any())
 
-    def _left(self, index: NDArray[np.intp], tones: Sequence[Tone], *, is_heard: bool) -> ComplexArray:
-        """The same, with or without a response to what i_e holds beside its period."""
+    def _left(
+        self, index: NDArray[np.intp], tones: Sequence[Tone], back: ComplexArray, *, is_heard: bool
+    ) -> ComplexArray:
+        """The same by some way back, with or without a response to what i_e holds beside its period."""
         window, p, here = self.window, self.measured.channels, self.base
         points, z = window.points(index), np.ascontiguousarray(self.measured.quiet[index])
         # what a weak one spills is less than what fitting it to noise would
         loud = [tone.frequency_hz for tone in tones if tone.power > OUTSTANDING]
         places = [frequency * window.samples / self.measured.record.sample_rate for frequency in loud]
         z = z - waves_between(self.measured.quiet, window, places, index)
-        back = back_through_loop(here, points, p)
         size = np.sqrt(np.median(np.abs(_core.through(back, z)) ** 2, axis=0))
         size[size == 0.0] = 1.0
         core, inputs = here.loop.core, self._inputs(index)

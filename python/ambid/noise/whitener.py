@@ -24,7 +24,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import ModelError, RecordError
 from ambid.noise.envelope import Envelope
 
-__all__ = ["PER_CHANNEL", "Spectrum", "between_lines", "require_noise"]
+__all__ = ["PER_CHANNEL", "Spectrum", "between_lines", "likelier_shape", "require_noise"]
 
 HALF_WIDTH = 15
 """Excited lines to each side whose unexcited neighbours give the noise spectrum, if they are enough."""
@@ -121,6 +121,29 @@ def between_lines(quiet: ComplexArray, at: FloatArray, judged: FloatArray) -> tu
     RecordError
         If the record has too few lines for so many channels.
     """
+    return _around(quiet, at).covariance(judged)
+
+
+def likelier_shape(several: Sequence[ComplexArray], backs: Sequence[ComplexArray], at: FloatArray) -> int:
+    """Behind which of several shapes unexcited lines are likeliest, each by those around it as in `between_lines`.
+
+    Parameters
+    ----------
+    several : sequence of ndarray, shape (lines, p)
+        The lines behind each shape.
+    backs : sequence of ndarray, shape (lines, p, p)
+        What took them there.
+    at : ndarray, shape (lines,)
+    """
+    fits = [_around(lines, at) for lines in several]
+    tried = np.arange(len(at))[::TRIED]
+    tried = tried[np.logical_and.reduce([fit.lines.used[tried] for fit in fits])]
+    gains = [2.0 * float(np.sum(np.linalg.slogdet(back[tried])[1])) for back in backs]
+    return int(np.argmax([gain + fit.likelihood(tried) for gain, fit in zip(gains, fits, strict=True)]))
+
+
+def _around(quiet: ComplexArray, at: FloatArray) -> _Around:
+    """The likeliest way to tell a line's noise by those around it, see `between_lines`."""
     p = quiet.shape[1]
     if len(quiet) <= 2 * p:
         raise RecordError(
@@ -151,18 +174,13 @@ def between_lines(quiet: ComplexArray, at: FloatArray, judged: FloatArray) -> tu
     nyquist = at[0] + at[-1]
     envelope = Envelope(np.abs(quiet[usual]) ** 2, np.pi * at[usual] / nyquist)
     if envelope.orders.any():
-        root = envelope.root(np.pi * at / nyquist)
-        flat = _Lines(quiet / root, at, usual)
+        flat = _Lines(quiet / envelope.root(np.pi * at / nyquist), at, usual)
         some = tried[usual[tried]]
-        other, likelier = flat.likeliest(ways, some)
-        likelier -= 2.0 * float(np.sum(np.log(root[some]))) + float(np.sum(envelope.orders)) * len(some) / len(quiet)
-        if likelier > likelihood:
-            covariance, spread = flat.covariance(judged, other)
-            angle = np.pi * judged / nyquist
-            unsure = 1.0 + envelope.variance(angle)
-            shape = envelope.root(angle) * np.sqrt(unsure)
-            return covariance * shape[:, :, None] * shape[:, None, :], spread * unsure.mean(axis=1)
-    return lines.covariance(judged, way)
+        other, _ = flat.likeliest(ways, some)
+        even = _Around(flat, other, envelope)
+        if even.likelihood(some) > likelihood:
+            return even
+    return _Around(lines, way)
 
 
 @dataclass(frozen=True)
@@ -230,19 +248,49 @@ class _Lines:
         return np.asarray(root[:, :, None] * self.correlation(way) * root[:, None, :]), count / free
 
     def likeliest(self, ways: Sequence[_Way], tried: NDArray[np.intp]) -> tuple[_Way, float]:
-        """The way that makes lines likeliest, and the logarithm of their likelihood.
-
-        Single channels know nothing of how mixtures of them go together: only where that is clearly likelier.
-        """
-        p = self.lines.shape[1]
-        found = [self.likelihood(tried, way) - p * p * way.factored for way in ways]
+        """The way that makes lines likeliest, and the logarithm of their likelihood."""
+        found = [self.likelihood(tried, way) for way in ways]
         best = int(np.argmax(found))
         return ways[best], found[best]
 
     def likelihood(self, tried: NDArray[np.intp], way: _Way) -> float:
-        """Logarithm of the likelihood of lines, each by the spectrum of those around, but for a constant (Whittle)."""
+        """Logarithm of the likelihood of lines, each by the spectrum of those around, but for a constant (Whittle).
+
+        Single channels know nothing of how mixtures of them go together: only where that is clearly likelier.
+        """
         covariance, _ = self.covariance(self.at[tried], way, tried)
         try:
-            return _core.whittle(covariance, self.lines[tried])
+            return _core.whittle(covariance, self.lines[tried]) - self.lines.shape[1] ** 2 * way.factored
         except ModelError:
             return -np.inf  # no noise on some channel
+
+
+@dataclass(frozen=True)
+class _Around:
+    """How lines tell the noise between them, with the envelope that was taken out of them, if any."""
+
+    lines: _Lines
+    way: _Way
+    envelope: Envelope | None = None
+
+    def likelihood(self, tried: NDArray[np.intp]) -> float:
+        """Of lines as they were before the envelope was taken out, see `_Lines.likelihood`."""
+        found = self.lines.likelihood(tried, self.way)
+        if self.envelope is None:
+            return found
+        root = self.envelope.root(self._angle(self.lines.at[tried]))
+        share = len(tried) / len(self.lines.at)
+        return found - 2.0 * float(np.sum(np.log(root))) - float(np.sum(self.envelope.orders)) * share
+
+    def covariance(self, places: FloatArray) -> tuple[ComplexArray, FloatArray]:
+        """At places, with its spread."""
+        covariance, spread = self.lines.covariance(places, self.way)
+        if self.envelope is None:
+            return covariance, spread
+        angle = self._angle(places)
+        unsure = 1.0 + self.envelope.variance(angle)
+        shape = self.envelope.root(angle) * np.sqrt(unsure)
+        return covariance * shape[:, :, None] * shape[:, None, :], spread * unsure.mean(axis=1)
+
+    def _angle(self, places: FloatArray) -> FloatArray:
+        return np.asarray(np.pi * places / (self.lines.at[0] + self.lines.at[-1]))
