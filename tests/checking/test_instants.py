@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from ambid.checking import check
-from benchmarks.dirt_kinds import MARGIN, soiled
+from ambid.checking.clocks import Clock, out_of_step
+from ambid.checking.nominal import NominalLoop
+from ambid.excitation import prbs
+from ambid.record import Record
+from benchmarks.dirt_kinds import MARGIN, shifted, soiled
 from benchmarks.null_cells import made
 from hidden.bench import simulate
 from hidden.families import BENCHES
@@ -65,3 +69,57 @@ def test_a_transient_that_dies_away_over_periods_is_no_lost_sample():
     """A slow mode that still rings where the record is judged shifts its first periods against the others."""
     rig, record = made(884)
     assert not [found for found in check(rig, [record]).findings if found.stops_diagnosis]
+
+
+SLOW = {
+    "one axis, slow": (ONE_AXIS, 7, 32, 5),
+    "one axis": (ONE_AXIS, 9, 4, 4),
+    "one axis, three periods": (ONE_AXIS, 9, 4, 3),
+    "four axes, slow": (BENCHES["bench"], 7, 32, 5),
+}
+"""Bench, order and hold of the PRBS, periods: the slower, the more a force that drifts moves y like a clock."""
+
+
+def repeated(own, seed, *, drift=None, ppm=0.0):
+    """A record with a K_i that drifts, or with a clock of y and i_c that is off."""
+    bench, order, hold, periods = own
+    axes, period = len(bench.rig.axes), (2**order - 1) * hold
+    one = prbs(order, amplitude=bench.amplitude, hold=hold, axes=axes, periods=1, seed=seed)
+    i_e = np.take(one, np.arange(-MARGIN, periods * period + MARGIN), axis=0, mode="wrap")
+    hidden = {} if drift is None else {"force_current_drift": {"fraction": drift}}
+    record = simulate(bench.rig, i_e, hidden, period=period, seed=seed, **bench.truth, **bench.noise)
+    late, inner = -1e-6 * ppm * np.arange(len(i_e)), slice(MARGIN, -MARGIN)
+    read = {key: (shifted(own, late) if ppm else own)[inner] for key, own in (("y", record.y), ("i_c", record.i_c))}
+    return Record.from_arrays(
+        i_e=i_e[inner], **read, sample_rate=bench.rig.sample_rate, axes=bench.rig.axes, rig=bench.rig
+    )
+
+
+@pytest.mark.parametrize("own", SLOW.values(), ids=SLOW)
+@pytest.mark.parametrize("fraction", [-0.2, -0.05, 0.02, 0.1, 0.3])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_force_that_drifts_is_no_clock_and_no_lost_sample(own, fraction, seed):
+    found = check(own[0].rig, [repeated(own, seed, drift=fraction)]).findings
+    assert not [f.what for f in found if "clock" in f.what or "lost" in f.what or "repeated" in f.what]
+    assert not [f.what for f in found if f.stops_diagnosis]
+
+
+@pytest.mark.parametrize("own", [SLOW["one axis, slow"], SLOW["one axis"], SLOW["four axes, slow"]])
+@pytest.mark.parametrize("ppm", [-100.0, -30.0, 100.0, 1000.0])
+def test_a_clock_is_told_with_its_size_and_sign(own, ppm):
+    (clock,) = [f for f in check(own[0].rig, [repeated(own, 1, ppm=ppm)]).findings if "clock" in f.what]
+    told, direction = clock.what.split(" ppm ")
+    assert float(told.split()[-1]) == pytest.approx(abs(ppm), rel=0.05)
+    assert direction.startswith("faster" if ppm > 0.0 else "slower")
+    assert clock.stops_diagnosis
+
+
+def test_a_clock_is_told_where_the_nominal_loop_is_unstable():
+    """There is no nominal drift to hold it against; that it leaves little must do."""
+    own = SLOW["one axis, slow"]
+    rig = own[0].rig
+    weak = rig.replace(controller=rig.controller.model_copy(update={"proportional": 0.3 * rig.controller.proportional}))
+    loop = NominalLoop(weak)
+    assert loop.gain_factor is None
+    assert [type(found) for found in out_of_step(repeated(own, 1, ppm=100.0), loop)] == [Clock]
+    assert not out_of_step(repeated(own, 1, drift=0.1), loop)

@@ -222,8 +222,21 @@ def test_a_record_of_another_rig():
     assert "i_c as in the nominal machine" in machine.what
     assert [gains.stops_diagnosis, machine.stops_diagnosis] == [False, True]
     assert "as in the nominal loop" in only_fault(other, replace(record, i_c=None))
-    light = rig.replace(bearings=[b.model_copy(update={"force_current": (380.0, 380.0)}) for b in rig.bearings])
-    assert any("i_c as in the nominal machine" in fault.what for fault in check(light, [record]).faults)
+
+
+def test_a_force_that_is_too_small_is_physics_or_a_value_where_the_controller_is_the_rigs():
+    """The bench's rig with twice its K_i; with 0.4 of it, which no physics does."""
+    rig, record = bench_experiment()
+
+    def told(own, factor):
+        scaled = [{"force_current": tuple(factor * k for k in b.force_current)} for b in own.bearings]
+        bearings = [b.model_copy(update=update) for b, update in zip(own.bearings, scaled, strict=True)]
+        found = check(own.replace(bearings=bearings), [record]).findings
+        (machine,) = [f for f in found if "i_c as in the nominal machine" in f.what]
+        return machine.severity, machine.stops_diagnosis, "a dead band" in machine.todo
+
+    assert told(rig, 380.0 / 180.0) == ("warning", False, True)
+    assert told(rig, 0.4) == ("fault", True, False)
 
 
 def test_axes_and_rate_of_another_rig():

@@ -13,10 +13,10 @@ from ambid.record import Record
 __all__ = ["slips_of_clocks", "slips_of_instants"]
 
 
-def slips_of_clocks(record: Record) -> list[Finding]:
+def slips_of_clocks(record: Record, loop: NominalLoop) -> list[Finding]:
     """y keeps in step with the excitation."""
     found, todo = [], "cut the record there, or record again: what comes after belongs to another instant"
-    for own in out_of_step(record):
+    for own in out_of_step(record, loop):
         if isinstance(own, Clock):
             what = f"runs {1e6 * abs(own.fast):.3g} ppm {'slower' if own.fast < 0.0 else 'faster'} than that of i_e: "
             what += f"{abs(own.fast) * record.samples:.2g} samples over the record"

@@ -24,7 +24,6 @@ from ambid.checking.equations import (
     chance,
     controller_missed,
     correlation,
-    exchanged_axes,
     expected_displacement,
     gain_of,
     reordered,
@@ -32,6 +31,7 @@ from ambid.checking.equations import (
 from ambid.checking.instants import slips_of_clocks, slips_of_instants
 from ambid.checking.law import Law, find_laws
 from ambid.checking.law_slips import slips_of_laws
+from ambid.checking.machine import TURNED, renamed, slips_of_machine
 from ambid.checking.nominal import HIGHEST_FREQUENCY, Lines, NominalLoop, moves
 from ambid.checking.path import path
 from ambid.checking.rig_slips import slips_of_rig
@@ -48,15 +48,10 @@ __all__ = ["Finding", "LoopFigures", "RecordFigures", "Soundness", "check"]
 
 ALIKE = 0.5
 """Correlation above which two signals have to do with each other."""
-NOMINAL = 0.8
-"""Correlation with the nominal response from which on its size must be right; hidden lags of a sample leave 0.6."""
-OPPOSITE = -0.6
-"""Correlation with the nominal response below which the sign of y is wrong."""
 UNEXPLAINED = 0.4
 """Part of i_c, by rms, that the controller's equation may miss before a wrong column or excitation is sought."""
 SLIPS = (-1.0, 1e3, 1e-3, 1e6, 1e-6)
 """Factors by which a sign or a unit goes wrong."""
-TURNED = "map it with a factor -1 (y and r grow along the force of a positive i_c)"
 UNITS = {("y", 1e3): "mm", ("y", 1e6): "um", ("i_e", 1e3): "mA", ("i_c", 1e3): "mA", ("i_c", 1e6): "uA"}
 DOUBTFUL_GAIN, WRONG_GAIN = 0.02, 0.10
 """Relative error of a controller's gain, beyond five standard errors."""
@@ -153,20 +148,22 @@ def _foreign(record: Record, rig: Rig) -> list[Finding]:
 def _record(record: Record, loop: NominalLoop) -> list[Finding]:
     lines = Lines.of(record)
     found = [Finding("warning", record.name, note, "noted on loading; see that it is meant") for note in record.notes]
-    found += [*_travel(record, loop.rig), *path(record), *_periods(record), *slips_of_clocks(record)]
+    found += [*_travel(record, loop.rig), *path(record), *_periods(record), *slips_of_clocks(record, loop)]
     if record.is_free_response:
         return found
     if not len(lines.index):
         what = f"no line of i_e between its first few and {HIGHEST_FREQUENCY:g} of the sample rate"
         return [*found, Finding("warning", record.name, what, "excite within the bandwidth of the loop")]
-    if lines.i_c is not None and len(lines.index) < FEWEST_LINES:
+    is_held = lines.i_c is not None and len(lines.index) >= FEWEST_LINES
+    if lines.i_c is not None and not is_held:
         what = f"{len(lines.index)} lines of i_e: the controller is held against the record from {FEWEST_LINES} on"
         found.append(Finding("warning", record.name, what, "excite more lines"))
     else:
         found += _closed_loop(record, loop, lines) if lines.i_c is None else _controller(record, loop, lines)
-    if any(finding.stops_diagnosis for finding in found if finding.severity == "fault"):
+    faults = [finding for finding in found if finding.severity == "fault"]
+    if any(finding.stops_diagnosis for finding in faults):
         return found
-    return found + _machine(record, loop, lines)
+    return found + slips_of_machine(record, loop, lines, is_rig_right=is_held and not faults)
 
 
 def _travel(record: Record, rig: Rig) -> list[Finding]:
@@ -234,7 +231,7 @@ def _controller(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding
     if missed > UNEXPLAINED and left < 0.5 * missed:
         what = f"i_c is missed by {100 * missed:.0f} % as the columns are named, by {100 * left:.0f} % with "
         return [
-            Finding.fault(f"{record.name}: {signal}", what + _renamed(record, order), f"put right the axes of {signal}")
+            Finding.fault(f"{record.name}: {signal}", what + renamed(record, order), f"put right the axes of {signal}")
         ]
     fit = fit_controller(loop, lines)
     moving = moves(np.asarray(lines.i_c))
@@ -362,8 +359,8 @@ def _excitation(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding
         return [partly]
     as_named = f"what drove the loop correlates with i_e by {alike:.2f} as it is"
     order = best_order(wanted, given)
-    if (renamed := correlation(wanted, given[:, order])) > ALIKE:
-        what = f"{as_named}, by {renamed:.2f} with {_renamed(record, order)}"
+    if (ordered := correlation(wanted, given[:, order])) > ALIKE:
+        what = f"{as_named}, by {ordered:.2f} with {renamed(record, order)}"
         return [Finding.fault(where, what, "put right the axes of i_e, or of y")]
     shift, height = best_shift(wanted, given, lines)
     if height > ALIKE:
@@ -375,32 +372,3 @@ def _excitation(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding
     if alike > 5.0 * chance(wanted, given):
         return [partly]
     return [Finding.fault(where, f"{as_named}: it seems to belong to another record", "give the i_e of this record")]
-
-
-def _machine(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
-    """y follows the current as in the nominal machine; without i_c, it follows i_e as in the nominal loop."""
-    expected = expected_displacement(loop, lines)
-    alike, gain = correlation(lines.y, expected), gain_of(lines.y, expected)
-    cause = "i_c as in the nominal machine" if record.i_c is not None else "i_e as in the nominal loop"
-    found = []
-    if alike < 0.9 or gain.min() < 0.75 or gain.max() > 1.35:
-        # a low correlation may be noise; a wrong size or sign of what is like the nominal response is not
-        other = alike < OPPOSITE or (alike > NOMINAL and not 0.6 < np.median(gain) < 1.7)
-        severe = bool(other and (record.i_c is not None or loop.gain_factor == 1.0))
-        what = f"y follows {cause} with a gain of {gain.min():.2f} to {gain.max():.2f} and a correlation of "
-        what += f"{alike:.2f}, expected 0.75 to 1.35 and more than 0.9"
-        todo = "is this a record of another rig, or another bias current? Check mass, K_i, K_s and sensor scales"
-        if alike < OPPOSITE:
-            what = f"y follows {cause} with a correlation of {alike:.2f}, expected more than 0.9"
-            todo = f"the sign of y is opposite: {TURNED}, and r with it if it is read in the same way"
-        found.append(Finding("fault" if severe else "warning", record.name, what, todo, stops_diagnosis=severe))
-    order, ratio = exchanged_axes(loop, lines)
-    if ratio < 0.6:
-        what = f"the nominal machine misses y by {100 * (1 - ratio):.0f} % less with {_renamed(record, order)}"
-        found.append(Finding("warning", record.name, what, "check the names of the axes, and which bearing is which"))
-    return found
-
-
-def _renamed(record: Record, order: Sequence[int]) -> str:
-    pairs = [f"{record.axes[k]} as {record.axes[j]}" for j, k in enumerate(order) if j != k]
-    return ", ".join(pairs)

@@ -19,6 +19,8 @@ Severity = Literal["fault", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("fault", "warning", "note")
 PATH = "operating point"
 """Where a finding is about a record that does not stay at one."""
+FORCE = "force"
+"""End of `where` of a finding that a machine has less force than its rig file says: of K_i, or of physics."""
 MOST_LISTED = 15
 """Findings that are printed, at most."""
 
@@ -50,6 +52,11 @@ class Finding:
     def is_of_path(self) -> bool:
         """Whether it tells that a record does not stay at one operating point."""
         return self.where.endswith(PATH)
+
+    @property
+    def is_of_force(self) -> bool:
+        """Whether it tells that a machine has too little force, which a diagnosis may take for a small K_i."""
+        return self.where.endswith(f": {FORCE}")
 
     def line(self, *, advises: bool = True) -> str:
         """In one line, with what to do about it or without."""

@@ -157,6 +157,7 @@ def diagnose(
             *_undetermined(start, verdict.fit),
             *notes(verdict, state.fit.noise),
             *(f.line(advises=verdict.word != "adequate") for f in findings if f.is_of_path),
+            *(f.line() for f in findings if f.is_of_force),
         ),
     )
     if is_stopped:
