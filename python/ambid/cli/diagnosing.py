@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -30,9 +31,9 @@ from ambid.cli.options import (
     span,
 )
 from ambid.cli.outputs import Files, conclude, drawn, pictures, reported, require_outputs, saved
-from ambid.cli.signals import exit_code, stoppable
+from ambid.cli.signals import came, done_of, droppable, exit_code, stoppable, stopped
 from ambid.cli.terminal import choose, progress, require_terminal, say, with_time_left
-from ambid.errors import InputError, RecordError, Stopped
+from ambid.errors import InputError, RecordError
 from ambid.results import band_text
 
 if TYPE_CHECKING:
@@ -198,46 +199,46 @@ def diagnose_command(
     machine = ambid.Rig.load(rig)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
     kept = load_records(machine, validate, period, columns, sample_rate, allow)
-    is_stopped = False
     with stoppable(), progress(quiet or ask, "diagnosing") as told:
-        try:
-            found = ambid.diagnose(
-                start,
-                loaded,
-                validate=kept,
-                effects=chosen,
-                tolerance=ADEQUATE if tolerance is None else tolerance,
-                ask=choose if ask else None,
-                say=lambda line: say(line, quiet),
-                progress=with_time_left(told),
-            )
-        except Stopped as stopped:
-            if not isinstance(stopped.result, ambid.Diagnosis):
-                raise  # still in its first fit
-            found, is_stopped = stopped.result, True
-        text, data = repr(found), found.to_json()
+        diagnosing = partial(
+            ambid.diagnose,
+            start,
+            loaded,
+            validate=kept,
+            effects=chosen,
+            tolerance=ADEQUATE if tolerance is None else tolerance,
+            ask=choose if ask else None,
+            say=lambda line: say(line, quiet),
+            progress=with_time_left(told),
+        )
+        found, is_stopped = done_of(diagnosing, ambid.Diagnosis)
+        text, further = "", dict[str, Any]()
         if following and found.verdict == "ambiguous" and not is_stopped:
-            text, data = _with_next(found, text, data)
+            with droppable():
+                text, further = _with_next(found)
+            if is_stopped := came():
+                text, further = f"\n{stopped()} when the diagnosis was finished; no experiment was foreseen", {}
     conclude(
-        text,
-        data,
+        f"{found!r}{text}",
+        lambda: found.to_json() | further | {"stopped": is_stopped},
         json_file,
         quiet,
         lambda: saved(found, save),
         lambda: drawn(found.model, loaded, plot),
         lambda: reported(found, reports),
+        is_stopped=is_stopped,
     )
     if is_stopped:
         raise typer.Exit(exit_code())
 
 
-def _with_next(found: ambid.Diagnosis, text: str, data: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    """What is told of an ambiguous diagnosis, with the experiments that would settle it."""
+def _with_next(found: ambid.Diagnosis) -> tuple[str, dict[str, Any]]:
+    """What is told beside an ambiguous diagnosis: the experiments that would settle it."""
     try:
         proposals = ambid.next_experiments(found)
     except (InputError, RecordError) as error:  # no periods or no i_e: the diagnosis stands
-        return f"{text}\nno experiment is foreseen: {error}", data | {"next_experiments": None}
-    return f"{text}\n\n{proposals}", data | {"next_experiments": proposals.to_json()}
+        return f"\nno experiment is foreseen: {error}", {"next_experiments": None}
+    return f"\n\n{proposals}", {"next_experiments": proposals.to_json()}
 
 
 def _opened(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated
 
 import typer
 
@@ -27,7 +27,7 @@ from ambid.cli.options import (
     number,
 )
 from ambid.cli.outputs import conclude, drawn, pictures, require_outputs, saved
-from ambid.cli.signals import exit_code, stoppable
+from ambid.cli.signals import done_of, exit_code, stoppable
 from ambid.cli.terminal import progress
 from ambid.errors import IdentificationError, Stopped
 
@@ -85,10 +85,7 @@ def identify_command(
             max_evaluations=max_evaluations,
             progress=lambda evaluations, cost: report(f"evaluation {evaluations}, cost {cost:.6g}"),
         )
-        try:
-            estimate = identified()
-        except Stopped as stopped:
-            estimate = cast(ambid.Estimate, stopped.result)
+        estimate, _ = done_of(identified, ambid.Estimate)
     slips = _slips(machine, in_time(loaded), estimate)
     conclude(
         "\n".join([repr(estimate), *(f"check: {slip}" for slip in slips), *_first(slips)]),
@@ -97,6 +94,7 @@ def identify_command(
         quiet,
         lambda: saved(estimate, save),
         lambda: drawn(estimate.model, loaded, plot),
+        is_stopped=estimate.status == "stopped",
     )
     if estimate.status == "stopped":
         raise typer.Exit(exit_code())
