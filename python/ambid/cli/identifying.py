@@ -29,7 +29,7 @@ from ambid.cli.options import (
 from ambid.cli.outputs import conclude, drawn, pictures, require_outputs, saved
 from ambid.cli.signals import done_of, exit_code, stoppable
 from ambid.cli.terminal import progress
-from ambid.errors import IdentificationError, Stopped
+from ambid.errors import IdentificationError
 
 UNFINISHED = ("not_identifiable", "max_evaluations")
 MEND = "first: mend the fault and fit again; until then neither the values nor what seems to be missing means anything"
@@ -171,18 +171,14 @@ def campaign_command(
     plots = [] if plot is None else ambid.plot.campaign_files(plot)
     outputs = {"--json": json_file, "--plot": plots, "--table": tables}
     require_outputs({}, outputs, replaced=[path for path in tables if path.is_file() and is_table(path)])
-    is_stopped = False
     with stoppable(), progress(quiet, "campaign") as report:
-        try:
-            found = ambid.campaign(
-                folder,
-                deflection=deflection,
-                progress=lambda done, total, where: report(f"{done} of {total} done, now {where}"),
-            )
-        except Stopped as stopped:
-            if not isinstance(stopped.result, ambid.Campaign):
-                raise  # still at its first bias current
-            found, is_stopped = stopped.result, True
+        measuring = partial(
+            ambid.campaign,
+            folder,
+            deflection=deflection,
+            progress=lambda done, total, where: report(f"{done} of {total} done, now {where}"),
+        )
+        found, is_stopped = done_of(measuring, ambid.Campaign)
     conclude(
         found,
         found.to_json(),
@@ -190,6 +186,7 @@ def campaign_command(
         quiet,
         lambda: () if plot is None else ambid.plot.save_campaign(found, plot),
         lambda: () if table is None else found.save_tables(table),
+        is_stopped=is_stopped,
     )
     if is_stopped:
         raise typer.Exit(exit_code())
