@@ -17,6 +17,7 @@ from ambid.cli.outputs import conclude, require_outputs
 from ambid.cli.signals import done_of, exit_code, stoppable
 from ambid.cli.terminal import progress, with_time_left
 from ambid.cli.workers import workers_of
+from ambid.errors import IdentificationError
 
 GO_ON = "the same command goes on from there"
 
@@ -95,3 +96,5 @@ def monte_carlo_command(
     conclude("\n".join([repr(found), *left]), data, json_file, quiet, is_stopped=is_stopped)
     if is_stopped:
         raise typer.Exit(exit_code())
+    if found.all_failed:
+        raise IdentificationError(f"{rig}: {found.all_failed}")
