@@ -106,8 +106,9 @@ def droppable() -> Iterator[None]:
     _Watch.stage = Stage.JOB
     try:
         yield
-    except KeyboardInterrupt:
-        pass
+    except (KeyboardInterrupt, Exception) as error:
+        if _Watch.came is None and not isinstance(error, KeyboardInterrupt):
+            raise  # as above
     finally:
         begin_results()
 
