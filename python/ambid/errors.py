@@ -59,6 +59,20 @@ class OutputError(AmbidError):
     """A file could not be written: names it, the reason, such as a full disk, and what to do."""
 
 
+class WrongUnit(RecordError):
+    """A record's values are so large that they look like another unit.
+
+    Attributes
+    ----------
+    told : str
+        Channel, value and what is allowed, without a guess at the cause.
+    """
+
+    def __init__(self, where: str, told: str, advice: str) -> None:
+        super().__init__(f"{where}: {told}: {advice}")
+        self.told = told
+
+
 class UnstableLoopError(AmbidError):
     """The simulated closed loop is unstable, so that it has no response to compare."""
 
