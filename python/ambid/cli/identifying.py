@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -30,6 +31,9 @@ from ambid.cli.outputs import conclude, drawn, pictures, require_outputs, saved
 from ambid.cli.signals import done_of, exit_code, stoppable
 from ambid.cli.terminal import progress
 from ambid.errors import IdentificationError
+
+if TYPE_CHECKING:
+    from ambid.identification import StaticEstimate
 
 UNFINISHED = ("not_identifiable", "max_evaluations")
 MEND = "first: mend the fault and fit again; until then neither the values nor what seems to be missing means anything"
@@ -145,8 +149,15 @@ def static_load_command(
     machine = ambid.Rig.load(rig)
     loaded = [ambid.StaticLoading.load(path, machine) for path in loads]
     with stoppable():
-        estimate = ambid.static_load(machine, loaded, deflection=deflection)
+        estimate = _as_command(ambid.static_load(machine, loaded, deflection=deflection))
     conclude(estimate, estimate.to_json(), json_file, quiet)
+
+
+def _as_command(static: StaticEstimate) -> StaticEstimate:
+    """The estimate, with the command's option in its notes instead of the argument of the function."""
+    from ambid.identification.static_slips import DEFLECTION  # not at the top: --help need not open that room
+
+    return replace(static, notes=tuple(note.replace(DEFLECTION, "--deflection") for note in static.notes))
 
 
 def campaign_command(
@@ -179,6 +190,8 @@ def campaign_command(
             progress=lambda done, total, where: report(f"{done} of {total} done, now {where}"),
         )
         found, is_stopped = done_of(measuring, ambid.Campaign)
+    points = (own if own.static is None else replace(own, static=_as_command(own.static)) for own in found.points)
+    found = replace(found, points=tuple(points))
     conclude(
         found,
         found.to_json(),
