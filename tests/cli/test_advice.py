@@ -3,8 +3,10 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import ambid
 from ambid.demo import DATA
 
 LOADS = sorted(DATA.glob("static_*.csv"))
@@ -34,3 +36,32 @@ def test_static_load_names_its_own_option(command):
     assert "with --deflection and the nominal K_s" in result.out
     assert "deflection=True" not in result.out + Path("s.json").read_text()
     assert json.loads(Path("s.json").read_text())["notes"]
+
+
+@pytest.mark.parametrize("job", ["identify", "diagnose", "rank", "workbench"])
+def test_a_first_rig_without_records_is_refused_like_a_last_one(job, command):
+    """The parameters of its bias current would have no record to be found from."""
+    text = (DATA / "rig.toml").read_text()
+    Path("6A.toml").write_text(text)
+    Path("8A.toml").write_text(text)
+    record = DATA / "prbs.mat"
+    result = command(job, "6A.toml", "8A.toml", record)
+    assert result.code == 2
+    assert "6A.toml: no record follows" in result.err
+    assert "begin with 8A.toml" in result.err
+    assert "8A.toml: no record follows" in command(job, "6A.toml", record, "8A.toml").err
+
+
+def test_what_is_not_identifiable_is_named_by_words_that_are_there(here, command):
+    """A single tone does not tell three parameters apart; the message names a key of the JSON."""
+    rig = ambid.Rig.load(here[0])
+    mass = ambid.Model(rig)
+    periods = np.tile(1e-3 * np.sin(2.0 * np.pi * np.arange(500) / 50.0)[:, None], (6, 1))
+    mass.virtual_experiment(periods, seed=1, current_noise=1e-5, sensor_noise=1e-9).save("tone.csv")
+    result = command("identify", here[0], "tone.csv", "--json", "e.json")
+    assert result.code == 1
+    found = json.loads(Path("e.json").read_text())
+    assert found["status"] == "not_identifiable"
+    assert "`not_identifiable`" in found["status_meaning"]
+    assert found["not_identifiable"]
+    assert "`directions`" not in result.out

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import ambid
-from ambid.cli.files import in_time, load_model, load_records
+from ambid.cli.files import in_time, load_model, load_records, require_first_point
 from ambid.cli.options import (
     Allow,
     Before,
@@ -130,6 +130,7 @@ def rank_command(
     if predict is not None:
         ambid.effects.find(predict)  # refuses a name that is none
     outputs = {"--json": json_file, "--plot": plot}
+    require_first_point(rig, records)
     start, loaded = _opened(rig, records, model, period, columns, sample_rate, allow, outputs)
     with stoppable(), progress(quiet, "ranking") as told:
         ranking = ambid.rank(ambid.identify(start, loaded).comparison, progress=with_time_left(told))
@@ -196,6 +197,7 @@ def diagnose_command(
         if quiet or chosen is not None:
             raise InputError(f"--ask and {'--quiet' if quiet else '--effects'} exclude each other; keep one")
         require_terminal("--ask")
+    require_first_point(rig, records)
     machine = ambid.Rig.load(rig)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
     kept = load_records(machine, validate, period, columns, sample_rate, allow)

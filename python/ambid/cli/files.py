@@ -11,6 +11,8 @@ import numpy as np
 import ambid
 from ambid.errors import InputError
 
+NO_RECORD = "no record follows; name the records of this operating point after its rig file"
+
 
 def load_model(rig: ambid.Rig, path: Path | None) -> ambid.Model:
     """The rig's nominal model, or a saved one on this rig."""
@@ -20,6 +22,20 @@ def load_model(rig: ambid.Rig, path: Path | None) -> ambid.Model:
 def in_time(records: Sequence[ambid.Record | ambid.FrequencyResponse]) -> list[ambid.Record]:
     """Those that are no frequency responses."""
     return [record for record in records if isinstance(record, ambid.Record)]
+
+
+def require_first_point(rig: Path, paths: Sequence[Path]) -> None:
+    """Refuse to fit the parameters of an operating point that no record is from.
+
+    Raises
+    ------
+    InputError
+        If another rig file comes before the first record.
+    """
+    if paths and paths[0].suffix.lower() == ".toml":
+        raise InputError(
+            f"{rig}: {NO_RECORD}, before {paths[0]}; leave this one out if there are none, and begin with {paths[0]}"
+        )
 
 
 def load_records(
@@ -43,9 +59,7 @@ def load_records(
         if path.suffix.lower() == ".toml":
             point = ambid.Rig.load(path)
             if after.suffix.lower() in (".toml", ""):
-                raise InputError(
-                    f"{path}: no record follows; name the records of this operating point after its rig file"
-                )
+                raise InputError(f"{path}: {NO_RECORD}")
             continue
         record = ambid.load_measurement(
             path, point, period=period, mapping=mapping, sample_rate=sample_rate, allow=allow

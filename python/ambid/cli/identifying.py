@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import ambid
-from ambid.cli.files import in_time, load_model, load_records
+from ambid.cli.files import in_time, load_model, load_records, require_first_point
 from ambid.cli.options import (
     Allow,
     Columns,
@@ -66,6 +66,7 @@ def identify_command(
     """Find K_i, K_s and tau_e by closed-loop identification."""
     outputs = {"--json": json_file, "--save": save, "--plot": pictures(plot, records)}
     require_outputs({"RIG": rig, "RECORD": records, "--model": model}, outputs)
+    require_first_point(rig, records)
     machine = ambid.Rig.load(rig)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
     for text in share:

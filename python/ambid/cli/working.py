@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 import ambid
-from ambid.cli.files import load_model, load_records
+from ambid.cli.files import load_model, load_records, require_first_point
 from ambid.cli.options import (
     Allow,
     Columns,
@@ -48,6 +48,7 @@ def workbench_command(
     require_server()
     inputs: Files = {"RIG": rig, "RECORD": records, "--validate": validate, "--model": model}
     require_outputs(inputs, {"--json": json_file})
+    require_first_point(rig, records)
     machine = ambid.Rig.load(rig)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
     kept = load_records(machine, validate, period, columns, sample_rate, allow)
