@@ -84,8 +84,12 @@ def compare_command(
 ) -> None:
     """Show where and by how much the model misses the measurement; nothing is fitted."""
     outputs = {"--json": json_file, "--plot": pictures(plot, records)}
+    for option, value in (("--before", before), ("--stretch", stretch)):
+        if value is not None and plot is None:
+            raise InputError(f"{option} {value}: says what is drawn, and nothing is; add --plot FILE, or leave it out")
     shown = None if stretch is None else span("--stretch", stretch, "0.5:0.56")
     start, loaded = _opened(rig, records, model, period, columns, sample_rate, allow, outputs, before)
+    earlier = None if before is None else load_model(start.rig, before).covering(loaded)
     with stoppable():
         comparison = ambid.compare(start, loaded)
         where, matrices = _where(comparison), ambid.misfit_matrix(comparison) if comparison.is_judged else ()
@@ -99,7 +103,6 @@ def compare_command(
     def drawing() -> Sequence[Path]:
         if plot is None:
             return ()
-        earlier = None if before is None else load_model(start.rig, before).covering(loaded)
         return ambid.plot.save_comparison(comparison, plot, stretch=shown, before=earlier)
 
     conclude(text, data, json_file, quiet, drawing)
