@@ -65,3 +65,10 @@ def test_what_is_not_identifiable_is_named_by_words_that_are_there(here, command
     assert "`not_identifiable`" in found["status_meaning"]
     assert found["not_identifiable"]
     assert "`directions`" not in result.out
+
+
+def test_a_pattern_is_fixed_at_the_value_that_is_given(here, command):
+    """It was kept at the start value instead."""
+    command("identify", *here, "--fix", "K_i=150", "--json", "e.json")
+    parameters = json.loads(Path("e.json").read_text())["parameters"]
+    assert [p["value"] for name, p in parameters.items() if name.startswith("K_i")] == [150.0]

@@ -30,7 +30,8 @@ from ambid.cli.options import (
 from ambid.cli.outputs import conclude, drawn, pictures, require_outputs, saved
 from ambid.cli.signals import done_of, exit_code, stoppable
 from ambid.cli.terminal import progress
-from ambid.errors import IdentificationError
+from ambid.errors import IdentificationError, InputError, ModelError, UnstableLoopError
+from ambid.results import of_unit
 
 if TYPE_CHECKING:
     from ambid.identification import StaticEstimate
@@ -74,8 +75,7 @@ def identify_command(
         start = start.share(name, members.split(","))
     for name in per_axis:
         start = start.per_axis(name)
-    held = dict(assignment("--fix", text, "tau_e=0.0003") for text in fix if "=" in text)
-    start = start.with_values({name: number("--fix", value) for name, value in held.items()})
+    free_start, start = start, _held(start, fix)
     with stoppable(), progress(quiet, "identifying") as report:
         identified = partial(
             ambid.identify,
@@ -90,7 +90,16 @@ def identify_command(
             max_evaluations=max_evaluations,
             progress=lambda evaluations, cost: report(f"evaluation {evaluations}, cost {cost:.6g}"),
         )
-        estimate, _ = done_of(identified, ambid.Estimate)
+        try:
+            estimate, _ = done_of(identified, ambid.Estimate)
+        except UnstableLoopError as error:
+            if start.theta.tolist() == free_start.theta.tolist() or not free_start.is_stable:
+                raise
+            told = " ".join(f"--fix {text}" for text in fix if "=" in text)
+            raise InputError(
+                f"{told}: the closed loop is unstable with what is fixed, and stable at {_left_by(free_start, start)}, "
+                "where the rig file or the model has it; correct the value, in SI units"
+            ) from error
     slips = _slips(machine, in_time(loaded), estimate)
     conclude(
         "\n".join([repr(estimate), *(f"check: {slip}" for slip in slips), *_first(slips)]),
@@ -107,6 +116,25 @@ def identify_command(
         raise IdentificationError(f"{estimate.status}: {estimate.to_json()['status_meaning']}")
     if estimate.status in UNFINISHED:
         raise typer.Exit(1)
+
+
+def _held(start: ambid.Model, fix: list[str]) -> ambid.Model:
+    """The start with the values of ``--fix NAME=VALUE``; a name may be a pattern."""
+    for text in fix:
+        if "=" not in text:
+            continue
+        name, value = assignment("--fix", text, "tau_e=0.0003")
+        try:
+            start = start.with_values({start.names[i]: number("--fix", value) for i in start.index([name])})
+        except ModelError as error:
+            raise ModelError(f"--fix {text}: {error}") from None
+    return start
+
+
+def _left_by(before: ambid.Model, after: ambid.Model) -> str:
+    """The values that another model has not kept."""
+    pairs = zip(before.parameters, after.parameters, strict=True)
+    return ", ".join(f"{own.name} = {own.value:g}{of_unit(own.unit)}" for own, new in pairs if own.value != new.value)
 
 
 def _slips(machine: ambid.Rig, loaded: list[ambid.Record], estimate: ambid.Estimate) -> list[str]:
