@@ -1,6 +1,7 @@
 """What a command advises is something that it can do."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +70,57 @@ def test_what_is_not_identifiable_is_named_by_words_that_are_there(here, command
 
 def test_a_pattern_is_fixed_at_the_value_that_is_given(here, command):
     """It was kept at the start value instead."""
-    command("identify", *here, "--fix", "K_i=150", "--json", "e.json")
-    parameters = json.loads(Path("e.json").read_text())["parameters"]
-    assert [p["value"] for name, p in parameters.items() if name.startswith("K_i")] == [150.0]
+    result = command("identify", *here, "--fix", "K_i=181", "--save", "m.json")
+    assert result.code == 0
+    saved = ambid.Model.load("m.json")
+    assert dict(zip(saved.names, saved.theta, strict=True))["K_i.A_zeta"] == 181.0
+
+
+UNSTABLE = {
+    "excitation": ("--out", "e.csv"),
+    "simulate": ("--out", "v.csv"),
+    "design": ("--accuracy", "K_i=1%"),
+    "compare": (),
+}
+
+
+@pytest.mark.parametrize("job", UNSTABLE)
+def test_an_unstable_nominal_loop_is_told_with_its_file_and_what_to_do(job, here, command):
+    text = here[0].read_text()
+    Path("weak.toml").write_text(re.sub(r"(?m)^proportional = .*$", "proportional = 20.0", text))
+    assert Path("weak.toml").read_text() != text
+    records = [here[1]] if job == "compare" else []
+    result = command(job, "weak.toml", *records, *UNSTABLE[job])
+    assert result.code == 1
+    assert "weak.toml: the nominal loop is unstable" in result.err
+    assert "`ambid check weak.toml` tells why" in result.err
+    assert not list(Path().glob("*.csv"))
+
+
+def test_a_loop_that_an_effect_makes_unstable_is_told_as_that(here, command):
+    result = command("simulate", here[0], "--out", "v.csv", "--effect", "loop_delay:delay=1.9e-3")
+    assert result.code == 1
+    assert "rig.toml: the loop is unstable with loop_delay" in result.err
+    assert "give it another value" in result.err
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("effects", "LOOP_DELAY"), "did you mean loop_delay?"),
+        (("effects", "seal"), "did you mean seal_forces?"),
+        (("effects", "magic"), "magic: no such effect; the catalogue has"),
+        (("identify", "RIG", "RUN", "--free", "Ki"), "Ki: no such parameter; did you mean K_i?"),
+        (("identify", "RIG", "RUN", "--free", "k_i.a_zeta"), "did you mean K_i.A_zeta?"),
+        (("identify", "RIG", "RUN", "--free", ""), "--free '': a name is missing; expected NAME,..."),
+        (("identify", "RIG", "RUN", "--free", "K_i,"), "--free 'K_i,': a name is missing"),
+        (("diagnose", "RIG", "RUN", "--effects", ""), "--effects '': a name is missing; expected NAME,..."),
+        (("diagnose", "RIG", "RUN", "--effects", "Loop-Delay"), "did you mean loop_delay?"),
+        (("excitation", "RIG", "--out", "e.csv", "--axes", ""), "--axes '': a name is missing"),
+        (("rank", "RIG", "RUN", "--predict", "gain"), "did you mean sensor_gain_error, controller_gain_error or"),
+    ],
+)
+def test_a_name_that_is_none_is_told_with_what_comes_nearest(words, told, here, command):
+    result = command(*({"RIG": here[0], "RUN": here[1]}.get(word, word) for word in words))
+    assert result.code == 2
+    assert told in result.err

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import ambid
-from ambid.cli.files import in_time, load_model, load_records, require_first_point
+from ambid.cli.files import in_time, load_model, load_records, naming_unstable, require_first_point
 from ambid.cli.options import (
     Allow,
     Before,
@@ -90,7 +90,7 @@ def compare_command(
     shown = None if stretch is None else span("--stretch", stretch, "0.5:0.56")
     start, loaded = _opened(rig, records, model, period, columns, sample_rate, allow, outputs, before)
     earlier = None if before is None else load_model(start.rig, before).covering(loaded)
-    with stoppable():
+    with stoppable(), naming_unstable(rig, start, model):
         comparison = ambid.compare(start, loaded)
         where, matrices = _where(comparison), ambid.misfit_matrix(comparison) if comparison.is_judged else ()
     largest = ["", "largest misfit:", *map(_line, where[:MOST_PRINTED])] if where else []
@@ -195,7 +195,7 @@ def diagnose_command(
     reports = [path for path in (report, pdf) if path is not None]
     if tolerance is not None and not tolerance >= 1.0:
         raise InputError(f"--tolerance {tolerance:g}: expected 1, the misfit of noise alone, or more")
-    chosen = None if effects is None else [ambid.effects.find(name) for name in names(effects) or ()]
+    chosen = None if effects is None else [ambid.effects.find(name) for name in names("--effects", effects) or ()]
     if ask:
         if quiet or chosen is not None:
             raise InputError(f"--ask and {'--quiet' if quiet else '--effects'} exclude each other; keep one")

@@ -11,7 +11,7 @@ import typer
 
 import ambid
 from ambid.cli.effect_option import with_effects
-from ambid.cli.files import load_model
+from ambid.cli.files import load_model, naming_unstable
 from ambid.cli.options import Force, JsonFile, ModelFile, Quiet, RigFile, known_effects
 from ambid.cli.outputs import conclude, require_outputs
 from ambid.cli.signals import stoppable
@@ -94,7 +94,7 @@ def simulate_command(
     machine = ambid.Rig.load(rig)
     start = with_effects(load_model(machine, model), effect)
     excitation = excitation_of(machine, seconds, amplitude)
-    with stoppable():
+    with stoppable(), naming_unstable(rig, start, model):
         made = start.virtual_experiment(excitation, sensor_noise=sensor_noise, current_noise=current_noise, seed=seed)
     _require_possible(made, machine, out, amplitude)
     made.save(out)
