@@ -81,7 +81,7 @@ def identify_command(
             ambid.identify,
             start,
             loaded,
-            free=names(free),
+            free=names("--free", free),
             fixed=[text.split("=")[0] for text in fix],
             bounds=dict(bound(text) for text in limits) or None,
             weights=_weights(weight),
