@@ -292,7 +292,7 @@ OPTIONS = {
     ),
     "before, without a plot": (healthy, (*COMPARE, "--before", "m.json"), "--before m.json: says what is drawn"),
     "stretch, without a plot": (healthy, (*COMPARE, "--stretch", "0:1"), "--stretch 0:1: says what is drawn"),
-    "before, no such file": (healthy, (*COMPARE, "--before", "none.json", "--plot", "c.png"), "none.json: "),
+    "before, no such file": (healthy, (*COMPARE, "--before", "gone.json", "--plot", "c.png"), "gone.json: "),
     "fix, beyond its range": (healthy, (*IDENTIFY, "--fix", "tau_e=0.25"), "--fix tau_e=0.25: the closed loop is unst"),
     "fix, a pattern below zero": (healthy, (*IDENTIFY, "--fix", "K_i=-5"), "--fix K_i=-5: K_i"),
     "fix, no such parameter": (healthy, (*IDENTIFY, "--fix", "tau_x=1"), "--fix tau_x=1: tau_x: no such parameter"),
