@@ -6,6 +6,10 @@ from collections.abc import Iterable
 
 LONGEST_MESSAGE = 2000
 """Characters of a message: about a screen. What stands behind is of no help to a reader, and may be megabytes."""
+SHORTEST_PART = 4
+"""Letters of a name that say something of it: fewer are in too many."""
+MOST_NEAR = 4
+"""Names that are told as near."""
 _UNSEEN = frozenset({"Cc", "Cf", "Cs", "Co", "Zl", "Zp"})
 """Categories of Unicode that steer a terminal, turn the direction of text, or cannot be encoded."""
 
@@ -23,11 +27,26 @@ def _spelled(c: str) -> str:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A sentence that names what comes nearest, with a space behind it; empty where nothing is near."""
+    """A sentence that names what comes nearest, with a space behind it; empty where nothing is near.
+
+    The same letters come first, whatever their case and what stands between them; then what holds all of them.
+    """
     from difflib import get_close_matches  # not at the top: it is needed for errors alone
 
-    near = get_close_matches(name, known, n=1)
-    return f"did you mean {near[0]}? " if near else ""
+    own, letters = _letters(name), {each: _letters(each) for each in known}
+    near = [each for each, its in letters.items() if its == own and own][:1]
+    if not near and len(own) >= SHORTEST_PART:
+        near = [each for each, its in letters.items() if own in its][:MOST_NEAR]
+    if not near and (close := get_close_matches(own, letters.values(), n=1)):
+        near = [next(each for each, its in letters.items() if its == close[0])]
+    if not near:
+        return ""
+    *others, last = near
+    return f"did you mean {', '.join(others)}{' or ' if others else ''}{last}? "
+
+
+def _letters(name: str) -> str:
+    return "".join(filter(str.isalnum, name)).casefold()
 
 
 class AmbidError(Exception):
@@ -57,6 +76,20 @@ class ModelError(InputError):
 
 class OutputError(AmbidError):
     """A file could not be written: names it, the reason, such as a full disk, and what to do."""
+
+
+class WrongUnit(RecordError):
+    """A record's values are so large that they look like another unit.
+
+    Attributes
+    ----------
+    told : str
+        Channel, value and what is allowed, without a guess at the cause.
+    """
+
+    def __init__(self, where: str, told: str, advice: str) -> None:
+        super().__init__(f"{where}: {told}: {advice}")
+        self.told = told
 
 
 class UnstableLoopError(AmbidError):

@@ -261,9 +261,9 @@ def test_an_identification_that_fails_names_its_record(broken):
         campaign(broken)
 
 
-@pytest.mark.parametrize("call", [3, 9])
-def test_ctrl_c_hands_back_the_bias_currents_that_are_done(call, template, found, monkeypatch):
-    """Six fits belong to each of the two; those of the whole campaign stand in for them."""
+@pytest.mark.parametrize("call", [0, 1, 2, 3, 5, 6, 9])
+def test_ctrl_c_hands_back_the_fits_that_are_done(call, template, found, monkeypatch, tmp_path):
+    """Six fits belong to each of the two points; those of the whole campaign stand in for them."""
     estimates = [estimate for point in found.points for runs in point.runs for estimate in (*runs.single, runs.joint)]
     calls = iter(range(len(estimates)))
 
@@ -275,10 +275,19 @@ def test_ctrl_c_hands_back_the_bias_currents_that_are_done(call, template, found
     monkeypatch.setattr("ambid.campaigns.procedure._identify", fit)
     with pytest.raises(KeyboardInterrupt) as stopped:
         campaign(template)
-    assert isinstance(stopped.value, Stopped) == (call >= 6)
-    if call >= 6:
-        result = stopped.value.result
-        assert [point.folder.name for point in result.points] == ["6A"]
-        assert result.notes[-1] == "stopped by Ctrl-C: not done are 10A"
-        assert [row["folder"] for row in result.to_json()["points"]] == ["6A"]
-        assert "not done are 10A" in repr(result)
+    assert isinstance(stopped.value, Stopped) == (call > 0)
+    if call == 0:
+        return
+    result = stopped.value.result
+    told = [e for point in result.points for own in point.runs for e in (*own.single, own.joint)]
+    assert [*told, *(e for point in result.points for e in point.begun)] == estimates[:call]
+    left = "10A" if call >= 6 else "6A, 10A"
+    assert result.notes[-1] == f"stopped by Ctrl-C after {call} of 12 fits: not finished are {left}"
+    data = json.loads(json.dumps(result.to_json(), allow_nan=False))
+    assert data["stopped"]
+    assert sum(len(point["begun"]) for point in data["points"]) == len(result.points[-1].begun)
+    assert result.notes[-1] in repr(result)
+    assert f"{estimates[call - 1].parameters['tau_e'].value:.5g}" in repr(result)
+    assert "ambid campaign" in result.next
+    assert len(ambid.plot.save_campaign(result, tmp_path / "k.svg")) == 3
+    assert len(result.save_tables(tmp_path / "k.tex")) == 3

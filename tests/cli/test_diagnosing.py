@@ -2,7 +2,6 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
 from contextlib import suppress
@@ -13,34 +12,10 @@ import pytest
 import ambid
 from ambid.cli.terminal import with_time_left
 from ambid.demo import DATA
-from ambid.diagnosis import search
 from ambid.effects import CATALOGUE
 from ambid.errors import IdentificationError
-from ambid.noise import Noise
-from places import LEVITATOR
 
 CELL = {"record", "channel", "band_hz", "misfit", "kind"}
-DELAY = 5e-5
-
-
-@pytest.fixture(scope="module")
-def late(tmp_path_factory):
-    """A rig file of one axis, and two records of the machine, at two amplitudes, whose loop has a delay more."""
-    folder = tmp_path_factory.mktemp("late")
-    rig = ambid.Rig.load(LEVITATOR)
-    (folder / "rig.toml").write_text(rig.to_toml())
-    truth = ambid.Model(rig).add("loop_delay", {"delay": DELAY})
-    for name, amplitude, periods in (("run", 0.1, 5), ("other", 0.06, 5), ("brief", 0.1, 2)):
-        i_e = ambid.prbs(8, amplitude=amplitude, hold=2, axes=1, periods=periods)
-        truth.virtual_experiment(i_e, seed=periods).save(folder / f"{name}.csv")
-    return folder
-
-
-@pytest.fixture
-def here(late, tmp_path, monkeypatch):
-    """An empty folder to write into, where the command runs."""
-    monkeypatch.chdir(tmp_path)
-    return (late / "rig.toml", late / "run.csv")
 
 
 def test_check_of_a_sound_record(here, command):
@@ -94,7 +69,7 @@ def test_diagnose_writes_all_that_is_asked_for(here, command):
     assert set(content["where"][0]) == CELL
     assert content["history"][-1]["validation_misfit"] == pytest.approx(1.0, abs=0.15)
     saved = ambid.Model.load("m.json")
-    assert dict(zip(saved.names, saved.theta, strict=True))["loop_delay.delay"] == pytest.approx(DELAY, rel=0.1)
+    assert dict(zip(saved.names, saved.theta, strict=True))["loop_delay.delay"] == pytest.approx(5e-5, rel=0.1)
 
 
 def test_the_report_is_written_for_the_screen_and_for_paper(here, command):
@@ -175,39 +150,6 @@ def test_asking_at_a_terminal(here, answer, effects):
         assert effects != ["loop_delay"]
         history = history[:2]
     assert history[-1]["effects"] == effects
-
-
-def interrupt_at(monkeypatch, where, name, call):
-    """Let Ctrl-C come at the `call`-th call of a function."""
-    function, calls = getattr(where, name), iter(range(1_000_000))
-
-    def interrupted(*arguments, **options):
-        if next(calls) == call:
-            signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
-            signal.raise_signal(signal.SIGINT)
-        return function(*arguments, **options)
-
-    monkeypatch.setattr(where, name, interrupted)
-
-
-def test_ctrl_c_before_the_first_step_ends_with_a_message(here, command, monkeypatch):
-    interrupt_at(monkeypatch, Noise, "jacobian", 0)
-    result = command("diagnose", *here, "--json", "d.json")
-    assert (result.code, result.out) == (130, "")
-    assert result.err == "stopped by Ctrl-C before anything was done; nothing was written\n"
-    assert not Path("d.json").exists()
-
-
-def test_ctrl_c_later_ends_with_the_steps_that_were_done(here, command, monkeypatch):
-    interrupt_at(monkeypatch, search, "refits", 0)
-    result = command("diagnose", *here, "--json", "d.json")
-    assert result.code == 130
-    found = json.loads(Path("d.json").read_text())
-    assert (found["verdict"], found["effects"]) == ("not_informative", [])
-    assert [step["effects"] for step in found["history"]] == [[]]
-    first = {candidate["effect"] for candidate in found["history"][0]["candidates"][:2]}
-    assert first == {"loop_delay", "amplifier_bandwidth"}, "near twins"
-    assert "stopped by Ctrl-C" in found["notes"][-1]
 
 
 @pytest.mark.parametrize("words", ["effects loop_", "diagnose rig.toml a.csv --effects seal_forces,loop_"])

@@ -60,7 +60,10 @@ def test_models_of_single_speeds_are_held_against_the_diagram(here, command):
         (("poles", "rig.toml", "--before", "none.json"), "none.json"),
         (("campbell", "one.toml"), "no bearing has two axes"),
         (("campbell", "rig.toml", "--speeds", "100"), "--speeds 100: expected FROM:TO"),
-        (("campbell", "rig.toml", "--speeds", "100:0"), "expected rising ones"),
+        (("campbell", "rig.toml", "--speeds", "100:50"), "--speeds 100:50: expected FROM below TO"),
+        (("campbell", "rig.toml", "--speeds", "0:1e9"), "--speeds 0:1e9: expected FROM below TO, from 0 to 50000"),
+        (("campbell", "rig.toml", "--speeds=-5:1e3"), "--speeds -5:1e3: expected FROM below TO, from 0 to"),
+        (("campbell", "rig.toml", "--speeds", "0:nan"), "--speeds 0:nan: expected FROM below TO"),
     ],
 )
 def test_what_is_wrong_is_told(here, command, arguments, said):

@@ -1,5 +1,6 @@
 """The command `workbench`: it serves until it is stopped, and refuses what it cannot serve."""
 
+import json
 import os
 import signal
 import socket
@@ -37,10 +38,45 @@ def test_it_serves_until_a_signal_ends_it(number, code):
     with pytest.raises(urllib.error.HTTPError, match="403"):
         urllib.request.urlopen(address.rsplit("/", 2)[0] + "/")
     process.send_signal(number)
-    _, said = process.communicate(timeout=30)
+    out, said = process.communicate(timeout=30)
     assert process.returncode == code
+    assert "effects: none" in out
+    assert "K_i.A_zeta" in out
     assert "what was not exported is gone" in said
     assert "Traceback" not in said
+
+
+def test_json_tells_what_the_page_held_but_not_its_token(tmp_path):
+    """A parameter is moved on the page; then the command is ended."""
+    process, address = started("--no-browser", "--quiet", "--json", str(tmp_path / "w.json"))
+
+    def asked(path, given=None):
+        headers = {"Content-Type": "application/json", "Origin": address.rsplit("/", 2)[0]}
+        data = None if given is None else json.dumps(given).encode()
+        with urllib.request.urlopen(urllib.request.Request(address + path, data, headers)) as answer:
+            return json.loads(answer.read())
+
+    window = asked("windows", {})["window"]
+    asked(f"windows/{window}/move", {"name": "tau_e", "value": 0.0005, "revision": 0})
+    shown = asked(f"windows/{window}/view")
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=30)
+    assert (process.returncode, out) == (130, "")
+    text = (tmp_path / "w.json").read_text()
+    assert address.split("/")[-2] not in text
+    found = json.loads(text)
+    assert (found["address"], found["stopped"]) == (address.rsplit("/", 2)[0] + "/", True)
+    (held,) = found["windows"]
+    assert held["effects"] == []
+    assert held["parameters"]["tau_e"] == {"value": 0.0005, "unit": "s"}
+    assert (held["misfit"], held["misfit_bound"]) == (shown["misfit"], shown["bound"])
+    assert held["steps"] == ["start", "tau_e = 0.0005 s"]
+
+
+def test_json_is_not_written_over_a_record(command):
+    found = command("workbench", *FILES, "--no-browser", "--json", FILES[1])
+    assert found.code == 2
+    assert "the same file as RECORD" in found.err
 
 
 def test_it_opens_the_address_in_the_browser(tmp_path):

@@ -231,10 +231,10 @@ COMMANDS = {
         "--fmu": ("out.fmu", "out.fmu", "out.zip", "none/x.fmu", "9 %.fmu", "out.json", "/dev/full"),
         "--fmi": ("2", "3", "3", "1", "-1"),
     }),
-    "workbench": Command(("--no-browser", "rig.toml", "RECORD"), RECORDS | ALLOW | MODEL | VALIDATE | {
+    "workbench": Command(("--no-browser", "rig.toml", "RECORD"), QUIET | RECORDS | ALLOW | MODEL | VALIDATE | {
         "--port": ("0", "-1", "1", "65535", "65536", "9999999999"),
         "--no-browser": (),
-    }, last=(), often=2),
+    }, often=2),
     "effects": Command((), QUIET | {
         "": ("loop_delay", "x", "loop"),
         "--rig": ("rig.toml", "bench.toml", "modes.toml", "none", "model.json"),

@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import re
 import signal
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -195,6 +196,28 @@ def test_bad_options(command, rig_file, option, told):
     done = command("monte-carlo", rig_file, *option)
     assert done.code == 2
     assert told in done.err
+
+
+def test_runs_that_all_fail_are_an_error_in_words(command, rig_file, tmp_path):
+    """A controller that is a hundred times too weak leaves every loop unstable."""
+    text = rig_file.read_text()
+    rig_file.write_text(re.sub(r"(?m)^proportional = .*$", "proportional = 20.0", text))
+    assert rig_file.read_text() != text
+    done = command("monte-carlo", rig_file, "--runs", 2, "--json", tmp_path / "found.json")
+    assert done.code == 1
+    assert f"{rig_file}: all 2 runs failed: the closed loop is unstable" in done.err
+    assert "nan" not in done.out
+    assert "bias %" not in done.out
+    found = json.loads((tmp_path / "found.json").read_text())
+    assert found["status"] == {"failed": 2}
+    assert command("monte-carlo", rig_file, "--runs", 2, "--quiet").code == 1
+
+
+def test_one_run_has_no_table(command, rig_file):
+    done = command("monte-carlo", rig_file, "--runs", 1, "--seconds", 0.5, "--amplitude", 1.0)
+    assert done.code == 0
+    assert "nan" not in done.out
+    assert "make more runs" in done.out
 
 
 def test_ctrl_c_of_the_command(command, rig_file, tmp_path, monkeypatch):

@@ -14,6 +14,7 @@ from starlette.testclient import TestClient  # noqa: E402
 import ambid  # noqa: E402
 from ambid.workbench.jobs import Job  # noqa: E402
 from ambid.workbench.server import ASKED, ASSETS, DONE, SHOWN, application  # noqa: E402
+from ambid.workbench.windows import Windows  # noqa: E402
 
 TOKEN, PORT = "the-token", 8123
 HOST = f"127.0.0.1:{PORT}"
@@ -21,7 +22,7 @@ HOST = f"127.0.0.1:{PORT}"
 
 @pytest.fixture
 def client(fitted):
-    with TestClient(application(fitted, TOKEN, PORT), base_url=f"http://{HOST}") as client:
+    with TestClient(application(Windows(fitted), TOKEN, PORT), base_url=f"http://{HOST}") as client:
         yield client
 
 

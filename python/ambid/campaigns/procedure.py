@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from ambid.campaigns.folder import Content, read_folder
@@ -48,39 +49,46 @@ def campaign(
     UnstableLoopError, IdentificationError
         If an identification or a static loading could not be done; the message names the record or the folder.
     Stopped
-        At Ctrl-C, with the bias currents that were done, if any; it is a KeyboardInterrupt.
+        At Ctrl-C, with the fits that were done, if any; it is a KeyboardInterrupt.
     """
     folder = Path(folder)
     contents, notes = read_folder(folder)
     total = sum(len(runs) + 1 for content in contents for runs in content.records.values())
     done = 0
+    points: list[BiasPoint] = []
 
     def fit(start: Model | Rig, records: list[Record], where: Path) -> Estimate:
         nonlocal done
         if progress is not None:
             progress(done, total, str(where))
+        estimate = _identify(start, records, where)
         done += 1
-        return _identify(start, records, where)
+        return estimate
 
-    def point(content: Content) -> BiasPoint:
-        runs = []
-        for kind, records in content.records.items():
-            single = tuple(fit(content.rig, [record], content.folder / record.name) for record in records)
-            runs.append(Runs(kind, fit(single[0].model, records, content.folder / kind), single))
+    def add(content: Content) -> None:
+        """The point is there from its first fit on, and has each further one as soon as it is done."""
         static = static_load(content.rig, content.loadings, deflection=deflection) if content.loadings else None
-        return BiasPoint(content.folder, content.rig, tuple(runs), static)
+        here = BiasPoint(content.folder, content.rig, (), static)
+        points.append(here)
+        for kind, records in content.records.items():
+            for record in records:
+                single = fit(content.rig, [record], content.folder / record.name)
+                points[-1] = here = replace(here, begun=(*here.begun, single))
+            joint = fit(here.begun[0].model, records, content.folder / kind)
+            points[-1] = here = replace(here, runs=(*here.runs, Runs(kind, joint, here.begun)), begun=())
 
-    points: list[BiasPoint] = []
     try:
         for content in contents:
-            points.append(point(content))
+            add(content)
+        return Campaign(folder, tuple(points), notes)
     except KeyboardInterrupt:
-        if not points:
-            raise
-        left = ", ".join(content.folder.name for content in contents[len(points) :])
-        stopped = f"stopped by Ctrl-C: not done are {left}"
-        raise Stopped(Campaign(folder, tuple(points), (*notes, stopped))) from None
-    return Campaign(folder, tuple(points), notes)
+        whole = tuple(point for point in points if point.runs or point.begun)
+    if not whole:
+        raise KeyboardInterrupt
+    kinds = {point.folder: len(point.runs) for point in whole}
+    left = ", ".join(own.folder.name for own in contents if kinds.get(own.folder, 0) < len(own.records)) or "none"
+    stopped = f"stopped by Ctrl-C after {done} of {total} fits: not finished are {left}"
+    raise Stopped(Campaign(folder, whole, (*notes, stopped), is_stopped=True))
 
 
 def _identify(start: Model | Rig, records: list[Record], where: Path) -> Estimate:

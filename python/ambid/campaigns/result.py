@@ -17,6 +17,8 @@ from ambid.rig import Rig
 
 __all__ = ["BiasPoint", "Campaign", "Runs"]
 
+LEADING = 3
+"""Columns of a table that say where its numbers are from."""
 STATIC = "static"
 """Name of the method that is not a kind of records."""
 
@@ -84,12 +86,15 @@ class BiasPoint:
         One per kind of record.
     static : StaticEstimate or None
         K_i by static loading; None without loadings.
+    begun : tuple of Estimate
+        Single runs of the kind in which Ctrl-C came: they have no joint identification.
     """
 
     folder: Path
     rig: Rig
     runs: tuple[Runs, ...]
     static: StaticEstimate | None
+    begun: tuple[Estimate, ...] = ()
 
     def bias_current(self, axis: str) -> float:
         """Bias current i0 of the bearing that an axis belongs to [A]."""
@@ -116,6 +121,7 @@ class BiasPoint:
             "bias_current": {bearing.name: bearing.bias_current for bearing in self.rig.bearings},
             "closed_loop": {runs.kind: runs.to_json() for runs in self.runs},
             "static_load": None if self.static is None else self.static.to_json(),
+            "begun": [run.to_json() for run in self.begun],
             "notes": list(self.notes),
         }
 
@@ -131,11 +137,14 @@ class Campaign:
         By rising bias current.
     notes : tuple of str
         What was not used.
+    is_stopped : bool
+        Whether Ctrl-C came before the last fit: then the last point may lack kinds, and the note at the end says so.
     """
 
     folder: Path
     points: tuple[BiasPoint, ...]
     notes: tuple[str, ...] = ()
+    is_stopped: bool = False
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -169,6 +178,7 @@ class Campaign:
             "points": [point.to_json() for point in self.points],
             "notes": list(self.notes),
             "next": self.next,
+            "stopped": self.is_stopped,
         }
 
     @property
@@ -189,6 +199,8 @@ class Campaign:
     @property
     def next(self) -> str:
         """What to do now: where the model misses most, the command that names what is missing."""
+        if self.is_stopped:
+            return f"all fits anew: ambid campaign {shlex.quote(str(self.folder))}"
         missed = [(point, runs) for point in self.points for runs in point.runs if runs.joint.exceeds]
         if not missed:
             return "hold the models against records at another amplitude, bias current or speed: ambid compare"
@@ -201,7 +213,10 @@ class Campaign:
     plot = picture("plot_campaign")
 
     def __repr__(self) -> str:
-        lines = [line for table in self.tables for line in (*table.lines(), "")]
+        tables = [*self.tables, _begun(self)]
+        lines = [
+            line for table in tables if len(table.heading) > LEADING and table.rows for line in (*table.lines(), "")
+        ]
         lines += ["forces: f = K_i i + K_s s, K_s > 0 destabilises"]
         folders: dict[str, list[str]] = {}
         for point in self.points:
@@ -255,6 +270,25 @@ def _lag(campaign: Campaign) -> Table:
     title = "tau_e [s] and its relative standard deviation over the runs; average fit of y; misfit J/dof"
     heading = (FIRST, "records", "i0 [A]", "tau_e", "RSD %", "fit %", "noise ceiling %", "misfit", "bound")
     return Table("tau_e", title, heading, rows)
+
+
+def _begun(campaign: Campaign) -> Table:
+    """Every single run that no joint identification followed."""
+    names = next((tuple(run.parameters) for point in campaign.points for run in point.begun), ())
+    rows = tuple(
+        (
+            point.folder.name,
+            run.records[0].name,
+            _bias(point, campaign),
+            *("not identifiable" if p.value is None else f"{p.value:.5g}" for p in run.parameters.values()),
+            f"{run.fit_percent['average']:.2f}",
+            f"{run.misfit:.2f}",
+        )
+        for point in campaign.points
+        for run in point.begun
+    )
+    heading = (FIRST, "record", "i0 [A]", *names, "fit %", "misfit")
+    return Table("begun", "single runs of what is not finished, in SI units", heading, rows)
 
 
 def _bias(point: BiasPoint, campaign: Campaign) -> str:

@@ -11,7 +11,7 @@ import typer
 import ambid
 from ambid.cli.effect_option import with_effects
 from ambid.cli.experiments import LONGEST_SIMULATION
-from ambid.cli.files import load_model, load_records
+from ambid.cli.files import load_model, load_records, naming_unstable
 from ambid.cli.options import Force, JsonFile, ModelFile, Quiet, RigFile, assignment, known_effects, names, number
 from ambid.cli.outputs import Files, conclude, require_outputs
 from ambid.cli.signals import stoppable
@@ -81,8 +81,9 @@ def excitation_command(
         raise InputError(f"--signal {signal}: expected {PRBS} or {MULTISINE}")
     i_e = np.zeros((len(played), len(machine.axes)))
     i_e[:, chosen] = played
-    with stoppable():
-        told = ambid.forecast(load_model(machine, model), i_e, period=samples, limits=limits)
+    start = load_model(machine, model)
+    with stoppable(), naming_unstable(rig, start, model):
+        told = ambid.forecast(start, i_e, period=samples, limits=limits)
     data = {"excitation": str(out), **told.to_json(), **_scale(out, i_e, full_scale)}
     conclude(told, data, json_file, quiet, lambda: _played(out, machine, i_e, full_scale))
 
@@ -145,7 +146,7 @@ def design_command(
     start = load_model(machine, model)
     wanted = dict(assignment("--accuracy", text, "K_i=1%") for text in accuracy)
     limits = ambid.Limits(travel=travel, current=current, excitation=peak, slew_rate=slew_rate)
-    with stoppable():
+    with stoppable(), naming_unstable(rig, start, model):
         if record:
             fit = ambid.identify(start, load_records(machine, record, None, [], None))
             start, instruments = fit.model, ambid.Instruments.of(fit.comparison)
@@ -223,7 +224,7 @@ def _require_short(period: int, periods: int) -> None:
 
 def _columns(rig: ambid.Rig, axes: str | None) -> list[int]:
     """Indices of the axes that are excited."""
-    wanted = names(axes) or list(rig.axes)
+    wanted = names("--axes", axes) or list(rig.axes)
     unknown = [name for name in wanted if name not in rig.axes]
     if unknown or len(set(wanted)) < len(wanted):
         raise InputError(f"--axes {axes}: expected axes of the rig, each once: {', '.join(rig.axes)}")

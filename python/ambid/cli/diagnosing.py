@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 import ambid
-from ambid.cli.files import in_time, load_model, load_records
+from ambid.cli.files import in_time, load_model, load_records, naming_unstable, require_first_point
 from ambid.cli.options import (
     Allow,
     Before,
@@ -30,9 +31,9 @@ from ambid.cli.options import (
     span,
 )
 from ambid.cli.outputs import Files, conclude, drawn, pictures, reported, require_outputs, saved
-from ambid.cli.signals import exit_code, stoppable
+from ambid.cli.signals import came, done_of, droppable, exit_code, stoppable, stopped
 from ambid.cli.terminal import choose, progress, require_terminal, say, with_time_left
-from ambid.errors import InputError, RecordError, Stopped
+from ambid.errors import InputError, RecordError
 from ambid.results import band_text
 
 if TYPE_CHECKING:
@@ -83,9 +84,13 @@ def compare_command(
 ) -> None:
     """Show where and by how much the model misses the measurement; nothing is fitted."""
     outputs = {"--json": json_file, "--plot": pictures(plot, records)}
+    for option, value in (("--before", before), ("--stretch", stretch)):
+        if value is not None and plot is None:
+            raise InputError(f"{option} {value}: says what is drawn, and nothing is; add --plot FILE, or leave it out")
     shown = None if stretch is None else span("--stretch", stretch, "0.5:0.56")
     start, loaded = _opened(rig, records, model, period, columns, sample_rate, allow, outputs, before)
-    with stoppable():
+    earlier = None if before is None else load_model(start.rig, before).covering(loaded)
+    with stoppable(), naming_unstable(rig, start, model):
         comparison = ambid.compare(start, loaded)
         where, matrices = _where(comparison), ambid.misfit_matrix(comparison) if comparison.is_judged else ()
     largest = ["", "largest misfit:", *map(_line, where[:MOST_PRINTED])] if where else []
@@ -98,7 +103,6 @@ def compare_command(
     def drawing() -> Sequence[Path]:
         if plot is None:
             return ()
-        earlier = None if before is None else load_model(start.rig, before).covering(loaded)
         return ambid.plot.save_comparison(comparison, plot, stretch=shown, before=earlier)
 
     conclude(text, data, json_file, quiet, drawing)
@@ -129,6 +133,7 @@ def rank_command(
     if predict is not None:
         ambid.effects.find(predict)  # refuses a name that is none
     outputs = {"--json": json_file, "--plot": plot}
+    require_first_point(rig, records)
     start, loaded = _opened(rig, records, model, period, columns, sample_rate, allow, outputs)
     with stoppable(), progress(quiet, "ranking") as told:
         ranking = ambid.rank(ambid.identify(start, loaded).comparison, progress=with_time_left(told))
@@ -190,54 +195,55 @@ def diagnose_command(
     reports = [path for path in (report, pdf) if path is not None]
     if tolerance is not None and not tolerance >= 1.0:
         raise InputError(f"--tolerance {tolerance:g}: expected 1, the misfit of noise alone, or more")
-    chosen = None if effects is None else [ambid.effects.find(name) for name in names(effects) or ()]
+    chosen = None if effects is None else [ambid.effects.find(name) for name in names("--effects", effects) or ()]
     if ask:
         if quiet or chosen is not None:
             raise InputError(f"--ask and {'--quiet' if quiet else '--effects'} exclude each other; keep one")
         require_terminal("--ask")
+    require_first_point(rig, records)
     machine = ambid.Rig.load(rig)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
     kept = load_records(machine, validate, period, columns, sample_rate, allow)
-    is_stopped = False
     with stoppable(), progress(quiet or ask, "diagnosing") as told:
-        try:
-            found = ambid.diagnose(
-                start,
-                loaded,
-                validate=kept,
-                effects=chosen,
-                tolerance=ADEQUATE if tolerance is None else tolerance,
-                ask=choose if ask else None,
-                say=lambda line: say(line, quiet),
-                progress=with_time_left(told),
-            )
-        except Stopped as stopped:
-            if not isinstance(stopped.result, ambid.Diagnosis):
-                raise  # still in its first fit
-            found, is_stopped = stopped.result, True
-        text, data = repr(found), found.to_json()
+        diagnosing = partial(
+            ambid.diagnose,
+            start,
+            loaded,
+            validate=kept,
+            effects=chosen,
+            tolerance=ADEQUATE if tolerance is None else tolerance,
+            ask=choose if ask else None,
+            say=lambda line: say(line, quiet),
+            progress=with_time_left(told),
+        )
+        found, is_stopped = done_of(diagnosing, ambid.Diagnosis)
+        text, further = "", dict[str, Any]()
         if following and found.verdict == "ambiguous" and not is_stopped:
-            text, data = _with_next(found, text, data)
+            with droppable():
+                text, further = _with_next(found)
+            if is_stopped := came():
+                text, further = f"\n{stopped()} when the diagnosis was finished; no experiment was foreseen", {}
     conclude(
-        text,
-        data,
+        f"{found!r}{text}",
+        lambda: found.to_json() | further | {"stopped": is_stopped},
         json_file,
         quiet,
         lambda: saved(found, save),
         lambda: drawn(found.model, loaded, plot),
         lambda: reported(found, reports),
+        is_stopped=is_stopped,
     )
     if is_stopped:
         raise typer.Exit(exit_code())
 
 
-def _with_next(found: ambid.Diagnosis, text: str, data: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    """What is told of an ambiguous diagnosis, with the experiments that would settle it."""
+def _with_next(found: ambid.Diagnosis) -> tuple[str, dict[str, Any]]:
+    """What is told beside an ambiguous diagnosis: the experiments that would settle it."""
     try:
         proposals = ambid.next_experiments(found)
     except (InputError, RecordError) as error:  # no periods or no i_e: the diagnosis stands
-        return f"{text}\nno experiment is foreseen: {error}", data | {"next_experiments": None}
-    return f"{text}\n\n{proposals}", data | {"next_experiments": proposals.to_json()}
+        return f"\nno experiment is foreseen: {error}", {"next_experiments": None}
+    return f"\n\n{proposals}", {"next_experiments": proposals.to_json()}
 
 
 def _opened(

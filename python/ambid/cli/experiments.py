@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,15 +11,19 @@ import typer
 
 import ambid
 from ambid.cli.effect_option import with_effects
-from ambid.cli.files import load_model
+from ambid.cli.files import load_model, naming_unstable
 from ambid.cli.options import Force, JsonFile, ModelFile, Quiet, RigFile, known_effects
 from ambid.cli.outputs import conclude, require_outputs
 from ambid.cli.signals import stoppable
-from ambid.errors import InputError
+from ambid.errors import InputError, WrongUnit
+from ambid.results import of_unit, plain
 from ambid.writing import is_device, make_folder, whole_file
 
 LONGEST_SIMULATION = 10_000_000
 """Samples of a virtual experiment; more would not fit into the memory of a small computer."""
+OF_UNITS = r"taken as it is; see that air_gap and the unit of \w+ are right$"
+"""What is said of a record whose y goes beyond the air gap; of a virtual one the amplitude is the cause."""
+OF_AMPLITUDE = "nothing limits it here; on the machine it would touch, so give a smaller --amplitude"
 
 
 def _kinds(incomplete: str) -> list[str]:
@@ -89,10 +94,12 @@ def simulate_command(
     machine = ambid.Rig.load(rig)
     start = with_effects(load_model(machine, model), effect)
     excitation = excitation_of(machine, seconds, amplitude)
-    with stoppable():
+    with stoppable(), naming_unstable(rig, start, model):
         made = start.virtual_experiment(excitation, sensor_noise=sensor_noise, current_noise=current_noise, seed=seed)
+    _require_possible(made, machine, out, amplitude)
     made.save(out)
     record = ambid.Record.load(out, machine)
+    notes = [re.sub(OF_UNITS, OF_AMPLITUDE, note) for note in record.notes]
     summary = {
         "record": str(out),
         "samples": record.samples,
@@ -101,8 +108,36 @@ def simulate_command(
         "periods": record.periods,
         "effects": [own.name for own in start.effects],
         "parameters": {p.name: {"value": p.value, "unit": p.unit} for p in start.parameters},
+        "settings": plain({own.name: own.settings() for own in start.effects}),
+        "notes": notes,
     }
-    conclude(record, summary, json_file, quiet, lambda: [out])
+    lines = [repr(record), *_values(start), *(f"note: {note}" for note in notes)]
+    conclude("\n".join(lines), summary, json_file, quiet, lambda: [out])
+
+
+def _values(model: ambid.Model) -> Iterator[str]:
+    """The values of every effect, and its settings."""
+    for effect in model.effects:
+        own = [p for p in model.parameters if p.name.startswith(f"{effect.name}.")]
+        told = [f"{p.name.partition('.')[2]} = {p.value:.6g}{of_unit(p.unit)}" for p in own]
+        told += [f"{name} = {value}" for name, value in effect.settings().items()]
+        yield f"{effect.name}: {', '.join(told)}"
+
+
+def _require_possible(made: ambid.Record, rig: ambid.Rig, out: Path, amplitude: float) -> None:
+    """Refuse to write what no machine does, and no command would read."""
+    from ambid.record.checks import require_ampere, require_metres  # not at the top: --help need not open that room
+
+    currents = {"i_e": made.i_e, "i_c": made.i_c}
+    try:
+        require_metres(str(out), "y", made.axes, made.y, rig)
+        for signal, values in currents.items():
+            for axis, own in zip(made.axes, () if values is None else values.T, strict=True):
+                require_ampere(str(out), f"{signal}.{axis}", own, rig)
+    except WrongUnit as error:
+        raise InputError(
+            f"--amplitude {amplitude:g}: {error.told}; give a smaller amplitude, or less noise; {out} was not written"
+        ) from None
 
 
 def demo_command(

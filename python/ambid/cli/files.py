@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import shlex
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 import ambid
-from ambid.errors import InputError
+from ambid.errors import InputError, UnstableLoopError
+
+UNSTABLE = "the closed loop is unstable: "
+"""What such a message begins with, before the pole."""
+NO_RECORD = "no record follows; name the records of this operating point after its rig file"
 
 
 def load_model(rig: ambid.Rig, path: Path | None) -> ambid.Model:
@@ -17,9 +23,50 @@ def load_model(rig: ambid.Rig, path: Path | None) -> ambid.Model:
     return ambid.Model(rig) if path is None else ambid.Model.load(path, rig)
 
 
+@contextmanager
+def naming_unstable(rig: Path, start: ambid.Model, model: Path | None = None) -> Iterator[None]:
+    """Say of which file the loop is unstable that a job needs, and what to do.
+
+    Parameters
+    ----------
+    rig : Path
+    start : Model
+        That the job simulates.
+    model : Path, optional
+        Where it was read from, if not from the rig.
+    """
+    try:
+        yield
+    except UnstableLoopError as error:
+        if not str(error).startswith(UNSTABLE):
+            raise  # as a fit tells it, with what it has tried
+        why = str(error).removeprefix(UNSTABLE)
+        if not ambid.Model(start.rig).is_stable:
+            told = f"{rig}: the nominal loop is unstable ({why}); `ambid check {shlex.quote(str(rig))}` tells why"
+        else:
+            beside = ", ".join(effect.name for effect in start.effects)
+            told = f"{model or rig}: the loop is unstable" + (f" with {beside}" if beside else "") + f" ({why})"
+            told += "; give it another value" if beside else "; identify first, or give another model"
+        raise UnstableLoopError(told) from None
+
+
 def in_time(records: Sequence[ambid.Record | ambid.FrequencyResponse]) -> list[ambid.Record]:
     """Those that are no frequency responses."""
     return [record for record in records if isinstance(record, ambid.Record)]
+
+
+def require_first_point(rig: Path, paths: Sequence[Path]) -> None:
+    """Refuse to fit the parameters of an operating point that no record is from.
+
+    Raises
+    ------
+    InputError
+        If another rig file comes before the first record.
+    """
+    if paths and paths[0].suffix.lower() == ".toml":
+        raise InputError(
+            f"{rig}: {NO_RECORD}, before {paths[0]}; leave this one out if there are none, and begin with {paths[0]}"
+        )
 
 
 def load_records(
@@ -43,9 +90,7 @@ def load_records(
         if path.suffix.lower() == ".toml":
             point = ambid.Rig.load(path)
             if after.suffix.lower() in (".toml", ""):
-                raise InputError(
-                    f"{path}: no record follows; name the records of this operating point after its rig file"
-                )
+                raise InputError(f"{path}: {NO_RECORD}")
             continue
         record = ambid.load_measurement(
             path, point, period=period, mapping=mapping, sample_rate=sample_rate, allow=allow

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, cast
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import ambid
-from ambid.cli.files import in_time, load_model, load_records
+from ambid.cli.files import in_time, load_model, load_records, require_first_point
 from ambid.cli.options import (
     Allow,
     Columns,
@@ -27,9 +28,13 @@ from ambid.cli.options import (
     number,
 )
 from ambid.cli.outputs import conclude, drawn, pictures, require_outputs, saved
-from ambid.cli.signals import exit_code, stoppable
+from ambid.cli.signals import done_of, exit_code, stoppable
 from ambid.cli.terminal import progress
-from ambid.errors import IdentificationError, Stopped
+from ambid.errors import IdentificationError, InputError, ModelError, UnstableLoopError
+from ambid.results import of_unit
+
+if TYPE_CHECKING:
+    from ambid.identification import StaticEstimate
 
 UNFINISHED = ("not_identifiable", "max_evaluations")
 MEND = "first: mend the fault and fit again; until then neither the values nor what seems to be missing means anything"
@@ -62,6 +67,7 @@ def identify_command(
     """Find K_i, K_s and tau_e by closed-loop identification."""
     outputs = {"--json": json_file, "--save": save, "--plot": pictures(plot, records)}
     require_outputs({"RIG": rig, "RECORD": records, "--model": model}, outputs)
+    require_first_point(rig, records)
     machine = ambid.Rig.load(rig)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
     for text in share:
@@ -69,14 +75,13 @@ def identify_command(
         start = start.share(name, members.split(","))
     for name in per_axis:
         start = start.per_axis(name)
-    held = dict(assignment("--fix", text, "tau_e=0.0003") for text in fix if "=" in text)
-    start = start.with_values({name: number("--fix", value) for name, value in held.items()})
+    free_start, start = start, _held(start, fix)
     with stoppable(), progress(quiet, "identifying") as report:
         identified = partial(
             ambid.identify,
             start,
             loaded,
-            free=names(free),
+            free=names("--free", free),
             fixed=[text.split("=")[0] for text in fix],
             bounds=dict(bound(text) for text in limits) or None,
             weights=_weights(weight),
@@ -86,9 +91,15 @@ def identify_command(
             progress=lambda evaluations, cost: report(f"evaluation {evaluations}, cost {cost:.6g}"),
         )
         try:
-            estimate = identified()
-        except Stopped as stopped:
-            estimate = cast(ambid.Estimate, stopped.result)
+            estimate, _ = done_of(identified, ambid.Estimate)
+        except UnstableLoopError as error:
+            if start.theta.tolist() == free_start.theta.tolist() or not free_start.is_stable:
+                raise
+            told = " ".join(f"--fix {text}" for text in fix if "=" in text)
+            raise InputError(
+                f"{told}: the closed loop is unstable with what is fixed, and stable at {_left_by(free_start, start)}, "
+                "where the rig file or the model has it; correct the value, in SI units"
+            ) from error
     slips = _slips(machine, in_time(loaded), estimate)
     conclude(
         "\n".join([repr(estimate), *(f"check: {slip}" for slip in slips), *_first(slips)]),
@@ -97,6 +108,7 @@ def identify_command(
         quiet,
         lambda: saved(estimate, save),
         lambda: drawn(estimate.model, loaded, plot),
+        is_stopped=estimate.status == "stopped",
     )
     if estimate.status == "stopped":
         raise typer.Exit(exit_code())
@@ -104,6 +116,25 @@ def identify_command(
         raise IdentificationError(f"{estimate.status}: {estimate.to_json()['status_meaning']}")
     if estimate.status in UNFINISHED:
         raise typer.Exit(1)
+
+
+def _held(start: ambid.Model, fix: list[str]) -> ambid.Model:
+    """The start with the values of ``--fix NAME=VALUE``; a name may be a pattern."""
+    for text in fix:
+        if "=" not in text:
+            continue
+        name, value = assignment("--fix", text, "tau_e=0.0003")
+        try:
+            start = start.with_values({start.names[i]: number("--fix", value) for i in start.index([name])})
+        except ModelError as error:
+            raise ModelError(f"--fix {text}: {error}") from None
+    return start
+
+
+def _left_by(before: ambid.Model, after: ambid.Model) -> str:
+    """The values that another model has not kept."""
+    pairs = zip(before.parameters, after.parameters, strict=True)
+    return ", ".join(f"{own.name} = {own.value:g}{of_unit(own.unit)}" for own, new in pairs if own.value != new.value)
 
 
 def _slips(machine: ambid.Rig, loaded: list[ambid.Record], estimate: ambid.Estimate) -> list[str]:
@@ -147,8 +178,15 @@ def static_load_command(
     machine = ambid.Rig.load(rig)
     loaded = [ambid.StaticLoading.load(path, machine) for path in loads]
     with stoppable():
-        estimate = ambid.static_load(machine, loaded, deflection=deflection)
+        estimate = _as_command(ambid.static_load(machine, loaded, deflection=deflection))
     conclude(estimate, estimate.to_json(), json_file, quiet)
+
+
+def _as_command(static: StaticEstimate) -> StaticEstimate:
+    """The estimate, with the command's option in its notes instead of the argument of the function."""
+    from ambid.identification.static_slips import DEFLECTION  # not at the top: --help need not open that room
+
+    return replace(static, notes=tuple(note.replace(DEFLECTION, "--deflection") for note in static.notes))
 
 
 def campaign_command(
@@ -173,18 +211,16 @@ def campaign_command(
     plots = [] if plot is None else ambid.plot.campaign_files(plot)
     outputs = {"--json": json_file, "--plot": plots, "--table": tables}
     require_outputs({}, outputs, replaced=[path for path in tables if path.is_file() and is_table(path)])
-    is_stopped = False
     with stoppable(), progress(quiet, "campaign") as report:
-        try:
-            found = ambid.campaign(
-                folder,
-                deflection=deflection,
-                progress=lambda done, total, where: report(f"{done} of {total} done, now {where}"),
-            )
-        except Stopped as stopped:
-            if not isinstance(stopped.result, ambid.Campaign):
-                raise  # still at its first bias current
-            found, is_stopped = stopped.result, True
+        measuring = partial(
+            ambid.campaign,
+            folder,
+            deflection=deflection,
+            progress=lambda done, total, where: report(f"{done} of {total} done, now {where}"),
+        )
+        found, is_stopped = done_of(measuring, ambid.Campaign)
+    points = (own if own.static is None else replace(own, static=_as_command(own.static)) for own in found.points)
+    found = replace(found, points=tuple(points))
     conclude(
         found,
         found.to_json(),
@@ -192,6 +228,7 @@ def campaign_command(
         quiet,
         lambda: () if plot is None else ambid.plot.save_campaign(found, plot),
         lambda: () if table is None else found.save_tables(table),
+        is_stopped=is_stopped,
     )
     if is_stopped:
         raise typer.Exit(exit_code())

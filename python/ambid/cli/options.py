@@ -108,9 +108,14 @@ def _repeated(option: str, words: Sequence[str]) -> Iterator[str]:
         yield word
 
 
-def names(text: str | None) -> list[str] | None:
+def names(option: str, text: str | None) -> list[str] | None:
     """The members of ``NAME,...``."""
-    return None if text is None else [name.strip() for name in text.split(",")]
+    if text is None:
+        return None
+    found = [name.strip() for name in text.split(",")]
+    if not all(found):
+        raise InputError(f"{option} {text!r}: a name is missing; expected NAME,..., or leave {option} out")
+    return found
 
 
 def assignment(option: str, text: str, example: str) -> tuple[str, str]:

@@ -11,12 +11,17 @@ from pathlib import Path
 from typing import Any
 
 import ambid
-from ambid.cli.signals import begin_results
+from ambid.cli.signals import begin_results, came, stopped
 from ambid.errors import AmbidError, InputError, printable
 from ambid.writing import is_device, require_writable, whole_file
 
 PRINTED = Path("-")
 """In place of a file for JSON: stdout."""
+
+STOPPED = "stopped"
+"""Key of JSON that says whether a signal came before all was done."""
+ALL_OF_IT = "when the result above was finished; all that was asked for is written"
+ONLY_THESE = "twice while files were written: of the result above, which is finished, not all is written"
 
 Files = Mapping[str, Path | Sequence[Path] | None]
 """By option or argument; None where it was not given."""
@@ -56,6 +61,7 @@ def conclude(
     json_file: Path | None,
     quiet: bool,
     *writers: Callable[[], Sequence[Path]],
+    is_stopped: bool = False,
 ) -> None:
     """Write all files, then print the result; a file that cannot be written does not keep the rest from it.
 
@@ -70,29 +76,45 @@ def conclude(
         Whether nothing is to be printed but JSON that was asked for; JSON is always printed alone.
     *writers : callable
         Write further files, and return those to be named.
+    is_stopped : bool
+        Whether the result itself says that a signal has stopped it; of one that came later it is said here, and in
+        JSON that has the key `STOPPED`.
 
     Raises
     ------
     AmbidError
         The first one of a writer, in the end.
+    KeyboardInterrupt
+        If a second signal ended the writing.
     """
     begin_results()
-    text = ""
-    if json_file is not None:
-        text = json.dumps(data() if callable(data) else data, indent=1, allow_nan=False) + "\n"
+    made: dict[str, Any] = {}
     written: list[Path] = []
     errors: list[AmbidError] = []
-    for write in (lambda: _write_text(text, json_file), *writers):
-        try:
-            written += write()
-        except AmbidError as error:
-            errors.append(error)
+    is_cut = False
+    try:
+        if json_file is not None:
+            made = data() if callable(data) else data
+        for write in (lambda: _write_json(made, json_file), *writers):
+            try:
+                written += write()
+            except AmbidError as error:
+                errors.append(error)
+        if came() and made.get(STOPPED) is False:
+            made[STOPPED] = True
+            _write_json(made, json_file)
+    except KeyboardInterrupt:  # the second: what is finished is printed all the same
+        is_cut = True
     if not quiet and json_file != PRINTED:
         print(printable(str(result)))
         for path in written:
             print(printable(f"written: {path}"))
-    if json_file == PRINTED:
-        print(text, end="")
+        if is_cut or came() and not is_stopped:
+            print(f"{stopped()} {ONLY_THESE if is_cut else ALL_OF_IT}")
+    if json_file == PRINTED and made:
+        print(_as_json(made), end="")
+    if is_cut:
+        raise KeyboardInterrupt
     for further in errors[1:]:
         print(f"error: {further}", file=sys.stderr)
     if errors:
@@ -151,8 +173,12 @@ def _require_own_kind(option: str, path: Path) -> None:
         raise InputError(f"{option} {path}: would replace {kind[suffix]}; give another file, or delete that one first")
 
 
-def _write_text(text: str, path: Path | None) -> Sequence[Path]:
+def _as_json(data: dict[str, Any]) -> str:
+    return json.dumps(data, indent=1, allow_nan=False) + "\n"
+
+
+def _write_json(data: dict[str, Any], path: Path | None) -> Sequence[Path]:
     if path is not None and path != PRINTED:
         with whole_file(path) as stream:
-            stream.write(text.encode())
+            stream.write(_as_json(data).encode())
     return ()

@@ -9,12 +9,16 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from enum import Enum, auto
-from typing import Any
+from typing import Any, TypeVar
 
-__all__ = ["begin_results", "exit_code", "finish", "stoppable", "watch"]
+from ambid.errors import Stopped
+
+__all__ = ["begin_results", "came", "done_of", "droppable", "exit_code", "finish", "stoppable", "stopped", "watch"]
+
+T = TypeVar("T")
 
 AGAIN = 0.02
 """Seconds after which a KeyboardInterrupt that a callback of a library has swallowed is raised again."""
@@ -70,7 +74,7 @@ def stoppable(left: str = NOTHING) -> Iterator[None]:
     except (KeyboardInterrupt, Exception) as error:
         if _Watch.came is None and not isinstance(error, KeyboardInterrupt):
             raise  # else a library may have made another error of the interrupt
-        print(f"{_stopped()} {left}", file=sys.stderr)
+        print(f"{stopped()} {left}", file=sys.stderr)
         raise SystemExit(exit_code()) from None
     finally:
         begin_results()
@@ -81,18 +85,52 @@ def begin_results() -> None:
     _Watch.stage = Stage.RESULTS
 
 
-def _stopped() -> str:
+def done_of(job: Callable[[], T], kind: type[T]) -> tuple[T, bool]:
+    """What a job gives, or has to show when a signal ends it, and whether one did; from then on signals wait.
+
+    Where it has nothing of this kind to show, the interrupt passes on.
+    """
+    try:
+        result, is_stopped = job(), False
+    except Stopped as early:
+        if not isinstance(early.result, kind):
+            raise
+        result, is_stopped = early.result, True
+    begin_results()
+    return result, is_stopped
+
+
+@contextmanager
+def droppable() -> Iterator[None]:
+    """Hold a part of the job that the result can do without: a signal ends this part alone."""
+    _Watch.stage = Stage.JOB
+    try:
+        yield
+    except (KeyboardInterrupt, Exception) as error:
+        if _Watch.came is None and not isinstance(error, KeyboardInterrupt):
+            raise  # as above
+    finally:
+        begin_results()
+
+
+def came() -> bool:
+    """Whether a signal has come."""
+    return _Watch.came is not None
+
+
+def stopped() -> str:
+    """In words, by what the command was stopped."""
     return f"stopped by {'SIGTERM' if _Watch.came == signal.SIGTERM else 'Ctrl-C'}"
 
 
 def _on_signal(number: int, _: object) -> None:
     again, _Watch.came = _Watch.came is not None, _Watch.came or number
     if _Watch.stage is Stage.BEFORE:
-        _say(f"{_stopped()} {NOTHING}")
+        _say(f"{stopped()} {NOTHING}")
     if _Watch.stage in (Stage.BEFORE, Stage.AFTER):
         os._exit(exit_code())  # an import that is interrupted may raise anything
     if _Watch.stage is Stage.RESULTS and not again:
-        _say(f"{_stopped()}; what is done is written first, and once more ends it at once")
+        _say(f"{stopped()}; what is done is written first, and once more ends it at once")
         return
     raise KeyboardInterrupt
 

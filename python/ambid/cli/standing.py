@@ -14,6 +14,7 @@ from ambid.cli.options import Before, JsonFile, Quiet, RigFile, span
 from ambid.cli.outputs import Files, conclude, require_outputs
 from ambid.cli.signals import stoppable
 from ambid.cli.terminal import progress, with_time_left
+from ambid.errors import InputError
 
 Uncertain = Annotated[
     Path | None, typer.Option("--model", metavar="MODEL", help="Of what --save wrote, with its uncertainty.")
@@ -108,7 +109,7 @@ def campbell_command(
     ambid.plot.check_format(plot)
     inputs: Files = {"RIG": rig, "--model": model, "--measured": measured}
     require_outputs(inputs, {"--json": json_file, "--plot": plot})
-    over = None if speeds is None else np.linspace(*span("--speeds", speeds, "0:1000"), SPEEDS).tolist()
+    over = None if speeds is None else np.linspace(*_speeds(speeds), SPEEDS).tolist()
     start = load_model(ambid.Rig.load(rig), model)
     known = [ambid.Model.load(path) for path in measured] if measured else None
     with stoppable():
@@ -120,3 +121,16 @@ def campbell_command(
         quiet,
         lambda: () if plot is None else [ambid.plot.save_campbell(found, plot)],
     )
+
+
+def _speeds(text: str) -> tuple[float, float]:
+    """Ends of the diagram [rad/s]."""
+    from ambid.rig.rig import SPEED  # not at the top: --help need not open that room
+
+    low, high = span("--speeds", text, "0:1000")
+    if not SPEED.low <= low < high <= SPEED.high:
+        raise InputError(
+            f"--speeds {text}: expected FROM below TO, from {SPEED.low:g} to {SPEED.high:g} rad/s, "
+            "such as --speeds 0:1000"
+        )
+    return low, high

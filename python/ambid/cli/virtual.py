@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated
 
 import typer
 
@@ -13,10 +14,10 @@ from ambid.cli.experiments import excitation_of
 from ambid.cli.files import load_model
 from ambid.cli.options import JsonFile, ModelFile, Quiet, RigFile, known_effects
 from ambid.cli.outputs import conclude, require_outputs
-from ambid.cli.signals import exit_code, stoppable
+from ambid.cli.signals import done_of, exit_code, stoppable
 from ambid.cli.terminal import progress, with_time_left
 from ambid.cli.workers import workers_of
-from ambid.errors import Stopped
+from ambid.errors import IdentificationError
 
 GO_ON = "the same command goes on from there"
 
@@ -72,7 +73,6 @@ def monte_carlo_command(
         seed=seed,
         diagnose=diagnose,
     )
-    is_stopped = False
     left_at_worst = (f"while {out} was written; {GO_ON}",) if out is not None else ()
     with (
         stoppable(*left_at_worst),
@@ -80,16 +80,21 @@ def monte_carlo_command(
         workers_of(plan, workers, cluster) as executor,
     ):
         told = with_time_left(report)
-        try:
-            found = ambid.run_monte_carlo(
-                plan, runs, out=out, executor=executor, progress=lambda done, total: told("run", done, total)
-            )
-        except Stopped as stopped:
-            found, is_stopped = cast(ambid.MonteCarlo, stopped.result), True
+        making = partial(
+            ambid.run_monte_carlo,
+            plan,
+            runs,
+            out=out,
+            executor=executor,
+            progress=lambda done, total: told("run", done, total),
+        )
+        found, is_stopped = done_of(making, ambid.MonteCarlo)
     left = [f"stopped after {len(found.rows)} of {runs} runs"] if is_stopped else []
     if is_stopped and out is not None:
         left.append(GO_ON)
     data = found.to_json() | {"stopped": is_stopped}
-    conclude("\n".join([repr(found), *left]), data, json_file, quiet)
+    conclude("\n".join([repr(found), *left]), data, json_file, quiet, is_stopped=is_stopped)
     if is_stopped:
         raise typer.Exit(exit_code())
+    if found.all_failed:
+        raise IdentificationError(f"{rig}: {found.all_failed}")

@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import sys
+from typing import Annotated, Any
 
 import typer
 
 import ambid
-from ambid.cli.files import load_model, load_records
-from ambid.cli.options import Allow, Columns, ModelFile, Period, RecordFiles, RigFile, SampleRate, Validation
-from ambid.cli.signals import stoppable
+from ambid.cli.files import load_model, load_records, require_first_point
+from ambid.cli.options import (
+    Allow,
+    Columns,
+    JsonFile,
+    ModelFile,
+    Period,
+    Quiet,
+    RecordFiles,
+    RigFile,
+    SampleRate,
+    Validation,
+)
+from ambid.cli.outputs import PRINTED, STOPPED, Files, conclude, require_outputs
+from ambid.cli.signals import droppable, exit_code, stoppable, stopped
+from ambid.results import of_unit
 
 GONE = "the workbench; what was not exported is gone"
 
@@ -25,11 +39,16 @@ def workbench_command(
     columns: Columns = [],  # noqa: B006
     sample_rate: SampleRate = None,
     allow: Allow = [],  # noqa: B006
+    json_file: JsonFile = None,
+    quiet: Quiet = False,
 ) -> None:
     """Open a page to work on: compare, add effects, fit, undo, export; Ctrl-C ends it."""
-    from ambid.workbench import Bench, Session, require_server, serve  # not at the top: --help need not open that room
+    from ambid.workbench import Bench, Session, Windows, held, require_server, serve  # not at the top, for --help
 
     require_server()
+    inputs: Files = {"RIG": rig, "RECORD": records, "--validate": validate, "--model": model}
+    require_outputs(inputs, {"--json": json_file})
+    require_first_point(rig, records)
     machine = ambid.Rig.load(rig)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
     kept = load_records(machine, validate, period, columns, sample_rate, allow)
@@ -40,6 +59,31 @@ def workbench_command(
         "allow": allow and repr(allow),
     }
     read_with = ", ".join(f"{name}={value}" for name, value in options.items() if value)
-    with stoppable(GONE):
-        first = Session.begin(Bench(start, tuple(loaded), tuple(kept), model, read_with))
-        serve(first, port, say=lambda address: print(address, flush=True), opens_browser=not no_browser)
+    with stoppable():
+        windows = Windows(Session.begin(Bench(start, tuple(loaded), tuple(kept), model, read_with)))
+    aside = sys.stderr if json_file == PRINTED else sys.stdout
+    addresses: list[str] = []
+
+    def said(address: str) -> None:
+        addresses.append(address.rsplit("/", 2)[0] + "/")  # without the token, which opens the page
+        print(address, file=aside, flush=True)
+
+    with droppable():
+        serve(windows, port, say=said, opens_browser=not no_browser)
+    print(f"{stopped()} {GONE}", file=sys.stderr)
+    left = [held(session) for session in windows.sessions]
+    data = {"address": addresses[0], "rig": machine.name, "windows": left, STOPPED: True}
+    conclude("\n".join(line for own in left for line in _lines(own)), data, json_file, quiet, is_stopped=True)
+    raise typer.Exit(exit_code())
+
+
+def _lines(own: dict[str, Any]) -> list[str]:
+    """What one window held."""
+    kept = own["validation_misfit"]
+    beside = "" if kept is None else f", {kept:.3f} on the records to validate on"
+    return [
+        f"steps: {'; '.join(own['steps'])}",
+        f"effects: {', '.join(own['effects']) or 'none'}",
+        f"misfit {own['misfit']:.3f}, bound {own['misfit_bound']:.3f}{beside}",
+        *(f"  {name:34s} {p['value']:.6g}{of_unit(p['unit'])}" for name, p in own["parameters"].items()),
+    ]

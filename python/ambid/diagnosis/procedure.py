@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from ambid.checking import check
+from ambid.checking import Finding, check
 from ambid.diagnosis.families import families
 from ambid.diagnosis.ranking import Progress, silent
 from ambid.diagnosis.result import Diagnosis, Family
 from ambid.diagnosis.search import Ask, add_best, add_chosen, begin
-from ambid.diagnosis.state import Task
-from ambid.diagnosis.verdict import judged
+from ambid.diagnosis.state import State, Task
+from ambid.diagnosis.verdict import Verdict, judged
 from ambid.diagnosis.wording import next_experiment, not_determined, notes
 from ambid.effects import CATALOGUE, Effect, find
 from ambid.errors import RigError, Stopped
@@ -24,7 +24,7 @@ from ambid.model import Given, Model, as_model
 from ambid.model.parameter import nominal
 from ambid.noise import Comparison
 from ambid.noise.chance import ADEQUATE
-from ambid.record import Record, Source, measured
+from ambid.record import Measurement, Record, Source, measured
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["diagnose"]
@@ -118,22 +118,40 @@ def diagnose(
     base = estimate.comparison
     if not base.is_adequate and not all(part.noise_is_measured for part in base.noise.parts):
         base = refit(base)  # `identify` did not trust the weights, as physics is missing
-    state, is_stopped = begin(task, base), False
-    say(state.history[-1].line())
+    state = begin(task, base)
     near: dict[str, Family] = {}
-    chain = add_best(task, state, ask) if chosen is None else add_chosen(task, state, chosen)
+
+    def told(*, is_stopped: bool) -> Diagnosis:
+        verdict = judged(task, state, tolerance, is_stopped=is_stopped)
+        return _told(verdict, state, task, near, records, start, findings, begun)
+
     try:
-        for further in chain:
-            for step in further.history[len(state.history) :]:
+        say(state.history[-1].line())
+        for further in add_best(task, state, ask) if chosen is None else add_chosen(task, state, chosen):
+            known, state = len(state.history), further  # whatever interrupts what is said of it, the step is done
+            for step in state.history[known:]:
                 say(step.line())
-            state = further
         near = families(state)
+        return told(is_stopped=False)
     except KeyboardInterrupt:
-        is_stopped = True
-    verdict = judged(task, state, tolerance, is_stopped=is_stopped)
+        pass  # what is told of the steps that are done is no part of the stack that was interrupted
+    raise Stopped(told(is_stopped=True))
+
+
+def _told(
+    verdict: Verdict,
+    state: State,
+    task: Task,
+    near: Mapping[str, Family],
+    records: tuple[Measurement, ...],
+    start: Model,
+    findings: Sequence[Finding],
+    begun: float,
+) -> Diagnosis:
+    """What a search has found, with the words for it."""
     spread = covariance(verdict.fit, range(len(verdict.fit.model.names)))
     model = verdict.fit.model.with_substeps(None).with_covariance(spread)
-    diagnosis = Diagnosis(
+    return Diagnosis(
         verdict=verdict.word,
         effects=verdict.effects,
         ambiguous_sets=[list(names) for names in verdict.sets],
@@ -160,9 +178,6 @@ def diagnose(
             *(f.line() for f in findings if f.is_of_force),
         ),
     )
-    if is_stopped:
-        raise Stopped(diagnosis)
-    return diagnosis
 
 
 def _nominal(start: Model) -> Model:

@@ -23,7 +23,8 @@ STATUS = {
     "at_bound": "the optimum lies on a bound of the parameters named in the notes; intervals are one-sided there",
     "max_evaluations": "the evaluations ran out before the optimum was found; the values are the best so far",
     "stopped": "stopped by the user; the values are the best so far",
-    "not_identifiable": "these records do not determine the parameters named in `directions`; they have no values",
+    "not_identifiable": "these records do not determine the parameters that have no value, alone or together; which "
+    "changes of them leave no trace is in the JSON as `not_identifiable`",
 }
 
 

@@ -14,7 +14,7 @@ from scipy.special import fdtrc, stdtrit
 from ambid.arrays import FloatArray
 from ambid.errors import IdentificationError, RigError
 from ambid.identification.estimate import ParameterEstimate
-from ambid.identification.static_slips import exchanged_bearings, notes_on_nominal, require_units
+from ambid.identification.static_slips import exchanged_bearings, notes_on_deflection, notes_on_nominal, require_units
 from ambid.loop.geometry import axis_angles, axis_directions, lies_in_one_plane, modal_geometry, rotor_of
 from ambid.record import StaticLoading
 from ambid.record.checks import order_of_axes
@@ -30,7 +30,6 @@ _WIDEST = 0.5  # relative half width of the 95 % interval of 1/K_i beyond which 
 _COMPARABLE = 2.5  # effective number of loadings from which their scatter gives the intervals
 _FULL_LEVERAGE = 0.999  # above it one step alone decides the slope
 _SIGNIFICANT = 1e-3  # p-value, over all axes, below which a note is made
-_NOTICEABLE = 5e-4  # relative change of K_i by the deflection of the rotor that is worth a note
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -175,7 +174,7 @@ def _solved(rig: Rig, loadings: tuple[StaticLoading, ...], deflection: bool) -> 
             raise
         notes.append(f"the deflection of the rotor is not known, and left out: {error}")
     else:
-        notes += _deflection_notes(_centred(force, of), _centred(bent, of), deflection)
+        notes += notes_on_deflection(_centred(force, of), _centred(bent, of), deflection)
         force = force - bent if deflection else force
 
     lines = [_fit_line(force[:, j], current[:, j], of) for j in range(len(rig.axes))]
@@ -379,18 +378,6 @@ def _nonlinearity_notes(
             else "saturation cannot do that; see that the sensors read zero and the forces are true"
         )
     )
-
-
-def _deflection_notes(force: FloatArray, bent: FloatArray, included: bool) -> Iterator[str]:
-    """Say by how much K_s s changes K_i; both arguments without their constants."""
-    change = -np.sum(force * bent, axis=0) / np.sum(force**2, axis=0)
-    if np.abs(change).max() < _NOTICEABLE:
-        return
-    span = f"{change.min():+.2%} to {change.max():+.2%}"
-    if included:
-        yield f"K_i holds {span} for K_s s as the rotor bends; it rests on the nominal K_s, and is in no interval"
-    else:
-        yield f"left out: K_s s as the rotor bends; with deflection=True and the nominal K_s, K_i changes by {span}"
 
 
 def _centred(values: FloatArray, of: IntArray) -> FloatArray:

@@ -11,7 +11,7 @@ from ambid.arrays import FloatArray
 from ambid.errors import IdentificationError
 from ambid.rig import Rig
 
-__all__ = ["exchanged_bearings", "notes_on_nominal", "require_units"]
+__all__ = ["DEFLECTION", "exchanged_bearings", "notes_on_deflection", "notes_on_nominal", "require_units"]
 
 UNITS = {1e-3: "F in kN, or i_c in mA", 1e3: "F in mN, or i_c in kA", 1e-6: "F in MN, or i_c in uA"}
 """What makes K_i so many times its nominal value."""
@@ -21,6 +21,10 @@ USUAL = 1.5
 """Factor to either side of the nominal K_i that air gaps, iron and coils bring."""
 MUCH_BETTER = 0.25
 """Part of the sum of squares, or of the unevenness, that is left once bearings are exchanged, where they were."""
+DEFLECTION = "deflection=True"
+"""The argument, as notes name it; the command has its own word for it."""
+NOTICEABLE = 5e-4
+"""Relative change of K_i by the deflection of the rotor that is worth a note."""
 UNEVEN = 0.05
 """Relative differences of K_i from the nominal ones, a common factor aside, that magnets of one rig hardly have."""
 
@@ -93,3 +97,15 @@ def _unevenness(rig: Rig, k_i: FloatArray) -> float:
 
 def _nominal(rig: Rig) -> FloatArray:
     return np.array([k_i for bearing in rig.bearings for k_i in bearing.force_current])
+
+
+def notes_on_deflection(force: FloatArray, bent: FloatArray, included: bool) -> Iterator[str]:
+    """Say by how much K_s s changes K_i; both arguments without their constants."""
+    change = -np.sum(force * bent, axis=0) / np.sum(force**2, axis=0)
+    if np.abs(change).max() < NOTICEABLE:
+        return
+    span = f"{change.min():+.2%} to {change.max():+.2%}"
+    if included:
+        yield f"K_i holds {span} for K_s s as the rotor bends; it rests on the nominal K_s, and is in no interval"
+    else:
+        yield f"left out: K_s s as the rotor bends; with {DEFLECTION} and the nominal K_s, K_i changes by {span}"

@@ -113,9 +113,9 @@ def selected(parameters: Sequence[Parameter], patterns: Iterable[str]) -> list[i
         own = {i for i, name in enumerate(names) if fnmatchcase(name, pattern)}
         own |= {i for i, name in enumerate(names) if name.startswith(f"{pattern}.")}
         if not own:
-            raise ModelError(
-                f"{pattern}: no such parameter; {did_you_mean(pattern, names)}the model has {', '.join(names)}"
-            )
+            groups = dict.fromkeys(name.rpartition(".")[0] for name in names if "." in name)
+            near = did_you_mean(pattern, [*groups, *names])
+            raise ModelError(f"{pattern}: no such parameter; {near}the model has {', '.join(names)}")
         found |= own
     return sorted(found)
 

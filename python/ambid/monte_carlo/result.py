@@ -115,8 +115,22 @@ class MonteCarlo(Tabular):
 
     @property
     def reasons(self) -> dict[str, int]:
-        """Number of failed runs by their reason."""
-        return dict(Counter(row["reason"] for row in self.rows if row["status"] == FAILED))
+        """Number of failed runs by their reason, the most frequent first."""
+        return dict(Counter(row["reason"] for row in self.rows if row["status"] == FAILED).most_common())
+
+    @property
+    def all_failed(self) -> str:
+        """Why no run came to an end, by the most frequent reason; empty where one did, or none was made."""
+        if not self.rows or self.status.get(FAILED, 0) < len(self.rows):
+            return ""
+        reason, count = next(iter(self.reasons.items()))
+        share = "" if count == len(self.rows) else f", {count} of them for this reason"
+        return f"all {len(self.rows)} runs failed{share}: {reason}"
+
+    @property
+    def has_values(self) -> bool:
+        """Whether any parameter has a bias and a spread, which two runs with a value give."""
+        return any(p.runs > 1 for p in self.parameters.values())
 
     @property
     def adequate(self) -> float:
@@ -154,7 +168,11 @@ class MonteCarlo(Tabular):
     def summary(self) -> list[str]:
         """How the runs ended, and what was named."""
         counts = ", ".join(f"{count} {word}" for word, count in sorted(self.status.items()))
-        lines = [f"{len(self.rows)} runs: {counts}; misfit within its bound in {100.0 * self.adequate:.1f} %"]
+        lines = [f"{len(self.rows)} runs: {counts or 'none made'}"]
+        if self.rows and not self.all_failed:
+            lines[0] += f"; misfit within its bound in {100.0 * self.adequate:.1f} %"
+            if not self.has_values:
+                lines.append("no bias and no spread, which take two runs that determine a parameter; make more runs")
         if self.plan.diagnose:
             for what, found in (("verdicts", self.verdicts), ("named", self.named)):
                 ranked = sorted(found.items(), key=lambda pair: (-pair[1], pair[0]))
@@ -187,6 +205,8 @@ class MonteCarlo(Tabular):
         return plain(found)  # type: ignore[no-any-return]
 
     def __repr__(self) -> str:
+        if not self.has_values:
+            return "\n".join(self.summary())
         head = f"{'parameter':14s} {'bias %':>9s} {'+-':>8s} {'spread %':>9s} {'stated %':>9s} {'inside 95 %':>12s}"
         lines = [head, "-" * len(head)]
         for name, p in self.parameters.items():

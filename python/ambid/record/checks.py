@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from ambid.errors import InputError, RecordError
+from ambid.errors import InputError, RecordError, WrongUnit
 from ambid.rig import Rig
 
 MIN_SAMPLES = 200
@@ -106,9 +106,18 @@ def require_known(allow: Collection[str]) -> None:
 
 
 def require_ampere(
-    where: str, channel: str, values: NDArray[np.float64], rig: Rig | None = None, *, is_allowed: bool = False
+    where: str,
+    channel: str,
+    values: NDArray[np.float64],
+    rig: Rig | None = None,
+    *,
+    is_allowed: bool = False,
+    otherwise: str = ", or vouch for it: --allow current",
 ) -> list[str]:
-    """Refuse currents that only make sense in mA, or note them where a person vouches for them."""
+    """Refuse currents that only make sense in mA, or note them where a person vouches for them.
+
+    `otherwise` is what to do if they are right.
+    """
     rms = float(np.sqrt(np.mean(values**2)))
     bias = 0.0 if rig is None else max(bearing.bias_current for bearing in rig.bearings)
     limit = max(LARGEST_CURRENT_RMS, BIASES_OF_CURRENT * bias)
@@ -116,10 +125,8 @@ def require_ampere(
         return []
     if is_allowed:
         return [f"{channel} has an rms of {rms:.4g} A, above {limit:g} A: taken as it is"]
-    raise RecordError(
-        f"{where}: {channel} has an rms of {rms:.4g} A, allowed is {limit:g} A: "
-        "it looks like mA; give ampere, or vouch for it: --allow current"
-    )
+    told = f"{channel} has an rms of {rms:.4g} A, allowed is {limit:g} A"
+    raise WrongUnit(where, told, f"it looks like mA; give ampere{otherwise}")
 
 
 def require_metres(
@@ -135,9 +142,8 @@ def require_metres(
         largest = float(np.abs(displacement(values, gaps[axis])).max())
         told = f"{signal}.{axis} reaches {largest:.4g} m, the air gap is {gaps[axis]:g} m"
         if largest > GAPS_OF_TRAVEL * gaps[axis] and not is_allowed:
-            raise RecordError(
-                f"{where}: {told}: it looks like micrometres or millimetres; give metres, or vouch for it: "
-                "--allow travel"
+            raise WrongUnit(
+                where, told, "it looks like micrometres or millimetres; give metres, or vouch for it: --allow travel"
             )
         if largest > gaps[axis]:
             notes.append(f"{told}: taken as it is; see that air_gap and the unit of {signal} are right")

@@ -53,14 +53,21 @@ def opened(path: Path) -> Iterator[Content]:
 def by_suffix(path: Path, functions: dict[str, T]) -> T:
     """The function for the suffix of a path; RecordError where there is none."""
     suffix = path.suffix.lower()
+    _require_no_folder(path)
     if suffix not in functions:
         allowed = ", ".join(functions)
         raise RecordError(f"{path}: suffix {suffix!r} is not a record format; use one of {allowed}")
     return functions[suffix]
 
 
+def _require_no_folder(path: Path) -> None:
+    if path.is_dir():
+        raise RecordError(f"{path}: is a folder, and a record is a file; name one that lies in it")
+
+
 def require_content(path: Path) -> None:
     """Raise RecordError unless the path is a file with something in it."""
+    _require_no_folder(path)
     if not path.is_file():
         raise RecordError(f"{path}: there is no such file; check the path")
     if path.stat().st_size == 0:

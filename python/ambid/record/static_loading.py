@@ -88,7 +88,7 @@ class StaticLoading:
         if not np.any(np.ptp(force, axis=0)):
             raise RecordError(f"{where}: the load is {force[0]} N in every step; apply at least two different loads")
         for j, axis in enumerate(axes):
-            checks.require_ampere(where, f"i_c.{axis}", i_c[:, j])
+            checks.require_ampere(where, f"i_c.{axis}", i_c[:, j], otherwise="")
             checks.require_alive(where, f"i_c.{axis}", i_c[:, j])
         if rig is not None:
             checks.require_on_shaft(where, z, rig)

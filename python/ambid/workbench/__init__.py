@@ -3,5 +3,7 @@
 from ambid.workbench.exporting import as_model_file, as_python, as_report
 from ambid.workbench.serving import require_server, serve
 from ambid.workbench.session import Bench, Session
+from ambid.workbench.views import held
+from ambid.workbench.windows import Windows
 
-__all__ = ["Bench", "Session", "as_model_file", "as_python", "as_report", "require_server", "serve"]
+__all__ = ["Bench", "Session", "Windows", "as_model_file", "as_python", "as_report", "held", "require_server", "serve"]

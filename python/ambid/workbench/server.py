@@ -38,19 +38,18 @@ Answer = Callable[[Window, Json], Json | Response]
 Look = Callable[[Session, Json], Json]
 
 
-def application(first: Session, token: str, port: int) -> ASGIApp:
+def application(windows: Windows, token: str, port: int) -> ASGIApp:
     """The server's application.
 
     Parameters
     ----------
-    first : Session
-        Where every window begins.
+    windows : Windows
+        What the page works on.
     token : str
         First part of every path; without it nothing is answered.
     port : int
         That the server listens at.
     """
-    windows = Windows(first)
 
     def of_window(answer: Answer) -> Callable[[Request], Awaitable[Response]]:
         async def endpoint(request: Request) -> Response:

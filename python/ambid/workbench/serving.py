@@ -9,7 +9,7 @@ from collections.abc import Callable
 from threading import Thread
 
 from ambid.errors import InputError
-from ambid.workbench.session import Session
+from ambid.workbench.windows import Windows
 
 __all__ = ["require_server", "serve"]
 
@@ -33,13 +33,13 @@ def require_server() -> None:
         raise InputError(f"the workbench needs the package {error.name}: pip install 'ambid[workbench]'") from None
 
 
-def serve(first: Session, port: int, *, say: Callable[[str], None], opens_browser: bool) -> None:
+def serve(windows: Windows, port: int, *, say: Callable[[str], None], opens_browser: bool) -> None:
     """Serve the page on 127.0.0.1 until a signal ends it.
 
     Parameters
     ----------
-    first : Session
-        Where every window begins.
+    windows : Windows
+        What the page works on.
     port : int
         0 takes a free one.
     say : callable
@@ -68,7 +68,7 @@ def serve(first: Session, port: int, *, say: Callable[[str], None], opens_browse
         if opens_browser:
             Thread(target=webbrowser.open, args=(address,), daemon=True).start()  # some return when they are closed
         config = uvicorn.Config(
-            application(first, token, port),
+            application(windows, token, port),
             log_level="error",
             access_log=False,  # it would hold the token
             server_header=False,

@@ -18,7 +18,7 @@ from ambid.workbench.places import chart, column_of, input_of, place_of
 from ambid.workbench.session import Session
 from ambid.workbench.thinning import in_a_row, thinned
 
-__all__ = ["LEVELS", "THOUSAND", "candidates", "misfits", "overview", "signals", "where"]
+__all__ = ["LEVELS", "THOUSAND", "candidates", "held", "misfits", "overview", "signals", "where"]
 
 REACH = 0.5
 """Part of a parameter's value that its slider goes to either side of the last fit."""
@@ -50,6 +50,19 @@ def overview(session: Session) -> dict[str, Any]:
                 {"did": own.did, **misfits(own), "predicted_misfit": own.predicted_misfit} for own in session.chain
             ],
             "notes": list(notes),
+        }
+    )
+
+
+def held(session: Session) -> dict[str, Any]:
+    """The model of a session as JSON of the command has it: effects, parameters and misfits, and the steps to it."""
+    return plain(
+        {
+            "effects": [own.name for own in session.model.effects],
+            "parameters": {own.name: {"value": own.value, "unit": own.unit} for own in session.model.parameters},
+            **misfits(session),
+            "misfit_bound": session.comparison.bound,
+            "steps": [own.did for own in session.chain],
         }
     )
 

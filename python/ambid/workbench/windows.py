@@ -100,6 +100,12 @@ class Windows:
         self._first, self._open = first, OrderedDict[str, Window]()
         self._lock = Lock()
 
+    @property
+    def sessions(self) -> list[Session]:
+        """The present step of every window, that which was used last at the end; the first step where none was open."""
+        with self._lock:
+            return [window.session for window in self._open.values()] or [self._first]
+
     def open(self) -> str:
         """A new window's name."""
         name = secrets.token_hex(8)

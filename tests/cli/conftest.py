@@ -1,0 +1,28 @@
+"""What several tests of the commands share: a loop with a delay more than its rig file tells, and its records."""
+
+import pytest
+
+import ambid
+from places import LEVITATOR
+
+DELAY = 5e-5
+
+
+@pytest.fixture(scope="session")
+def late(tmp_path_factory):
+    """A rig file of one axis, and two records of the machine, at two amplitudes, whose loop has a delay more."""
+    folder = tmp_path_factory.mktemp("late")
+    rig = ambid.Rig.load(LEVITATOR)
+    (folder / "rig.toml").write_text(rig.to_toml())
+    truth = ambid.Model(rig).add("loop_delay", {"delay": DELAY})
+    for name, amplitude, periods in (("run", 0.1, 5), ("other", 0.06, 5), ("brief", 0.1, 2)):
+        i_e = ambid.prbs(8, amplitude=amplitude, hold=2, axes=1, periods=periods)
+        truth.virtual_experiment(i_e, seed=periods).save(folder / f"{name}.csv")
+    return folder
+
+
+@pytest.fixture
+def here(late, tmp_path, monkeypatch):
+    """An empty folder to write into, where the command runs."""
+    monkeypatch.chdir(tmp_path)
+    return (late / "rig.toml", late / "run.csv")

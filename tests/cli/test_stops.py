@@ -1,0 +1,114 @@
+"""Ctrl-C: whatever a command has finished is printed and saved, marked as stopped."""
+
+import json
+import signal
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import ambid
+from ambid.cli import outputs
+from ambid.diagnosis import procedure, search, verdict
+from ambid.noise import Noise
+
+
+def interrupt_at(monkeypatch, where, name, call, *, own=False):
+    """Let Ctrl-C come at the `call`-th call of a function; with the command's `own` handler, or Python's."""
+    function, calls = getattr(where, name), iter(range(1_000_000))
+
+    def interrupted(*arguments, **options):
+        if next(calls) == call:
+            if not own:
+                signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
+            signal.raise_signal(signal.SIGINT)
+        return function(*arguments, **options)
+
+    monkeypatch.setattr(where, name, interrupted)
+
+
+def test_ctrl_c_before_the_first_step_ends_with_a_message(here, command, monkeypatch):
+    interrupt_at(monkeypatch, Noise, "jacobian", 0)
+    result = command("diagnose", *here, "--json", "d.json")
+    assert (result.code, result.out) == (130, "")
+    assert result.err == "stopped by Ctrl-C before anything was done; nothing was written\n"
+    assert not Path("d.json").exists()
+
+
+def test_ctrl_c_later_ends_with_the_steps_that_were_done(here, command, monkeypatch):
+    interrupt_at(monkeypatch, search, "refits", 0)
+    result = command("diagnose", *here, "--json", "d.json")
+    assert result.code == 130
+    found = json.loads(Path("d.json").read_text())
+    assert (found["verdict"], found["effects"]) == ("not_informative", [])
+    assert [step["effects"] for step in found["history"]] == [[]]
+    first = {candidate["effect"] for candidate in found["history"][0]["candidates"][:2]}
+    assert first == {"loop_delay", "amplifier_bandwidth"}, "near twins"
+    assert "stopped by Ctrl-C" in found["notes"][-1]
+
+
+LATER = {
+    "the steps of the search": (search, "refits", 0),
+    "the near twins": (procedure, "families", 0),
+    "the verdict": (procedure, "judged", 0),
+    "what is left": (verdict, "largest_change", 0),
+    "the intervals": (procedure, "covariance", 0),
+    "the next experiment": (procedure, "next_experiment", 0),
+}
+
+
+@pytest.mark.parametrize("moment", LATER)
+def test_ctrl_c_after_the_first_step_saves_all_that_was_asked_for(moment, here, command, monkeypatch):
+    interrupt_at(monkeypatch, *LATER[moment])
+    result = command("diagnose", *here, "--json", "d.json", "--save", "m.json", "--report", "r.html")
+    assert result.code == 130
+    found = json.loads(Path("d.json").read_text())
+    steps = [] if moment == "the steps of the search" else [found["history"][1]["effects"]]
+    assert [step["effects"] for step in found["history"]] == [[], *steps]
+    assert found["stopped"]
+    assert "stopped by Ctrl-C after the steps above" in result.out
+    assert "stopped by Ctrl-C" in Path("r.html").read_text()
+    assert ambid.Model.load("m.json").names
+
+
+@pytest.mark.parametrize("moment", [(ambid.Diagnosis, "to_json", 0), (ambid.report, "write_report", 0)])
+def test_ctrl_c_while_files_are_written_is_told_and_keeps_the_diagnosis_whole(moment, here, command, monkeypatch):
+    interrupt_at(monkeypatch, *moment, own=True)
+    result = command("diagnose", *here, "--json", "d.json", "--save", "m.json", "--report", "r.html")
+    assert result.code == 130
+    found = json.loads(Path("d.json").read_text())
+    assert (found["effects"], found["stopped"]) == (["loop_delay"], True)
+    assert f"stopped by Ctrl-C {outputs.ALL_OF_IT}" in result.out
+    assert Path("r.html").exists()
+    assert Path("m.json").exists()
+
+
+def test_a_second_ctrl_c_ends_the_report_and_what_is_finished_is_printed(here, command, monkeypatch):
+    def twice(*_):
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(ambid.report, "write_report", twice)
+    result = command("diagnose", *here, "--json", "d.json", "--report", "r.html")
+    assert result.code == 130
+    assert json.loads(Path("d.json").read_text())["effects"] == ["loop_delay"]
+    assert "+ loop_delay" in result.out
+    assert f"stopped by Ctrl-C {outputs.ONLY_THESE}" in result.out
+    assert not Path("r.html").exists()
+
+
+def test_ctrl_c_while_the_next_experiment_is_foreseen_keeps_the_diagnosis(here, command, monkeypatch):
+    interrupt_at(monkeypatch, ambid, "next_experiments", 0, own=True)
+    monkeypatch.setattr(
+        procedure, "judged", lambda *given, **how: replace(verdict.judged(*given, **how), word="ambiguous")
+    )
+    result = command("diagnose", *here, "--next", "--json", "d.json")
+    assert result.code == 130
+    assert json.loads(Path("d.json").read_text())["stopped"]
+    assert "stopped by Ctrl-C when the diagnosis was finished; no experiment was foreseen" in result.out
+
+
+def test_a_diagnosis_that_nobody_stopped_says_so(here, command):
+    result = command("diagnose", *here, "--json", "d.json")
+    assert (result.code, json.loads(Path("d.json").read_text())["stopped"]) == (0, False)
+    assert "stopped" not in result.out
