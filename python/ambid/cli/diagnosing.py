@@ -93,7 +93,8 @@ def compare_command(
         "where": [asdict(cell) for cell in where],
         "matrix": [own.to_json() for own in matrices],
     }
-    text = "\n".join([repr(comparison), *largest])
+    notes = [f"note: {note}" for own in comparison.records for note in own.notes]
+    text = "\n".join([repr(comparison), *largest, *notes])
 
     def drawing() -> Sequence[Path]:
         if plot is None:
