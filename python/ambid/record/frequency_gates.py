@@ -105,15 +105,15 @@ def notes_on_missing(frequency_hz: FloatArray, known: NDArray[np.bool_], pairs: 
     has_pair, has_frequency = flat.any(axis=0), flat.any(axis=1)
     notes = []
     if not has_pair.all():
-        left_out = [pairs[k] for k in np.flatnonzero(~has_pair)]
+        left_out = [pairs[k] for k in np.flatnonzero(~has_pair).tolist()]
         notes.append(f"pairs without a value at any frequency, not judged: {len(left_out)} ({_some(left_out)})")
     if not has_frequency.all():
         own = [f"{f:g} Hz" for f in frequency_hz[~has_frequency]]
         notes.append(f"frequencies at which every value is missing or NaN, not judged: {len(own)} ({_some(own)})")
-    single = ~flat & has_pair & has_frequency[:, None]
+    single = np.asarray(~flat & has_pair & has_frequency[:, None])
     if single.any():
         own = []
-        for k in np.flatnonzero(single.any(axis=0)):
+        for k in np.flatnonzero(single.any(axis=0)).tolist():
             at = [f"{f:g}" for f in frequency_hz[single[:, k]]]
             own.append(f"{pairs[k]} at {_some(at)} Hz")
         notes.append(f"single values that are missing or NaN, left out: {single.sum()} ({_some(own, '; ')})")
