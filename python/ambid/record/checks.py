@@ -308,9 +308,11 @@ def notes_on_excitation(
         judged = "what is judged is the free response, from the state in which the record begins"
         return [f"{what} constant on every axis: {judged}"]
     if len(still) == len(axes):
-        values = ", ".join(f"{value:.4g}" for value in i_e[0])
+        values = f"{', '.join(f'{value:.4g}' for value in i_e[0])} A"
+        if r is not None:
+            values = f"i_e {values}; r {', '.join(f'{value:.4g}' for value in r[0])} m"
         raise RecordError(
-            f"{where}: no excitation: {what} constant ({values} A) on every axis; "
+            f"{where}: no excitation: {what} constant ({values}) on every axis; "
             "excite the loop, begin the record where it has not come to rest, or check that what drives it was logged"
         )
     own = "i_e.{0} is" if r is None else "i_e.{0} and r.{0} are"

@@ -110,7 +110,8 @@ def notes_on_missing(frequency_hz: FloatArray, known: NDArray[np.bool_], pairs: 
     if not has_frequency.all():
         own = [f"{f:g} Hz" for f in frequency_hz[~has_frequency]]
         notes.append(f"frequencies at which every value is missing or NaN, not judged: {len(own)} ({_some(own)})")
-    single = np.asarray(~flat & has_pair & has_frequency[:, None])
+    single: NDArray[np.bool_] = np.asarray(~flat)
+    single[:, ~has_pair] = single[~has_frequency] = False
     if single.any():
         own = []
         for k in np.flatnonzero(single.any(axis=0)).tolist():
