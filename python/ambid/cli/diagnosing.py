@@ -126,15 +126,19 @@ def rank_command(
     quiet: Quiet = False,
 ) -> None:
     """Score every effect that the model lacks by what adding it would bring; only the model itself is fitted."""
+    from ambid.record.twice import notes_on_repeats  # not at the top: --help need not open that room
+
     ambid.plot.check_format(plot)
     if predict is not None:
         ambid.effects.find(predict)  # refuses a name that is none
     outputs = {"--json": json_file, "--plot": plot}
     start, loaded = _opened(rig, records, model, period, columns, sample_rate, allow, outputs)
     with stoppable(), progress(quiet, "ranking") as told:
-        ranking = ambid.rank(ambid.identify(start, loaded).comparison, progress=with_time_left(told))
+        comparison = ambid.identify(start, loaded).comparison
+        ranking = ambid.rank(comparison, progress=with_time_left(told))
         expected = None if predict is None else ambid.predict(ranking, predict)
-    text, data = [repr(ranking)], ranking.to_json()
+    twice = notes_on_repeats([own.record for own in comparison.records])
+    text, data = [repr(ranking), *(f"note: {note}" for note in twice)], ranking.to_json() | {"notes": twice}
     if expected is not None:
         text, data = [*text, "", *expected.lines()], data | {"prediction": expected.to_json()}
 
