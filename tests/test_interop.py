@@ -146,7 +146,7 @@ def test_controller_gain_alone(tmp_path):
     [
         ({"A": 1.0, "B": 1.0, "C": 1.0, "other": 2.0}, "no D; expected A, B, C, D and dt, found A, B, C, other"),
         ({"A": 1.0, "B": 1.0, "C": 1.0, "D": 1.0, "dt": -1.0}, "dt = [-1.]; expected the sampling time in s, or 0"),
-        ({"A": np.eye(2), "B": 1.0, "C": 1.0, "D": 1.0}, "expected 2 rows of 1 numbers"),
+        ({"A": np.eye(2), "B": 1.0, "C": 1.0, "D": 1.0}, "expected 1 rows of 1 numbers, to fit B and C"),
     ],
 )
 def test_controllers_that_are_refused(content, words, tmp_path):
