@@ -233,3 +233,22 @@ def test_rotors_that_are_refused(rotor, words):
     with pytest.raises(RigError) as caught:
         rotor_from_ross(rotor)
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("keys", [{}, {"smooth": True}, {"dt": 1e-4}])
+def test_a_frequency_response_is_no_controller(keys):
+    control = pytest.importorskip("control")
+    response = control.frd(np.array([1.0, 0.5 - 0.5j, -0.5j]), np.array([1.0, 10.0, 100.0]), **keys)
+    with pytest.raises(
+        RigError, match="FrequencyResponseData object: a frequency response is no model of a controller"
+    ):
+        controller_from(response)
+
+
+def test_what_makes_no_state_space_says_why():
+    class Other:
+        def to_ss(self):
+            raise ArithmeticError("improper")
+
+    with pytest.raises(RigError, match="Other object: improper; expected a linear system"):
+        controller_from(Other())

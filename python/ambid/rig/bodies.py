@@ -19,8 +19,8 @@ def too_polar_disk(transverse: float, polar: float) -> list[InitErrorDetails]:
     if polar <= MOST_POLAR * transverse:
         return []
     text = (
-        f"expected at most {plain(2.0 * transverse)} kg m^2, twice transverse_inertia: no body has more, a thin disk as "
-        "much; are the two exchanged, or is one in another unit?"
+        f"expected at most {plain(2.0 * transverse)} kg m^2, twice transverse_inertia: no body has more, and a thin "
+        "disk has as much; are the two exchanged, or is one in another unit?"
     )
     return [problem(text, polar, "polar_inertia")]
 

@@ -139,7 +139,8 @@ class Controller(Spec, ABC):
         Raises
         ------
         RigError
-            If it is no such system, or its sampling time is not given as a number.
+            If it is no such system, such as a measured frequency response, or its sampling time is not given as a
+            number.
         """
         dt = getattr(system, "dt", None)
         if dt is True:
@@ -148,7 +149,7 @@ class Controller(Spec, ABC):
         if dt:
             keys |= {"implementation": "digital", "sample_rate": 1.0 / dt}
         if not hasattr(system, "A") and not hasattr(system, "num") and hasattr(system, "to_ss"):
-            system = system.to_ss()
+            system = _as_state_space(system)
         if all(hasattr(system, key) for key in "ABCD"):
             return StateSpaceController(A=system.A, B=system.B, C=system.C, D=system.D, **keys)
         if hasattr(system, "num") and hasattr(system, "den"):
@@ -377,6 +378,21 @@ class TransferFunctionController(_ReadingController):
 AnyController = Annotated[
     PidController | StateSpaceController | TransferFunctionController, Field(discriminator="kind")
 ]
+
+
+def _as_state_space(system: Any) -> Any:
+    """What the object itself makes of it; RigError where that is no state space, as of a frequency response."""
+    try:
+        return system.to_ss()
+    except Exception as error:  # of another package: it may be any
+        is_response = hasattr(system, "omega") or "frequency" in type(system).__name__.lower()
+        what = (
+            "a frequency response is no model of a controller, whose states are needed" if is_response else str(error)
+        )
+        raise RigError(
+            f"controller: {type(system).__name__} object: {what}; expected a linear system with A, B, C, D or num, den: "
+            "give the law itself, or fit one to the response first."
+        ) from None
 
 
 def _per_axis_polynomials(rows: Any, may_couple: bool) -> list[list[float]]:
