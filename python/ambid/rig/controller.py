@@ -16,6 +16,7 @@ from pydantic_core import InitErrorDetails
 
 from ambid.errors import RigError
 from ambid.rig.fields import MILLISECONDS, MOST, NOTHING, Range, Spec, per_axis, plain, problem, refuse
+from ambid.rig.lti import as_state_space, per_axis_polynomials
 from ambid.rig.realisation import StateSpace, added, companion, pid, stack, tustin
 from ambid.rig.shapes import Matrix, has_shape, sizes, wrong_counts
 
@@ -149,12 +150,12 @@ class Controller(Spec, ABC):
         if dt:
             keys |= {"implementation": "digital", "sample_rate": 1.0 / dt}
         if not hasattr(system, "A") and not hasattr(system, "num") and hasattr(system, "to_ss"):
-            system = _as_state_space(system)
+            system = as_state_space(system)
         if all(hasattr(system, key) for key in "ABCD"):
             return StateSpaceController(A=system.A, B=system.B, C=system.C, D=system.D, **keys)
         if hasattr(system, "num") and hasattr(system, "den"):
-            keys["numerator"] = _per_axis_polynomials(system.num, may_couple=False)
-            keys["denominator"] = _per_axis_polynomials(system.den, may_couple=True)
+            keys["numerator"] = per_axis_polynomials(system.num, may_couple=False)
+            keys["denominator"] = per_axis_polynomials(system.den, may_couple=True)
             return TransferFunctionController(**keys)
         raise RigError(
             f"controller: {type(system).__name__} object: expected a linear system with A, B, C, D or num, den; "
@@ -378,33 +379,3 @@ class TransferFunctionController(_ReadingController):
 AnyController = Annotated[
     PidController | StateSpaceController | TransferFunctionController, Field(discriminator="kind")
 ]
-
-
-def _as_state_space(system: Any) -> Any:
-    """What the object itself makes of it; RigError where that is no state space, as of a frequency response."""
-    try:
-        return system.to_ss()
-    except Exception as error:  # of another package: it may be any
-        is_response = hasattr(system, "omega") or "frequency" in type(system).__name__.lower()
-        what = (
-            "a frequency response is no model of a controller, whose states are needed" if is_response else str(error)
-        )
-        raise RigError(
-            f"controller: {type(system).__name__} object: {what}; expected a linear system with A, B, C, D or num, den: "
-            "give the law itself, or fit one to the response first."
-        ) from None
-
-
-def _per_axis_polynomials(rows: Any, may_couple: bool) -> list[list[float]]:
-    """Polynomial of each axis, from SciPy's single one or python-control's outputs x inputs of them."""
-    if np.isscalar(rows[0]):
-        return [list(map(float, rows))]
-    if np.isscalar(rows[0][0]):  # SciPy with one input, a row per output
-        rows = [[row] for row in rows]
-    coupled = not may_couple and any(np.any(p) for i, row in enumerate(rows) for j, p in enumerate(row) if i != j)
-    if len(rows) != len(rows[0]) or coupled:
-        raise RigError(
-            f"controller: {len(rows)} x {len(rows[0])} transfer functions: expected a diagonal matrix, one per axis; "
-            "convert coupled ones to state space first (control.ss)."
-        )
-    return [list(map(float, rows[k][k])) for k in range(len(rows))]
