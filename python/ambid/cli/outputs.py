@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import ambid
+from ambid.cli.noted import with_notes
 from ambid.cli.signals import begin_results
 from ambid.errors import AmbidError, InputError, printable
 from ambid.writing import is_device, require_writable, whole_file
@@ -79,7 +80,7 @@ def conclude(
     begin_results()
     text = ""
     if json_file is not None:
-        text = json.dumps(data() if callable(data) else data, indent=1, allow_nan=False) + "\n"
+        text = json.dumps(with_notes(data() if callable(data) else data), indent=1, allow_nan=False) + "\n"
     written: list[Path] = []
     errors: list[AmbidError] = []
     for write in (lambda: _write_text(text, json_file), *writers):
