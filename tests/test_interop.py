@@ -146,7 +146,7 @@ def test_controller_gain_alone(tmp_path):
     [
         ({"A": 1.0, "B": 1.0, "C": 1.0, "other": 2.0}, "no D; expected A, B, C, D and dt, found A, B, C, other"),
         ({"A": 1.0, "B": 1.0, "C": 1.0, "D": 1.0, "dt": -1.0}, "dt = [-1.]; expected the sampling time in s, or 0"),
-        ({"A": np.eye(2), "B": 1.0, "C": 1.0, "D": 1.0}, "expected 2 rows of 1 numbers"),
+        ({"A": np.eye(2), "B": 1.0, "C": 1.0, "D": 1.0}, "expected 1 rows of 1 numbers, to fit B and C"),
     ],
 )
 def test_controllers_that_are_refused(content, words, tmp_path):
@@ -233,3 +233,22 @@ def test_rotors_that_are_refused(rotor, words):
     with pytest.raises(RigError) as caught:
         rotor_from_ross(rotor)
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("keys", [{}, {"smooth": True}, {"dt": 1e-4}])
+def test_a_frequency_response_is_no_controller(keys):
+    control = pytest.importorskip("control")
+    response = control.frd(np.array([1.0, 0.5 - 0.5j, -0.5j]), np.array([1.0, 10.0, 100.0]), **keys)
+    with pytest.raises(
+        RigError, match="FrequencyResponseData object: a frequency response is no model of a controller"
+    ):
+        controller_from(response)
+
+
+def test_what_makes_no_state_space_says_why():
+    class Other:
+        def to_ss(self):
+            raise ArithmeticError("improper")
+
+    with pytest.raises(RigError, match="Other object: improper; expected a linear system"):
+        controller_from(Other())

@@ -377,7 +377,11 @@ def test_only_axes_that_are_excited_are_inputs(bench):
 def test_what_was_read_is_told_by_its_hash(tmp_path, suffix):
     path = tmp_path / f"frf{suffix}"
     response = FrequencyResponse.from_arrays(
-        [1.0, 2.0, 3.0], np.ones((3, 1, 1)), outputs=["y.A_zeta"], inputs=["i_e.A_zeta"], std=np.ones((3, 1, 1))
+        [1.0, 2.0, 3.0],
+        np.full((3, 1, 1), 1.0 - 1.0j),
+        outputs=["y.A_zeta"],
+        inputs=["i_e.A_zeta"],
+        std=np.ones((3, 1, 1)),
     )
     response.save(path)
     content = path.read_bytes()

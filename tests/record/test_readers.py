@@ -119,7 +119,7 @@ BROKEN_CSV = {
     "NaN cell": (cell(12, 5, "nan"), ["y.A_zeta", "row 12"]),
     "NaN in t": (cell(12, 0, "nan"), ["t is nan", "row 12"]),
     "no t": (without("t"), ["column 't'", "missing"]),
-    "one y missing": (without("y.B_zeta"), ["missing: none", "unknown: B_zeta", "i_e"]),
+    "one y missing": (without("y.B_zeta"), ["y.B_zeta is missing", "the rig has the axes"]),
     "one i_c missing": (without("i_c.A_eta"), ["i_c", "missing: A_eta"]),
     "no y": (rewritten(lambda lines: [lines[0].replace("y.", "x."), *lines[1:]]), ["y.<axis>"]),
     "column twice": (rewritten(lambda lines: [lines[0].replace("y.A_eta", "y.A_zeta"), *lines[1:]]), ["2 times"]),
@@ -216,3 +216,65 @@ def test_a_file_that_is_written_while_it_is_read_is_refused(tmp_path):
     Record.from_arrays(**measured(), rig=RIG, name="run").save(path)
     with pytest.raises(RecordError, match=r"run\.mat: was written while it was read"), opened(path):
         path.write_bytes(path.read_bytes() + b"more")
+
+
+def edited(tmp_path, edit):
+    """A healthy .csv, edited line by line."""
+    path = tmp_path / "edited.csv"
+    rewritten(edit)(path)
+    return path
+
+
+def quoted(line):
+    return ",".join(f'"{cell}"' for cell in line.split(","))
+
+
+@pytest.mark.parametrize(
+    ("edit", "words"),
+    [
+        (lambda lines: [quoted(lines[0]), *lines[1:]], None),
+        (lambda lines: [quoted(line) for line in lines], None),
+        (lambda lines: [f"{line}," for line in lines], "every row ends with a separator"),
+        (lambda lines: [lines[0], *(f"{line}," for line in lines[1:])], "every row ends with a separator"),
+        (lambda lines: [f"{lines[0]},", *lines[1:]], None),
+        (lambda lines: [line.replace(",", " ") for line in lines], "white space parts the cells"),
+        (lambda lines: [line.replace(",", "   ") for line in lines], "white space parts the cells"),
+        (lambda lines: [f"{line};".replace(",", ";") for line in lines], "every row ends with a separator"),
+    ],
+    ids=["names in quotes", "all in quotes", "ends", "rows end", "header ends", "spaces", "many spaces", "semicolons"],
+)
+def test_csv_as_other_programs_write_it(tmp_path, edit, words):
+    plain = Record.load(edited(tmp_path, lambda lines: lines), RIG)
+    found = Record.load(edited(tmp_path, edit), RIG)
+    np.testing.assert_array_equal(found.y, plain.y)
+    np.testing.assert_array_equal(found.i_e, plain.i_e)
+    if words:
+        assert any(words in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("edit", "words"),
+    [
+        (lambda lines: [lines[0], *(line.replace(".", ",") for line in lines[1:])], "decimal commas between commas"),
+        (lambda lines: [lines[0], *(f"{line},7" for line in lines[1:])], "the last one is '7'; name its column"),
+        (lambda lines: [f"{line},7" if k else f"{line}," for k, line in enumerate(lines)], "the last one is '7'"),
+        (lambda lines: [f"{line}," if k != 5 else f"{line},7" for k, line in enumerate(lines)], "row 5 has 14 cells"),
+        (
+            lambda lines: [line.replace("y.A_eta", "", 1) for line in lines[:1]] + ["x," * 12 + "1"],
+            "'x' is not a number",
+        ),
+    ],
+    ids=["decimal commas", "a cell too many", "a last column without a name", "one cell", "text"],
+)
+def test_csv_that_is_wrong_says_what(tmp_path, edit, words):
+    with pytest.raises(RecordError) as error:
+        Record.load(edited(tmp_path, edit), RIG)
+    assert words in str(error.value)
+    assert "edited.csv" in str(error.value)
+
+
+def test_y_that_other_signals_have_more_of_is_missing_without_a_rig_too(tmp_path):
+    path = tmp_path / "run.csv"
+    without("y.A_eta")(path)
+    with pytest.raises(RecordError, match=r"y\.A_eta is missing: i_e has the axes"):
+        Record.load(path)

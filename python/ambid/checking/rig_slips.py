@@ -23,6 +23,7 @@ def slips_of_rig(loop: NominalLoop) -> list[Finding]:
         *_magnets(own),
         *_planes(loop),
         *_nodes(loop),
+        *_gyroscopic(own),
         *_rate(own, LoopFigures.of(loop)),
     ]
 
@@ -92,6 +93,16 @@ def _planes(loop: NominalLoop) -> list[Finding]:
     without = ", and has no gyroscopic moments" if loop.rig.speed else ""
     what = f"all axes lie in one plane: the model holds the rotor's motion in that plane alone{without}"
     return [Finding("note", "bearing.axes", what, "name both axes of every bearing where both planes are levitated")]
+
+
+def _gyroscopic(rig: Rig) -> list[Finding]:
+    """A rotor that turns has gyroscopic moments, if its description holds them."""
+    given = {"matrices": "G", "modes": "gyroscopic"}
+    key = given.get(rig.rotor.kind)
+    if not rig.speed or key is None or getattr(rig.rotor, key) is not None:
+        return []
+    what = f"missing, at speed = {rig.speed:g} rad/s: the model has no gyroscopic moments"
+    return [Finding("note", f"rotor.{key}", what, f"give {key}, or write speed = 0 if they are to be left out")]
 
 
 def _nodes(loop: NominalLoop) -> list[Finding]:

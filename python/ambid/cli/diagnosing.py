@@ -98,7 +98,8 @@ def compare_command(
         "where": [asdict(cell) for cell in where],
         "matrix": [own.to_json() for own in matrices],
     }
-    text = "\n".join([repr(comparison), *largest])
+    notes = [f"note: {note}" for own in comparison.records for note in own.notes]
+    text = "\n".join([repr(comparison), *largest, *notes])
 
     def drawing() -> Sequence[Path]:
         if plot is None:
@@ -129,6 +130,8 @@ def rank_command(
     quiet: Quiet = False,
 ) -> None:
     """Score every effect that the model lacks by what adding it would bring; only the model itself is fitted."""
+    from ambid.record.twice import notes_on_repeats  # not at the top: --help need not open that room
+
     ambid.plot.check_format(plot)
     if predict is not None:
         ambid.effects.find(predict)  # refuses a name that is none
@@ -136,9 +139,11 @@ def rank_command(
     require_first_point(rig, records)
     start, loaded = _opened(rig, records, model, period, columns, sample_rate, allow, outputs)
     with stoppable(), progress(quiet, "ranking") as told:
-        ranking = ambid.rank(ambid.identify(start, loaded).comparison, progress=with_time_left(told))
+        comparison = ambid.identify(start, loaded).comparison
+        ranking = ambid.rank(comparison, progress=with_time_left(told))
         expected = None if predict is None else ambid.predict(ranking, predict)
-    text, data = [repr(ranking)], ranking.to_json()
+    twice = notes_on_repeats([own.record for own in comparison.records])
+    text, data = [repr(ranking), *(f"note: {note}" for note in twice)], ranking.to_json() | {"notes": twice}
     if expected is not None:
         text, data = [*text, "", *expected.lines()], data | {"prediction": expected.to_json()}
 

@@ -11,16 +11,48 @@ from pathlib import Path
 import numpy as np
 
 import ambid
+from ambid.cli.noted import note
 from ambid.errors import InputError, UnstableLoopError
 
 UNSTABLE = "the closed loop is unstable: "
 """What such a message begins with, before the pole."""
 NO_RECORD = "no record follows; name the records of this operating point after its rig file"
 
+MOST_KEYS = 5
+"""Keys of another rig that are told one by one."""
+NOMINAL = ("force_current", "force_displacement", "actuator.time_constant")
+"""Keys that a saved model has values of its own for: they matter least, and are told last."""
+
 
 def load_model(rig: ambid.Rig, path: Path | None) -> ambid.Model:
-    """The rig's nominal model, or a saved one on this rig."""
-    return ambid.Model(rig) if path is None else ambid.Model.load(path, rig)
+    """The rig's nominal model, or a saved one on this rig; where it was saved of another one, that is noted."""
+    if path is None:
+        return ambid.Model(rig)
+    model = ambid.Model.load(path, rig)
+    if told := _of_another_rig(rig, path):
+        note(told)
+    return model
+
+
+def _of_another_rig(rig: ambid.Rig, path: Path) -> str:
+    """What to say of a model that was saved of a rig of other keys than this one; empty where it was not.
+
+    The operating points that it was fitted at beside its rig are its own.
+    """
+    from ambid.model.file import rigs_of_model  # not at the top: --help need not open these rooms
+    from ambid.rig.differences import differences
+
+    apart = [differences(own, rig) for own in rigs_of_model(path)]
+    if not all(apart):
+        return ""
+    first = sorted(apart[0], key=lambda own: own[0].endswith(NOMINAL))
+    keys = "; ".join(f"{key} = {there} there, {here} here" for key, there, here in first[:MOST_KEYS])
+    more = f"; and {len(first) - MOST_KEYS} more keys" if len(first) > MOST_KEYS else ""
+    where = rig.path or rig.name
+    return (
+        f"{path}: the model was saved of another rig: {keys}{more}; its parameters and effects are taken on {where}: "
+        "give the rig that it was fitted on, unless that is meant"
+    )
 
 
 @contextmanager

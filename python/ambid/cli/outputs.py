@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import ambid
+from ambid.cli.noted import with_notes
 from ambid.cli.signals import begin_results, came, stopped
 from ambid.errors import AmbidError, InputError, printable
 from ambid.writing import is_device, require_writable, whole_file
@@ -94,7 +95,7 @@ def conclude(
     is_cut = False
     try:
         if json_file is not None:
-            made = data() if callable(data) else data
+            made = with_notes(data() if callable(data) else data)
         for write in (lambda: _write_json(made, json_file), *writers):
             try:
                 written += write()

@@ -270,12 +270,14 @@ def _of_response(part: ResponseLines, here: Model) -> MisfitMatrix:
     """Of a frequency response, which has each excitation by itself."""
     record = part.record
     left, std = record.response - part.simulated(here), record.std
+    is_known = np.isfinite(left)
+    left, std = np.where(is_known, left, 0.0), np.where(is_known, std, 1.0)  # quotients of NaN warn
     edges, bands = _bands(record.frequency_hz, 1)
     shape = (len(bands), *left.shape[1:])
     power, is_told = np.full(shape, np.nan), np.zeros(shape, dtype=bool)
     response, error = np.full(shape, np.nan, dtype=complex), np.full(shape, np.nan)
     for b, rows in enumerate(bands):
-        known = np.isfinite(left[rows])
+        known = is_known[rows]
         relative = np.where(known, np.abs(left[rows] / std[rows]) ** 2, 0.0)
         weight = np.where(known, std[rows] ** -2, 0.0).sum(axis=0)
         count = known.sum(axis=0)

@@ -25,6 +25,7 @@ from ambid.model.parameter import nominal
 from ambid.noise import Comparison
 from ambid.noise.chance import ADEQUATE
 from ambid.record import Measurement, Record, Source, measured
+from ambid.record.twice import notes_on_repeats, notes_on_validation
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["diagnose"]
@@ -172,6 +173,8 @@ def _told(
         next_experiment=next_experiment(verdict, state.history),
         seconds=time.perf_counter() - begun,
         notes=(
+            *notes_on_repeats(records),
+            *notes_on_validation(records, task.validate),
             *_undetermined(start, verdict.fit),
             *notes(verdict, state.fit.noise),
             *(f.line(advises=verdict.word != "adequate") for f in findings if f.is_of_path),

@@ -261,7 +261,9 @@ class Diagnosis(Tabular):
                 "not_tried": self.not_tried,
                 "next_experiment": self.next_experiment,
                 "seconds": self.seconds,
-                "notes": [*(note for record in self.records for note in notes_of(record)), *self.notes],
+                "notes": list(
+                    dict.fromkeys([*(note for record in self.records for note in notes_of(record)), *self.notes])
+                ),
             }
         )
 

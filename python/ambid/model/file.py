@@ -20,7 +20,7 @@ from ambid.reading import reading
 from ambid.rig import Rig
 from ambid.writing import whole_file
 
-__all__ = ["read_model", "write_model"]
+__all__ = ["read_model", "rigs_of_model", "write_model"]
 
 FORMAT = "ambid model 1"
 LONGEST_FILE = 1 << 25
@@ -67,11 +67,29 @@ def read_model(
         If the file is none of ours or has been broken, or an effect of it is not in the catalogue.
     """
     with reading(path, ModelError, "a model", "give a file that --save wrote"):
-        with path.open(encoding="utf-8") as file:
-            content = file.read(LONGEST_FILE + 1)
-        if len(content) > LONGEST_FILE:
-            raise ModelError(f"{path}: more than {LONGEST_FILE} characters; give a file that --save wrote")
-        return _model_of(path, json.loads(content), rig, catalogue)
+        return _model_of(path, _content(path), rig, catalogue)
+
+
+def rigs_of_model(path: Path) -> list[Rig]:
+    """The rig that a model was saved of, and those of its further operating points.
+
+    Raises
+    ------
+    ModelError
+        If the file is none of ours or has been broken.
+    """
+    with reading(path, ModelError, "a model", "give a file that --save wrote"):
+        text = _content(path)
+        return [Rig.from_toml(own, path) for own in (text["rig"], *text.get("points", ()))]
+
+
+def _content(path: Path) -> dict[str, Any]:
+    with path.open(encoding="utf-8") as file:
+        content = file.read(LONGEST_FILE + 1)
+    if len(content) > LONGEST_FILE:
+        raise ModelError(f"{path}: more than {LONGEST_FILE} characters; give a file that --save wrote")
+    text: dict[str, Any] = json.loads(content)
+    return text
 
 
 def _model_of(

@@ -85,10 +85,9 @@ class ResponseLines:
         pairs = self._known.sum(axis=1)
         power = np.sum(self.white(self._base, []).residual.reshape(len(pairs), -1) ** 2, axis=1)[pairs > 0]
         apart = np.diff(np.log(np.maximum(power / pairs[pairs > 0], TINY)), n=2)
-        scatter = np.clip(np.sum(apart**2) / (6.0 * max(1, len(apart))), *polygamma(1, INDEPENDENT[::-1]))
-        logarithm = brentq(lambda own: polygamma(1, np.exp(own)) - scatter, *np.log(INDEPENDENT))
         most = float(np.median(pairs[pairs > 0]))
-        return np.full(self.numbers, np.clip(most / np.exp(logarithm), 1.0, most))
+        independent = _independent(float(np.mean(apart**2)) / 6.0)
+        return np.full(self.numbers, np.clip(most / independent, 1.0, most))
 
     def white(self, here: Model, free: Sequence[int], *, roughly: bool = False) -> White:
         """Residual and derivatives, as `RecordLines.white`; there is no transient, and no rough way."""
@@ -178,6 +177,16 @@ class ResponseLines:
                 "judged without nonlinear effects; give records in time alone"
             )
         return resting
+
+
+def _independent(scatter: float) -> float:
+    """How many independent numbers make a mean square whose logarithm has this variance, within `INDEPENDENT`."""
+    fewest, most = INDEPENDENT
+    if scatter >= polygamma(1, fewest):
+        return float(fewest)
+    if scatter <= polygamma(1, most):
+        return float(most)
+    return float(np.exp(brentq(lambda own: polygamma(1, np.exp(own)) - scatter, *np.log(INDEPENDENT))))
 
 
 def _found(record: FrequencyResponse, names: Sequence[str], wanted: Sequence[str]) -> list[int]:

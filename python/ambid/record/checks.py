@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,27 @@ def order_of_axes(where: str, found: tuple[str, ...], wanted: tuple[str, ...], o
             f"(missing: {missing}; unknown: {unknown}); rename or add the columns"
         )
     return [found.index(axis) for axis in wanted]
+
+
+def require_every_y(where: str, signals: Mapping[str, tuple[str, ...]], rig_axes: tuple[str, ...] | None) -> None:
+    """Refuse a record whose y lacks an axis that the rig, or another of its signals, has; other names are no lack.
+
+    Parameters
+    ----------
+    where : str
+    signals : mapping of str to tuple of str
+        Axes of each signal, y among them.
+    rig_axes : tuple of str or None
+    """
+    own, others = signals["y"], {name: axes for name, axes in signals.items() if name != "y"}
+    theirs = others if rig_axes is None else {"the rig": rig_axes, **others}
+    for name, axes in theirs.items():
+        lacking = [axis for axis in axes if axis not in own]
+        if lacking and set(own) < set(axes):
+            raise RecordError(
+                f"{where}: {', '.join(f'y.{axis}' for axis in lacking)} is missing: {name} has the axes "
+                f"{', '.join(axes)}, y has {', '.join(own)}; add the column, or name it y.{lacking[0]}"
+            )
 
 
 def require_length(where: str, samples: int, period: int | None) -> None:
@@ -314,9 +335,11 @@ def notes_on_excitation(
         judged = "what is judged is the free response, from the state in which the record begins"
         return [f"{what} constant on every axis: {judged}"]
     if len(still) == len(axes):
-        values = ", ".join(f"{value:.4g}" for value in i_e[0])
+        values = f"{', '.join(f'{value:.4g}' for value in i_e[0])} A"
+        if r is not None:
+            values = f"i_e {values}; r {', '.join(f'{value:.4g}' for value in r[0])} m"
         raise RecordError(
-            f"{where}: no excitation: {what} constant ({values} A) on every axis; "
+            f"{where}: no excitation: {what} constant ({values}) on every axis; "
             "excite the loop, begin the record where it has not come to rest, or check that what drives it was logged"
         )
     own = "i_e.{0} is" if r is None else "i_e.{0} and r.{0} are"

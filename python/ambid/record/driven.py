@@ -21,6 +21,10 @@ __all__ = ["Driven", "driven"]
 
 SPENT = "i_c is left out: i_e was rebuilt from it and explains all of it, so that y alone is judged"
 """Note on a record whose i_e comes from i_c."""
+FREE = f"{NOT_LOGGED}: taken as zero: y comes to rest, r is constant, and i_c follows without a push"
+"""Note on a free response about a reference that stands."""
+LAGS, BY_FAR = 24, 4.0
+"""Samples of i_e that y may follow from, and how many times what chance explains it must then."""
 FEWEST = 3
 """Periods that tell the noise by themselves."""
 
@@ -73,18 +77,33 @@ def driven(
             return Driven(
                 signals, stated, [f"{NOT_LOGGED}: load the record with its rig, whose controller rebuilds it"]
             )
-        i_e, period, note = rebuild_excitation(
-            rig,
-            sample_rate,
-            y=logged["y"],
-            i_ref=logged.get("i_ref"),
-            i_c=logged.get("i_c"),
-            r=logged.get("r"),
-            period=stated,
-            where=where,
-        )
+        try:
+            i_e, period, note = rebuild_excitation(
+                rig,
+                sample_rate,
+                y=logged["y"],
+                i_ref=logged.get("i_ref"),
+                i_c=logged.get("i_c"),
+                r=logged.get("r"),
+                period=stated,
+                where=where,
+            )
+            is_free = _comes_to_rest(logged) and not (checks.decays(i_e) or _answers(logged["y"], i_e))
+        except RecordError as error:
+            if not _stands(logged):
+                raise
+            if not _comes_to_rest(logged):
+                at = ", ".join(f"{value:.4g}" for value in logged["r"][0])
+                why = str(error).removeprefix(f"{where}: ")
+                raise RecordError(
+                    f"{where}: what drives it is not known: i_e was not logged, r is constant ({at} m), and i_e is "
+                    f"not rebuilt: {why}"
+                ) from None
+            is_free = True
+        if is_free:
+            i_e, period, note = np.zeros_like(logged["y"]), stated, FREE
         signals, told = {**signals, "i_e": i_e}, [*told, note]
-        if "i_ref" not in logged:
+        if "i_ref" not in logged and not is_free:
             signals.pop("i_c", None)
             told.append(SPENT)
     i_e, r = signals["i_e"], signals.get("r")
@@ -127,9 +146,43 @@ def _with_reference(where: str, rig: Rig | None, logged: Signals) -> tuple[Signa
         note = "r was recorded, but the rig's controller does not act on it (reference is not true): left out"
         return {name: own for name, own in logged.items() if name != "r"}, [note]
     if "i_e" not in logged and "i_ref" not in logged:
-        note = f"{NOT_LOGGED}: taken as zero, the reference r drives the loop"
-        return {**logged, "i_e": np.zeros_like(logged["y"])}, [note]
+        if _moves(logged["r"]):
+            note = f"{NOT_LOGGED}: taken as zero, the reference r drives the loop"
+            return {**logged, "i_e": np.zeros_like(logged["y"])}, [note]
+        if "i_c" not in logged:
+            note = f"{NOT_LOGGED}: taken as zero; r is constant, and no i_ref or i_c was recorded to rebuild i_e from"
+            return {**logged, "i_e": np.zeros_like(logged["y"])}, [note]
     return logged, []
+
+
+def _stands(logged: Signals) -> bool:
+    """Whether there is a reference that does not move, and only a current tells whether anything drives the loop."""
+    return "r" in logged and "i_ref" not in logged and not _moves(logged["r"])
+
+
+def _comes_to_rest(logged: Signals) -> bool:
+    """Whether, besides, y decays."""
+    return _stands(logged) and checks.decays(logged["y"])
+
+
+def _answers(y: NDArray[np.float64], i_e: NDArray[np.float64]) -> bool:
+    """Whether y of an axis follows from the i_e before it, at the end of a record, by far more than chance."""
+    rows = len(y) // 4
+    lags = min(LAGS, rows // 8)
+    chance = lags / rows
+    for own, drive in zip(y[-rows:].T, i_e.T, strict=True):
+        own = own - own.mean()
+        before = np.column_stack([drive[-rows - lag : -lag] for lag in range(1, lags + 1)])
+        before -= before.mean(axis=0)
+        left = own - before @ np.linalg.lstsq(before, own, rcond=None)[0]
+        if 1.0 - np.sum(left**2) / max(float(np.sum(own**2)), 1e-300) > BY_FAR * chance:
+            return True
+    return False
+
+
+def _moves(signal: NDArray[np.float64]) -> bool:
+    """Whether any axis of it changes."""
+    return bool(np.any(np.ptp(signal, axis=0) >= checks.SMALLEST_CHANGE))
 
 
 def _scaled(signals: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:

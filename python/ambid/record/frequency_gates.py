@@ -15,8 +15,10 @@ LARGEST_TRAVEL = 1e3
 """Air gaps that the bias current of a bearing may move y by, by the response; a weakly damped mode moves some ten."""
 HERMITIAN = 1e-6
 """Part of the root of two variances by which the two halves of a covariance may differ: files round."""
-FEWEST = 2
-"""Frequencies of a response."""
+FEWEST = 3
+"""Frequencies of a response: each is held against both of its neighbours, which tells how much errors go together."""
+MOST_TOLD = 3
+"""Pairs, or frequencies, that a note names one by one."""
 TOGETHER = 1024
 """Frequencies whose covariances are looked at together: of 32 pairs they are 16 MB."""
 
@@ -62,7 +64,7 @@ def require_frequencies(where: str, frequency_hz: FloatArray, rig: Rig | None) -
 
 
 def require_values(where: str, frequency_hz: FloatArray, response: ComplexArray, pairs: Sequence[str]) -> None:
-    """Refuse infinite values, and a response that was measured nowhere or is zero throughout."""
+    """Refuse infinite values, and a response that was measured nearly nowhere, is zero throughout, or has no phase."""
     flat = response.reshape(len(response), -1)
     wrong = np.argwhere(np.isinf(flat))
     if len(wrong):
@@ -72,10 +74,57 @@ def require_values(where: str, frequency_hz: FloatArray, response: ComplexArray,
         )
     if not np.isfinite(flat).any():
         raise RecordError(f"{where}: every value is NaN; measure at least one pair")
+    count = int(np.isfinite(flat).any(axis=1).sum())
+    if count < FEWEST:
+        raise RecordError(
+            f"{where}: {count} frequencies with a value, of {len(flat)}; at least {FEWEST} are needed; measure more"
+        )
     for pair, values in zip(pairs, flat.T, strict=True):
         known = values[np.isfinite(values)]
         if len(known) and not known.any():
             raise RecordError(f"{where}: {pair} is zero at every frequency: a dead channel; measure again")
+    if not flat.imag[np.isfinite(flat)].any():
+        raise RecordError(
+            f"{where}: every value is real, as of magnitudes without their phase; the response of a machine has one: "
+            "give complex values, re and im"
+        )
+
+
+def notes_on_missing(frequency_hz: FloatArray, known: NDArray[np.bool_], pairs: Sequence[str]) -> list[str]:
+    """What was not measured: pairs at no frequency, frequencies of no pair, and single values, which are told.
+
+    Parameters
+    ----------
+    frequency_hz : ndarray, shape (F,)
+    known : ndarray of bool, shape (F, outputs, inputs)
+        Which values are there.
+    pairs : sequence of str
+        Their names.
+    """
+    flat = known.reshape(len(known), -1)
+    has_pair, has_frequency = flat.any(axis=0), flat.any(axis=1)
+    notes = []
+    if not has_pair.all():
+        left_out = [pairs[k] for k in np.flatnonzero(~has_pair).tolist()]
+        notes.append(f"pairs without a value at any frequency, not judged: {len(left_out)} ({_some(left_out)})")
+    if not has_frequency.all():
+        own = [f"{f:g} Hz" for f in frequency_hz[~has_frequency]]
+        notes.append(f"frequencies at which every value is missing or NaN, not judged: {len(own)} ({_some(own)})")
+    single: NDArray[np.bool_] = np.asarray(~flat)
+    single[:, ~has_pair] = single[~has_frequency] = False
+    if single.any():
+        own = []
+        for k in np.flatnonzero(single.any(axis=0)).tolist():
+            at = [f"{f:g}" for f in frequency_hz[single[:, k]]]
+            own.append(f"{pairs[k]} at {_some(at)} Hz")
+        notes.append(f"single values that are missing or NaN, left out: {single.sum()} ({_some(own, '; ')})")
+    return notes
+
+
+def _some(names: Sequence[str], between: str = ", ") -> str:
+    """The first of them, and how many more there are."""
+    more = f"{between}and {len(names) - MOST_TOLD} more" if len(names) > MOST_TOLD else ""
+    return between.join(names[:MOST_TOLD]) + more
 
 
 def require_covariance(

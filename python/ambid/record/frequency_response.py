@@ -14,6 +14,7 @@ from ambid.errors import RecordError
 from ambid.reading import Provenance
 from ambid.record.channel_map import ChannelMap
 from ambid.record.frequency_gates import (
+    notes_on_missing,
     require_covariance,
     require_frequencies,
     require_names,
@@ -209,6 +210,7 @@ class FrequencyResponse:
         require_names(where, own.outputs, own.inputs, rig)
         require_frequencies(where, own.frequency_hz, rig)
         require_values(where, own.frequency_hz, own.response, own.pairs)
+        own = replace(own, notes=(*own.notes, *notes_on_missing(own.frequency_hz, own.measured, own.pairs)))
         if rig is not None:
             require_si_units(where, own.frequency_hz, own.response, own.outputs, own.inputs, rig)
         require_spread(where, spread, covariance is not None)

@@ -69,7 +69,8 @@ def rebuild_excitation(
     i_ref, i_c : ndarray, shape (N, axes), optional
         Command and current [A]; the command is taken where both are given.
     r : ndarray, shape (N, axes), optional
-        Reference of a controller that has one [m]; a constant where it was not recorded.
+        Reference of a controller that has one [m]; a constant where it was not recorded. One that does not move
+        drives nothing: it is where y stands.
     period : int, optional
         Samples per period; by default it is found from the result.
     where : str
@@ -87,10 +88,11 @@ def rebuild_excitation(
     (`without_free_modes`), of which that of an integrator is a constant. With an integrating K the mean of i_e is zero.
     """
     controller = rig.controller
+    is_led = r is not None and bool(np.any(r != r[:1]))
     read = _read(rig, y, i_c, r, where)
     i_e, source, integrating = _recover(rig, sample_rate, read, i_ref, i_c, where, period=period)
     if i_ref is not None and (left := _follows(i_e, i_ref)) is not None:
-        of, what = ("y", "nothing") if r is None else ("y and r", "the reference r")
+        of, what = "y" if r is None else "y and r", "the reference r" if is_led else "nothing"
         note = f"{NOT_LOGGED}: the recorded command follows from {of} by the rig's controller to {left:.1g}, and "
         return Rebuilt(np.zeros_like(y), period, f"{note}i_e is taken as zero: {what} drives the loop")
     of = "y" if r is None else "y and r"
@@ -99,11 +101,11 @@ def rebuild_excitation(
         note += f"; {lost:.3g} sample of its delay is not undone"
     period = period or find_period(i_e, tolerance=REBUILT_TOLERANCE)
     steps = None if i_ref is None else steps_of(i_e, rounding_of(i_ref))
-    if r is not None and steps is not None:
+    if is_led and steps is not None:
         i_e = steps
     if integrating:
-        if r is None:
-            _refuse_drift(i_e if steps is None else i_e - steps, i_e, y, rig, where)
+        if not is_led:
+            _refuse_drift(i_e if steps is None else i_e - steps, i_e, y if r is None else y - r, rig, where)
         mean = i_e[: len(i_e) // period * period if period else None].mean(axis=0)
         i_e = i_e - mean
         told = f"{', '.join(f'{m:.3g}' for m in mean)} {rig.amplifier.command_unit}, the integrator's operating point"

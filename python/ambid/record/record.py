@@ -159,7 +159,8 @@ class Record:
                 raise RecordError(f"{where}: the file names no axes; add 'axes', or give the rig")
             axes = tuple(rig.axes)
             notes.append(f"the file names no axes: its columns are taken as {', '.join(axes)}, the rig's order")
-        arrays = {}
+        arrays, named = {}, {signal: found or axes for signal, (found, _) in raw.signals.items()}
+        checks.require_every_y(where, named, None if rig is None else tuple(rig.axes))
         for signal, (found, array) in raw.signals.items():
             order = checks.order_of_axes(f"{where}: {signal}", found or axes, axes, "y")
             arrays[signal] = array[:, order] if array.shape[1] == len(order) else array

@@ -15,10 +15,10 @@ from pydantic import Field, field_validator, model_validator
 from pydantic_core import InitErrorDetails
 
 from ambid.errors import RigError
-from ambid.rig.fields import FINITE, MILLISECONDS, MOST, NOTHING, Range, Spec, per_axis, plain, problem, refuse
+from ambid.rig.fields import MILLISECONDS, MOST, NOTHING, Range, Spec, per_axis, plain, problem, refuse
+from ambid.rig.lti import as_state_space, per_axis_polynomials
 from ambid.rig.realisation import StateSpace, added, companion, pid, stack, tustin
-
-Matrix = tuple[tuple[Annotated[float, FINITE], ...], ...]
+from ambid.rig.shapes import Matrix, has_shape, sizes, wrong_counts
 
 SAMPLE_RATE = Range(100.0, 1e6, "Hz", (("kilohertz", 1e3),))
 DELAY_SAMPLES = Range(0.0, 100.0, "samples")
@@ -55,7 +55,7 @@ class Controller(Spec, ABC):
     implementation: Literal["analog", "digital"] = Field(description="'analog' or 'digital'")
     delay_samples: Annotated[float, DELAY_SAMPLES] = 0.0
     sample_rate: Annotated[float, SAMPLE_RATE] | None = None
-    reference: bool = Field(False, description="true or false")
+    reference: bool = Field(False, strict=True, description="true or false, without quotes")
 
     @model_validator(mode="after")
     def _digital_keys(self) -> "Controller":
@@ -140,7 +140,8 @@ class Controller(Spec, ABC):
         Raises
         ------
         RigError
-            If it is no such system, or its sampling time is not given as a number.
+            If it is no such system, such as a measured frequency response, or its sampling time is not given as a
+            number.
         """
         dt = getattr(system, "dt", None)
         if dt is True:
@@ -149,12 +150,12 @@ class Controller(Spec, ABC):
         if dt:
             keys |= {"implementation": "digital", "sample_rate": 1.0 / dt}
         if not hasattr(system, "A") and not hasattr(system, "num") and hasattr(system, "to_ss"):
-            system = system.to_ss()
+            system = as_state_space(system)
         if all(hasattr(system, key) for key in "ABCD"):
             return StateSpaceController(A=system.A, B=system.B, C=system.C, D=system.D, **keys)
         if hasattr(system, "num") and hasattr(system, "den"):
-            keys["numerator"] = _per_axis_polynomials(system.num, may_couple=False)
-            keys["denominator"] = _per_axis_polynomials(system.den, may_couple=True)
+            keys["numerator"] = per_axis_polynomials(system.num, may_couple=False)
+            keys["denominator"] = per_axis_polynomials(system.den, may_couple=True)
             return TransferFunctionController(**keys)
         raise RigError(
             f"controller: {type(system).__name__} object: expected a linear system with A, B, C, D or num, den; "
@@ -197,7 +198,7 @@ class PidController(Controller):
         """See `Controller.axis_problems`."""
         names = ("proportional", "integral", "derivative", "derivative_time_constant")
         given = {key: getattr(self, key) for key in names}
-        return _wrong_counts({key: value for key, value in given.items() if isinstance(value, tuple)}, n_axes)
+        return wrong_counts({key: value for key, value in given.items() if isinstance(value, tuple)}, n_axes)
 
     def state_space(self, n_axes: int, sample_rate: float) -> StateSpace:
         """See `Controller.state_space`; one state per axis and gain I, D that is not zero."""
@@ -271,21 +272,24 @@ class StateSpaceController(_ReadingController):
 
     @model_validator(mode="after")
     def _shapes_agree(self) -> "StateSpaceController":
-        n, m = len(self.A), len(self.D)
-        read = m * len(self.inputs)
-        shapes = {"A": (n, n), "B": (n, read), "C": (m, n), "D": (m, read)}
+        states, axes, signals = sizes(self.A, self.B, self.C, self.D, len(self.inputs))
+        read = axes * signals
+        shapes = {"A": (states, states), "B": (states, read), "C": (axes, states), "D": (axes, read)}
+        others = {"A": "B and C", "B": "A and D", "C": "A and D", "D": "B and C"}
         refuse(
             *(
-                problem(f"expected {shape[0]} rows of {shape[1]} numbers, to fit A and D.", getattr(self, key), key)
+                problem(
+                    f"expected {shape[0]} rows of {shape[1]} numbers, to fit {others[key]}.", getattr(self, key), key
+                )
                 for key, shape in shapes.items()
-                if not _has_shape(getattr(self, key), shape)
+                if not has_shape(getattr(self, key), shape)
             )
         )
         return self
 
     def axis_problems(self, n_axes: int) -> list[InitErrorDetails]:
         """See `Controller.axis_problems`."""
-        return _wrong_counts({"D": self.D}, n_axes)
+        return wrong_counts({"D": self.D}, n_axes)
 
     def state_space(self, n_axes: int, sample_rate: float) -> StateSpace:
         """See `Controller.state_space`."""
@@ -331,7 +335,7 @@ class TransferFunctionController(_ReadingController):
         if odd:
             text = f"expected 1 entry, or a multiple of {len(self.inputs)}, one per signal in inputs; found {count}."
             refuse(problem(text, count, "numerator"))
-        refuse(*_wrong_counts(sides, n_axes, len(self.inputs)))
+        refuse(*wrong_counts(sides, n_axes, len(self.inputs)))
         problems = [
             problem("expected a coefficient that is not 0.", row, "denominator", k)
             for k, row in enumerate(self.denominator)
@@ -363,7 +367,7 @@ class TransferFunctionController(_ReadingController):
     def axis_problems(self, n_axes: int) -> list[InitErrorDetails]:
         """See `Controller.axis_problems`."""
         sides = {"numerator": self.numerator, "denominator": self.denominator}
-        return _wrong_counts(sides, n_axes, len(self.inputs))
+        return wrong_counts(sides, n_axes, len(self.inputs))
 
     def state_space(self, n_axes: int, sample_rate: float) -> StateSpace:
         """See `Controller.state_space`; the realisation is a balanced companion form."""
@@ -375,33 +379,3 @@ class TransferFunctionController(_ReadingController):
 AnyController = Annotated[
     PidController | StateSpaceController | TransferFunctionController, Field(discriminator="kind")
 ]
-
-
-def _wrong_counts(given: dict[str, tuple[Any, ...]], n_axes: int, signals: int = 1) -> list[InitErrorDetails]:
-    """Problems of the keys that have neither one entry, nor one per signal, nor one per signal and axis."""
-    per = "one per axis" if signals == 1 else f"{signals}, one per signal, or one per signal and axis"
-    return [
-        problem(f"expected 1 entry for all axes, or {n_axes * signals}, {per}; found {len(value)}.", value, key)
-        for key, value in given.items()
-        if len(value) not in (1, signals, n_axes * signals)
-    ]
-
-
-def _has_shape(rows: Matrix, shape: tuple[int, int]) -> bool:
-    empty = 0 in shape and not any(rows)
-    return empty or (len(rows) == shape[0] and all(len(row) == shape[1] for row in rows))
-
-
-def _per_axis_polynomials(rows: Any, may_couple: bool) -> list[list[float]]:
-    """Polynomial of each axis, from SciPy's single one or python-control's outputs x inputs of them."""
-    if np.isscalar(rows[0]):
-        return [list(map(float, rows))]
-    if np.isscalar(rows[0][0]):  # SciPy with one input, a row per output
-        rows = [[row] for row in rows]
-    coupled = not may_couple and any(np.any(p) for i, row in enumerate(rows) for j, p in enumerate(row) if i != j)
-    if len(rows) != len(rows[0]) or coupled:
-        raise RigError(
-            f"controller: {len(rows)} x {len(rows[0])} transfer functions: expected a diagonal matrix, one per axis; "
-            "convert coupled ones to state space first (control.ss)."
-        )
-    return [list(map(float, rows[k][k])) for k in range(len(rows))]

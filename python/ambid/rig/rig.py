@@ -175,7 +175,7 @@ class Actuator(Spec):
         False where force follows current at once: then there is no tau_e, and no `time_constant` is given.
     """
 
-    has_lag: bool = True
+    has_lag: bool = Field(True, strict=True, description="true or false, without quotes")
     time_constant: Annotated[float, ACTUATOR_LAG] | None = Field(None, description="a number in s, the guess of tau_e")
 
     @model_validator(mode="after")

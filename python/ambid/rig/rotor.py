@@ -3,16 +3,14 @@
 import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
-from zipfile import ZipFile
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import Discriminator, Field, Tag, ValidationError, ValidationInfo, model_validator
+from pydantic import Discriminator, Field, Tag, ValidationInfo, model_validator
 from pydantic_core import InitErrorDetails
-from scipy.sparse import issparse
 
-from ambid.reading import load_mat
+from ambid.rig.bodies import polar_over_transverse, too_polar, too_polar_disk
 from ambid.rig.fields import FINITE, MILLIMETRES, NOTHING, Range, Spec, per_axis, problem, refuse
+from ambid.rig.rotor_files import MATRIX_KEYS, matrices_of_file
 
 Finite = Annotated[float, FINITE]
 Position = Annotated[float, Range(unit="m")]
@@ -31,14 +29,13 @@ MODE_FREQUENCY = Range(0.0, 1e5, "Hz", (), "0 for a rigid mode")
 
 SAME_PLACE = 1e-6
 """Axial positions closer than this [m] are one place."""
+FAR_OFF = 10.0
+"""Lengths of the shaft beyond which a position looks like millimetres."""
 FREEDOMS_PER_NODE = 4
 MOST_SECTIONS = 1000
 """Sections, or disks, of a rotor: its bending modes then take two seconds and half a gigabyte."""
 MOST_NODES = 400
 """Nodes of a rotor given as matrices: the three then hold eight million numbers, a quarter of a gigabyte to read."""
-MATRIX_KEYS = ("node_positions", "M", "K", "G")
-MOST_ENTRIES = 1600 * 1600
-"""Of a matrix that is read from a file: 400 nodes, more than is reduced in seconds."""
 
 
 class Material(Spec):
@@ -106,6 +103,11 @@ class Disk(Spec):
     mass: Annotated[float, MASS]
     transverse_inertia: Annotated[float, INERTIA]
     polar_inertia: Annotated[float, INERTIA]
+
+    @model_validator(mode="after")
+    def _of_a_body(self) -> "Disk":
+        refuse(*too_polar_disk(self.transverse_inertia, self.polar_inertia))
+        return self
 
 
 class _FlexibleRotor(Spec):
@@ -242,7 +244,7 @@ class MatrixRotor(_FlexibleRotor):
             refuse(problem(f"expected either file or {', '.join(twice)}; remove one of them.", name, "file"))
         if not isinstance(name, str | Path) or Path(name).suffix not in (".npz", ".mat"):
             refuse(problem("expected the path of an .npz or .mat file.", name, "file"))
-        return given | _matrices(Path((info.context or {}).get("directory", "."), name), name)
+        return given | matrices_of_file(Path((info.context or {}).get("directory", "."), name), name)
 
     @model_validator(mode="after")
     def _consistent(self) -> "MatrixRotor":
@@ -261,6 +263,8 @@ class MatrixRotor(_FlexibleRotor):
         except np.linalg.LinAlgError:
             text = "expected a positive definite matrix; does a node lack mass or inertia?"
             refuse(problem(text, self.M, "M"))
+        if self.G is not None:
+            refuse(*too_polar(polar_over_transverse(self.M, self.G, self.node_positions), self.G, "G"))
         return self
 
 
@@ -324,7 +328,12 @@ class ModalRotor(Spec):
             text = f"expected {modes} lists (one per mode) of {points} values (one per position)."
             problems.append(problem(text, self.shapes, "shapes"))
         if self.gyroscopic is not None:
-            problems += _wrong_shapes({"gyroscopic": self.gyroscopic}, modes)
+            wrong = _wrong_shapes({"gyroscopic": self.gyroscopic}, modes)
+            rigid = [k for k, frequency in enumerate(self.frequencies_hz) if frequency == 0.0]
+            if not wrong and rigid:
+                own = np.array(self.gyroscopic)[np.ix_(rigid, rigid)]
+                wrong = too_polar(float(np.linalg.norm(own, 2)), self.gyroscopic, "gyroscopic")
+            problems += wrong
         if self.bending_modes > self.listed_bending_modes:
             text = f"expected at most {self.listed_bending_modes}, the modes of frequencies_hz above 0 Hz."
             problems.append(problem(text, self.flexible_modes, "flexible_modes"))
@@ -373,7 +382,8 @@ def off_the_shaft(span: tuple[float, float], position: float) -> str | None:
     first, last = span
     if first - SAME_PLACE <= position <= last + SAME_PLACE:
         return None
-    return Range(first, last, "m", (MILLIMETRES,), "the shaft").complaint(position)
+    slips = (MILLIMETRES,) if abs(position) > FAR_OFF * (last - first) else ()
+    return Range(first, last, "m", slips, "the shaft").complaint(position)
 
 
 def _wrong_shapes(matrices: dict[str, Any], size: int) -> list[InitErrorDetails]:
@@ -382,39 +392,3 @@ def _wrong_shapes(matrices: dict[str, Any], size: int) -> list[InitErrorDetails]
         for key, matrix in matrices.items()
         if matrix is not None and (len(matrix) != size or any(len(row) != size for row in matrix))
     ]
-
-
-def _matrices(path: Path, name: str | Path) -> dict[str, Any]:
-    """Read the keys of a `MatrixRotor` from an `.npz` or `.mat` file, as nested lists."""
-    matrices: dict[str, NDArray[np.float64]] = {}
-    try:
-        content = _arrays(path) if path.suffix == ".npz" else load_mat(path)
-        for key in content.keys() & set(MATRIX_KEYS):
-            value = content[key]
-            if math.prod(np.shape(value)) > MOST_ENTRIES:
-                refuse(problem(f"{key} has the shape {np.shape(value)}; expected 400 nodes or fewer.", name, "file"))
-            if issparse(value):
-                value.check_format(full_check=True)  # a wrong index would be written to, wherever it points
-                value = value.toarray()
-            matrices[key] = np.asarray(value, dtype=float)
-    except NotImplementedError:
-        refuse(problem("MATLAB v7.3 is not read here; save it with the option -v7, or as .npz.", name, "file"))
-    except OSError as error:
-        refuse(problem(f"cannot be read ({error.strerror}); give the path relative to the rig file.", name, "file"))
-    except ValidationError:
-        raise
-    except Exception:  # a damaged byte leads the parsers to any at all
-        text = (
-            f"cannot be read; expected a whole {path.suffix} file with the arrays {', '.join(MATRIX_KEYS)} of numbers."
-        )
-        refuse(problem(text, name, "file"))
-    return {key: (v.ravel() if key == "node_positions" else v).tolist() for key, v in matrices.items()}
-
-
-def _arrays(path: Path) -> dict[str, Any]:
-    """Arrays of an `.npz` file; it may be compressed, but not expand to more than matrices are."""
-    with ZipFile(path) as packed:
-        if any(entry.file_size > 9 * MOST_ENTRIES for entry in packed.infolist()):
-            raise ValueError
-    with np.load(path) as content:
-        return {key: content[key] for key in content.files if key in MATRIX_KEYS}

@@ -1,0 +1,62 @@
+"""In which keys two rigs differ, and by which values."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from ambid.rig.fields import plain
+from ambid.rig.rig import Rig
+
+__all__ = ["differences"]
+
+LONGEST_VALUE = 40
+"""Characters of a value that are told."""
+MISSING = "nothing"
+
+
+def differences(one: Rig, other: Rig) -> list[tuple[str, str, str]]:
+    """Keys of the rig file in which two rigs differ, each with the value of either as text; their names do not count.
+
+    Parameters
+    ----------
+    one, other : Rig
+
+    Returns
+    -------
+    list of (str, str, str)
+        Such as ``("bearing[0] (A).bias_current", "10", "6")``, in the order of the file.
+    """
+    first, second = (rig.model_dump(by_alias=True, exclude_none=True, exclude={"name"}) for rig in (one, other))
+    return list(_apart("", first, second))
+
+
+def _apart(key: str, one: Any, other: Any) -> Iterator[tuple[str, str, str]]:
+    if isinstance(one, dict) and isinstance(other, dict):
+        if one.get("kind") != other.get("kind"):
+            yield f"{key}.kind", _text(one.get("kind")), _text(other.get("kind"))
+            return
+        for name in dict.fromkeys([*one, *other]):
+            inner = f"{key}.{name}" if key else name
+            yield from _apart(inner, one.get(name), other.get(name))
+    elif _is_tables(one) and _is_tables(other):
+        if len(one) != len(other):
+            yield f"[[{key}]]", f"{len(one)} tables", f"{len(other)} tables"
+            return
+        for k, (own, theirs) in enumerate(zip(one, other, strict=True)):
+            name = f" ({own['name']})" if "name" in own else ""
+            yield from _apart(f"{key}[{k}]{name}", own, theirs)
+    elif one != other:
+        yield key, _text(one), _text(other)
+
+
+def _is_tables(value: Any) -> bool:
+    return isinstance(value, tuple) and bool(value) and all(isinstance(own, dict) for own in value)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, float) and not isinstance(value, bool):
+        return plain(value) if float(plain(value)) == value else repr(value)
+    if isinstance(value, tuple) and all(isinstance(own, float) for own in value):
+        text = f"[{', '.join(_text(own) for own in value)}]"
+    else:
+        text = MISSING if value is None else "a table" if isinstance(value, dict) else repr(value)
+    return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 4]} ..."

@@ -1,0 +1,56 @@
+"""The matrices of a rotor out of an `.npz` or `.mat` file."""
+
+import math
+from pathlib import Path
+from typing import Any
+from zipfile import ZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+from scipy.sparse import issparse
+
+from ambid.reading import load_mat
+from ambid.rig.fields import problem, refuse
+
+__all__ = ["MATRIX_KEYS", "matrices_of_file"]
+
+MATRIX_KEYS = ("node_positions", "M", "K", "G")
+MOST_ENTRIES = 1600 * 1600
+"""Of a matrix that is read from a file: 400 nodes, more than is reduced in seconds."""
+
+
+def matrices_of_file(path: Path, name: str | Path) -> dict[str, Any]:
+    """Read the keys of a `MatrixRotor` from an `.npz` or `.mat` file, as nested lists."""
+    matrices: dict[str, NDArray[np.float64]] = {}
+    try:
+        content = _arrays(path) if path.suffix == ".npz" else load_mat(path)
+        for key in content.keys() & set(MATRIX_KEYS):
+            value = content[key]
+            if math.prod(np.shape(value)) > MOST_ENTRIES:
+                refuse(problem(f"{key} has the shape {np.shape(value)}; expected 400 nodes or fewer.", name, "file"))
+            if issparse(value):
+                value.check_format(full_check=True)  # a wrong index would be written to, wherever it points
+                value = value.toarray()
+            matrices[key] = np.asarray(value, dtype=float)
+    except NotImplementedError:
+        refuse(problem("MATLAB v7.3 is not read here; save it with the option -v7, or as .npz.", name, "file"))
+    except OSError as error:
+        refuse(problem(f"cannot be read ({error.strerror}); give the path relative to the rig file.", name, "file"))
+    except ValidationError:
+        raise
+    except Exception:  # a damaged byte leads the parsers to any at all
+        text = (
+            f"cannot be read; expected a whole {path.suffix} file with the arrays {', '.join(MATRIX_KEYS)} of numbers."
+        )
+        refuse(problem(text, name, "file"))
+    return {key: (v.ravel() if key == "node_positions" else v).tolist() for key, v in matrices.items()}
+
+
+def _arrays(path: Path) -> dict[str, Any]:
+    """Arrays of an `.npz` file; it may be compressed, but not expand to more than matrices are."""
+    with ZipFile(path) as packed:
+        if any(entry.file_size > 9 * MOST_ENTRIES for entry in packed.infolist()):
+            raise ValueError
+    with np.load(path) as content:
+        return {key: content[key] for key in content.files if key in MATRIX_KEYS}

@@ -1,0 +1,97 @@
+"""A measurement that is given twice, by whatever name: a note names both files; other data under one name are fine."""
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import ambid
+from ambid import Model, Record, StaticLoading, prbs, static_load
+from ambid.demo import DATA
+from ambid.record.twice import notes_on_validation, with_repeats_told
+from hidden.one_axis import ONE_AXIS
+
+RIG = ONE_AXIS.rig
+TWICE = "holds the same data as"
+
+
+def run(seed: int, name: str = "run") -> Record:
+    return replace(
+        Model(RIG).virtual_experiment(prbs(8, amplitude=1.0, hold=4, axes=1, periods=4), seed=seed), name=name
+    )
+
+
+@pytest.fixture
+def files(tmp_path):
+    """A record, its copy by another name and in another format, and another record of the same name elsewhere."""
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    RIG.save(tmp_path / "rig.toml")
+    run(1).save(tmp_path / "a" / "run.csv")
+    shutil.copy(tmp_path / "a" / "run.csv", tmp_path / "a" / "again.csv")
+    run(1).save(tmp_path / "a" / "run.mat")
+    run(2).save(tmp_path / "b" / "run.csv")
+    return tmp_path
+
+
+def twice(notes):
+    return [note for note in notes if TWICE in note]
+
+
+@pytest.mark.parametrize("other", ["a/run.csv", "a/again.csv", "a/run.mat"])
+def test_a_record_that_is_given_twice_is_told_with_both_files(files, other):
+    (note,) = twice(ambid.identify(RIG, [files / "a" / "run.csv", files / other]).notes)
+    assert str(files / "a" / "run.csv") in note
+    assert str(files / other) in note
+    assert "count twice" in note
+
+
+def test_other_data_of_the_same_name_are_fine(files):
+    assert not twice(ambid.identify(RIG, [files / "a" / "run.csv", files / "b" / "run.csv"]).notes)
+
+
+def test_the_same_motion_by_another_excitation_is_another_record():
+    own = run(1)
+    assert with_repeats_told([own, replace(own, i_e=2.0 * own.i_e)])[1].notes == own.notes
+
+
+def test_a_frequency_response_that_is_given_twice_is_told():
+    own = run(1).frequency_response()
+    first, second = with_repeats_told([own, replace(own, name="again")])
+    assert not twice(first.notes)
+    assert "again holds the same data as" in twice(second.notes)[0]
+
+
+def test_it_is_told_once_however_often_it_is_asked():
+    told = with_repeats_told(with_repeats_told([run(1), run(1, "again")]))
+    assert len(twice(told[1].notes)) == 1
+
+
+def test_validation_on_the_record_that_was_fitted_is_told(files):
+    train, same, new = (files / place for place in ("a/run.csv", "a/again.csv", "b/run.csv"))
+    (note,) = twice(ambid.diagnose(RIG, train, validate=[same, new]).notes)
+    assert str(train) in note
+    assert str(same) in note
+    assert "validate on another record" in note
+    assert notes_on_validation([run(1)], [run(2)]) == []
+
+
+@pytest.mark.parametrize("what", ["identify", "compare", "rank"])
+def test_commands_say_so(files, what, command):
+    records = files / "a" / "run.csv", files / "a" / "again.csv"
+    found = command(what, files / "rig.toml", *records, "--json", files / "out.json")
+    assert TWICE in found.out
+    assert TWICE in json.dumps(json.loads((files / "out.json").read_text()))
+
+
+def test_a_static_loading_that_is_given_twice_is_told(tmp_path):
+    rig = ambid.Rig.load(DATA / "rig.toml")
+    shutil.copy(DATA / "static_1.csv", tmp_path / "again.csv")
+    found = static_load(rig, [DATA / "static_1.csv", tmp_path / "again.csv"])
+    (note,) = twice(found.notes)
+    assert str(tmp_path / "again.csv") in note
+    one = StaticLoading.load(DATA / "static_1.csv", rig)
+    other = replace(one, i_c=one.i_c * 1.01 + 1e-3 * np.arange(len(one.i_c))[:, None])
+    assert not twice(static_load(rig, [one, other]).notes)
