@@ -13,7 +13,7 @@ import ambid
 from ambid.diagnosis import Candidate, Localisation, Ranking, compare
 from ambid.diagnosis.localisation import Growth, MisfitMap
 from ambid.diagnosis.ports import Port
-from ambid.diagnosis.shapes import Term
+from ambid.noise.shapes import Term
 from ambid.errors import InputError
 from ambid.plot import (
     plot_comparison,

@@ -14,8 +14,8 @@ from functools import partial
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.diagnosis.inlets import Sight
-from ambid.diagnosis.shapes import NoShapes, Shapes, Term
+from ambid.noise.inlets import Sight
+from ambid.noise.shapes import NoShapes, Shapes, Term
 from ambid.noise import Comparison
 from ambid.noise.response_lines import ResponseLines
 from ambid.rig import Rig
