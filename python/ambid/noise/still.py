@@ -40,7 +40,10 @@ class Louder(NamedTuple):
     below_hz: float
     part: float
 
-    when = "while the machine moves"
+    @property
+    def when(self) -> str:
+        """In words."""
+        return "while the machine moves"
 
     def sentence(self, record: str) -> str:
         """In words, of the record with this name."""

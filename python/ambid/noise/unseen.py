@@ -24,7 +24,7 @@ __all__ = ["OverCeiling", "over_ceiling", "shape_left"]
 
 SHAPE_LEFT = 1e-5
 """Chance of the score of a shape that is no chance, over some twenty shapes: right models leave none below 1e-2 with
-periods, and of NULLS records without, none below 5e-5."""
+periods; without, of 452 records under random excitation none below 5e-5, of 600 of stairs one."""
 PORTS = {"force": "f", "current": "i_ref", "sensor": "y"}
 """Ports at which a shape may act, and the signal that it is added to."""
 
@@ -35,14 +35,17 @@ class OverCeiling(NamedTuple):
     channel: str
     ratio: float
 
-    when = "in all"
+    @property
+    def when(self) -> str:
+        """In words."""
+        return "in all"
 
     def sentence(self, record: str) -> str:
         """In words, of the record with this name."""
         return (
             f"{record}: {self.ratio:.2g} times the power of the noise is left of {self.channel}, so that its fit stays "
-            "below its ceiling, on few lines beside all that the misfit counts alike: physics is missing, and parameters "
-            "may be further off than their intervals say; excite with periods, which tell what is noise"
+            "below its ceiling, on few lines beside all that the misfit counts alike: physics is missing, and "
+            "parameters may be further off than their intervals say; excite with periods, which tell what is noise"
         )
 
 
