@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ambid import identify, localise
-from ambid.diagnosis.inlets import Sight
+from ambid.noise.inlets import Sight
 from hidden.experiment import experiment
 
 

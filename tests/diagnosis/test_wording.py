@@ -21,7 +21,7 @@ QUIET = SimpleNamespace(parts=())
 
 def verdict(model, **keys):
     """An explanation in the facts that `notes` reads."""
-    fit = SimpleNamespace(model=model, records=(), bound=1.1, loudest=1.0)
+    fit = SimpleNamespace(model=model, records=(), bound=1.1, loudest=1.0, when_loudest="")
     own = {"word": "explained", "effects": ("periodic_disturbance",), "sets": (), "fit": fit, "misfit": 1.0}
     own |= {"tolerance": 1.1, "share": 0.99, "change": None, "changes": (), "is_stopped": False, "is_chosen": False}
     own |= {"kept_back": None, "shape": ""}
@@ -40,7 +40,7 @@ def test_what_remains_is_told_with_the_bound_that_it_failed(hum):
     (left, *_) = notes(verdict(hum, misfit=1.1004), QUIET)
     assert left.startswith("in the main only")
     assert "J/dof 1.1004 remains, above its bound 1.1000" in left
-    loud = SimpleNamespace(model=hum, records=(), bound=1.2, loudest=1.7)
+    loud = SimpleNamespace(model=hum, records=(), bound=1.2, loudest=1.7, when_loudest="while the machine moves")
     (left, *_) = notes(verdict(hum, misfit=1.15, fit=loud), QUIET)
     assert "1.70 times the noise remains while the machine moves, above 1.10" in left
     assert not any("in the main" in note for note in notes(verdict(hum), QUIET))
@@ -57,7 +57,7 @@ def test_a_misfit_of_records_kept_back_is_told_and_asked_for(hum):
 def test_the_louder_motion_of_an_adequate_model_is_not_called_missing_physics(hum):
     held = [SimpleNamespace(uneven="", louder="physics is missing")]
     for loudest, told in ((1.05, 0), (1.7, 1)):
-        fit = SimpleNamespace(model=hum, records=held, bound=1.1, loudest=loudest)
+        fit = SimpleNamespace(model=hum, records=held, bound=1.1, loudest=loudest, when_loudest="in all")
         assert list(notes(verdict(hum, fit=fit), QUIET)).count("physics is missing") == told
 
 

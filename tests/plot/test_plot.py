@@ -13,8 +13,8 @@ import ambid
 from ambid.diagnosis import Candidate, Localisation, Ranking, compare
 from ambid.diagnosis.localisation import Growth, MisfitMap
 from ambid.diagnosis.ports import Port
-from ambid.diagnosis.shapes import Term
 from ambid.errors import InputError
+from ambid.noise.shapes import Term
 from ambid.plot import (
     plot_comparison,
     plot_growth,

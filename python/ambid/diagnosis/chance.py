@@ -3,20 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import chdtrc, comb, gammaln
+from scipy.special import comb
 
 from ambid.arrays import ComplexArray, FloatArray
+from ambid.noise.chance import log_chance
 
 __all__ = ["independent_tests", "log_chance", "log_chance_bounded"]
-
-
-def log_chance(fall: float, degrees: int) -> float:
-    """Logarithm of the chance that chi-squared reaches a value."""
-    known = float(chdtrc(degrees, fall))
-    if known > 0.0:
-        return float(np.log(known))
-    half, shape = fall / 2.0, degrees / 2.0
-    return float((shape - 1.0) * np.log(half) - half - gammaln(shape))
 
 
 def log_chance_bounded(fall: float, degrees: int, one_sided: int) -> float:

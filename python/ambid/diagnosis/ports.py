@@ -14,10 +14,10 @@ from functools import partial
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.diagnosis.inlets import Sight
-from ambid.diagnosis.shapes import NoShapes, Shapes, Term
 from ambid.noise import Comparison
+from ambid.noise.inlets import Sight
 from ambid.noise.response_lines import ResponseLines
+from ambid.noise.shapes import NoShapes, Shapes, Term
 from ambid.rig import Rig
 
 __all__ = ["Port", "needed_at_ports"]

@@ -6,14 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import chdtri
 
 from ambid.diagnosis.apart import Changing, changing
 from ambid.diagnosis.drift import Change, largest_change
-from ambid.diagnosis.left import shape_left
+from ambid.diagnosis.left import shape_of
 from ambid.diagnosis.localisation import Cell, Localisation, largest_cell, localise
 from ambid.diagnosis.state import State, Task
+from ambid.identification.covariance import covariance
 from ambid.loop.effect import Tone
 from ambid.noise import Comparison
+from ambid.noise.chance import ADEQUATE, RARE
 from ambid.noise.tones import OUTSTANDING
 from ambid.record import Measurement, Record
 
@@ -122,17 +125,22 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
     change = largest_change(left) if effects else where.change
     tones = tuple(tone for tone in left.tones if tone.power > OUTSTANDING)
     is_clean = not tones and (change is None or change.power < OVERTURNS)
-    by_share = state.explained_by_physics > EXPLAINED_SHARE and len(state.physics) <= MOST_BY_SHARE
+    has_excess = state.reference.cost > state.at_noise  # without periods, what is missing may be within the noise
+    by_share = has_excess and state.explained_by_physics > EXPLAINED_SHARE and len(state.physics) <= MOST_BY_SHARE
     is_at_noise, shape = _is_at_noise(task, state), ""
     if effects and is_at_noise and not by_share:
-        shape = shape_left(state)
+        shape = shape_of(state)
         is_at_noise = not shape
+    elif not effects and tolerance <= ADEQUATE:
+        shape = left.shape
     changes = () if is_at_noise or is_stopped or not is_clean else changing(state)
     sets = tuple(state.sets[name] for name in effects if len(state.sets.get(name, ())) > 1)
     fit, tried_share = state.fit, 0.0
     tried: tuple[str, ...] = ()
     is_small = misfit <= max(tolerance, state.at_noise / state.dof) and left.loudest <= tolerance
-    if not effects and is_small and is_clean:
+    kept_back = _beyond_bound(state)
+    is_contradicted = bool(shape) or kept_back is not None and kept_back > tolerance
+    if not effects and is_small and is_clean and not is_contradicted:
         word = "adequate"
     elif effects and (is_at_noise or by_share or changes) and is_clean and (state.physics or is_small):
         word = "ambiguous" if sets else "explained"
@@ -165,7 +173,7 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
         task.is_chosen,
         changes,
         largest_cell(fit, left, change) if word == "explained" else None,
-        _beyond_bound(state),
+        kept_back,
         shape,
     )
 
@@ -185,9 +193,20 @@ def _is_at_noise(task: Task, state: State) -> bool:
 
 
 def _beyond_bound(state: State) -> float | None:
-    """Misfit of the records to validate on, where it is above their bound."""
+    """Misfit of the records to validate on, where it is above their bound, and what errors of the fit bring to it.
+
+    The parameters' covariance C of the fit makes the J of a record with the Hessian H larger by tr(C H) on average:
+    the larger, the more a record tells that was kept back. It is bounded as chi-squared with that mean and the variance
+    2 tr(C H C H) (Satterthwaite).
+    """
     misfit, kept_back = state.history[-1].validation_misfit, state.validation
-    return misfit if misfit is not None and kept_back is not None and misfit > kept_back.bound else None
+    if misfit is None or kept_back is None or not misfit > kept_back.bound:
+        return None
+    free = range(len(kept_back.model.names))
+    carried = covariance(state.fit, free) @ kept_back.noise.quadratic(kept_back.model, free).hessian
+    mean, square = float(np.trace(carried)), float(np.trace(carried @ carried))
+    brought = square / mean * float(chdtri(mean**2 / square, RARE))
+    return misfit if misfit > kept_back.bound + brought / kept_back.dof else None
 
 
 def _others(task: Task, state: State) -> str:

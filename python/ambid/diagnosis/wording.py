@@ -71,9 +71,8 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
         Of the records.
     """
     if verdict.word in ("explained", "ambiguous") and not verdict.is_to_the_noise:
-        left = "{} times the noise remains while the machine moves, above {}".format(
-            *told_apart(verdict.fit.loudest, verdict.tolerance)
-        )
+        value, good = told_apart(verdict.fit.loudest, verdict.tolerance)
+        left = f"{value} times the noise remains {verdict.fit.when_loudest}, above {good}"
         bound = max(verdict.tolerance, verdict.fit.bound)
         if verdict.misfit > bound:
             left = "J/dof {} remains, above its bound {}".format(*told_apart(verdict.misfit, bound))
@@ -101,7 +100,8 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
             names, share = ", ".join(verdict.tried), 100 * verdict.tried_share
             yield f"best tried: {names}, which explains {share:.0f} % of the excess misfit; not added"
         if verdict.shape:
-            yield f"what that leaves is no noise: {verdict.shape}, which nothing of the catalogue brings"
+            left = "what that leaves" if verdict.tried else "what is left"
+            yield f"{left} is no noise: {verdict.shape}, which nothing of the catalogue brings on all records"
         yield from (f"a tone at {tone.frequency_hz:.2f} Hz is left" for tone in verdict.tones)
         if sentence := verdict.where.sentence():
             yield sentence
@@ -110,7 +110,7 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
             f"{change.parameter} seems to change during {change.record}, by {100 * change.relative:.2g} % at "
             f"{change.frequency_hz:.3g} Hz ({change.power:.0f} in units of noise, 2 where nothing changes)"
         )
-    if verdict.kept_back is not None and verdict.word != "none_of_the_candidates":
+    if verdict.kept_back is not None and _shows_elsewhere(verdict):
         yield (
             f"on the records to validate on the misfit is {verdict.kept_back:.2f} (J/dof), above its bound: what is "
             "missing there shows less, or not at all, in the records that the model was fitted to"
@@ -125,6 +125,11 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
     yield from _of_one_axis(verdict)
     if verdict.is_stopped:
         yield "stopped by Ctrl-C after the steps above: more may be missing, and rivals were not compared"
+
+
+def _shows_elsewhere(verdict: Verdict) -> bool:
+    """Whether records to validate on show what those that the model was fitted to do not."""
+    return verdict.word != "none_of_the_candidates" or verdict.is_to_the_noise
 
 
 def _of_one_axis(verdict: Verdict) -> Iterator[str]:
@@ -173,7 +178,7 @@ def next_experiment(verdict: Verdict, history: Sequence[Step]) -> str:
     history : sequence of Step
         With the ranking before each step.
     """
-    if verdict.kept_back is not None and verdict.word in ("adequate", "explained"):
+    if verdict.kept_back is not None and verdict.word != "ambiguous" and _shows_elsewhere(verdict):
         return "diagnose the records to validate on together with these, to see what is missing there"
     if verdict.word == "adequate":
         return "nothing is needed in this band and at this amplitude; a larger one would show nonlinear effects"

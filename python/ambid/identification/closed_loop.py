@@ -279,7 +279,7 @@ def _likeliest(
             break
         if again and abs(best.cost / before - 1.0) < RENEWED:
             break
-    if not is_known and has_eq_9 and best.status != "stopped" and not comparison.is_adequate:
+    if not is_known and has_eq_9 and best.status != "stopped" and comparison.misfit > comparison.bound:
         why = "weights of eq. 9: physics is missing, and without periods the noise cannot be told from what is missing"
         factors = _factors(model, None)
         return (yield from _in_time(model, in_time, free, limits, origins, factors, max_evaluations, progress, [why]))

@@ -163,7 +163,12 @@ class Estimate(Tabular):
         """What keeps the model from being adequate, with value and bound; empty where nothing does."""
         if self.is_adequate or not self.comparison.is_judged:
             return ""
-        return self.comparison.exceeds or "the curved force of a single magnet is seen"
+        return "the curved force of a single magnet is seen" if self._is_curved else self.comparison.exceeds
+
+    @property
+    def _is_curved(self) -> bool:
+        """Whether the curved force of a single magnet is seen, beside a misfit within its bound."""
+        return bool(self.misfit <= self.misfit_bound) and self.curvature is not None and self.curvature.is_seen
 
     @property
     def next(self) -> str:
@@ -193,7 +198,7 @@ class Estimate(Tabular):
         what = f"misfit {self.misfit:.2f}, bound {self.misfit_bound:.2f} (J/dof, 1 when the model is right)"
         if self.is_adequate:
             return f"{what}: nothing is missing that these records can show"
-        if self.comparison.is_adequate:
+        if self._is_curved:
             return f"{what}, but {self.exceeds}: K_i and K_s change on the way"
         return f"{self.exceeds}: physics is missing, however good the fit looks"
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from scipy.special import chdtri
+import numpy as np
+from scipy.special import chdtrc, chdtri, gammaln
 
-__all__ = ["ADEQUATE", "RESPONSE_SPREAD", "SPREAD", "misfit_bound"]
+__all__ = ["ADEQUATE", "RESPONSE_SPREAD", "SPREAD", "log_chance", "misfit_bound"]
 
 ADEQUATE = 1.10
 """Largest misfit J/dof of a model that is called adequate, if chance does not bring more on a short record."""
@@ -26,3 +27,12 @@ def misfit_bound(dof: int, chance: float = RARE, spread: float = SPREAD) -> floa
     """J/dof that the right model exceeds with so small a chance: of chi-squared with dof / spread^2 degrees."""
     own = dof / spread**2
     return float(chdtri(own, chance) / own)
+
+
+def log_chance(fall: float, degrees: int) -> float:
+    """Logarithm of the chance that chi-squared reaches a value."""
+    known = float(chdtrc(degrees, fall))
+    if known > 0.0:
+        return float(np.log(known))
+    half, shape = fall / 2.0, degrees / 2.0
+    return float((shape - 1.0) * np.log(half) - half - gammaln(shape))

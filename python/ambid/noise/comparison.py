@@ -26,6 +26,7 @@ from ambid.noise.lines import RecordLines
 from ambid.noise.noise import Noise
 from ambid.noise.response_lines import ResponseLines
 from ambid.noise.still import Louder
+from ambid.noise.unseen import OverCeiling, over_ceiling, shape_left
 from ambid.record import FrequencyResponse, Measurement, Record, Source, measured
 from ambid.results import Tabular, picture, plain, told_apart
 from ambid.threads import with_one_blas_thread
@@ -153,34 +154,56 @@ class Comparison(Tabular):
 
     @property
     def is_adequate(self) -> bool:
-        """Whether the misfit is within its bound, and no record holds more where it moves than where it stands."""
+        """Whether nothing is left but noise, by the misfit and by what it does not see in records without periods."""
+        return self.is_within and not self.shape
+
+    @property
+    def is_within(self) -> bool:
+        """Whether the misfit is within its bound, and no record holds more than its noise, in motion or in all."""
         return bool(self.misfit <= self.bound) and self.loudest <= 1.0
 
     @property
     def loudest(self) -> float:
-        """Largest power of what is left in motion over that at rest, beyond chance; 1 where none is larger."""
-        return max((own.ratio for own in self._in_motion if own is not None), default=1.0)
+        """Largest power of what is left over the noise, in motion or in all, beyond chance; 1 where none is larger."""
+        return max((own.ratio for own in self._unseen if own is not None), default=1.0)
+
+    @property
+    def when_loudest(self) -> str:
+        """In motion or in all, in words; empty where no record holds more than its noise."""
+        found = [own for own in self._unseen if own is not None]
+        return max(found, key=lambda own: own.ratio).when if found else ""
+
+    @cached_property
+    def shape(self) -> str:
+        """Nonlinear shape of what is left of a record without periods, whose noise has room for it; empty if none."""
+        if not self.is_within:
+            return ""
+        parts = (part for part in self.noise.in_time if not part.noise_is_measured)
+        return next((shape for part in parts if (shape := shape_left(part, self.model))), "")
 
     @property
     def exceeds(self) -> str:
-        """Which bound the model does not keep, with the value and the bound; empty where it keeps both."""
+        """Which bound the model does not keep, with the value and the bound; empty where it keeps all."""
         if not self.misfit <= self.bound:
             return "misfit {} (J/dof), above its bound {}".format(*told_apart(self.misfit, self.bound))
-        if self.loudest <= 1.0:
-            return ""
-        value, one = told_apart(self.loudest, 1.0)
         within = "misfit {} within its bound {}".format(*told_apart(self.misfit, self.bound))
-        return f"{value} times the noise while the machine moves, above {one} ({within})"
+        if self.loudest > 1.0:
+            value, one = told_apart(self.loudest, 1.0)
+            return f"{value} times the noise {self.when_loudest}, above {one} ({within})"
+        return f"what is left is {self.shape} ({within})" if self.shape else ""
 
     @cached_property
-    def _in_motion(self) -> tuple[Louder | None, ...]:
+    def _unseen(self) -> tuple[Louder | OverCeiling | None, ...]:
         """Of each record; nothing where the misfit tells it already, or the noise is not known."""
         if not self.misfit <= self.bound:
             return (None,) * len(self._records)
-        return tuple(
-            part.louder_in_motion(part.at(self.model)) if isinstance(part, RecordLines) else None
-            for part in self.noise.parts
-        )
+        return tuple(self._unseen_in(part) if isinstance(part, RecordLines) else None for part in self.noise.parts)
+
+    def _unseen_in(self, part: RecordLines) -> Louder | OverCeiling | None:
+        """Of both, what is louder."""
+        here = part.at(self.model)
+        found = [own for own in (part.louder_in_motion(here), over_ceiling(part, here)) if own is not None]
+        return max(found, key=lambda own: own.ratio, default=None)
 
     @property
     def held(self) -> tuple[float, ...]:
@@ -205,7 +228,7 @@ class Comparison(Tabular):
             if self.is_adequate and isinstance(record, Record) and record.period is None:
                 driven = self.model.excitation(record)[:, : len(record.axes)]
                 own = replace(own, uneven=uneven(record, own.residual.real, driven))
-            if louder := self._in_motion[k]:
+            if louder := self._unseen[k]:
                 own = replace(own, louder=louder.sentence(record.name))
             found.append(own)
         return tuple(found)

@@ -118,6 +118,12 @@ class JudgedLines:
         lines[self.index] = left
         return left - waves_between(lines, self.window, places.tolist(), self.index)
 
+    @property
+    def beside_tones(self) -> NDArray[np.bool_]:
+        """Which of the judged lines are not near a tone."""
+        places = np.array([tone.frequency_hz for tone in self.tones]) * self.window.samples / self.record.sample_rate
+        return np.asarray((np.abs(self.index[:, None] - places) > NEAR).all(axis=1))
+
     def _around(self, frequencies_hz: Sequence[float]) -> NDArray[np.intp]:
         """The unexcited lines next to frequencies."""
         window = self.window

@@ -19,7 +19,8 @@ __all__ = ["Louder", "louder_in_motion"]
 
 PARTS = 40
 """Stretches of a record that are held against each other: short beside the time between steps, and enough to tell how
-much noise changes from one to the next."""
+much noise changes from one to the next. Where too few of them stand still, as between many steps, there are twice as
+many, or four times, and so on; how noise changes is told by as many of them together as fill one of these."""
 LEAST_SAMPLES = 16
 """Samples of a stretch that is judged."""
 BAND = 0.8
@@ -38,6 +39,11 @@ class Louder(NamedTuple):
     ratio: float
     below_hz: float
     part: float
+
+    @property
+    def when(self) -> str:
+        """In words."""
+        return "while the machine moves"
 
     def sentence(self, record: str) -> str:
         """In words, of the record with this name."""
@@ -76,16 +82,14 @@ def louder_in_motion(
         None where chance would bring as much, the record moves all along, or it is too short or too long to tell.
     """
     samples = len(response)
-    length = samples // PARTS
-    if length < LEAST_SAMPLES:
-        return None
     change = np.diff(response, axis=0, append=response[-1:])
-    motion = np.sum(_powers(change, length) / np.maximum(np.einsum("kc,kc->c", change, change), 1e-300), axis=1)
-    order = np.argsort(motion)
-    is_still = np.zeros(PARTS, dtype=bool)
-    is_still[order[np.cumsum(motion[order]) < AT_REST * motion.sum()]] = True
-    if is_still.sum() < LEAST_STILL * PARTS or is_still.all():
+    together, is_still = 1, _still(change, samples // PARTS)
+    while is_still.sum() < LEAST_STILL * len(is_still):
+        together *= 2
+        is_still = _still(change, samples // (PARTS * together))
+    if not len(is_still) or is_still.all():
         return None
+    length = samples // (PARTS * together)
     power = np.cumsum(np.sum(np.abs(_whitened(whitening, rfft(change, axis=0)[index])) ** 2, axis=1))
     top = int(np.searchsorted(power, BAND * power[-1])) + 1
     if index[top - 1] - index[0] != top - 1:
@@ -94,10 +98,22 @@ def louder_in_motion(
     lines[index[:top]] = _whitened(whitening, left)[:top]
     powers = _powers(irfft(lines, n=samples, axis=0), length).sum(axis=1)
     still, moved = powers[is_still], powers[~is_still]
-    ratio, free = moved.mean() / still.mean(), 2.0 * still.mean() ** 2 / still.var(ddof=1)
+    whole = still[: len(still) // together * together].reshape(-1, together).mean(axis=1)
+    ratio, free = moved.mean() / still.mean(), 2.0 * still.mean() ** 2 / whole.var(ddof=1) / together
     if fdtrc(free * len(moved), free * len(still), ratio) > AT_MOST:
         return None
-    return Louder(float(ratio), float(index[top - 1] * rate / samples), len(moved) / PARTS)
+    return Louder(float(ratio), float(index[top - 1] * rate / samples), len(moved) / len(powers))
+
+
+def _still(change: FloatArray, length: int) -> NDArray[np.bool_]:
+    """Which stretches of so many samples stand still; none where they are too short."""
+    if length < LEAST_SAMPLES:
+        return np.zeros(0, dtype=bool)
+    motion = np.sum(_powers(change, length) / np.maximum(np.einsum("kc,kc->c", change, change), 1e-300), axis=1)
+    order = np.argsort(motion)
+    is_still = np.zeros(len(motion), dtype=bool)
+    is_still[order[np.cumsum(motion[order]) < AT_REST * motion.sum()]] = True
+    return is_still
 
 
 def _whitened(whitening: ComplexArray, lines: ComplexArray) -> ComplexArray:
@@ -106,5 +122,6 @@ def _whitened(whitening: ComplexArray, lines: ComplexArray) -> ComplexArray:
 
 def _powers(signal: FloatArray, length: int) -> FloatArray:
     """Power of each channel of a signal in each stretch."""
-    cut = signal[: PARTS * length].reshape(PARTS, length, -1)
+    count = len(signal) // length
+    cut = signal[: count * length].reshape(count, length, -1)
     return np.asarray(np.einsum("pkc,pkc->pc", cut, cut) / length)

@@ -13,8 +13,8 @@ from ambid.arrays import FloatArray
 from ambid.diagnosis import Localisation
 from ambid.diagnosis.localisation import SHAPED
 from ambid.diagnosis.ports import Port
-from ambid.diagnosis.shapes import TERMS, Term
 from ambid.errors import InputError
+from ambid.noise.shapes import TERMS, Term
 from ambid.plot.style import AXIS_COLOURS, AXIS_MARKERS, BAND, LABEL, SMALL, dress, new_figure, shown_in
 
 if TYPE_CHECKING:

@@ -104,16 +104,19 @@ class Sight:
     ways: ComplexArray
 
     @classmethod
-    def of(cls, model: Model, part: RecordLines | ResponseLines, signals: dict[str, str]) -> Sight:
-        """Look at a record.
+    def of(
+        cls, model: Model, part: RecordLines | ResponseLines, signals: dict[str, str], through: Model | None = None
+    ) -> Sight:
+        """Look at a record, by ways through another model's loop where that of the model has none.
 
         Raises
         ------
         UnstableLoopError
             If the loop is unstable at the values of the model, or its linearisation at rest is.
         """
-        loop = model.watching((), [_Inlets(signals)])
-        if (growth := loop.poles(model.theta)[0].real) >= 0.0:
+        through = through or model
+        loop = through.watching((), [_Inlets(signals)])
+        if (growth := loop.poles(through.theta)[0].real) >= 0.0:
             raise UnstableLoopError(f"the loop, linearised at rest, grows by {growth:.3g} 1/s: no way back to a port")
         inlets = [k for k, name in enumerate(loop.inputs) if name.split(".")[0] in signals]
         if isinstance(part, ResponseLines):
@@ -125,7 +128,7 @@ class Sight:
             frequency = np.asarray(part.window.excited * line_hz, dtype=np.float64)
             whitening = part.spectrum.whitening[: len(frequency)]
         # of an analog loop in continuous time: a signal held from sample to sample is no displacement
-        responses = loop.frequency_response(model.theta, frequency)[:, outputs][..., inlets]
+        responses = loop.frequency_response(through.theta, frequency)[:, outputs][..., inlets]
         # each excitation of a response calls for a signal of its own
         ways = np.einsum("koc,ij->koicj", responses, np.eye(inputs))
         pairs = len(outputs) * inputs

@@ -1,0 +1,37 @@
+"""What the record itself, or one that was kept back, contradicts is neither adequate nor explained."""
+
+import numpy as np
+import pytest
+
+from ambid import diagnose
+from hidden.bench import measured
+from hidden.one_axis import NAMELESS, ONE_AXIS, record
+
+RIG = ONE_AXIS.rig
+CURVED = {"sensor_nonlinearity": NAMELESS["sensor_nonlinearity"]}
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "hidden", [{"coulomb_friction": {"force": 3.0, "z": ONE_AXIS.middle}}, {"amplifier_dead_band": {"current": 0.002}}]
+)
+def test_what_has_no_name_is_not_lost_in_the_noise_without_periods(hidden, seed):
+    i_e = np.repeat(ONE_AXIS.amplitude * np.random.default_rng([seed, 3]).choice([-1.0, 1.0], (1000, 1)), 4, axis=0)
+    found = diagnose(RIG, measured(RIG, i_e, hidden, seed=seed, **ONE_AXIS.truth))
+    assert found.history[0].misfit < 1.1
+    assert found.verdict == "none_of_the_candidates", found
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_record_kept_back_that_shows_more_forbids_adequate(seed):
+    found = diagnose(RIG, record(CURVED, seed, 0.1), validate=record(CURVED, 100 + seed))
+    assert found.history[0].misfit < 1.1
+    assert found.verdict == "none_of_the_candidates"
+    assert any(note.startswith("on the records to validate on the misfit is") for note in found.notes)
+    assert "together with these" in found.next_experiment
+
+
+def test_errors_of_a_fit_to_little_do_not():
+    found = [diagnose(RIG, record({}, seed, 0.05), validate=record({}, 1000 + seed)) for seed in range(10)]
+    assert [own.verdict for own in found] == ["adequate"] * 10
+    assert max(own.history[0].validation_misfit for own in found) > 1.1

@@ -1,0 +1,42 @@
+"""Without periods, what is not linear is taken for noise: it shows in the whole of what is left, and in its shape."""
+
+import numpy as np
+import pytest
+
+from ambid import Model, Record, compare, identify
+from hidden.bench import measured
+from hidden.one_axis import ONE_AXIS
+
+TRUE = {"K_i.A_zeta": ONE_AXIS.K_i[0], "K_s.A_zeta": ONE_AXIS.K_s[0], "tau_e": ONE_AXIS.tau_e}
+FRICTION = {"coulomb_friction": {"force": 3.0, "z": ONE_AXIS.middle}}
+
+
+def record(seed: int, hidden: dict, chips: int = 1000) -> Record:
+    """A random excitation that never repeats."""
+    i_e = np.repeat(ONE_AXIS.amplitude * np.random.default_rng([seed, 3]).choice([-1.0, 1.0], (chips, 1)), 4, axis=0)
+    return measured(ONE_AXIS.rig, i_e, hidden, seed=seed, **ONE_AXIS.truth)
+
+
+def test_a_right_model_leaves_no_more_than_noise_and_no_shape():
+    model = Model(ONE_AXIS.rig).with_values(TRUE)
+    found = [compare(model, record(seed, {})) for seed in range(30)]
+    assert [own.exceeds for own in found] == [""] * 30
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_friction_is_seen_where_the_misfit_takes_it_for_noise(seed):
+    found = identify(ONE_AXIS.rig, record(seed, FRICTION))
+    assert found.misfit < found.misfit_bound
+    assert not found.is_adequate
+    assert "times the noise in all, above 1.00" in found.verdict
+    assert "physics is missing" in found.verdict
+    assert any("stays below its ceiling" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_small_dead_band_is_seen_by_its_shape_alone(seed):
+    found = identify(ONE_AXIS.rig, record(seed, {"amplifier_dead_band": {"current": 0.002}}))
+    assert found.misfit < found.misfit_bound
+    assert found.comparison.loudest == 1.0
+    assert found.verdict.startswith("what is left is a ")
+    assert "odd" in found.comparison.shape
