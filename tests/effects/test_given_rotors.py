@@ -182,7 +182,7 @@ def test_a_place_where_the_rotor_is_not_known(turning):
     assert SealForces().place(rig) == 0.2, "the known place nearest to half-way"
     assert CouplingStiffness().positions(rig) == [0.14, 0.72]
     assert "0.9 m is off the shaft" in Unbalance(0.9).why_not(turning)
-    with pytest.raises(RigError, match=r"0\.9 m is off the shaft"):
+    with pytest.raises(ModelError, match=r"seal_forces: position 0\.9 m is off the shaft"):
         _ = ambid.Model(turning, effects=[SealForces(0.9)]).loop
 
 

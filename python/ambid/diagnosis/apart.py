@@ -72,7 +72,7 @@ def changing(state: State) -> tuple[Changing, ...]:
     fits = []
     for members in groups.values():
         own = _alone(state, members)
-        if own is None or not own.is_adequate:
+        if own is None or not own.is_within:
             return ()
         fits.append(own)
     names = tuple(own.noise.records[0].name for own in fits)
