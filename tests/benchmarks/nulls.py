@@ -80,13 +80,15 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--records", type=int, default=2000)
     parser.add_argument("--first", type=int, default=0, help="number of the first record")
+    parser.add_argument("--periods", type=int, help="only records of so many periods; 0: the excitation never repeats")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--report", action="store_true")
     parser.add_argument("--picture", type=Path)
     parser.add_argument("--table", type=Path)
     given = parser.parse_args()
     if not (given.report or given.picture or given.table):
-        jobs = [(index,) for index in range(given.first, given.first + given.records)]
+        numbers = range(given.first, given.first + given.records)
+        jobs = [(index,) for index in numbers if given.periods in (None, described(index)["periods"])]
         run_all(run, jobs, given.out, given.workers)
         return
     rows = read_rows(given.out)

@@ -57,7 +57,7 @@ def test_a_misfit_of_records_kept_back_is_told_and_asked_for(hum):
 def test_the_louder_motion_of_an_adequate_model_is_not_called_missing_physics(hum):
     held = [SimpleNamespace(uneven="", louder="physics is missing")]
     for loudest, told in ((1.05, 0), (1.7, 1)):
-        fit = SimpleNamespace(model=hum, records=held, bound=1.1, loudest=loudest, when_loudest="in all")
+        fit = SimpleNamespace(model=hum, records=held, bound=1.1, loudest=loudest, when_loudest="over all lines")
         assert list(notes(verdict(hum, fit=fit), QUIET)).count("physics is missing") == told
 
 

@@ -28,7 +28,7 @@ def test_friction_is_seen_where_the_misfit_takes_it_for_noise(seed):
     found = identify(ONE_AXIS.rig, record(seed, FRICTION))
     assert found.misfit < found.misfit_bound
     assert not found.is_adequate
-    assert "times the noise in all, above 1.00" in found.verdict
+    assert "times the noise over all lines, above 1.00" in found.verdict
     assert "physics is missing" in found.verdict
     assert any("stays below its ceiling" in note for note in found.notes)
 

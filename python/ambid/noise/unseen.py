@@ -38,7 +38,7 @@ class OverCeiling(NamedTuple):
     @property
     def when(self) -> str:
         """In words."""
-        return "in all"
+        return "over all lines"
 
     def sentence(self, record: str) -> str:
         """In words, of the record with this name."""
