@@ -33,7 +33,7 @@ from ambid.noise.measured import Measured
 from ambid.noise.still import Louder, louder_in_motion
 from ambid.noise.transients import OWN, freed, orthonormal
 from ambid.noise.unexcited import Unexcited
-from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, Spectrum, between_lines, require_noise
+from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, Spectrum, between_lines, require_noise, whitened
 
 __all__ = ["RecordLines", "White", "as_lines"]
 
@@ -237,7 +237,7 @@ class RecordLines(JudgedLines):
 
     def whiten(self, lines: ComplexArray) -> FloatArray:
         """Judged lines of shape (lines, p) or (lines, p, q), whitened, as real numbers."""
-        return _whitened(self.spectrum.whitening, lines)
+        return whitened(self.spectrum.whitening, lines)
 
     def residual_lines(self, here: Model) -> ComplexArray:
         """Residual on the judged lines at the best transient, not whitened, shape (lines, p)."""
@@ -309,7 +309,7 @@ class RecordLines(JudgedLines):
         )
         nothing = np.zeros((len(index), base.loop.core.inputs), dtype=complex)
         basis = base.loop.core.lines(base.theta, [], window.points(index), nothing)[2][:, :p]
-        white, columns = (_whitened(self._whitening_with(more), lines) for lines in (left, basis))
+        white, columns = (whitened(self._whitening_with(more), lines) for lines in (left, basis))
         d = np.asarray(np.linalg.lstsq(columns, white, rcond=np.sqrt(OWN))[0])
         free = base.loop.core.free_response(base.theta, d, window.samples, self.record.samples)[:, :p]
         return np.asarray(steady + free)
@@ -437,12 +437,6 @@ class RecordLines(JudgedLines):
         responses = self._in_time.change(here), self._in_time.lines(here, [], at_rest=True)[0]
         settled, from_rest = (float(np.linalg.norm(self.whiten(self._z - response))) for response in responses)
         return from_rest < settled
-
-
-def _whitened(whitening: ComplexArray, lines: ComplexArray) -> FloatArray:
-    white = whitening @ (lines if lines.ndim == 3 else lines[..., None])
-    flat = np.stack([white.real, white.imag], axis=2).reshape(-1, white.shape[-1])
-    return flat if lines.ndim == 3 else flat[:, 0]
 
 
 def as_lines(white: FloatArray, p: int) -> ComplexArray:

@@ -24,7 +24,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import ModelError, RecordError
 from ambid.noise.envelope import Envelope
 
-__all__ = ["PER_CHANNEL", "Spectrum", "between_lines", "likelier_shape", "require_noise"]
+__all__ = ["PER_CHANNEL", "Spectrum", "between_lines", "likelier_shape", "require_noise", "whitened"]
 
 HALF_WIDTH = 15
 """Excited lines to each side whose unexcited neighbours give the noise spectrum, if they are enough."""
@@ -294,3 +294,10 @@ class _Around:
 
     def _angle(self, places: FloatArray) -> FloatArray:
         return np.asarray(np.pi * places / (self.lines.at[0] + self.lines.at[-1]))
+
+
+def whitened(whitening: ComplexArray, lines: ComplexArray) -> FloatArray:
+    """Lines of shape (lines, p) or (lines, p, q) times the whitening of each, as real numbers."""
+    white = whitening @ (lines if lines.ndim == 3 else lines[..., None])
+    flat = np.stack([white.real, white.imag], axis=2).reshape(-1, white.shape[-1])
+    return flat if lines.ndim == 3 else flat[:, 0]
