@@ -139,3 +139,12 @@ def test_a_virtual_experiment_reads_its_noise():
     assert record.y.std() > 1e-6
     as_if_white = 5e-3 * np.random.default_rng(1).standard_normal((2, 4000, 1))[1]
     assert np.corrcoef(record.i_c.T, as_if_white.T)[0, 1] > 0.5
+
+
+@pytest.mark.parametrize("reads", [True, False])
+def test_y_alone_of_a_controller_that_reads_i_c_is_told(reads):
+    """Noise of y is then of two colours, which one way back cannot tell apart."""
+    own = rig(**({} if reads else {"inputs": ["y"], "B": [[1.0], [1.0]], "D": [[102389.0]]}))
+    y, i_e = 1e-5 * np.random.default_rng(1).standard_normal((2, 4000, 1))
+    record = Record.from_arrays(y=y, i_e=1e3 * i_e, sample_rate=RATE, axes=own.axes, rig=own)
+    assert any("the controller reads i_c" in note for note in record.notes) == reads

@@ -31,6 +31,10 @@ WITHOUT_I_C = (
     "i_c was not recorded: K_i, K_s and tau_e are found from y alone; "
     "a lag of the amplifier, a delay of the loop and a lag of the sensor cannot be told apart"
 )
+READ_WITHOUT_I_C = (
+    "the controller reads i_c, which was not recorded: its noise goes round the loop and is taken for noise of y; "
+    "where it is loud, K_s may be further off than its interval says. Record the current that the controller reads"
+)
 
 
 @dataclass(frozen=True, repr=False)
@@ -249,6 +253,8 @@ class Record:
         more = checks.notes_on_clipping(where, record.axes, record.y, record.i_c)
         if record.i_c is None:
             more.append(WITHOUT_I_C)
+            if rig is not None and "i_c" in rig.controller.signals:
+                more.append(READ_WITHOUT_I_C)
         signals, period, told = driven(where, rig, record.axes, record.sample_rate, record._signals, period)
         own: dict[str, Any] = {signal: signals.get(signal) for signal in SIGNALS}
         return replace(record, **own, period=period, notes=(*record.notes, *more, *told))
