@@ -30,8 +30,10 @@ def records(seeds, noise=NOISE):
         yield replace(clean, y=y, i_c=i_c)
 
 
-def test_the_least_squares_of_scipy():
-    model, (record,) = start(), records([3])
+@pytest.mark.parametrize("before", [0, 9])
+def test_the_least_squares_of_scipy(before):
+    """Alone, and as the last of repeats, which take their last step unseen."""
+    model, *others, record = start(), *records(range(100, 100 + before)), *records([3])
     noise = np.array([NOISE["y"], NOISE["i_c"]])
 
     def residual(x):
@@ -41,13 +43,13 @@ def test_the_least_squares_of_scipy():
     expected = least_squares(residual, np.ones(len(model.theta)), jac="3-point", xtol=1e-12, ftol=1e-12, gtol=1e-12)
     covariance = np.linalg.inv(expected.jac.T @ expected.jac)
     errors = np.sqrt(np.diag(covariance))
-    found = identify_many(model, [record], noise=NOISE)
-    assert np.abs((found.values[0] / model.theta - expected.x) / errors).max() < 1e-4
-    assert found.covariances[0] / np.outer(model.theta, model.theta) == pytest.approx(covariance, rel=1e-4)
+    found = identify_many(model, [*others, record], noise=NOISE)
+    assert np.abs((found.values[-1] / model.theta - expected.x) / errors).max() < 1e-4
+    assert found.covariances[-1] / np.outer(model.theta, model.theta) == pytest.approx(covariance, rel=1e-4)
     dof = 2 * (record.samples - 1) - len(model.theta)
-    assert found.misfit[0] == pytest.approx(2 * expected.cost / dof, rel=1e-9)
-    assert found.status == ("converged",)
-    assert found.adequate[0]
+    assert found.misfit[-1] == pytest.approx(2 * expected.cost / dof, rel=1e-9)
+    assert found.status[-1] == "converged"
+    assert found.adequate[-1]
 
 
 def test_intervals_hold_the_truth():

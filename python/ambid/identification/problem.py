@@ -207,8 +207,11 @@ class Problem(LeastSquares):
 
 def padded_outputs(record: Record) -> FloatArray:
     """The recorded y and i_c as the loop's outputs, shape (N, 2 axes); zeros where i_c was not recorded."""
-    i_c = np.zeros_like(record.y) if record.i_c is None else record.i_c
-    return np.hstack([record.y, i_c])
+    z = np.zeros((record.samples, 2 * len(record.axes)))
+    z[:, : len(record.axes)] = record.y
+    if record.i_c is not None:
+        z[:, len(record.axes) :] = record.i_c
+    return z
 
 
 def noise_levels(records: Sequence[Record]) -> list[FloatArray]:

@@ -2,7 +2,7 @@
 //!
 //! A fit runs in one thread from its first evaluation to its last, so that its numbers do not depend on the number of
 //! threads. Fits of one experiment that was repeated begin where the first of them ended: there one run of the response
-//! serves them all, and two more of its own bring each of them to its optimum, by the same test as from its start.
+//! serves them all, and one more of its own brings each of them to its optimum, as exactly as from its start.
 
 mod descent;
 mod region;

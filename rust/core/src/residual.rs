@@ -56,11 +56,17 @@ impl Data {
             let (found, expected) = (first.to_string(), format!("less than the {samples} samples"));
             return Err(Error::Shape { what: "first sample that counts", found, expected });
         }
+        let mut means = vec![0.0; ny];
+        for row in z[first * ny..].chunks_exact(ny) {
+            means.iter_mut().zip(row).for_each(|(sum, z)| *sum += z);
+        }
+        means.iter_mut().for_each(|sum| *sum /= (samples - first) as f64);
         let mut squares = vec![0.0; ny];
-        for (o, squares) in squares.iter_mut().enumerate() {
-            let mean = z.iter().skip(first * ny + o).step_by(ny).sum::<f64>() / (samples - first) as f64;
-            z.iter_mut().skip(o).step_by(ny).for_each(|z| *z -= mean);
-            *squares = z.iter().skip(first * ny + o).step_by(ny).map(|z| z * z).sum();
+        for (k, row) in z.chunks_exact_mut(ny).enumerate() {
+            row.iter_mut().zip(&means).for_each(|(z, mean)| *z -= mean);
+            if k >= first {
+                squares.iter_mut().zip(&*row).for_each(|(sum, z)| *sum += z * z);
+            }
         }
         Ok(Self { u, z, weights, first, squares })
     }

@@ -1,12 +1,13 @@
 //! All fits side by side, those of a repeated experiment from where its first one ended.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 use super::{Begin, End, Fit, Records, Status};
 use crate::closed_loop::ClosedLoop;
 use crate::error::{Error, Result};
 use crate::residual::{Data, of_repeats};
 use crate::stop::each;
+use crate::whitened::LineNormal;
 
 /// Fits from which on the others wait for the end of the first one, which leaves cores idle meanwhile.
 const FEWEST: usize = 8;
@@ -62,16 +63,59 @@ fn unless_stopped<T>(found: Result<T>) -> Result<Result<T>> {
     }
 }
 
+/// A step: its end, itself, and what it is promised to gain.
+struct Newton {
+    x: DVector<f64>,
+    step: DVector<f64>,
+    gain: f64,
+}
+
+/// The quadratic form at the end of a step, as it promises.
+fn after(mut normal: LineNormal, step: &Newton, scales: &DVector<f64>) -> LineNormal {
+    normal.gradient += &normal.hessian * step.step.component_mul(scales);
+    normal.cost -= step.gain;
+    normal
+}
+
 impl<'a> Fit<'a> {
     /// From where others ended, if that leads to an optimum; else from the start.
     fn follow(&self, begin: Option<Begin>) -> Result<Result<End>> {
-        if begin.is_some()
-            && let Ok((_, end)) = unless_stopped(self.run(begin))?
+        if let Some(begin) = begin
+            && let Ok(end) = unless_stopped(self.nearby(begin))?
             && end.status == Status::Converged
         {
             return Ok(Ok(end));
         }
         unless_stopped(self.run(None).map(|(_, end)| end))
+    }
+
+    /// From where another one ended. Where two steps show how fast steps shrink, and what a third would still gain is
+    /// less than a descent looks for, the end of the second is not evaluated; else the descent goes on from the first.
+    fn nearby(&self, begin: Begin) -> Result<End> {
+        let Some(first) = self.newton(&begin) else { return self.run(Some(begin)).map(|(_, end)| end) };
+        let normal = self.normal(&self.theta_at(&first.x), &[])?;
+        let (fall, at) = (begin.normal.cost - normal.cost, Begin { x: first.x, normal });
+        match self.newton(&at) {
+            Some(second)
+                if fall > 0.25 * first.gain
+                    && second.gain.powi(2) < self.step.powf(1.5) * at.normal.cost * first.gain =>
+            {
+                let (theta, normal) = (self.theta_at(&second.x), after(at.normal, &second, &self.scales()));
+                Ok(End { theta, status: Status::Converged, evaluations: 2, normal })
+            }
+            _ => self.run(Some(at)).map(|(_, end)| end),
+        }
+    }
+
+    /// The whole step of Gauss and Newton; none where it leads to a bound, or is not determined.
+    fn newton(&self, at: &Begin) -> Option<Newton> {
+        let scales = self.scales();
+        let unit = DMatrix::from_diagonal(&scales);
+        let gradient = at.normal.gradient.component_mul(&scales);
+        let step = -(&unit * &at.normal.hessian * &unit).cholesky()?.solve(&gradient);
+        let (gain, x) = (-gradient.dot(&step), &at.x + &step);
+        let is_inside = x.iter().zip(self.lower.iter().zip(&self.upper)).all(|(x, (low, high))| low < x && x < high);
+        (is_inside && gain > 0.0).then_some(Newton { x, step, gain })
     }
 
     /// The loop and the record of a fit of one record in time.
