@@ -134,8 +134,15 @@ def test_stated_notes(tmp_path):
     assert "i_c.B_zeta is clipped" in notes(Record.from_arrays(**limited, rig=RIG))
     assert "2 whole periods" in notes(Record.from_arrays(**measured(periods=2), rig=RIG))
     assert "no period" in notes(Record.from_arrays(**measured(periods=1), rig=RIG))
-    assert "repeats after 254" in notes(Record.from_arrays(**keywords, rig=RIG, period=300))
     assert Record.from_arrays(**keywords, rig=RIG, period=2 * PERIOD).notes[0].startswith("2 whole periods")
+
+
+def test_a_stated_period_after_which_nothing_repeats_is_refused():
+    with pytest.raises(RecordError, match="300 samples was stated, but i_e repeats after 254; state 254"):
+        Record.from_arrays(**measured(), rig=RIG, period=300)
+    random = np.random.default_rng(1).standard_normal(measured()["i_e"].shape)
+    with pytest.raises(RecordError, match="no better than by chance; state the right one, or leave it out"):
+        Record.from_arrays(**measured() | {"i_e": 0.1 * random}, rig=RIG, period=300)
 
 
 def test_a_few_equal_extremes_of_a_short_record_are_not_clipping():

@@ -13,7 +13,7 @@ from ambid.record import checks
 from ambid.record.applied import applied_excitation
 from ambid.record.free_modes import REBUILT_TOLERANCE
 from ambid.record.mending import mended_excitation, mended_outputs
-from ambid.record.period import find_period
+from ambid.record.period import find_period, mismatches
 from ambid.record.rebuild import NOT_LOGGED, rebuild_excitation
 from ambid.rig import Rig
 
@@ -25,6 +25,8 @@ FREE = f"{NOT_LOGGED}: taken as zero: y comes to rest, r is constant, and i_c fo
 """Note on a free response about a reference that stands."""
 LAGS, BY_FAR = 24, 4.0
 """Samples of i_e that y may follow from, and how many times what chance explains it must then."""
+UNLIKE = 1.0
+"""Mismatch of one period with the next, relative to the rms, of a signal with as much noise; by chance it is 1.41."""
 FEWEST = 3
 """Periods that tell the noise by themselves."""
 
@@ -114,8 +116,8 @@ def driven(
     drives = [s for s in (i_e, r) if s is not None and np.ptp(s, axis=0).max() >= checks.SMALLEST_CHANGE]
     found = period if is_known or not drives else find_period(_scaled(drives))
     what = "i_e repeats" if r is None else "what drives the loop repeats"
-    if stated and found and stated % found:
-        notes.append(f"a period of {stated} samples was stated, but {what} after {found}")
+    if stated and drives and not is_known:
+        _require_repeating(where, _scaled(drives), stated, found, what)
     period = period or found
     if found is None and not is_known and "i_e" in logged and drives and r is None:
         signals, mended, more = mended_excitation(signals, axes)
@@ -130,6 +132,17 @@ def driven(
         needs = f"the noise ceiling needs {FEWEST} to be told by repeats; where one is told, the noise model tells it"
         notes.append(f"{count} of {of} found: {needs}")
     return Driven(signals, period, [*told, *notes])
+
+
+def _require_repeating(where: str, drives: NDArray[np.float64], stated: int, found: int | None, what: str) -> None:
+    """Refuse a stated period after which what drives the loop does not repeat: all of it would be taken for noise."""
+    fault = None
+    if found and stated % found:
+        fault, act = f"{what} after {found}", f"state {found} or a multiple of it, or leave it out"
+    elif not found and stated <= len(drives) // 2 and mismatches(drives)[1][stated - 1] >= UNLIKE:
+        fault, act = f"{what} after that no better than by chance", "state the right one, or leave it out"
+    if fault:
+        raise RecordError(f"{where}: a period of {stated} samples was stated, but {fault}; {act}")
 
 
 def _with_reference(where: str, rig: Rig | None, logged: Signals) -> tuple[Signals, list[str]]:
