@@ -2,9 +2,12 @@
 
 import pytest
 
-from ambid import Model, compare
+from ambid import Model, compare, diagnose
 from ambid.diagnosis.search import _rings_on
+from hidden.bench import simulate
 from hidden.experiment import experiment
+from hidden.families import BENCHES
+from hidden.sizes import sized
 
 
 @pytest.mark.parametrize(("damping", "rings"), [(1e-4, True), (1e-3, True), (0.02, False)])
@@ -23,3 +26,14 @@ def test_a_hysteresis_is_no_mode():
     base = compare(Model(rig), train)
     better = base.of(base.model.add("magnetic_hysteresis", {"share": 0.05, "inverse_width": 4.0}))
     assert not _rings_on(base, better)
+
+
+@pytest.mark.slow
+def test_without_any_noise_nothing_is_left():
+    """The cost of the right model may be zero in all digits."""
+    bench = BENCHES["bench"]
+    i_e, own = bench.excitation(bench.amplitude, 2), sized("seal_forces", "clear").parameters
+    record = simulate(bench.rig, i_e, {"seal_forces": own}, period=bench.period, seed=None, **bench.truth)
+    found = diagnose(bench.rig, record)
+    assert found.effects == ("seal_forces",)
+    assert found.history[-1].misfit < 1e-9

@@ -17,6 +17,7 @@ from ambid.noise import Comparison
 from ambid.noise.chance import SPREAD, misfit_bound
 from ambid.noise.lines import RecordLines
 from ambid.noise.response_lines import ResponseLines
+from ambid.noise.shapes import TERMS
 from ambid.noise.tones import OUTSTANDING
 from ambid.record import Record
 from ambid.threads import with_one_blas_thread
@@ -177,11 +178,11 @@ class Localisation:
             text = f"what is missing may act as a {names}: these data do not tell at which of these places"
         if known and port.terms and port.terms[0].share > SHAPED:
             term = port.terms[0]
-            size = f"{np.mean(term.coefficients):.3g}"
+            unit, size = TERMS[port.name][term.shape].unit, f"{np.mean(term.coefficients):.3g}"
             if term.shape.endswith("other axis"):  # the two axes of a bearing may answer each other with either sign
                 size = f"±{np.mean(np.abs(term.coefficients)):.3g}"
             text += (
-                f"; it is {term.kind} and looks like {size} times {term.shape} (in {port.unit} and SI), "
+                f"; it is {term.kind} and looks like {f'{size} {unit}'.rstrip()} times {term.shape}, "
                 f"which explains {100 * term.share:.0f} % of the excess misfit"
             )
         if np.isfinite(self.exponent):

@@ -263,7 +263,7 @@ def _taken(task: Task, state: State, better: Comparison, added: Effect) -> State
     for _ in range(MOST_RENEWALS):
         before = fit.cost
         fit = refit(fit.renewed())
-        if abs(fit.cost / before - 1.0) < RENEWED:
+        if abs(fit.cost - before) <= RENEWED * before:
             break
     return replace(state, fit=fit, base=fit.of(state.base.model), reference=fit.of(reference.model))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,41 +24,48 @@ __all__ = ["TERMS", "NoShapes", "Shapes", "Term"]
 UNSEEN = 1e-9
 """Of the largest singular value: combinations of signals that the records see less of have no weight."""
 WATCHED = ("s", "v", "i_f", "i_ref", "y")
-Shape = Callable[[dict[str, FloatArray]], FloatArray]
+
+
+class Shape(NamedTuple):
+    """Its kind, the unit of its coefficient, and itself over the signals of the loop."""
+
+    kind: str
+    unit: str
+    of: Callable[[dict[str, FloatArray]], FloatArray]
 
 
 def _sign(x: FloatArray) -> FloatArray:
     return np.tanh(x / (0.05 * x.std(axis=0) + 1e-300))
 
 
-TERMS: dict[str, dict[str, tuple[str, Shape]]] = {
+TERMS: dict[str, dict[str, Shape]] = {
     "force": {
-        "ds/dt": ("linear", lambda x: x["v"]),
-        "s of the other axis": ("linear", lambda x: x["s_other"]),
-        "ds/dt of the other axis": ("linear", lambda x: x["v_other"]),
-        "s^3": ("odd", lambda x: x["s"] ** 3),
-        "s |s|": ("odd", lambda x: x["s"] * np.abs(x["s"])),
-        "i^3": ("odd", lambda x: x["i_f"] ** 3),
-        "i^2 s": ("odd", lambda x: x["i_f"] ** 2 * x["s"]),
-        "i s^2": ("odd", lambda x: x["i_f"] * x["s"] ** 2),
-        "ds/dt |ds/dt|": ("odd", lambda x: x["v"] * np.abs(x["v"])),
-        "sign ds/dt": ("odd", lambda x: _sign(x["v"])),
-        "s^2": ("even", lambda x: x["s"] ** 2),
-        "|s|": ("even", lambda x: np.abs(x["s"])),
-        "i^2": ("even", lambda x: x["i_f"] ** 2),
-        "|i|": ("even", lambda x: np.abs(x["i_f"])),
-        "i s": ("even", lambda x: x["i_f"] * x["s"]),
+        "ds/dt": Shape("linear", "N s/m", lambda x: x["v"]),
+        "s of the other axis": Shape("linear", "N/m", lambda x: x["s_other"]),
+        "ds/dt of the other axis": Shape("linear", "N s/m", lambda x: x["v_other"]),
+        "s^3": Shape("odd", "N/m^3", lambda x: x["s"] ** 3),
+        "s |s|": Shape("odd", "N/m^2", lambda x: x["s"] * np.abs(x["s"])),
+        "i^3": Shape("odd", "N/A^3", lambda x: x["i_f"] ** 3),
+        "i^2 s": Shape("odd", "N/(A^2 m)", lambda x: x["i_f"] ** 2 * x["s"]),
+        "i s^2": Shape("odd", "N/(A m^2)", lambda x: x["i_f"] * x["s"] ** 2),
+        "ds/dt |ds/dt|": Shape("odd", "N s^2/m^2", lambda x: x["v"] * np.abs(x["v"])),
+        "sign ds/dt": Shape("odd", "N", lambda x: _sign(x["v"])),
+        "s^2": Shape("even", "N/m^2", lambda x: x["s"] ** 2),
+        "|s|": Shape("even", "N/m", lambda x: np.abs(x["s"])),
+        "i^2": Shape("even", "N/A^2", lambda x: x["i_f"] ** 2),
+        "|i|": Shape("even", "N/A", lambda x: np.abs(x["i_f"])),
+        "i s": Shape("even", "N/(A m)", lambda x: x["i_f"] * x["s"]),
     },
     "current": {
-        "i^3": ("odd", lambda x: x["i_ref"] ** 3),
-        "sign i": ("odd", lambda x: _sign(x["i_ref"])),
-        "i^2": ("even", lambda x: x["i_ref"] ** 2),
-        "|i|": ("even", lambda x: np.abs(x["i_ref"])),
+        "i^3": Shape("odd", "1/A^2", lambda x: x["i_ref"] ** 3),
+        "sign i": Shape("odd", "A", lambda x: _sign(x["i_ref"])),
+        "i^2": Shape("even", "1/A", lambda x: x["i_ref"] ** 2),
+        "|i|": Shape("even", "", lambda x: np.abs(x["i_ref"])),
     },
     "sensor": {
-        "y^3": ("odd", lambda x: x["y"] ** 3),
-        "y^2": ("even", lambda x: x["y"] ** 2),
-        "|y|": ("even", lambda x: np.abs(x["y"])),
+        "y^3": Shape("odd", "1/m^2", lambda x: x["y"] ** 3),
+        "y^2": Shape("even", "1/m", lambda x: x["y"] ** 2),
+        "|y|": Shape("even", "", lambda x: np.abs(x["y"])),
     },
     "reading": {},
 }
@@ -145,8 +153,8 @@ class Shapes:
         """The simple shapes of a port, the likeliest first."""
         found, way = [], self.sight.way(port)
         axes, excess = way.shape[-1], max(self.cost - self.residual.size, 1.0)
-        for shape, (kind, function) in TERMS[port].items():
-            signal = function(self.against)
+        for shape, simple in TERMS[port].items():
+            signal = simple.of(self.against)
             size = signal.std(axis=0) + 1e-300
             spectrum = self._spectrum(signal / size)
             columns = self._beside_known((way * spectrum[:, None, :]).reshape(-1, axes))
@@ -154,7 +162,8 @@ class Shapes:
             called_for = q.T @ self.residual
             score = float(called_for @ called_for)
             coefficients = np.linalg.lstsq(r, called_for, rcond=1e-9)[0] / size
-            found.append(Term(shape, kind, coefficients, score, min(score / excess, 1.0), log_chance(score, axes)))
+            chance = log_chance(score, axes)
+            found.append(Term(shape, simple.kind, coefficients, score, min(score / excess, 1.0), chance))
         return tuple(sorted(found, key=lambda term: term.chance))
 
     def weights(self, port: str, signals: FloatArray, rows: FloatArray, wanted: FloatArray) -> tuple[FloatArray, float]:

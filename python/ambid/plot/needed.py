@@ -152,7 +152,7 @@ def _curve(port: Port, key: str) -> tuple[Term, FloatArray, FloatArray] | None:
     term = port.terms[0]
     x = np.sort(port.against[key], axis=0)
     try:
-        shape = TERMS[port.name][term.shape][1]({key: x})
+        shape = TERMS[port.name][term.shape].of({key: x})
     except KeyError:
         return None
     signed = np.abs(term.coefficients) if key.endswith("_other") else term.coefficients
