@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ambid import diagnose
 from ambid.checking import check
 from ambid.checking.clocks import Clock, out_of_step
 from ambid.checking.nominal import NominalLoop
@@ -15,13 +16,19 @@ from hidden.families import BENCHES
 from hidden.one_axis import NAMED, ONE_AXIS
 
 
-def findings(bench, kind, seed, hidden=None):
-    """What `check` says of a record with one kind of dirt, worst first."""
+def dirty(bench, kind, seed, hidden=None):
+    """A record with one kind of dirt."""
     one = bench.excitation(bench.amplitude, seed)[: bench.period]
     i_e = np.take(one, np.arange(-MARGIN, bench.periods * bench.period + MARGIN), axis=0, mode="wrap")
     record = simulate(bench.rig, i_e, hidden or {}, period=bench.period, seed=seed, **bench.truth, **bench.noise)
-    record = soiled(record, kind, np.random.default_rng(seed), bench.rig)
-    return [found for found in check(bench.rig, [record]).findings if found.severity == "fault"]
+    return soiled(record, kind, np.random.default_rng(seed), bench.rig)
+
+
+def findings(bench, kind, seed, hidden=None, severity="fault"):
+    """What `check` says of it, worst first."""
+    return [
+        found for found in check(bench.rig, [dirty(bench, kind, seed, hidden)]).findings if found.severity == severity
+    ]
 
 
 def samples_told(found):
@@ -63,6 +70,31 @@ def test_physics_is_no_late_card(effect):
     """What moves the controller's equation or what does not repeat, strongly, is none of the above."""
     hidden = {} if effect is None else {effect: NAMED[effect]}
     assert not [f for f in findings(ONE_AXIS, "clean", 1, hidden) if "late" in f.what or "clock" in f.what]
+    assert not [f for f in findings(ONE_AXIS, "clean", 1, hidden, "warning") if f.is_of_instant]
+
+
+@pytest.mark.parametrize("bench", [ONE_AXIS, BENCHES["bench"]], ids=["one axis", "four axes"])
+def test_currents_that_are_read_late_are_told(bench):
+    """No loop brings i_c a sample before what it follows from."""
+    (found,) = [own for own in findings(bench, "late_i_c", 2, severity="warning") if own.is_of_instant]
+    assert found.where == f"record: i_c on {', '.join(bench.rig.axes)}: instant"
+    assert samples_told(found) == pytest.approx(1.0, abs=0.02)
+    assert found.todo.startswith("move i_c to times later by")
+
+
+def test_a_delay_of_the_loop_is_noted():
+    (found,) = [
+        own for own in findings(ONE_AXIS, "clean", 2, {"loop_delay": NAMED["loop_delay"]}, "note") if own.is_of_instant
+    ]
+    delay = NAMED["loop_delay"]["seconds"] * ONE_AXIS.rig.sample_rate
+    assert samples_told(found) == pytest.approx(delay, abs=0.05)
+
+
+def test_what_nothing_explains_points_to_the_late_currents():
+    found = diagnose(ONE_AXIS.rig, dirty(ONE_AXIS, "late_i_c", 2))
+    assert found.verdict == "none_of_the_candidates"
+    assert found.next_experiment.startswith("move i_c to times later by")
+    assert any("read that much after y" in note for note in found.notes)
 
 
 def test_a_transient_that_dies_away_over_periods_is_no_lost_sample():

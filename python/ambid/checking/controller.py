@@ -22,7 +22,7 @@ from ambid.checking.equations import commanded, controller_terms
 from ambid.checking.nominal import Lines, NominalLoop
 from ambid.rig import PidController
 
-__all__ = ["ControllerFit", "Late", "fit_controller", "read_late"]
+__all__ = ["ControllerFit", "Late", "current_late", "fit_controller", "read_late"]
 
 MOST_HELD = 8
 """States of a controller up to which what they held is fitted."""
@@ -40,6 +40,8 @@ BESIDE = 41
 """Lines that the median is of."""
 SPILLED = 3
 """Lines to each side that hold some of a wave, under a Hann window."""
+FOLLOWS = 0.1
+"""Part of i_c, by rms, up to which an equation holds that is to tell when i_c was read."""
 LEAST_LATE = 0.05
 """Part of a sample by which y must be late to be told; an amplifier that the equation only knows nearly brings 0.03."""
 
@@ -140,6 +142,23 @@ def read_late(loop: NominalLoop, lines: Lines) -> Late | None:
                 continue
         seconds[k], errors[k], current[k] = late, spread[-1] * equation.step, x[-4] * equation.step
     return Late(seconds, errors, current) if seconds.any() else None
+
+
+def current_late(loop: NominalLoop, lines: Lines) -> tuple[FloatArray, FloatArray] | None:
+    """By how much i_c comes later than the rig's controller and delay bring it, and standard errors, (axes,) each [s].
+
+    Its amplifier may have any lag, be of second order, and have voltage induced in its coil by motion. 0 on an axis
+    whose i_c does not follow from that either, as where nothing is excited; None where few lines are clear of noise.
+    """
+    clear = lines.clear
+    if clear is None or np.count_nonzero(clear) < FEWEST:
+        return None
+    equations = [replace(own, has_factors=False, induces=True) for own in _equations(loop, lines.some(clear))]
+    delays = [part / loop.rig.sample_rate for part in (-1.0, *DELAYS)]
+    ends = [min((own.solved(d / own.step) for d in delays), key=lambda end: end[2]) for own in equations]
+    steps = np.array([own.step for own in equations])
+    seconds = np.array([x[-4] if left < FOLLOWS**2 else 0.0 for x, _, left in ends])
+    return seconds * steps, np.array([errors[-4] for _, errors, _ in ends]) * steps
 
 
 def _alone(loop: NominalLoop, lines: Lines) -> NDArray[np.bool_]:

@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from ambid.checking.clocks import Clock, out_of_step
-from ambid.checking.controller import read_late
+from ambid.checking.controller import current_late, read_late
 from ambid.checking.nominal import Lines, NominalLoop
-from ambid.checking.soundness import Finding
+from ambid.checking.soundness import INSTANT, Finding
 from ambid.record import Record
 
 __all__ = ["slips_of_clocks", "slips_of_instants"]
+
+CURRENT_LATE, CURRENT_ERRORS = 0.25, 10.0
+"""Part of a sample, and standard errors, by which i_c must be off to be told; less is ranked as an effect."""
 
 
 def slips_of_clocks(record: Record, loop: NominalLoop) -> list[Finding]:
@@ -33,7 +36,7 @@ def slips_of_instants(record: Record, loop: NominalLoop, lines: Lines) -> list[F
     """y, i_c and i_e are read when the file says."""
     found = read_late(loop, lines)
     if found is None:
-        return []
+        return _currents(record, loop, lines)
     late = np.flatnonzero(found.seconds)
     seconds, axes = float(np.median(found.seconds[late])), ", ".join(record.axes[k] for k in late)
     samples = abs(seconds) * record.sample_rate
@@ -45,3 +48,32 @@ def slips_of_instants(record: Record, loop: NominalLoop, lines: Lines) -> list[F
     what = f"read {how} against i_e, by the controller's equation with its nominal gains or any others"
     todo = "move y by that time, or give all cards one trigger; a controller that is not the rig's may be a cause, too"
     return [Finding.fault(f"{record.name}: y on {axes}", what, todo)]
+
+
+def _currents(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
+    """i_c comes when the rig's controller and delay bring it; no loop brings it earlier."""
+    found = current_late(loop, lines)
+    if found is None or record.is_rebuilt:
+        return []
+    seconds, errors = found
+    told = np.flatnonzero(np.abs(seconds) > np.maximum(CURRENT_LATE / record.sample_rate, CURRENT_ERRORS * errors))
+    findings = []
+    for is_early in (True, False):
+        own = told[(seconds[told] < 0.0) == is_early]
+        if not own.size:
+            continue
+        by = float(np.median(np.abs(seconds[own])))
+        where = f"{record.name}: i_c on {', '.join(record.axes[k] for k in own)}: {INSTANT}"
+        samples = by * record.sample_rate
+        how = f"{samples:.3g} sample{'s' if samples > 1.005 else ''} ({1e6 * by:.3g} us)"
+        if is_early:
+            what = f"{how} ahead of what the rig's controller makes of y and i_e: read that much after y"
+            todo = f"move i_c to times later by {how}, or give all cards one trigger; or the rig's delay is too long"
+            findings.append(Finding("warning", where, what, todo))
+        else:
+            what = (
+                f"{how} after what the rig's controller makes of y and i_e: the loop is delayed, or i_c was read early"
+            )
+            todo = "a diagnosis tells by y which it is"
+            findings.append(Finding("note", where, what, todo))
+    return findings

@@ -21,6 +21,8 @@ PATH = "operating point"
 """Where a finding is about a record that does not stay at one."""
 FORCE = "force"
 """End of `where` of a finding that a machine has less force than its rig file says: of K_i, or of physics."""
+INSTANT = "instant"
+"""End of `where` of a finding that a channel was read at another instant than the others."""
 MOST_LISTED = 15
 """Findings that are printed, at most."""
 
@@ -57,6 +59,11 @@ class Finding:
     def is_of_force(self) -> bool:
         """Whether it tells that a machine has too little force, which a diagnosis may take for a small K_i."""
         return self.where.endswith(f": {FORCE}")
+
+    @property
+    def is_of_instant(self) -> bool:
+        """Whether it tells that a channel was read at another instant, which no physics of a machine brings."""
+        return self.where.endswith(f": {INSTANT}")
 
     def line(self, *, advises: bool = True) -> str:
         """In one line, with what to do about it or without."""
