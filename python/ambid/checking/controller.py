@@ -154,8 +154,13 @@ def current_late(loop: NominalLoop, lines: Lines) -> tuple[FloatArray, FloatArra
     if clear is None or np.count_nonzero(clear) < FEWEST:
         return None
     equations = [replace(own, has_factors=False, induces=True) for own in _equations(loop, lines.some(clear))]
-    delays = [part / loop.rig.sample_rate for part in (-1.0, *DELAYS)]
-    ends = [min((own.solved(d / own.step) for d in delays), key=lambda end: end[2]) for own in equations]
+    ends = []
+    for own in equations:
+        sample = 1.0 / (loop.rig.sample_rate * own.step)
+        solved = min((own.solved(part * sample) for part in (0.0, -1.0)), key=lambda end: end[2])
+        if abs(solved[0][-4]) > LEAST_LATE * sample:  # each delay may lead to an end of its own
+            solved = min((solved, *(own.solved(part * sample) for part in DELAYS)), key=lambda end: end[2])
+        ends.append(solved)
     steps = np.array([own.step for own in equations])
     seconds = np.array([x[-4] if left < FOLLOWS**2 else 0.0 for x, _, left in ends])
     return seconds * steps, np.array([errors[-4] for _, errors, _ in ends]) * steps
