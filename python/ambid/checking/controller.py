@@ -42,6 +42,8 @@ SPILLED = 3
 """Lines to each side that hold some of a wave, under a Hann window."""
 FOLLOWS = 0.1
 """Part of i_c, by rms, up to which an equation holds that is to tell when i_c was read."""
+CURRENT_LATE, CURRENT_ERRORS = 0.25, 10.0
+"""Part of a sample, and standard errors, by which i_c must be off to be told; less is ranked as an effect."""
 LEAST_LATE = 0.05
 """Part of a sample by which y must be late to be told; an amplifier that the equation only knows nearly brings 0.03."""
 
@@ -144,26 +146,27 @@ def read_late(loop: NominalLoop, lines: Lines) -> Late | None:
     return Late(seconds, errors, current) if seconds.any() else None
 
 
-def current_late(loop: NominalLoop, lines: Lines) -> tuple[FloatArray, FloatArray] | None:
-    """By how much i_c comes later than the rig's controller and delay bring it, and standard errors, (axes,) each [s].
+def current_late(loop: NominalLoop, lines: Lines) -> FloatArray | None:
+    """By how much i_c comes later than the rig's controller and delay bring it, (axes,) [s]; 0 where it does not.
 
-    Its amplifier may have any lag, be of second order, and have voltage induced in its coil by motion. 0 on an axis
-    whose i_c does not follow from that either, as where nothing is excited; None where few lines are clear of noise.
+    The amplifier may have any lag, be of second order, and have voltage induced in its coil by motion. An axis whose
+    i_c does not follow from that either has 0, as one has where nothing is excited; None where few lines are clear of
+    noise.
     """
     clear = lines.clear
     if clear is None or np.count_nonzero(clear) < FEWEST:
         return None
-    equations = [replace(own, has_factors=False, induces=True) for own in _equations(loop, lines.some(clear))]
-    ends = []
-    for own in equations:
-        sample = 1.0 / (loop.rig.sample_rate * own.step)
-        solved = min((own.solved(part * sample) for part in (0.0, -1.0)), key=lambda end: end[2])
-        if abs(solved[0][-4]) > LEAST_LATE * sample:  # each delay may lead to an end of its own
-            solved = min((solved, *(own.solved(part * sample) for part in DELAYS)), key=lambda end: end[2])
-        ends.append(solved)
-    steps = np.array([own.step for own in equations])
-    seconds = np.array([x[-4] if left < FOLLOWS**2 else 0.0 for x, _, left in ends])
-    return seconds * steps, np.array([errors[-4] for _, errors, _ in ends]) * steps
+    found = np.zeros(loop.axes)
+    for k, equation in enumerate(_equations(loop, lines.some(clear))):
+        moved = replace(equation, has_factors=False, induces=True)
+        sample = 1.0 / (loop.rig.sample_rate * equation.step)
+        end = min((moved.solved(part * sample) for part in (0.0, -1.0)), key=lambda end: end[2])
+        if abs(end[0][-4]) > CURRENT_LATE * sample:  # each delay may lead to an end of its own
+            end = min((end, *(moved.solved(part * sample) for part in DELAYS)), key=lambda end: end[2])
+        x, errors, left = end
+        if left < FOLLOWS**2 and abs(x[-4]) > max(CURRENT_LATE * sample, CURRENT_ERRORS * errors[-4]):
+            found[k] = x[-4] * equation.step
+    return found
 
 
 def _alone(loop: NominalLoop, lines: Lines) -> NDArray[np.bool_]:

@@ -12,9 +12,6 @@ from ambid.record import Record
 
 __all__ = ["slips_of_clocks", "slips_of_instants"]
 
-CURRENT_LATE, CURRENT_ERRORS = 0.25, 10.0
-"""Part of a sample, and standard errors, by which i_c must be off to be told; less is ranked as an effect."""
-
 
 def slips_of_clocks(record: Record, loop: NominalLoop) -> list[Finding]:
     """y keeps in step with the excitation."""
@@ -52,28 +49,22 @@ def slips_of_instants(record: Record, loop: NominalLoop, lines: Lines) -> list[F
 
 def _currents(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
     """i_c comes when the rig's controller and delay bring it; no loop brings it earlier."""
-    found = current_late(loop, lines)
-    if found is None or record.is_rebuilt:
+    late = current_late(loop, lines)
+    if late is None or record.is_rebuilt:
         return []
-    seconds, errors = found
-    told = np.flatnonzero(np.abs(seconds) > np.maximum(CURRENT_LATE / record.sample_rate, CURRENT_ERRORS * errors))
-    findings = []
-    for is_early in (True, False):
-        own = told[(seconds[told] < 0.0) == is_early]
+    findings, made = [], "what the rig's controller makes of y and i_e"
+    for sign in (-1.0, 1.0):
+        own = np.flatnonzero(sign * late > 0.0)
         if not own.size:
             continue
-        by = float(np.median(np.abs(seconds[own])))
+        seconds = float(np.median(np.abs(late[own])))
         where = f"{record.name}: i_c on {', '.join(record.axes[k] for k in own)}: {INSTANT}"
-        samples = by * record.sample_rate
-        how = f"{samples:.3g} sample{'s' if samples > 1.005 else ''} ({1e6 * by:.3g} us)"
-        if is_early:
-            what = f"{how} ahead of what the rig's controller makes of y and i_e: read that much after y"
+        samples = seconds * record.sample_rate
+        how = f"{samples:.3g} sample{'s' if samples > 1.005 else ''} ({1e6 * seconds:.3g} us)"
+        if sign < 0.0:
             todo = f"move i_c to times later by {how}, or give all cards one trigger; or the rig's delay is too long"
-            findings.append(Finding("warning", where, what, todo))
+            findings.append(Finding("warning", where, f"{how} ahead of {made}: read that much after y", todo))
         else:
-            what = (
-                f"{how} after what the rig's controller makes of y and i_e: the loop is delayed, or i_c was read early"
-            )
-            todo = "a diagnosis tells by y which it is"
-            findings.append(Finding("note", where, what, todo))
+            todo = "the loop or its amplifier is slower, or i_c was read early: a diagnosis tells by y which"
+            findings.append(Finding("note", where, f"{how} after {made}", todo))
     return findings
