@@ -12,6 +12,7 @@ from ambid.record import Record
 from benchmarks.dirt_kinds import MARGIN, shifted, soiled
 from benchmarks.null_cells import made
 from hidden.bench import simulate
+from hidden.experiment import experiment
 from hidden.families import BENCHES
 from hidden.one_axis import NAMED, ONE_AXIS
 
@@ -71,6 +72,12 @@ def test_physics_is_no_late_card(effect):
     hidden = {} if effect is None else {effect: NAMED[effect]}
     assert not [f for f in findings(ONE_AXIS, "clean", 1, hidden) if "late" in f.what or "clock" in f.what]
     assert not [f for f in findings(ONE_AXIS, "clean", 1, hidden, "warning") if f.is_of_instant]
+
+
+def test_voltage_that_motion_induces_is_no_early_sensor():
+    """A lead of y by 0.14 sample would do as well for one axis of the second record."""
+    rig, train, kept_back, _ = experiment(("back_emf",), "clear", 2401, kind="other_rotor")
+    assert not [own for own in check(rig, [*train, *kept_back]).findings if own.severity == "fault"]
 
 
 @pytest.mark.parametrize("bench", [ONE_AXIS, BENCHES["bench"]], ids=["one axis", "four axes"])

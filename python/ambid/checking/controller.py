@@ -30,6 +30,9 @@ TURN = 1e-4
 """Part of a unit of time by which derivatives of the paths are differenced."""
 SURE = 100.0
 """Fall of the sum of squares, in units of what is left, by an instant of y: ten standard errors."""
+BY_CHANCE = 6.0
+"""Times the root of that fall, by which an instant must do better than what motion induces in the coil: scores of two
+rivals differ by no more than twice the root of either at one standard error."""
 DELAYS = (0.0, -0.5, 0.5, 1.0, 1.5)
 """Delays in samples from which the equation is solved before y is said to be late: what is held has a kink at each."""
 FEWEST = 30
@@ -132,8 +135,12 @@ def read_late(loop: NominalLoop, lines: Lines) -> Late | None:
         x, spread, left = min((timed.solved(delay) for delay in delays), key=lambda end: end[2])
         without = min(still.solved(delay)[2] for delay in delays)
         late = x[-1] * equation.step
-        if abs(late) < LEAST_LATE / loop.rig.sample_rate or (without / left - 1.0) * numbers < SURE:
+        gain = (without / left - 1.0) * numbers
+        if abs(late) < LEAST_LATE / loop.rig.sample_rate or gain < SURE:
             continue
+        induced = min(replace(still, induces=True).solved(delay)[2] for delay in delays)
+        if (induced / left - 1.0) * numbers < BY_CHANCE * np.sqrt(gain):
+            continue  # one unknown for another, and the coil's does as well
         otherwise = min(replace(equation, induces=True).solved(delay)[2] for delay in delays)
         spent = equation.of_y.shape[1] + 1  # its unknowns beyond those with an instant
         if (left / otherwise - 1.0) * numbers > spent * np.log(numbers):
