@@ -10,7 +10,7 @@ import ambid
 from ambid.designs import Instruments, Limits, design, forecast, prospect
 from ambid.designs.lines import PoweredLines
 from ambid.designs.powers import best_powers, criterion
-from ambid.errors import InputError, ModelError
+from ambid.errors import InputError, ModelError, UnstableLoopError
 from places import BENCH, LEVITATOR
 
 RIG = ambid.Rig.load(LEVITATOR)
@@ -151,3 +151,16 @@ def test_design_at_a_fitted_model_with_the_noise_of_its_record():
     stated = design(RIG, STATED, signal="prbs", seconds=1.0)
     own, other = (np.array([p.std_error for p in d.prospect.parameters.values()]) for d in (found, stated))
     np.testing.assert_allclose(own, other, rtol=0.15)
+
+
+def test_a_pole_at_zero_has_no_width_to_choose_a_period_by():
+    """A controller whose integrator its zero cancels: the loop is not stable, and that is what is said."""
+    cancelled = {
+        "kind": "transfer_function",
+        "implementation": "analog",
+        "numerator": [60.0, 34000.0, 0.0],
+        "denominator": [1e-4, 1.0, 0.0],
+    }
+    rig = ambid.Rig.load(LEVITATOR)
+    with pytest.raises(UnstableLoopError):
+        design(rig.replace(controller=cancelled), Instruments.stated(1, 2e-7, 0.01), seconds=1.0)

@@ -293,6 +293,8 @@ def _period(model: Model, seconds: float | None) -> int:
         most = min(most, int(seconds * rate / FEWEST))
         if most < 16 * len(model.rig.axes):
             raise InputError(f"seconds = {seconds:g}: {FEWEST} periods of {most} samples are too short; give more")
+    if width * most <= rate:  # a pole at zero, or nearly so, has no width
+        return most
     return int(min(max(2 ** np.ceil(np.log2(rate / width)), least), most))
 
 
