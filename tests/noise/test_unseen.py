@@ -1,9 +1,13 @@
 """Without periods, what is not linear is taken for noise: it shows in the whole of what is left, and in its shape."""
 
+from unittest.mock import Mock
+
 import numpy as np
 import pytest
 
 from ambid import Model, Record, compare, identify
+from ambid.noise import unseen
+from ambid.noise.shapes import Shapes
 from hidden.bench import measured
 from hidden.one_axis import ONE_AXIS
 
@@ -40,3 +44,15 @@ def test_a_small_dead_band_is_seen_by_its_shape_alone(seed):
     assert found.comparison.loudest == 1.0
     assert found.verdict.startswith("what is left is a ")
     assert "odd" in found.comparison.shape
+
+
+def test_the_shape_is_looked_for_in_the_beginning_of_a_long_record(monkeypatch):
+    monkeypatch.setattr(unseen, "LONGEST", 4000)
+    searched = []
+    monkeypatch.setattr(unseen, "Shapes", Mock(of=lambda sight, part: searched.append(part) or Shapes.of(sight, part)))
+    found = identify(ONE_AXIS.rig, record(5, {"amplifier_dead_band": {"current": 0.002}}, chips=2500))
+    assert "odd" in found.comparison.shape
+    assert [part.record.samples for part in searched] == [4000]
+    model = Model(ONE_AXIS.rig).with_values(TRUE)
+    assert [compare(model, record(seed, {}, chips=2500)).shape for seed in range(20)] == [""] * 20
+    assert {part.record.samples for part in searched} == {4000}

@@ -18,6 +18,7 @@ from ambid.model import Model
 from ambid.noise.chance import ADEQUATE, RARE, log_chance, misfit_bound
 from ambid.noise.inlets import Sight
 from ambid.noise.lines import RecordLines
+from ambid.noise.measured import Measured
 from ambid.noise.shapes import Shapes
 
 __all__ = ["OverCeiling", "over_ceiling", "shape_left"]
@@ -25,6 +26,9 @@ __all__ = ["OverCeiling", "over_ceiling", "shape_left"]
 SHAPE_LEFT = 1e-5
 """Chance of the score of a shape that is no chance, over some twenty shapes: right models leave none below 1e-2 with
 periods; without, of 452 records under random excitation none below 5e-5, of 600 of stairs one."""
+LONGEST = 131_072
+"""Samples of a record without periods that are searched for a shape, from the first on: as many lines are judged of
+these as of all, and the signals at the ports of four axes would take another third of a gigabyte a million samples."""
 PORTS = {"force": "f", "current": "i_ref", "sensor": "y"}
 """Ports at which a shape may act, and the signal that it is added to."""
 
@@ -90,6 +94,7 @@ def shape_left(part: RecordLines, model: Model, least: float = 0.0) -> str:
     least : float
         Score of a shape that formulas of the effects may leave.
     """
+    part = _beginning(part, model)
     here = part.at(model)
     try:
         through = here if here.is_linear or here.is_stable else here.without_nonlinear()
@@ -104,3 +109,10 @@ def shape_left(part: RecordLines, model: Model, least: float = 0.0) -> str:
             if term.kind != "linear" and own < chance and term.score > least:
                 chance, told = own, f"a {port} that is {term.kind} and looks like {term.shape}"
     return told
+
+
+def _beginning(part: RecordLines, model: Model) -> RecordLines:
+    """The first `LONGEST` samples of a record without periods that has more."""
+    if part.noise_is_measured or part.record.samples <= LONGEST:
+        return part
+    return RecordLines(model, Measured(part.record.rows(0, LONGEST)), part.tones, angles=part.angles)
