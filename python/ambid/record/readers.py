@@ -155,13 +155,14 @@ def _read_hdf5(path: Path) -> AbstractContextManager[Content]:
 @contextmanager
 def _read_parquet(path: Path) -> Iterator[Content]:
     parquet = extra("pyarrow.parquet", path)
-    with path.open("rb") as stream, parquet.ParquetFile(stream) as file:  # it takes no path that is not UTF-8
+    # It takes no path that is not UTF-8, and a column at a time needs no threads, which may outlive what they belong to.
+    with path.open("rb") as stream, parquet.ParquetFile(stream, pre_buffer=False) as file:
         rows, names = file.metadata.num_rows, file.schema_arrow.names
         # A constant column takes some bytes whatever its length: only the memory is a bound.
         require_size(path, "a column", (rows,), 8)
 
         def stored(name: str, kind: Any) -> Stored:
-            return Stored((rows,), _numpy_type(kind), lambda: file.read([name])[name].to_numpy())
+            return Stored((rows,), _numpy_type(kind), lambda: file.read([name], use_threads=False)[name].to_numpy())
 
         yield Content(
             {name: stored(name, kind) for name, kind in zip(names, file.schema_arrow.types, strict=True)},
