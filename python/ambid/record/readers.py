@@ -155,7 +155,7 @@ def _read_hdf5(path: Path) -> AbstractContextManager[Content]:
 @contextmanager
 def _read_parquet(path: Path) -> Iterator[Content]:
     parquet = extra("pyarrow.parquet", path)
-    # It takes no path that is not UTF-8, and a column at a time needs no threads, which may outlive what they belong to.
+    # It takes no path that is not UTF-8; a column at a time needs no threads, which may outlive what they belong to.
     with path.open("rb") as stream, parquet.ParquetFile(stream, pre_buffer=False) as file:
         rows, names = file.metadata.num_rows, file.schema_arrow.names
         # A constant column takes some bytes whatever its length: only the memory is a bound.
