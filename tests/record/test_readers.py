@@ -1,7 +1,10 @@
 """Files of records: every format holds the same data, and every broken file is refused in its own words."""
 
 import hashlib
+import subprocess
+import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -47,6 +50,24 @@ def test_every_format_holds_the_same_record(tmp_path, suffix):
     assert again.notes == ()
     assert again.i_ref is None
     assert Record.load(tmp_path / f"run{suffix}").sample_rate == 1e4
+
+
+TASKS = """
+import os, sys, pyarrow.parquet
+from ambid import Record
+count = lambda: len(os.listdir("/proc/self/task"))
+before = count()
+Record.load(sys.argv[1])
+print(count() - before)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="threads are counted where Linux lists them")
+def test_parquet_is_read_without_threads(tmp_path):
+    """One that lets go of the file while Python ends would end the process with an abort."""
+    Record.from_arrays(**measured(), rig=RIG).save(tmp_path / "run.parquet")
+    command = [sys.executable, "-c", TASKS, tmp_path / "run.parquet"]
+    assert int(subprocess.run(command, capture_output=True, text=True, check=True).stdout) == 0
 
 
 def test_v73_as_matlab_writes_it(tmp_path):

@@ -64,7 +64,8 @@ class Chunks:
         import pyarrow.parquet
 
         try:
-            rows = pyarrow.parquet.read_table(path, use_threads=False, pre_buffer=False).to_pylist()
+            with pyarrow.parquet.ParquetFile(path, pre_buffer=False) as file:
+                rows = file.read(use_threads=False).to_pylist()
         except (pyarrow.ArrowException, OSError) as error:
             raise InputError(f"{path}: cannot be read ({error}); delete it, and its runs are made again") from None
         if [row.get("run") for row in rows] != list(runs)[: len(rows)]:
