@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from ambid import Model, compare, effects
+from ambid.diagnosis.localisation import Cell
 from ambid.diagnosis.ports import needed_at_ports
 from ambid.diagnosis.state import State
 from ambid.diagnosis.verdict import Verdict
@@ -21,7 +22,7 @@ QUIET = SimpleNamespace(parts=())
 
 def verdict(model, **keys):
     """An explanation in the facts that `notes` reads."""
-    fit = SimpleNamespace(model=model, records=(), bound=1.1, loudest=1.0, when_loudest="")
+    fit = SimpleNamespace(model=model, records=(), bound=1.1, by_chance=1.03, loudest=1.0, when_loudest="")
     own = {"word": "explained", "effects": ("periodic_disturbance",), "sets": (), "fit": fit, "misfit": 1.0}
     own |= {"tolerance": 1.1, "share": 0.99, "change": None, "changes": (), "is_stopped": False, "is_chosen": False}
     own |= {"kept_back": None, "shape": ""}
@@ -44,6 +45,20 @@ def test_what_remains_is_told_with_the_bound_that_it_failed(hum):
     (left, *_) = notes(verdict(hum, misfit=1.15, fit=loud), QUIET)
     assert "1.70 times the noise remains while the machine moves, above 1.10" in left
     assert not any("in the main" in note for note in notes(verdict(hum), QUIET))
+
+
+def test_what_is_good_enough_is_not_called_nothing(hum):
+    """J/dof 1.093 of 20 000 degrees of freedom is ten standard deviations above noise alone."""
+    where = SimpleNamespace(cells=[Cell("run", "y.A_zeta", (18.0, 36.0), 21.6, "linear")], sentence=lambda: "")
+    keys = {"word": "adequate", "effects": (), "where": where}
+    (told, *_) = notes(verdict(hum, misfit=1.093, **keys), QUIET)
+    assert told.startswith("good enough: J/dof 1.09 remains, within the 1.10 that is asked for, but above the 1.03")
+    assert "most of it in y.A_zeta from 18 to 36 Hz (21.6 times noise)" in told
+    assert next_experiment(verdict(hum, misfit=1.093, **keys), ()).endswith(
+        "look for what is left with --tolerance 1.03"
+    )
+    assert not any("good enough" in note for note in notes(verdict(hum, misfit=1.02, **keys), QUIET))
+    assert next_experiment(verdict(hum, misfit=1.02, **keys), ()).startswith("nothing is needed")
 
 
 def test_a_misfit_of_records_kept_back_is_told_and_asked_for(hum):

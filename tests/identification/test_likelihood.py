@@ -1,6 +1,7 @@
 """The fit that minimises J: intervals that hold for whole and for cut records, repeatable to the last bit."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -81,6 +82,10 @@ def test_it_ends_with_a_verdict_and_what_to_do_next(bench, i_e, run):
     assert right.misfit < right.misfit_bound
     assert "nothing is missing that these records can show" in right.verdict
     assert "another amplitude" in right.next
+    seen = SimpleNamespace(is_judged=True, is_adequate=True, misfit=1.07, bound=1.1, by_chance=1.03)
+    assert replace(right, comparison=seen).verdict.endswith(
+        "good enough, though chance alone brings 1.03: little is missing"
+    )
     (slow,) = replace(bench, tau_a=bench.tau_a + 1e-5).records(i_e, [1], period=510)
     wrong = identify(bench.rig(), slow)
     assert not wrong.is_adequate

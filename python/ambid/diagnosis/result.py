@@ -34,6 +34,8 @@ VERDICTS = {
 SETTING_UNITS = {"z": "m", "frequency_hz": "Hz"}
 IN_THE_MAIN = "in the main only"
 """What the note begins with that takes the place of the verdict's meaning, where more than noise is left."""
+GOOD_ENOUGH = "good enough"
+"""The same, where more than chance is left and no more than the tolerance."""
 
 
 @dataclass(frozen=True)
@@ -215,8 +217,9 @@ class Diagnosis(Tabular):
 
     @property
     def meaning(self) -> str:
-        """What the verdict says, in a sentence; where effects explain in the main only, what they leave."""
-        return next((note for note in self.notes if note.startswith(IN_THE_MAIN)), VERDICTS[self.verdict])
+        """What the verdict says, in a sentence; where more than noise is left, how much and where."""
+        told = (note for note in self.notes if note.startswith((IN_THE_MAIN, GOOD_ENOUGH)))
+        return next(told, VERDICTS[self.verdict])
 
     @property
     def left(self) -> tuple[MisfitMap, ...]:

@@ -13,7 +13,6 @@ from ambid.diagnosis.result import Step
 from ambid.effects import Effect
 from ambid.model import Model
 from ambid.noise import Comparison, compare
-from ambid.noise.chance import misfit_bound
 from ambid.record import Measurement
 
 __all__ = ["State", "Task", "nominal_with_effects_of", "noted"]
@@ -91,7 +90,7 @@ class State:
     @property
     def at_noise(self) -> float:
         """J up to which a model may be right."""
-        return self.dof * misfit_bound(self.dof, spread=self.fit.noise.scatter)
+        return self.dof * self.fit.by_chance
 
     @property
     def fall(self) -> float:

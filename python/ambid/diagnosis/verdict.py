@@ -105,6 +105,11 @@ class Verdict:
         """Whether the last model leaves no more than chance, or than is good enough, leaves."""
         return self.misfit <= max(self.tolerance, self.fit.bound) and self.fit.loudest <= self.tolerance
 
+    @property
+    def is_only_good_enough(self) -> bool:
+        """Whether it is called adequate while more than chance is left."""
+        return self.word == "adequate" and self.misfit > self.fit.by_chance
+
 
 def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = False) -> Verdict:
     """The verdict on the last step of a search.

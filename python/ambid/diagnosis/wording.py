@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from ambid.diagnosis.result import IN_THE_MAIN, Step
+from ambid.diagnosis.result import GOOD_ENOUGH, IN_THE_MAIN, Step
 from ambid.diagnosis.rivals import APART
 from ambid.diagnosis.verdict import Verdict
 from ambid.effects.disturbance import PeriodicDisturbance
@@ -89,6 +89,15 @@ def notes(verdict: Verdict, noise: Noise) -> Iterator[str]:
         )
         for own in verdict.changes:
             yield f"{own.parameter} changes with the operating point: from {' to '.join(own.ends)}"
+    if verdict.is_only_good_enough:
+        below, asked = told_apart(verdict.misfit, verdict.tolerance)
+        above, chance = told_apart(verdict.misfit, verdict.fit.by_chance)
+        cell = verdict.where.cells[0]
+        yield (
+            f"{GOOD_ENOUGH}: J/dof {max(below, above, key=len)} remains, within the {asked} that is asked for, but "
+            f"above the {chance} that chance brings: something small is missing, most of it in {cell.channel} from "
+            f"{band_text(*cell.band_hz, ' to ')} Hz ({cell.misfit:.1f} times noise)"
+        )
     if verdict.is_chosen and verdict.word == "none_of_the_candidates":
         yield (
             f"chosen and kept: {', '.join(verdict.effects)}; the data do not confirm that this explains the misfit "
@@ -180,6 +189,10 @@ def next_experiment(verdict: Verdict, history: Sequence[Step]) -> str:
     """
     if verdict.kept_back is not None and verdict.word != "ambiguous" and _shows_elsewhere(verdict):
         return "diagnose the records to validate on together with these, to see what is missing there"
+    if verdict.is_only_good_enough:
+        return (
+            f"nothing, if that is good enough; else look for what is left with --tolerance {verdict.fit.by_chance:.2f}"
+        )
     if verdict.word == "adequate":
         return "nothing is needed in this band and at this amplitude; a larger one would show nonlinear effects"
     if verdict.word == "ambiguous":

@@ -196,6 +196,8 @@ class Estimate(Tabular):
         if not self.comparison.is_judged:
             return "misfit unknown: the noise of these records is not known"
         what = f"misfit {self.misfit:.2f}, bound {self.misfit_bound:.2f} (J/dof, 1 when the model is right)"
+        if self.is_adequate and self.misfit > self.comparison.by_chance:
+            return f"{what}: good enough, though chance alone brings {self.comparison.by_chance:.2f}: little is missing"
         if self.is_adequate:
             return f"{what}: nothing is missing that these records can show"
         if self._is_curved:

@@ -143,9 +143,14 @@ class Comparison(Tabular):
         return self.cost / self.dof if self._noise is not None else np.nan
 
     @property
+    def by_chance(self) -> float:
+        """Misfit that chance may bring to the right model at these degrees of freedom; NaN as `misfit`."""
+        return misfit_bound(self.dof, spread=self.noise.scatter) if self._noise is not None else np.nan
+
+    @property
     def bound(self) -> float:
-        """Misfit up to which the model may be right: `ADEQUATE`, or what chance brings at these degrees of freedom."""
-        return max(ADEQUATE, misfit_bound(self.dof, spread=self.noise.scatter)) if self._noise is not None else np.nan
+        """Misfit up to which a model is good enough: `ADEQUATE`, or what chance may bring; NaN as `misfit`."""
+        return max(self.by_chance, ADEQUATE)
 
     @property
     def is_judged(self) -> bool:

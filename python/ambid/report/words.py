@@ -39,6 +39,8 @@ GLOSSARY = {
     "chance.",
     "in the main only": "The effects explain nearly all of the excess misfit, and what is left is above the bound: "
     "their formulas only approximate this machine, or something smaller is missing.",
+    "good enough": f"The misfit is within {ADEQUATE:.2f}, or what was asked for, but above what chance brings: "
+    "something small is missing, and the report says where it is largest.",
     "slip": "An error of the rig file or the record that is ranked beside the physics: other gains of the controller, "
     "another scale of i_e.",
     "confusable": "Two effects whose responses look alike to more than 90 % in these data, after refitting the rest.",
