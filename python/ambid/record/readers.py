@@ -155,8 +155,8 @@ def _read_hdf5(path: Path) -> AbstractContextManager[Content]:
 @contextmanager
 def _read_parquet(path: Path) -> Iterator[Content]:
     parquet = extra("pyarrow.parquet", path)
-    # It takes no path that is not UTF-8. A thread of its own may let go of the stream when Python has ended, and then
-    # ends the process as well: 6 of 1500 commands, none without threads, which a column at a time does not need.
+    # It takes no path that is not UTF-8. Threads that read the stream now and then abort a process that ends, likely as
+    # they let go of it when Python has ended; a column at a time does not need them.
     with path.open("rb") as stream, parquet.ParquetFile(stream, pre_buffer=False) as file:
         rows, names = file.metadata.num_rows, file.schema_arrow.names
         # A constant column takes some bytes whatever its length: only the memory is a bound.
