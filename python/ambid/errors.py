@@ -5,7 +5,9 @@ import unicodedata
 from collections.abc import Iterable
 
 LONGEST_MESSAGE = 2000
-"""Characters of a message: about a screen. What stands behind is of no help to a reader, and may be megabytes."""
+"""Characters of a message: about a screen. What is left out is of no help to a reader, and may be megabytes."""
+LAST_PART = 500
+"""Characters of these that are kept for the end, where it says what to do."""
 SHORTEST_PART = 4
 """Letters of a name that say something of it: fewer are in too many."""
 MOST_NEAR = 4
@@ -50,12 +52,14 @@ def _letters(name: str) -> str:
 
 
 class AmbidError(Exception):
-    """Base of every error that ambid raises on purpose; its message is printable and ends after a screen."""
+    """Base of every error that ambid raises on purpose; its message is printable, and a screen long at most."""
 
     def __init__(self, message: str) -> None:
-        more = len(message) - LONGEST_MESSAGE
-        short = message if more <= 0 else f"{message[:LONGEST_MESSAGE]} ... ({more} more characters)"
-        super().__init__(printable(short))
+        text = printable(message)  # before it is cut: what is spelled out is up to ten times as long
+        more = len(text) - LONGEST_MESSAGE
+        if more > 0:
+            text = f"{text[: LONGEST_MESSAGE - LAST_PART]} ... ({more} characters left out) ... {text[-LAST_PART:]}"
+        super().__init__(text)
 
 
 class InputError(AmbidError):

@@ -141,7 +141,7 @@ CORPUS: dict[str, tuple[Breaker, tuple[str, ...], str]] = {
     "model, nested deep": (text("model.json", "[" * 100_000), MODEL, "model.json: not a model (nested"),
     "model, a list for a number": (replaced("model.json", r'"value": [\d.]+', '"value": []'), MODEL, "value = []"),
     "model, an endless unit": (
-        replaced("model.json", r'"unit": "N/A"', '"unit": ' + json.dumps(["x" * 100_000])), MODEL, "more characters"
+        replaced("model.json", r'"unit": "N/A"', '"unit": ' + json.dumps(["x" * 100_000])), MODEL, "characters left out"
     ),
     "model, covariance of another size": (covariance(lambda rows: rows.pop()), MODEL, "covariance has the shape"),
     "model, covariance not symmetric": (covariance(lambda m: m[0].__setitem__(1, 1.0)), MODEL, "not symmetric"),
@@ -153,7 +153,8 @@ CORPUS: dict[str, tuple[Breaker, tuple[str, ...], str]] = {
     "model, negative variance": (covariance(lambda m: m[0].__setitem__(0, -1.0)), MODEL, "negative variance"),
     "csv, a million columns": (text("run.csv", "a," * 1_000_000 + "\n"), (*CHECK, "run.csv"), "1048576 characters"),
     "csv, twenty thousand columns": (text("run.csv", "a," * 20_000 + "\n1"), (*CHECK, "run.csv"), "20000 columns"),
-    "csv, a line of megabytes": (replaced("run.csv", "0.0001", "x" * 5_000_000), (*CHECK, "run.csv"), "more ch"),
+    "csv, a line of megabytes": (replaced("run.csv", "0.0001", "x" * 5_000_000), (*CHECK, "run.csv"), "left out"),
+    "csv, names of escapes": (replaced("run.csv", r"y\.A_zeta", "\x1b" * 20_000), (*CHECK, "run.csv"), "no column 'y."),
     "csv, beyond floating point": (replaced("run.csv", "\n0.0001,", "\n1e400,"), (*CHECK, "run.csv"), "t is inf"),
     "csv, a current of nothing": (column("run.csv", 3, lambda i: i / 1e300), (*CHECK, "run.csv"), "i_c.A_zeta is c"),
     "csv, an excitation of nothing": (column("run.csv", 1, lambda i: 1e-300 * i), COMPARE, "no excitation"),

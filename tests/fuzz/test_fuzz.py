@@ -89,6 +89,13 @@ def test_printable_text_steers_nothing_and_stays(text):
     shown.encode()  # as a terminal or a page does
 
 
+def test_a_long_message_keeps_the_file_and_what_to_do():
+    message = str(InputError(f"rig.toml: {10_000 * chr(27)}: give a number"))
+    assert message.startswith("rig.toml: ")
+    assert message.endswith(": give a number")
+    assert len(message) < LONGEST_MESSAGE + 50
+
+
 @given(st.lists(st.text(max_size=20), max_size=3))
 @settings(max_examples=300)
 def test_a_map_is_read_or_refused(options):
