@@ -104,6 +104,25 @@ def test_what_nothing_explains_points_to_the_late_currents():
     assert any("read that much after y" in note for note in found.notes)
 
 
+@pytest.mark.slow
+def test_what_nothing_explains_tells_of_the_one_current_that_comes_late():
+    """An amplifier that is slower on one axis may be the cause as well, so that nothing is said to be moved."""
+    bench = BENCHES["bench"]
+    clean = dirty(bench, "clean", 2)
+    i_c = clean.i_c.copy()
+    i_c[1:, 2] = i_c[:-1, 2]
+    found = diagnose(
+        bench.rig,
+        Record.from_arrays(
+            i_e=clean.i_e, y=clean.y, i_c=i_c, sample_rate=bench.rig.sample_rate, axes=bench.rig.axes, rig=bench.rig
+        ),
+    )
+    assert found.verdict == "none_of_the_candidates"
+    (note,) = [note for note in found.notes if "instant" in note]
+    assert note.startswith(f"record: i_c on {bench.rig.axes[2]}: instant")
+    assert float(note.split(" sample")[0].split()[-1]) == pytest.approx(1.0, abs=0.1)
+
+
 def test_a_transient_that_dies_away_over_periods_is_no_lost_sample():
     """A slow mode that still rings where the record is judged shifts its first periods against the others."""
     rig, record = made(884)

@@ -169,9 +169,30 @@ def test_a_scale_of_the_excitation_is_a_matter_of_degree(factor, expected):
     assert "proportional" not in text
 
 
+@pytest.mark.parametrize("signal", ["i_e", "y", "i_c"])
+def test_a_scale_of_one_axis_names_it(signal):
+    rig, record = bench_experiment()
+    scaled = getattr(record, signal) * [1.0, 1.0, 0.9, 1.0]
+    (found,) = [own for own in check(rig, [replace(record, **{signal: scaled})]).findings if "i_c follows" in own.what]
+    assert f" on {rig.axes[2]}" in found.what
+    assert not [axis for axis in rig.axes if axis != rig.axes[2] and axis in found.what]
+    assert found.todo.startswith(f"check the scale of {signal} on {rig.axes[2]};")
+
+
 def test_a_gain_beyond_all_degrees_stops():
     rig, record = bench_experiment()
     assert "i_e x 20" in only_fault(rig, replace(record, i_e=0.05 * record.i_e))
+
+
+def test_a_current_without_the_excitation():
+    """The controller's command, before i_e joins it and before the amplifier."""
+    rig, record = bench_experiment()
+    tau = rig.amplifier.time_constant
+    lag = 1.0 + 2j * np.pi * tau * np.fft.rfftfreq(record.samples, 1.0 / record.sample_rate)[:, None]
+    command = np.fft.irfft(lag * np.fft.rfft(record.i_c, axis=0), n=record.samples, axis=0) - record.i_e
+    (fault,) = check(rig, [replace(record, i_c=command)]).faults
+    assert "i_e x " in fault.what
+    assert "recorded before i_e is added" in fault.todo
 
 
 def test_the_sign_of_one_sensor():

@@ -58,6 +58,11 @@ DOUBTFUL_GAIN, WRONG_GAIN = 0.02, 0.10
 CONTROLLER_SLIP, EXCITATION_SLIP = ControllerGainError.name, ExcitationGainError.name
 HOLDS_BIAS = 0.1
 """Relative difference up to which a mean of i_c is the bias current itself: the whole current was recorded."""
+WITHOUT_EXCITATION = 0.1
+"""Factor of i_e in i_c up to which i_c was recorded before i_e joins it."""
+ADD_EXCITATION = "it seems that i_c was recorded before i_e is added: record the current of the coil, or add i_e to i_c"
+MOST_NAMED = 4
+"""Axes that are named with a factor each."""
 LEAST_SHARE = 0.02
 """Part of i_c that an error of a gain has to be to matter; an integral acts below most lines."""
 
@@ -314,26 +319,45 @@ def _gains(record: Record, fit: ControllerFit, scale: FloatArray, judged: NDArra
     least = np.maximum(LEAST_SHARE, fit.missed)[:, None]  # below what the whole equation misses no gain is determined
     matters = judged[:, None] & (off * fit.share > least)
     excess = np.where(matters, off - 5.0 * fit.std_error, 0.0)
-    doubtful = np.flatnonzero(excess.max(axis=0) > DOUBTFUL_GAIN)
+    told: NDArray[np.bool_] = np.asarray(excess > DOUBTFUL_GAIN)
+    doubtful = np.flatnonzero(told.any(axis=0))
     if not len(doubtful):
         return []
-    factors = []
-    for k in doubtful:
-        own = scale[judged, k]
-        over = f" ({own.min():.3g} to {own.max():.3g} over the axes)" if np.ptp(own) > 0.02 else ""
-        factors.append(f"{fit.parts[k]} x {np.median(own):.3g}{over}")
+    factors = [f"{fit.parts[k]} x {_factor(record.axes, scale[:, k], judged, told[:, k])}" for k in doubtful]
     what = f"the recorded i_c follows from i_e and y with {', '.join(factors)} of what rig and record say"
+    is_command = np.abs(scale[judged, 0]).max() < WITHOUT_EXCITATION
     causes = {
-        EXCITATION_SLIP: ("check the scale of i_e", doubtful == 0),
+        EXCITATION_SLIP: (ADD_EXCITATION if is_command else "check the scale of i_e", doubtful == 0),
         CONTROLLER_SLIP: ("correct [controller], or take the rig file of that day", doubtful > 0),
     }
     todos = {slip: todo for slip, (todo, own) in causes.items() if own.any()}
-    todo = f"{'; '.join(todos.values())}; or physics is missing: a diagnosis ranks {' and '.join(todos)} beside it"
+    parts = [*_own_scale(record.axes, told, judged), *todos.values()]
+    todo = f"{'; '.join(parts)}; or physics is missing: a diagnosis ranks {' and '.join(todos)} beside it"
     wrong = excess > WRONG_GAIN
     is_sought = (scale > 1.0 + LEAST) & (scale < 1.0 + MOST)
     severity: Severity = "fault" if wrong.any() else "warning"
     stops = bool(np.any(wrong & ~is_sought))
     return [Finding(severity, f"{record.name}: controller", what, todo, stops_diagnosis=stops)]
+
+
+def _factor(axes: Sequence[str], scale: FloatArray, judged: NDArray[np.bool_], told: NDArray[np.bool_]) -> str:
+    """One factor for all axes, or those of the axes where it is off, or their range where these are many."""
+    own = scale[judged]
+    if np.ptp(own) <= DOUBTFUL_GAIN:
+        return f"{np.median(own):.3g}"
+    if np.count_nonzero(told) > MOST_NAMED:
+        return f"{np.median(own):.3g} ({own.min():.3g} to {own.max():.3g} over the axes)"
+    return " and ".join(f"{scale[j]:.3g} on {axis}" for j, axis in enumerate(axes) if told[j])
+
+
+def _own_scale(axes: Sequence[str], told: NDArray[np.bool_], judged: NDArray[np.bool_]) -> list[str]:
+    """Where some axes alone are off: the channel whose scale would do that, as one controller has the same gains."""
+    off = told.any(axis=1)
+    if np.count_nonzero(off) == np.count_nonzero(judged):
+        return []
+    of_i_e, of_y = told[:, 0].any(), told[:, 1:].any()
+    channel = "i_c" if of_i_e and of_y else "i_e" if of_i_e else "y"
+    return [f"check the scale of {channel} on {', '.join(axis for j, axis in enumerate(axes) if off[j])}"]
 
 
 def _closed_loop(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:

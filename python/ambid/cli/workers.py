@@ -17,7 +17,7 @@ from ambid.errors import InputError
 
 __all__ = ["workers_of"]
 
-PATIENCE = 10.0
+PATIENCE = 5.0
 """Seconds in which a scheduler answers; one that is there takes far less than one."""
 MOST_WORKERS = 1000
 """Processes of one machine: beyond its cores they only take memory, some hundred megabytes each."""

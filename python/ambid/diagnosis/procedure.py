@@ -153,7 +153,8 @@ def _told(
     spread = covariance(verdict.fit, range(len(verdict.fit.model.names)))
     model = verdict.fit.model.with_substeps(None).with_covariance(spread)
     unnamed = verdict.word == "none_of_the_candidates"
-    instants = [finding for finding in findings if finding.is_of_instant and finding.severity == "warning" and unnamed]
+    instants = [finding for finding in findings if finding.is_of_instant and unnamed]
+    slips = [finding for finding in instants if finding.severity == "warning"]
     return Diagnosis(
         verdict=verdict.word,
         effects=verdict.effects,
@@ -172,7 +173,7 @@ def _told(
         families={name: near[name] for name in verdict.effects if name in near},
         records=records,
         validation=task.validate,
-        next_experiment=instants[0].todo if instants else next_experiment(verdict, state.history),
+        next_experiment=slips[0].todo if slips else next_experiment(verdict, state.history),
         seconds=time.perf_counter() - begun,
         notes=(
             *notes_on_repeats(records),
@@ -180,7 +181,8 @@ def _told(
             *_undetermined(start, verdict.fit),
             *notes(verdict, state.fit.noise),
             *(f.line(advises=verdict.word != "adequate") for f in findings if f.is_of_path),
-            *(f.line() for f in (*(f for f in findings if f.is_of_force), *instants)),
+            *(f.line() for f in findings if f.is_of_force),
+            *(f.line(advises=f in slips) for f in instants),
         ),
     )
 
