@@ -319,7 +319,7 @@ def _gains(record: Record, fit: ControllerFit, scale: FloatArray, judged: NDArra
     least = np.maximum(LEAST_SHARE, fit.missed)[:, None]  # below what the whole equation misses no gain is determined
     matters = judged[:, None] & (off * fit.share > least)
     excess = np.where(matters, off - 5.0 * fit.std_error, 0.0)
-    told: NDArray[np.bool_] = np.asarray(excess > DOUBTFUL_GAIN)
+    told = excess > DOUBTFUL_GAIN
     doubtful = np.flatnonzero(told.any(axis=0))
     if not len(doubtful):
         return []
@@ -352,12 +352,12 @@ def _factor(axes: Sequence[str], scale: FloatArray, judged: NDArray[np.bool_], t
 
 def _own_scale(axes: Sequence[str], told: NDArray[np.bool_], judged: NDArray[np.bool_]) -> list[str]:
     """Where some axes alone are off: the channel whose scale would do that, as one controller has the same gains."""
-    off = told.any(axis=1)
-    if np.count_nonzero(off) == np.count_nonzero(judged):
+    off = [axis for axis, own in zip(axes, told, strict=True) if own.any()]
+    if len(off) == np.count_nonzero(judged):
         return []
     of_i_e, of_y = told[:, 0].any(), told[:, 1:].any()
     channel = "i_c" if of_i_e and of_y else "i_e" if of_i_e else "y"
-    return [f"check the scale of {channel} on {', '.join(axis for j, axis in enumerate(axes) if off[j])}"]
+    return [f"check the scale of {channel} on {', '.join(off)}"]
 
 
 def _closed_loop(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
