@@ -17,14 +17,26 @@ from monte_carlo.test_chunks import content
 pytest.importorskip("pyarrow")
 RUNS = 40
 CHUNK = 4
+PAUSE = 0.15
 PROGRAM = f"""
 if __name__ == "__main__":
+    import time
     from ambid.cli import main
     from ambid.monte_carlo import procedure
+
+    class Slowly(procedure._Rows):
+        def add(self, rows):
+            super().add(rows)
+            time.sleep({PAUSE})
+
     procedure.CHUNK = procedure.BATCH = {CHUNK}
+    procedure._Rows = Slowly
     main()
 """
-"""The command with small chunks, in a file, so that its worker processes find it."""
+"""The command with small chunks, in a file, so that its worker processes find it.
+
+It is so slow that a signal comes in time on a loaded machine.
+"""
 LONG = 120.0
 """Seconds to wait for what takes one or two: the machine may be loaded."""
 
