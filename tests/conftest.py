@@ -10,6 +10,7 @@ import ambid
 import ambid.cli
 from ambid.demo import DATA
 from ambid.excitation import prbs
+from golden import FILE, Golden
 from places import BENCH
 from virtual import NAMES, VirtualBench
 
@@ -26,6 +27,23 @@ class Finished:
     code: int
     out: str
     err: str
+
+
+def pytest_addoption(parser):
+    parser.addoption("--golden", choices=("hold", "write"), default="hold", help="renew the golden texts; with -n 0")
+
+
+def pytest_collection_modifyitems(config, items):
+    if config.getoption("golden") == "write":  # only tests that have golden texts
+        items[:] = [item for item in items if "golden" in item.fixturenames]
+
+
+@pytest.fixture
+def golden(request, tmp_path):
+    """The golden texts of this test."""
+    place = f"{request.path.stem}::{request.node.name}"
+    writes = request.config.getoption("golden") == "write"
+    return Golden(request.path.parent / FILE, place, str(tmp_path), writes, [0])
 
 
 @pytest.fixture

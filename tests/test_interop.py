@@ -58,12 +58,12 @@ def test_to_control(model):
     assert_same(control.forced_response(system, U=I_E.T).outputs.T, model)
 
 
-def test_control_is_optional(monkeypatch):
+def test_control_is_optional(monkeypatch, golden):
     def missing(name):
         raise ImportError(name)
 
     monkeypatch.setattr(interop.importlib, "import_module", missing)
-    with pytest.raises(InputError, match=r"needs the package control: pip install 'ambid\[control\]'"):
+    with golden.raises(InputError):
         to_control(Model(RIG))
 
 
@@ -100,15 +100,15 @@ def test_to_mat_plant(tmp_path, effect):
     assert unstable > 10.0, "without its controller the rotor falls"
 
 
-def test_suffix_of_mat(tmp_path):
-    with pytest.raises(ModelError, match=r"model\.m: the suffix is \.m; expected \.mat"):
+def test_suffix_of_mat(tmp_path, golden):
+    with golden.raises(ModelError):
         to_mat(Model(RIG), tmp_path / "model.m")
 
 
 @pytest.mark.parametrize("export", [to_scipy, to_control, lambda model: to_mat(model, "model.mat")])
-def test_what_is_not_linear_is_refused(export):
+def test_what_is_not_linear_is_refused(export, golden):
     model = Model(RIG).add("force_nonlinearity")
-    with pytest.raises(ModelError, match=r"force_nonlinearity is not linear.*model\.without\('force_nonlinearity'\)"):
+    with golden.raises(ModelError):
         export(model)
     assert to_scipy(model.without("force_nonlinearity")).dt == 1e-4
 
@@ -158,11 +158,11 @@ def test_controllers_that_are_refused(content, words, tmp_path):
     assert words in str(caught.value)
 
 
-def test_controller_files_that_cannot_be_read(tmp_path):
-    with pytest.raises(RigError, match=r"none\.mat: cannot be read"):
+def test_controller_files_that_cannot_be_read(tmp_path, golden):
+    with golden.raises(RigError):
         controller_from_mat(tmp_path / "none.mat")
     (tmp_path / "K.mat").write_bytes(np.random.default_rng(0).bytes(500))
-    with pytest.raises(RigError, match=r"K\.mat: not a \.mat file of version 5"):
+    with golden.raises(RigError):
         controller_from_mat(tmp_path / "K.mat")
 
 
@@ -236,19 +236,17 @@ def test_rotors_that_are_refused(rotor, words):
 
 
 @pytest.mark.parametrize("keys", [{}, {"smooth": True}, {"dt": 1e-4}])
-def test_a_frequency_response_is_no_controller(keys):
+def test_a_frequency_response_is_no_controller(keys, golden):
     control = pytest.importorskip("control")
     response = control.frd(np.array([1.0, 0.5 - 0.5j, -0.5j]), np.array([1.0, 10.0, 100.0]), **keys)
-    with pytest.raises(
-        RigError, match="FrequencyResponseData object: a frequency response is no model of a controller"
-    ):
+    with golden.raises(RigError):
         controller_from(response)
 
 
-def test_what_makes_no_state_space_says_why():
+def test_what_makes_no_state_space_says_why(golden):
     class Other:
         def to_ss(self):
             raise ArithmeticError("improper")
 
-    with pytest.raises(RigError, match="Other object: improper; expected a linear system"):
+    with golden.raises(RigError):
         controller_from(Other())

@@ -52,8 +52,8 @@ def test_whatever_goes_wrong_leaves_the_old_file_alone(error, old):
     assert alone(old)
 
 
-def test_a_full_disk_is_named_with_the_file(old):
-    with pytest.raises(OutputError, match=r"a\.json: cannot be written \(No space left on device\)"), whole_file(old):
+def test_a_full_disk_is_named_with_the_file(old, golden):
+    with golden.raises(OutputError), whole_file(old):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     assert old.read_bytes() == b"old"
     assert alone(old)
@@ -87,9 +87,9 @@ def test_a_hard_link_keeps_the_old_content(old):
     assert (old.read_bytes(), other.read_bytes()) == (b"new", b"old")
 
 
-def test_a_device_takes_the_content(tmp_path):
+def test_a_device_takes_the_content(tmp_path, golden):
     write(Path(os.devnull))
-    with pytest.raises(OutputError, match="/dev/full: cannot be written"):
+    with golden.raises(OutputError):
         write(Path("/dev/full"))
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
@@ -116,20 +116,20 @@ def test_what_cannot_be_written_is_known_before(name, error, says, old):
 
 
 @pytest.mark.skipif(os.access("/proc/version", os.W_OK) or os.geteuid() == 0, reason="root may write everywhere")
-def test_write_protection_is_respected(old):
+def test_write_protection_is_respected(old, golden):
     old.chmod(0o444)
     with pytest.raises(OutputError, match="write-protected"):
         write(old)
     old.chmod(0o644)
     old.parent.chmod(0o555)
-    with pytest.raises(OutputError, match="no permission in the folder"):
+    with golden.raises(OutputError):
         write(old)
     old.parent.chmod(0o755)
 
 
-def test_a_file_in_the_place_of_a_folder(old):
+def test_a_file_in_the_place_of_a_folder(old, golden):
     for path in (old, old / "folder"):
-        with pytest.raises(InputError, match="a file is in the place"):
+        with golden.raises(InputError):
             make_folder(path)
 
 

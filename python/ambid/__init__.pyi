@@ -47,6 +47,7 @@ from .errors import RigError as RigError
 from .errors import UnstableLoopError as UnstableLoopError
 from .excitation import multisine as multisine
 from .excitation import prbs as prbs
+from .findings import Finding as Finding
 from .identification import Estimate as Estimate
 from .identification import Estimates as Estimates
 from .identification import ForceLaw as ForceLaw

@@ -161,7 +161,7 @@ def test_other_quantities_are_drawn_and_the_axes_that_are_given_are_used(found, 
         save_campaign(found, tmp_path / "k_i.bmp")
 
 
-def test_tables_as_csv_and_for_latex(found, tmp_path):
+def test_tables_as_csv_and_for_latex(found, tmp_path, golden):
     k_i, k_s, tau_e = found.save_tables(tmp_path / "bench.csv")
     rows = list(csv.reader(k_s.open()))
     assert rows[0][:5] == ["folder", "records", "i0 [A]", "A_zeta", "RSD %"]
@@ -174,7 +174,7 @@ def test_tables_as_csv_and_for_latex(found, tmp_path):
     assert r"$\tau_{e}$ & RSD \%" in text
     assert r"prbs\_large" in text
     assert text.count("tabular") == 2
-    with pytest.raises(InputError, match=r"bench\.xls: the suffix is \.xls; expected \.csv or \.tex"):
+    with golden.raises(InputError):
         found.save_tables(tmp_path / "bench.xls")
 
 
@@ -214,20 +214,20 @@ def test_runs_are_ordered_by_number(broken):
     assert seen[-5:] == ["1", "2", "9", "10", "small"]
 
 
-def test_layouts_that_are_refused(broken, tmp_path):
-    with pytest.raises(InputError, match="nowhere: there is no such folder; expected one folder per bias current"):
+def test_layouts_that_are_refused(broken, tmp_path, golden):
+    with golden.raises(InputError):
         campaign(tmp_path / "nowhere")
-    with pytest.raises(InputError, match=r"6A: no folder with rig\.toml and records in it"):
+    with golden.raises(InputError):
         campaign(broken / "6A")
     (broken / "6A" / "rig.toml").rename(broken / "rig.toml")
-    with pytest.raises(RigError, match=r"6A/rig\.toml: there is no such file beside prbs_large_1\.mat"):
+    with golden.raises(RigError):
         campaign(broken)
 
 
-def test_no_records(broken):
+def test_no_records(broken, golden):
     for path in broken.glob("10A/prbs_*"):
         path.unlink()
-    with pytest.raises(RecordError, match=r"10A: no records beside rig\.toml; expected one folder per bias current"):
+    with golden.raises(RecordError):
         campaign(broken)
 
 
@@ -239,7 +239,7 @@ def test_a_broken_file_is_named(broken, name):
         campaign(broken)
 
 
-def test_another_machine(broken):
+def test_another_machine(broken, golden):
     path = broken / "6A" / "rig.toml"
     path.write_text(path.read_text().replace('name = "B"', 'name = "C"'))
     for record in broken.glob("6A/*.*"):
@@ -248,7 +248,7 @@ def test_another_machine(broken):
     rig = Rig.load(path)
     i_e = prbs(8, amplitude=0.1, hold=3, axes=4, periods=4)
     ambid.Model(rig).virtual_experiment(i_e, seed=0).save(broken / "6A" / "run_1.csv")
-    with pytest.raises(RigError, match=r"rig\.toml: axes .*C_zeta.* a campaign is that of one machine"):
+    with golden.raises(RigError):
         campaign(broken)
 
 

@@ -68,11 +68,11 @@ def test_noise_between_frequencies_is_straight_and_beyond_them_constant():
     np.testing.assert_allclose(own.at(np.array([0.0, 10.0, 15.0, 20.0, 99.0]))[:, 0, 0].real, [1.0, 1.0, 2.0, 3.0, 3.0])
 
 
-def test_prospects_refuse():
-    with pytest.raises(InputError, match="two periods"):
+def test_prospects_refuse(golden):
+    with golden.raises(InputError):
         prospect(MODEL, sequence(), period=508 * 8, instruments=STATED)
     with pytest.raises(InputError, match="sensor_noise"):
         Instruments.stated(1, 0.0, CURRENT)
     record = replace(experiment(sequence(), 1), period=None)
-    with pytest.raises(RecordError, match="excitation repeats"):
+    with golden.raises(RecordError):
         Instruments.of(ambid.compare(MODEL, record))

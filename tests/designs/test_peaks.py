@@ -71,8 +71,8 @@ def test_limits_refuse(limits):
         Limits(**limits)
 
 
-def test_forecast_refuses_parts_of_periods():
-    with pytest.raises(InputError, match="whole periods"):
+def test_forecast_refuses_parts_of_periods(golden):
+    with golden.raises(InputError):
         forecast(RIG, excitation(), period=500)
 
 
@@ -96,13 +96,13 @@ def test_csv_and_mat_hold_the_excitation_as_a_record_would(tmp_path):
     np.testing.assert_array_equal(loadmat(tmp_path / "i_e.mat")["i_e"], excitation())
 
 
-def test_playing_refuses(tmp_path):
-    with pytest.raises(RecordError, match="no format to be played"):
+def test_playing_refuses(tmp_path, golden):
+    with golden.raises(RecordError):
         save_excitation(tmp_path / "i_e.txt", RIG, excitation())
     with pytest.raises(InputError, match="peak"):
         save_excitation(tmp_path / "i_e.wav", RIG, excitation(), full_scale=0.1)
-    with pytest.raises(InputError, match="whole sample rates"):
+    with golden.raises(InputError):
         save_excitation(tmp_path / "i_e.wav", RIG.replace(sample_rate=9999.5), excitation())
-    with pytest.raises(InputError, match="column for each axis"):
+    with golden.raises(InputError):
         save_excitation(tmp_path / "i_e.csv", RIG, excitation(axes=2))
     assert list(tmp_path.iterdir()) == []

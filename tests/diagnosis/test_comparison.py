@@ -98,13 +98,13 @@ def test_two_periods_are_enough(exact, run):
     assert comparison.misfit == pytest.approx(1.0, abs=0.1)
 
 
-def test_of_too_short_a_record_only_the_fit_is_known(exact, run):
+def test_of_too_short_a_record_only_the_fit_is_known(exact, run, golden):
     brief = {signal: getattr(run, signal)[:40] for signal in ("i_e", "y", "i_c")}
     comparison = compare(exact, replace(run, **brief, period=None))
     (record,) = comparison.records
     assert not comparison.is_judged
     assert np.isnan([comparison.misfit, comparison.bound, record.misfit, record.repeatable_share]).all()
-    with pytest.raises(RecordError, match="too few to tell the noise"):
+    with golden.raises(RecordError):
         comparison.noise  # noqa: B018
     (plain,) = comparison.to_json()["records"]
     assert plain["misfit"] is plain["repeatable_share"] is plain["channels"][0]["noise_rms"] is None
@@ -145,10 +145,10 @@ def test_what_it_says(comparison):
     assert [c["channel"] for c in plain["channels"]] == CHANNELS
 
 
-def test_wrong_records_and_models(exact, run):
-    with pytest.raises(RecordError, match="the rig has A_zeta"):
+def test_wrong_records_and_models(exact, run, golden):
+    with golden.raises(RecordError):
         compare(exact, replace(run, axes=AXES[::-1]))
-    with pytest.raises(RecordError, match="i_e was not logged"):
+    with golden.raises(RecordError):
         compare(exact, replace(run, i_e=None))
     with pytest.raises(UnstableLoopError):
         compare(exact.with_values({"tau_e": 2e-3}), run)

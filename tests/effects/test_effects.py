@@ -203,13 +203,13 @@ def test_periodic_disturbance_is_the_physics_that_it_says(rig, i_e, port):
     assert np.hypot(*found) == pytest.approx(0.1, rel=0.01)
 
 
-def test_a_disturbance_where_there_is_nothing_is_refused(rig):
+def test_a_disturbance_where_there_is_nothing_is_refused(rig, golden):
     base = at_truth(rig)
     named, counted = (base.add(PeriodicDisturbance(50.0, "current", axis)).loop.lft for axis in ("B_zeta", 2))
     np.testing.assert_array_equal(named.B, counted.B)
-    with pytest.raises(ModelError, match=r"axis = 'B_zeat'; expected all, each, or A_zeta"):
+    with golden.raises(ModelError):
         _ = base.add(PeriodicDisturbance(50.0, "current", "B_zeat")).loop
-    with pytest.raises(ModelError, match=r"port = 'volts'; expected current or force"):
+    with golden.raises(ModelError):
         _ = base.add(PeriodicDisturbance(50.0, "volts")).loop
 
 
@@ -295,11 +295,11 @@ def test_a_delay_beside_a_nonlinear_effect(rig, i_e, implementation):
     np.testing.assert_allclose(jacobian, (ahead - behind) / 2e-8, atol=2e-5 * np.abs(jacobian).max())
 
 
-def test_two_delays_of_one_thing_are_refused(rig):
+def test_two_delays_of_one_thing_are_refused(rig, golden):
     class Cable(LoopDelay):
         name = "cable"
 
-    with pytest.raises(ModelError, match=r"cable\.delay and loop_delay\.delay both delay the commands"):
+    with golden.raises(ModelError):
         ambid.Model(rig).add("loop_delay").add(Cable()).loop  # noqa: B018
 
 
@@ -332,17 +332,17 @@ def test_half_derivative():
     np.testing.assert_allclose(response, np.sqrt(s), rtol=3e-4)
 
 
-def test_mistakes_are_named(rig):
+def test_mistakes_are_named(rig, golden):
     model = ambid.Model(rig)
-    with pytest.raises(ModelError, match=r"loop_lag: no such effect; did you mean loop_delay\? the catalogue has "):
+    with golden.raises(ModelError):
         model.add("loop_lag")
-    with pytest.raises(ModelError, match=r"loop_delay: no parameter tau; it has delay"):
+    with golden.raises(ModelError):
         model.add("loop_delay", {"tau": 1e-5})
-    with pytest.raises(ModelError, match=r"loop_delay is in the model already"):
+    with golden.raises(ModelError):
         model.add("loop_delay").add("loop_delay")
-    with pytest.raises(ModelError, match=r"gyroscopic_coupling makes no sense on this rig"):
+    with golden.raises(ModelError):
         model.add("gyroscopic_coupling")
-    with pytest.raises(ModelError, match=r"seal_forces is not in the model; it has none"):
+    with golden.raises(ModelError):
         model.without("seal_forces")
 
 

@@ -176,13 +176,13 @@ def test_every_effect_has_parameters_or_says_why_not(turning, name):
             assert ambid.Model(rig).add(effect).loop.parameters > len(ambid.Model(rig).names)
 
 
-def test_a_place_where_the_rotor_is_not_known(turning):
+def test_a_place_where_the_rotor_is_not_known(turning, golden):
     rig = coarse(turning)
     assert "0.43 m is not a place at which the rotor is known" in SealForces(0.43).why_not(rig)
     assert SealForces().place(rig) == 0.2, "the known place nearest to half-way"
     assert CouplingStiffness().positions(rig) == [0.14, 0.72]
     assert "0.9 m is off the shaft" in Unbalance(0.9).why_not(turning)
-    with pytest.raises(ModelError, match=r"seal_forces: position 0\.9 m is off the shaft"):
+    with golden.raises(ModelError):
         _ = ambid.Model(turning, effects=[SealForces(0.9)]).loop
 
 
@@ -203,8 +203,8 @@ def test_modes_that_are_no_two_rigid_motions(turning):
     assert shifted.rotor == one.rotor
 
 
-def test_more_modes_than_are_listed_are_refused(turning):
-    with pytest.raises(RigError, match=r"flexible_modes = 3.*at most 2"):
+def test_more_modes_than_are_listed_are_refused(turning, golden):
+    with golden.raises(RigError):
         by_modes(turning, flexible_modes=3)
 
 

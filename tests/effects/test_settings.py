@@ -80,11 +80,11 @@ def test_an_effect_cannot_be_changed():
         find("seal_forces").z = 0.3
 
 
-def test_the_catalogue_that_is_given_is_the_one_that_is_searched():
+def test_the_catalogue_that_is_given_is_the_one_that_is_searched(golden):
     own = FoundationResonance(70.0)
     assert find("foundation_resonance", catalogue=[own]) is own
     assert find("foundation_resonance", {}, [own]) == FoundationResonance(), "a file without settings means defaults"
-    with pytest.raises(ModelError, match="loop_delay: no such effect; the catalogue has foundation_resonance"):
+    with golden.raises(ModelError):
         find("loop_delay", catalogue=[own])
 
 

@@ -72,22 +72,22 @@ def test_an_effect_of_ones_own_is_ranked_and_reported(found, tmp_path):
     assert "<code>snubbers</code>" in text
 
 
-def test_a_model_with_it_loads_again(found, tmp_path):
+def test_a_model_with_it_loads_again(found, tmp_path, golden):
     found.save(tmp_path / "model.json")
     again = ambid.Model.load(tmp_path / "model.json", catalogue=(*CATALOGUE, Snubbers()))
     assert again.effects == (Snubbers(5),)
     assert again.parameters == found.model.parameters
     i_e = found.records[0].i_e
     assert (again.simulate(i_e).y == found.model.simulate(i_e).y).all()
-    with pytest.raises(ModelError, match=r"model\.json: snubbers: no such effect .* Model\.load\(\.\.\., catalogue="):
+    with golden.raises(ModelError):
         ambid.Model.load(tmp_path / "model.json")
 
 
-def test_settings_that_it_does_not_have(found, tmp_path):
+def test_settings_that_it_does_not_have(found, tmp_path, golden):
     found.save(tmp_path / "model.json")
     text = (tmp_path / "model.json").read_text()
     (tmp_path / "model.json").write_text(text.replace('"power": 5', '"powre": 5'))
-    with pytest.raises(ModelError, match=r"model\.json: snubbers: no settings powre; it has power"):
+    with golden.raises(ModelError):
         ambid.Model.load(tmp_path / "model.json", catalogue=(*CATALOGUE, Snubbers()))
 
 

@@ -294,14 +294,14 @@ def test_many_at_once_are_the_same_as_one_by_one():
         assert_array_equal(one.i_c, many.i_c)
 
 
-def test_what_cannot_be_is_refused():
+def test_what_cannot_be_is_refused(golden):
     with pytest.raises(MachineFailure):
         simulate(BENCH.rig, SHORT, {"loop_delay": {"seconds": 2e-3}}, **QUIET)
-    with pytest.raises(ValueError, match="no such effect"):
+    with golden.raises(ValueError):
         simulate(BENCH.rig, SHORT, {"magic": {}}, **QUIET)
-    with pytest.raises(ValueError, match="has no parameter"):
+    with golden.raises(ValueError):
         simulate(BENCH.rig, SHORT, {"sensor_lag": {"tau": 1e-5, "gain": 2}}, **QUIET)
-    with pytest.raises(ValueError, match="needs a value of tau"):
+    with golden.raises(ValueError):
         simulate(BENCH.rig, SHORT, {"sensor_lag": {}}, **QUIET)
 
 

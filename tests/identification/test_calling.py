@@ -45,12 +45,12 @@ def test_fixed_may_have_values(rig):
     assert ambid.identify(rig, record(), fixed="tau_e").model.theta[2] == rig.actuator.time_constant
 
 
-def test_a_parameter_is_found_by_its_name(rig):
+def test_a_parameter_is_found_by_its_name(rig, golden):
     found = ambid.identify(rig, record(), fixed="tau_e")
     assert found["K_i.A_zeta"] is found.parameters["K_i.A_zeta"]
-    with pytest.raises(ModelError, match=r"K_i\.A_zetta: no such parameter; did you mean K_i\.A_zeta\?"):
+    with golden.raises(ModelError):
         found["K_i.A_zetta"]
-    with pytest.raises(ModelError, match="tau_e was not free; fitted were"):
+    with golden.raises(ModelError):
         found["tau_e"]
 
 

@@ -212,10 +212,10 @@ def test_an_unstable_start_is_moved_and_noted(bench, run):
     assert any("unstable at the start values" in note and "tau_e" in note for note in found.notes)
 
 
-def test_a_loop_that_nothing_makes_stable_is_an_error(bench, run):
+def test_a_loop_that_nothing_makes_stable_is_an_error(bench, run, golden):
     gains = {"proportional": 0.0, "integral": 0.0, "derivative": 0.0}
     off = bench.rig().replace(controller=bench.rig().controller.model_copy(update=gains))
-    with pytest.raises(UnstableLoopError, match="unstable at the start values"):
+    with golden.raises(UnstableLoopError):
         identify(off, run)
 
 
@@ -318,12 +318,12 @@ def test_wrong_requests(start, run, arguments, names):
         identify(start, run, **arguments)
 
 
-def test_wrong_records(start, run):
-    with pytest.raises(RecordError, match="no record"):
+def test_wrong_records(start, run, golden):
+    with golden.raises(RecordError):
         identify(start, [])
-    with pytest.raises(RecordError, match="the rig has A_zeta"):
+    with golden.raises(RecordError):
         identify(start, replace(run, axes=AXES[::-1]))
     with pytest.raises(RecordError, match="20000 Hz"):
         identify(start, replace(run, sample_rate=2e4))
-    with pytest.raises(RecordError, match="i_e was not logged"):
+    with golden.raises(RecordError):
         identify(start, replace(run, i_e=None))

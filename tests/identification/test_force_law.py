@@ -82,12 +82,12 @@ def test_static_forces_test_the_value_of_the_law(estimate):
     assert fit_force_law(estimate, SQUARE, truth).p_value > 0.01
 
 
-def test_what_does_not_test_a_law_is_refused(estimate):
-    with pytest.raises(ModelError, match="axis B_eta: no such axis; the rig has A_zeta"):
+def test_what_does_not_test_a_law_is_refused(estimate, golden):
+    with golden.raises(ModelError):
         fit_force_law(estimate, SIMPLE, axis="B_eta")
     fixed = identify(estimate.model, estimate.records, fixed=["K_s.A_zeta@0.5mm"])
-    with pytest.raises(ModelError, match=r"K_s.A_zeta@0.5mm: not identified"):
+    with golden.raises(ModelError):
         fit_force_law(fixed, SIMPLE)
     alone = identify(estimate.model.rig, replace(estimate.records[0], point=None))
-    with pytest.raises(ModelError, match=r"2 slopes and 0 static forces do not test 4 numbers"):
+    with golden.raises(ModelError):
         fit_force_law(alone, DIPOLES)

@@ -152,10 +152,10 @@ def test_the_likeliest_is_at_least_as_sharp_as_eq_9(demo_estimate, demo_rig, dem
     assert np.all(errors(demo_estimate) < 1.1 * errors(identify(demo_rig, demo_record, weights="eq9")))
 
 
-def test_wrong_weights(bench, run):
-    with pytest.raises(ModelError, match="weights = 'ml'; expected 'likelihood', 'eq9', or factors by channel"):
+def test_wrong_weights(bench, run, golden):
+    with golden.raises(ModelError):
         identify(bench.rig(), run, weights="ml")
-    with pytest.raises(ModelError, match="every channel has weight 0"):
+    with golden.raises(ModelError):
         identify(bench.rig(), run, weights={"y": 0.0, "i_c": 0.0})
 
 

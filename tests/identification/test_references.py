@@ -113,13 +113,13 @@ def test_every_format_holds_the_reference(tmp_path, suffix):
     assert np.array_equal(again.y, record.y)
 
 
-def test_a_still_reference_is_no_excitation():
+def test_a_still_reference_is_no_excitation(golden):
     """What moved y is then not told: the law of the controller, about a reference that stood, does not give it."""
     name = "slow computer"
     truth = Levitator(MASS, K_I, K_S, MACHINES[name][1])
     signals, *_ = run(name, "stairs", truth)
     still = signals | {"r": np.full_like(signals["r"], 0.01)}
-    with pytest.raises(RecordError, match=r"r is constant \(0\.01 m\), and i_e is not rebuilt: .* drifts"):
+    with golden.raises(RecordError):
         loaded(truth, name, still)
-    with pytest.raises(RecordError, match=r"i_e and r are constant \(i_e 0 A; r 0\.01 m\)"):
+    with golden.raises(RecordError):
         loaded(truth, name, still | {"i_e": np.zeros_like(still["y"])})

@@ -154,14 +154,14 @@ def test_a_rigid_rotor_has_no_deflection():
     assert_allclose(values(static_load(RIGID, loaded(), deflection=True)), values(static_load(RIGID, loaded())))
 
 
-def test_deflection_of_a_rotor_that_is_not_known_at_the_load():
+def test_deflection_of_a_rotor_that_is_not_known_at_the_load(golden):
     shapes = [[0.15] * 4, [-0.2, -0.17, 0.17, 0.2], [0.1, -0.05, -0.05, 0.1]]
     rotor = ModalRotor(
         frequencies_hz=[0, 0, 500], damping=[0, 0, 0.01], positions=[0.14, 0.2, 0.66, 0.72], shapes=shapes
     )
     rig = BENCH.replace(rotor=rotor)
     assert "0.43 m is not a place" in static_load(rig, loaded(rig)).notes[0]
-    with pytest.raises(RigError, match="0.43 m is not a place"):
+    with golden.raises(RigError):
         static_load(rig, loaded(rig), deflection=True)
 
 
@@ -202,43 +202,41 @@ def test_axes_in_one_plane():
     ],
     ids=["three bearings", "two at one place", "one bearing"],
 )
-def test_statics_that_do_not_determine_the_forces(bearings):
+def test_statics_that_do_not_determine_the_forces(bearings, golden):
     rig = RIGID.replace(bearings=bearings)
     loading = StaticLoading("s", rig.axes, np.full(52, 0.43), CROSS, np.ones((52, len(rig.axes))))
-    with pytest.raises(
-        IdentificationError, match=r"K_i of A_zeta, A_eta.* 4 equations .*; identify K_i in closed loop"
-    ):
+    with golden.raises(IdentificationError):
         static_load(rig, loading)
 
 
-def test_loads_along_one_axis_only():
+def test_loads_along_one_axis_only(golden):
     jitter = np.random.default_rng(1).normal(0, 2.0, len(CROSS))
     force = np.stack([CROSS[:, 0] + CROSS[:, 1], jitter], axis=1)
     rig = RIGID.replace(bearings=(bearing(tilt=0.0), bearing("B", 0.66, 0.72, 0.0)))
-    with pytest.raises(IdentificationError, match=r"K_i.A_eta \(.* K_i.B_eta \(.*add loads along 90 degrees from x"):
+    with golden.raises(IdentificationError):
         static_load(rig, loaded(rig, force=force))
-    with pytest.raises(IdentificationError, match=r"K_i.B_zeta .*, K_i.B_eta .*along 45 and 135 degrees"):
+    with golden.raises(IdentificationError):
         static_load(RIGID, loaded(z=0.2))
 
 
-def test_loads_that_are_too_small_or_rest_on_one_step():
-    with pytest.raises(IdentificationError, match=r"K_i.A_zeta is not identifiable.*use larger loads"):
+def test_loads_that_are_too_small_or_rest_on_one_step(golden):
+    with golden.raises(IdentificationError):
         static_load(RIGID, loaded(force=CROSS / 1000))
     once = np.zeros((9, 2))
     once[4] = 1000.0, 300.0
-    with pytest.raises(IdentificationError, match=r"K_i.A_zeta is not identifiable"):
+    with golden.raises(IdentificationError):
         static_load(RIGID, loaded(force=once))
 
 
-def test_other_refusals():
-    with pytest.raises(IdentificationError, match="no static loading"):
+def test_other_refusals(golden):
+    with golden.raises(IdentificationError):
         static_load(RIGID, [])
-    with pytest.raises(IdentificationError, match="static: 2 load steps; allowed is at least 3"):
+    with golden.raises(IdentificationError):
         static_load(RIGID, loaded(force=CROSS[:2]))
     with pytest.raises(IdentificationError, match=r"K_i.A_zeta \(0 N rms\), .*K_i.B_eta"):
         static_load(RIGID, loaded(force=0.0 * CROSS))
     good = loaded()
-    with pytest.raises(IdentificationError, match=r"K_i.A_zeta = -21.*correct the sign"):
+    with golden.raises(IdentificationError):
         static_load(RIGID, StaticLoading("s", good.axes, good.z, -good.force, good.i_c))
     with pytest.raises(RecordError, match=r"missing: B_zeta"):
         static_load(RIGID, StaticLoading("s", ("A_zeta", "A_eta", "C_zeta", "B_eta"), good.z, good.force, good.i_c))

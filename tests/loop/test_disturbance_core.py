@@ -181,7 +181,7 @@ def test_a_disturbance_of_both_planes_couples_nothing():
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 @pytest.mark.parametrize("channel", [0, AXES, -1], ids=["excitation", "disturbance", "noise"])
-def test_inputs_that_are_not_finite_are_refused(core, channel, bad):
+def test_inputs_that_are_not_finite_are_refused(core, channel, bad, golden):
     theta, u = Disturbed().theta, loud(20)
     u[7, channel] = bad
     stepper = _core.Stepper(core, theta)
@@ -192,7 +192,7 @@ def test_inputs_that_are_not_finite_are_refused(core, channel, bad):
         lambda: stepper.run(u),
         lambda: _core.Data(core, u, np.zeros((20, core.outputs)), np.ones(core.outputs)),
     ):
-        with pytest.raises(ModelError, match="excitation holds a value that is not finite"):
+        with golden.raises(ModelError):
             refuse()
 
 

@@ -82,17 +82,15 @@ def test_coefficients_of_any_size_are_answered_or_refused(implementation, seed):
     assert seconds < SOON
 
 
-def test_coefficients_whose_products_would_be_infinite_are_told_by_name():
+def test_coefficients_whose_products_would_be_infinite_are_told_by_name(golden):
     law = {"A": [[0.5, 0.0], [3e188, 0.5]], "B": [[1.0], [1.0]], "C": [[1.0, 1.0]], "D": [[0.0]]}
-    with pytest.raises(RigError, match=r"A\[1\]\[0\] = 3e\+188: expected a finite number of at most 1e100"):
+    with golden.raises(RigError):
         StateSpaceController(implementation="digital", **law)
 
 
-def test_more_states_than_can_be_borne_are_refused():
+def test_more_states_than_can_be_borne_are_refused(golden):
     random = np.random.default_rng(0)
     law = {"A": random.normal(size=(200, 200)), "B": np.ones((200, 1)), "C": np.ones((1, 200)), "D": [[0.0]]}
     controller = StateSpaceController(implementation="digital", delay_samples=10.5, **law)
-    with pytest.raises(
-        ModelError, match=r"\d+ states \(.* 800 of a digital controller, 44 commands .* allowed are 800"
-    ):
+    with golden.raises(ModelError):
         Model(Rig.load(DATA / "rig.toml").replace(controller=controller)).poles()

@@ -126,10 +126,10 @@ def test_a_loud_excitation_gives_numbers_or_an_error(kind, loop, amplitude):
     assert np.isfinite(jacobian).all()
 
 
-def test_a_loop_that_is_unstable_at_rest_is_refused():
+def test_a_loop_that_is_unstable_at_rest_is_refused(golden):
     plant = KINDS["tanh"]()
     plant.theta[K_S] *= 10
-    with pytest.raises(UnstableLoopError, match=r"a pole at \d+\.\d Hz grows with \d+\.\d+ 1/s, by the factor"):
+    with golden.raises(UnstableLoopError):
         plant.core().simulate(plant.theta, excitation(10))
 
 
@@ -201,15 +201,15 @@ def test_wrong_blocks_are_refused(change, message):
         plant.core()
 
 
-def test_an_algebraic_loop_of_blocks_is_refused():
+def test_an_algebraic_loop_of_blocks_is_refused(golden):
     plant = KINDS["polynomials"]()
     plant.matrices[3][5, 6] = 1.0  # the first block reads the third, which reads the first
-    with pytest.raises(ModelError, match="algebraic loop"):
+    with golden.raises(ModelError):
         plant.core().simulate(plant.theta, excitation(5))
 
 
-def test_a_displacement_that_follows_a_command_at_once_is_refused():
+def test_a_displacement_that_follows_a_command_at_once_is_refused(golden):
     plant = KINDS["slew"](delay=0.0)
     plant.matrices[3][0, 4] = 1e-9  # what the amplifier lacks is seen by the sensor
-    with pytest.raises(ModelError, match="follows a command at once"):
+    with golden.raises(ModelError):
         plant.core().simulate(plant.theta, excitation(5))

@@ -93,7 +93,7 @@ def test_a_seal_stands_where_the_rotor_is_known_with_its_bending_modes_too():
     assert model.poles().size > Model(rig).poles().size
 
 
-def test_a_place_that_a_further_mode_does_not_reach_is_refused_by_the_effect():
+def test_a_place_that_a_further_mode_does_not_reach_is_refused_by_the_effect(golden):
     model = Model(Rig.from_toml(SHAFT)).add(SealForces(0.05))
-    with pytest.raises(ModelError, match=r"seal_forces: position 0\.05 m"):
+    with golden.raises(ModelError):
         model.add(RotorBendingMode()).poles()

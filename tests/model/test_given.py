@@ -1,7 +1,5 @@
 """A model, a rig or the path of the file of either: what a script has at hand."""
 
-import re
-
 import numpy as np
 import pytest
 
@@ -40,17 +38,17 @@ def loaded_names(rig):
 
 
 @pytest.mark.parametrize("call", [ambid.identify, ambid.compare, ambid.diagnose])
-def test_what_is_none_of_them_is_named(call, files):
-    with pytest.raises(ModelError, match=re.escape("model: int given; expected a Model, a Rig, or the path")):
+def test_what_is_none_of_them_is_named(call, files, golden):
+    with golden.raises(ModelError):
         call(3, files / "train.mat")
-    with pytest.raises(RigError, match=r"train\.mat: not a text"):
+    with golden.raises(RigError):
         call(files / "train.mat", files / "rig.toml")
 
 
-def test_a_model_is_made_of_a_rig(files):
-    with pytest.raises(ModelError, match=re.escape("rig: str given; expected a Rig, as `Rig.load(path)` reads it")):
+def test_a_model_is_made_of_a_rig(files, golden):
+    with golden.raises(ModelError):
         ambid.Model(str(files / "rig.toml"))
-    with pytest.raises(RigError, match="rig: int given"):
+    with golden.raises(RigError):
         ambid.check(3)
-    with pytest.raises(RigError, match="rig: int given"):
+    with golden.raises(RigError):
         ambid.static_load(3, [])

@@ -111,12 +111,12 @@ def test_shared_values_start_from_their_mean(model, i_e):
     assert_allclose(shared.simulate(i_e).y, same.simulate(i_e).y, rtol=1e-12, atol=1e-18)
 
 
-def test_split_values_start_from_the_shared_one(model, i_e):
+def test_split_values_start_from_the_shared_one(model, i_e, golden):
     split = model.per_axis("tau_e")
     assert split.names == (*NAMES[:8], *(f"tau_e.{axis}" for axis in AXES))
     assert_allclose(split.simulate(i_e).y, model.simulate(i_e).y, rtol=1e-9, atol=1e-15)
     assert model.share("K_i", ["K_i"]).share("K_s", ["K_s"]).per_axis("K_*").names == NAMES
-    with pytest.raises(ModelError, match="every axis has its own"):
+    with golden.raises(ModelError):
         split.per_axis("tau_e")
 
 
@@ -192,10 +192,10 @@ def test_another_rig_may_take_the_place_of_the_stored_one(model, tmp_path):
     assert Model.load(tmp_path / "model.json", other).rig.name == "another day"
 
 
-def test_a_rig_of_other_axes_is_refused(model, demo_rig, tmp_path):
+def test_a_rig_of_other_axes_is_refused(model, demo_rig, tmp_path, golden):
     model.save(tmp_path / "model.json")
     renamed = Rig.from_toml(demo_rig.to_toml().replace('name = "B"', 'name = "C"'))
-    with pytest.raises(ModelError, match=r"model.json: .*C_zeta.*: without a value.*B_zeta.*: not of this rig"):
+    with golden.raises(ModelError):
         Model.load(tmp_path / "model.json", renamed)
 
 
@@ -225,6 +225,6 @@ def test_broken_files(model, tmp_path, breakage, names):
     assert "model.json" in str(refused.value)
 
 
-def test_a_file_that_is_not_there(tmp_path):
-    with pytest.raises(ModelError, match="No such file"):
+def test_a_file_that_is_not_there(tmp_path, golden):
+    with golden.raises(ModelError):
         Model.load(tmp_path / "model.json")

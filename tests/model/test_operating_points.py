@@ -145,19 +145,19 @@ def test_a_joint_model_is_saved_with_its_points(rig, i_e, tmp_path):
         assert_allclose(again.response(one), joint.response(one), rtol=1e-12)
 
 
-def test_what_does_not_belong_together_is_refused(rig, i_e):
+def test_what_does_not_belong_together_is_refused(rig, i_e, golden):
     point = higher(rig)
     other = Model(point).simulate(i_e).at(point)
     own = Model(rig).simulate(i_e)
-    with pytest.raises(ModelError, match=r"K_i and K_s at 9A are not in the model; fit it to .* bias current and gap"):
+    with golden.raises(ModelError):
         Model(rig).response(other)
-    with pytest.raises(ModelError, match="9A are not in the model"):
+    with golden.raises(ModelError):
         diagnose(rig, own, validate=[other])
     heavier = rig.replace(rotor=rig.rotor.model_copy(update={"modal_damping": 0.02}), speed=100.0)
-    with pytest.raises(ModelError, match=r"rotor differ from those of .*only if they are of one machine"):
+    with golden.raises(ModelError):
         ambid.identify(rig, [own, own.at(heavier)])
     renamed = rig.replace(bearings=tuple(b.model_copy(update={"name": f"{b.name}2"}) for b in rig.bearings))
-    with pytest.raises(RecordError, match=r"axes A_zeta, .* has A2_zeta"):
+    with golden.raises(RecordError):
         own.at(renamed)
 
 

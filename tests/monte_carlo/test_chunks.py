@@ -74,7 +74,7 @@ def test_stopped_by_ctrl_c(whole, tmp_path):
     assert content(folder) == whole
 
 
-def test_a_full_disk(whole, tmp_path, monkeypatch):
+def test_a_full_disk(whole, tmp_path, monkeypatch, golden):
     folder, write, written = tmp_path / "runs.parquet", parquet.write_table, []
 
     def full(table, stream):
@@ -85,7 +85,7 @@ def test_a_full_disk(whole, tmp_path, monkeypatch):
         write(table, stream)
 
     monkeypatch.setattr(parquet, "write_table", full)
-    with pytest.raises(OutputError, match="No space left on device"):
+    with golden.raises(OutputError):
         run_monte_carlo(plan(), RUNS, out=folder)
     assert parquet.read_table(folder).num_rows == 4
     monkeypatch.undo()
@@ -94,7 +94,7 @@ def test_a_full_disk(whole, tmp_path, monkeypatch):
     assert content(folder) == whole
 
 
-def test_a_worker_that_is_gone(tmp_path):
+def test_a_worker_that_is_gone(tmp_path, golden):
     class Broken(ThreadPoolExecutor):
         def submit(self, work, *given):
             def gone():
@@ -103,40 +103,40 @@ def test_a_worker_that_is_gone(tmp_path):
             return super().submit(gone) if given[1:] and 4 in given[1] else super().submit(work, *given)
 
     folder = tmp_path / "runs.parquet"
-    with Broken(1) as executor, pytest.raises(IdentificationError, match="do the same again"):
+    with Broken(1) as executor, golden.raises(IdentificationError):
         run_monte_carlo(plan(), RUNS, out=folder, executor=executor)
     assert parquet.read_table(folder).num_rows == 4
 
 
-def test_another_plan(tmp_path):
+def test_another_plan(tmp_path, golden):
     folder = tmp_path / "runs.parquet"
     run_monte_carlo(plan(), 1, out=folder)
-    with pytest.raises(InputError, match="differs in seed, spreads"):
+    with golden.raises(InputError):
         run_monte_carlo(plan(seed=9, spreads=(Spread.parse("K_i=normal:1%"),)), 1, out=folder)
 
 
-def test_a_part_that_is_broken(tmp_path):
+def test_a_part_that_is_broken(tmp_path, golden):
     folder = tmp_path / "runs.parquet"
     run_monte_carlo(plan(), 1, out=folder)
     (folder / "part-000000.parquet").write_bytes(b"PAR1")
-    with pytest.raises(InputError, match=r"part-000000.parquet: cannot be read"):
+    with golden.raises(InputError):
         run_monte_carlo(plan(), 1, out=folder)
 
 
-def test_parts_that_changed_places(tmp_path):
+def test_parts_that_changed_places(tmp_path, golden):
     folder = tmp_path / "runs.parquet"
     run_monte_carlo(plan(), 8, out=folder)
     (folder / "part-000001.parquet").replace(folder / "part-000000.parquet")
-    with pytest.raises(InputError, match="other runs"):
+    with golden.raises(InputError):
         run_monte_carlo(plan(), 8, out=folder)
 
 
 @pytest.mark.parametrize("text", ["{", "[]"])
-def test_a_plan_that_is_broken(tmp_path, text):
+def test_a_plan_that_is_broken(tmp_path, text, golden):
     folder = tmp_path / "runs.parquet"
     folder.mkdir()
     (folder / chunks.PLAN).write_text(text)
-    with pytest.raises(InputError, match="_plan.json"):
+    with golden.raises(InputError):
         run_monte_carlo(plan(), 1, out=folder)
 
 

@@ -106,18 +106,18 @@ def test_diagnoses_are_a_task_each():
     assert len(executor.sizes) == 3
 
 
-def test_a_worker_of_another_version(monkeypatch):
+def test_a_worker_of_another_version(monkeypatch, golden):
     parcel = executors._Parcel.of(plan())
-    with pytest.raises(InputError, match=r"the plan is of 0\.0\.7; install the same"):
+    with golden.raises(InputError):
         executors._rows_sent(parcel._replace(version="0.0.7"), [0])
 
 
-def test_no_executor():
-    with pytest.raises(InputError, match="executor str: has neither submit nor map"):
+def test_no_executor(golden):
+    with golden.raises(InputError):
         run_monte_carlo(plan(), 1, executor="tcp://host:8786")
 
 
-def test_what_came_out_of_order_before_a_worker_was_gone(tmp_path):
+def test_what_came_out_of_order_before_a_worker_was_gone(tmp_path, golden):
     from concurrent.futures import BrokenExecutor
 
     class Breaks:
@@ -128,7 +128,7 @@ def test_what_came_out_of_order_before_a_worker_was_gone(tmp_path):
             raise BrokenExecutor("gone")
 
     folder = tmp_path / "runs.parquet"
-    with pytest.raises(IdentificationError, match="the 6 runs made before stay"):
+    with golden.raises(IdentificationError):
         run_monte_carlo(plan(), RUNS, out=folder, executor=Breaks())
     made = []
     run_monte_carlo(plan(), RUNS, out=folder, progress=lambda done, total: made.append(total))

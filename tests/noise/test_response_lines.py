@@ -117,14 +117,14 @@ def test_errors_that_go_together_count_as_fewer(truth, share):
     assert with_misfit < 1.33 * expected
 
 
-def test_a_channel_that_the_loop_lacks_is_refused(truth):
+def test_a_channel_that_the_loop_lacks_is_refused(truth, golden):
     other = replace(response_of(truth, F), outputs=tuple(f"y.{k}" for k in range(8)))
-    with pytest.raises(RecordError, match="y.0 is no channel of the loop"):
+    with golden.raises(RecordError):
         compare(truth, other)
 
 
-def test_eq_9_is_for_records_in_time(truth):
-    with pytest.raises(ModelError, match="eq. 9 is least squares in time"):
+def test_eq_9_is_for_records_in_time(truth, golden):
+    with golden.raises(ModelError):
         identify(truth, response_of(truth, F), weights="eq9")
 
 
@@ -143,10 +143,10 @@ def test_a_nonlinear_model_acts_as_at_rest(truth):
     assert not part.slopes(law, [index]).any()
 
 
-def test_what_acts_at_rest_too_is_refused(truth):
+def test_what_acts_at_rest_too_is_refused(truth, golden):
     """The force law about a current that holds a weight."""
     loaded = truth.add(ForceNonlinearity((0.5, 0.5, 0.5, 0.5)), {"bias_ratio": 1.0})
-    with pytest.raises(ModelError, match="act at rest too"):
+    with golden.raises(ModelError):
         compare(loaded, response_of(truth, F))
 
 

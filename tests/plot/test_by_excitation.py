@@ -45,11 +45,11 @@ def test_models_differ_without_colour(comparison):
     assert len({str(line._unscaled_dash_pattern) for line in drawn}) == 2
 
 
-def test_the_axes_that_are_given_are_used_and_two_leave_the_phase_out(comparison):
+def test_the_axes_that_are_given_are_used_and_two_leave_the_phase_out(comparison, golden):
     three, two = Figure().subplots(3, 1), Figure().subplots(2, 1)
     assert list(plot_frequency_response(comparison, ax=three)) == list(three)
     assert list(plot_frequency_response(comparison, ax=two)) == list(two)
-    with pytest.raises(InputError, match="no pair"):
+    with golden.raises(InputError):
         plot_frequency_response(comparison, "y.C_zeta", "i_e.A_zeta")
 
 
@@ -61,10 +61,10 @@ def test_all_pairs_are_drawn_and_saved(comparison, tmp_path):
         save_responses(told, tmp_path / "frf.gif")
 
 
-def test_cells_hold_power_and_sign_and_those_that_say_nothing_are_empty():
+def test_cells_hold_power_and_sign_and_those_that_say_nothing_are_empty(golden):
     (panel,) = plot_misfit_matrix(matrix())
     assert [text.get_text() for text in panel.texts] == ["+400", "−90", "12"]
     assert [label.get_text() for label in panel.get_xticklabels()] == ["A_zeta", "A_eta", "none"]
     assert panel.get_title(loc="left") == "2 – 50 Hz"
-    with pytest.raises(InputError, match="0 axes for 1 bands"):
+    with golden.raises(InputError):
         plot_misfit_matrix(matrix(), ax=[])

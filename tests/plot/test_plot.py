@@ -216,11 +216,11 @@ def test_needed_signal_of_a_port_as_means_over_bins():
     assert not any("s^3, less its line" in own for own in labels[1:])
 
 
-def test_a_shape_that_explains_less_than_half_is_not_drawn_nor_a_port():
+def test_a_shape_that_explains_less_than_half_is_not_drawn_nor_a_port(golden):
     port = localisation().ports[0]
     weak = replace(port, terms=(replace(port.terms[0], share=0.4),))
     assert not any("s^3" in line.get_label() for line in plot_needed(weak)[0].lines)
-    with pytest.raises(InputError, match="a force explains 40 % of the excess misfit"):
+    with golden.raises(InputError):
         plot_needed(replace(port, share=0.4))
 
 
@@ -236,7 +236,7 @@ def test_a_shape_over_the_other_axis_gets_a_panel_of_its_own():
         np.testing.assert_allclose(y, 3e6 * 1e-6 * x)
 
 
-def test_only_bands_with_something_to_see_are_drawn():
+def test_only_bands_with_something_to_see_are_drawn(golden):
     found = localisation()
     port = found.ports[0]
     spectrum = np.fft.rfft(port.needed, axis=0)
@@ -245,15 +245,15 @@ def test_only_bands_with_something_to_see_are_drawn():
     drawn = plot_needed(found)[0].lines[0].get_ydata()
     np.testing.assert_allclose(drawn, plot_needed(replace(port, needed=seen))[0].lines[0].get_ydata(), atol=1e-9)
     assert np.abs(drawn - plot_needed(port)[0].lines[0].get_ydata()).max() > 1e-3
-    with pytest.raises(InputError, match="no port"):
+    with golden.raises(InputError):
         plot_needed(localisation(ports=()))
 
 
-def test_growth_needs_two_amplitudes():
+def test_growth_needs_two_amplitudes(golden):
     (given,) = axes()
     assert plot_growth(localisation(), given) is given
     np.testing.assert_allclose(given.lines[0].get_xydata(), [[0.5, 0.01], [1.0, 0.08]])
-    with pytest.raises(InputError, match="two or more amplitudes"):
+    with golden.raises(InputError):
         plot_growth(localisation(exponent=np.nan))
 
 

@@ -122,7 +122,7 @@ def test_structure_of_v73(tmp_path, foreign, record):
     assert not any("not used" in note for note in found.notes)
 
 
-def test_groups_and_sample_rate_of_tdms(tmp_path, foreign, record):
+def test_groups_and_sample_rate_of_tdms(tmp_path, foreign, record, golden):
     nptdms = pytest.importorskip("nptdms")
     channels = [
         nptdms.ChannelObject("slow" if name == "time" else "scope", name, column, {"wf_increment": 1e-4})
@@ -132,38 +132,38 @@ def test_groups_and_sample_rate_of_tdms(tmp_path, foreign, record):
         writer.write_segment(channels)
     mapping = {channel: f"scope/{column}" for channel, column in MAP.items() if channel != "t"}
     assert_same(Record.load(tmp_path / "scope.tdms", RIG, mapping=mapping), record)
-    with pytest.raises(RecordError, match=r"the file states 10000 Hz, 5000 Hz was given"):
+    with golden.raises(RecordError):
         Record.load(tmp_path / "scope.tdms", mapping=mapping, sample_rate=5e3)
 
 
-def test_our_own_tdms(tmp_path, record):
+def test_our_own_tdms(tmp_path, record, golden):
     pytest.importorskip("nptdms")
     record.save(tmp_path / "run.tdms")
     found = Record.load(tmp_path / "run.tdms", RIG)
     assert_same(found, record)
     assert found.notes == ()
     (tmp_path / "bad.tdms").write_bytes(np.random.default_rng(0).bytes(2000))
-    with pytest.raises(RecordError, match="not a readable TDMS file"):
+    with golden.raises(RecordError):
         Record.load(tmp_path / "bad.tdms")
 
 
-def test_tdms_needs_a_package(tmp_path, monkeypatch):
+def test_tdms_needs_a_package(tmp_path, monkeypatch, golden):
     def missing(name):
         raise ImportError(name)
 
     (tmp_path / "run.tdms").write_bytes(b"x")
     monkeypatch.setattr(ambid.record.readers.importlib, "import_module", missing)
-    with pytest.raises(InputError, match=r"run\.tdms: this format needs the package npTDMS: pip install 'ambid\[io\]'"):
+    with golden.raises(InputError):
         Record.load(tmp_path / "run.tdms")
 
 
-def test_sample_rate_of_a_file_that_states_none(tmp_path, foreign, record):
+def test_sample_rate_of_a_file_that_states_none(tmp_path, foreign, record, golden):
     path = write_csv(tmp_path / "scope.csv", foreign)
     without_time = {channel: column for channel, column in MAP.items() if channel != "t"}
     assert_same(Record.load(path, RIG, mapping=without_time, sample_rate=1e4), record)
-    with pytest.raises(RecordError, match=r"scope\.csv: the map names neither t nor fs"):
+    with golden.raises(RecordError):
         Record.load(path, RIG, mapping=without_time)
-    with pytest.raises(RecordError, match="t says 10000 Hz, fs says 5000 Hz"):
+    with golden.raises(RecordError):
         Record.load(path, mapping=MAP, sample_rate=5e3)
     ours = write_csv(tmp_path / "ours.csv", {f"y.{axis}": record.y[:, k] for k, axis in enumerate(RIG.axes)})
     assert Record.load(ours, sample_rate=1e4).sample_rate == 1e4
@@ -224,8 +224,8 @@ def test_files_that_do_not_fit_the_map(tmp_path, foreign, changes, words):
     assert words in str(caught.value)
 
 
-def test_columns_of_different_length(tmp_path, foreign):
+def test_columns_of_different_length(tmp_path, foreign, golden):
     short = {name: (column[:-1] if name == "ch2" else column)[:, None] for name, column in foreign.items()}
     scipy.io.savemat(tmp_path / "scope.mat", short)
-    with pytest.raises(RecordError, match=r"different lengths \(t=time 504, .*i_e\.B_zeta=ch2 503"):
+    with golden.raises(RecordError):
         Record.load(tmp_path / "scope.mat", RIG, mapping=MAP)

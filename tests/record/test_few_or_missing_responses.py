@@ -34,7 +34,7 @@ def with_gaps():
 
 
 @pytest.mark.parametrize("count", [1, 2])
-def test_a_response_of_fewer_than_three_frequencies_is_refused(tmp_path, count):
+def test_a_response_of_fewer_than_three_frequencies_is_refused(tmp_path, count, golden):
     table = response(np.linspace(20.0, 900.0, 3))
     path = tmp_path / "few.csv"
     lines = ["frequency_hz,output,input,re,im,std"]
@@ -42,7 +42,7 @@ def test_a_response_of_fewer_than_three_frequencies_is_refused(tmp_path, count):
         h, std = table["response"][k, o, 0], table["std"][k, o, 0]
         lines.append(f"{table['frequency_hz'][k]},{OUTPUTS[o]},i_e.A_zeta,{h.real},{h.imag},{std}")
     path.write_text("\n".join(lines) + "\n")
-    with pytest.raises(RecordError, match=rf"few\.csv: {count} frequencies, at least 3 are needed"):
+    with golden.raises(RecordError):
         ambid.load_measurement(path, RIG)
 
 
@@ -51,10 +51,10 @@ def test_three_frequencies_are_identified():
     assert estimate.parameters["K_i.A_zeta"].value == pytest.approx(RIG.bearings[0].force_current[0], rel=0.2)
 
 
-def test_frequencies_without_a_value_do_not_count():
+def test_frequencies_without_a_value_do_not_count(golden):
     table = response(np.linspace(20.0, 900.0, 6))
     table["response"][2:] = np.nan
-    with pytest.raises(RecordError, match="2 frequencies with a value, of 6; at least 3 are needed"):
+    with golden.raises(RecordError):
         FrequencyResponse.from_arrays(**table, rig=RIG)
 
 
@@ -91,8 +91,8 @@ def test_missing_values_are_compared_without_a_warning():
     assert any("single values" in note for note in comparison.to_json()["records"][0]["notes"])
 
 
-def test_magnitudes_without_their_phase_are_refused():
+def test_magnitudes_without_their_phase_are_refused(golden):
     table = response(np.linspace(5.0, 1500.0, 60))
     table["response"] = np.abs(table["response"])
-    with pytest.raises(RecordError, match="every value is real, as of magnitudes without their phase"):
+    with golden.raises(RecordError):
         FrequencyResponse.from_arrays(**table, rig=RIG, name="frf")

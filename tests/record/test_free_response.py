@@ -1,7 +1,6 @@
 """Records that nothing drives: how a loop comes to rest tells of it, and rest tells nothing."""
 
 import numpy as np
-import pytest
 
 from ambid import Record, Rig, check, identify
 from ambid.diagnosis import diagnose
@@ -61,13 +60,13 @@ def test_a_misfit_is_told_though_nothing_can_be_named():
     assert "misfit" in " ".join(found.notes)
 
 
-def test_noise_alone_is_still_refused():
-    with pytest.raises(RecordError, match="no excitation"):
+def test_noise_alone_is_still_refused(golden):
+    with golden.raises(RecordError):
         record(push=0.0)
 
 
-def test_it_is_no_response_to_anything():
-    with pytest.raises(RecordError, match="a free response: nothing drives it.* ambid identify"):
+def test_it_is_no_response_to_anything(golden):
+    with golden.raises(RecordError):
         record().frequency_response()
 
 

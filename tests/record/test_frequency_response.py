@@ -93,9 +93,9 @@ def test_a_covariance_of_a_pair_that_is_not_there_is_told(measured, tmp_path):
     assert found.covariance is None
 
 
-def test_a_spread_below_one_is_refused(measured):
+def test_a_spread_below_one_is_refused(measured, golden):
     covariance = np.einsum("kp,pq->kpq", measured.std.reshape(60, -1) ** 2, np.eye(2))
-    with pytest.raises(RecordError, match=r"spread = 0\.5; expected 1 or more"):
+    with golden.raises(RecordError):
         FrequencyResponse.from_arrays(
             F, measured.response, outputs=OUTPUTS, inputs=INPUTS, covariance=covariance, spread=0.5
         )
@@ -111,12 +111,12 @@ def test_errors_that_have_nothing_to_do_with_each_other_are_no_fault(measured):
     assert found.spread == 1.0
 
 
-def test_a_covariance_of_some_pairs_alone_is_refused(measured, tmp_path):
+def test_a_covariance_of_some_pairs_alone_is_refused(measured, tmp_path, golden):
     path = tmp_path / "frf.csv"
     header, *lines = rows(measured)
     own = "y.A_zeta / i_e.A_zeta"
     path.write_text("\n".join([f"{header},cov_re {own},cov_im {own}", *(f"{line},1e-16,0" for line in lines)]) + "\n")
-    with pytest.raises(RecordError, match="covariance at 5 Hz is none of the errors of 2 pairs"):
+    with golden.raises(RecordError):
         FrequencyResponse.load(path, RIG)
 
 
@@ -223,8 +223,8 @@ def test_the_std_of_nothing_but_the_response():
     assert np.mean(ratios) == pytest.approx(1.0, abs=0.1)
 
 
-def test_too_few_frequencies_tell_no_std():
-    with pytest.raises(RecordError, match="neither std nor coherence; its noise can be told from 9 on"):
+def test_too_few_frequencies_tell_no_std(golden):
+    with golden.raises(RecordError):
         FrequencyResponse.from_arrays(F[:5], exact(f=F[:5]), outputs=OUTPUTS, inputs=INPUTS)
 
 
@@ -270,24 +270,24 @@ def test_universal_files(tmp_path):
     assert "from its scatter" in found.notes[0]
 
 
-def test_universal_files_with_coherence_and_nodes_that_have_no_name(tmp_path):
+def test_universal_files_with_coherence_and_nodes_that_have_no_name(tmp_path, golden):
     h = exact()[:, 0, 0]
     path = write_universal(tmp_path / "frf.unv", 1e6 * h, 0.9 * np.ones(60) + 0j, ("NONE", "NONE"))
-    with pytest.raises(RecordError, match="output '12\\+X' is no channel"):
+    with golden.raises(RecordError):
         FrequencyResponse.load(path, RIG)
     mapping = ChannelMap.parse(["y.A_zeta=12+X:1e-6", "i_e.A_zeta=7-Z"])
     found = FrequencyResponse.load(path, RIG, mapping=mapping)
     np.testing.assert_allclose(found.response[:, 0, 0], h, rtol=1e-4)
     assert "from the coherence" in found.notes[0]
-    with pytest.raises(RecordError, match=r"map i_e\.A_zeta: there is no such channel"):
+    with golden.raises(RecordError):
         FrequencyResponse.load(path, RIG, mapping={"y.A_zeta": "12+X", "i_e.A_zeta": "9+Z"})
 
 
-def test_a_damaged_universal_file_is_refused(tmp_path):
+def test_a_damaged_universal_file_is_refused(tmp_path, golden):
     pytest.importorskip("pyuff")
     path = tmp_path / "frf.uff"
     path.write_text("no such thing\n" * 5)
-    with pytest.raises(RecordError, match="frf.uff"):
+    with golden.raises(RecordError):
         FrequencyResponse.load(path, RIG)
 
 
@@ -361,8 +361,8 @@ def test_axes_that_are_excited_together_are_told_apart(bench, i_e):
     assert np.mean(relative) == pytest.approx(1.0, abs=0.15)
 
 
-def test_too_few_lines_are_refused(bench, run):
-    with pytest.raises(RecordError, match="excite with a longer period, or one axis after the other"):
+def test_too_few_lines_are_refused(bench, run, golden):
+    with golden.raises(RecordError):
         Record("short", 1e4, run.axes, run.i_e[:200], run.y[:200], run.i_c[:200], period=50).frequency_response()
 
 

@@ -48,11 +48,11 @@ def test_a_table_is_read(tmp_path, name):
     assert any(note in own for own in record.notes) if note else not record.notes
 
 
-def test_two_decimal_marks_are_refused(tmp_path):
+def test_two_decimal_marks_are_refused(tmp_path, golden):
     lines = text(";").splitlines()
     lines[5] = lines[5].replace(".", ",")
     (tmp_path / "own.csv").write_text("\n".join(lines))
-    with pytest.raises(RecordError, match="decimal commas and decimal points"):
+    with golden.raises(RecordError):
         Record.load(tmp_path / "own.csv", RIG)
 
 
@@ -72,19 +72,19 @@ def test_rows_of_matlab_are_turned(tmp_path):
     assert any("y is stored as axes x N" in note for note in record.notes)
 
 
-def test_a_structure_of_simulink_says_how_it_is_mapped(tmp_path):
+def test_a_structure_of_simulink_says_how_it_is_mapped(tmp_path, golden):
     values = np.column_stack(list(COLUMNS.values())[1:])
     signals = np.zeros((1, 2), dtype=[("values", object)])
     signals[0, 0]["values"], signals[0, 1]["values"] = values[:, :1], values[:, 1:]
     scipy.io.savemat(tmp_path / "own.mat", {"ML": {"time": COLUMNS["t"], "signals": signals}})
-    with pytest.raises(RecordError, match=r"ML.time, ML.signals\[1\].values.*--map t=COLUMN.*M\[k\]"):
+    with golden.raises(RecordError):
         Record.load(tmp_path / "own.mat", RIG)
     names = {"t": "ML.time", f"i_e.{AXIS}": "ML.signals[1].values", f"y.{AXIS}": "ML.signals[2].values[1]"}
     record = Record.load(tmp_path / "own.mat", RIG, mapping=names)
     np.testing.assert_array_equal(record.y[:, 0], values[:, 1])
 
 
-def test_at_1000_hz_milliseconds_are_named_beside_sample_numbers(tmp_path):
+def test_at_1000_hz_milliseconds_are_named_beside_sample_numbers(tmp_path, golden):
     own = RIG.replace(sample_rate=1000.0)
     np.savetxt(
         tmp_path / "own.csv",
@@ -93,5 +93,5 @@ def test_at_1000_hz_milliseconds_are_named_beside_sample_numbers(tmp_path):
         header=",".join(COLUMNS),
         comments="",
     )
-    with pytest.raises(RecordError, match="milliseconds or sample numbers; give seconds, as t=COLUMN:0.001"):
+    with golden.raises(RecordError):
         Record.load(tmp_path / "own.csv", own)

@@ -203,13 +203,13 @@ def test_damaged_and_unknown_files(tmp_path, suffix):
 
 
 @pytest.mark.parametrize("suffix", [".h5", ".parquet"])
-def test_missing_package_says_how_to_install(tmp_path, monkeypatch, suffix):
+def test_missing_package_says_how_to_install(tmp_path, monkeypatch, suffix, golden):
     def missing(name):
         raise ImportError(name)
 
     (tmp_path / f"r{suffix}").write_bytes(b"x")
     monkeypatch.setattr(ambid.record.readers.importlib, "import_module", missing)
-    with pytest.raises(InputError, match=r"pip install 'ambid\[io\]'"):
+    with golden.raises(InputError):
         Record.load(tmp_path / f"r{suffix}")
 
 
@@ -232,10 +232,10 @@ def test_what_was_read_is_told_by_its_hash(tmp_path, suffix):
     assert (found.provenance.sha256, found.provenance.size) == (hashlib.sha256(content).hexdigest(), len(content))
 
 
-def test_a_file_that_is_written_while_it_is_read_is_refused(tmp_path):
+def test_a_file_that_is_written_while_it_is_read_is_refused(tmp_path, golden):
     path = tmp_path / "run.mat"
     Record.from_arrays(**measured(), rig=RIG, name="run").save(path)
-    with pytest.raises(RecordError, match=r"run\.mat: was written while it was read"), opened(path):
+    with golden.raises(RecordError), opened(path):
         path.write_bytes(path.read_bytes() + b"more")
 
 
@@ -294,8 +294,8 @@ def test_csv_that_is_wrong_says_what(tmp_path, edit, words):
     assert "edited.csv" in str(error.value)
 
 
-def test_y_that_other_signals_have_more_of_is_missing_without_a_rig_too(tmp_path):
+def test_y_that_other_signals_have_more_of_is_missing_without_a_rig_too(tmp_path, golden):
     path = tmp_path / "run.csv"
     without("y.A_eta")(path)
-    with pytest.raises(RecordError, match=r"y\.A_eta is missing: i_e has the axes"):
+    with golden.raises(RecordError):
         Record.load(path)

@@ -52,10 +52,10 @@ def test_broken_static_loading(tmp_path, old, new, word):
     assert str(path) in str(caught.value)
 
 
-def test_static_loading_needs_a_change_of_load(tmp_path):
+def test_static_loading_needs_a_change_of_load(tmp_path, golden):
     path = tmp_path / "s.csv"
     path.write_text("step,z,F_x,F_y,i_c.A_zeta\n0,0.4,9,9,0.1\n1,0.4,9,9,0.2\n2,0.4,9,9,0.3\n")
-    with pytest.raises(RecordError, match="two different loads"):
+    with golden.raises(RecordError):
         StaticLoading.load(path)
-    with pytest.raises(RecordError, match="use .csv"):
+    with golden.raises(RecordError):
         StaticLoading.load(tmp_path / "s.mat")

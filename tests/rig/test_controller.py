@@ -136,16 +136,16 @@ def test_from_lti_refuses(system, said):
         Controller.from_lti(system)
 
 
-def test_from_lti_with_delay_needs_a_digital_system():
+def test_from_lti_with_delay_needs_a_digital_system(golden):
     assert Controller.from_lti(LTI["scipy-tf-digital"], delay_samples=1.5).delay_samples == 1.5
-    with pytest.raises(RigError, match=r"delay_samples = 1\.5: not allowed with implementation = 'analog'"):
+    with golden.raises(RigError):
         Controller.from_lti(LTI["scipy-tf"], delay_samples=1.5)
 
 
-def test_sizes_beyond_reason_are_refused_with_the_number_and_the_cap():
-    with pytest.raises(RigError, match=r"A = .*at most 200 entries, found 201"):
+def test_sizes_beyond_reason_are_refused_with_the_number_and_the_cap(golden):
+    with golden.raises(RigError):
         StateSpaceController(
             implementation="analog", A=np.eye(201), B=np.ones((201, 1)), C=np.ones((1, 201)), D=[[0.0]]
         )
-    with pytest.raises(RigError, match=r"denominator\[0\] = .*at most 61 coefficients, found 62"):
+    with golden.raises(RigError):
         TransferFunctionController(implementation="analog", numerator=[1.0], denominator=[1.0] * 62)

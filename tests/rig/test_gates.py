@@ -33,8 +33,8 @@ def test_true_is_still_read():
     assert Rig.from_toml(text).controller.reference is True
 
 
-def test_a_disk_with_more_polar_inertia_than_any_body_is_named():
-    with pytest.raises(RigError, match=r"polar_inertia = 0\.0421: expected at most 0\.04 .* twice transverse_inertia"):
+def test_a_disk_with_more_polar_inertia_than_any_body_is_named(golden):
+    with golden.raises(RigError):
         Disk(position=0.1, mass=2.0, transverse_inertia=0.02, polar_inertia=0.0421)
     assert Disk(position=0.1, mass=2.0, transverse_inertia=0.02, polar_inertia=0.04).polar_inertia == 0.04
     assert Disk(position=0.1, mass=2.0, transverse_inertia=0.0, polar_inertia=0.0).mass == 2.0
@@ -49,19 +49,19 @@ def two_lumps(polar: float, transverse: float = 0.01) -> dict[str, np.ndarray]:
     return {"node_positions": np.array([0.0, 0.02]), "M": M, "K": np.zeros((8, 8)), "G": G}
 
 
-def test_matrices_with_more_polar_inertia_than_any_body_are_named():
+def test_matrices_with_more_polar_inertia_than_any_body_are_named(golden):
     """About the centre of mass both lumps have 0.02 + 2 * 2 * 0.01^2 kg m^2 across."""
     assert MatrixRotor(**two_lumps(0.02)).G is not None
-    with pytest.raises(RigError, match=r"G = .* is 20\d*\.?\d* times the transverse one.*multiplied by the speed"):
+    with golden.raises(RigError):
         MatrixRotor(**two_lumps(0.02 * 105.0))
 
 
-def test_modes_with_more_polar_inertia_than_any_body_are_named():
+def test_modes_with_more_polar_inertia_than_any_body_are_named(golden):
     G = np.zeros((3, 3))
     G[1, 1] = 1.9
     assert ModalRotor(**MODES, shapes=SHAPES, gyroscopic=G).gyroscopic is not None
     G[1, 1] = 2.3
-    with pytest.raises(RigError, match=r"gyroscopic = .* is 2\.3 times the transverse one"):
+    with golden.raises(RigError):
         ModalRotor(**MODES, shapes=SHAPES, gyroscopic=G)
 
 

@@ -162,14 +162,14 @@ def test_path_is_no_part_of_equality():
     assert Rig.from_toml(bench_text()).path is None
 
 
-def test_replace_checks_and_leaves_the_original():
+def test_replace_checks_and_leaves_the_original(golden):
     rig = Rig.load(BENCH)
     faster = rig.replace(speed=100.0)
     assert (rig.speed, faster.speed, faster.path) == (0.0, 100.0, BENCH)
     assert faster != rig
     with pytest.raises(RigError, match="speed = -1: expected 0 to 50000 rad/s"):
         rig.replace(speed=-1)
-    with pytest.raises(RigError, match="sped = 1: unknown key; did you mean speed"):
+    with golden.raises(RigError):
         rig.replace(sped=1)
 
 
@@ -339,18 +339,18 @@ def test_broken_table_is_named(table, body, key_and_value, allowed):
 
 @pytest.mark.parametrize("name", ["rotor.npz", "rotor.mat"])
 @pytest.mark.parametrize("content", [b"junk", b"PK\x03\x04junk", b""], ids=["text", "half-zip", "empty"])
-def test_a_matrix_file_that_is_none(tmp_path, name, content):
+def test_a_matrix_file_that_is_none(tmp_path, name, content, golden):
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(RigError, match=rf"rotor\.file = '{name}': cannot be read; .*node_positions, M, K, G"):
+    with golden.raises(RigError):
         Rig.from_toml(with_table("rotor", f'kind = "matrices"\nfile = "{name}"'), tmp_path / "rig.toml")
 
 
-def test_matrices_must_be_symmetric_and_positive():
+def test_matrices_must_be_symmetric_and_positive(golden):
     skewed = np.eye(8)
     skewed[0, 4] = 0.5
-    with pytest.raises(RigError, match=r"K = .*expected a symmetric matrix, entries differ by 0\.5"):
+    with golden.raises(RigError):
         MatrixRotor(node_positions=[0, 1], M=np.eye(8), K=skewed)
-    with pytest.raises(RigError, match=r"M = .*expected a positive definite matrix"):
+    with golden.raises(RigError):
         MatrixRotor(node_positions=[0, 1], M=np.diag([1.0] * 7 + [0.0]), K=np.eye(8))
 
 
@@ -389,13 +389,13 @@ def test_not_a_rig_file(tmp_path, content, said):
     assert str(path) in str(caught.value)
 
 
-def test_a_folder_is_not_a_rig_file(tmp_path):
-    with pytest.raises(RigError, match="cannot be read"):
+def test_a_folder_is_not_a_rig_file(tmp_path, golden):
+    with golden.raises(RigError):
         Rig.load(tmp_path)
 
 
-def test_errors_on_construction_from_python():
-    with pytest.raises(RigError, match=r"Section: length = 60: .*millimetres\? Write 0\.06"):
+def test_errors_on_construction_from_python(golden):
+    with golden.raises(RigError):
         Section(length=60, outer_diameter=0.05)
-    with pytest.raises(RigError, match="expected 1 axis, since the rotor is a plain mass"):
+    with golden.raises(RigError):
         levitator(bearings=[levitator().bearings[0].model_copy(update={"axes": ("zeta", "eta")})])

@@ -237,9 +237,9 @@ def test_unstable_draws_are_in_the_worst_zone_and_told(levitator):
     assert "unstable" in repr(found)
 
 
-def test_an_unstable_loop_has_no_margins(levitator):
+def test_an_unstable_loop_has_no_margins(levitator, golden):
     weak = Model(levitator).with_values({"K_i.A_zeta": 1e-3})
-    with pytest.raises(UnstableLoopError, match="no margins"):
+    with golden.raises(UnstableLoopError):
         ambid.margins(weak)
 
 

@@ -221,8 +221,8 @@ def test_speeds_that_make_no_diagram_are_refused(rigid, speeds, message):
         ambid.campbell(Model(rigid), speeds)
 
 
-def test_one_axis_cannot_whirl(levitator):
-    with pytest.raises(InputError, match="no bearing has two axes"):
+def test_one_axis_cannot_whirl(levitator, golden):
+    with golden.raises(InputError):
         ambid.campbell(Model(levitator))
 
 

@@ -357,6 +357,6 @@ def test_many_sections_have_the_modes_that_all_eigenvalues_tell(monkeypatch):
     assert_allclose(quick.shapes, slow.shapes, atol=1e-7 * np.abs(slow.shapes).max())
 
 
-def test_more_sections_than_can_be_borne_are_refused():
-    with pytest.raises(RigError, match="section = .*at most 1000 entries, found 1001"):
+def test_more_sections_than_can_be_borne_are_refused(golden):
+    with golden.raises(RigError):
         shaft([(0.001, 0.03, 0.0)] * 1001)

@@ -44,10 +44,10 @@ def test_taking_it_out_again_gives_the_fit_without_it(fitted, added):
     assert added.remove("loop_delay").comparison.misfit == pytest.approx(fitted.comparison.misfit, rel=1e-4)
 
 
-def test_undo_gives_the_very_step_before(begun, fitted, added):
+def test_undo_gives_the_very_step_before(begun, fitted, added, golden):
     assert added.undo() is added.before
     assert fitted.undo() is begun
-    with pytest.raises(ModelError, match="nothing was done"):
+    with golden.raises(ModelError):
         begun.undo()
 
 
@@ -56,12 +56,12 @@ def test_a_step_cannot_be_changed(fitted):
         fitted.did = "something else"
 
 
-def test_a_value_set_by_hand_raises_the_misfit_and_is_not_a_fit(added):
+def test_a_value_set_by_hand_raises_the_misfit_and_is_not_a_fit(added, golden):
     moved = added.move("loop_delay.delay", 2.0 * added.model.theta[-1])
     assert moved.comparison.misfit > 2.0 * added.comparison.misfit
     assert moved.validation_misfit > added.validation_misfit
     assert moved.fitted is added.estimate
-    with pytest.raises(ModelError, match="fit first"):
+    with golden.raises(ModelError):
         moved.ranked()
 
 
