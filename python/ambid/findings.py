@@ -158,6 +158,14 @@ class WithFindings:
         """The findings in words, a line each."""
         return tuple(finding.line() for finding in self.findings)
 
+    def finding_lines(self) -> list[str]:
+        """The same with their severity, as a result prints them."""
+        return [f"{finding.severity}: {finding.line()}" for finding in self.findings]
+
+    def findings_as_dict(self) -> dict[str, list[Any]]:
+        """The findings, and their lines as ``notes``, as the JSON of every result has them."""
+        return {"findings": [finding.as_dict() for finding in self.findings], "notes": list(self.notes)}
+
 
 def has(findings: Iterable[Finding], *kinds: Kind) -> bool:
     """Whether one of these kinds is among the findings."""
