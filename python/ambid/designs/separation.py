@@ -20,7 +20,7 @@ from ambid.designs.changes import Change, changes
 from ambid.designs.intervals import planned
 from ambid.designs.peaks import Limits, forecast
 from ambid.diagnosis import Diagnosis
-from ambid.diagnosis.wording import ENOUGH
+from ambid.diagnosis.rivals import ENOUGH
 from ambid.errors import InputError, ModelError, UnstableLoopError
 from ambid.identification.minimum import ROUGHLY, refit
 from ambid.model import Model

@@ -23,7 +23,7 @@ from ambid.diagnosis.candidates import ALPHA
 from ambid.diagnosis.chance import independent_tests, log_chance_bounded
 from ambid.diagnosis.confirmation import CHANCE, halves
 from ambid.diagnosis.ranking import CONFUSABLE, Point, see
-from ambid.diagnosis.wording import ENOUGH
+from ambid.diagnosis.rivals import ENOUGH
 from ambid.effects import CATALOGUE, Effect, EffectParameter, Seen
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.minimum import SUBSTEPS

@@ -26,7 +26,6 @@ from ambid.arrays import FloatArray
 from ambid.diagnosis.candidates import Candidate, Ranking
 from ambid.diagnosis.chance import independent_tests, log_chance_bounded
 from ambid.effects import CATALOGUE, Effect, Seen
-from ambid.effects.slips import ControllerGainError, ExcitationGainError
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.minimum import SUBSTEPS
 from ambid.model import Model
@@ -44,7 +43,6 @@ VISIBLE = 1e-4
 """Chance of a score that counts as visible, for one degree of freedom."""
 OWN = 1e-12
 """Part of the largest eigenvalue of probes' Gram matrix below which a direction is that of other probes."""
-SLIPS = (ControllerGainError, ExcitationGainError)
 KNOWN_COMMAND = "i_e comes from the recorded command, and holds whatever the controller's gains miss"
 UNDRIVEN = "nothing drives the records, and what an effect changes of a free response is not told from how it began"
 NEAR = 0.5
@@ -107,7 +105,7 @@ def rank(
             not_tried[effect.name] = why
             continue
         in_time = [part.record for part in comparison.noise.in_time]
-        if isinstance(effect, SLIPS) and in_time and all(record.has_known_command for record in in_time):
+        if effect.within_command and in_time and all(record.has_known_command for record in in_time):
             not_tried[effect.name] = KNOWN_COMMAND
             continue
         variants = effect.variants(replace(seen, rig=home))

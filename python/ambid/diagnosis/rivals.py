@@ -21,6 +21,9 @@ EQUALLY_GOOD = 9.2
 """Candidates whose criterion is within this of the best cannot be told apart (99 % of a chi-squared with 2 dof)."""
 APART = 2.33
 """Standard deviations of J1 - J2 that tell two rivals apart: chance brings more in one of a hundred records."""
+ENOUGH = (2.0 * (APART + 1.645)) ** 2
+"""Evidence lambda that tells two effects apart in 95 % of records, 63: J1 - J2 has the mean lambda and the standard
+deviation 2 sqrt(lambda), and only what is beyond `APART` of these counts."""
 FAR_OFF = 20.0
 """Misfit J/dof of a base model above which refits start from the rig file's values too."""
 LIKE = 0.99

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from ambid.diagnosis.result import GOOD_ENOUGH, IN_THE_MAIN, Step
-from ambid.diagnosis.rivals import APART
+from ambid.diagnosis.rivals import ENOUGH
 from ambid.diagnosis.verdict import Verdict
 from ambid.effects.disturbance import PeriodicDisturbance
 from ambid.effects.slips import ControllerGainError, ExcitationGainError
@@ -18,9 +18,6 @@ from ambid.rig import PidController, Rig
 
 __all__ = ["next_experiment", "notes", "not_determined"]
 
-ENOUGH = (2.0 * (APART + 1.645)) ** 2
-"""Evidence lambda that tells two effects apart in 95 % of records, 63: J1 - J2 has the mean lambda and the standard
-deviation 2 sqrt(lambda), and only what is beyond `APART` of these tells."""
 TWINS = 0.999
 """Effects whose freed responses have a larger cosine are the same in this kind of record."""
 CONTROLLER_SLIP, EXCITATION_SLIP = ControllerGainError.name, ExcitationGainError.name

@@ -26,6 +26,7 @@ class ControllerGainError(Effect):
     equation = "K = (1 + p) P + (1 + i) I/s + (1 + d) D s/(T s + 1) of a PID; K = (1 + g) K_file of any other"
     signature = "i_c follows from i_e and y with other factors than those of the rig file, the same at every amplitude"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 8"
+    within_command = True
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Relative error of each gain that a PID has, or of the whole of any other controller."""
@@ -53,6 +54,7 @@ class ExcitationGainError(Effect):
     equation = "i_ref = -K y + (1 + e) i_e"
     signature = "y and i_c too large or too small by one factor at all frequencies, in a loop whose poles are right"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 8"
+    within_command = True
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Relative error of the scale of i_e."""

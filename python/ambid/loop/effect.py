@@ -133,6 +133,8 @@ class Effect(ABC):
         Whether its name is a plural.
     across_planes : bool
         Whether it makes one plane of the rotor act on the other.
+    within_command : bool
+        Whether it is an error of what makes the command: an i_e that was rebuilt from the recorded command holds it.
     formula_error : float
         Part of what it explains that its formula may leave, for another effect to be no better an explanation of.
     unseen : str
@@ -153,6 +155,7 @@ class Effect(ABC):
     contains: ClassVar[tuple[str, ...]] = ()
     plural: ClassVar[bool] = False
     across_planes: ClassVar[bool] = False
+    within_command: ClassVar[bool] = False
     formula_error: ClassVar[float] = 0.0
     fine: ClassVar[tuple[str, ...]] = ()
     in_series: ClassVar[Mapping[str, str]] = MappingProxyType({})
