@@ -68,3 +68,10 @@ def test_values_that_are_no_numbers_are_null_in_json():
 
 def test_it_is_a_public_name():
     assert ambid.Finding is type(LATE(NOWHERE, channels=[], delay_s=0.0))
+
+
+def test_values_by_name_are_written_with_their_names():
+    factors = {"i_e": 0.7692, "proportional": {"A_zeta": 0.9, "B_eta": 1.25}}
+    found = Kind("test_factors", "warning", "{factors:.3g}")(factors=factors)
+    assert found.message == "i_e 0.769, proportional (A_zeta 0.9, B_eta 1.25)"
+    assert found.as_dict()["values"] == {"factors": factors}

@@ -16,7 +16,14 @@ SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 """Worst first."""
 KINDS: dict[str, Kind] = {}
 """Every kind of finding by its code, as the rooms that make them have declared it."""
-SCALES = {"um": (1e6, "um"), "us": (1e6, "us"), "ms": (1e3, "ms"), "mA": (1e3, "mA"), "%": (100.0, "%")}
+SCALES = {
+    "um": (1e6, "um"),
+    "us": (1e6, "us"),
+    "ms": (1e3, "ms"),
+    "mA": (1e3, "mA"),
+    "%": (100.0, "%"),
+    "ppm": (1e6, "ppm"),
+}
 """Factor and unit of a number that is printed in another unit than that of its value."""
 
 
@@ -65,7 +72,7 @@ class Kind:
     message : str
         Template of the value found and what was expected. Fields are values by name, with a format of Python, and with
         a unit of `SCALES` where wanted: ``{delay_s:.3g|us}``. What stands in square brackets is left out where one of
-        its fields has no value; lists are written with commas.
+        its fields has no value; lists are written with commas, and what has names with these before it.
     remedy : str
         Template of what to do; empty where nothing is to be done.
     """
@@ -184,10 +191,16 @@ class _Words(string.Formatter):
         digits, _, unit = format_spec.partition("|")
         if isinstance(value, list | tuple):
             return ", ".join(self.format_field(entry, format_spec) for entry in value)
+        if isinstance(value, Mapping):
+            return ", ".join(f"{name} {self._inner(entry, format_spec)}" for name, entry in value.items())
         if not unit:
             return format(value, digits)
         factor, name = SCALES[unit]
         return f"{format(factor * value, digits)} {name}"
+
+    def _inner(self, value: Any, format_spec: str) -> str:
+        text = str(self.format_field(value, format_spec))
+        return f"({text})" if isinstance(value, Mapping) else text
 
 
 def _rendered(template: str, values: Mapping[str, Any]) -> str:
@@ -216,6 +229,8 @@ def _plain(value: Any) -> Any:
     """Strict JSON: null for a number that is not finite."""
     if isinstance(value, list | tuple):
         return [_plain(entry) for entry in value]
+    if isinstance(value, Mapping):
+        return {name: _plain(entry) for name, entry in value.items()}
     if hasattr(value, "item"):  # a scalar of NumPy
         value = value.item()
     if isinstance(value, float):
