@@ -16,6 +16,8 @@ from pathlib import Path
 
 import pytest
 
+from places import TESTS
+
 FILE = "golden.toml"
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 DIGITS = 0.02
@@ -53,8 +55,9 @@ class Golden:
         self.holds(str(found.value))
 
     def _normal(self, text: str) -> str:
-        """Without the folder of the test, and without blanks at the ends of lines."""
-        return "\n".join(line.rstrip() for line in text.replace(self.folder, "<folder>").strip().splitlines())
+        """Without the folders of the test and of this checkout, and without blanks at the ends of lines."""
+        text = text.replace(self.folder, "<folder>").replace(str(TESTS), "<tests>")
+        return "\n".join(line.rstrip() for line in text.strip().splitlines())
 
 
 def _read(file: Path) -> dict[str, str]:
