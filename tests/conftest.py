@@ -1,8 +1,11 @@
 """What several rooms of tests share: the demo's data, virtual experiments, and the command run in this process."""
 
+import os
 import signal
 import sys
 from dataclasses import dataclass
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: threads of several workers only wait for each other
 
 import pytest
 

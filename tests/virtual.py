@@ -103,7 +103,7 @@ class VirtualBench:
         noise = np.zeros((len(i_e), 4, 1)) if noise is None else noise
         x = np.zeros((n, noise.shape[2]))
         outputs = np.empty((len(i_e), 8, noise.shape[2]))
-        sensor, amplifier = self._sensing(), slice(12, 16)
+        sensor, amplifier = self.sensing(), slice(12, 16)
         for k, (u, v) in enumerate(zip(i_e, noise, strict=True)):
             outputs[k, :4] = sensor @ x[:6] + v
             outputs[k, 4:] = x[amplifier]
@@ -142,7 +142,8 @@ class VirtualBench:
         at = [np.array([1.0, z, self._bent(z)]) for z in places]
         return np.vstack([np.kron(row, self._directions()) for row in at])
 
-    def _sensing(self) -> np.ndarray:
+    def sensing(self) -> np.ndarray:
+        """Readings of all axes from the coordinates, shape (4, 6)."""
         return self._reading(self.sensors)
 
     def continuous(self) -> tuple[np.ndarray, np.ndarray]:
@@ -151,7 +152,7 @@ class VirtualBench:
         States: 6 coordinates, 6 rates, currents i_a, currents i_f behind the eddy lag, integrals, filtered y.
         """
         q, rate, i_a, i_f, integral, lagged = np.split(np.arange(28), [6, 12, 16, 20, 24])
-        magnet, sensor = self._reading(self.magnets), self._sensing()
+        magnet, sensor = self._reading(self.magnets), self.sensing()
         inertia = np.repeat([self.mass, self.inertia, self.mass], 2)
         omega = 2.0 * np.pi * self.bending_hz
         slope, drive = np.zeros((28, 28)), np.zeros((28, 8))

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from math import isfinite
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 __all__ = ["KINDS", "NOWHERE", "REMARK", "SEVERITIES", "Finding", "Kind", "Severity", "Where", "WithFindings", "has"]
 
@@ -156,9 +156,13 @@ REMARK = Kind("remark", "note", "{text}")
 
 
 class WithFindings:
-    """A result that has findings."""
+    """A result that has findings: a field of this name, or a property."""
 
-    findings: tuple[Finding, ...]
+    if TYPE_CHECKING:
+
+        @property
+        def findings(self) -> tuple[Finding, ...]:
+            """In the order in which they are shown."""
 
     @property
     def notes(self) -> tuple[str, ...]:

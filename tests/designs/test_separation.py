@@ -10,7 +10,7 @@ import ambid
 from ambid.designs import Instruments, Limits, next_experiments, tell_apart
 from ambid.errors import InputError
 from ambid.identification.minimum import refit
-from benchmarks.next_experiment import CASES, is_truth_alone, run
+from hidden.next_experiments import CASES, is_truth_alone, run
 from places import LEVITATOR
 
 RIG = ambid.Rig.load(LEVITATOR)
@@ -77,19 +77,15 @@ def test_recording_the_currents_tells_lags_apart_that_y_alone_does_not():
     alone = STATED.without_currents()
     found = tell_apart(LAGS, I_E, 510, alone, more_instruments=STATED)
     assert row(found, "record i_c").evidence > 100.0 * row(found, "the same once more").evidence
-    assert "record i_c" not in [own.change.what for own in tell_apart(LAGS, I_E, 510, STATED).experiments]
+    assert not any(own.change.currents for own in tell_apart(LAGS, I_E, 510, STATED).experiments)
 
 
-def test_louder_is_tried_up_to_the_limit_and_no_further():
+def test_louder_is_tried_up_to_the_limit_and_no_further(golden):
     found = tell_apart(PAIR, I_E, 510, STATED)
-    (louder,) = (
-        own
-        for own in found.experiments
-        if own.change.what.endswith("times the amplitude") and "0.5" not in own.change.what
-    )
+    (louder,) = (own for own in found.experiments if own.change.amplitude > 1.0)
     assert louder.load <= 1.0 + 1e-9
     quiet = tell_apart(PAIR, I_E, 510, STATED, limits=Limits(travel=0.01))
-    assert "of its limit already" in quiet.not_tried["2 times the amplitude"]
+    golden.holds(quiet.not_tried["2 times the amplitude"])
 
 
 def test_after_an_ambiguous_verdict_the_set_is_told_apart():
@@ -109,7 +105,7 @@ def test_what_was_not_recorded_is_proposed_and_what_was_is_not():
     diagnosis = ambid.diagnose(RIG, replace(record, i_c=None))
     assert {"loop_delay", "sensor_lag"} <= set(diagnosis.ambiguous_sets[0])
     found = next_experiments(diagnosis, current_noise=CURRENT)
-    assert found.best.change.what == "record i_c"
+    assert found.best.change.currents
     noisy = next_experiments(diagnosis, current_noise=10.0 * CURRENT)
     assert row(noisy, "record i_c").evidence < 0.1 * row(found, "record i_c").evidence
 
@@ -134,5 +130,5 @@ def test_proposals_refuse(golden):
     with golden.raises(InputError):
         tell_apart({"back_emf": PAIR["back_emf"]}, I_E, 510, STATED)
     diagnosis = ambid.diagnose(RIG, made(MODEL, I_E, 1))
-    with pytest.raises(InputError, match="adequate"):
+    with golden.raises(InputError):
         next_experiments(diagnosis)

@@ -61,22 +61,25 @@ def test_without_currents_two_lags_look_alike_and_with_them_they_do_not():
     assert alone.find("loop_delay").twins["sensor_lag"] > 10.0
 
 
-def test_what_is_not_shown_has_its_reason():
+def test_what_is_not_shown_has_its_reason(golden):
     found = shown(sequence())
-    assert found.not_shown["seal_forces"].startswith("a point mass")
+    golden.holds(found.not_shown["seal_forces"])
     assert found.find("seal_forces") is None
     told = shown(sequence(), instruments=STATED.without_currents())
-    assert told.not_shown["sampling_skew"] == "nothing of it is in such a record"
+    golden.holds(told.not_shown["sampling_skew"])
     named = {own.effect for own in found.effects} | set(found.not_shown)
     assert named == {effect.name for effect in ambid.CATALOGUE}
 
 
+@pytest.fixture(scope="module")
+def four_axes():
+    """What few and many periods show."""
+    model, instruments = ambid.Model(ambid.Rig.load(BENCH)), Instruments.stated(4, 50e-9, CURRENT)
+    few, many = (shown(ambid.prbs(8, amplitude=0.2, hold=2, axes=4, periods=n), model, instruments, n) for n in (8, 32))
+    return few, many
+
+
 @pytest.mark.parametrize("name", ["sensor_gain_error", "axis_cross_coupling", "seal_forces"])
-def test_on_four_axes_sizes_fall_with_the_root_of_the_periods(name):
-    rig = ambid.Rig.load(BENCH)
-    instruments = Instruments.stated(4, 50e-9, CURRENT)
-    few, many = (
-        shown(ambid.prbs(8, amplitude=0.2, hold=2, axes=4, periods=n), ambid.Model(rig), instruments, n).find(name)
-        for n in (8, 32)
-    )
+def test_on_four_axes_sizes_fall_with_the_root_of_the_periods(name, four_axes):
+    few, many = (own.find(name) for own in four_axes)
     np.testing.assert_allclose(many.size, few.size / 2.0, rtol=0.05)

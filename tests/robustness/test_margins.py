@@ -12,9 +12,12 @@ from numpy.testing import assert_allclose
 
 import ambid
 from ambid.errors import InputError, UnstableLoopError
+from ambid.findings import has
 from ambid.model import Model
 from ambid.robustness import zone_of
 from ambid.robustness.peaks import peaks_of, slopes_of
+from ambid.robustness.procedure import NO_COVARIANCE, NOT_LINEAR, UNSTABLE_DRAWS
+from ambid.robustness.result import tolerated
 from ambid.robustness.sensitivity import BrokenLoop
 from places import LEVITATOR
 from virtual import VirtualBench
@@ -71,9 +74,21 @@ def test_peak_and_disk_margin_of_an_analog_axis_are_those_of_python_control(levi
     assert found.multivariable.value == pytest.approx(own.sensitivity.value, rel=1e-9)
     assert found.disk.value == pytest.approx(own.disk.value, rel=1e-9)
     gain, phase, *_ = control.stability_margins(K * G)
-    low, high = (float(part) for part in found.summary()[1].split("x ")[1].split(",")[0].split(" .. "))
+    low, high, most = tolerated(found.disk.value)
     assert not low <= gain <= high
-    assert float(found.summary()[1].split("+-")[1].split()[0]) <= phase
+    assert most <= phase
+    assert f"gains x {low:.3g} .. {high:.3g}, phases +-{most:.3g} deg" in repr(found)
+
+
+def largest(curve, low, high, points=3000):
+    """Value and place of the maximum of a curve over frequency, by a grid, and finer ones around its largest point."""
+    f = np.geomspace(low, high, points)
+    for _ in range(3):
+        values = curve(f)
+        k = int(values.argmax())
+        best, at = float(values[k]), float(f[k])
+        f = np.linspace(f[max(k - 1, 0)], f[min(k + 1, len(f) - 1)], 200)
+    return best, at
 
 
 @pytest.mark.parametrize("place", ["controller", "sensor"])
@@ -81,25 +96,31 @@ def test_four_analog_axes_are_those_of_an_independent_bench(place):
     bench = VirtualBench()
     slope, drive = bench.continuous()
     read = np.zeros((4, 28))
-    read[:, :6] = bench._sensing()
-    f = np.geomspace(0.5, 2e4, 200_000)
-    if place == "sensor":
-        S = ambid.loop.response.frequency_response((slope, drive[:, 4:], read, np.eye(4)), 2j * np.pi * f)
-    else:
+    read[:, :6] = bench.sensing()
+
+    def S(f):
+        if place == "sensor":
+            return ambid.loop.response.frequency_response((slope, drive[:, 4:], read, np.eye(4)), 2j * np.pi * f)
         y = ambid.loop.response.frequency_response((slope, drive[:, :4], read, np.zeros((4, 4))), 2j * np.pi * f)
         s, own = 2j * np.pi * f, bench
         K = own.proportional + own.integral / s + own.derivative * s / (own.derivative_time_constant * s + 1.0)
-        S = np.eye(4) - K[:, None, None] * y
+        return np.eye(4) - K[:, None, None] * y
+
+    def peak(curve):
+        return largest(curve, 0.5, 2e4)
+
     found = ambid.margins(Model(bench.rig()), at=place)
     for j, own in enumerate(found.axes):
-        peak = np.abs(S[:, j, j])
-        assert own.sensitivity.value == pytest.approx(peak.max(), rel=1e-6)
-        assert own.sensitivity.frequency_hz == pytest.approx(f[peak.argmax()], rel=1e-3)
-        assert own.disk.value == pytest.approx(1.0 / np.abs(S[:, j, j] - 0.5).max(), rel=1e-6)
-        assert own.sensitivity.value >= peak.max() * (1.0 - 1e-10)
-    half = S - 0.5 * np.eye(4)
-    assert found.multivariable.value == pytest.approx(np.linalg.norm(S, 2, axis=(1, 2)).max(), rel=1e-6)
-    assert found.disk.value == pytest.approx(1.0 / np.linalg.norm(half, 2, axis=(1, 2)).max(), rel=1e-6)
+        value, frequency = peak(lambda f, j=j: np.abs(S(f)[:, j, j]))
+        assert own.sensitivity.value == pytest.approx(value, rel=1e-6)
+        assert own.sensitivity.frequency_hz == pytest.approx(frequency, rel=1e-3)
+        assert own.disk.value == pytest.approx(1.0 / peak(lambda f, j=j: np.abs(S(f)[:, j, j] - 0.5))[0], rel=1e-6)
+        assert own.sensitivity.value >= value * (1.0 - 1e-9)
+    half = 0.5 * np.eye(4)
+    whole = peak(lambda f: np.linalg.norm(S(f), 2, axis=(1, 2)))[0]
+    assert found.multivariable.value == pytest.approx(whole, rel=1e-6)
+    disk = 1.0 / peak(lambda f: np.linalg.norm(S(f) - half, 2, axis=(1, 2)))[0]
+    assert found.disk.value == pytest.approx(disk, rel=1e-6)
 
 
 @pytest.mark.parametrize("faster", [1, 2], ids="{} steps a sample".format)
@@ -111,15 +132,18 @@ def test_a_digital_axis_is_taken_from_sample_to_sample_of_its_controller(levitat
     )  # fmt: skip
     rig = levitator.replace(controller=pid)
     K, G = one_axis(rig)
-    f = np.geomspace(1.0, 0.5 * rate, 200_000)
-    z = np.exp(2j * np.pi * f / rate)
     K = control.sample_system(control.ss(K), 1.0 / rate, "bilinear")
     A, B, C, D, _ = scipy.signal.cont2discrete([getattr(control.ss(G), name) for name in "ABCD"], 1.0 / rate)
     G = control.ss(A, B, C, D, 1.0 / rate)
-    S = np.abs(1.0 / (1.0 + K(z) * G(z) / z**2))
+
+    def S(f):
+        z = np.exp(2j * np.pi * f / rate)
+        return np.abs(1.0 / (1.0 + K(z) * G(z) / z**2))
+
+    value, frequency = largest(S, 1.0, 0.5 * rate)
     (own,) = ambid.margins(Model(rig)).axes
-    assert own.sensitivity.value == pytest.approx(S.max(), rel=1e-6)
-    assert own.sensitivity.frequency_hz == pytest.approx(f[S.argmax()], rel=1e-3)
+    assert own.sensitivity.value == pytest.approx(value, rel=1e-6)
+    assert own.sensitivity.frequency_hz == pytest.approx(frequency, rel=1e-3)
 
 
 def test_a_delay_of_an_analog_loop_is_exact(levitator):
@@ -130,19 +154,21 @@ def test_a_delay_of_an_analog_loop_is_exact(levitator):
     )
     K, G = one_axis(rig)
     model = Model(rig).add("loop_delay", {"delay": 1e-4})
-    f = np.geomspace(1.0, 3000.0, 200_000)
-    s = 2j * np.pi * f
-    S = np.abs(1.0 / (1.0 + K(s) * G(s) * np.exp(-1e-4 * s)))
+
+    def S(f):
+        s = 2j * np.pi * f
+        return np.abs(1.0 / (1.0 + K(s) * G(s) * np.exp(-1e-4 * s)))
+
     (own,) = ambid.margins(model).axes
-    assert own.sensitivity.value == pytest.approx(S.max(), rel=1e-7)
+    assert own.sensitivity.value == pytest.approx(largest(S, 1.0, 3000.0)[0], rel=1e-7)
 
 
 def test_a_sharp_mode_is_not_lost_between_the_frequencies(rig):
-    """The peak on a bending mode with little damping, against a grid of 300 000 points."""
+    """The peak on a bending mode with little damping, against a grid of 60 000 points."""
     loop = BrokenLoop(Model(rig), "controller")
     theta = loop.model.theta
     peaks = peaks_of(loop, theta)
-    f = np.linspace(1.0, 0.5 * rig.sample_rate, 300_000)
+    f = np.linspace(1.0, 0.5 * rig.sample_rate, 60_000)
     S = np.abs(np.einsum("ljj->lj", loop.sensitivity(theta, f))).max(axis=0)
     assert np.all(peaks.values[:4] >= S * (1.0 - 1e-12))
     assert_allclose(peaks.values[:4], S, rtol=1e-3)
@@ -151,6 +177,7 @@ def test_a_sharp_mode_is_not_lost_between_the_frequencies(rig):
 @pytest.mark.parametrize("place", ["controller", "sensor"])
 @pytest.mark.parametrize("kind", ["analog", "analog, late", "digital", "twice as fast"])
 def test_slopes_of_the_peaks_are_exact(place, kind, demo_rig):
+    """Along directions in which all parameters change, which four axes would make slow one by one."""
     own = demo_rig
     if not kind.startswith("analog"):
         rate = demo_rig.sample_rate * (2 if kind == "twice as fast" else 1)
@@ -158,12 +185,24 @@ def test_slopes_of_the_peaks_are_exact(place, kind, demo_rig):
     model = Model(own)
     if kind in ("analog, late", "twice as fast"):
         model = model.add("loop_delay").add("controller_gain_error", {"proportional": 0.03}).add("sensor_lag")
-    theta = model.theta * (1.0 + 0.02 * np.random.default_rng(0).standard_normal(len(model.names)))
+    random = np.random.default_rng(0)
+    theta = model.theta * (1.0 + 0.02 * random.standard_normal(len(model.names)))
     loop = BrokenLoop(model, place)
-    free = range(len(theta))
-    slopes = slopes_of(loop, theta, peaks_of(loop, theta), free) * theta
-    for k in free:
-        step = np.where(np.arange(len(theta)) == k, 1e-4 * theta, 0.0)
+    slopes = slopes_of(loop, theta, peaks_of(loop, theta), range(len(theta))) * theta
+    for _ in range(2):
+        direction = random.standard_normal(len(theta))
+        step = 1e-4 * direction / np.linalg.norm(direction)
+        ends = [peaks_of(loop, theta * (1.0 + sign * step)).values for sign in (1.0, -1.0)]
+        assert_allclose(slopes @ step, 0.5 * (ends[0] - ends[1]), atol=2e-9 * np.abs(slopes).max())
+
+
+def test_slopes_of_the_peaks_by_every_parameter_are_exact(levitator):
+    model = Model(levitator).add("loop_delay", {"delay": 5e-5}).add("controller_gain_error").add("sensor_lag")
+    loop, theta = BrokenLoop(model, "controller"), model.theta + [0, 0, 0, 0, 0.03, 0, 0.02, 0]
+    peaks, size = peaks_of(loop, theta), np.where(theta == 0.0, 1.0, theta)
+    slopes = slopes_of(loop, theta, peaks, range(len(theta))) * size
+    for k in range(len(theta)):
+        step = 1e-4 * size * np.eye(len(theta))[k]
         difference = (peaks_of(loop, theta + step).values - peaks_of(loop, theta - step).values) / 2e-4
         assert_allclose(slopes[:, k], difference, atol=2e-5 * np.abs(slopes).max())
 
@@ -183,14 +222,14 @@ def test_without_a_covariance_margins_are_nominal_and_say_so(levitator):
     found = ambid.margins(Model(levitator))
     assert (found.draws, found.zone_probability, found.band) == (0, {}, None)
     assert found.axes[0].sensitivity.ci95 is found.axes[0].sensitivity.worst is None
-    assert "no covariance" in found.notes[0]
+    assert has(found.findings, NO_COVARIANCE)
     json.dumps(found.to_json(), allow_nan=False)
 
 
 def test_draws_slope_and_ellipsoid_agree_where_the_uncertainty_is_small(levitator):
     model = Model(levitator)
     own = model.with_covariance(np.diag((1e-3 * model.theta) ** 2))
-    found = ambid.margins(own, draws=2000).axes[0].sensitivity
+    found = ambid.margins(own, draws=1000).axes[0].sensitivity
     half = 0.5 * (found.ci95[1] - found.ci95[0])
     assert half == pytest.approx(1.96 * found.std_error, rel=0.08)
     radius = np.sqrt(scipy.stats.chi2.ppf(0.95, 3))
@@ -226,7 +265,8 @@ def test_unstable_draws_are_in_the_worst_zone_and_told(levitator):
     assert found.unstable == unstable > 0
     assert found.zone_probability["D"] >= unstable / found.draws
     assert sum(found.zone_probability.values()) == pytest.approx(1.0)
-    assert any(f"{unstable} of {found.draws} draws are unstable" in note for note in found.notes)
+    (told,) = (own for own in found.findings if own.kind is UNSTABLE_DRAWS)
+    assert told.values == {"unstable": unstable, "draws": found.draws}
     own = found.axes[0]
     assert own.sensitivity.worst == np.inf
     assert own.disk.worst == 0.0
@@ -243,12 +283,9 @@ def test_an_unstable_loop_has_no_margins(levitator, golden):
         ambid.margins(weak)
 
 
-@pytest.mark.parametrize(
-    ("keys", "said"),
-    [({"at": "amplifier"}, "at = 'amplifier'"), ({"draws": 3}, "draws = 3: expected 40"), ({"seed": -1}, "seed = -1")],
-)
-def test_what_is_not_allowed_is_refused(spread, keys, said):
-    with pytest.raises(InputError, match=said):
+@pytest.mark.parametrize("keys", [{"at": "amplifier"}, {"draws": 3}, {"seed": -1}], ids=str)
+def test_what_is_not_allowed_is_refused(spread, keys, golden):
+    with golden.raises(InputError):
         ambid.margins(spread, **keys)
 
 
@@ -257,21 +294,22 @@ def test_a_nonlinear_effect_is_left_out_and_told(levitator):
     model = plain.add("flux_saturation")
     model = model.with_covariance(np.diag((0.01 * model.theta) ** 2))
     found = ambid.margins(model, draws=50)
-    assert "flux_saturation: not linear" in found.notes[0]
+    assert [own.values for own in found.findings if own.kind is NOT_LINEAR] == [{"effects": ["flux_saturation"]}]
     assert found.axes[0].sensitivity.value == ambid.margins(plain).axes[0].sensitivity.value
     assert list(found.axes[0].sensitivity.worst_at) == list(plain.names)
 
 
-def test_the_covariance_goes_with_the_model_until_a_value_changes(spread, tmp_path):
+def test_the_covariance_goes_with_the_model_until_a_value_changes(spread, tmp_path, golden):
     spread.save(tmp_path / "model.json")
     again = Model.load(tmp_path / "model.json")
     assert_allclose(again.covariance, spread.covariance)
     assert again.with_values({"tau_e": 1e-4}).covariance is None
     assert again.add("sensor_lag").covariance is None
-    with pytest.raises(ambid.ModelError, match=r"shape \(2, 2\)"):
+    with golden.raises(ambid.ModelError):
         spread.with_covariance(np.eye(2))
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth(levitator):
     """A few seeds of what `tests/benchmarks/margins.py` does with 200: at least 10 of 12 are expected of 95 %."""
     i_e = ambid.prbs(9, amplitude=0.3, hold=2, axes=1, periods=4)

@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 import ambid
 from ambid.errors import InputError
 from ambid.model import Model
+from ambid.robustness.procedure import NOT_LINEAR
 from ambid.robustness.whirl import whirl_of
 from places import BENCH, LEVITATOR
 from virtual import VirtualBench
@@ -47,7 +48,7 @@ def test_poles_of_one_axis_are_the_roots_of_its_polynomial(levitator):
     grows = np.sqrt(own.force_displacement[0] / 12.0)
     lags = [-1.0 / levitator.amplifier.time_constant, -1.0 / levitator.actuator.time_constant]
     assert_allclose(np.sort(found.open.real), np.sort([grows, -grows, *lags]), rtol=1e-9)
-    assert "with the controller off 1 poles grow" in found.summary()[0]
+    assert np.sum(found.open.real > 0.0) == 1
 
 
 def test_regions_are_those_of_the_roots_under_the_covariance(levitator):
@@ -115,7 +116,7 @@ def test_nonlinear_effects_are_left_out_and_told(levitator):
     model = Model(levitator).add("flux_saturation")
     found = ambid.pole_map(model)
     assert_allclose(found.closed, ambid.pole_map(Model(levitator)).closed, rtol=1e-12)
-    assert "flux_saturation: not linear, and left out" in found.notes[0]
+    assert [own.values for own in found.findings if own.kind is NOT_LINEAR] == [{"effects": ["flux_saturation"]}]
 
 
 CENTRE, MAGNETS, SENSORS = 0.43, 0.23, 0.29
@@ -212,12 +213,9 @@ def test_measured_speeds_are_those_of_the_operating_points(rigid):
     assert np.isnan([own.std_error_hz for own in held.measured]).all()
 
 
-@pytest.mark.parametrize(
-    ("speeds", "message"),
-    [([0.0], "two or more"), ([-1.0, 5.0], "from 0 on"), ([0.0, 5.0, 5.0], "rising"), ([0.0, np.inf], "finite")],
-)
-def test_speeds_that_make_no_diagram_are_refused(rigid, speeds, message):
-    with pytest.raises(InputError, match=message):
+@pytest.mark.parametrize("speeds", [[0.0], [-1.0, 5.0], [0.0, 5.0, 5.0], [0.0, np.inf]], ids=str)
+def test_speeds_that_make_no_diagram_are_refused(rigid, speeds, golden):
+    with golden.raises(InputError):
         ambid.campbell(Model(rigid), speeds)
 
 

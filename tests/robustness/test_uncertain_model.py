@@ -115,21 +115,21 @@ def test_errors_of_the_controllers_gains_are_in_k(demo_rig):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    "change",
     [
-        (lambda model: model.with_theta(model.theta), "no covariance"),
-        (lambda model: known(model.add("flux_saturation")), "flux_saturation is not linear"),
-        (lambda model: known(model, 0.6), r"K_i\.A_zeta: the 95 % range .* leaves what physics allows"),
+        pytest.param(lambda model: model.with_theta(model.theta), id="no covariance"),
+        pytest.param(lambda model: known(model.add("flux_saturation")), id="nonlinear"),
+        pytest.param(lambda model: known(model, 0.6), id="too wide"),
     ],
 )
-def test_what_is_not_allowed_is_refused(analog, change, said):
-    with pytest.raises(ModelError, match=said):
+def test_what_is_not_allowed_is_refused(analog, change, golden):
+    with golden.raises(ModelError):
         ambid.uncertain(change(analog))
 
 
-@pytest.mark.parametrize(("name", "said"), [("a.txt", "suffix is .txt"), ("6A bench.mat", "MATLAB cannot run")])
-def test_names_that_no_script_can_have_are_refused(analog, tmp_path, name, said):
-    with pytest.raises(ModelError, match=said):
+@pytest.mark.parametrize("name", ["a.txt", "6A bench.mat"])
+def test_names_that_no_script_can_have_are_refused(analog, tmp_path, name, golden):
+    with golden.raises(ModelError):
         ambid.uncertain(analog).to_mat(tmp_path / name)
     assert not list(tmp_path.iterdir())
 

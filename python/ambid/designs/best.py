@@ -17,6 +17,7 @@ from ambid.designs.peaks import Forecast, Limits, forecast
 from ambid.designs.sight import Visibility, visible
 from ambid.effects import Effect, find
 from ambid.errors import InputError, ModelError
+from ambid.findings import Finding, Kind, Where, WithFindings
 from ambid.model import Given, Model, as_model
 from ambid.noise.foreseen import Instruments
 from ambid.results import Tabular, plain
@@ -40,10 +41,28 @@ FINEST = 1e-15
 """Of a parameter's scale: half of the narrowest interval that can be wanted."""
 LONGEST = 3600.0
 """Seconds that an experiment may last: no machine stays the same for longer."""
+TOO_SHORT = Kind(
+    "accuracy_takes_longer",
+    "warning",
+    "the wanted accuracy takes {needed_s:.3g} s, and the record has {seconds_s:.3g} s",
+    "allow more peak, or more time",
+)
+NOT_ACCURATE = Kind(
+    "accuracy_not_reached",
+    "warning",
+    "{parameter}: a 95 % interval of +- {predicted:.3g} {unit} is predicted, +- {wanted:.3g} {unit} is wanted",
+)
+SENSITIVE = Kind(
+    "peaks_uncertain",
+    "warning",
+    "peak sensitivity {peak:.2f} at {frequency_hz:.3g} Hz (zone {zone} of ISO 14839-3), the limit is {limit:g}: a "
+    "small error of the rig file changes the predicted peaks much",
+    "begin at a quarter of the amplitude",
+)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Design(Tabular):
+class Design(Tabular, WithFindings):
     """An experiment that is worth making; result of `design`.
 
     Attributes
@@ -64,7 +83,7 @@ class Design(Tabular):
         Half widths of 95 % intervals that were asked for, SI units.
     visibility : Visibility
         Smallest sizes of effects that the record shows.
-    notes : tuple of str
+    findings : tuple of Finding
     """
 
     i_e: FloatArray
@@ -75,7 +94,7 @@ class Design(Tabular):
     prospect: Prospect
     wanted: dict[str, float]
     visibility: Visibility
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
     @property
     def gain(self) -> float:
@@ -94,7 +113,7 @@ class Design(Tabular):
             told[0] += f"; its powers are proven to be within {100 * (1 / self.efficiency - 1):.2g} % of the best"
             if np.isfinite(self.gain):
                 told.append(f"the best binary sequence within the same limits takes {self.gain:.2g} times as long")
-        return [*told, *self.notes]
+        return [*told, *self.finding_lines()]
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""
@@ -110,7 +129,7 @@ class Design(Tabular):
                 "options": [{"signal": o.signal, **o.settings, "cost": o.cost} for o in self.options],
                 "effects": [own.as_dict() for own in self.visibility.effects],
                 "not_shown": self.visibility.not_shown,
-                "notes": list(self.notes),
+                **self.findings_as_dict(),
             }
         )
 
@@ -190,7 +209,7 @@ def design(
         options += list(sequences(task))
     options.sort(key=lambda own: own.cost)
     chosen = options[0]
-    periods, notes = _periods(task, chosen, wanted, seconds)
+    periods, findings = _periods(task, chosen, wanted, seconds)
     i_e = np.tile(chosen.wave, (periods, 1))
     period = len(chosen.wave)
     i_e /= max(
@@ -207,7 +226,7 @@ def design(
         prospect=told,
         wanted=wanted,
         visibility=shown,
-        notes=(*notes, *_missed(told, wanted), *_sensitive(base, limits)),
+        findings=(*findings, *_missed(told, wanted), *_sensitive(base, limits)),
     )
 
 
@@ -300,8 +319,8 @@ def _period(model: Model, seconds: float | None) -> int:
 
 def _periods(
     task: Task, option: Option, wanted: Mapping[str, float], seconds: float | None
-) -> tuple[int, tuple[str, ...]]:
-    """How many are played, and what is to be said of it."""
+) -> tuple[int, tuple[Finding, ...]]:
+    """How many are played, and whether more would be needed."""
     period, rate = len(option.wave), task.model.rig.sample_rate
     most = int((LONGEST if seconds is None else seconds) * rate / period)
     if not wanted:
@@ -312,28 +331,32 @@ def _periods(
     needed = max(FEWEST, int(np.ceil(FEWEST * ratio**2 * (1.0 + SPARE))))
     if needed <= max(most, FEWEST):
         return needed, ()
-    note = f"the accuracy that is wanted takes {needed * period / rate:.3g} s; allow more peak, or more time"
-    return max(most, FEWEST), (note,)
+    played = max(most, FEWEST)
+    return played, (TOO_SHORT(needed_s=needed * period / rate, seconds_s=played * period / rate),)
 
 
-def _missed(told: Prospect, wanted: Mapping[str, float]) -> tuple[str, ...]:
+def _missed(told: Prospect, wanted: Mapping[str, float]) -> tuple[Finding, ...]:
     """Parameters whose interval is wider than wanted."""
     parameters = told.parameters
     wide = {name: NORMAL_95 * (parameters[name].std_error or 0.0) for name in wanted}
     return tuple(
-        f"{name}: +- {wide[name]:.3g} {parameters[name].unit} is foreseen, +- {half:.3g} is wanted"
+        NOT_ACCURATE(parameter=name, predicted=wide[name], wanted=half, unit=parameters[name].unit)
         for name, half in wanted.items()
         if wide[name] > half
     )
 
 
-def _sensitive(model: Model, limits: Limits) -> tuple[str, ...]:
+def _sensitive(model: Model, limits: Limits) -> tuple[Finding, ...]:
     """That the loop is so sensitive that what is foreseen at its values may be far off; powers do not change that."""
     figures = LoopFigures.of(NominalLoop(model.to_rig()))
     if not figures.peak_sensitivity > limits.sensitivity:
         return ()
     return (
-        f"peak sensitivity {figures.peak_sensitivity:.2f} at {figures.peak_sensitivity_hz:.3g} Hz on "
-        f"{figures.peak_sensitivity_axis} (zone {figures.zone} of ISO 14839-3), {limits.sensitivity:g} is the limit: a "
-        "small error of the rig file moves the peaks that are foreseen; begin at a quarter of the amplitude",
+        SENSITIVE(
+            Where(axis=figures.peak_sensitivity_axis),
+            peak=figures.peak_sensitivity,
+            frequency_hz=figures.peak_sensitivity_hz,
+            zone=figures.zone,
+            limit=limits.sensitivity,
+        ),
     )

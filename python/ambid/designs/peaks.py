@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ambid.arrays import FloatArray
 from ambid.errors import InputError
+from ambid.findings import Finding, Kind, Where, WithFindings
 from ambid.model import Given, as_model
 from ambid.record.checks import LARGEST_VALUE, SMALLEST_CHANGE
 from ambid.results import Tabular, plain
@@ -30,6 +31,13 @@ ROUNDED = 1.0 + 1e-9
 """Part of a limit beyond which it is passed: what was scaled to it may be off by rounding."""
 LINEAR = 0.995
 """Part of the amplitude that would just reach a limit: it is written with three digits."""
+ABOVE_LIMIT = Kind(
+    "peak_above_limit",
+    "warning",
+    "reaches {peak:.3g} {unit}[, {share:.3g|%} of the {reference}]; the limit is {limit:.3g} {unit}"
+    "[, {limit_share:g|%}]",
+)
+WITHIN_LIMITS = Kind("peak_within_limits", "note", "a peak of i_e of {peak:.3g} {unit} stays within the limits")
 
 
 @dataclass(frozen=True)
@@ -105,7 +113,7 @@ class Peaks:
 
 
 @dataclass(frozen=True, repr=False)
-class Forecast(Tabular):
+class Forecast(Tabular, WithFindings):
     """What an excitation is and does; result of `forecast`.
 
     Attributes
@@ -123,6 +131,8 @@ class Forecast(Tabular):
     load : float
         Largest peak over its limit: 1 is just allowed.
     limits : Limits
+    findings : tuple of Finding
+        Limits that are exceeded, and the peak that is not.
     """
 
     sample_rate: float
@@ -134,6 +144,7 @@ class Forecast(Tabular):
     axes: tuple[Peaks, ...]
     load: float
     limits: Limits
+    findings: tuple[Finding, ...] = ()
 
     @property
     def seconds(self) -> float:
@@ -145,31 +156,17 @@ class Forecast(Tabular):
         return {key: [getattr(own, key) for own in self.axes] for key in Peaks.__dataclass_fields__}
 
     def summary(self) -> list[str]:
-        """Length, band, and which limits are passed."""
+        """Length, band, and which limits are exceeded."""
         return [
             f"{self.periods} periods of {self.period} samples at {self.sample_rate:g} Hz: {self.seconds:.3g} s; a line "
             f"every {self.line_spacing_hz:.3g} Hz, most of the power from {self.band_hz[0]:.3g} to "
             f"{self.band_hz[1]:.4g} Hz",
-            *self._passed(),
+            *self.finding_lines(),
         ]
-
-    def _passed(self) -> Iterator[str]:
-        for own in self.axes:
-            if own.y_over_gap > self.limits.travel * ROUNDED:
-                yield _beyond(f"y.{own.axis}", own.y_over_gap, self.limits.travel, "the air gap")
-            if own.i_c_over_bias > self.limits.current * ROUNDED:
-                yield _beyond(f"i_c.{own.axis}", own.i_c_over_bias, self.limits.current, "the bias current")
-            if self.limits.excitation is not None and own.i_e > self.limits.excitation * ROUNDED:
-                yield f"i_e.{own.axis} reaches {own.i_e:.3g} {self.unit}; {self.limits.excitation:g} is the limit"
-            if self.limits.slew_rate is not None and own.slope > self.limits.slew_rate * ROUNDED:
-                yield f"i_c.{own.axis} changes by {own.slope:.3g} A/s; {self.limits.slew_rate:g} is the limit"
-        if self.load > ROUNDED:
-            within = LINEAR * max(own.i_e for own in self.axes) / self.load
-            yield f"a peak of i_e of {within:.3g} {self.unit} stays within the limits"
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""
-        return plain({**asdict(self), "seconds": self.seconds, "notes": list(self._passed())})
+        return plain({**asdict(replace(self, findings=())), "seconds": self.seconds, **self.findings_as_dict()})
 
     def __repr__(self) -> str:
         lines = self.summary()[:1]
@@ -179,7 +176,7 @@ class Forecast(Tabular):
             f"{1e6 * own.y:8.4g} um {100 * own.y_over_gap:6.2g} %"
             for own in self.axes
         ]
-        return "\n".join([*lines, *self._passed()])
+        return "\n".join([*lines, *self.finding_lines()])
 
 
 def forecast(model: Given, i_e: FloatArray, *, period: int | None = None, limits: Limits | None = None) -> Forecast:
@@ -225,6 +222,16 @@ def forecast(model: Given, i_e: FloatArray, *, period: int | None = None, limits
     spacing = rig.sample_rate / period
     within = np.cumsum(power) / max(power.sum(), np.finfo(float).tiny)
     lowest = int(np.argmax(power > 1e-9 * power.max()))
+    axes = tuple(
+        Peaks(
+            axis,
+            **{key: float(own[k]) for key, own in largest.items()},
+            i_c_over_bias=float(share["i_c"][k]),
+            y_over_gap=float(share["y"][k]),
+        )
+        for k, axis in enumerate(rig.axes)
+    )
+    load = max(float((largest[key] / own).max()) for key, own in allowed.items())
     return Forecast(
         sample_rate=rig.sample_rate,
         period=period,
@@ -232,19 +239,34 @@ def forecast(model: Given, i_e: FloatArray, *, period: int | None = None, limits
         line_spacing_hz=spacing,
         band_hz=(lowest * spacing, int(np.searchsorted(within, MOST_OF_POWER)) * spacing),
         unit=rig.amplifier.command_unit,
-        axes=tuple(
-            Peaks(
-                axis,
-                **{key: float(own[k]) for key, own in largest.items()},
-                i_c_over_bias=float(share["i_c"][k]),
-                y_over_gap=float(share["y"][k]),
-            )
-            for k, axis in enumerate(rig.axes)
-        ),
-        load=max(float((largest[key] / own).max()) for key, own in allowed.items()),
+        axes=axes,
+        load=load,
         limits=limits,
+        findings=(*_above(axes, allowed, limits, rig.amplifier.command_unit), *_within(axes, load, rig)),
     )
 
 
-def _beyond(channel: str, found: float, limit: float, of: str) -> str:
-    return f"{channel} reaches {100 * found:.3g} % of {of}; {100 * limit:g} % is the limit"
+def _above(axes: tuple[Peaks, ...], allowed: dict[str, FloatArray], limits: Limits, unit: str) -> Iterator[Finding]:
+    """Every peak that exceeds its limit."""
+    shares = {"y": ("y_over_gap", limits.travel, "air gap"), "i_c": ("i_c_over_bias", limits.current, "bias current")}
+    units = {"y": "m", "i_c": "A", "i_e": unit, "slope": "A/s"}
+    for k, own in enumerate(axes):
+        for signal, limit in allowed.items():
+            peak = getattr(own, signal)
+            if peak > limit[k] * ROUNDED:
+                share, most, reference = shares.get(signal, (None, None, None))
+                yield ABOVE_LIMIT(
+                    Where(channel=f"{'i_c' if signal == 'slope' else signal}.{own.axis}"),
+                    peak=peak,
+                    unit=units[signal],
+                    limit=float(limit[k]),
+                    share=None if share is None else getattr(own, share),
+                    limit_share=most,
+                    reference=reference,
+                )
+
+
+def _within(axes: tuple[Peaks, ...], load: float, rig: Rig) -> Iterator[Finding]:
+    """The peak that would do, where this one does not."""
+    if load > ROUNDED:
+        yield WITHIN_LIMITS(peak=LINEAR * max(own.i_e for own in axes) / load, unit=rig.amplifier.command_unit)

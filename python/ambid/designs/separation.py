@@ -172,7 +172,7 @@ def tell_apart(
             load = max(forecast(change.at(own), i_e, period=period, limits=limits).load for own in hypotheses.values())
             if change.amplitude > 1.0:
                 if load > 1.0 / LOUDER:
-                    not_tried[change.what] = f"the largest peak is {load:.2g} of its limit already"
+                    not_tried[change.what] = f"the largest peak is {load:.2g} times its limit already"
                     continue
                 largest = min(change.amplitude, 1.0 / load)
                 change = replace(change, what=f"{largest:.3g} times the amplitude", amplitude=largest)

@@ -29,6 +29,7 @@ from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.minimum import SUBSTEPS
 from ambid.noise import Comparison
 from ambid.rig import Rig
+from ambid.threads import with_one_blas_thread
 
 __all__ = ["Visibility", "Visible", "visible"]
 
@@ -139,6 +140,7 @@ class _Felt:
         return float(np.sum(self.columns[:, self.best] ** 2)) / self.level
 
 
+@with_one_blas_thread
 def visible(comparison: Comparison, catalogue: Sequence[Effect] = CATALOGUE) -> Visibility:
     """Tell what an experiment would show of every effect that the model does not have.
 

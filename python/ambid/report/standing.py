@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from ambid.errors import AmbidError
 from ambid.model import Model
 from ambid.report import pictures, words
@@ -56,9 +58,9 @@ def _sentence(found: Margins) -> str:
     if found.zone_probability:
         shares = ", ".join(f"{zone} {100.0 * share:.3g} %" for zone, share in found.zone_probability.items())
         text += f"; by {found.draws} draws of the parameters the zones are as probable as {shares}"
-    gain, phase = tolerated(found.disk.value)
-    gain = gain.replace("..", "to")
+    low, high, phase = tolerated(found.disk.value)
+    most = f"{high:.3g}" if np.isfinite(high) else "any"
     return (
-        f"{text}. All axes at once bear gains from {gain} times theirs, or {phase:.3g}° of phase (disk margin "
-        f"{found.disk.value:.3g})."
+        f"{text}. All axes at once tolerate gain factors from {low:.3g} to {most}, or {phase:.3g}° of phase (disk "
+        f"margin {found.disk.value:.3g})."
     )

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import ComplexArray, FloatArray
+from ambid.findings import Finding, WithFindings
 from ambid.loop.loop import open_plant
 from ambid.model import Model
 from ambid.results import Tabular, picture, plain
@@ -16,7 +17,7 @@ from ambid.robustness.uncertainty import Uncertainty
 
 
 @dataclass(frozen=True, repr=False)
-class PoleMap(Tabular):
+class PoleMap(Tabular, WithFindings):
     """Result of `pole_map`. Of each conjugate pair the pole with the positive imaginary part stands for both.
 
     Attributes
@@ -28,14 +29,14 @@ class PoleMap(Tabular):
         Of real and imaginary part, to first order in the parameters; NaN where the model has none.
     open : ndarray of complex, shape (open poles,)
         Of the plant with its actuators, the controller off.
-    notes : tuple of str
+    findings : tuple of Finding
     """
 
     model: Model
     closed: ComplexArray
     covariance: FloatArray
     open: ComplexArray
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     plot = picture("plot_poles")
 
@@ -72,11 +73,11 @@ class PoleMap(Tabular):
         }
 
     def summary(self) -> list[str]:
-        """Whether the loop is stable, with and without its controller, and the notes."""
+        """Whether the loop is stable, with and without its controller, and the findings."""
         grows = int(np.sum(self.open.real > 0.0))
         state = "stable" if self.closed.real.max() < 0.0 else "unstable"
         lines = [f"the closed loop is {state}; with the controller off {grows} poles grow"]
-        return [*lines, *(f"note: {note}" for note in self.notes)]
+        return [*lines, *self.finding_lines()]
 
     def to_json(self) -> dict[str, Any]:
         """Plain data; poles are [re, im]."""
@@ -99,7 +100,7 @@ class PoleMap(Tabular):
                     )
                 ],
                 "open": self.open.tolist(),
-                "notes": list(self.notes),
+                **self.findings_as_dict(),
             }
         )
 
@@ -121,13 +122,13 @@ def pole_map(model: Model) -> PoleMap:
     Parameters
     ----------
     model : Model
-        Such as `Estimate.model`; nonlinear effects are left out, which is told.
+        Such as `Estimate.model`; nonlinear effects are excluded, which is a finding.
 
     Returns
     -------
     PoleMap
     """
-    linear, notes = of_small_motion(model)
+    linear, findings = of_small_motion(model)
     uncertainty = Uncertainty.of(linear)
     free = [] if uncertainty is None else list(uncertainty.free)
     modes = linear.loop.modes(linear.theta, free)
@@ -137,7 +138,7 @@ def pole_map(model: Model) -> PoleMap:
     if uncertainty is not None:
         parts = np.stack([slopes.real, slopes.imag], axis=1) @ uncertainty.root
         covariance = parts @ parts.transpose(0, 2, 1)
-    return PoleMap(model, poles, covariance, _of_plant(linear), tuple(notes))
+    return PoleMap(model, poles, covariance, _of_plant(linear), tuple(findings))
 
 
 def damping_ratio(poles: ComplexArray) -> FloatArray:

@@ -9,22 +9,45 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.effects.slips import ExcitationGainError
 from ambid.errors import InputError, UnstableLoopError
+from ambid.findings import Finding, Kind
 from ambid.model import Given, Model, as_model
 from ambid.robustness.peaks import Peaks, find_peaks, gains, peaks_of, slopes_of
 from ambid.robustness.result import ZONES, AxisMargins, Margin, Margins, zone_of
 from ambid.robustness.sensitivity import BrokenLoop, Place
 from ambid.robustness.uncertainty import COVERED, Draws, Uncertainty, drawn, is_stable, worst_of_ellipsoid
+from ambid.threads import with_one_blas_thread
 
 DRAWS = 500
 """Draws of the parameters: they tell a probability to 2 % (one standard error), which no zone asks more of."""
 FEWEST_DRAWS, MOST_DRAWS = 40, 100_000
 """Below, a 95 % interval has no draw beyond its ends; above, the curves of four axes fill a small computer's memory."""
 APART = 0.25
-"""Relative difference between the spread of the draws and that by slopes from which on it is told: the peak is bent
-over the interval."""
-NO_COVARIANCE = "the model has no covariance: these are nominal margins; identify and save one for their spread"
+"""Relative difference between the spread of the draws and that by slopes above which the peak is no straight function
+of the parameters over the interval."""
+NOT_LINEAR = Kind("nonlinear_effects_excluded", "note", "{effects}: not linear, excluded; valid for small motion")
+NO_COVARIANCE = Kind(
+    "no_covariance",
+    "note",
+    "the model has no covariance of its parameters: margins are nominal, without intervals",
+    "identify, and give the model that was identified",
+)
+UNSTABLE_DRAWS = Kind(
+    "unstable_draws",
+    "warning",
+    "{unstable} of {draws} draws of the parameters are unstable, and count as zone D",
+    "excite more, or record longer, and identify again",
+)
+DRAWS_OUTSIDE = Kind("draws_excluded", "note", "{draws} draws are excluded: physics does not allow their values")
+CURVED_PEAK = Kind(
+    "curved_peak",
+    "note",
+    "{axes}: the spread of the draws differs by more than {limit:.0f|%} from that by the slope of the peak, which is "
+    "curved over the interval",
+    "use the interval, not the standard error",
+)
 
 
+@with_one_blas_thread
 def margins(
     model: Given,
     *,
@@ -41,7 +64,7 @@ def margins(
     ----------
     model : Model or Rig, or path of a rig file or saved model
         Such as `Estimate.model` or one that `Model.load` read; without a covariance of its parameters the margins are
-        nominal. Nonlinear effects are left out, which is told.
+        nominal. Nonlinear effects are excluded, which is a finding.
     at : {"controller", "sensor"}
         Where the loop is broken: at the controller's output or at the sensors.
     draws : int
@@ -68,7 +91,7 @@ def margins(
     if seed < 0:
         raise InputError(f"seed = {seed}: expected 0 or more")
     model = as_model(model)
-    linear, notes = of_small_motion(model)
+    linear, findings = of_small_motion(model)
     loop, theta = BrokenLoop(linear, at), linear.theta
     if not is_stable(loop, theta):
         slowest = loop.model.poles()[0]
@@ -82,11 +105,11 @@ def margins(
     uncertainty, found = Uncertainty.of(linear), None
     every = list(map(_nominal, peaks.values, peaks.frequency_hz))
     if uncertainty is None:
-        notes.append(NO_COVARIANCE)
+        findings.append(NO_COVARIANCE())
     else:
         found = drawn(loop, uncertainty, draws, seed, grid, progress or (lambda *_: None))
         every = _spread(loop, uncertainty, peaks, found)
-        notes += _remarks(every[: loop.axes], found, linear.rig.axes)
+        findings += _of_draws(every[: loop.axes], found, linear.rig.axes)
     n = loop.axes
     axes = tuple(
         AxisMargins(axis, every[j], _disk(every[n + j]), zone_of(every[j].value), _chances(found, [j]))
@@ -108,7 +131,7 @@ def margins(
         frequency_hz=grid,
         sensitivity=values[:, :n],
         band=None if found is None or not len(found.curves) else np.quantile(found.curves, (tail, 1.0 - tail), axis=0),
-        notes=tuple(notes),
+        findings=tuple(findings),
     )
 
 
@@ -124,7 +147,7 @@ def sensitivity_peaks(model: Model) -> tuple[FloatArray, FloatArray]:
     return peaks.values[: loop.axes], peaks.frequency_hz[: loop.axes]
 
 
-def of_small_motion(model: Model) -> tuple[Model, list[str]]:
+def of_small_motion(model: Model) -> tuple[Model, list[Finding]]:
     """The model as its loop answers small motion, and what was left out; the scale of i_e is not in the loop."""
     linear = model.without_nonlinear()
     left_out = [effect.name for effect in model.effects if effect not in linear.effects]
@@ -137,7 +160,7 @@ def of_small_motion(model: Model) -> tuple[Model, list[str]]:
         linear = linear.with_covariance(model.covariance[np.ix_(kept, kept)])
     if not left_out:
         return linear, []
-    return linear, [f"{', '.join(left_out)}: not linear, and left out; this is of small motion"]
+    return linear, [NOT_LINEAR(effects=left_out)]
 
 
 def _nominal(value: float, frequency_hz: float) -> Margin:
@@ -195,21 +218,18 @@ def _chances(found: Draws | None, axes: list[int] | range) -> dict[str, float]:
     return {zone: zones.count(zone) / len(zones) for _, zone in ZONES}
 
 
-def _remarks(of_axes: list[Margin], found: Draws, axes: tuple[str, ...]) -> list[str]:
+def _of_draws(of_axes: list[Margin], found: Draws, axes: tuple[str, ...]) -> list[Finding]:
     """What a reader must know of the draws."""
-    notes = []
+    findings = []
     if found.unstable:
-        notes.append(f"{found.unstable} of {len(found.z)} draws are unstable; they count as zone D")
+        findings.append(UNSTABLE_DRAWS(unstable=found.unstable, draws=len(found.z)))
     if found.outside:
-        notes.append(f"{found.outside} draws were left out: they have values that physics does not allow")
-    bent = []
+        findings.append(DRAWS_OUTSIDE(draws=found.outside))
+    curved = []
     for j, (axis, own) in enumerate(zip(axes, of_axes, strict=True)):
         stable = found.peaks[np.isfinite(found.peaks[:, j]), j]
         if own.std_error and len(stable) > 1 and abs(stable.std() / own.std_error - 1.0) > APART:
-            bent.append(axis)
-    if bent:
-        notes.append(
-            f"{', '.join(bent)}: the draws spread otherwise than the slope of the peak tells, by more than "
-            f"{100 * APART:.0f} %: the peak is bent over the interval; trust the interval, not the standard error"
-        )
-    return notes
+            curved.append(axis)
+    if curved:
+        findings.append(CURVED_PEAK(axes=curved, limit=APART))
+    return findings

@@ -7,6 +7,7 @@ from math import atan, degrees, inf, log10
 from typing import Any
 
 from ambid.arrays import FloatArray
+from ambid.findings import Finding, WithFindings
 from ambid.model import Model
 from ambid.results import Tabular, picture, plain
 from ambid.robustness.sensitivity import PLACES, Place
@@ -80,7 +81,7 @@ class AxisMargins:
 
 
 @dataclass(frozen=True, repr=False)
-class Margins(Tabular):
+class Margins(Tabular, WithFindings):
     """Result of `margins`.
 
     Attributes
@@ -107,7 +108,7 @@ class Margins(Tabular):
         ``|S_jj|`` at the model's values.
     band : ndarray, shape (2, F, axes), or None
         Ends of the 95 % interval of ``|S_jj|`` over the stable draws.
-    notes : tuple of str
+    findings : tuple of Finding
     """
 
     model: Model
@@ -124,7 +125,7 @@ class Margins(Tabular):
     frequency_hz: FloatArray
     sensitivity: FloatArray
     band: FloatArray | None
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     plot = picture("plot_sensitivity")
 
@@ -152,7 +153,7 @@ class Margins(Tabular):
             "seed": self.seed,
             "frequency_hz": self.frequency_hz.tolist(),
             "sensitivity": {own.axis: self.sensitivity[:, j].tolist() for j, own in enumerate(self.axes)},
-            "notes": list(self.notes),
+            **self.findings_as_dict(),
         }
 
     def table(self) -> dict[str, list[Any]]:
@@ -175,15 +176,17 @@ class Margins(Tabular):
         }
 
     def summary(self) -> list[str]:
-        """Zone, what the disk margin means, and the notes."""
+        """Zone, what the disk margin means, and the findings."""
         worst = max(self.axes, key=lambda own: own.sensitivity.value)
         lines = [f"zone {self.zone} of ISO 14839-3 by {worst.axis}, the loop broken at {PLACES[self.at]}"]
         if self.zone_probability:
             shares = ", ".join(f"{zone} {_percent(share)}" for zone, share in self.zone_probability.items())
             lines.append(f"probability of each zone: {shares} ({self.draws} draws, seed {self.seed})")
-        gain, phase = tolerated(self.disk.value)
-        lines.append(f"disk margin {self.disk.value:.3g} of all axes at once: gains x {gain}, phases +-{phase:.3g} deg")
-        return [*lines, *(f"note: {note}" for note in self.notes)]
+        low, high, phase = tolerated(self.disk.value)
+        most = f"{high:.3g}" if high < inf else "any"
+        allowed = f"gains x {low:.3g} .. {most}, phases +-{phase:.3g} deg"
+        lines.append(f"disk margin {self.disk.value:.3g} of all axes at once: {allowed}")
+        return [*lines, *self.finding_lines()]
 
     def __repr__(self) -> str:
         head = f"{'axis':14s} {'peak':>6s} {'dB':>6s} {'at Hz':>8s}  {'95 % interval':16s} "
@@ -197,10 +200,10 @@ class Margins(Tabular):
         return "\n".join([*lines, "", *self.summary()])
 
 
-def tolerated(alpha: float) -> tuple[str, float]:
-    """What a disk margin below 2 allows: range of the gain's factor, and of the phase [deg]."""
-    most = f"{(2 + alpha) / (2 - alpha):.3g}" if alpha < 2.0 else "any"
-    return f"{(2 - alpha) / (2 + alpha) if alpha < 2.0 else 0.0:.3g} .. {most}", 2.0 * degrees(atan(alpha / 2.0))
+def tolerated(alpha: float) -> tuple[float, float, float]:
+    """What a disk margin allows: least and largest factor of the gain, and of the phase [deg] either way."""
+    low, high = ((2.0 - alpha) / (2.0 + alpha), (2.0 + alpha) / (2.0 - alpha)) if alpha < 2.0 else (0.0, inf)
+    return low, high, 2.0 * degrees(atan(alpha / 2.0))
 
 
 def _line(name: str, peak: Margin, zone: str, disk: Margin) -> str:

@@ -12,11 +12,13 @@ from scipy.optimize import linear_sum_assignment
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import InputError
+from ambid.findings import Finding, WithFindings
 from ambid.loop.mode import Modes
 from ambid.model import Given, Model, as_model
 from ambid.results import Tabular, picture, plain, speed_text
 from ambid.robustness.eigenvalues import damping_ratio, pole_map
 from ambid.robustness.procedure import of_small_motion
+from ambid.threads import with_one_blas_thread
 
 SPEEDS = 61
 """Speeds of the diagram: from one to the next a pole stays nearer to itself than to the next one."""
@@ -79,7 +81,7 @@ class Critical:
 
 
 @dataclass(frozen=True, repr=False)
-class Campbell(Tabular):
+class Campbell(Tabular, WithFindings):
     """Result of `campbell`.
 
     Attributes
@@ -90,7 +92,7 @@ class Campbell(Tabular):
     frequency_hz, damping, direction : ndarray, shape (S, branches)
         NaN where a branch is damped too much, or is none; direction as of `Whirl`.
     measured : tuple of Whirl
-    notes : tuple of str
+    findings : tuple of Finding
     """
 
     model: Model
@@ -99,7 +101,7 @@ class Campbell(Tabular):
     damping: FloatArray
     direction: FloatArray
     measured: tuple[Whirl, ...]
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     plot = picture("plot_campbell")
 
@@ -138,10 +140,10 @@ class Campbell(Tabular):
         return {name: [row[k] for row in rows] for k, name in enumerate(names)}
 
     def summary(self) -> list[str]:
-        """Critical speeds, and the notes."""
+        """Critical speeds, and the findings."""
         lines = [own.line() for own in self.critical]
         reach = speed_text(float(self.speed[-1]))
-        return [*(lines or [f"no critical speed up to {reach}"]), *(f"note: {note}" for note in self.notes)]
+        return [*(lines or [f"no critical speed up to {reach}"]), *self.finding_lines()]
 
     def to_json(self) -> dict[str, Any]:
         """Plain data; null where a branch is not."""
@@ -155,7 +157,7 @@ class Campbell(Tabular):
                 ],
                 "critical": [vars(own) for own in self.critical],
                 "measured": [{**vars(own), "whirl": whirl_of(own.direction)} for own in self.measured],
-                "notes": list(self.notes),
+                **self.findings_as_dict(),
             }
         )
 
@@ -170,6 +172,7 @@ class Campbell(Tabular):
         return "\n".join([*lines, "", *self.summary()])
 
 
+@with_one_blas_thread
 def campbell(
     model: Given, speeds: Sequence[float] | None = None, *, measured: Sequence[Model] | None = None
 ) -> Campbell:
@@ -178,7 +181,7 @@ def campbell(
     Parameters
     ----------
     model : Model or Rig, or path of a rig file or saved model
-        Nonlinear effects are left out, which is told.
+        Nonlinear effects are excluded, which is a finding.
     speeds : sequence of float, optional
         Rising, two or more [rad/s]; default: 0 to a quarter beyond the largest measured one.
     measured : sequence of Model, optional
@@ -195,7 +198,7 @@ def campbell(
         If the machine has one axis, which cannot whirl, or the speeds do not rise from 0 or more.
     """
     model = as_model(model)
-    linear, notes = of_small_motion(model)
+    linear, findings = of_small_motion(model)
     pairs = _planes(linear)
     if not len(pairs):
         where = model.rig.path or model.rig.name
@@ -222,7 +225,7 @@ def campbell(
     there = np.isfinite(frequency[speed > 0.0]).any(axis=0)
     order = np.argsort(np.nanmin(frequency[:, there], axis=0)) if there.any() else np.array([], dtype=int)
     frequency, damping, direction = (table[:, there][:, order] for table in (frequency, damping, direction))
-    return Campbell(model, speed, frequency, damping, direction, seen, tuple(notes))
+    return Campbell(model, speed, frequency, damping, direction, seen, tuple(findings))
 
 
 def whirl_of(direction: float) -> str:
