@@ -24,14 +24,10 @@ rotor = ModalRotor.model_validate(
         ],
     }
 )
-estimate = ambid.identify(rig.replace(rotor=rotor), record)
-print(
-    f"modal test: fit {estimate.fit_percent['average']:.2f} %, K_i.A_zeta {estimate.parameters['K_i.A_zeta'].value:.1f}"
-)
-estimate = ambid.identify(rig, record)
-print(
-    f"dimensions: fit {estimate.fit_percent['average']:.2f} %, K_i.A_zeta {estimate.parameters['K_i.A_zeta'].value:.1f}"
-)
+estimates = {"modal test": ambid.identify(rig.replace(rotor=rotor), record), "dimensions": ambid.identify(rig, record)}
+for source, estimate in estimates.items():
+    fit, k_i = estimate.fit_percent["average"], estimate.parameters["K_i.A_zeta"].value
+    print(f"{source}: fit {fit:.2f} %, K_i.A_zeta {k_i:.1f}")
 
 # From ROSS: made without bearing_elements, since the magnets are in the rig; nodes at every magnet and sensor.
 try:
