@@ -5,6 +5,7 @@ In the text of a page stand
 - ``% generated: NAME``, for what the module NAME of this folder generates;
 - ``{{package.NAME}}``, for the value of a constant, such as ``{{diagnosis.ALPHA}}``;
 - ``% output`` below a block of code, for what it prints (``% output 12`` for its first 12 lines);
+- ``% printed: PATTERN``, where the words around take for granted that the last block above it printed that;
 - ``% measured: calibration/nulls.md``, for a table or picture that a benchmark has left in that file, if it has;
 - ``](drawn/fit.png)``, for a picture that a block of the page, or what was generated for it, has drawn.
 """
@@ -19,7 +20,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from blocks import run
+from blocks import blocks, run
 from thresholds import value_text
 
 if TYPE_CHECKING:  # what finds the places on a page is tested where there is no Sphinx
@@ -30,6 +31,7 @@ GENERATED = re.compile(r"^% generated: (\w+)$", re.MULTILINE)
 CONSTANT = re.compile(r"\{\{(\w+)\.(\w+)\}\}")
 MEASURED = re.compile(r"^% measured: (\S+)$", re.MULTILINE)
 NOT_YET = "*Not measured with this version yet.*"
+PRINTED = re.compile(r"^% printed: (.+)$", re.MULTILINE)
 OUTPUT = re.compile(r"\n% output ?(\d*)$", re.MULTILINE)
 
 
@@ -52,9 +54,19 @@ def fill(app: Sphinx, page: str, source: list[str]) -> None:
 
 
 def with_output(text: str, page: str, folder: Path) -> str:
-    """Run the blocks of a page, and put what they print where the page asks for it."""
+    """Run the blocks of a page, and put what they print where the page asks for it.
+
+    Raises
+    ------
+    RuntimeError
+        If a block fails, or no longer prints what the page takes for granted.
+    """
     parts, done = [], 0
-    for block, printed in run(text, page, folder):
+    ends = [block.end for block in blocks(text)] + [len(text)]
+    for k, (block, printed) in enumerate(run(text, page, folder)):
+        for taken in PRINTED.findall(text, block.end, ends[k + 1]):
+            if not re.search(taken, printed, re.DOTALL | re.MULTILINE):
+                raise RuntimeError(f"{page}: expected {taken!r}, and printed was:\n{printed}")
         parts.append(text[done : block.end])
         done = block.end
         if asked := OUTPUT.match(text, done):

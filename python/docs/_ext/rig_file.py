@@ -21,12 +21,12 @@ TYPES = {float: "number", int: "whole number", str: "text", bool: "`true` or `fa
 def generate(drawn: Path) -> str:
     """A section of each table of the file, in the order of the file."""
     tables: dict[type[BaseModel], tuple[str, bool]] = {}
-    for title, model, is_default in _tables("", Rig):
+    for title, model, is_default in tables_of("", Rig):
         tables.setdefault(model, (title, is_default))
     return "\n\n".join(_section(title, model, is_default) for model, (title, is_default) in tables.items())
 
 
-def _tables(
+def tables_of(
     path: str, model: type[BaseModel], *, repeated: bool = False
 ) -> Iterator[tuple[str, type[BaseModel], bool]]:
     """The table itself, then those in it: its head in the file, and whether it is meant where no kind is written."""
@@ -36,7 +36,7 @@ def _tables(
         inner = list(_models(field.annotation))
         key = f"{path}.{field.alias or name}".lstrip(".")
         for one in inner:
-            (title, _, _), *rest = _tables(key, one, repeated=get_origin(field.annotation) is tuple)
+            (title, _, _), *rest = tables_of(key, one, repeated=get_origin(field.annotation) is tuple)
             kind = one.model_fields.get("kind")
             if len(inner) > 1 and kind is not None:
                 title = f'{title} of `kind = "{kind.default}"`'
