@@ -65,7 +65,7 @@ def run(axes: str, kind: str, is_hidden: bool, seed: int) -> Row:
     except AmbidError as error:
         return {**row, "told": [str(error)]}
     found = check(bench.rig, [record]).findings
-    row["told"] = [f"{own.severity}: {own.where}: {own.what}" for own in found if own.severity != "note"]
+    row["told"] = [f"{own.severity}: {own.line(advises=False)}" for own in found if own.severity != "note"]
     try:
         estimate = identify(bench.rig, record)
         truth = {"tau_e": bench.tau_e}

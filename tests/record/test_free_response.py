@@ -71,4 +71,4 @@ def test_it_is_no_response_to_anything(golden):
 
 
 def test_coming_to_rest_is_no_path_through_operating_points():
-    assert not any(finding.is_of_path for finding in check(rig(), [record()]).findings)
+    assert not any(finding.code == "operating_point_drift" for finding in check(rig(), [record()]).findings)

@@ -1,6 +1,20 @@
 """Slips of people in a rig file and its records, found before any fit."""
 
+from ambid.checking.instants import CURRENT_AHEAD, CURRENT_BEHIND
+from ambid.checking.machine import FORCE_TOO_SMALL
+from ambid.checking.path import OPERATING_POINT_DRIFT
 from ambid.checking.slips import check
-from ambid.checking.soundness import Finding, LoopFigures, RecordFigures, Soundness
+from ambid.checking.soundness import LoopFigures, RecordFigures, Soundness
+from ambid.checking.stopping import stops_diagnosis
 
-__all__ = ["Finding", "LoopFigures", "RecordFigures", "Soundness", "check"]
+__all__ = [
+    "CURRENT_AHEAD",
+    "CURRENT_BEHIND",
+    "FORCE_TOO_SMALL",
+    "OPERATING_POINT_DRIFT",
+    "LoopFigures",
+    "RecordFigures",
+    "Soundness",
+    "check",
+    "stops_diagnosis",
+]

@@ -2,30 +2,81 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ambid.checking.clocks import Clock, out_of_step
 from ambid.checking.controller import current_late, read_late
 from ambid.checking.nominal import Lines, NominalLoop
-from ambid.checking.soundness import INSTANT, Finding
+from ambid.findings import Finding, Kind, Where
 from ambid.record import Record
 
-__all__ = ["slips_of_clocks", "slips_of_instants"]
+__all__ = [
+    "CHANNEL_DELAY",
+    "CLOCK_DIFFERENCE",
+    "CURRENT_AHEAD",
+    "CURRENT_BEHIND",
+    "SAMPLES_LOST",
+    "SAMPLES_REPEATED",
+    "slips_of_clocks",
+    "slips_of_instants",
+]
+
+CLOCK_DIFFERENCE = Kind(
+    "clock_difference",
+    "error",
+    "the clock of y differs from that of i_e by {difference:+.3g|ppm} (positive: faster), {shift_samples:.2g} samples "
+    "over the record",
+    "give all cards one clock, or resample y and i_c to that of i_e",
+)
+SAMPLES_LOST = Kind(
+    "samples_lost",
+    "error",
+    "{samples} sample(s) lost near row {row}, and not of i_e",
+    "cut the record there, or record again: what comes after belongs to another instant",
+)
+SAMPLES_REPEATED = Kind(
+    "samples_repeated",
+    "error",
+    "{samples} sample(s) repeated near row {row}, and not of i_e",
+    "cut the record there, or record again: what comes after belongs to another instant",
+)
+CHANNEL_DELAY = Kind(
+    "channel_delay",
+    "error",
+    "{signal} on {axes} appears sampled {delay_s:.3g|us} ({delay_samples:.3g} samples) after {reference}, by the "
+    "controller's equation with its nominal gains or any others",
+    "shift {signal} by that time, or give all cards one trigger; a controller that is not the rig's may be the cause",
+)
+CURRENT_AHEAD = Kind(
+    "current_ahead",
+    "warning",
+    "i_c on {axes} is {advance_s:.3g|us} ({advance_samples:.3g} samples) ahead of what the rig's controller makes of y "
+    "and i_e: it appears sampled that much after y",
+    "shift i_c to times later by {advance_s:.3g|us}, or give all cards one trigger; or the rig's delay is too long",
+)
+"""No physics of a machine brings a current early."""
+CURRENT_BEHIND = Kind(
+    "current_behind",
+    "note",
+    "i_c on {axes} comes {delay_s:.3g|us} ({delay_samples:.3g} samples) after what the rig's controller makes of y and "
+    "i_e",
+    "the loop or its amplifier is slower, or i_c was sampled early: a diagnosis determines by y which",
+)
 
 
 def slips_of_clocks(record: Record, loop: NominalLoop) -> list[Finding]:
     """y keeps in step with the excitation."""
-    found, todo = [], "cut the record there, or record again: what comes after belongs to another instant"
+    found = []
     for own in out_of_step(record, loop):
         if isinstance(own, Clock):
-            what = f"runs {1e6 * abs(own.fast):.3g} ppm {'slower' if own.fast < 0.0 else 'faster'} than that of i_e: "
-            what += f"{abs(own.fast) * record.samples:.2g} samples over the record"
-            clock = "give all cards one clock, or resample y and i_c to that of i_e"
-            found.append(Finding.fault(f"{record.name}: y", f"the clock of y {what}", clock))
+            where, shift = Where(record=record.name, channel="y"), abs(own.fast) * record.samples
+            found.append(CLOCK_DIFFERENCE(where, difference=own.fast, shift_samples=shift))
             continue
-        count = f"{abs(own.samples)} sample{'s' if abs(own.samples) > 1 else ''}"
-        what = f"{count} {'lost' if own.samples > 0 else 'repeated'} near row {own.row + 1}, and not of i_e"
-        found.append(Finding.fault(f"{record.name}: y.{record.axes[own.axis]}", what, todo))
+        kind = SAMPLES_LOST if own.samples > 0 else SAMPLES_REPEATED
+        where = Where(record=record.name, channel=f"y.{record.axes[own.axis]}")
+        found.append(kind(where, samples=abs(own.samples), row=own.row + 1))
     return found
 
 
@@ -35,16 +86,19 @@ def slips_of_instants(record: Record, loop: NominalLoop, lines: Lines) -> list[F
     if found is None:
         return _currents(record, loop, lines)
     late = np.flatnonzero(found.seconds)
-    seconds, axes = float(np.median(found.seconds[late])), ", ".join(record.axes[k] for k in late)
-    samples = abs(seconds) * record.sample_rate
-    how = f"{samples:.3g} sample{'' if samples <= 1.0 else 's'} ({1e6 * abs(seconds):.3g} us)"
-    how += f" {'late' if seconds > 0.0 else 'early'}"
-    if np.abs(found.current[late] + found.seconds[late]).max() < 0.2 * abs(seconds):
-        what, todo = f"i_e was logged {how} against y and i_c", "move i_e, or give its card the trigger of the others"
-        return [Finding.fault(f"{record.name}: i_e on {axes}", what, todo)]
-    what = f"read {how} against i_e, by the controller's equation with its nominal gains or any others"
-    todo = "move y by that time, or give all cards one trigger; a controller that is not the rig's may be a cause, too"
-    return [Finding.fault(f"{record.name}: y on {axes}", what, todo)]
+    seconds = float(np.median(found.seconds[late]))
+    is_of_i_e = np.abs(found.current[late] + found.seconds[late]).max() < 0.2 * abs(seconds)
+    signal, reference = ("i_e", ["y", "i_c"]) if is_of_i_e else ("y", ["i_e"])
+    return [
+        CHANNEL_DELAY(
+            Where(record=record.name, channel=signal),
+            signal=signal,
+            axes=[record.axes[k] for k in late],
+            reference=reference,
+            delay_s=seconds,
+            delay_samples=seconds * record.sample_rate,
+        )
+    ]
 
 
 def _currents(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
@@ -52,19 +106,13 @@ def _currents(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
     late = current_late(loop, lines)
     if late is None or record.is_rebuilt:
         return []
-    findings, made = [], "what the rig's controller makes of y and i_e"
-    for sign in (-1.0, 1.0):
+    findings = []
+    for sign, kind, name in ((-1.0, CURRENT_AHEAD, "advance"), (1.0, CURRENT_BEHIND, "delay")):
         own = np.flatnonzero(sign * late > 0.0)
         if not own.size:
             continue
         seconds = float(np.median(np.abs(late[own])))
-        where = f"{record.name}: i_c on {', '.join(record.axes[k] for k in own)}: {INSTANT}"
-        samples = seconds * record.sample_rate
-        how = f"{samples:.3g} sample{'s' if samples > 1.005 else ''} ({1e6 * seconds:.3g} us)"
-        if sign < 0.0:
-            todo = f"move i_c to times later by {how}, or give all cards one trigger; or the rig's delay is too long"
-            findings.append(Finding("warning", where, f"{how} ahead of {made}: read that much after y", todo))
-        else:
-            todo = "the loop or its amplifier is slower, or i_c was read early: a diagnosis tells by y which"
-            findings.append(Finding("note", where, f"{how} after {made}", todo))
+        values: dict[str, Any] = {f"{name}_s": seconds, f"{name}_samples": seconds * record.sample_rate}
+        where = Where(record=record.name, channel="i_c")
+        findings.append(kind(where, axes=[record.axes[k] for k in own], **values))
     return findings

@@ -13,7 +13,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.loop.assembly import Lft
 from ambid.loop.controller import of_reference
 from ambid.loop.geometry import rotor_of
-from ambid.loop.mode import moved_by_worst
+from ambid.loop.mode import worst_mode
 from ambid.loop.plant import base_plant
 from ambid.loop.response import frequency_response
 from ambid.model import Model
@@ -132,8 +132,8 @@ class NominalLoop:
         With `gain_factor`.
     nominal_poles, poles : ndarray
         Of the nominal closed loop, and of the one with `gain_factor` [1/s], slowest first.
-    moved_by_worst : str
-        What the slowest of the nominal poles moves.
+    worst_mode : tuple of (int, float)
+        Bending mode that the slowest of the nominal poles moves, 0 of a rigid body, and its frequency at rest [Hz].
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -141,7 +141,7 @@ class NominalLoop:
         self.rotor = rotor_of(rig)
         nominal = Model(rig)
         self.nominal_poles = nominal.poles()
-        self.moved_by_worst = moved_by_worst(nominal.loop.state_space(nominal.theta)[0], self.rotor)
+        self.worst_mode = worst_mode(nominal.loop.state_space(nominal.theta)[0], self.rotor)
         self.gain_factor: float | None = None
         self.model, self.poles = nominal, self.nominal_poles
         for factor in GAIN_FACTORS:

@@ -6,13 +6,26 @@ where a start from elsewhere has died away, they must go on at the same rate.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from ambid.arrays import FloatArray
-from ambid.checking.soundness import PATH, Finding
+from ambid.findings import Finding, Kind, Where
 from ambid.record import Record
 
-__all__ = ["path"]
+__all__ = ["OPERATING_POINT_DRIFT", "path"]
+
+OPERATING_POINT_DRIFT = Kind(
+    "operating_point_drift",
+    "warning",
+    "the means drift[: {displacements} from {displacement_begin_m:.5g|um} to {displacement_end_m:.5g|um}][ over a "
+    "range of {displacement_range_m:.5g|um}][; {currents} from {current_begin_ampere:.4g} A to "
+    "{current_end_ampere:.4g} A]; the record passes through operating points, which is no drift of the machine, but "
+    "hides missing physics",
+    "cut it where it is steady (Record.rows), and give each part the rig of its operating point",
+)
 
 PARTS = 8
 """Of a record, whose means of y are held against each other."""
@@ -33,19 +46,14 @@ def path(record: Record) -> list[Finding]:
 
     A free response, which comes to rest, is none.
     """
-    told = "" if record.is_free_response else _ramps(record) or _moves(record)
-    if not told:
-        return []
-    what = f"{told}: the record passes through operating points, which is no drift of the machine, but hides what is "
-    what += "missing"
-    todo = "cut it where it stands (Record.rows), and give each part the rig of its operating point"
-    return [Finding("warning", f"{record.name}: {PATH}", what, todo)]
+    drift = {} if record.is_free_response else _ramps(record) or _moves(record)
+    return [OPERATING_POINT_DRIFT(Where(record=record.name), **drift)] if drift else []
 
 
-def _ramps(record: Record) -> str:
+def _ramps(record: Record) -> dict[str, Any]:
     """Channels that go on slowly at one rate through the last half of the periods."""
     if record.period is None or record.periods < LEAST_PERIODS:
-        return ""
+        return {}
     periods = record.outputs[: record.periods * record.period].reshape(record.periods, record.period, -1)
     means, late = periods.mean(axis=1), periods[record.periods // 2 :]
     change = np.diff(late, axis=0)
@@ -56,10 +64,12 @@ def _ramps(record: Record) -> str:
     is_even = np.minimum(first * slope, second * slope) > EVEN * slope**2
     leads = np.abs(slope) * record.periods > NOTICED * noise
     ramps = np.flatnonzero(is_even & leads & (np.abs(slope) > CERTAIN * error))
-    return " and ".join(_from_to(record, int(k), means[1, k], means[-1, k]) for k in ramps)
+    axes = len(record.axes)
+    groups = (ramps[ramps < axes], ramps[ramps >= axes])
+    return _drift(record, groups, means[1], means[-1]) if len(ramps) else {}
 
 
-def _moves(record: Record) -> str:
+def _moves(record: Record) -> dict[str, Any]:
     """The axis whose mean of y moves most from part to part, by more than an excitation moves it."""
     parts = np.array_split(record.y, PARTS)
     means, within = (
@@ -68,19 +78,27 @@ def _moves(record: Record) -> str:
     )
     far = np.ptp(means, axis=0)
     j = int(np.argmax(far / within))
-    return "" if far[j] < MOVED * within[j] else _from_to(record, j, means[0, j], means[-1, j], far[j])
+    if far[j] < MOVED * within[j]:
+        return {}
+    goes = abs(means[-1, j] - means[0, j])
+    beyond = None if far[j] < 1.1 * goes else float(far[j])  # it comes back
+    own = np.array([j])
+    return _drift(record, (own, own[:0]), means[0], means[-1]) | {"displacement_range_m": beyond}
 
 
-def _from_to(record: Record, channel: int, begin: float, end: float, far: float | None = None) -> str:
-    name = record.channels[channel]
-    factor, unit = (1e6, "um") if name.startswith("y.") else (1.0, "A")
-    over = "" if far is None or far < 1.1 * abs(end - begin) else f", over {_digits(factor * far)} {unit}"
-    return f"{name} goes from {_digits(factor * begin)} to {_digits(factor * end)} {unit}{over}"
-
-
-def _digits(value: float) -> str:
-    """Four digits, and no power of ten."""
-    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.4g}"
+def _drift(
+    record: Record, groups: tuple[NDArray[np.intp], NDArray[np.intp]], begin: FloatArray, end: FloatArray
+) -> dict[str, Any]:
+    """Values of the finding: channels of y and of i_c by their columns, and where each begins and ends."""
+    found: dict[str, Any] = {"displacement_range_m": None}
+    for (channels, name), own in zip((("displacements", "displacement"), ("currents", "current")), groups, strict=True):
+        unit = "m" if name == "displacement" else "ampere"
+        found |= {
+            channels: [record.channels[k] for k in own] or None,
+            f"{name}_begin_{unit}": begin[own].tolist() or None,
+            f"{name}_end_{unit}": end[own].tolist() or None,
+        }
+    return found
 
 
 def _slope(means: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -2,16 +2,79 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from ambid.checking.nominal import NominalLoop
-from ambid.checking.soundness import Finding, LoopFigures
+from ambid.checking.figures import LoopFigures
+from ambid.checking.nominal import GAIN_FACTORS, NominalLoop
+from ambid.findings import Finding, Kind, Where
 from ambid.rig import Rig
 
-__all__ = ["slips_of_rig"]
+__all__ = ["UNSTABLE_LOOP", "slips_of_rig"]
 
 GROWING = 1e-6
 """Growth of a controller's pole, relative to its fastest, that is more than rounding of an integrator."""
+
+_UNSTABLE = (
+    "the nominal closed loop is unstable: a pole at {frequency_hz:.3g} Hz grows with {growth_per_s:.3g} 1/s and moves "
+    "mostly the rotor's {mode} mode[ {bending_mode}][, {bending_frequency_hz:.4g} Hz at rest]"
+)
+UNSTABLE_LOOP = Kind(
+    "unstable_nominal_loop",
+    "error",
+    f"{_UNSTABLE}; no common factor on K_i from {{lowest_factor:g}} to {{highest_factor:g}} makes it stable",
+    "check the controller's sign (i_ref = -(K y) + i_e), gains and delay, and the sizes of K_i and K_s",
+)
+STABLE_WITH_FACTOR = Kind(
+    "stable_with_other_force_current",
+    "warning",
+    f"{_UNSTABLE}; it is stable with all K_i x {{gain_factor:g}}, which is taken here",
+    "check the nominal K_i and K_s; identification starts from a stable point nearby",
+)
+UNSTABLE_CONTROLLER = Kind(
+    "unstable_controller",
+    "warning",
+    "the controller is unstable by itself: a pole at {frequency_hz:.3g} Hz grows with {growth_per_s:.3g} 1/s",
+    "check its coefficients and their order; such a controller is hardly ever used on a machine",
+)
+MAGNETS_INCONSISTENT = Kind(
+    "magnets_inconsistent",
+    "warning",
+    "K_s s0 / (K_i i0) = {ratio:.2g}, expected 1 for ideal magnets",
+    "check air_gap, bias_current, force_current and force_displacement",
+)
+ONE_PLANE = Kind(
+    "one_plane",
+    "note",
+    "all axes lie in one plane: the model has the rotor's motion in that plane alone[, and no gyroscopic moments at "
+    "speed = {speed_rad_s:g} rad/s]",
+    "name both axes of every bearing where both planes are levitated",
+)
+GYROSCOPIC_MISSING = Kind(
+    "gyroscopic_matrix_missing",
+    "note",
+    "{key} is missing at speed = {speed_rad_s:g} rad/s: the model has no gyroscopic moments",
+    "give {key}, or write speed = 0 if they are to be neglected",
+)
+NODE_BETWEEN = Kind(
+    "node_between_magnet_and_sensor",
+    "note",
+    "the bending mode at {frequency_hz:.4g} Hz has a node between magnet and sensors, which turns its sign",
+    "check both positions; if they are right, the derivative of the controller drives this mode",
+)
+RATE_FOR_MODE = Kind(
+    "sample_rate_low_for_mode",
+    "warning",
+    "{sample_rate_hz:g} Hz is low for the bending mode at {frequency_hz:.4g} Hz, expected 2.5 times that",
+    "sample faster, or keep fewer flexible_modes",
+)
+RATE_FOR_LOOP = Kind(
+    "sample_rate_low_for_loop",
+    "warning",
+    "{sample_rate_hz:g} Hz is low for a loop with a bandwidth of {bandwidth_hz:.3g} Hz, expected 10 times that",
+    "sample faster",
+)
 
 
 def slips_of_rig(loop: NominalLoop) -> list[Finding]:
@@ -32,25 +95,18 @@ def _stability(loop: NominalLoop) -> list[Finding]:
     """The nominal closed loop is stable, or nearly so."""
     if loop.gain_factor == 1.0:
         return []
-    worst = loop.nominal_poles[0]
-    at = f"{abs(worst.imag) / (2 * np.pi):.3g} Hz"
-    what = f"the nominal closed loop is unstable: a pole at {at} grows with {worst.real:.3g} 1/s; {loop.moved_by_worst}"
+    worst, (bending, at_rest_hz) = loop.nominal_poles[0], loop.worst_mode
+    values: dict[str, Any] = {
+        "frequency_hz": float(abs(worst.imag)) / (2 * np.pi),
+        "growth_per_s": float(worst.real),
+        "mode": "bending" if bending else "rigid-body",
+        "bending_mode": bending or None,
+        "bending_frequency_hz": at_rest_hz if bending else None,
+    }
     if loop.gain_factor is None:
-        return [
-            Finding.fault(
-                "controller",
-                f"{what}, and no common factor on K_i from 0.7 to 1.4 helps",
-                "check the controller's sign (i_ref = -(K y) + i_e), gains and delay, and the sizes of K_i and K_s",
-            )
-        ]
-    return [
-        Finding(
-            "warning",
-            "bearing.force_current",
-            f"{what}; it is stable with all K_i x {loop.gain_factor:g}, which is taken here",
-            "check the nominal K_i and K_s; identification starts from a stable point nearby",
-        )
-    ]
+        ends: dict[str, Any] = {"lowest_factor": min(GAIN_FACTORS), "highest_factor": max(GAIN_FACTORS)}
+        return [UNSTABLE_LOOP(Where(key="controller"), **values, **ends)]
+    return [STABLE_WITH_FACTOR(Where(key="bearing.force_current"), **values, gain_factor=loop.gain_factor)]
 
 
 def _controller_alone(rig: Rig) -> list[Finding]:
@@ -63,9 +119,8 @@ def _controller_alone(rig: Rig) -> list[Finding]:
     if not len(poles) or poles.real.max() <= GROWING * max(1.0, float(np.abs(poles).max())):
         return []
     worst = poles[np.argmax(poles.real)]
-    what = f"unstable by itself: a pole at {abs(worst.imag) / (2 * np.pi):.3g} Hz grows with {worst.real:.3g} 1/s"
-    todo = "check its coefficients and their order; hardly a machine is run with such a one"
-    return [Finding("warning", "controller", what, todo)]
+    values: dict[str, Any] = {"frequency_hz": float(abs(worst.imag)) / (2 * np.pi), "growth_per_s": float(worst.real)}
+    return [UNSTABLE_CONTROLLER(Where(key="controller"), **values)]
 
 
 def _magnets(rig: Rig) -> list[Finding]:
@@ -75,14 +130,7 @@ def _magnets(rig: Rig) -> list[Finding]:
         for axis, k_i, k_s in zip(bearing.axis_names, bearing.force_current, bearing.force_displacement, strict=True):
             ratio = k_s * bearing.air_gap / (k_i * bearing.bias_current)
             if not 0.5 <= ratio <= 2.0:
-                found.append(
-                    Finding(
-                        "warning",
-                        f"bearing.{axis}",
-                        f"K_s s0 / (K_i i0) = {ratio:.2g}, 1 for ideal magnets",
-                        "check air_gap, bias_current, force_current and force_displacement",
-                    )
-                )
+                found.append(MAGNETS_INCONSISTENT(Where(key=f"bearing.{bearing.name}", axis=axis), ratio=ratio))
     return found
 
 
@@ -90,9 +138,7 @@ def _planes(loop: NominalLoop) -> list[Finding]:
     """A shaft is levitated in both planes, or looked at in one."""
     if loop.rotor.planes == 2 or not loop.rotor.positions.size:
         return []
-    without = ", and has no gyroscopic moments" if loop.rig.speed else ""
-    what = f"all axes lie in one plane: the model holds the rotor's motion in that plane alone{without}"
-    return [Finding("note", "bearing.axes", what, "name both axes of every bearing where both planes are levitated")]
+    return [ONE_PLANE(Where(key="bearing.axes"), speed_rad_s=loop.rig.speed or None)]
 
 
 def _gyroscopic(rig: Rig) -> list[Finding]:
@@ -101,8 +147,7 @@ def _gyroscopic(rig: Rig) -> list[Finding]:
     key = given.get(rig.rotor.kind)
     if not rig.speed or key is None or getattr(rig.rotor, key) is not None:
         return []
-    what = f"missing, at speed = {rig.speed:g} rad/s: the model has no gyroscopic moments"
-    return [Finding("note", f"rotor.{key}", what, f"give {key}, or write speed = 0 if they are to be left out")]
+    return [GYROSCOPIC_MISSING(Where(key=f"rotor.{key}"), key=key, speed_rad_s=rig.speed)]
 
 
 def _nodes(loop: NominalLoop) -> list[Finding]:
@@ -111,24 +156,15 @@ def _nodes(loop: NominalLoop) -> list[Finding]:
     for bearing in loop.rig.bearings:
         sign = loop.rotor.shape(bearing.position) * loop.rotor.shape(bearing.sensor_position)
         for f in hz[(hz > 0.0) & (hz < 0.4 * loop.rig.sample_rate) & (sign < 0.0)]:
-            found.append(
-                Finding(
-                    "note",
-                    f"bearing.{bearing.name}.sensor_position",
-                    f"the bending mode at {f:.4g} Hz has a node between magnet and sensors, which turns its sign",
-                    "check both positions; if they are right, the derivative of the controller drives this mode",
-                )
-            )
+            found.append(NODE_BETWEEN(Where(key=f"bearing.{bearing.name}.sensor_position"), frequency_hz=float(f)))
     return found
 
 
 def _rate(rig: Rig, figures: LoopFigures) -> list[Finding]:
     """The sample rate leaves room for the modes and the loop."""
-    found, todo = [], "sample faster"
-    if high := [f for f in figures.bending_hz if f > 0.4 * rig.sample_rate]:
-        what = f"{rig.sample_rate:g} Hz is little for the bending mode at {high[0]:.4g} Hz, expected 2.5 times that"
-        found.append(Finding("warning", "sample_rate", what, f"{todo}, or keep fewer flexible_modes"))
-    if rig.sample_rate < 10.0 * figures.bandwidth_hz:
-        what = f"{rig.sample_rate:g} Hz is little for a loop with a bandwidth of {figures.bandwidth_hz:.3g} Hz"
-        found.append(Finding("warning", "sample_rate", f"{what}, expected 10 times that", todo))
+    found, where, rate = [], Where(key="sample_rate"), rig.sample_rate
+    if high := [f for f in figures.bending_hz if f > 0.4 * rate]:
+        found.append(RATE_FOR_MODE(where, sample_rate_hz=rate, frequency_hz=high[0]))
+    if rate < 10.0 * figures.bandwidth_hz:
+        found.append(RATE_FOR_LOOP(where, sample_rate_hz=rate, bandwidth_hz=figures.bandwidth_hz))
     return found

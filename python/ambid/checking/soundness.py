@@ -2,223 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+import warnings
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
 
-import numpy as np
-
+from ambid.checking.figures import LoopFigures, RecordFigures
 from ambid.checking.law import Law
-from ambid.checking.nominal import NominalLoop
-from ambid.noise import noise_ceiling
-from ambid.record import Record
+from ambid.findings import SEVERITIES, Finding, WithFindings
 from ambid.results import plain
-from ambid.rig import Rig
-from ambid.robustness import sensitivity_peaks, zone_of
 
-Severity = Literal["fault", "warning", "note"]
-SEVERITIES: tuple[Severity, ...] = ("fault", "warning", "note")
-PATH = "operating point"
-"""Where a finding is about a record that does not stay at one."""
-FORCE = "force"
-"""End of `where` of a finding that a machine has less force than its rig file says: of K_i, or of physics."""
-INSTANT = "instant"
-"""End of `where` of a finding that a channel was read at another instant than the others."""
+__all__ = ["LoopFigures", "RecordFigures", "Soundness"]
+
 MOST_LISTED = 15
 """Findings that are printed, at most."""
 
 
-@dataclass(frozen=True)
-class Finding:
-    """One thing that somebody should look at.
-
-    Attributes
-    ----------
-    severity : {"fault", "warning", "note"}
-        A fault makes every result worthless as things stand, a warning makes some doubtful, a note is good to know.
-    where : str
-        Key of the rig, or record and channel.
-    what : str
-        Value found, and what was expected.
-    todo : str
-    stops_diagnosis : bool
-        Whether a diagnosis is not worth its time before this is settled.
-    """
-
-    severity: Severity
-    where: str
-    what: str
-    todo: str
-    stops_diagnosis: bool = False
-
-    @property
-    def is_of_path(self) -> bool:
-        """Whether it tells that a record does not stay at one operating point."""
-        return self.where.endswith(PATH)
-
-    @property
-    def is_of_force(self) -> bool:
-        """Whether it tells that a machine has too little force, which a diagnosis may take for a small K_i."""
-        return self.where.endswith(f": {FORCE}")
-
-    @property
-    def is_of_instant(self) -> bool:
-        """Whether it tells that a channel was read at another instant, which no physics of a machine brings."""
-        return self.where.endswith(f": {INSTANT}")
-
-    def line(self, *, advises: bool = True) -> str:
-        """In one line, with what to do about it or without."""
-        return f"{self.where}: {self.what}" + (f"; {self.todo}" if advises else "")
-
-    @classmethod
-    def fault(cls, where: str, what: str, todo: str) -> Finding:
-        """One that stops a diagnosis."""
-        return cls("fault", where, what, todo, stops_diagnosis=True)
-
-
-@dataclass(frozen=True)
-class LoopFigures:
-    """A rig's nominal loop in figures.
-
-    Attributes
-    ----------
-    mass : float
-        [kg].
-    bending_hz : tuple of float
-        Free-free frequencies of the kept modes [Hz].
-    open_loop_unstable : tuple of float
-        Poles with the controller off [1/s].
-    gain_factor : float or None
-        On all K_i for a stable loop: 1 where the nominal one is; None where none was found. What follows is with it.
-    slowest_pole : complex
-        Of the closed loop [1/s].
-    least_damped : tuple of (float, float)
-        Frequency [Hz] and damping ratio of closed-loop modes.
-    peak_sensitivity : float
-        Largest ``|S|`` of any axis, all other axes closed; NaN for an unstable loop.
-    peak_sensitivity_hz, peak_sensitivity_axis : float, str
-        Where it is.
-    bandwidth_hz : float
-        Highest frequency at which an axis follows by more than 0.7.
-    """
-
-    mass: float
-    bending_hz: tuple[float, ...]
-    open_loop_unstable: tuple[float, ...]
-    gain_factor: float | None
-    slowest_pole: complex
-    least_damped: tuple[tuple[float, float], ...]
-    peak_sensitivity: float
-    peak_sensitivity_hz: float
-    peak_sensitivity_axis: str
-    bandwidth_hz: float
-
-    @classmethod
-    def of(cls, loop: NominalLoop) -> LoopFigures:
-        """Take the figures of a loop."""
-        rate, hz = loop.rig.sample_rate, loop.rotor.frequencies_rad_s / (2.0 * np.pi)
-        rigid = loop.rotor.shapes[:, hz == 0.0]
-        translation, *_ = np.linalg.lstsq(rigid, np.ones(len(rigid)), rcond=None)
-        swinging = loop.poles[loop.poles.imag > 0.0]
-        damping = -swinging.real / np.abs(swinging)
-        modes = dict.fromkeys(
-            (float(f"{swinging[k].imag / (2 * np.pi):.4g}"), float(f"{damping[k]:.2g}")) for k in np.argsort(damping)
-        )
-        open_poles = loop.open_poles[loop.open_poles.real > 1e-6 * np.abs(loop.open_poles).max()]
-        f = np.union1d(np.geomspace(1.0, 0.4 * rate, 500), swinging.imag / (2.0 * np.pi))
-        f = f[f <= 0.4 * rate]
-        follows = f[(np.abs(1.0 - np.einsum("ljj->lj", loop.sensitivity(f))) > 0.7).any(axis=1)]
-        stable = loop.gain_factor is not None
-        peak, at_hz = sensitivity_peaks(loop.model) if stable else (np.array([np.nan]),) * 2
-        worst = int(np.argmax(peak))
-        return cls(
-            mass=float(translation @ translation),
-            bending_hz=tuple(hz[hz > 0.0].tolist()),
-            open_loop_unstable=tuple(sorted(open_poles.real.tolist())),
-            gain_factor=loop.gain_factor,
-            slowest_pole=complex(loop.poles[0]),
-            least_damped=tuple(modes)[:3],
-            peak_sensitivity=float(peak[worst]),
-            peak_sensitivity_hz=float(at_hz[worst]),
-            peak_sensitivity_axis=loop.rig.axes[worst],
-            bandwidth_hz=float(follows.max(initial=0.0)),
-        )
-
-    @property
-    def zone(self) -> str:
-        """Zone of the peak sensitivity, A to D (ISO 14839-3); empty for an unstable loop."""
-        return "" if np.isnan(self.peak_sensitivity) else zone_of(self.peak_sensitivity)
-
-
-@dataclass(frozen=True)
-class RecordFigures:
-    """A record in figures; values per axis in the rig's order, means removed.
-
-    Attributes
-    ----------
-    name : str
-    samples : int
-    seconds : float
-    period_samples : int or None
-    periods : int
-    i_e_amplitude : float
-        Largest deviation from the mean on any axis, in `i_e_unit`.
-    i_e_unit : str
-        A, or V of voltage-driven coils.
-    y_rms : tuple of float
-        [m].
-    share_of_gap : float
-        Largest deviation of y from its mean over the air gap of its bearing.
-    i_c_rms : tuple of float, or None
-        [A].
-    noise_ceiling_percent : dict of str to float
-    """
-
-    name: str
-    samples: int
-    seconds: float
-    period_samples: int | None
-    periods: int
-    i_e_amplitude: float
-    i_e_unit: str
-    y_rms: tuple[float, ...]
-    share_of_gap: float
-    i_c_rms: tuple[float, ...] | None
-    noise_ceiling_percent: dict[str, float]
-
-    @classmethod
-    def of(cls, record: Record, rig: Rig) -> RecordFigures:
-        """Take the figures of a record of this rig, with i_e."""
-        gaps = np.array([bearing.air_gap for bearing in rig.bearings for _ in bearing.axes])
-        i_e = np.asarray(record.i_e)
-        return cls(
-            name=record.name,
-            samples=record.samples,
-            seconds=record.seconds,
-            period_samples=record.period,
-            periods=record.periods,
-            i_e_amplitude=float(np.abs(i_e - i_e.mean(axis=0)).max()),
-            i_e_unit=rig.amplifier.command_unit,
-            y_rms=tuple(record.y.std(axis=0).tolist()),
-            share_of_gap=float((np.abs(record.y - record.y.mean(axis=0)) / gaps).max()),
-            i_c_rms=None if record.i_c is None else tuple(record.i_c.std(axis=0).tolist()),
-            noise_ceiling_percent=noise_ceiling(record),
-        )
-
-    def line(self) -> str:
-        """One line of text."""
-        period = f"{self.periods} x {self.period_samples}" if self.period_samples else "no period"
-        i_c = "no i_c" if self.i_c_rms is None else f"i_c {max(self.i_c_rms):.3g} A"
-        text = (
-            f"  {self.name}: {self.samples} samples, {self.seconds:.3g} s, {period}; "
-            f"i_e {self.i_e_amplitude:.3g} {self.i_e_unit}, "
-        )
-        text += f"y {1e6 * max(self.y_rms):.3g} um rms (peak {100 * self.share_of_gap:.2g} % of the gap), {i_c}"
-        ceiling = [value for name, value in self.noise_ceiling_percent.items() if name.startswith("y.")]
-        return text if np.isnan(ceiling).any() else f"{text}; noise ceiling of y {min(ceiling):.1f} %"
-
-
 @dataclass(frozen=True, repr=False)
-class Soundness:
+class Soundness(WithFindings):
     """Result of `check`.
 
     Attributes
@@ -243,18 +43,25 @@ class Soundness:
     laws: dict[str, tuple[Law, ...]] = field(default_factory=dict)
 
     @property
-    def faults(self) -> tuple[Finding, ...]:
+    def errors(self) -> tuple[Finding, ...]:
         """Findings that make every result worthless as things stand."""
-        return tuple(finding for finding in self.findings if finding.severity == "fault")
+        return tuple(finding for finding in self.findings if finding.severity == "error")
+
+    @property
+    def faults(self) -> tuple[Finding, ...]:
+        """The former name of `errors`."""
+        warnings.warn("Soundness.faults is now Soundness.errors", DeprecationWarning, stacklevel=2)
+        return self.errors
 
     @property
     def is_sound(self) -> bool:
-        """Whether there is no fault."""
-        return not self.faults
+        """Whether there is no error."""
+        return not self.errors
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it; null where a figure does not exist."""
-        return plain({**asdict(self), "is_sound": self.is_sound})
+        figures = asdict(replace(self, findings=()))
+        return {**plain(figures), "is_sound": self.is_sound, **self.findings_as_dict()}
 
     def __repr__(self) -> str:
         loop = self.loop
@@ -280,7 +87,8 @@ class Soundness:
         total = ", ".join(f"{n} {s}{'' if n == 1 else 's'}" for n, s in counts if n) or "nothing found"
         lines.append(f"{'sound' if self.is_sound else 'NOT SOUND'}: {total}")
         for finding in self.findings[:MOST_LISTED]:
-            lines += [f"  {finding.severity}: {finding.where}: {finding.what}", f"      -> {finding.todo}"]
+            lines.append(f"  {finding.severity}: {finding.line(advises=False)}")
+            lines += [f"      -> {finding.remedy}"] if finding.remedy else []
         if len(self.findings) > MOST_LISTED:
             lines.append(f"  and {len(self.findings) - MOST_LISTED} more")
         return "\n".join(lines)

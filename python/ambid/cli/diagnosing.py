@@ -52,7 +52,7 @@ def check_command(
     json_file: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
-    """Tell slips in rig and records, such as units, signs and columns, before any fit; exit 2 if there is a fault."""
+    """Tell slips in rig and records, such as units, signs and columns, before any fit; exit 2 if there is an error."""
     require_outputs({"RIG": rig, "RECORD": records}, {"--json": json_file})
     machine = ambid.Rig.load(rig)
     loaded = load_records(machine, records, period, columns, sample_rate, allow)
@@ -60,8 +60,7 @@ def check_command(
         found = ambid.check(machine, in_time(loaded))
     conclude(found, found.to_json(), json_file, quiet)
     if not found.is_sound and quiet:
-        first = found.faults[0]
-        raise InputError(f"{rig}: {len(found.faults)} fault(s), first {first.where}: {first.what}; {first.todo}")
+        raise InputError(f"{rig}: {len(found.errors)} error(s), first {found.errors[0].line()}")
     if not found.is_sound:
         raise typer.Exit(2)
 

@@ -31,13 +31,16 @@ from ambid.cli.outputs import conclude, drawn, pictures, require_outputs, saved
 from ambid.cli.signals import done_of, exit_code, stoppable
 from ambid.cli.terminal import progress
 from ambid.errors import IdentificationError, InputError, ModelError, UnstableLoopError
+from ambid.findings import Finding, has
 from ambid.results import of_unit
 
 if TYPE_CHECKING:
     from ambid.identification import StaticEstimate
 
 UNFINISHED = ("not_identifiable", "max_evaluations")
-MEND = "first: mend the fault and fit again; until then neither the values nor what seems to be missing means anything"
+MEND = (
+    "first: correct the error and fit again; until then neither the values nor what seems to be missing means anything"
+)
 
 Deflection = Annotated[bool, typer.Option("--deflection", help="Take in K_s s of the bent rotor.")]
 
@@ -101,9 +104,10 @@ def identify_command(
                 "where the rig file or the model has it; correct the value, in SI units"
             ) from error
     slips = _slips(machine, in_time(loaded), estimate)
+    lines = [f"{slip.severity}: {slip.line(advises=not estimate.is_adequate)}" for slip in slips]
     conclude(
-        "\n".join([repr(estimate), *(f"check: {slip}" for slip in slips), *_first(slips)]),
-        {**estimate.to_json(), "check": slips},
+        "\n".join([repr(estimate), *(f"check: {line}" for line in lines), *_first(slips)]),
+        {**estimate.to_json(), "check": lines},
         json_file,
         quiet,
         lambda: saved(estimate, save),
@@ -137,25 +141,23 @@ def _left_by(before: ambid.Model, after: ambid.Model) -> str:
     return ", ".join(f"{own.name} = {own.value:g}{of_unit(own.unit)}" for own, new in pairs if own.value != new.value)
 
 
-def _slips(machine: ambid.Rig, loaded: list[ambid.Record], estimate: ambid.Estimate) -> list[str]:
+def _slips(machine: ambid.Rig, loaded: list[ambid.Record], estimate: ambid.Estimate) -> list[Finding]:
     """What `check` finds where the misfit is above its bound: dirt on a record looks like missing physics.
 
     Operating points that a record passes through are told in any case: they hide what is missing.
     """
+    from ambid.checking import OPERATING_POINT_DRIFT  # not at the top: --help need not open that room
+
     told, findings = set(estimate.notes), ambid.check(machine, loaded).findings
     is_told_whole = not estimate.is_adequate and estimate.comparison.is_judged
     if not is_told_whole:
-        findings = tuple(found for found in findings if found.is_of_path)
-    return [
-        f"{found.severity}: {found.line(advises=not estimate.is_adequate)}"
-        for found in findings
-        if found.severity != "note" and found.what not in told
-    ]
+        findings = tuple(found for found in findings if has([found], OPERATING_POINT_DRIFT))
+    return [found for found in findings if found.severity != "note" and found.message not in told]
 
 
-def _first(slips: list[str]) -> list[str]:
+def _first(slips: list[Finding]) -> list[str]:
     """What to do before all else where rig and record contradict each other."""
-    return [MEND] if any(slip.startswith("fault") for slip in slips) else []
+    return [MEND] if any(slip.severity == "error" for slip in slips) else []
 
 
 def _weights(texts: list[str]) -> str | dict[str, float]:

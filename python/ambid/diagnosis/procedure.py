@@ -7,7 +7,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from ambid.checking import Finding, check
+from ambid.checking import (
+    CURRENT_AHEAD,
+    CURRENT_BEHIND,
+    FORCE_TOO_SMALL,
+    OPERATING_POINT_DRIFT,
+    check,
+    stops_diagnosis,
+)
 from ambid.diagnosis.families import families
 from ambid.diagnosis.ranking import Progress, silent
 from ambid.diagnosis.result import Diagnosis, Family
@@ -17,6 +24,7 @@ from ambid.diagnosis.verdict import Verdict, judged
 from ambid.diagnosis.wording import next_experiment, not_determined, notes
 from ambid.effects import CATALOGUE, Effect, find
 from ambid.errors import RigError, Stopped
+from ambid.findings import Finding, has
 from ambid.identification import Estimate, ParameterEstimate, identify
 from ambid.identification.covariance import covariance, lost, only_frequency, weakest
 from ambid.identification.minimum import refit
@@ -102,7 +110,7 @@ def diagnose(
         rig = start.rig
     in_time = [record for record in (*records, *validate) if isinstance(record, Record)]
     findings = check(rig, in_time).findings
-    stops = [f"{finding.where}: {finding.what}; {finding.todo}" for finding in findings if finding.stops_diagnosis]
+    stops = [finding.line() for finding in findings if stops_diagnosis(finding)]
     if stops:
         return Diagnosis.uninformative(start, records, stops, begun)
     estimate = identify(start, records)
@@ -153,8 +161,8 @@ def _told(
     spread = covariance(verdict.fit, range(len(verdict.fit.model.names)))
     model = verdict.fit.model.with_substeps(None).with_covariance(spread)
     unnamed = verdict.word == "none_of_the_candidates"
-    instants = [finding for finding in findings if finding.is_of_instant and unnamed]
-    slips = [finding for finding in instants if finding.severity == "warning"]
+    instants = [finding for finding in findings if unnamed and has([finding], CURRENT_AHEAD, CURRENT_BEHIND)]
+    slips = [finding for finding in instants if has([finding], CURRENT_AHEAD)]
     return Diagnosis(
         verdict=verdict.word,
         effects=verdict.effects,
@@ -173,15 +181,15 @@ def _told(
         families={name: near[name] for name in verdict.effects if name in near},
         records=records,
         validation=task.validate,
-        next_experiment=slips[0].todo if slips else next_experiment(verdict, state.history),
+        next_experiment=slips[0].remedy if slips else next_experiment(verdict, state.history),
         seconds=time.perf_counter() - begun,
         notes=(
             *notes_on_repeats(records),
             *notes_on_validation(records, task.validate),
             *_undetermined(start, verdict.fit),
             *notes(verdict, state.fit.noise),
-            *(f.line(advises=verdict.word != "adequate") for f in findings if f.is_of_path),
-            *(f.line() for f in findings if f.is_of_force),
+            *(f.line(advises=verdict.word != "adequate") for f in findings if has([f], OPERATING_POINT_DRIFT)),
+            *(f.line() for f in findings if has([f], FORCE_TOO_SMALL)),
             *(f.line(advises=f in slips) for f in instants),
         ),
     )

@@ -11,7 +11,7 @@ from scipy.linalg import eig, matrix_balance
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.rotor import ReducedRotor
 
-__all__ = ["Modes", "eigenmodes", "moved_by_worst"]
+__all__ = ["Modes", "eigenmodes", "moved_by_worst", "worst_mode"]
 
 TWINS = 1e-6
 """Relative distance of two poles below which each by itself has no derivative."""
@@ -76,7 +76,7 @@ def _has_twin(poles: ComplexArray) -> NDArray[np.bool_]:
         return np.asarray(np.nanmin(apart, axis=1, initial=np.inf) < TWINS * np.abs(known))
 
 
-def moved_by_worst(sampled: FloatArray, rotor: ReducedRotor) -> str:
+def worst_mode(sampled: FloatArray, rotor: ReducedRotor) -> tuple[int, float]:
     """The mode of the rotor that the pole which grows fastest moves most, by its eigenvector.
 
     Parameters
@@ -85,12 +85,24 @@ def moved_by_worst(sampled: FloatArray, rotor: ReducedRotor) -> str:
         A of the loop over one sample; its first states are the modal coordinates, mass-normalised.
     rotor : ReducedRotor
         With all modes of the loop.
+
+    Returns
+    -------
+    number : int
+        Of the bending mode, counted from 1; 0 of a rotor that moves as a rigid body.
+    frequency_hz : float
+        At rest.
     """
     values, vectors = np.linalg.eig(sampled)
     moved = np.abs(vectors[:, np.argmax(np.abs(values))])
     modes = len(rotor.frequencies_rad_s)
     mode = int(np.argmax(np.linalg.norm(moved[: modes * rotor.planes].reshape(rotor.planes, modes), axis=0)))
-    if mode < rotor.rigid_modes:
+    return max(0, mode - rotor.rigid_modes + 1), float(rotor.frequencies_rad_s[mode]) / (2.0 * np.pi)
+
+
+def moved_by_worst(sampled: FloatArray, rotor: ReducedRotor) -> str:
+    """The same in words."""
+    number, frequency_hz = worst_mode(sampled, rotor)
+    if not number:
         return "it moves the rotor as a rigid body"
-    own = rotor.frequencies_rad_s[mode] / (2.0 * np.pi)
-    return f"of the rotor it moves bending mode {mode - rotor.rigid_modes + 1} most, {own:.4g} Hz at rest"
+    return f"of the rotor it moves bending mode {number} most, {frequency_hz:.4g} Hz at rest"

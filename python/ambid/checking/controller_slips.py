@@ -1,0 +1,181 @@
+"""Does i_c follow from i_e and y through the rig's controller; if not, by which column, sign, unit or gain?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambid.arrays import FloatArray
+from ambid.checking.controller import ControllerFit, fit_controller
+from ambid.checking.equations import controller_missed, reordered
+from ambid.checking.excitation_slips import slips_of_excitation
+from ambid.checking.instants import slips_of_instants
+from ambid.checking.machine import taken_as
+from ambid.checking.nominal import Lines, NominalLoop, moves
+from ambid.checking.scales import SLIPS, wrong_unit
+from ambid.checking.signs import UNEXPLAINED, opposite_sign, turned
+from ambid.effects.slips import LEAST, MOST, ControllerGainError, ExcitationGainError
+from ambid.findings import Finding, Kind, Severity, Where
+from ambid.record import Record
+
+__all__ = [
+    "CHANNELS_EXCHANGED",
+    "CURRENT_WITHOUT_EXCITATION",
+    "DOUBTFUL_GAIN",
+    "GAINS_BEYOND_RANGE",
+    "slips_of_controller",
+]
+
+DOUBTFUL_GAIN, WRONG_GAIN = 0.02, 0.10
+"""Relative error of a controller's gain, beyond five standard errors."""
+WITHOUT_EXCITATION = 0.1
+"""Factor of i_e in i_c up to which i_c was recorded before i_e joins it."""
+MOST_NAMED = 4
+"""Axes that are named with a factor each."""
+LEAST_SHARE = 0.02
+"""Part of i_c that an error of a gain has to be to matter; an integral acts below most lines."""
+
+CHANNELS_EXCHANGED = Kind(
+    "channels_exchanged",
+    "error",
+    "the controller's equation misses {missed:.0f|%} of i_c as the columns are named, and {missed_exchanged:.0f|%} "
+    "with {columns} of {signal} taken as {axes}",
+    "correct the axes of {signal}",
+)
+CURRENT_UNEXPLAINED = Kind(
+    "current_unexplained",
+    "warning",
+    "{missed:.0f|%} of i_c does not follow from what drives the loop",
+    "check the lag of the amplifier; a diagnosis ranks what else it may be",
+)
+_FACTORS = "i_c follows from i_e and y with factors other than 1 on what rig and record say: {factors:.3g}"
+_CHECK = "[check the scale of {channel} on {axes}; ][correct {table} in the rig, or take the rig file of that day; ]"
+_RANKED = "or physics is missing: a diagnosis ranks {ranked} beside it"
+GAINS_DIFFER = Kind("gains_differ", "error", _FACTORS, _CHECK + _RANKED)
+"""A matter of degree: a diagnosis ranks it beside the physics."""
+GAINS_BEYOND_RANGE = Kind("gains_beyond_range", "error", _FACTORS, _CHECK + _RANKED)
+"""By more than a diagnosis looks for."""
+CURRENT_WITHOUT_EXCITATION = Kind(
+    "current_without_excitation",
+    "error",
+    _FACTORS,
+    "it seems that i_c was recorded before i_e is added: record the current of the coil, or add i_e to i_c; [correct "
+    "{table} in the rig, or take the rig file of that day; ]" + _RANKED,
+)
+
+
+def slips_of_controller(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
+    """i_c follows from i_e and y through the controller."""
+    missed = controller_missed(loop, lines)
+    signal, order, left = reordered(loop, lines)
+    if missed > UNEXPLAINED and left < 0.5 * missed:
+        values: dict[str, Any] = {
+            "missed": missed,
+            "missed_exchanged": left,
+            "signal": signal,
+            **taken_as(record, order),
+        }
+        return [CHANNELS_EXCHANGED(Where(record=record.name, channel=signal), **values)]
+    fit = fit_controller(loop, lines)
+    moving = moves(np.asarray(lines.i_c))
+    unexplained = float(np.median(fit.missed[moving]))
+    if unexplained > UNEXPLAINED:
+        if opposite := turned(record, loop, lines, unexplained):
+            return opposite
+        if record.is_rebuilt:  # what drove the loop is known then
+            return [CURRENT_UNEXPLAINED(Where(record=record.name, channel="i_c"), missed=unexplained)]
+        return slips_of_excitation(record, loop, lines)
+    slips = [_slip(scale, error) for scale, error in zip(fit.scale, fit.std_error, strict=True)]
+    found = []
+    for slip in dict.fromkeys(slip for slip in slips if slip is not None):
+        axes = [axis for axis, own in zip(record.axes, slips, strict=True) if own == slip]
+        found.append(_slipped(record, *slip, axes))
+    if not found:
+        found += slips_of_instants(record, loop, lines)
+    if record.has_known_command:  # whatever the gains miss, i_e holds
+        return found
+    judged = moving & [slip is None for slip in slips]
+    # a factor on all of i_c is R of a voltage-driven coil, which is fitted
+    first = 0 if lines.i_e.any() else 1
+    known = np.ones_like(fit.scale)
+    if loop.rig.amplifier.resistance is not None:
+        known = np.hstack([known[:, :first], np.repeat(fit.scale[:, first : first + 1], fit.scale.shape[1] - first, 1)])
+    return found + _gains(record, fit, fit.scale / known, judged)
+
+
+def _slip(scale: FloatArray, error: FloatArray) -> tuple[str, float] | None:
+    """The signal of one axis that is too large by a factor of `SLIPS`, and this factor."""
+    is_known = error < 0.1 * np.abs(scale)
+    excitation, gains = scale[:1], scale[1:][is_known[1:]]
+    if not (is_known[0] and len(gains)):
+        return None
+
+    def near(values: FloatArray, factor: float) -> bool:
+        return bool(np.all(np.abs(values / factor - 1.0) < 0.3))
+
+    for factor in SLIPS:
+        if near(scale[:1], factor) and near(gains, factor):
+            return "i_c", factor
+        if near(excitation, 1.0 / factor) and near(gains, 1.0):
+            return "i_e", factor
+        if near(gains, 1.0 / factor) and near(excitation, 1.0):
+            return "y", factor
+    return None
+
+
+def _slipped(record: Record, signal: str, factor: float, axes: Sequence[str]) -> Finding:
+    if factor < 0.0:
+        return opposite_sign(record, signal, axes=axes)
+    return wrong_unit(record, signal, axes, factor, "controller's equation")
+
+
+def _gains(record: Record, fit: ControllerFit, scale: FloatArray, judged: NDArray[np.bool_]) -> list[Finding]:
+    """The gains by which i_c follows, `scale` times those of the rig, are those of the rig."""
+    off = np.abs(scale - 1.0)
+    least = np.maximum(LEAST_SHARE, fit.missed)[:, None]  # below what the whole equation misses no gain is determined
+    matters = judged[:, None] & (off * fit.share > least)
+    excess = np.where(matters, off - 5.0 * fit.std_error, 0.0)
+    told = excess > DOUBTFUL_GAIN
+    doubtful = np.flatnonzero(told.any(axis=0))
+    if not len(doubtful):
+        return []
+    wrong = excess > WRONG_GAIN
+    is_sought = (scale > 1.0 + LEAST) & (scale < 1.0 + MOST)
+    is_command = told[:, 0].any() and np.abs(scale[judged, 0]).max() < WITHOUT_EXCITATION
+    kind = GAINS_DIFFER
+    if np.any(wrong & ~is_sought):
+        kind = CURRENT_WITHOUT_EXCITATION if is_command else GAINS_BEYOND_RANGE
+    severity: Severity = "error" if wrong.any() else "warning"
+    causes = {ExcitationGainError.name: bool((doubtful == 0).any()), ControllerGainError.name: bool(doubtful.any())}
+    values: dict[str, Any] = {
+        "factors": {fit.parts[k]: _factors(record.axes, scale[:, k], judged, told[:, k]) for k in doubtful},
+        "channel": _channel(told, judged),
+        "axes": [axis for axis, own in zip(record.axes, told, strict=True) if own.any()],
+        "table": "controller" if doubtful.any() else None,
+        "ranked": [name for name, is_one in causes.items() if is_one],
+    }
+    return [kind(Where(record=record.name, key="controller"), severity=severity, **values)]
+
+
+def _factors(axes: Sequence[str], scale: FloatArray, judged: NDArray[np.bool_], told: NDArray[np.bool_]) -> Any:
+    """One factor for all axes, or those of the axes where it is off, or their range where these are many."""
+    own = scale[judged]
+    if np.ptp(own) <= DOUBTFUL_GAIN:
+        return float(np.median(own))
+    if np.count_nonzero(told) > MOST_NAMED:
+        return {"median": float(np.median(own)), "lowest": float(own.min()), "highest": float(own.max())}
+    return {axis: float(scale[j]) for j, axis in enumerate(axes) if told[j]}
+
+
+def _channel(told: NDArray[np.bool_], judged: NDArray[np.bool_]) -> str | None:
+    """The channel whose scale would do that: that of i_e, or where some axes alone are off, of any.
+
+    One controller has the same gains on all axes.
+    """
+    of_i_e, of_y = told[:, 0].any(), told[:, 1:].any()
+    if np.count_nonzero(told.any(axis=1)) == np.count_nonzero(judged):
+        return "i_e" if of_i_e else None
+    return "i_c" if of_i_e and of_y else "i_e" if of_i_e else "y"

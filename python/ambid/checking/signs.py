@@ -1,0 +1,69 @@
+"""Signs of y and r that are opposite to what the controller's equation or the machine shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ambid.checking.controller import fit_controller
+from ambid.checking.nominal import Lines, NominalLoop
+from ambid.findings import Finding, Kind, Where
+from ambid.record import Record
+
+__all__ = ["OPPOSITE_SIGN", "POSSIBLY_OPPOSITE_SIGN", "UNEXPLAINED", "opposite_sign", "turned"]
+
+UNEXPLAINED = 0.4
+"""Part of i_c, by rms, that the controller's equation may miss before a wrong column or excitation is sought."""
+
+_OPPOSITE = (
+    "the sign of {signals}[ on {axes}] appears opposite[: a correlation of {correlation:.2f} with the response of the "
+    "nominal machine][: the controller's equation misses {missed:.0f|%} of i_c as it is, and {missed_turned:.0f|%} "
+    "with {signals} turned]"
+)
+OPPOSITE_SIGN = Kind(
+    "opposite_sign",
+    "error",
+    _OPPOSITE,
+    "map it with a factor -1 (y and r grow along the force of a positive i_c, i_c along a positive i_e); if both y "
+    "and r were read that way, map both, or turn the controller in the rig",
+)
+POSSIBLY_OPPOSITE_SIGN = Kind("possibly_opposite_sign", "warning", _OPPOSITE, OPPOSITE_SIGN.remedy)
+"""Where the nominal loop is unstable, which y is held against."""
+
+
+def opposite_sign(
+    record: Record,
+    *signals: str,
+    axes: Sequence[str] = (),
+    correlation: float | None = None,
+    missed: float | None = None,
+    missed_turned: float | None = None,
+    is_certain: bool = True,
+) -> Finding:
+    """The sign of these signals is opposite, of all axes or some, as far as figures show it."""
+    return (OPPOSITE_SIGN if is_certain else POSSIBLY_OPPOSITE_SIGN)(
+        Where(record=record.name, channel=signals[0] if len(signals) == 1 else ""),
+        signals=list(signals),
+        axes=list(axes) or None,
+        correlation=correlation,
+        missed=missed,
+        missed_turned=missed_turned,
+    )
+
+
+def turned(record: Record, loop: NominalLoop, lines: Lines, missed: float) -> list[Finding]:
+    """y, r or both whose sign, turned, lets a controller that acts on them explain i_c; nothing where none does."""
+    if not lines.r.any():
+        return []
+    ways = {
+        ("y",): replace(lines, y=-lines.y),
+        ("r",): replace(lines, r=-lines.r),
+        ("y", "r"): replace(lines, y=-lines.y, r=-lines.r),
+    }
+    left = {signals: float(np.median(fit_controller(loop, own).missed)) for signals, own in ways.items()}
+    signals = min(left, key=lambda own: left[own])
+    if left[signals] > min(0.5 * missed, UNEXPLAINED):
+        return []
+    return [opposite_sign(record, *signals, missed=missed, missed_turned=left[signals])]
