@@ -3,8 +3,8 @@
     python tests/benchmarks/dirt.py --out dirt.jsonl
     python tests/benchmarks/dirt.py --out dirt.jsonl --report --table dirt.md
 
-Each kind of `dirt_kinds.py` on a mass on one axis (20 seeds) and on a spindle on four (5 seeds), with nothing hidden
-and with one effect. Runs go on where the file ends; no part of it is a test.
+Each kind of `tests/hidden/dirt.py` on a mass on one axis (20 seeds) and on a spindle on four (5 seeds), with nothing
+hidden and with one effect. Runs go on where the file ends; no part of it is a test.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ import numpy as np
 from ambid import diagnose, identify
 from ambid.checking import check
 from ambid.errors import AmbidError
-from benchmarks.dirt_kinds import DIRT, MARGIN, NOISE_FREE, soiled
 from benchmarks.grid import Row, aligned, markdown, rate_text, read_rows, run_all
 from hidden.bench import simulate
+from hidden.dirt import DIRT, MARGIN, NOISE_FREE, soiled
 from hidden.families import BENCHES
 from hidden.one_axis import NAMED, ONE_AXIS
 from hidden.sizes import sized

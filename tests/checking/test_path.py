@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ambid import Record, check, diagnose, prbs
+from ambid import Finding, Record, check, diagnose, prbs
 from reference.levitator import Levitator, pid, pid_matrices
 from virtual import VirtualBench
 
@@ -24,30 +24,27 @@ def record(seed: int, *, set_point=0.0, load=0.0, **physics):
     return rig, Record.from_arrays(**own, sample_rate=RATE, axes=rig.axes, rig=rig)
 
 
-def told(rig, measured) -> list[str]:
-    return [found.what for found in check(rig, [measured]).findings if found.is_of_path]
+def told(rig, measured) -> list[Finding]:
+    return [found for found in check(rig, [measured]).findings if found.code == "operating_point_drift"]
 
 
 @pytest.mark.parametrize("size", [2e-5, 2e-4])
 def test_a_set_point_that_ramps_is_told_with_its_ends(size):
     """The smaller one is less than the excitation moves the mass, and took half of the misfit with it."""
     rig, measured = record(1, set_point=size * RAMP)
-    (what,) = told(rig, measured)
-    assert what.startswith("y.A_zeta goes from ")
-    assert "no drift of the machine" in what
-    begin, end = (float(what.split()[k]) for k in (3, 5))
-    assert end - begin == pytest.approx(1e6 * size * (PERIODS - 2) / PERIODS, rel=0.15)
+    (drift,) = told(rig, measured)
+    assert drift.values["displacements"] == ["y.A_zeta"]
+    (begin,), (end,) = drift.values["displacement_begin_m"], drift.values["displacement_end_m"]
+    assert end - begin == pytest.approx(size * (PERIODS - 2) / PERIODS, rel=0.15)
     found = diagnose(rig, measured)
     assert found.effects == ()
-    assert any("y.A_zeta goes from" in note for note in found.notes)
-    assert any("cut it where it stands" in note for note in found.notes) == (found.verdict != "adequate")
-    assert not any("seems to change" in note for note in found.notes)
+    assert drift.line(advises=found.verdict != "adequate") in found.notes
 
 
 def test_a_load_that_ramps_is_told_by_the_current():
-    (what,) = told(*record(2, load=0.05 * RAMP))
-    assert "i_c.A_zeta goes from " in what
-    begin, end = (float(what.split("i_c.A_zeta goes from ")[1].split()[k]) for k in (0, 2))
+    (drift,) = told(*record(2, load=0.05 * RAMP))
+    assert drift.values["currents"] == ["i_c.A_zeta"]
+    (begin,), (end,) = drift.values["current_begin_ampere"], drift.values["current_end_ampere"]
     assert end - begin == pytest.approx(-0.05 * (PERIODS - 2) / PERIODS, rel=0.15)
 
 

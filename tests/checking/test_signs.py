@@ -26,9 +26,8 @@ def test_of_a_record_without_a_command(turned):
     rig, own = record()
     own = replace(own, i_ref=None)
     assert check(rig, [own]).is_sound
-    (fault,) = check(rig, [replace(own, **{turned: -getattr(own, turned)})]).faults
-    assert fault.where.endswith(f": {turned}")
-    assert f"the sign of {turned} is opposite: map it with a factor -1" in fault.todo
+    (error,) = check(rig, [replace(own, **{turned: -getattr(own, turned)})]).errors
+    assert (error.code, error.values["signals"], error.where.channel) == ("opposite_sign", [turned], turned)
 
 
 def test_of_y_where_the_machine_alone_shows_it():
@@ -36,10 +35,9 @@ def test_of_y_where_the_machine_alone_shows_it():
     rebuilt = Record.from_arrays(
         y=-own.y, r=own.r, i_c=own.i_c, i_ref=own.i_ref, sample_rate=RATE, axes=rig.axes, rig=rig
     )
-    (fault,) = check(rig, [rebuilt]).faults
-    assert "correlation of -" in fault.what
-    assert "the sign of y is opposite: map it with a factor -1" in fault.todo
-    assert "mass" not in fault.todo
+    (error,) = check(rig, [rebuilt]).errors
+    assert (error.code, error.values["signals"]) == ("opposite_sign", ["y"])
+    assert error.values["correlation"] < 0.0
 
 
 def test_of_a_reference_where_i_e_is_rebuilt_from_the_command():
@@ -47,6 +45,5 @@ def test_of_a_reference_where_i_e_is_rebuilt_from_the_command():
     rebuilt = Record.from_arrays(
         y=own.y, r=-own.r, i_c=own.i_c, i_ref=own.i_ref, sample_rate=RATE, axes=rig.axes, rig=rig
     )
-    (fault,) = check(rig, [rebuilt]).faults
-    assert fault.where.endswith(": r")
-    assert "the sign of r is opposite" in fault.todo
+    (error,) = check(rig, [rebuilt]).errors
+    assert (error.code, error.values["signals"], error.where.channel) == ("opposite_sign", ["r"], "r")

@@ -5,8 +5,8 @@ import pytest
 
 from ambid import Model, compare, diagnose
 from ambid.diagnosis.search import _rings_on
-from benchmarks.dirt_kinds import MARGIN, NOISE_FREE, soiled
 from hidden.bench import simulate
+from hidden.dirt import MARGIN, NOISE_FREE, soiled
 from hidden.experiment import experiment
 from hidden.families import BENCHES
 from hidden.sizes import sized
