@@ -184,6 +184,11 @@ def has(findings: Iterable[Finding], *kinds: Kind) -> bool:
     return any(finding.code in codes for finding in findings)
 
 
+def worst_first(findings: Iterable[Finding]) -> list[Finding]:
+    """Errors, then warnings, then notes, each in the order in which they were found."""
+    return sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
+
+
 def _finding(kind: Kind, where: Where, values: dict[str, Any], severity: Severity) -> Finding:
     return kind(where, severity=severity, **values)
 

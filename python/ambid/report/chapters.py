@@ -13,6 +13,7 @@ from ambid.diagnosis import Comparison, Diagnosis, Localisation, MisfitMatrix, R
 from ambid.diagnosis.moves import Moved, moved
 from ambid.effects import Effect
 from ambid.errors import RecordError
+from ambid.findings import worst_first
 from ambid.model.parameter import nominal
 from ambid.report import numbers, pictures, words
 from ambid.report.before_after import DRAWN, before_and_after
@@ -30,6 +31,7 @@ def story(diagnosis: Diagnosis) -> dict[str, Any]:
     """Everything that the page needs; chapters that do not belong to the verdict are None or empty."""
     told = {
         "words": words,
+        "worst_first": worst_first,
         "figures": Numbering("Figure"),
         "tables": Numbering("Table"),
         "title": f"Diagnosis of {diagnosis.model.rig.name}",

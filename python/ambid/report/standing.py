@@ -30,7 +30,7 @@ def standing(model: Model, base: Model | None) -> dict[str, Any]:
         "why_not": "",
         "sentence": _sentence(found),
         "rows": rows,
-        "notes": found.notes,
+        "findings": found.findings,
         "picture": pictures.sensitivity(found),
         "poles": pictures.poles(pole_map(model), None if base is None else pole_map(base)),
     }

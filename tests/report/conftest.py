@@ -1,0 +1,44 @@
+"""What the tests of the report share: one diagnosis, and its report, made once."""
+
+import pytest
+
+import ambid
+from ambid.report import pictures, standing, write_report
+from places import LEVITATOR
+from report.page import Page
+
+
+@pytest.fixture(scope="package")
+def explained(tmp_path_factory):
+    rig = ambid.Rig.load(LEVITATOR)
+    hidden = ambid.Model(rig).add("loop_delay", {"delay": 5e-5})
+    i_e = ambid.prbs(9, amplitude=1.0, hold=4, axes=1, periods=4)
+    folder = tmp_path_factory.mktemp("records")
+    for name, factor, seed in (("train", 1.0, 1), ("other", 0.5, 2)):
+        hidden.virtual_experiment(factor * i_e, seed=seed).save(folder / f"{name}.mat")
+    found = ambid.diagnose(rig, folder / "train.mat", validate=[folder / "other.mat"])
+    assert found.verdict == "explained"
+    assert found.effects == ("loop_delay",)
+    return found
+
+
+@pytest.fixture(scope="package")
+def written(explained, tmp_path_factory):
+    """The file of its report."""
+    path = write_report(explained, tmp_path_factory.mktemp("report") / "report.html")
+    assert path.stat().st_size < 5e6
+    return path
+
+
+@pytest.fixture(scope="package")
+def whole(written):
+    return Page(written.read_text(encoding="utf-8"))
+
+
+@pytest.fixture
+def page(monkeypatch, tmp_path):
+    """The page of a diagnosis, with pictures that are not drawn, and few draws: those of `whole` are."""
+    empty = "data:image/gif;base64,R0lGODlhAQABAAAAACw="
+    monkeypatch.setattr(pictures, "as_picture", lambda figure, caption: pictures.Picture(empty, caption, 1.0))
+    monkeypatch.setattr(standing, "DRAWS", 40)
+    return lambda diagnosis: Page(write_report(diagnosis, tmp_path / "report.html").read_text(encoding="utf-8"))
