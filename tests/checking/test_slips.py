@@ -9,6 +9,7 @@ import pytest
 
 from ambid.checking import check, stops_diagnosis
 from ambid.excitation import multisine, prbs
+from ambid.findings import REMARK
 from ambid.model import Model
 from ambid.rig import Rig
 from hidden.bench import simulate
@@ -323,9 +324,9 @@ def test_an_absolute_gap_is_held_about_its_mean():
     assert figures.share_of_gap == pytest.approx(np.abs(record.y - record.y.mean(axis=0)).max() / gap)
 
 
-def test_notes_of_a_record_are_warnings():
+def test_findings_of_a_record_are_warnings():
     rig, record = bench_experiment()
-    (warning,) = warnings_of(rig, replace(record, notes=("t jitters",)))
+    (warning,) = warnings_of(rig, replace(record, findings=(REMARK(text="t jitters"),)))
     assert (warning.where.record, warning.message) == ("train", "t jitters")
 
 

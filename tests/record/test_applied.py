@@ -5,6 +5,7 @@ import pytest
 
 from ambid import Model, Record, Rig, check, compare
 from ambid.excitation import prbs
+from found import codes, the
 from reference.levitator import Levitator, pid, pid_matrices
 
 RATE, GAINS, LIMIT = 1000.0, (300.0, 900.0, 12.0), 0.09
@@ -32,8 +33,8 @@ def test_a_clipped_command_is_what_was_applied():
     assert np.abs(off[~at_limit]).max() < 1e-3 * LIMIT
     assert np.median(np.abs(off[at_limit])) > 0.1 * LIMIT
     assert own.has_known_command
-    assert any(note.startswith("i_e is what was applied") for note in own.notes)
-    assert any("stands at" in note for note in own.notes)
+    assert own.excitation_source == "applied_command"
+    assert {"excitation_as_applied", "command_clipped"} <= set(codes(own))
     assert compare(Model(rig()), own).is_adequate
     assert check(rig(), [own]).is_sound
 
@@ -41,7 +42,7 @@ def test_a_clipped_command_is_what_was_applied():
 def test_a_command_that_follows_leaves_i_e_as_it_was_logged():
     own = record()
     np.testing.assert_array_equal(own.i_e[:, 0], I_E[100:])
-    assert not any("i_ref" in note for note in own.notes)
+    assert own.findings == ()
     assert not own.has_known_command
 
 
@@ -49,5 +50,6 @@ def test_a_command_that_follows_leaves_i_e_as_it_was_logged():
 def test_another_law_is_told_and_nothing_is_changed(limit):
     own = record((360.0, 900.0, 9.0), limit)
     np.testing.assert_array_equal(own.i_e[:, 0], I_E[100:])
-    (note,) = [note for note in own.notes if "no sum of i_e and the law" in note]
-    assert "i_ref.A_zeta" in note
+    found = the(own, "command_unexplained")
+    assert found.where.channel == "i_ref.A_zeta"
+    assert found.values["share"] > found.values["limit"]

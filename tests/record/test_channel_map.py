@@ -10,6 +10,7 @@ from ambid.excitation import prbs
 from ambid.model import Model
 from ambid.record import ChannelMap, Record
 from ambid.rig import Rig
+from found import codes, the
 from places import BENCH as BENCH_FILE
 
 RIG = Rig.load(BENCH_FILE)
@@ -69,8 +70,10 @@ def test_every_format_by_names(tmp_path, foreign, record, suffix):
     path = write(tmp_path / f"scope{suffix}", foreign | {"speed": record.t}, record)
     found = Record.load(path, RIG, mapping=MAP)
     assert_same(found, record)
-    assert found.notes[0].startswith("columns by the map: t = time times 0.001, i_e.A_zeta = ch0 times 0.001")
-    assert "columns not used: speed" in found.notes
+    mapped = the(found, "columns_mapped").values
+    assert (mapped["channels"][:2], mapped["columns"][:2]) == (["t", "i_e.A_zeta"], ["time", "ch0"])
+    assert (mapped["count"], mapped["factors"][:2]) == (len(MAP), [1e-3, 1e-3])
+    assert "speed" in the(found, "columns_not_used").values["names"]
     options = [f"{channel}={column}" for channel, column in MAP.items()]
     assert_same(Record.load(path, RIG, mapping=ChannelMap.parse(options)), record)
 
@@ -96,7 +99,7 @@ def test_columns_of_a_matrix_in_a_structure(tmp_path, foreign, record, turned):
     }
     found = Record.load(tmp_path / "scope.mat", RIG, mapping=channels)
     assert_same(found, record)
-    assert any("was transposed" in note for note in found.notes) == turned
+    assert ("matrix_transposed" in codes(found)) == turned
 
 
 def test_groups_of_hdf5(tmp_path, foreign, record):
@@ -119,7 +122,7 @@ def test_structure_of_v73(tmp_path, foreign, record):
     channels = {channel: f"run.{column}" for channel, column in MAP.items()}
     found = Record.load(tmp_path / "scope.mat", RIG, mapping=channels)
     assert_same(found, record)
-    assert not any("not used" in note for note in found.notes)
+    assert "columns_not_used" not in codes(found)
 
 
 def test_groups_and_sample_rate_of_tdms(tmp_path, foreign, record, golden):
@@ -141,7 +144,7 @@ def test_our_own_tdms(tmp_path, record, golden):
     record.save(tmp_path / "run.tdms")
     found = Record.load(tmp_path / "run.tdms", RIG)
     assert_same(found, record)
-    assert found.notes == ()
+    assert found.findings == ()
     (tmp_path / "bad.tdms").write_bytes(np.random.default_rng(0).bytes(2000))
     with golden.raises(RecordError):
         Record.load(tmp_path / "bad.tdms")
@@ -175,7 +178,7 @@ def test_without_i_e_it_is_rebuilt(tmp_path, foreign, record):
     path = write_csv(tmp_path / "scope.csv", foreign)
     mapping = {channel: column for channel, column in MAP.items() if not channel.startswith("i_e")}
     found = Record.load(path, RIG, mapping=mapping)
-    assert any("i_e was not logged: rebuilt from i_c" in note for note in found.notes)
+    assert found.excitation_source == "rebuilt_from_current"
 
 
 def test_names_with_colons(tmp_path, foreign, record):

@@ -9,6 +9,7 @@ import ambid
 from ambid import FrequencyResponse, Model
 from ambid.errors import RecordError
 from ambid.noise.response_lines import INDEPENDENT, _independent
+from found import the
 from hidden.one_axis import ONE_AXIS
 
 RIG = ONE_AXIS.rig
@@ -63,22 +64,24 @@ def test_any_scatter_tells_how_many_numbers_are_independent(scatter):
     assert INDEPENDENT[0] <= _independent(scatter) <= INDEPENDENT[1]
 
 
-def test_missing_values_are_told_with_their_count_pair_and_frequency():
+def test_missing_values_are_told_with_their_count_pair_and_frequency(golden):
     found = FrequencyResponse.from_arrays(**with_gaps(), rig=RIG, name="frf")
     f = found.frequency_hz
-    assert f"single values that are missing or NaN, left out: 1 ({PAIRS[1]} at {f[4]:g} Hz)" in found.notes
-    assert f"frequencies at which every value is missing or NaN, not judged: 1 ({f[7]:g} Hz)" in found.notes
+    single, whole = the(found, "values_missing").values, the(found, "frequencies_missing").values
+    assert (single["count"], single["pairs"], single["frequencies_hz"]) == (1, [PAIRS[1]], [[f[4]]])
+    assert (whole["count"], whole["frequencies_hz"]) == (1, [f[7]])
+    golden.holds("\n".join(found.notes))
 
 
 def test_a_pair_that_is_nowhere_is_told():
     table = response(np.linspace(5.0, 1500.0, 60))
     table["response"][:, 1] = np.nan
     found = FrequencyResponse.from_arrays(**table, rig=RIG)
-    assert f"pairs without a value at any frequency, not judged: 1 ({PAIRS[1]})" in found.notes
+    assert dict(the(found, "pairs_missing").values) == {"count": 1, "more": None, "pairs": [PAIRS[1]]}
 
 
 def test_a_whole_response_has_no_such_note():
-    assert FrequencyResponse.from_arrays(**response(np.linspace(5.0, 1500.0, 60)), rig=RIG).notes == ()
+    assert FrequencyResponse.from_arrays(**response(np.linspace(5.0, 1500.0, 60)), rig=RIG).findings == ()
 
 
 def test_missing_values_are_compared_without_a_warning():
@@ -88,7 +91,7 @@ def test_missing_values_are_compared_without_a_warning():
         comparison = ambid.compare(RIG, found)
         matrix = ambid.misfit_matrix(comparison)[0]
     assert np.isfinite(matrix.power).any()
-    assert any("single values" in note for note in comparison.to_json()["records"][0]["notes"])
+    assert the(found, "values_missing").line() in comparison.to_json()["records"][0]["notes"]
 
 
 def test_magnitudes_without_their_phase_are_refused(golden):

@@ -13,6 +13,7 @@ from ambid import ChannelMap, FrequencyResponse, Model, Record, load_measurement
 from ambid.errors import InputError, RecordError
 from ambid.record.local_bands import Bands, fitted_bands
 from ambid.record.local_response import _noise, local_response
+from found import codes
 from hidden.bench import simulate
 from hidden.families import BENCHES
 from hidden.one_axis import ONE_AXIS
@@ -59,7 +60,7 @@ def test_both_formats_hold_the_same(measured, tmp_path, suffix):
     np.testing.assert_allclose(again.frequency_hz, F, rtol=1e-15)
     np.testing.assert_allclose(again.response, measured.response, rtol=1e-14)
     np.testing.assert_allclose(again.std, measured.std, rtol=1e-8)
-    assert (again.outputs, again.inputs, again.notes, again.name) == (OUTPUTS, INPUTS, (), "frf")
+    assert (again.outputs, again.inputs, again.findings, again.name) == (OUTPUTS, INPUTS, (), "frf")
 
 
 def test_a_pair_that_was_not_measured_stays_so(measured, tmp_path):
@@ -81,7 +82,7 @@ def test_the_covariance_is_kept(tmp_path, suffix):
     assert again.spread == pytest.approx(made.spread, rel=1e-8)
     assert made.spread > 1.1
     np.testing.assert_allclose(again.std, made.std)
-    assert again.notes == ()
+    assert again.findings == ()
 
 
 def test_a_covariance_of_a_pair_that_is_not_there_is_told(measured, tmp_path):
@@ -89,7 +90,8 @@ def test_a_covariance_of_a_pair_that_is_not_there_is_told(measured, tmp_path):
     header, *lines = rows(measured)
     path.write_text("\n".join([f"{header},cov_re y.B / i_e.B", *(f"{line},0" for line in lines)]) + "\n")
     found = FrequencyResponse.load(path, RIG)
-    assert found.notes == ("columns not used: cov_re y.B / i_e.B",)
+    assert codes(found) == ["columns_not_used"]
+    assert found.findings[0].values["names"] == ["cov_re y.B / i_e.B"]
     assert found.covariance is None
 
 
@@ -192,7 +194,7 @@ def test_the_std_of_coherence_and_averages(tmp_path):
     np.testing.assert_allclose(told.std, std)
     found = FrequencyResponse.from_arrays(F, h + noise(std, 1), outputs=OUTPUTS, inputs=INPUTS, coherence=coherence)
     assert np.median(found.std / std) == pytest.approx(1.0, abs=0.3)
-    assert "from the coherence" in found.notes[0]
+    assert (codes(told), codes(found)) == (["std_from_coherence"], ["averages_estimated"])
 
 
 @pytest.mark.parametrize("averages", [8, 18, 60])
@@ -219,7 +221,7 @@ def test_the_std_of_nothing_but_the_response():
     for seed in range(5):
         own = FrequencyResponse.from_arrays(f, h + noise(std, seed), outputs=OUTPUTS, inputs=INPUTS)
         ratios.append(np.mean(std**2 / own.std**2))
-        assert "from its scatter about a smooth curve" in own.notes[0]
+        assert codes(own) == ["std_from_scatter"]
     assert np.mean(ratios) == pytest.approx(1.0, abs=0.1)
 
 
@@ -267,7 +269,7 @@ def test_universal_files(tmp_path):
     found = load_measurement(path, RIG)
     np.testing.assert_allclose(found.response[:, 0, 0], h, rtol=1e-4)
     assert (found.outputs, found.inputs) == (("y.A_zeta",), ("i_e.A_zeta",))
-    assert "from its scatter" in found.notes[0]
+    assert "std_from_scatter" in codes(found)
 
 
 def test_universal_files_with_coherence_and_nodes_that_have_no_name(tmp_path, golden):
@@ -278,7 +280,7 @@ def test_universal_files_with_coherence_and_nodes_that_have_no_name(tmp_path, go
     mapping = ChannelMap.parse(["y.A_zeta=12+X:1e-6", "i_e.A_zeta=7-Z"])
     found = FrequencyResponse.load(path, RIG, mapping=mapping)
     np.testing.assert_allclose(found.response[:, 0, 0], h, rtol=1e-4)
-    assert "from the coherence" in found.notes[0]
+    assert "averages_estimated" in codes(found)
     with golden.raises(RecordError):
         FrequencyResponse.load(path, RIG, mapping={"y.A_zeta": "12+X", "i_e.A_zeta": "9+Z"})
 

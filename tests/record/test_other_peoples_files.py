@@ -26,26 +26,26 @@ def text(separator: str, above: str = "", below: str = "", *, commas: bool = Fal
 
 
 FILES = {
-    "decimal commas": (text(";", commas=True), "decimal commas"),
-    "decimal commas and tabs": (text("\t", commas=True), "decimal commas"),
-    "comment with a comma": (
-        text(",", above="# bench 3, 2 May\n"),
-        "comment lines above the header are passed over: 1",
+    "decimal commas": (text(";", commas=True), [("decimal_commas", {})]),
+    "decimal commas and tabs": (text("\t", commas=True), [("decimal_commas", {})]),
+    "comment with a comma": (text(",", above="# bench 3, 2 May\n"), [("comment_lines", {"count": 1})]),
+    "header as a comment": (text(",", above="# "), []),
+    "line of units": (text(",", below="s,A,m,A"), [("units_not_read", {"units": ["s", "A", "m", "A"]})]),
+    "units in brackets": (
+        text(";", below="[s];[A];[m];[A]"),
+        [("units_not_read", {"units": ["[s]", "[A]", "[m]", "[A]"]})],
     ),
-    "header as a comment": (text(",", above="# "), ""),
-    "line of units": (text(",", below="s,A,m,A"), "line of units (s, A, m, A)"),
-    "units in brackets": (text(";", below="[s];[A];[m];[A]"), "line of units"),
 }
 
 
 @pytest.mark.parametrize("name", FILES)
 def test_a_table_is_read(tmp_path, name):
-    written, note = FILES[name]
+    written, found = FILES[name]
     (tmp_path / "own.csv").write_text(written)
     record = Record.load(tmp_path / "own.csv", RIG)
     np.testing.assert_allclose(record.y[:, 0], COLUMNS[f"y.{AXIS}"], rtol=1e-11)
     assert record.period == 200
-    assert any(note in own for own in record.notes) if note else not record.notes
+    assert [(own.code, dict(own.values)) for own in record.findings] == found
 
 
 def test_two_decimal_marks_are_refused(tmp_path, golden):
@@ -69,7 +69,7 @@ def test_rows_of_matlab_are_turned(tmp_path):
     scipy.io.savemat(tmp_path / "own.mat", rows)
     record = Record.load(tmp_path / "own.mat", RIG)
     np.testing.assert_array_equal(record.y[:, 0], COLUMNS[f"y.{AXIS}"])
-    assert any("y is stored as axes x N" in note for note in record.notes)
+    assert "y" in [own.values["name"] for own in record.findings if own.code == "matrix_transposed"]
 
 
 def test_a_structure_of_simulink_says_how_it_is_mapped(tmp_path, golden):

@@ -5,6 +5,7 @@ import pytest
 
 from ambid import Model, Record, Rig, compare
 from ambid.diagnosis import diagnose
+from found import codes, the
 from reference.levitator import Levitator, pid, pid_matrices
 
 RATE, GAINS, SAMPLES = 1000.0, (300.0, 900.0, 12.0), 3000
@@ -40,7 +41,7 @@ def test_a_command_is_taken_as_it_was_recorded(is_before):
     found = record(**own)
     middle = slice(10, -10)
     assert np.abs(found.i_e[middle, 0] - (I_E - I_E.mean())[middle]).max() < 1e-3 * I_E.std() + abs(I_E.mean())
-    assert any("before its delay" in note for note in found.notes) is is_before
+    assert the(found, "excitation_rebuilt").values.get("samples_before_delay") == (1 if is_before else None)
     assert compare(Model(rig()), found).is_adequate
 
 
@@ -48,7 +49,7 @@ def test_a_current_that_gave_the_excitation_is_not_judged_beside_it():
     own = signals()
     found = record(y=own["y"], i_c=own["i_c"])
     assert found.channels == ["y.A_zeta"]
-    assert any("i_c is left out" in note for note in found.notes)
+    assert "current_left_out" in codes(found)
     assert diagnose(rig(), found).verdict == "adequate"
 
 
@@ -60,4 +61,4 @@ def test_the_mean_of_what_is_rebuilt_has_the_unit_of_commands():
         taken = Record.from_arrays(
             y=found["y"], i_ref=found["i_ref"], sample_rate=of_unit.sample_rate, axes=of_unit.axes, rig=of_unit
         )
-        assert any(f" {unit}, the integrator's operating point" in note for note in taken.notes)
+        assert the(taken, "excitation_rebuilt").values["unit"] == unit

@@ -1,11 +1,16 @@
 """Records: what they hold and note, and every gate refuses its one broken thing."""
 
+import pickle
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.io
 
 from ambid.errors import InputError, RecordError
+from ambid.findings import REMARK
 from ambid.record import Record
+from found import codes, the
 from reference.records import (
     AXES,
     MATRICES,
@@ -50,7 +55,7 @@ def test_axes_are_matched_by_name(tmp_path):
     record = Record.load(path, RIG)
     np.testing.assert_array_equal(record.y, keywords["y"])
     np.testing.assert_array_equal(record.i_c, keywords["i_c"])
-    assert "reordered" in record.notes[0]
+    assert record.findings[0].code == "axes_reordered"
     assert Record.load(path).axes == tuple(AXES[j] for j in order)
 
 
@@ -58,10 +63,39 @@ def test_i_e_is_rebuilt_on_loading_with_the_rig(tmp_path):
     keywords = measured()
     path = write_csv(tmp_path / "r.csv", {"y": keywords["y"] - keywords["y"].mean(axis=0), "i_c": keywords["i_c"]})
     assert Record.load(path).i_e is None
-    assert "load the record with its rig" in Record.load(path).notes[-1]
+    assert Record.load(path).excitation_source == "unknown"
+    assert Record.load(path).findings[-1].code == "excitation_unknown"
     record = Record.load(path, RIG)
     assert record.i_e.shape == record.y.shape
-    assert "rebuilt from i_c" in " ".join(record.notes)
+    assert record.excitation_source == "rebuilt_from_current"
+    assert the(record, "excitation_rebuilt").values["source"] == "i_c"
+
+
+KEEPING = {
+    "replace": lambda own: replace(own, findings=()),
+    "rows": lambda own: replace(own, findings=()).rows(10, 900),
+    "pickle": lambda own: pickle.loads(pickle.dumps(replace(own, findings=()))),
+    "another point": lambda own: replace(own, findings=()).at(RIG.replace(speed=10.0)),
+}
+
+
+@pytest.mark.parametrize("what", KEEPING)
+def test_where_i_e_is_from_is_data_and_no_finding(what):
+    keywords = measured() | {"i_e": None}
+    rebuilt = Record.from_arrays(**keywords, rig=RIG)
+    kept = KEEPING[what](rebuilt)
+    assert (kept.is_rebuilt, kept.excitation_source, kept.findings) == (True, "rebuilt_from_current", ())
+    command = Record.from_arrays(**keywords | {"i_ref": keywords["i_c"]}, rig=RIG)
+    assert not rebuilt.has_known_command
+    assert KEEPING[what](command).has_known_command
+
+
+@pytest.mark.parametrize("text", ["i_e was not logged: in 2019 it was", "i_e is what was applied by the operator"])
+def test_a_remark_that_begins_like_a_finding_changes_nothing(text):
+    keywords = measured()
+    own = Record.from_arrays(**keywords, i_ref=keywords["i_c"], findings=[REMARK(text=text)])
+    assert own.notes[0] == text
+    assert (own.is_rebuilt, own.has_known_command, own.excitation_source) == (False, False, "logged")
 
 
 BROKEN = {
@@ -101,19 +135,21 @@ def test_broken_arrays(name):
         assert word in str(caught.value)
 
 
-def test_stated_notes(tmp_path, golden):
-    keywords = measured()
-    signals = signals_of(keywords)
+def test_findings_of_files(tmp_path, golden):
+    signals = signals_of(measured())
 
-    def notes(record):
-        return " | ".join(record.notes)
+    def values(path, code):
+        return dict(the(Record.load(path, RIG), code).values)
 
-    assert "not used: speed" in notes(Record.load(write_csv(tmp_path / "a.csv", signals, extra={"speed": times}), RIG))
-    assert "starts at 3 s" in notes(Record.load(write_csv(tmp_path / "b.csv", signals, t=times + 3), RIG))
+    more = write_csv(tmp_path / "a.csv", signals, extra={"speed": times})
+    assert values(more, "columns_not_used") == {"names": ["speed"]}
+    late = write_csv(tmp_path / "b.csv", signals, t=times + 3)
+    assert values(late, "time_offset") == {"start_s": 3.0}
     jitter = times + np.random.default_rng(0).uniform(-1e-5, 1e-5, times.size)
-    assert "jitters" in notes(Record.load(write_csv(tmp_path / "c.csv", signals, t=jitter), RIG))
+    jittery = write_csv(tmp_path / "c.csv", signals, t=jitter)
+    assert 0.1 < values(jittery, "time_jitter")["share"] < 0.2
     slow = write_csv(tmp_path / "d.csv", signals, t=times * 1.0005)
-    assert "taken as the rig's 10000 Hz" in notes(Record.load(slow, RIG))
+    assert values(slow, "sample_rate_of_rig") == {"rate_hz": pytest.approx(9995.0, abs=0.01), "rig_rate_hz": 1e4}
     assert Record.load(slow, RIG).sample_rate == 1e4
     rig = RIG.model_copy(update={"sample_rate": 1e5})
     rig.save(tmp_path / "fast.toml")
@@ -121,20 +157,30 @@ def test_stated_notes(tmp_path, golden):
         Record.load(slow, type(RIG).load(tmp_path / "fast.toml"))
     turned = {name: array.T for name, array in signals.items()}
     scipy.io.savemat(tmp_path / "e.mat", MATRICES | turned)
-    assert "y is stored as axes x N" in notes(Record.load(tmp_path / "e.mat", RIG))
+    turned = [own.values["name"] for own in Record.load(tmp_path / "e.mat", RIG).findings]
+    assert sorted(turned) == ["i_c", "i_e", "y"]
     scipy.io.savemat(tmp_path / "f.mat", {"fs": 1e4} | signals)
-    assert "names no axes" in notes(Record.load(tmp_path / "f.mat", RIG))
+    assert values(tmp_path / "f.mat", "axes_of_rig") == {"axes": AXES}
     with golden.raises(RecordError):
         Record.load(tmp_path / "f.mat")
 
-    assert "cannot be told apart" in notes(Record.from_arrays(**keywords | {"i_c": None}, rig=RIG))
+
+def test_findings_of_signals(golden):
+    keywords = measured()
+
+    def found(own, code, **more):
+        return the(Record.from_arrays(**own, rig=RIG, **more), code)
+
+    assert found(keywords | {"i_c": None}, "current_not_recorded").severity == "note"
     still = change("i_e", (slice(None), 1), 0.0)(measured())
-    assert "i_e.A_eta is constant" in notes(Record.from_arrays(**still, rig=RIG))
-    limited = clipped("i_c", 0.6)(measured())
-    assert "i_c.B_zeta is clipped" in notes(Record.from_arrays(**limited, rig=RIG))
-    assert "2 whole periods" in notes(Record.from_arrays(**measured(periods=2), rig=RIG))
-    assert "no period" in notes(Record.from_arrays(**measured(periods=1), rig=RIG))
-    assert Record.from_arrays(**keywords, rig=RIG, period=2 * PERIOD).notes[0].startswith("2 whole periods")
+    assert found(still, "axis_not_excited").where.axis == "A_eta"
+    limited = found(clipped("i_c", 0.6)(measured()), "current_clipped")
+    assert limited.where.channel == "i_c.B_zeta"
+    assert 0.0 < limited.values["share"] < 0.6
+    golden.holds(limited.line())
+    assert found(measured(periods=2), "few_periods").values["periods"] == 2
+    assert found(measured(periods=1), "no_period").values["signals"] == ["i_e"]
+    assert found(keywords, "few_periods", period=2 * PERIOD).values["periods"] == 2
 
 
 def test_a_stated_period_after_which_nothing_repeats_is_refused(golden):
@@ -163,7 +209,7 @@ def test_coarse_converters_are_not_clipped(seed):
     rng = np.random.default_rng(seed)
     step = np.ptp(keywords["y"]) / rng.uniform(6, 40)
     quantised = keywords | {"y": np.round(keywords["y"] / step) * step}
-    assert Record.from_arrays(**quantised, rig=RIG).notes == ()
+    assert Record.from_arrays(**quantised, rig=RIG).findings == ()
     sine = 1e-5 * np.sin(np.arange(5 * PERIOD) / rng.uniform(20, 50, 1))
     sine = np.round(sine / 8e-7) * 8e-7
     Record.from_arrays(**keywords | {"y": np.tile(sine[:, None], 4)}, rig=RIG)
@@ -175,11 +221,13 @@ def test_beyond_the_air_gap_is_told_and_far_beyond_it_may_be_vouched_for(golden)
     keywords["y"] = keywords["y"] - keywords["y"].mean(axis=0)
     keywords["y"] = keywords["y"] * (3.0 * gap / np.abs(keywords["y"]).max())
     record = Record.from_arrays(**keywords, rig=RIG)
-    assert any("m, the air gap is" in note and "taken as it is" in note for note in record.notes)
+    beyond = [own for own in record.findings if own.code == "beyond_air_gap"]
+    assert max(own.values["largest_m"] for own in beyond) == pytest.approx(3.0 * gap, rel=0.05)
+    assert {own.values["air_gap_m"] for own in beyond} <= {bearing.air_gap for bearing in RIG.bearings}
     keywords["y"] = 10.0 * keywords["y"]
     with golden.raises(RecordError):
         Record.from_arrays(**keywords, rig=RIG)
-    assert any("taken as it is" in note for note in Record.from_arrays(**keywords, rig=RIG, allow=["travel"]).notes)
+    assert "beyond_air_gap" in codes(Record.from_arrays(**keywords, rig=RIG, allow=["travel"]))
     with golden.raises(InputError):
         Record.from_arrays(**keywords, rig=RIG, allow=["gap"])
 
@@ -188,9 +236,10 @@ def test_the_mean_of_an_absolute_gap_is_no_travel_and_is_told_once():
     keywords = measured()
     gap = RIG.bearings[0].air_gap
     record = Record.from_arrays(**keywords | {"y": keywords["y"] - 1.1 * gap}, rig=RIG)
-    (note,) = record.notes
-    assert "y is read from elsewhere than the middle of the air gap" in note
-    assert f"A_zeta {-1.1 * gap + keywords['y'][:, 0].mean():.4g} m at an air gap of {gap:g} m" in note
+    (found,) = record.findings
+    assert (found.code, found.values["axes"]) == ("mean_left_out", list(AXES))
+    assert found.values["means_m"] == pytest.approx(-1.1 * gap + keywords["y"].mean(axis=0))
+    assert found.values["air_gaps_m"][0] == gap
 
 
 def test_currents_above_100_a_are_held_against_the_bias(golden):
@@ -198,11 +247,11 @@ def test_currents_above_100_a_are_held_against_the_bias(golden):
     keywords["i_c"] = keywords["i_c"] * (150.0 / keywords["i_c"].std())
     with golden.raises(RecordError):
         Record.from_arrays(**keywords, rig=RIG)
-    assert any("above" in note for note in Record.from_arrays(**keywords, rig=RIG, allow=["current"]).notes)
+    assert "large_current" in codes(Record.from_arrays(**keywords, rig=RIG, allow=["current"]))
     large = RIG.replace(
         bearings=tuple(
             b.model_copy(update={"bias_current": 40.0, "force_displacement": (1e7,) * len(b.axes)})
             for b in RIG.bearings
         )
     )
-    assert not any("rms" in note for note in Record.from_arrays(**keywords, rig=large).notes)
+    assert "large_current" not in codes(Record.from_arrays(**keywords, rig=large))

@@ -6,6 +6,7 @@ import pytest
 from ambid.excitation import multisine, prbs
 from ambid.record import Record
 from ambid.record.repeats import repeats
+from found import codes, the
 
 
 def excitation(seed):
@@ -78,8 +79,9 @@ def test_a_wrong_sample_is_mended_and_told():
     record = record_of(dirty)
     assert record.period == 510
     np.testing.assert_array_equal(record.i_e, i_e)
-    (note,) = (note for note in record.notes if "row 701" in note)
-    assert "i_e.A_zeta is 123 A" in note
+    found = the(record, "wrong_sample")
+    assert found.where.channel == "i_e.A_zeta"
+    assert dict(found.values) == {"row": 701, "logged_a": 123.0, "usual_a": i_e[700, 0]}
 
 
 def test_lost_rows_leave_three_whole_periods_of_four():
@@ -89,7 +91,8 @@ def test_lost_rows_leave_three_whole_periods_of_four():
     assert record.periods == 3
     whole = record.i_e[: 3 * 510].reshape(3, 510)
     assert (whole == whole[0]).all()
-    assert any("7 rows lost near row" in note for note in record.notes)
+    assert codes(record) == ["rows_lost", "part_used"]
+    assert the(record, "rows_lost").values["count"] == 7
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -103,5 +106,6 @@ def test_spikes_are_left_out_and_told(seed):
     record = record_of(i_e, dirty)
     np.testing.assert_array_equal(np.flatnonzero(record.y[:, 0] != dirty[:, 0]), [row])
     assert abs(record.y[row, 0] - clean[row, 0]) < 1e-7
-    assert any(f"row {row + 1}: " in note and "spike" in note for note in record.notes)
-    assert not any("spike" in note for note in record_of(i_e, clean).notes)
+    found = the(record, "spikes")
+    assert (found.where.channel, found.values["rows"], found.values["read"]) == ("y.A_zeta", [row + 1], [dirty[row, 0]])
+    assert "spikes" not in codes(record_of(i_e, clean))

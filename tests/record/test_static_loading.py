@@ -5,6 +5,7 @@ import pytest
 
 from ambid.errors import RecordError
 from ambid.record import StaticLoading
+from found import codes
 from reference.records import AXES, RIG
 
 LOADS = """step,z,F_x,F_y,i_c.A_zeta,i_c.A_eta,i_c.B_zeta,i_c.B_eta
@@ -19,13 +20,13 @@ def test_static_loading(tmp_path):
     path = tmp_path / "static_1.csv"
     path.write_text(LOADS)
     loads = StaticLoading.load(path, RIG)
-    assert (loads.name, loads.axes, loads.i_c.shape, loads.notes) == ("static_1", AXES, (4, 4), ())
+    assert (loads.name, loads.axes, loads.i_c.shape, loads.findings) == ("static_1", AXES, (4, 4), ())
     np.testing.assert_array_equal(loads.force[2], [500, 1])
     assert "4 steps up to 500 N" in repr(loads)
     path.write_text(LOADS.replace("i_c.A_zeta,i_c.A_eta", "i_c.A_eta,i_c.A_zeta"))
     swapped = StaticLoading.load(path, RIG)
     np.testing.assert_array_equal(swapped.i_c[:, [1, 0, 2, 3]], loads.i_c)
-    assert "reordered" in swapped.notes[0]
+    assert codes(swapped) == ["axes_reordered"]
     assert StaticLoading.load(path).axes[0] == "A_eta"
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from ambid import Record, Rig, identify
 from ambid.errors import RecordError
+from found import codes
 from reference.levitator import Levitator, pid, pid_matrices
 
 RATE, GAINS, SAMPLES = 1000.0, (300.0, 900.0, 12.0), 4000
@@ -32,7 +33,7 @@ def measured(set_point: float, i_e=I_E) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("set_point", [0.0, 1e-4])
 def test_the_excitation_is_rebuilt_about_it(set_point):
     found = record(measured(set_point), rig())
-    assert any("rebuilt from i_c" in note for note in found.notes)
+    assert found.excitation_source == "rebuilt_from_current"
     away = found.i_e[500:-10, 0] - (I_E - I_E.mean())[500:-10]
     assert away.std() < 0.05 * I_E.std()
     estimate = identify(rig(), found)
@@ -41,8 +42,7 @@ def test_the_excitation_is_rebuilt_about_it(set_point):
 
 
 def test_a_record_that_begins_far_from_it_is_still_driven():
-    found = record(measured(1e-3), rig())
-    assert any("rebuilt from i_c" in note for note in found.notes)
+    assert record(measured(1e-3), rig()).excitation_source == "rebuilt_from_current"
 
 
 def test_a_column_of_zeros_changes_nothing():
@@ -63,4 +63,5 @@ def test_coming_to_rest_about_a_set_point_is_still_a_free_response():
     found = record(signals, rig())
     assert found.is_free_response
     assert found.i_c is not None
-    assert any("comes to rest" in note for note in found.notes)
+    assert found.excitation_source == "assumed_zero"
+    assert "comes_to_rest" in codes(found)

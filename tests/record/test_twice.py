@@ -10,7 +10,8 @@ import pytest
 import ambid
 from ambid import Model, Record, StaticLoading, prbs, static_load
 from ambid.demo import DATA
-from ambid.record.twice import notes_on_validation, with_repeats_told
+from ambid.record.twice import findings_of_validation, with_repeats_found
+from found import codes, the
 from hidden.one_axis import ONE_AXIS
 
 RIG = ONE_AXIS.rig
@@ -54,19 +55,19 @@ def test_other_data_of_the_same_name_are_fine(files):
 
 def test_the_same_motion_by_another_excitation_is_another_record():
     own = run(1)
-    assert with_repeats_told([own, replace(own, i_e=2.0 * own.i_e)])[1].notes == own.notes
+    assert with_repeats_found([own, replace(own, i_e=2.0 * own.i_e)])[1].findings == own.findings
 
 
 def test_a_frequency_response_that_is_given_twice_is_told():
     own = run(1).frequency_response()
-    first, second = with_repeats_told([own, replace(own, name="again")])
-    assert not twice(first.notes)
-    assert "again holds the same data as" in twice(second.notes)[0]
+    first, second = with_repeats_found([own, replace(own, name="again")])
+    assert "counted_twice" not in codes(first)
+    assert dict(the(second, "counted_twice").values) == {"source": "again", "other": "run"}
 
 
 def test_it_is_told_once_however_often_it_is_asked():
-    told = with_repeats_told(with_repeats_told([run(1), run(1, "again")]))
-    assert len(twice(told[1].notes)) == 1
+    told = with_repeats_found(with_repeats_found([run(1), run(1, "again")]))
+    assert codes(told[1]).count("counted_twice") == 1
 
 
 def test_validation_on_the_record_that_was_fitted_is_told(files):
@@ -75,7 +76,7 @@ def test_validation_on_the_record_that_was_fitted_is_told(files):
     assert str(train) in note
     assert str(same) in note
     assert "validate on another record" in note
-    assert notes_on_validation([run(1)], [run(2)]) == []
+    assert findings_of_validation([run(1)], [run(2)]) == []
 
 
 @pytest.mark.parametrize("what", ["identify", "compare", "rank"])

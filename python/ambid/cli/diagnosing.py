@@ -129,7 +129,7 @@ def rank_command(
     quiet: Quiet = False,
 ) -> None:
     """Score every effect that the model lacks by what adding it would bring; only the model itself is fitted."""
-    from ambid.record.twice import notes_on_repeats  # not at the top: --help need not open that room
+    from ambid.record.twice import findings_of_repeats  # not at the top: --help need not open that room
 
     ambid.plot.check_format(plot)
     if predict is not None:
@@ -141,7 +141,7 @@ def rank_command(
         comparison = ambid.identify(start, loaded).comparison
         ranking = ambid.rank(comparison, progress=with_time_left(told))
         expected = None if predict is None else ambid.predict(ranking, predict)
-    twice = notes_on_repeats([own.record for own in comparison.records])
+    twice = [found.line() for found in findings_of_repeats([own.record for own in comparison.records])]
     text, data = [repr(ranking), *(f"note: {note}" for note in twice)], ranking.to_json() | {"notes": twice}
     if expected is not None:
         text, data = [*text, "", *expected.lines()], data | {"prediction": expected.to_json()}

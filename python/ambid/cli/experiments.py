@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,12 +15,12 @@ from ambid.cli.options import Force, JsonFile, ModelFile, Quiet, RigFile, known_
 from ambid.cli.outputs import conclude, require_outputs
 from ambid.cli.signals import stoppable
 from ambid.errors import InputError, WrongUnit
+from ambid.findings import has
 from ambid.results import of_unit, plain
 from ambid.writing import is_device, make_folder, whole_file
 
 LONGEST_SIMULATION = 10_000_000
 """Samples of a virtual experiment; more would not fit into the memory of a small computer."""
-OF_UNITS = r"taken as it is; see that air_gap and the unit of \w+ are right$"
 """What is said of a record whose y goes beyond the air gap; of a virtual one the amplitude is the cause."""
 OF_AMPLITUDE = "nothing limits it here; on the machine it would touch, so give a smaller --amplitude"
 
@@ -99,7 +98,12 @@ def simulate_command(
     _require_possible(made, machine, out, amplitude)
     made.save(out)
     record = ambid.Record.load(out, machine)
-    notes = [re.sub(OF_UNITS, OF_AMPLITUDE, note) for note in record.notes]
+    from ambid.record.checks import BEYOND_AIR_GAP  # not at the top: --help need not open that room
+
+    notes = [
+        f"{own.line(advises=False)}; {OF_AMPLITUDE}" if has([own], BEYOND_AIR_GAP) else own.line()
+        for own in record.findings
+    ]
     summary = {
         "record": str(out),
         "samples": record.samples,

@@ -33,7 +33,7 @@ from ambid.model.parameter import nominal
 from ambid.noise import Comparison
 from ambid.noise.chance import ADEQUATE
 from ambid.record import Measurement, Record, Source, measured
-from ambid.record.twice import notes_on_repeats, notes_on_validation
+from ambid.record.twice import findings_of_repeats, findings_of_validation
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["diagnose"]
@@ -184,8 +184,8 @@ def _told(
         next_experiment=slips[0].remedy if slips else next_experiment(verdict, state.history),
         seconds=time.perf_counter() - begun,
         notes=(
-            *notes_on_repeats(records),
-            *notes_on_validation(records, task.validate),
+            *(found.line() for found in findings_of_repeats(records)),
+            *(found.line() for found in findings_of_validation(records, task.validate)),
             *_undetermined(start, verdict.fit),
             *notes(verdict, state.fit.noise),
             *(f.line(advises=verdict.word != "adequate") for f in findings if has([f], OPERATING_POINT_DRIFT)),

@@ -18,7 +18,7 @@ from ambid.identification.static_slips import exchanged_bearings, notes_on_defle
 from ambid.loop.geometry import axis_angles, axis_directions, lies_in_one_plane, modal_geometry, rotor_of
 from ambid.record import StaticLoading
 from ambid.record.checks import order_of_axes
-from ambid.record.twice import notes_on_loadings
+from ambid.record.twice import findings_of_loadings
 from ambid.rig import PointMassRotor, Rig, as_rig
 from ambid.threads import with_one_blas_thread
 
@@ -161,7 +161,8 @@ def _solved(rig: Rig, loadings: tuple[StaticLoading, ...], deflection: bool) -> 
                 f"{_names([loading])}: {len(loading.z)} load steps; allowed is at least 3, for a slope, a constant and "
                 "a measure of scatter; record more steps"
             )
-    notes = [f"{loading.name}: {note}" for loading in loadings for note in loading.notes] + notes_on_loadings(loadings)
+    findings = [found.at(record=loading.name) for loading in loadings for found in loading.findings]
+    notes = [found.line() for found in [*findings, *findings_of_loadings(loadings)]]
     of = np.repeat(np.arange(len(loadings)), [len(loading.z) for loading in loadings])
     z = np.concatenate([loading.z for loading in loadings])
     loads = _in_frame(rig, np.concatenate([loading.force for loading in loadings]))

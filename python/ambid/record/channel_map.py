@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.errors import InputError, RecordError
-from ambid.record.content import Content, Stored
+from ambid.findings import Finding, Kind
+from ambid.record.content import COLUMNS_NOT_USED, TRANSPOSED, Content, Stored, unused
 from ambid.record.raw import SIGNALS, RawRecord, numbers, require_agreement
 
 __all__ = ["ChannelMap"]
 
 EXAMPLE = "y.A_zeta=ch3:1e-6"
+COLUMNS_MAPPED = Kind("columns_mapped", "note", "column mapping applied ({count} columns)")
 
 
 @dataclass(frozen=True)
@@ -119,7 +121,7 @@ class ChannelMap:
             if own:
                 axes = tuple(channel.removeprefix(f"{signal}.") for channel in own)
                 raw.signals[signal] = (axes, np.stack([values[channel] for channel in own], axis=1))
-        raw.notes = [*self._notes(names, columns), *content.notes]
+        raw.findings = [*self._findings(names, columns), *content.findings]
         return raw
 
     def _name(self, path: Path, channel: str, columns: Mapping[str, object]) -> str:
@@ -132,16 +134,15 @@ class ChannelMap:
         present = ", ".join(f"{k} {name}" if name != str(k) else name for k, name in enumerate(names, start=1))
         raise RecordError(f"{path}: map {channel}={wanted}: there is no such column; the columns are {present}")
 
-    def _notes(self, names: Mapping[str, str], columns: Mapping[str, _Column]) -> list[str]:
-        by_map = ", ".join(
-            f"{channel} = {names[channel]}" + (f" times {source.factor:g}" if source.factor != 1.0 else "")
-            for channel, source in self._sources.items()
+    def _findings(self, names: Mapping[str, str], columns: Mapping[str, _Column]) -> list[Finding]:
+        mapped = COLUMNS_MAPPED(
+            count=len(names),
+            channels=list(names),
+            columns=list(names.values()),
+            factors=[source.factor for source in self._sources.values()],
         )
-        unused = [name for name in columns if name not in names.values()]
-        used_turned = sorted({name for name in names.values() if columns[name].is_row})
-        notes = [f"columns by the map: {by_map}"]
-        notes += [f"{name}: its matrix is wider than long, and was transposed" for name in used_turned]
-        return [*notes, f"columns not used: {', '.join(unused)}"] if unused else notes
+        turned = [TRANSPOSED(name=name) for name in sorted({n for n in names.values() if columns[n].is_row})]
+        return [mapped, *turned, *unused(COLUMNS_NOT_USED, (name for name in columns if name not in names.values()))]
 
     def __repr__(self) -> str:
         return f"ChannelMap({', '.join(f'{c}={s.column}:{s.factor:g}' for c, s in self._sources.items())})"

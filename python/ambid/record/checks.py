@@ -1,4 +1,4 @@
-"""Gates that every record passes: each refuses with what was found and what to do, or returns a note."""
+"""Gates that every record passes: each refuses with what was found and what to do, or returns findings."""
 
 from __future__ import annotations
 
@@ -8,7 +8,51 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.errors import InputError, RecordError, WrongUnit
+from ambid.findings import Finding, Kind, Where
 from ambid.rig import Rig
+
+AXES_REORDERED = Kind("axes_reordered", "note", "axes {found} were reordered to the rig's {wanted}")
+LARGE_CURRENT = Kind("large_current", "warning", "rms of {rms_a:.4g} A, above {limit_a:g} A: taken as it is")
+BEYOND_AIR_GAP = Kind(
+    "beyond_air_gap",
+    "warning",
+    "reaches {largest_m:.4g} m, the air gap is {air_gap_m:g} m: taken as it is",
+    "see that air_gap and the unit of {signal} are right",
+)
+MEAN_LEFT_OUT = Kind(
+    "mean_left_out",
+    "note",
+    "y is read from elsewhere than the middle of the air gap (means of {axes}: {means_m:.4g} m at air gaps of "
+    "{air_gaps_m:g} m): its mean is left out, and that of r",
+)
+SAMPLE_RATE_OF_RIG = Kind(
+    "sample_rate_of_rig", "note", "sample rate {rate_hz:.9g} Hz, taken as the rig's {rig_rate_hz:g} Hz"
+)
+TIME_JITTER = Kind("time_jitter", "warning", "t jitters by up to {share:.0f|%} of a sample; taken as uniform")
+TIME_OFFSET = Kind("time_offset", "note", "t starts at {start_s:.9g} s; counted from 0")
+CURRENT_CLIPPED = Kind(
+    "current_clipped",
+    "warning",
+    "clipped: {share:.1f|%} of the samples stand at {level_a:.6g} A, a limit of the amplifier or of its sensor that a "
+    "linear loop does not have",
+)
+FREE_RESPONSE = Kind(
+    "free_response",
+    "note",
+    "{signals} constant on every axis: what is judged is the free response, from the state in which the record begins",
+)
+AXIS_NOT_EXCITED = Kind(
+    "axis_not_excited",
+    "warning",
+    "{signals} constant: this axis is not excited, and the record says little of its parameters",
+    "excite this axis as well",
+)
+COMMAND_CLIPPED = Kind(
+    "command_clipped",
+    "note",
+    "stands at {level:.6g} in {share:.1f|%} of the samples: the command was clipped; what was applied less what the "
+    "law asks for is taken as excitation",
+)
 
 MIN_SAMPLES = 200
 """Fewest samples of a record."""
@@ -134,7 +178,7 @@ def require_ampere(
     *,
     is_allowed: bool = False,
     otherwise: str = ", or vouch for it: --allow current",
-) -> list[str]:
+) -> list[Finding]:
     """Refuse currents that only make sense in mA, or note them where a person vouches for them.
 
     `otherwise` is what to do if they are right.
@@ -145,30 +189,31 @@ def require_ampere(
     if rms <= limit:
         return []
     if is_allowed:
-        return [f"{channel} has an rms of {rms:.4g} A, above {limit:g} A: taken as it is"]
+        return [LARGE_CURRENT(Where(channel=channel), rms_a=rms, limit_a=limit)]
     told = f"{channel} has an rms of {rms:.4g} A, allowed is {limit:g} A"
     raise WrongUnit(where, told, f"it looks like mA; give ampere{otherwise}")
 
 
 def require_metres(
     where: str, signal: str, axes: tuple[str, ...], y: NDArray[np.float64], rig: Rig, *, is_allowed: bool = False
-) -> list[str]:
+) -> list[Finding]:
     """Refuse displacements, or references, far beyond the air gap, or note them where a person vouches for them.
 
     The mean of an absolute gap does not count.
     """
     gaps = {axis: bearing.air_gap for bearing in rig.bearings for axis in bearing.axis_names}
-    notes = []
+    findings = []
     for axis, values in zip(axes, y.T, strict=True):
         largest = float(np.abs(displacement(values, gaps[axis])).max())
-        told = f"{signal}.{axis} reaches {largest:.4g} m, the air gap is {gaps[axis]:g} m"
         if largest > GAPS_OF_TRAVEL * gaps[axis] and not is_allowed:
+            told = f"{signal}.{axis} reaches {largest:.4g} m, the air gap is {gaps[axis]:g} m"
             raise WrongUnit(
                 where, told, "it looks like micrometres or millimetres; give metres, or vouch for it: --allow travel"
             )
         if largest > gaps[axis]:
-            notes.append(f"{told}: taken as it is; see that air_gap and the unit of {signal} are right")
-    return notes
+            at = Where(channel=f"{signal}.{axis}")
+            findings.append(BEYOND_AIR_GAP(at, signal=signal, largest_m=largest, air_gap_m=gaps[axis]))
+    return findings
 
 
 def displacement(y: NDArray[np.float64], gap: NDArray[np.float64] | float) -> NDArray[np.float64]:
@@ -177,15 +222,15 @@ def displacement(y: NDArray[np.float64], gap: NDArray[np.float64] | float) -> ND
     return np.asarray(y - np.where(np.abs(mean) > FROM_ELSEWHERE * gap, mean, 0.0))
 
 
-def notes_on_means(axes: tuple[str, ...], y: NDArray[np.float64], rig: Rig) -> list[str]:
-    """Note the axes whose y is read from elsewhere than the middle of the air gap."""
+def findings_of_means(axes: tuple[str, ...], y: NDArray[np.float64], rig: Rig) -> list[Finding]:
+    """Find the axes whose y is read from elsewhere than the middle of the air gap."""
     gaps = np.array([bearing.air_gap for bearing in rig.bearings for _ in bearing.axis_names])
     mean = y.mean(axis=0)
     off = np.flatnonzero(np.abs(mean) > FROM_ELSEWHERE * gaps)
     if not len(off):
         return []
-    told = ", ".join(f"{axes[k]} {mean[k]:.4g} m at an air gap of {gaps[k]:g} m" for k in off)
-    return [f"y is read from elsewhere than the middle of the air gap ({told}): its mean is left out, and that of r"]
+    own = [axes[k] for k in off]
+    return [MEAN_LEFT_OUT(Where(channel="y"), axes=own, means_m=mean[off].tolist(), air_gaps_m=gaps[off].tolist())]
 
 
 def require_on_shaft(where: str, z: NDArray[np.float64], rig: Rig) -> None:
@@ -203,14 +248,14 @@ def require_on_shaft(where: str, z: NDArray[np.float64], rig: Rig) -> None:
 
 def sample_rate_of(
     where: str, t: NDArray[np.float64] | None, stated: float | None, rig: Rig | None
-) -> tuple[float, list[str]]:
-    """Sample rate [Hz] from the times, what the file states and what the rig expects, which must agree; and notes."""
-    notes: list[str] = []
+) -> tuple[float, list[Finding]]:
+    """Sample rate [Hz] from the times, what the file states and what the rig expects, which must agree."""
+    findings: list[Finding] = []
     if stated is not None and not (np.isfinite(stated) and stated > 0):
         raise RecordError(f"{where}: fs = {stated} Hz; give a finite rate above zero")
     rate = stated
     if t is not None:
-        measured = _rate_of_times(where, t, notes)
+        measured = _rate_of_times(where, t, findings)
         if rate is None:
             # The last digit of written times is no reason for 9999.9997 Hz.
             rate = float(round(measured)) if abs(measured - round(measured)) < 1e-6 * measured else measured
@@ -222,12 +267,12 @@ def sample_rate_of(
         theirs = "the rig's sample_rate" if rig.path is None else f"sample_rate in {rig.path}"
         _require_same_rate(where, "t" if stated is None else "fs", rate, theirs, expected)
         if abs(rate - expected) > 1e-6 * expected:
-            notes.append(f"sample rate {rate:.9g} Hz, taken as the rig's {expected:g} Hz")
+            findings.append(SAMPLE_RATE_OF_RIG(rate_hz=rate, rig_rate_hz=expected))
         rate = expected
-    return rate, notes
+    return rate, findings
 
 
-def _rate_of_times(where: str, t: NDArray[np.float64], notes: list[str]) -> float:
+def _rate_of_times(where: str, t: NDArray[np.float64], findings: list[Finding]) -> float:
     steps = np.diff(t)
     back = np.flatnonzero(steps <= 0)
     if back.size:
@@ -246,9 +291,9 @@ def _rate_of_times(where: str, t: NDArray[np.float64], notes: list[str]) -> floa
         )
     jitter = float(np.abs(steps / dt - 1).max())
     if jitter > 0.05:
-        notes.append(f"t jitters by up to {100 * jitter:.0f} % of a sample; taken as uniform")
+        findings.append(TIME_JITTER(share=jitter))
     if t[0] != 0:
-        notes.append(f"t starts at {t[0]:.9g} s; counted from 0")
+        findings.append(TIME_OFFSET(start_s=float(t[0])))
     return (len(t) - 1) / float(t[-1] - t[0])
 
 
@@ -266,10 +311,10 @@ def _require_same_rate(where: str, source: str, rate: float, other: str, expecte
     )
 
 
-def notes_on_clipping(
+def findings_of_clipping(
     where: str, axes: tuple[str, ...], y: NDArray[np.float64], i_c: NDArray[np.float64] | None
-) -> list[str]:
-    """Refuse a clipped displacement; note a clipped current.
+) -> list[Finding]:
+    """Refuse a clipped displacement; find a clipped current.
 
     Beyond its range a displacement sensor says nothing, and no model can be held against what it reads. A current that
     stands at a limit is what the amplifier really did: the linear model misses it, but the reading is true.
@@ -281,15 +326,12 @@ def notes_on_clipping(
                 f"{where}: y.{axis} is clipped: {100 * share:.1f} % of the samples stand at {level:.6g} m; "
                 "lower the excitation or widen the range of the sensor"
             )
-    notes = []
+    findings = []
     for axis, values in zip(axes, () if i_c is None else i_c.T, strict=i_c is not None):
         share, level = _clipped(values)
         if share:
-            notes.append(
-                f"i_c.{axis} is clipped: {100 * share:.1f} % of the samples stand at {level:.6g} A, "
-                "a limit of the amplifier or of its sensor that a linear loop does not have"
-            )
-    return notes
+            findings.append(CURRENT_CLIPPED(Where(channel=f"i_c.{axis}"), share=share, level_a=level))
+    return findings
 
 
 def at_limits(values: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -318,23 +360,23 @@ def decays(y: NDArray[np.float64]) -> bool:
     return bool(np.any(np.abs(y[:half] - rest.mean(axis=0)).max(axis=0) > DECAYED * rest.std(axis=0)))
 
 
-def notes_on_excitation(
+def findings_of_excitation(
     where: str,
     axes: tuple[str, ...],
     y: NDArray[np.float64],
     i_e: NDArray[np.float64],
     r: NDArray[np.float64] | None = None,
-) -> list[str]:
-    """Refuse a record that nothing drives and that does not decay; note each axis that neither i_e nor r moves."""
+) -> list[Finding]:
+    """Refuse a record that nothing drives and that does not decay; find each axis that neither i_e nor r moves."""
     moving = np.ptp(i_e, axis=0) >= SMALLEST_CHANGE
     if r is not None:
         moving |= np.ptp(r, axis=0) >= SMALLEST_CHANGE
     still = [axis for axis, moves in zip(axes, moving, strict=True) if not moves]
-    what = "i_e is" if r is None else "i_e and r are"
+    signals = ["i_e"] if r is None else ["i_e", "r"]
     if len(still) == len(axes) and decays(y):
-        judged = "what is judged is the free response, from the state in which the record begins"
-        return [f"{what} constant on every axis: {judged}"]
+        return [FREE_RESPONSE(signals=signals)]
     if len(still) == len(axes):
+        what = "i_e is" if r is None else "i_e and r are"
         values = f"{', '.join(f'{value:.4g}' for value in i_e[0])} A"
         if r is not None:
             values = f"i_e {values}; r {', '.join(f'{value:.4g}' for value in r[0])} m"
@@ -342,19 +384,14 @@ def notes_on_excitation(
             f"{where}: no excitation: {what} constant ({values}) on every axis; "
             "excite the loop, begin the record where it has not come to rest, or check that what drives it was logged"
         )
-    own = "i_e.{0} is" if r is None else "i_e.{0} and r.{0} are"
-    return [
-        f"{own.format(axis)} constant: this axis is not excited, and little can be said of its parameters"
-        for axis in still
-    ]
+    return [AXIS_NOT_EXCITED(Where(axis=axis), signals=signals) for axis in still]
 
 
-def notes_on_limits(axes: tuple[str, ...], i_ref: NDArray[np.float64]) -> list[str]:
-    """Note each command that stands at a limit: what was applied there is known, whatever the law asked for."""
+def findings_of_limits(axes: tuple[str, ...], i_ref: NDArray[np.float64]) -> list[Finding]:
+    """Find each command that stands at a limit: what was applied there is known, whatever the law asked for."""
     found = [(axis, *_clipped(values)) for axis, values in zip(axes, i_ref.T, strict=True)]
     return [
-        f"i_ref.{axis} stands at {level:.6g} in {100 * share:.1f} % of the samples: the command was clipped; what was "
-        "applied less what the law asks for is taken as excitation"
+        COMMAND_CLIPPED(Where(channel=f"i_ref.{axis}"), level=level, share=share)
         for axis, share, level in found
         if share
     ]

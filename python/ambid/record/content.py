@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -12,9 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.errors import RecordError
+from ambid.findings import Finding, Kind
 from ambid.reading import MOST_COLUMNS, Provenance
 
-__all__ = ["Content", "Stored", "require_columns"]
+__all__ = ["Content", "Stored", "require_columns", "unused"]
+
+COLUMNS_NOT_USED = Kind("columns_not_used", "note", "columns not used: {names}")
+VARIABLES_NOT_USED = Kind("variables_not_used", "note", "variables not used: {names}")
+CHANNELS_NOT_USED = Kind("channels_not_used", "note", "channels not used: {names}")
+TRANSPOSED = Kind("matrix_transposed", "note", "{name} is stored as axes x N and was transposed")
 
 
 @dataclass(frozen=True)
@@ -59,8 +65,8 @@ class Content:
         What the format itself states [Hz], as TDMS does.
     has_names : bool
         False where the columns have no names and are called 1, 2, ...
-    notes : list of str
-        What was left aside.
+    findings : list of Finding
+        What was left out or interpreted.
     provenance : Provenance, optional
         Of the file.
     """
@@ -70,7 +76,7 @@ class Content:
     axes: list[Any] | None = None
     sample_rate: float | None = None
     has_names: bool = True
-    notes: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
     provenance: Provenance | None = None
 
 
@@ -78,3 +84,9 @@ def require_columns(path: Path, count: int) -> None:
     """Refuse a table on its side."""
     if count > MOST_COLUMNS:
         raise RecordError(f"{path}: {count} columns, at most {MOST_COLUMNS} are read; give one a channel")
+
+
+def unused(kind: Kind, names: Iterable[str]) -> list[Finding]:
+    """A finding on columns, variables or channels that nothing is read from; none where there are none."""
+    own = list(names)
+    return [kind(names=own)] if own else []

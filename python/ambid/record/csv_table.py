@@ -14,9 +14,22 @@ from typing import TextIO
 import numpy as np
 
 from ambid.errors import RecordError
+from ambid.findings import Finding, Kind
 from ambid.record.content import Content, require_columns
 
 __all__ = ["read_table"]
+
+DECIMAL_COMMAS = Kind("decimal_commas", "note", "decimal commas were read as decimal points")
+EMPTY_LAST_COLUMN = Kind(
+    "empty_last_column", "note", "every row ends with a separator: the empty last column is left out"
+)
+UNITS_NOT_READ = Kind(
+    "units_not_read", "note", "the line of units ({units}) is not read: values are in s, m, A, or as a map says"
+)
+COMMENT_LINES = Kind("comment_lines", "note", "comment lines above the header are skipped: {count}")
+WHITE_SPACE = Kind(
+    "separated_by_white_space", "note", "no comma, semicolon or tab in the header: white space separates the cells"
+)
 
 LONGEST_LINE = 1 << 20
 """Characters of a header: 100 for each of as many columns as are allowed."""
@@ -36,7 +49,7 @@ class _Sheet:
     separator: str | None
     ends_empty: bool = False
     rows: Iterator[str] = field(default_factory=lambda: iter(()))
-    notes: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
     marks: set[str] = field(default_factory=set)
 
     def trimmed(self, lines: Iterator[str]) -> Iterator[str]:
@@ -67,7 +80,7 @@ def read_table(path: Path) -> Content:
 
     A column without a name whose cells are all empty, as rows that end with a separator make it, is left out. Lines
     above the header that begin with ``#`` are passed over, and so is a line of units below it; decimal commas are read
-    where no commas part the cells. Notes say so.
+    where no commas part the cells. Findings say so.
 
     Raises
     ------
@@ -97,9 +110,8 @@ def read_table(path: Path) -> Content:
         raise RecordError(f"{path}: {_first_bad_cell(path) or unequal}")
     if sheet.marks == {".", ","}:
         raise RecordError(f"{path}: decimal commas and decimal points in one file; write all numbers with points")
-    notes = sheet.notes + ["decimal commas were read as decimal points"] * ("," in sheet.marks)
-    notes += ["every row ends with a separator: the empty last column is left out"] * sheet.ends_empty
-    return Content(dict(zip(names, table.T, strict=True)), is_table=True, has_names=sheet.has_names, notes=notes)
+    findings = sheet.findings + [DECIMAL_COMMAS()] * ("," in sheet.marks) + [EMPTY_LAST_COLUMN()] * sheet.ends_empty
+    return Content(dict(zip(names, table.T, strict=True)), is_table=True, has_names=sheet.has_names, findings=findings)
 
 
 def _sheet(path: Path, file: TextIO) -> _Sheet:
@@ -126,14 +138,13 @@ def _sheet(path: Path, file: TextIO) -> _Sheet:
     elif (below := next(lines, None)) is not None:
         units = _names(below, separator)
         if len(units) == len(cells) > 1 and all(UNIT.fullmatch(unit) and not _is_number(unit) for unit in units):
-            told = f"the line of units ({', '.join(units)}) is not read: values are in s, m, A, or as a map says"
-            sheet.notes.append(told)
+            sheet.findings.append(UNITS_NOT_READ(units=units))
         else:
             lines = chain([below], lines)
     if comments:
-        sheet.notes.append(f"comment lines above the header are passed over: {len(comments)}")
+        sheet.findings.append(COMMENT_LINES(count=len(comments)))
     if separator is None:
-        sheet.notes.append("no comma, semicolon or tab in the header: white space parts the cells")
+        sheet.findings.append(WHITE_SPACE())
     sheet.rows = sheet.with_points(sheet.trimmed(lines))
     return sheet
 

@@ -9,37 +9,72 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.errors import RecordError
+from ambid.findings import Finding, Kind
 from ambid.record import checks
 from ambid.record.applied import applied_excitation
 from ambid.record.free_modes import REBUILT_TOLERANCE
 from ambid.record.mending import mended_excitation, mended_outputs
 from ambid.record.period import find_period, mismatches
-from ambid.record.rebuild import NOT_LOGGED, rebuild_excitation
+from ambid.record.rebuild import ExcitationSource, rebuild_excitation
 from ambid.rig import Rig
 
 __all__ = ["Driven", "driven"]
 
-SPENT = "i_c is left out: i_e was rebuilt from it and explains all of it, so that y alone is judged"
-"""Note on a record whose i_e comes from i_c."""
-FREE = f"{NOT_LOGGED}: taken as zero: y comes to rest, r is constant, and i_c follows without a push"
-"""Note on a free response about a reference that stands."""
+SPENT = Kind(
+    "current_left_out",
+    "note",
+    "i_c is left out: i_e was rebuilt from it and explains all of it, so that y alone is judged",
+)
+FREE = Kind(
+    "comes_to_rest",
+    "note",
+    "i_e was not logged: taken as zero: y comes to rest, r is constant, and i_c follows without a push",
+)
+UNKNOWN = Kind(
+    "excitation_unknown", "warning", "i_e was not logged", "load the record with its rig, whose controller rebuilds it"
+)
+REFERENCE_DRIVES = Kind(
+    "reference_drives", "note", "i_e was not logged: taken as zero, the reference r drives the loop"
+)
+NOT_REBUILT = Kind(
+    "excitation_not_rebuilt",
+    "note",
+    "i_e was not logged: taken as zero; r is constant, and no i_ref or i_c was recorded to rebuild i_e from",
+)
+REFERENCE_LEFT_OUT = Kind(
+    "reference_left_out",
+    "warning",
+    "r was recorded, but the rig's controller does not act on it (reference is not true): left out",
+)
+NO_PERIOD = Kind(
+    "no_period",
+    "note",
+    "no period of {signals} found: a noise ceiling from repeats needs {needed}; without, it is that of the noise model",
+)
+FEW_PERIODS = Kind(
+    "few_periods",
+    "note",
+    "{periods} whole periods of {signals} found: a noise ceiling from repeats needs {needed}; without, it is that of "
+    "the noise model",
+)
 LAGS, BY_FAR = 24, 4.0
 """Samples of i_e that y may follow from, and how many times what chance explains it must then."""
 UNLIKE = 1.0
 """Mismatch of one period with the next, relative to the rms, of a signal with as much noise; by chance it is 1.41."""
 FEWEST = 3
-"""Periods that tell the noise by themselves."""
+"""Periods that the noise is estimated from by themselves."""
 
 Signals = dict[str, NDArray[np.float64]]
 """What was recorded, by name."""
 
 
 class Driven(NamedTuple):
-    """The signals of a record once it is known what drives it, samples per period, and notes on both."""
+    """The signals of a record once it is known what drives it, where i_e is from, samples per period, and findings."""
 
     signals: Signals
+    source: ExcitationSource
     period: int | None
-    notes: list[str]
+    findings: list[Finding]
 
 
 def driven(
@@ -66,21 +101,19 @@ def driven(
     RecordError
         If i_e cannot be rebuilt, nothing drives the loop, or the controller does not act on the reference that does.
     """
-    signals, told = _with_reference(where, rig, logged)
+    signals, source, findings = _with_reference(where, rig, logged)
     period, is_known = stated, False
     if rig is not None and "i_e" in logged and "i_ref" in logged:
         applied, more = applied_excitation(where, rig, sample_rate, signals)
-        told = [*told, *more]
+        findings += more
         if applied is not None:
-            signals, is_known = {**signals, "i_e": applied}, True
+            signals, source, is_known = {**signals, "i_e": applied}, "applied_command", True
             period = stated or find_period(applied, tolerance=REBUILT_TOLERANCE)
     if "i_e" not in signals:
         if rig is None:
-            return Driven(
-                signals, stated, [f"{NOT_LOGGED}: load the record with its rig, whose controller rebuilds it"]
-            )
+            return Driven(signals, "unknown", stated, [UNKNOWN()])
         try:
-            i_e, period, note = rebuild_excitation(
+            i_e, period, source, found_how = rebuild_excitation(
                 rig,
                 sample_rate,
                 y=logged["y"],
@@ -103,16 +136,17 @@ def driven(
                 ) from None
             is_free = True
         if is_free:
-            i_e, period, note = np.zeros_like(logged["y"]), stated, FREE
-        signals, told = {**signals, "i_e": i_e}, [*told, note]
+            i_e, period, source, found_how = np.zeros_like(logged["y"]), stated, "assumed_zero", FREE()
+        signals["i_e"] = i_e
+        findings.append(found_how)
         if "i_ref" not in logged and not is_free:
             signals.pop("i_c", None)
-            told.append(SPENT)
+            findings.append(SPENT())
     i_e, r = signals["i_e"], signals.get("r")
     is_known |= "i_e" not in logged and bool(np.any(i_e))
-    notes = checks.notes_on_excitation(where, axes, signals["y"], i_e, r)
+    findings += checks.findings_of_excitation(where, axes, signals["y"], i_e, r)
     if is_known and "i_ref" in signals:
-        notes += checks.notes_on_limits(axes, signals["i_ref"])
+        findings += checks.findings_of_limits(axes, signals["i_ref"])
     drives = [s for s in (i_e, r) if s is not None and np.ptp(s, axis=0).max() >= checks.SMALLEST_CHANGE]
     found = period if is_known or not drives else find_period(_scaled(drives))
     what = "i_e repeats" if r is None else "what drives the loop repeats"
@@ -121,17 +155,15 @@ def driven(
     period = period or found
     if found is None and not is_known and "i_e" in logged and drives and r is None:
         signals, mended, more = mended_excitation(signals, axes)
-        period, notes = period or mended, [*notes, *more]
+        period, findings = period or mended, [*findings, *more]
     periods = len(signals["y"]) // period if period else 0
     if period is not None and periods >= FEWEST:
         mended_signals, more = mended_outputs(signals, axes, period)
-        signals, notes = mended_signals if more else signals, [*notes, *more]
+        signals, findings = mended_signals if more else signals, [*findings, *more]
     if periods < FEWEST:
-        count = f"{periods} whole periods" if period else "no period"
-        of = "i_e" if r is None else "i_e and r"
-        needs = f"the noise ceiling needs {FEWEST} to be told by repeats; where one is told, the noise model tells it"
-        notes.append(f"{count} of {of} found: {needs}")
-    return Driven(signals, period, [*told, *notes])
+        of = ["i_e"] if r is None else ["i_e", "r"]
+        findings.append((FEW_PERIODS if period else NO_PERIOD)(periods=periods, signals=of, needed=FEWEST))
+    return Driven(signals, source, period, findings)
 
 
 def _require_repeating(where: str, drives: NDArray[np.float64], stated: int, found: int | None, what: str) -> None:
@@ -145,10 +177,11 @@ def _require_repeating(where: str, drives: NDArray[np.float64], stated: int, fou
         raise RecordError(f"{where}: a period of {stated} samples was stated, but {fault}; {act}")
 
 
-def _with_reference(where: str, rig: Rig | None, logged: Signals) -> tuple[Signals, list[str]]:
-    """The signals as the rig's controller takes the reference; notes on one that does not act."""
+def _with_reference(where: str, rig: Rig | None, logged: Signals) -> tuple[Signals, ExcitationSource, list[Finding]]:
+    """The signals as the rig's controller takes the reference; findings on one that does not act."""
+    signals = dict(logged)
     if "r" not in logged or rig is None:
-        return logged, []
+        return signals, "logged", []
     if not rig.controller.follows_reference:
         is_alone = "i_e" not in logged or not np.any(np.ptp(logged["i_e"], axis=0))
         if is_alone and np.any(np.ptp(logged["r"], axis=0)):
@@ -156,16 +189,12 @@ def _with_reference(where: str, rig: Rig | None, logged: Signals) -> tuple[Signa
                 f"{where}: the reference r drives this record, but the rig's controller acts on y alone; write "
                 "reference = true in [controller]"
             )
-        note = "r was recorded, but the rig's controller does not act on it (reference is not true): left out"
-        return {name: own for name, own in logged.items() if name != "r"}, [note]
-    if "i_e" not in logged and "i_ref" not in logged:
-        if _moves(logged["r"]):
-            note = f"{NOT_LOGGED}: taken as zero, the reference r drives the loop"
-            return {**logged, "i_e": np.zeros_like(logged["y"])}, [note]
-        if "i_c" not in logged:
-            note = f"{NOT_LOGGED}: taken as zero; r is constant, and no i_ref or i_c was recorded to rebuild i_e from"
-            return {**logged, "i_e": np.zeros_like(logged["y"])}, [note]
-    return logged, []
+        del signals["r"]
+        return signals, "logged", [REFERENCE_LEFT_OUT()]
+    if "i_e" not in logged and "i_ref" not in logged and (_moves(logged["r"]) or "i_c" not in logged):
+        signals["i_e"] = np.zeros_like(logged["y"])
+        return signals, "assumed_zero", [REFERENCE_DRIVES() if _moves(logged["r"]) else NOT_REBUILT()]
+    return signals, "logged", []
 
 
 def _stands(logged: Signals) -> bool:

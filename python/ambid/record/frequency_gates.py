@@ -3,14 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
+from ambid.findings import Finding, Kind
 from ambid.rig import Rig
 
+PAIRS_MISSING = Kind(
+    "pairs_missing", "note", "pairs without a value at any frequency, not judged: {count} ({pairs}[ and {more} more])"
+)
+FREQUENCIES_MISSING = Kind(
+    "frequencies_missing",
+    "note",
+    "frequencies at which every value is missing or NaN, not judged: {count} ({frequencies_hz:g}[ and {more} more] Hz)",
+)
+VALUES_MISSING = Kind(
+    "values_missing",
+    "note",
+    "single values that are missing or NaN, left out: {count} "
+    "({pairs}[ and {more} more pairs], at {frequencies_hz:g} Hz)",
+)
 LARGEST_TRAVEL = 1e3
 """Air gaps that the bias current of a bearing may move y by, by the response; a weakly damped mode moves some ten."""
 HERMITIAN = 1e-6
@@ -18,7 +34,7 @@ HERMITIAN = 1e-6
 FEWEST = 3
 """Frequencies of a response: each is held against both of its neighbours, which tells how much errors go together."""
 MOST_TOLD = 3
-"""Pairs, or frequencies, that a note names one by one."""
+"""Pairs, or frequencies, that a finding names one by one."""
 TOGETHER = 1024
 """Frequencies whose covariances are looked at together: of 32 pairs they are 16 MB."""
 
@@ -90,8 +106,8 @@ def require_values(where: str, frequency_hz: FloatArray, response: ComplexArray,
         )
 
 
-def notes_on_missing(frequency_hz: FloatArray, known: NDArray[np.bool_], pairs: Sequence[str]) -> list[str]:
-    """What was not measured: pairs at no frequency, frequencies of no pair, and single values, which are told.
+def findings_of_missing(frequency_hz: FloatArray, known: NDArray[np.bool_], pairs: Sequence[str]) -> list[Finding]:
+    """What was not measured: pairs at no frequency, frequencies of no pair, and single values.
 
     Parameters
     ----------
@@ -103,28 +119,26 @@ def notes_on_missing(frequency_hz: FloatArray, known: NDArray[np.bool_], pairs: 
     """
     flat = known.reshape(len(known), -1)
     has_pair, has_frequency = flat.any(axis=0), flat.any(axis=1)
-    notes = []
+    findings = []
     if not has_pair.all():
         left_out = [pairs[k] for k in np.flatnonzero(~has_pair).tolist()]
-        notes.append(f"pairs without a value at any frequency, not judged: {len(left_out)} ({_some(left_out)})")
+        findings.append(PAIRS_MISSING(pairs=left_out[:MOST_TOLD], **_counted(len(left_out))))
     if not has_frequency.all():
-        own = [f"{f:g} Hz" for f in frequency_hz[~has_frequency]]
-        notes.append(f"frequencies at which every value is missing or NaN, not judged: {len(own)} ({_some(own)})")
+        own = frequency_hz[~has_frequency].tolist()
+        findings.append(FREQUENCIES_MISSING(frequencies_hz=own[:MOST_TOLD], **_counted(len(own))))
     single: NDArray[np.bool_] = np.asarray(~flat)
     single[:, ~has_pair] = single[~has_frequency] = False
     if single.any():
-        own = []
-        for k in np.flatnonzero(single.any(axis=0)).tolist():
-            at = [f"{f:g}" for f in frequency_hz[single[:, k]]]
-            own.append(f"{pairs[k]} at {_some(at)} Hz")
-        notes.append(f"single values that are missing or NaN, left out: {single.sum()} ({_some(own, '; ')})")
-    return notes
+        columns = np.flatnonzero(single.any(axis=0)).tolist()
+        at = [frequency_hz[single[:, k]].tolist()[:MOST_TOLD] for k in columns[:MOST_TOLD]]
+        some: dict[str, Any] = {"pairs": [pairs[k] for k in columns[:MOST_TOLD]], "frequencies_hz": at}
+        findings.append(VALUES_MISSING(**(_counted(len(columns)) | {"count": int(single.sum())}), **some))
+    return findings
 
 
-def _some(names: Sequence[str], between: str = ", ") -> str:
-    """The first of them, and how many more there are."""
-    more = f"{between}and {len(names) - MOST_TOLD} more" if len(names) > MOST_TOLD else ""
-    return between.join(names[:MOST_TOLD]) + more
+def _counted(count: int) -> dict[str, Any]:
+    """How many there are, and how many more than are named."""
+    return {"count": count, "more": count - MOST_TOLD if count > MOST_TOLD else None}
 
 
 def require_covariance(

@@ -11,8 +11,10 @@ import numpy as np
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
+from ambid.findings import Finding, Kind
 from ambid.reading import Provenance, reading, variables_of, watched
 from ambid.record.channel_map import ChannelMap
+from ambid.record.content import CHANNELS_NOT_USED, COLUMNS_NOT_USED, VARIABLES_NOT_USED, unused
 from ambid.record.readers import extra, flatten_cells, opened, require_content
 
 __all__ = ["RawResponse", "holds_response", "read_response"]
@@ -24,6 +26,7 @@ COVARIANCE = ("cov_re", "cov_im")
 UNIVERSAL = (".uff", ".unv")
 FRF, COHERENCE = 4, 6
 """Types of functions of the sets 58."""
+SETS_NOT_READ = Kind("sets_not_read", "note", "{count} sets are no frequency responses, and were not read")
 DIRECTIONS = {0: "", 1: "+X", -1: "-X", 2: "+Y", -2: "-Y", 3: "+Z", -3: "-Z"}
 
 
@@ -40,24 +43,24 @@ class RawResponse:
     averages: float | None = None
     covariance: ComplexArray | None = None
     spread: float | None = None
-    notes: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
     provenance: Provenance | None = None
 
     def mapped(self, path: Path, mapping: ChannelMap) -> RawResponse:
-        """The same with the names and units of a map; channels that it does not name are left out, with a note.
+        """The same with the names and units of a map; channels that it does not name are left out, with a finding.
 
         Raises
         ------
         RecordError
             If a channel of the map is not there.
         """
-        kept, names, factors, unused = {}, {}, {}, []
+        kept, names, factors, left_out = {}, {}, {}, []
         for kind, own in (("outputs", self.outputs), ("inputs", self.inputs)):
             found = {name: mapping.channel_of(name) for name in own}
             kept[kind] = [k for k, name in enumerate(own) if found[name] is not None]
             told = [channel for name in own if (channel := found[name]) is not None]
             names[kind], factors[kind] = [name for name, _ in told], np.array([factor for _, factor in told])
-            unused += [name for name in own if found[name] is None]
+            left_out += [name for name in own if found[name] is None]
         missing = [c for c in mapping.channels if c not in (*names["outputs"], *names["inputs"])]
         if missing:
             present = ", ".join((*self.outputs, *self.inputs))
@@ -76,7 +79,7 @@ class RawResponse:
             std=None if self.std is None else self.std[chosen] * np.abs(scale),
             coherence=None if self.coherence is None else self.coherence[chosen],
             covariance=covariance,
-            notes=[*self.notes, *([f"channels not used: {', '.join(unused)}"] if unused else [])],
+            findings=[*self.findings, *unused(CHANNELS_NOT_USED, left_out)],
             provenance=self.provenance,
         )
 
@@ -151,8 +154,7 @@ def _from_csv(path: Path) -> RawResponse:
     raw = _tabled(places)
     pairs = [f"{output} / {inlet}" for output in raw.outputs for inlet in raw.inputs]
     used = {*COLUMNS, *FURTHER, *(f"{part} {pair}" for part in COVARIANCE for pair in pairs)}
-    unused = [name for name in header if name not in used]
-    raw.notes = [f"columns not used: {', '.join(unused)}"] if unused else []
+    raw.findings = unused(COLUMNS_NOT_USED, (name for name in header if name not in used))
     return raw
 
 
@@ -230,9 +232,10 @@ def _from_mat(path: Path) -> RawResponse:
         for key in ("averages", "spread"):
             if key in held:
                 found[key] = float(_array(path, key, held[key], np.float64).ravel()[0])
-        unused = [n for n in held if n not in ("frequency_hz", "outputs", "inputs", *found)]
-    notes = [f"variables not used: {', '.join(unused)}"] if unused else []
-    return RawResponse(f, names["outputs"], names["inputs"], **found, notes=notes)
+        left_out = unused(
+            VARIABLES_NOT_USED, (n for n in held if n not in ("frequency_hz", "outputs", "inputs", *found))
+        )
+    return RawResponse(f, names["outputs"], names["inputs"], **found, findings=left_out)
 
 
 def _array(path: Path, key: str, value: Any, kind: Any) -> Any:
@@ -269,7 +272,7 @@ def _from_universal(path: Path) -> RawResponse:
     if not places:
         raise RecordError(f"{path}: no set 58 with a frequency response; export functions of type {FRF}")
     raw = _tabled(places)
-    raw.notes = [f"{others} sets are no frequency responses, and were not read"] if others else []
+    raw.findings = [SETS_NOT_READ(count=others)] if others else []
     return raw
 
 

@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
+from ambid.findings import Finding, WithFindings
 from ambid.reading import Provenance
 from ambid.record.channel_map import ChannelMap
 from ambid.record.frequency_gates import (
-    notes_on_missing,
+    findings_of_missing,
     require_covariance,
     require_frequencies,
     require_names,
@@ -31,7 +32,7 @@ __all__ = ["FrequencyResponse"]
 
 
 @dataclass(frozen=True, repr=False)
-class FrequencyResponse:
+class FrequencyResponse(WithFindings):
     """Measured frequency responses of the closed loop, F frequencies, from excitations to y and i_c.
 
     Excitations are held from sample to sample and outputs are read at the samples, as in a record: the response is
@@ -57,8 +58,8 @@ class FrequencyResponse:
     spread : float
         Of a covariance that is an estimate: variance of errors whitened by it on the direction of a whitened response,
         n / (n - P) of P pairs over n independent averages; 1 where it is known.
-    notes : tuple of str
-        Every warning, and where the std is from.
+    findings : tuple of Finding
+        Every warning, and where the std is from; `notes` are their lines.
     path : Path or None
         File that it came from.
     provenance : Provenance or None
@@ -80,7 +81,7 @@ class FrequencyResponse:
     inputs: tuple[str, ...]
     covariance: ComplexArray | None = None
     spread: float = 1.0
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     path: Path | None = None
     provenance: Provenance | None = None
     point: Rig | None = None
@@ -129,7 +130,7 @@ class FrequencyResponse:
         Returns
         -------
         FrequencyResponse
-            With `notes` on everything that was noticed, and on where the std is from if the file has none.
+            With `findings` on everything that was detected, and on where the std is from if the file has none.
 
         Raises
         ------
@@ -154,7 +155,7 @@ class FrequencyResponse:
             spread=raw.spread,
             rig=rig,
             name=path.stem,
-            notes=raw.notes,
+            findings=raw.findings,
             path=path,
             provenance=raw.provenance,
         )
@@ -174,7 +175,7 @@ class FrequencyResponse:
         spread: float | None = None,
         rig: Rig | None = None,
         name: str = "frequency response",
-        notes: Sequence[str] = (),
+        findings: Sequence[Finding] = (),
         path: Path | None = None,
         provenance: Provenance | None = None,
     ) -> FrequencyResponse:
@@ -182,7 +183,7 @@ class FrequencyResponse:
 
         Parameters
         ----------
-        frequency_hz, response, outputs, inputs, covariance, name, notes, path, provenance
+        frequency_hz, response, outputs, inputs, covariance, name, findings, path, provenance
             As the attributes.
         std : array_like, shape (F, outputs, inputs), optional
             NaN throughout for pairs whose std is not known: there it is taken from the coherence or, without one, from
@@ -204,13 +205,12 @@ class FrequencyResponse:
         f = np.asarray(frequency_hz, dtype=np.float64)
         shape = (len(np.atleast_1d(f)), len(outputs), len(inputs))
         unknown = np.full(shape, np.nan)
-        own = cls(
-            name, f, h, unknown, tuple(outputs), tuple(inputs), notes=tuple(notes), path=path, provenance=provenance
-        )
+        names = tuple(outputs), tuple(inputs)
+        own = cls(name, f, h, unknown, *names, findings=tuple(findings), path=path, provenance=provenance)
         require_names(where, own.outputs, own.inputs, rig)
         require_frequencies(where, own.frequency_hz, rig)
         require_values(where, own.frequency_hz, own.response, own.pairs)
-        own = replace(own, notes=(*own.notes, *notes_on_missing(own.frequency_hz, own.measured, own.pairs)))
+        own = replace(own, findings=(*own.findings, *findings_of_missing(own.frequency_hz, own.measured, own.pairs)))
         if rig is not None:
             require_si_units(where, own.frequency_hz, own.response, own.outputs, own.inputs, rig)
         require_spread(where, spread, covariance is not None)
@@ -226,7 +226,7 @@ class FrequencyResponse:
         found, more = std_of(
             where, own.frequency_hz, own.response, tables["std"], tables["coherence"], averages, own.pairs
         )
-        return replace(own, std=found, notes=(*own.notes, *more))
+        return replace(own, std=found, findings=(*own.findings, *more))
 
     def at(self, rig: Rig) -> FrequencyResponse:
         """The response as one of another operating point than the model's, as `Record.at`.
@@ -284,5 +284,5 @@ class FrequencyResponse:
         return (
             f"FrequencyResponse({self.name!r}: {len(self.frequency_hz)} frequencies from {self.frequency_hz[0]:.4g} to "
             f"{self.frequency_hz[-1]:.4g} Hz; {', '.join(self.outputs)} by {', '.join(self.inputs)}; "
-            f"{len(self.notes)} notes)"
+            f"{len(self.findings)} notes)"
         )

@@ -11,10 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.errors import RecordError
+from ambid.findings import Finding, Kind
 from ambid.reading import MOST_COLUMNS, require_size
 from ambid.record.content import Content, Stored
 
 __all__ = ["read_hdf5"]
+
+EXTERNAL_LINK = Kind("external_link", "warning", "{name}: leads to another file, and is not followed")
 
 DEEPEST = 32
 """Groups within each other; files of loggers have three."""
@@ -31,7 +34,7 @@ def read_hdf5(path: Path, h5py: Any) -> Iterator[Content]:
     is_mat = path.suffix.lower() == ".mat"
     with h5py.File(path, "r", locking=False) as file:
         content = Content({})
-        for name, dataset in _datasets(path, h5py, file, "." if is_mat else "/", content.notes):
+        for name, dataset in _datasets(path, h5py, file, "." if is_mat else "/", content.findings):
             # MATLAB stores column by column: its arrays are turned in HDF5's view.
             content.arrays[name] = _stored(path, name, dataset, "MATLAB_class" in dataset.attrs or is_mat)
         if "axes" in content.arrays:
@@ -39,7 +42,7 @@ def read_hdf5(path: Path, h5py: Any) -> Iterator[Content]:
         yield content
 
 
-def _datasets(path: Path, h5py: Any, file: Any, joint: str, notes: list[str]) -> Iterator[tuple[str, Any]]:
+def _datasets(path: Path, h5py: Any, file: Any, joint: str, findings: list[Finding]) -> Iterator[tuple[str, Any]]:
     """All sets of a file, each group entered once: hard links may lead back to a group that holds them."""
     seen, found, waiting = {file["/"]}, 0, [("", file["/"], 0)]
     while waiting:
@@ -50,7 +53,7 @@ def _datasets(path: Path, h5py: Any, file: Any, joint: str, notes: list[str]) ->
             if found > MOST_COLUMNS:
                 raise RecordError(f"{path}: more than {MOST_COLUMNS} groups and sets; save those of the record alone")
             if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
-                notes.append(f"{prefix}{name}: leads to another file, and is not followed")
+                findings.append(EXTERNAL_LINK(name=f"{prefix}{name}"))
                 continue
             item = group.get(name)
             if isinstance(item, h5py.Dataset):

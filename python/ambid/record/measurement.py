@@ -9,7 +9,7 @@ from ambid.record.channel_map import ChannelMap
 from ambid.record.frequency_readers import holds_response
 from ambid.record.frequency_response import FrequencyResponse
 from ambid.record.record import Record
-from ambid.record.twice import with_repeats_told
+from ambid.record.twice import with_repeats_found
 from ambid.rig import Rig
 
 __all__ = ["Measurement", "Source", "load_measurement", "measured"]
@@ -20,10 +20,10 @@ Source = Measurement | str | Path
 
 
 def measured(sources: Source | Sequence[Source], rig: Rig) -> tuple[Measurement, ...]:
-    """One measurement or several; files are read as those of a rig. One that is given twice has a note on that."""
+    """One measurement or several; files are read as those of a rig. One that is given twice has a finding on that."""
     several = (sources,) if isinstance(sources, Source) else tuple(sources)
     read = [own if isinstance(own, Measurement) else load_measurement(own, rig) for own in several]
-    return with_repeats_told(read)
+    return with_repeats_found(read)
 
 
 def load_measurement(

@@ -1,4 +1,4 @@
-"""What a record of several periods lets one mend, told sample by sample: the other periods know better."""
+"""What a record of several periods lets one mend, sample by sample: the other periods know better."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ambid.arrays import FloatArray
+from ambid.findings import Finding, Kind, Where
 from ambid.record.repeats import Repeats, repeats
 from ambid.record.spikes import without_spikes
 
@@ -15,15 +16,41 @@ Signals = dict[str, FloatArray]
 
 __all__ = ["mended_excitation", "mended_outputs"]
 
+WRONG_SAMPLE = Kind(
+    "wrong_sample",
+    "warning",
+    "{logged_a:.6g} A in row {row}, a period from there {usual_a:.6g} A: a wrong sample of the log, taken as the "
+    "latter",
+)
+WRONG_SAMPLES = Kind("wrong_samples", "warning", "{count} more wrong samples of i_e, likewise")
+NOISY_EXCITATION = Kind("noisy_excitation", "note", "i_e repeats after {period} samples but for {share:.2g|%} of noise")
+ROWS_LOST = Kind(
+    "rows_lost", "warning", "rows lost near row {row}: {count}; from there on i_e is ahead of its sequence"
+)
+ROWS_REPEATED = Kind(
+    "rows_repeated", "warning", "rows repeated near row {row}: {count}; from there on i_e is behind its sequence"
+)
+PART_USED = Kind("part_used", "warning", "rows {first} to {last} of {samples} are judged, the rest is left out")
+PIECES_JOINED = Kind(
+    "pieces_joined", "warning", "a period around each is left out, and {kept} of {samples} rows are judged"
+)
+SPIKES = Kind(
+    "spikes",
+    "warning",
+    "spikes that no other period has: {count}, in rows {rows} ({read:.4g} {unit}): left out, what the other periods "
+    "have there is taken ({taken:.4g} {unit})",
+)
 TOLD = 3
-"""Samples of a channel that are told one by one."""
+"""Wrong samples that have a finding each."""
 ENOUGH = 3
 """Periods in one piece that are enough, so that no rows need be joined."""
 AROUND = 50
 """Rows around the place of a loss that go with it: it is known to a hold of the excitation."""
 
 
-def mended_excitation(signals: Mapping[str, FloatArray], axes: Sequence[str]) -> tuple[Signals, int | None, list[str]]:
+def mended_excitation(
+    signals: Mapping[str, FloatArray], axes: Sequence[str]
+) -> tuple[Signals, int | None, list[Finding]]:
     """Signals whose logged i_e does not repeat throughout: wrong samples mended, lost rows cut away.
 
     Parameters
@@ -38,67 +65,65 @@ def mended_excitation(signals: Mapping[str, FloatArray], axes: Sequence[str]) ->
         As they were, where no period explains most of i_e.
     period : int or None
         In samples.
-    notes : list of str
+    findings : list of Finding
     """
     mended = dict(signals)
     found = repeats(mended["i_e"])
     if found is None:
         return mended, None, []
-    mended["i_e"], notes = _right(mended["i_e"], axes, found)
+    mended["i_e"], findings = _right(mended["i_e"], axes, found)
     if found.steps:
         mended, more = _without_losses(mended, found)
-        notes += more
-    elif not notes:
-        notes = [_noise(mended["i_e"], found.period)]
-    return mended, found.period, notes
+        findings += more
+    elif not findings:
+        findings = [_noise(mended["i_e"], found.period)]
+    return mended, found.period, findings
 
 
-def _right(logged: FloatArray, axes: Sequence[str], found: Repeats) -> tuple[FloatArray, list[str]]:
+def _right(logged: FloatArray, axes: Sequence[str], found: Repeats) -> tuple[FloatArray, list[Finding]]:
     """Single wrong samples of i_e as a period before and after."""
-    i_e, notes = logged.copy(), []
+    i_e, findings = logged.copy(), []
     for row, axis in found.wrong.tolist():
         others = [i_e[k, axis] for k in (row - found.period, row + found.period) if 0 <= k < len(i_e)]
         usual = float(np.mean(others))
-        notes.append(
-            f"i_e.{axes[axis]} is {i_e[row, axis]:.6g} A in row {row + 1}, a period from there {usual:.6g} A: "
-            "a wrong sample of the log, taken as the latter"
-        )
+        at = Where(channel=f"i_e.{axes[axis]}")
+        findings.append(WRONG_SAMPLE(at, row=row + 1, logged_a=float(i_e[row, axis]), usual_a=usual))
         i_e[row, axis] = usual
-    if len(notes) > TOLD:
-        notes = [*notes[:TOLD], f"{len(notes) - TOLD} more wrong samples of i_e, likewise"]
-    return i_e, notes
+    if len(findings) > TOLD:
+        findings = [*findings[:TOLD], WRONG_SAMPLES(Where(channel="i_e"), count=len(findings) - TOLD)]
+    return i_e, findings
 
 
-def _noise(i_e: FloatArray, period: int) -> str:
+def _noise(i_e: FloatArray, period: int) -> Finding:
     """How well a measured i_e repeats; it is taken as it is, so that the lines between show what its noise brings."""
     noise = float(np.max((i_e[period:] - i_e[:-period]).std(axis=0) / i_e.std(axis=0))) / np.sqrt(2.0)
-    return f"i_e repeats after {period} samples but for {100.0 * noise:.2g} % of noise"
+    return NOISY_EXCITATION(period=period, share=noise)
 
 
-def _without_losses(signals: Signals, found: Repeats) -> tuple[Signals, list[str]]:
+def _without_losses(signals: Signals, found: Repeats) -> tuple[Signals, list[Finding]]:
     """The longest piece between losses; where it is short, all pieces, joined at the same place of a period."""
     samples = len(signals["i_e"])
     edges = [0, *(step.row for step in found.steps), samples]
     k = int(np.argmax(np.diff(edges)))
     first = edges[k] + (AROUND if k else 0)
     kept = np.arange(first, edges[k + 1] - (AROUND if edges[k + 1] < samples else 0))
-    left = f"rows {kept[0] + 1} to {kept[-1] + 1} of {samples} are judged, the rest is left out"
+    rest = PART_USED(first=int(kept[0]) + 1, last=int(kept[-1]) + 1, samples=samples)
     if len(kept) < ENOUGH * found.period:
         mask = np.ones(samples, dtype=bool)
         for step in found.steps:
             first = max(0, step.row - AROUND)
             mask[first : first + found.period - step.lost] = False
         kept = np.flatnonzero(mask)
-        left = f"a period around is left out, and {len(kept)} of {samples} rows are judged"
-    what = [
-        f"{abs(step.lost)} row{'s' if abs(step.lost) > 1 else ''} {'lost' if step.lost > 0 else 'repeated'} near row "
-        f"{step.row + 1}, from where on i_e is {'ahead of' if step.lost > 0 else 'behind'} its sequence"
-        for step in found.steps
+        rest = PIECES_JOINED(kept=len(kept), samples=samples)
+    steps = [
+        (ROWS_LOST if step.lost > 0 else ROWS_REPEATED)(row=step.row + 1, count=abs(step.lost)) for step in found.steps
     ]
-    return {name: own[kept] for name, own in signals.items()}, [f"{'; '.join(what)}: {left}"]
+    return {name: own[kept] for name, own in signals.items()}, [*steps, rest]
 
 
-def mended_outputs(signals: Mapping[str, FloatArray], axes: Sequence[str], period: int) -> tuple[Signals, list[str]]:
+def mended_outputs(
+    signals: Mapping[str, FloatArray], axes: Sequence[str], period: int
+) -> tuple[Signals, list[Finding]]:
     """Signals without spikes: single samples of y and i_c that no other period has.
 
     Parameters
@@ -109,7 +134,7 @@ def mended_outputs(signals: Mapping[str, FloatArray], axes: Sequence[str], perio
     period : int
         In samples.
     """
-    mended, notes = dict(signals), []
+    mended, findings = dict(signals), []
     for signal in ("y", "i_c"):
         columns = signals.get(signal)
         if columns is None:
@@ -121,11 +146,13 @@ def mended_outputs(signals: Mapping[str, FloatArray], axes: Sequence[str], perio
             if mended[signal] is columns:
                 mended[signal] = columns.copy()
             mended[signal][:, j] = cleaned
-            unit = "m" if signal == "y" else "A"
-            told = [f"row {k + 1}: {columns[k, j]:.4g} {unit} for {cleaned[k]:.4g}" for k in rows[:TOLD].tolist()]
-            more = f" and {len(rows) - TOLD} more" if len(rows) > TOLD else ""
-            notes.append(
-                f"{signal}.{axis} has {len(rows)} spike{'s' if len(rows) > 1 else ''} that no other period has "
-                f"({', '.join(told)}{more}): left out, what the other periods have there is taken"
+            spikes = SPIKES(
+                Where(channel=f"{signal}.{axis}"),
+                count=len(rows),
+                rows=(rows + 1).tolist(),
+                read=columns[rows, j].tolist(),
+                taken=cleaned[rows].tolist(),
+                unit="m" if signal == "y" else "A",
             )
-    return mended, notes
+            findings.append(spikes)
+    return mended, findings

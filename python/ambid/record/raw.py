@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.errors import RecordError
-from ambid.record.content import Content, Stored
+from ambid.findings import Finding
+from ambid.record.content import COLUMNS_NOT_USED, TRANSPOSED, VARIABLES_NOT_USED, Content, Stored, unused
 from ambid.record.readers import require_names
 
 SIGNALS = ("i_e", "r", "y", "i_c", "i_ref")
@@ -29,7 +30,7 @@ class RawRecord:
     signals: dict[str, tuple[tuple[str, ...] | None, NDArray[np.float64]]]
     t: NDArray[np.float64] | None = None
     sample_rate: float | None = None
-    notes: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
 
 
 def raw_record(path: Path, content: Content, sample_rate: float | None = None) -> RawRecord:
@@ -53,7 +54,7 @@ def raw_record(path: Path, content: Content, sample_rate: float | None = None) -
     has_columns = any(name.startswith(tuple(f"{signal}." for signal in SIGNALS)) for name in content.arrays)
     gather = _from_columns if content.is_table or has_columns else _from_matrices
     raw = gather(path, content, sample_rate)
-    raw.notes += content.notes
+    raw.findings += content.findings
     if raw.sample_rate is None:
         raw.sample_rate = sample_rate
     require_agreement(path, raw.sample_rate, sample_rate)
@@ -93,14 +94,12 @@ def _from_columns(path: Path, content: Content, sample_rate: float | None) -> Ra
         raise RecordError(f"{path}: column 't' [s] is missing; the columns are {present}; {NAMES}")
     if "y" not in raw.signals:
         raise RecordError(f"{path}: no column 'y.<axis>' (displacement [m]); the columns are {present}; {NAMES}")
-    unused = [name for name in columns if name not in used]
-    if unused:
-        raw.notes.append(f"columns not used: {', '.join(unused)}")
+    raw.findings += unused(COLUMNS_NOT_USED, (name for name in columns if name not in used))
     return raw
 
 
 def _from_matrices(path: Path, content: Content, sample_rate: float | None) -> RawRecord:
-    """Gather arrays fs, t, i_e, y, ... (N x axes) into signals; an array axes x N is turned, with a note."""
+    """Gather arrays fs, t, i_e, y, ... (N x axes) into signals; an array axes x N is turned, with a finding."""
     values = content.arrays
     axes = None if content.axes is None else _axis_names(path, content.axes)
     present = ", ".join(values)
@@ -126,16 +125,14 @@ def _from_matrices(path: Path, content: Content, sample_rate: float | None) -> R
         wide = array.shape[0] == 1 or (raw.t is not None and array.shape[1] == len(raw.t) != array.shape[0])
         if array.shape[0] == len(axes) != array.shape[1] if axes is not None else wide and array.shape[1] > 1:
             array = array.T
-            raw.notes.append(f"{signal} is stored as axes x N and was transposed")
+            raw.findings.append(TRANSPOSED(name=signal))
         if axes is not None and array.shape[1] != len(axes):
             raise RecordError(
                 f"{path}: {signal} has the shape {array.shape}, 'axes' names {len(axes)} ({', '.join(axes)}); "
                 "make it N x axes"
             )
         raw.signals[signal] = (axes, array)
-    unused = [name for name in values if name not in ("fs", "t", "axes", *SIGNALS)]
-    if unused:
-        raw.notes.append(f"variables not used: {', '.join(unused)}")
+    raw.findings += unused(VARIABLES_NOT_USED, (name for name in values if name not in ("fs", "t", "axes", *SIGNALS)))
     return raw
 
 

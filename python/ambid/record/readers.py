@@ -15,10 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.errors import InputError, RecordError
+from ambid.findings import Finding, Kind
 from ambid.reading import load_mat, reading, require_size, variables_of, watched
 from ambid.record.content import Content, Stored, require_columns
 from ambid.record.csv_table import read_table
 from ambid.record.hdf5 import read_hdf5
+
+NPTDMS = Kind("tdms_reader", "warning", "npTDMS: {text}")
+"""What the package for TDMS says of a file, such as that it was cut."""
 
 T = TypeVar("T")
 
@@ -182,8 +186,8 @@ def _numpy_type(kind: Any) -> np.dtype[Any]:
 @contextmanager
 def _read_tdms(path: Path) -> Iterator[Content]:
     nptdms = extra("nptdms", path)
-    stored, notes = path.stat().st_size, _Notes()
-    with _told_to(notes), nptdms.TdmsFile.open(path) as file:
+    stored, heard = path.stat().st_size, _Heard()
+    with _heard_by(heard), nptdms.TdmsFile.open(path) as file:
         groups = file.groups()
         channels = {
             f"{group.name}/{channel.name}" if len(groups) > 1 else channel.name: channel
@@ -200,31 +204,32 @@ def _read_tdms(path: Path) -> Iterator[Content]:
 
         rates = {rate for channel in channels.values() if (rate := _rate(channel)) is not None}
         arrays = {name: values(name, channel) for name, channel in channels.items()}
-        yield Content(arrays, is_table=True, sample_rate=rates.pop() if len(rates) == 1 else None, notes=notes.said)
+        rate = rates.pop() if len(rates) == 1 else None
+        yield Content(arrays, is_table=True, sample_rate=rate, findings=heard.findings)
 
 
-class _Notes(logging.Handler):
+class _Heard(logging.Handler):
     """What npTDMS says of a file, such as that it was cut, once each."""
 
-    said: list[str]
+    findings: list[Finding]
 
     def __init__(self) -> None:
         super().__init__()
-        self.said = []
+        self.findings = []
 
     def emit(self, record: logging.LogRecord) -> None:
         """Keep it."""
-        if (text := f"npTDMS: {record.getMessage()}") not in self.said:
-            self.said.append(text)
+        if (found := NPTDMS(text=record.getMessage())) not in self.findings:
+            self.findings.append(found)
 
 
 @contextmanager
-def _told_to(notes: _Notes) -> Iterator[None]:
+def _heard_by(handler: _Heard) -> Iterator[None]:
     """Take what npTDMS says from the terminal, where nobody would know which file it is about."""
     loggers = [logging.getLogger(name) for name in list(logging.root.manager.loggerDict) if name.startswith("nptdms.")]
     before = [logger.handlers for logger in loggers]
     for logger in loggers:
-        logger.handlers, logger.propagate = [notes], False
+        logger.handlers, logger.propagate = [handler], False
     try:
         yield
     finally:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from scipy.linalg import schur
 
 from ambid.arrays import FloatArray
 from ambid.errors import RecordError
+from ambid.findings import Finding, Kind
 from ambid.record.free_modes import (
     HOLDS,
     REBUILT_TOLERANCE,
@@ -20,23 +21,41 @@ from ambid.record.free_modes import (
 from ambid.record.period import find_period
 from ambid.rig import Rig
 
-NOT_LOGGED = "i_e was not logged"
-"""What the note on a rebuilt i_e begins with."""
+ExcitationSource = Literal[
+    "logged", "applied_command", "rebuilt_from_command", "rebuilt_from_current", "assumed_zero", "unknown"
+]
+"""Where i_e of a record is from; ``applied_command`` was logged, but is as the recorded command applied it."""
+REBUILT = Kind(
+    "excitation_rebuilt",
+    "note",
+    "i_e was not logged: rebuilt from {source}[ (its noise is amplified {noise_gain:.2g} times by undoing the "
+    "amplifier's lag)][, recorded before its delay (i_c follows later by samples: {samples_before_delay})], {signals} "
+    "and the rig's {implementation} controller[; {delay_left_samples:.3g} sample of its delay is not undone][; its "
+    "mean ({means:.3g} {unit}, the integrator's operating point), and what the controller's states held when the "
+    "record begins, were removed]",
+)
+COMMAND_FOLLOWS = Kind(
+    "command_follows_controller",
+    "note",
+    "i_e was not logged: the recorded command follows from {signals} by the rig's controller to {share:.1g}, and i_e "
+    "is taken as zero[: the reference {reference} drives the loop]",
+)
 SAME = 1e-3
 """Part of the recorded command up to which what the law leaves is its rounding, and no excitation."""
 
 CLEARLY = 0.8
 """Part of what an amplifier leaves of i_c under the present command that it must leave under an older one."""
 
-__all__ = ["NOT_LOGGED", "Rebuilt", "commanded", "rebuild_excitation", "rounding_of", "steps_of", "unexplained"]
+__all__ = ["ExcitationSource", "Rebuilt", "commanded", "rebuild_excitation", "rounding_of", "steps_of", "unexplained"]
 
 
 class Rebuilt(NamedTuple):
-    """A rebuilt excitation, shape (N, axes) [A], its period in samples, and what it was rebuilt from in words."""
+    """A rebuilt excitation, shape (N, axes) [A], its period in samples, and what it was rebuilt from."""
 
     i_e: FloatArray
     period: int | None
-    note: str
+    source: ExcitationSource
+    finding: Finding
 
 
 def rebuild_excitation(
@@ -90,15 +109,13 @@ def rebuild_excitation(
     controller = rig.controller
     is_led = r is not None and bool(np.any(r != r[:1]))
     read = _read(rig, y, i_c, r, where)
-    i_e, source, integrating = _recover(rig, sample_rate, read, i_ref, i_c, where, period=period)
+    i_e, how, integrating = _recover(rig, sample_rate, read, i_ref, i_c, where, period=period)
+    signals = ["y"] if r is None else ["y", "r"]
     if i_ref is not None and (left := _follows(i_e, i_ref)) is not None:
-        of, what = "y" if r is None else "y and r", "the reference r" if is_led else "nothing"
-        note = f"{NOT_LOGGED}: the recorded command follows from {of} by the rig's controller to {left:.1g}, and "
-        return Rebuilt(np.zeros_like(y), period, f"{note}i_e is taken as zero: {what} drives the loop")
-    of = "y" if r is None else "y and r"
-    note = f"{NOT_LOGGED}: rebuilt from {source}, {of} and the rig's {controller.implementation} controller"
-    if lost := controller.delay_samples % 1:
-        note += f"; {lost:.3g} sample of its delay is not undone"
+        follows = COMMAND_FOLLOWS(signals=signals, share=left, reference="r" if is_led else None)
+        return Rebuilt(np.zeros_like(y), period, "assumed_zero", follows)
+    how |= {"signals": signals, "implementation": controller.implementation}
+    how |= {"delay_left_samples": controller.delay_samples % 1 or None}
     period = period or find_period(i_e, tolerance=REBUILT_TOLERANCE)
     steps = None if i_ref is None else steps_of(i_e, rounding_of(i_ref))
     if is_led and steps is not None:
@@ -108,12 +125,12 @@ def rebuild_excitation(
             _refuse_drift(i_e if steps is None else i_e - steps, i_e, y if r is None else y - r, rig, where)
         mean = i_e[: len(i_e) // period * period if period else None].mean(axis=0)
         i_e = i_e - mean
-        told = f"{', '.join(f'{m:.3g}' for m in mean)} {rig.amplifier.command_unit}, the integrator's operating point"
-        note += f"; its mean ({told}), and what the controller's states held when the record begins, were removed"
+        how |= {"means": mean.tolist(), "unit": rig.amplifier.command_unit}
     while (missing := len(y) - len(i_e)) > 0:
         tail = i_e[-period:][:missing] if period else np.repeat(i_e[-1:], missing, axis=0)
         i_e = np.concatenate([i_e, tail])
-    return Rebuilt(i_e, period, note)
+    source: ExcitationSource = "rebuilt_from_current" if i_ref is None else "rebuilt_from_command"
+    return Rebuilt(i_e, period, source, REBUILT(**how))
 
 
 def unexplained(
@@ -202,10 +219,11 @@ def _recover(
     *,
     i_e: FloatArray | None = None,
     period: int | None = None,
-) -> tuple[FloatArray, str, bool]:
+) -> tuple[FloatArray, dict[str, Any], bool]:
     """Return i_e as far as it acts within the record, what it was recovered from, and whether K integrates."""
     controller = rig.controller
-    command, source = (i_c, "i_c") if i_ref is None else (i_ref, "the recorded command i_ref")
+    command = i_c if i_ref is None else i_ref
+    how: dict[str, Any] = {"source": "i_c" if i_ref is None else "i_ref"}
     if command is None:
         raise RecordError(f"{where}: i_e is missing, and i_ref and i_c to rebuild it from are too; record one of them")
     if controller.is_digital and abs(controller.rate(rate) - rate) > 1e-6 * rate:
@@ -225,19 +243,19 @@ def _recover(
     if tau_a:
         a = np.exp(-1 / (rate * tau_a))
         command = (command[1:] - a * command[:-1]) / (1 - a)
-        source += f" (its noise is amplified {np.sqrt(1 + a**2) / (1 - a):.2g} times by undoing the amplifier's lag)"
+        how |= {"noise_gain": float(np.sqrt(1 + a**2) / (1 - a))}
     if controller.is_digital:
         feedback, integrating = _response(K, read)
         whole = int(controller.delay_samples)
         if i_ref is not None and i_c is not None and _is_before_delay(i_ref, i_c, whole):
-            source += f", recorded before its delay (i_c follows later by samples: {whole})"
+            how |= {"samples_before_delay": whole}
             whole = 0
         command = command[whole:]
         command = command + feedback[: len(command)]
     left = command if i_e is None else command - i_e[: len(command)]
     modes = free_modes(K[0], K[2], len(left))
     own = i_ref if i_ref is not None else command - feedback[: len(command)]
-    return without_free_modes(left, modes, rounding_of(own), period), source, integrating
+    return without_free_modes(left, modes, rounding_of(own), period), how, integrating
 
 
 def _is_before_delay(i_ref: FloatArray, i_c: FloatArray, whole: int) -> bool:

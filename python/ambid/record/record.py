@@ -12,33 +12,39 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambid.errors import RecordError
+from ambid.findings import Finding, Kind, WithFindings
 from ambid.reading import Provenance
 from ambid.record import checks
-from ambid.record.applied import APPLIED
 from ambid.record.channel_map import ChannelMap
 from ambid.record.driven import driven
 from ambid.record.frequency_response import FrequencyResponse
 from ambid.record.local_response import local_response
 from ambid.record.raw import SIGNALS, raw_record
 from ambid.record.readers import opened
-from ambid.record.rebuild import NOT_LOGGED
+from ambid.record.rebuild import ExcitationSource
 from ambid.record.writers import write
 from ambid.rig import Rig
 
 __all__ = ["Record"]
 
-WITHOUT_I_C = (
-    "i_c was not recorded: K_i, K_s and tau_e are found from y alone; "
-    "a lag of the amplifier, a delay of the loop and a lag of the sensor cannot be told apart"
+WITHOUT_I_C = Kind(
+    "current_not_recorded",
+    "note",
+    "i_c was not recorded: K_i, K_s and tau_e are estimated from y alone; "
+    "a lag of the amplifier, a delay of the loop and a lag of the sensor cannot be distinguished",
 )
-READ_WITHOUT_I_C = (
+READ_WITHOUT_I_C = Kind(
+    "read_current_not_recorded",
+    "warning",
     "the controller reads i_c, which was not recorded: its noise goes round the loop and is taken for noise of y; "
-    "where it is loud, K_s may be further off than its interval says. Record the current that the controller reads"
+    "where it is large, K_s may be further off than its interval says",
+    "record the current that the controller reads",
 )
+AXES_OF_RIG = Kind("axes_of_rig", "note", "the file names no axes: its columns are taken as {axes}, the rig's order")
 
 
 @dataclass(frozen=True, repr=False)
-class Record:
+class Record(WithFindings):
     """One closed-loop experiment, N samples on n axes.
 
     `Record.load` and `Record.from_arrays` check the values; the constructor checks shapes only, and is meant for
@@ -64,8 +70,11 @@ class Record:
         Reference of the controller [m]; a digital one that samples at t[k] acts on ``y[k] - r[k]``.
     period : int or None
         Samples per period of the excitation.
-    notes : tuple of str
-        Every warning and repair.
+    findings : tuple of Finding
+        Every warning and repair; `notes` are their lines.
+    excitation_source : str
+        Where i_e is from: ``logged``; ``applied_command``, logged, but taken as the recorded command applied it;
+        ``rebuilt_from_command`` or ``rebuilt_from_current`` by the rig's controller; ``assumed_zero``; ``unknown``.
     path : Path or None
         File that it came from.
     provenance : Provenance or None
@@ -88,10 +97,11 @@ class Record:
     i_ref: NDArray[np.float64] | None = None
     r: NDArray[np.float64] | None = None
     period: int | None = None
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     path: Path | None = None
     provenance: Provenance | None = None
     point: Rig | None = None
+    excitation_source: ExcitationSource = "logged"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axes", tuple(self.axes))
@@ -141,7 +151,7 @@ class Record:
         Returns
         -------
         Record
-            With `notes` on everything that was noticed or repaired.
+            With `findings` on everything that was detected or repaired.
 
         Raises
         ------
@@ -156,13 +166,13 @@ class Record:
             mapping = ChannelMap(mapping)
         with opened(path) as content:
             raw = (raw_record if mapping is None else mapping.raw_record)(path, content, sample_rate)
-        notes = list(raw.notes)
+        findings = list(raw.findings)
         axes = raw.signals["y"][0]
         if axes is None:
             if rig is None:
                 raise RecordError(f"{where}: the file names no axes; add 'axes', or give the rig")
             axes = tuple(rig.axes)
-            notes.append(f"the file names no axes: its columns are taken as {', '.join(axes)}, the rig's order")
+            findings.append(AXES_OF_RIG(axes=axes))
         arrays, named = {}, {signal: found or axes for signal, (found, _) in raw.signals.items()}
         checks.require_every_y(where, named, None if rig is None else tuple(rig.axes))
         for signal, (found, array) in raw.signals.items():
@@ -181,7 +191,7 @@ class Record:
             rig=rig,
             period=period,
             name=path.stem.encode("utf-8", "surrogateescape").decode("utf-8", "replace"),  # where LANG=C
-            notes=(*notes, *more),
+            findings=(*findings, *more),
             path=path,
             provenance=content.provenance,
             allow=allow,
@@ -201,7 +211,7 @@ class Record:
         rig: Rig | None = None,
         period: int | None = None,
         name: str = "record",
-        notes: Sequence[str] = (),
+        findings: Sequence[Finding] = (),
         path: Path | None = None,
         provenance: Provenance | None = None,
         allow: Collection[str] = (),
@@ -227,7 +237,7 @@ class Record:
             i_ref=None if i_ref is None else _as_array(where, "i_ref", i_ref),
             r=None if r is None else _as_array(where, "r", r),
             period=period,
-            notes=tuple(notes),
+            findings=tuple(findings),
             path=path,
             provenance=provenance,
         )
@@ -241,23 +251,24 @@ class Record:
                 if values is not None:
                     is_allowed = "travel" in allow
                     more += checks.require_metres(where, signal, record.axes, values, rig, is_allowed=is_allowed)
-            more += checks.notes_on_means(record.axes, record.y, rig)
-            record = replace(record, notes=(*record.notes, *more))
+            more += checks.findings_of_means(record.axes, record.y, rig)
+            record = record._with(*more)
         for channel, values in record._columns():
             if not channel.startswith(("y.", "r.")):
-                told = checks.require_ampere(where, channel, values, rig, is_allowed="current" in allow)
-                record = replace(record, notes=(*record.notes, *told))
+                record = record._with(
+                    *checks.require_ampere(where, channel, values, rig, is_allowed="current" in allow)
+                )
             if not channel.startswith(("i_e.", "r.")):
                 checks.require_alive(where, channel, values)
                 checks.require_moving(where, channel, values)
-        more = checks.notes_on_clipping(where, record.axes, record.y, record.i_c)
+        more = checks.findings_of_clipping(where, record.axes, record.y, record.i_c)
         if record.i_c is None:
-            more.append(WITHOUT_I_C)
+            more.append(WITHOUT_I_C())
             if rig is not None and "i_c" in rig.controller.signals:
-                more.append(READ_WITHOUT_I_C)
-        signals, period, told = driven(where, rig, record.axes, record.sample_rate, record._signals, period)
+                more.append(READ_WITHOUT_I_C())
+        signals, source, period, of_drive = driven(where, rig, record.axes, record.sample_rate, record._signals, period)
         own: dict[str, Any] = {signal: signals.get(signal) for signal in SIGNALS}
-        return replace(record, **own, period=period, notes=(*record.notes, *more, *told))
+        return replace(record, **own, period=period, excitation_source=source)._with(*more, *of_drive)
 
     def at(self, rig: Rig) -> Record:
         """The record as one of another operating point than the model's: other speed, bias current or controller.
@@ -321,8 +332,8 @@ class Record:
 
     @property
     def is_rebuilt(self) -> bool:
-        """Whether i_e was not logged, but rebuilt, or taken as zero."""
-        return any(note.startswith(NOT_LOGGED) for note in self.notes)
+        """Whether i_e was not logged: it is rebuilt, taken as zero, or not known."""
+        return self.excitation_source not in ("logged", "applied_command")
 
     @property
     def is_free_response(self) -> bool:
@@ -332,7 +343,7 @@ class Record:
     @property
     def has_known_command(self) -> bool:
         """Whether i_e comes from the recorded command: it then holds whatever the controller's gains miss."""
-        return self.i_ref is not None and any(note.startswith((NOT_LOGGED, APPLIED)) for note in self.notes)
+        return self.i_ref is not None and self.excitation_source != "logged"
 
     @property
     def outputs(self) -> NDArray[np.float64]:
@@ -394,14 +405,14 @@ class Record:
             covariance=covariance,
             spread=found.spread,
             name=self.name,
-            notes=self.notes,
+            findings=self.findings,
             path=self.path,
             provenance=self.provenance,
         )
         return replace(made, point=self.point)
 
     def save(self, path: str | Path) -> None:
-        """Write the signals to a .csv, .mat (v5), .h5, .hdf5, .parquet or .tdms file; loading finds period and notes.
+        """Write the signals to a .csv, .mat (v5), .h5, .hdf5, .parquet or .tdms file; loading finds the rest.
 
         Raises
         ------
@@ -417,7 +428,7 @@ class Record:
         period = f"{self.periods} periods of {self.period}" if self.period else "no period"
         return (
             f"Record({self.name!r}: {self.samples} samples at {self.sample_rate:g} Hz, {self.seconds:.4g} s, {period}; "
-            f"{signals} on {', '.join(self.axes)}; {len(self.notes)} notes)"
+            f"{signals} on {', '.join(self.axes)}; {len(self.findings)} notes)"
         )
 
     @property
@@ -434,9 +445,12 @@ class Record:
         order = checks.order_of_axes(str(self.path or self.name), self.axes, axes, "the rig")
         if self.axes == axes:
             return self
-        note = f"axes {', '.join(self.axes)} were reordered to the rig's {', '.join(axes)}"
         own: dict[str, Any] = {name: array[:, order] for name, array in self._signals.items()}
-        return replace(self, axes=axes, notes=(*self.notes, note), **own)
+        return replace(self, axes=axes, **own)._with(checks.AXES_REORDERED(found=self.axes, wanted=axes))
+
+    def _with(self, *findings: Finding) -> Record:
+        """The same with further findings."""
+        return replace(self, findings=(*self.findings, *findings))
 
 
 def _moves(signal: NDArray[np.float64]) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
+from ambid.findings import Finding, Kind
 
 __all__ = ["scatter", "std_of"]
 
@@ -16,6 +17,19 @@ WIDTH, DEGREE = 9, 2
 MOST_COHERENT = 0.9999
 """Coherence that is believed at the most: files hold four digits of it."""
 SMOOTH = "from its scatter about a smooth curve over neighbouring frequencies, which is too large at sharp modes"
+STD_FROM_COHERENCE = Kind(
+    "std_from_coherence", "note", "std of {first}[ and {more} more pairs] from the coherence and {averages:g} averages"
+)
+AVERAGES_ESTIMATED = Kind(
+    "averages_estimated",
+    "note",
+    "std of {first}[ and {more} more pairs] from the coherence and as many averages as agree with its level "
+    f"{SMOOTH}",
+    "give the number of averages",
+)
+STD_FROM_SCATTER = Kind(
+    "std_from_scatter", "note", "std of {first}[ and {more} more pairs] " + SMOOTH, "give std or coherence"
+)
 
 
 def std_of(
@@ -26,8 +40,8 @@ def std_of(
     coherence: FloatArray,
     averages: float | None,
     pairs: Sequence[str],
-) -> tuple[FloatArray, list[str]]:
-    """The std of every pair, shape of the response, and notes on those that were not given.
+) -> tuple[FloatArray, list[Finding]]:
+    """The std of every pair, shape of the response, and findings on those that were not given.
 
     Of n averages with coherence g the variance is ``|H|^2 (1 - g) / (g n)`` (Bendat and Piersol, Random Data, 4th ed.,
     chapter 9, g being the squared one). It is an estimate itself, of n - 1 degrees of freedom, and raised by
@@ -66,15 +80,13 @@ def std_of(
             from_scatter.append(pair)
         if not (found[own, k] > 0.0).all():
             raise RecordError(f"{where}: {pair} has no noise at {f[np.argmin(found[own, k])]:g} Hz; give its std")
-    notes = []
-    if from_coherence:
-        count = (
-            f"{averages:g} averages" if averages is not None else f"as many averages as its level asks for, {SMOOTH}"
-        )
-        notes.append(f"std of {_listed(from_coherence)} from the coherence and {count}")
-    if from_scatter:
-        notes.append(f"std of {_listed(from_scatter)} {SMOOTH}; give std or coherence")
-    return found.reshape(shape), notes
+    of_coherence = AVERAGES_ESTIMATED if averages is None else STD_FROM_COHERENCE
+    findings = [
+        kind(first=own[0], more=len(own) - 1 or None, pairs=own, averages=averages)
+        for kind, own in ((of_coherence, from_coherence), (STD_FROM_SCATTER, from_scatter))
+        if own
+    ]
+    return found.reshape(shape), findings
 
 
 def scatter(where: str, pair: str, frequency_hz: FloatArray, values: ComplexArray) -> FloatArray:
@@ -119,8 +131,3 @@ def _require(where: str, key: str, pair: str, frequency_hz: FloatArray, values: 
             f"{where}: {key} of {pair} is {values[wrong[0]]:g} at {frequency_hz[wrong[0]]:g} Hz; expected a finite "
             f"number above 0{upper}"
         )
-
-
-def _listed(pairs: Sequence[str]) -> str:
-    more = f" and {len(pairs) - 2} more" if len(pairs) > 2 else ""
-    return f"{', '.join(pairs[:2])}{more}"

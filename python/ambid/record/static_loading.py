@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.errors import RecordError
+from ambid.findings import Finding, WithFindings
 from ambid.record import checks
+from ambid.record.content import COLUMNS_NOT_USED, unused
 from ambid.record.readers import read_csv_columns, require_content
 from ambid.rig import Rig
 
@@ -17,7 +19,7 @@ __all__ = ["StaticLoading"]
 
 
 @dataclass(frozen=True, repr=False)
-class StaticLoading:
+class StaticLoading(WithFindings):
     """One static loading, M steps: known forces on the levitated rotor and the currents that carry them.
 
     Attributes
@@ -32,8 +34,8 @@ class StaticLoading:
         F_x and F_y in global axes [N].
     i_c : ndarray, shape (M, n)
         Mean control currents [A].
-    notes : tuple of str
-        Every warning and repair.
+    findings : tuple of Finding
+        Every warning and repair; `notes` are their lines.
     path : Path or None
         File that it came from.
     """
@@ -43,7 +45,7 @@ class StaticLoading:
     z: NDArray[np.float64]
     force: NDArray[np.float64]
     i_c: NDArray[np.float64]
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     path: Path | None = None
 
     @classmethod
@@ -74,12 +76,12 @@ class StaticLoading:
             missing += [] if axes else ["i_c.<axis>"]
             raise RecordError(f"{where}: no column {', '.join(missing)}; the columns are {', '.join(columns)}")
         checks.require_finite(where, columns.items())
-        unused = [n for n in columns if n not in ("step", "z", "F_x", "F_y") and not n.startswith("i_c.")]
-        notes = [f"columns not used: {', '.join(unused)}"] if unused else []
+        known = ("step", "z", "F_x", "F_y")
+        findings = unused(COLUMNS_NOT_USED, (n for n in columns if n not in known and not n.startswith("i_c.")))
         if rig is not None:
             checks.order_of_axes(where, axes, tuple(rig.axes), "the rig")
             if axes != tuple(rig.axes):
-                notes.append(f"axes {', '.join(axes)} were reordered to the rig's {', '.join(rig.axes)}")
+                findings.append(checks.AXES_REORDERED(found=axes, wanted=rig.axes))
                 axes = tuple(rig.axes)
         z, force = columns["z"], np.stack([columns["F_x"], columns["F_y"]], axis=1)
         i_c = np.stack([columns[f"i_c.{axis}"] for axis in axes], axis=1)
@@ -92,7 +94,7 @@ class StaticLoading:
             checks.require_alive(where, f"i_c.{axis}", i_c[:, j])
         if rig is not None:
             checks.require_on_shaft(where, z, rig)
-        return cls(path.stem, axes, z, force, i_c, tuple(notes), path)
+        return cls(path.stem, axes, z, force, i_c, tuple(findings), path)
 
     def __repr__(self) -> str:
         largest = np.linalg.norm(self.force, axis=1).max()

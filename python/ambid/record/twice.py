@@ -1,4 +1,4 @@
-"""Measurements that are given twice, by whatever name: told by what they hold, since both would be counted."""
+"""Measurements that are given twice, by whatever name: found by their content, since both would be counted."""
 
 from __future__ import annotations
 
@@ -10,18 +10,37 @@ from typing import Protocol
 import numpy as np
 
 from ambid.arrays import ComplexArray, FloatArray
+from ambid.findings import Finding, Kind
 from ambid.record.frequency_response import FrequencyResponse
 from ambid.record.record import Record
 from ambid.record.static_loading import StaticLoading
 
-__all__ = ["notes_on_loadings", "notes_on_repeats", "notes_on_validation", "with_repeats_told"]
+__all__ = [
+    "COUNTED_TWICE",
+    "findings_of_loadings",
+    "findings_of_repeats",
+    "findings_of_validation",
+    "with_repeats_found",
+]
+
+COUNTED_TWICE = Kind(
+    "counted_twice",
+    "warning",
+    "{source} holds the same data as {other}: they count twice, and standard errors are too small (root 2 of two)",
+    "leave one out",
+)
+FITTED_TO = Kind(
+    "validation_is_fitted_to",
+    "warning",
+    "{source}, to validate on, holds the same data as {other}, which the model is fitted to: its misfit is that of the "
+    "fit, and says nothing else",
+    "validate on another record",
+)
 
 SAME = 1e-6
 """Part of the range of a channel by which a file may round what another one holds: noise is far above it."""
-COUNTED_TWICE = "they count twice, and standard errors are too small, by root 2 of two such; leave one out"
-"""What the note on a measurement that is given twice ends with."""
 LOOK = 64
-"""Samples by which two long records are told apart before all of them are compared."""
+"""Samples by which two long records are distinguished before all of them are compared."""
 
 Measurement = Record | FrequencyResponse
 
@@ -34,50 +53,45 @@ class _Named(Protocol):
     def path(self) -> object: ...
 
 
-def with_repeats_told(records: Sequence[Measurement]) -> tuple[Measurement, ...]:
-    """The same measurements, with a note on each that holds what one before it does.
+def with_repeats_found(records: Sequence[Measurement]) -> tuple[Measurement, ...]:
+    """The same measurements, with a finding on each that holds what one before it does.
 
     They are not refused: a person may weigh a measurement so. The intervals then are too narrow.
     """
-    told: list[Measurement] = []
+    read: list[Measurement] = []
     for k, record in enumerate(records):
         other = next((own for own in islice(records, k) if _is_same(own, record)), None)
-        note = None if other is None else repeated(record, other)
-        told.append(record if note is None or note in record.notes else replace(record, notes=(*record.notes, note)))
-    return tuple(told)
+        found = () if other is None else (_of_two(COUNTED_TWICE, record, other),)
+        is_known = all(own in record.findings for own in found)
+        read.append(record if is_known else replace(record, findings=(*record.findings, *found)))
+    return tuple(read)
 
 
-def repeated(record: _Named, other: _Named) -> str:
-    """The note on a measurement that holds what another one does."""
-    return f"{record.path or record.name} holds the same data as {other.path or other.name}: {COUNTED_TWICE}"
+def findings_of_validation(records: Sequence[Measurement], validate: Sequence[Measurement]) -> list[Finding]:
+    """A finding on each record for validation that is one of those that a model is fitted to."""
+    return [_of_two(FITTED_TO, kept, own) for kept in validate for own in records if _is_same(own, kept)]
 
 
-def notes_on_validation(records: Sequence[Measurement], validate: Sequence[Measurement]) -> list[str]:
-    """A note on each record for validation that is one of those that a model is fitted to."""
-    pairs = ((kept, own) for kept in validate for own in records if _is_same(own, kept))
-    return [
-        f"{kept.path or kept.name}, to validate on, holds the same data as {own.path or own.name}, which the model is "
-        "fitted to: its misfit is that of the fit, and tells nothing else; validate on another record"
-        for kept, own in pairs
-    ]
-
-
-def notes_on_loadings(loadings: Sequence[StaticLoading]) -> list[str]:
-    """A note on each static loading that holds the same steps as one before it."""
-    notes = []
+def findings_of_loadings(loadings: Sequence[StaticLoading]) -> list[Finding]:
+    """A finding on each static loading that holds the same steps as one before it."""
+    findings = []
     for k, own in enumerate(loadings):
         before = (
             one
             for one in loadings[:k]
             if all(_are_alike(getattr(one, name), getattr(own, name)) for name in ("z", "force", "i_c"))
         )
-        notes += [repeated(own, one) for one in islice(before, 1)]
-    return notes
+        findings += [_of_two(COUNTED_TWICE, own, one) for one in islice(before, 1)]
+    return findings
 
 
-def notes_on_repeats(records: Sequence[Measurement]) -> list[str]:
-    """Those notes of measurements that `with_repeats_told` made."""
-    return [note for record in records for note in record.notes if note.endswith(COUNTED_TWICE)]
+def findings_of_repeats(records: Sequence[Measurement]) -> list[Finding]:
+    """Those findings of measurements that `with_repeats_found` made."""
+    return [found for record in records for found in record.findings if found.code == COUNTED_TWICE.code]
+
+
+def _of_two(kind: Kind, own: _Named, other: _Named) -> Finding:
+    return kind(source=str(own.path or own.name), other=str(other.path or other.name))
 
 
 def _is_same(one: Measurement, other: Measurement) -> bool:

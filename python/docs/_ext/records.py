@@ -68,11 +68,11 @@ def _gates() -> str:
         for function in vars(module).values()
         if inspect.isfunction(function)
         and function.__module__ == module.__name__
-        and function.__name__.startswith(("require_", "notes_on_", "sample_rate_of"))
+        and function.__name__.startswith(("require_", "findings_of_", "sample_rate_of"))
     ]
     return (
-        "## What every record passes\n\nEach gate refuses with what was found and what to do, or leaves a note in "
-        f"`record.notes`; nothing is dropped in silence. The numbers are among the [thresholds](thresholds.md).\n\n"
+        "## What every record passes\n\nEach gate refuses with what was found and what to do, or adds to "
+        f"`record.findings`; nothing is dropped in silence. The numbers are among the [thresholds](thresholds.md).\n\n"
         f"{table(['gate', 'function'], rows)}"
     )
 
