@@ -178,9 +178,9 @@ def test_findings_of_signals(golden):
     assert limited.where.channel == "i_c.B_zeta"
     assert 0.0 < limited.values["share"] < 0.6
     golden.holds(limited.line())
-    assert found(measured(periods=2), "few_periods").values["periods"] == 2
-    assert found(measured(periods=1), "no_period").values["signals"] == ["i_e"]
-    assert found(keywords, "few_periods", period=2 * PERIOD).values["periods"] == 2
+    assert found(measured(periods=2), "few_periods_found").values["periods"] == 2
+    assert found(measured(periods=1), "no_period_found").values["signals"] == ["i_e"]
+    assert found(keywords, "few_periods_found", period=2 * PERIOD).values["periods"] == 2
 
 
 def test_a_stated_period_after_which_nothing_repeats_is_refused(golden):

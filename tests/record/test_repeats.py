@@ -91,7 +91,7 @@ def test_lost_rows_leave_three_whole_periods_of_four():
     assert record.periods == 3
     whole = record.i_e[: 3 * 510].reshape(3, 510)
     assert (whole == whole[0]).all()
-    assert codes(record) == ["rows_lost", "part_used"]
+    assert codes(record) == ["current_not_recorded", "rows_lost", "pieces_joined"]
     assert the(record, "rows_lost").values["count"] == 7
 
 

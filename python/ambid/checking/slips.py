@@ -27,7 +27,7 @@ from ambid.checking.signs import opposite_sign
 from ambid.checking.soundness import LoopFigures, RecordFigures, Soundness
 from ambid.checking.stopping import stops_diagnosis
 from ambid.errors import RecordError
-from ambid.findings import REMARK, SEVERITIES, Finding, Kind, Where
+from ambid.findings import SEVERITIES, Finding, Kind, Where
 from ambid.record import Record
 from ambid.results import speed_text
 from ambid.rig import Rig, as_rig
@@ -116,7 +116,7 @@ def _turned_reference(record: Record, rig: Rig) -> list[Finding]:
 
 def _record(record: Record, loop: NominalLoop) -> list[Finding]:
     lines, where = Lines.of(record), Where(record=record.name)
-    found = [REMARK(where, severity="warning", text=note) for note in record.notes]
+    found = [replace(own.at(record=record.name), severity="warning") for own in record.findings]
     found += [*slips_of_ranges(record, loop.rig), *path(record), *slips_of_periods(record)]
     found += slips_of_clocks(record, loop)
     if record.is_free_response:

@@ -47,12 +47,12 @@ REFERENCE_LEFT_OUT = Kind(
     "r was recorded, but the rig's controller does not act on it (reference is not true): left out",
 )
 NO_PERIOD = Kind(
-    "no_period",
+    "no_period_found",
     "note",
     "no period of {signals} found: a noise ceiling from repeats needs {needed}; without, it is that of the noise model",
 )
 FEW_PERIODS = Kind(
-    "few_periods",
+    "few_periods_found",
     "note",
     "{periods} whole periods of {signals} found: a noise ceiling from repeats needs {needed}; without, it is that of "
     "the noise model",
