@@ -14,7 +14,7 @@ import ambid.cli
 from ambid.demo import DATA
 from ambid.excitation import prbs
 from golden import FILE, Golden
-from places import BENCH
+from places import BENCH, LEVITATOR
 from virtual import NAMES, VirtualBench
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # what a job in the background inherits
@@ -98,6 +98,21 @@ def demo_truth():
 @pytest.fixture(scope="session")
 def demo_estimate(demo_rig, demo_record):
     return ambid.identify(demo_rig, demo_record)
+
+
+@pytest.fixture(scope="session")
+def explained(tmp_path_factory):
+    """The diagnosis of a mass on one axis with a hidden delay, and a record to validate on; from files."""
+    rig = ambid.Rig.load(LEVITATOR)
+    hidden = ambid.Model(rig).add("loop_delay", {"delay": 5e-5})
+    i_e = ambid.prbs(9, amplitude=1.0, hold=4, axes=1, periods=4)
+    folder = tmp_path_factory.mktemp("records")
+    for name, factor, seed in (("train", 1.0, 1), ("other", 0.5, 2)):
+        hidden.virtual_experiment(factor * i_e, seed=seed).save(folder / f"{name}.mat")
+    found = ambid.diagnose(rig, folder / "train.mat", validate=[folder / "other.mat"])
+    assert found.verdict == "explained"
+    assert found.effects == ("loop_delay",)
+    return found
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,6 @@
 import subprocess
 import sys
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ import ambid
 from ambid.diagnosis import Candidate, Localisation, Ranking, compare
 from ambid.diagnosis.localisation import Growth, MisfitMap
 from ambid.diagnosis.ports import Port
+from ambid.effects import find
 from ambid.errors import InputError
 from ambid.noise.shapes import Term
 from ambid.plot import (
@@ -28,6 +28,7 @@ from ambid.plot import (
 )
 from ambid.plot.style import GUIDE, shown_in
 from places import LEVITATOR
+from plot.texts import texts_of
 
 
 @pytest.fixture(scope="module")
@@ -40,13 +41,12 @@ def axes(rows=1, columns=1):
 
 
 def candidate(name, score, degrees, confusable=(), **more):
-    effect = SimpleNamespace(name=name)
-    return Candidate(effect, score, degrees, {}, 1.0 + 1.0 / score, tuple(confusable), **more)
+    return Candidate(find(name), score, degrees, {}, 1.0 + 1.0 / score, tuple(confusable), **more)
 
 
 def ranking():
-    first = candidate("first", 1000.0, 1, ["twin"])
-    found = (first, candidate("twin", 900.0, 1, ["first"]), candidate("noise", 2.0, 1))
+    first = candidate("loop_delay", 1000.0, 1, ["sensor_lag"])
+    found = (first, candidate("sensor_lag", 900.0, 1, ["loop_delay"]), candidate("back_emf", 2.0, 1))
     return Ranking(found, 5.0, {})
 
 
@@ -72,7 +72,7 @@ def localisation(**changes):
     return Localisation(**given | changes)
 
 
-def test_signals_are_those_of_the_record_and_the_model(comparison):
+def test_signals_are_those_of_the_record_and_the_model(comparison, golden):
     one = comparison.records[0]
     above, below = plot_comparison(comparison, 0, "y.A_eta", stretch=(0.5, 0.54))
     k, span = 1, slice(5000, 5400)
@@ -83,19 +83,19 @@ def test_signals_are_those_of_the_record_and_the_model(comparison):
     np.testing.assert_allclose(np.diff(measured), 1e6 * np.diff(one.record.y[span, k]), atol=1e-9)
     band = below.patches[0]
     assert band.get_height() == pytest.approx(4e6 * one.channels[k].noise_rms)
-    assert above.get_title(loc="left").startswith("y.A_eta: fit 9")
+    golden.holds(texts_of(above, below))
 
 
-def test_before_and_after_share_a_scale_and_large_currents_are_amperes(comparison):
+def test_before_and_after_share_a_scale_and_large_currents_are_amperes(comparison, golden):
     wrong = comparison.model.with_values({"K_i.A_zeta": 250.0})
     above, below = plot_comparison(comparison, 0, "i_c.A_zeta", before=wrong)
     lines = {line.get_label(): line for line in below.lines}
-    assert np.ptp(lines["residual before"].get_ydata()) > np.ptp(lines["residual"].get_ydata())
-    assert "simulated before" in {line.get_label() for line in above.lines}
-    assert above.get_title(loc="right").endswith("where i_c.A_zeta is missed most")
+    before, after = (np.ptp(lines[label].get_ydata()) for label in ("residual before", "residual"))
+    assert before > after
+    golden.holds(texts_of(above, below))
     assert shown_in("A", 0.9) == (1e3, "mA")
     assert shown_in("A", 1.0) == (1.0, "A")
-    with pytest.raises(InputError, match="stretch 2 to 1 s"):
+    with golden.raises(InputError):
         plot_comparison(comparison, stretch=(2.0, 1.0))
 
 
@@ -115,30 +115,30 @@ def test_the_worst_stretch_holds_the_largest_residual(comparison):
     assert np.sum(residual[begin:end] ** 2) == pytest.approx(power.max())
 
 
-@pytest.mark.parametrize(("record", "channel", "named"), [(3, None, "record = 3"), (0, "y.C_zeta", "y.C_zeta")])
-def test_a_wrong_record_or_channel_is_named(comparison, record, channel, named):
-    with pytest.raises(InputError, match=named):
+@pytest.mark.parametrize(("record", "channel"), [(3, None), (0, "y.C_zeta")])
+def test_a_wrong_record_or_channel_is_named(comparison, record, channel, golden):
+    with golden.raises(InputError):
         plot_comparison(comparison, record, channel)
 
 
-def test_saved_pictures_and_refused_suffix(comparison, tmp_path):
+def test_saved_pictures_and_refused_suffix(comparison, tmp_path, golden):
     assert save_comparison(comparison, tmp_path / "a.png") == [tmp_path / "a.png"]
-    with pytest.raises(InputError, match=r"\.xyz"):
+    with golden.raises(InputError):
         save_comparison(comparison, tmp_path / "a.xyz")
 
 
-def test_misfit_map_holds_the_table_and_greys_what_chance_may_bring():
+def test_misfit_map_holds_the_table_and_greys_what_chance_may_bring(golden):
     (given,) = axes()
     found = localisation()
     assert plot_misfit_map(found, ax=given) is given
     told = np.ma.masked_where(~(found.maps[0].misfit > 2.0), found.maps[0].misfit)
     np.testing.assert_array_equal(given.collections[0].get_array(), told)
-    assert [text.get_text() for text in given.texts] == ["200", "3000", "no line", "50", "1.0", "1.2"]
+    golden.holds("\n".join(text.get_text() for text in given.texts))
     assert len({text.get_color() for text in given.texts[2:3] + given.texts[4:]}) == 1
     assert given.texts[4].get_color() != given.texts[0].get_color()
     assert [label.get_text() for label in given.get_xticklabels()] == ["y.A_zeta", "y.A_eta"]
     assert plot_misfit_map(found.maps, largest=1e6).collections[0].norm.vmax == 1e6
-    with pytest.raises(InputError, match="record = 1"):
+    with golden.raises(InputError):
         plot_misfit_map(found, 1)
 
 
@@ -152,12 +152,12 @@ def test_ranking_goes_from_now_to_what_each_candidate_predicts():
     dots = [line for line in given.lines if line.get_marker() == "o"]
     assert [dot.get_markerfacecolor() == "white" for dot in dots] == [False, True, False]
     assert bars[2].get_facecolor() != bars[1].get_facecolor()
-    assert [label.get_text() for label in given.get_yticklabels()] == ["first", "twin", "noise"]
+    assert [label.get_text() for label in given.get_yticklabels()] == ["loop_delay", "sensor_lag", "back_emf"]
     assert {"1.00", "1.50", "100.0 %", "88 %"} <= {text.get_text() for text in given.texts}
 
 
 def test_a_p_value_that_no_number_holds_is_not_told_as_one():
-    large, small = candidate("large", 1e6, 1), candidate("small", 20.0, 1)
+    large, small = candidate("loop_delay", 1e6, 1), candidate("sensor_lag", 20.0, 1)
     assert large.p_text == "< 1e-300"
     assert float(small.p_text) == pytest.approx(small.p_value, rel=0.1)
     assert "< 1e-300" in repr(Ranking((large, small), 5.0, {}))
@@ -167,36 +167,24 @@ def test_an_empty_ranking_is_drawn_empty():
     assert not plot_ranking(Ranking((), 1.0, {})).patches
 
 
-def test_staircase_holds_the_ledger(demo_record, demo_estimate):
-    model = demo_estimate.model
-    before = model.with_values({"tau_e": 1.1 * model.theta[-1]})
-    steps = [
-        SimpleNamespace(effects=(), change="base model", misfit=50.0, validation_misfit=40.0, predicted_misfit=None),
-        SimpleNamespace(effects=("seal",), change="+ seal", misfit=1.0, validation_misfit=1.1, predicted_misfit=1.5),
-    ]
-    for step, fit, own in zip(steps, (90.0, 95.0), (before, model), strict=True):
-        step.fit_percent, step.model = {"average": fit}, own
+def test_staircase_holds_the_ledger(explained, golden):
     given = axes(1, 2)
-    diagnosis = SimpleNamespace(
-        history=steps, verdict="explained", model=model, parameters=demo_estimate.parameters, records=(demo_record,)
-    )
-    left, right = plot_staircase(diagnosis, given)
+    left, right = plot_staircase(explained, given)
     assert [left, right] == list(given)
-    lines = {line.get_label(): list(line.get_ydata()) for line in left.lines}
-    assert lines["train"] == [50.0, 1.0]
-    assert lines["validation"] == [40.0, 1.1]
-    assert lines["predicted by the ranking"] == [1.5]
-    assert lines["noise alone"] == [1.0, 1.0]
-    assert [label.get_text() for label in left.get_xticklabels()] == [
-        "base model\nfit of y 90.00 %",
-        "+ seal\nfit of y 95.00 %",
-    ]
-    assert [label.get_text() for label in right.get_yticklabels()] == list(model.names)
+    train, kept_back, predicted, noise = (list(line.get_ydata()) for line in left.lines)
+    assert train == [step.misfit for step in explained.history]
+    assert kept_back == [step.validation_misfit for step in explained.history]
+    assert predicted == [explained.history[-1].predicted_misfit]
+    assert noise == [1.0, 1.0]
+    steps = " | ".join(label.get_text() for label in left.get_xticklabels())
+    golden.holds(f"{texts_of(left, right)}\n{steps}")
+    before = {p.name: p.value for p in explained.history[0].model.parameters}
+    assert [label.get_text() for label in right.get_yticklabels()] == list(before)
     moved = [container.lines[0].get_xdata()[0] for container in right.containers]
-    assert moved[-1] == pytest.approx(100.0 * (1.0 / 1.1 - 1.0))
-    assert moved[:-1] == pytest.approx([0.0] * 8)
-    with pytest.raises(InputError, match="not_informative"):
-        plot_staircase(SimpleNamespace(history=[], records=(), verdict="not_informative"))
+    now = explained.parameters
+    assert moved == pytest.approx([100.0 * (now[name].value / value - 1.0) for name, value in before.items()])
+    with golden.raises(InputError):
+        plot_staircase(replace(explained, history=[], verdict="not_informative"))
 
 
 def test_needed_signal_of_a_port_as_means_over_bins():
@@ -211,9 +199,8 @@ def test_needed_signal_of_a_port_as_means_over_bins():
     np.testing.assert_allclose(y, [port.needed[own, 0].mean() for own in parts])
     assert lines["A"].get_marker() != lines["B"].get_marker()
     assert [len(ax.collections) for ax in given] == [1, 1, 1]
-    labels = [{line.get_label() for line in ax.lines} for ax in given]
-    assert "s^3, less its line" in labels[0]
-    assert not any("s^3, less its line" in own for own in labels[1:])
+    shapes = [[line for line in ax.lines if "s^3" in line.get_label()] for ax in given]
+    assert list(map(len, shapes)) == [1, 0, 0]
 
 
 def test_a_shape_that_explains_less_than_half_is_not_drawn_nor_a_port(golden):
@@ -224,13 +211,13 @@ def test_a_shape_that_explains_less_than_half_is_not_drawn_nor_a_port(golden):
         plot_needed(replace(port, share=0.4))
 
 
-def test_a_shape_over_the_other_axis_gets_a_panel_of_its_own():
+def test_a_shape_over_the_other_axis_gets_a_panel_of_its_own(golden):
     port = localisation().ports[0]
     other = 3e6 * port.against["s_other"] * np.array([1.0, -1.0])
     term = Term("s of the other axis", "linear", np.array([3e6, -3e6]), 9e3, 0.9, -100.0)
     given = axes(1, 3)
     plot_needed(replace(port, needed=other, terms=(term,)), given)
-    assert "other axis" in given[2].get_xlabel()
+    golden.holds(texts_of(*given))
     for line in given[2].lines[:2]:
         x, y = line.get_data()
         np.testing.assert_allclose(y, 3e6 * 1e-6 * x)

@@ -70,15 +70,16 @@ def test_branches_rotation_critical_speeds_and_what_was_identified_are_drawn(tur
         np.testing.assert_allclose(line.get_xdata(), turning.speed * 30.0 / np.pi)
     styles = {str(line.get_linestyle()) for line in lines}
     assert len(styles) >= 3
-    assert len([line for line in ax.lines if line.get_label() == "critical speed"]) == len(turning.critical)
+    rings = [line for line in ax.lines if line.get_label() == "critical speed"]
+    assert len(rings) == len(turning.critical)
     assert len(ax.containers) == len(turning.measured)
     assert {"forward", "backward"} <= set(turning.whirls)
     texts = [text.get_text() for text in ax.get_legend().get_texts()]
     assert len(texts) == len(set(texts))
 
 
-def test_pictures_are_saved_in_formats_that_are_known(known, turning, tmp_path):
+def test_pictures_are_saved_in_formats_that_are_known(known, turning, tmp_path, golden):
     for save, found in ((save_poles, ambid.pole_map(known)), (save_campbell, turning)):
         assert save(found, tmp_path / "drawn.svg").stat().st_size > 5000
-        with pytest.raises(InputError, match=r"\.bmp"):
+        with golden.raises(InputError):
             save(found, tmp_path / "drawn.bmp")

@@ -1,25 +1,9 @@
-"""What the tests of the report share: one diagnosis, and its report, made once."""
+"""What the tests of the report share: one report, made once."""
 
 import pytest
 
-import ambid
 from ambid.report import pictures, standing, write_report
-from places import LEVITATOR
 from report.page import Page
-
-
-@pytest.fixture(scope="package")
-def explained(tmp_path_factory):
-    rig = ambid.Rig.load(LEVITATOR)
-    hidden = ambid.Model(rig).add("loop_delay", {"delay": 5e-5})
-    i_e = ambid.prbs(9, amplitude=1.0, hold=4, axes=1, periods=4)
-    folder = tmp_path_factory.mktemp("records")
-    for name, factor, seed in (("train", 1.0, 1), ("other", 0.5, 2)):
-        hidden.virtual_experiment(factor * i_e, seed=seed).save(folder / f"{name}.mat")
-    found = ambid.diagnose(rig, folder / "train.mat", validate=[folder / "other.mat"])
-    assert found.verdict == "explained"
-    assert found.effects == ("loop_delay",)
-    return found
 
 
 @pytest.fixture(scope="package")
