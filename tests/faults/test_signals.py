@@ -17,10 +17,10 @@ from typer.main import get_command
 
 import ambid
 from ambid.cli.app import app
-from faults.jobs import FEW, JOBS, ONE_BY_ONE, OPTIONS, STORY, disturbed, ended, prepare, start
+from faults.jobs import HANGS, JOBS, ONE_BY_ONE, OPTIONS, STORY, disturbed, ended, prepare, start
 from faults.promises import CODES, check
 
-FAST = {"SIGKILL": 10, "SIGINT": 5, "SIGTERM": 5}
+FAST = {"SIGKILL": 6, "SIGINT": 3, "SIGTERM": 3}
 MANY = {"SIGKILL": 8, "SIGINT": 3, "SIGTERM": 3}
 SOME = {"SIGKILL": 4, "SIGINT": 1, "SIGTERM": 1}
 """Of a command that takes seconds."""
@@ -50,9 +50,8 @@ def test_every_option_that_writes_is_tried():
     assert written - tried == {("workbench", "--json")}, "it writes when a signal comes: tests/cli/test_working.py"
 
 
-@pytest.mark.parametrize("job", FEW)
-def test_a_few_moments(job, folder):
-    counts = check(disturbed(folder, JOBS[job], FAST))
+def test_a_few_moments(folder):
+    counts = check(disturbed(folder, JOBS["simulate"], FAST))
     assert counts["SIGKILL", "old"] > 0
 
 
@@ -73,8 +72,8 @@ def test_the_demo(tmp_path):
 
 
 def until(happens):
-    """Look for it, for a minute of an unloaded machine."""
-    deadline = time.monotonic() + 300.0
+    """Look for it."""
+    deadline = time.monotonic() + HANGS
     while not happens():
         assert time.monotonic() < deadline, "waited in vain"
         time.sleep(0.02)
@@ -113,7 +112,7 @@ def stop(folder, number, moment):
     assert process.stdout.read(1) == "."
     time.sleep(moment)
     process.send_signal(number)
-    _, err = process.communicate(timeout=60)
+    _, err = process.communicate(timeout=HANGS)
     if (folder / "i.json").exists():
         json.loads((folder / "i.json").read_text())
     assert not list(folder.glob(".ambid-*"))
@@ -125,8 +124,9 @@ def shell_code(process):
     return process.returncode if process.returncode >= 0 else 128 - process.returncode
 
 
-@pytest.mark.parametrize("count", [pytest.param(4, id="few"), pytest.param(12, id="many", marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", CODES)
+@pytest.mark.parametrize(
+    ("name", "count"), [("SIGINT", 2), *(pytest.param(name, 12, marks=pytest.mark.slow) for name in CODES)]
+)
 def test_from_the_first_import_on(name, count, folder):
     begun = time.perf_counter()
     assert ended("identify", "rig.toml", "run.csv", "-q", cwd=folder)[0] == 0
@@ -139,6 +139,7 @@ def test_from_the_first_import_on(name, count, folder):
 
 
 @watched
+@pytest.mark.slow
 def test_what_is_done_is_saved_and_says_that_it_was_stopped(folder):
     """One of so many starts that they would take minutes."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
@@ -148,7 +149,7 @@ def test_what_is_done_is_saved_and_says_that_it_was_stopped(folder):
     process = start("identify", "rig.toml", "run.csv", *arguments, cwd=folder)
     until(lambda: worked(process) > 1.0 + 2.0 * seconds)
     process.send_signal(signal.SIGTERM)
-    out, err = process.communicate(timeout=60)
+    out, err = process.communicate(timeout=HANGS)
     assert process.returncode == 143, err
     assert json.loads((folder / "s.json").read_text())["status"] == "stopped"
     assert "stopped" in out
@@ -159,7 +160,7 @@ def test_a_job_in_the_background_is_not_stopped_by_ctrl_c(folder):
     process = start("identify", "rig.toml", "run.csv", "-q", cwd=folder, program="import signal\n" + IGNORING)
     assert process.stdout.read(1) == "."
     process.send_signal(signal.SIGINT)
-    process.communicate(timeout=60)
+    process.communicate(timeout=HANGS)
     assert process.returncode == 0
 
 
@@ -167,7 +168,7 @@ IGNORING = f"signal.signal(signal.SIGINT, signal.SIG_IGN)\n{READY}"
 
 
 @watched
-def test_the_second_ctrl_c_ends_what_the_first_waits_for(folder):
+def test_the_second_ctrl_c_ends_what_the_first_waits_for(folder, golden):
     """A pipe that nobody reads holds the command while it writes."""
     os.mkfifo(folder / "pipe.json")
     process = start("identify", "rig.toml", "run.csv", "--json", "pipe.json", cwd=folder)
@@ -176,8 +177,7 @@ def test_the_second_ctrl_c_ends_what_the_first_waits_for(folder):
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(1.0)
     process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
+    _, err = process.communicate(timeout=HANGS)
     assert process.returncode == 130
-    assert "what is done is written first" in err
-    assert "Traceback" not in err
+    golden.holds(err)
     Path(folder / "pipe.json").unlink()
