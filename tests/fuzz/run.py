@@ -26,8 +26,8 @@ from fuzz.bases import healthy
 
 LONGEST = 10.0
 """Seconds of work on an input; healthy ones take a tenth of one."""
-MOST_WAITING = 60.0
-"""Seconds on the clock: an input that sleeps hangs too, and a busy machine is no fault of it."""
+WAITING = 6.0
+"""Seconds on the clock for each of work: an input that sleeps hangs too, and a busy machine is no fault of it."""
 RENEWED = 250
 """Inputs of a process: what libraries leak of damaged files, some megabytes each, stays far below its bound."""
 FINE = ("exit 0", "exit 1", "exit 2", "exit 130")
@@ -51,7 +51,8 @@ class Verdict:
 class Worker:
     """A process that runs inputs; started again when one kills it, and when it has run many."""
 
-    def __init__(self, seed: int, bases: Path, folder: Path) -> None:
+    def __init__(self, seed: int, bases: Path, folder: Path, longest: float) -> None:
+        self.longest = longest
         self._words = [sys.executable, str(Path(__file__).with_name("worker.py")), str(seed), str(bases), str(folder)]
         self._errors = folder.with_suffix(".stderr")
         self.number = -1
@@ -84,8 +85,8 @@ class Worker:
     @property
     def hangs(self) -> bool:
         """Whether its input takes too long; the first one of a process also waits for its imports."""
-        longer = 4 if self.given == 1 else 1
-        return self.worked - self.before > LONGEST * longer or time.monotonic() - self.begun > MOST_WAITING * longer
+        longest = self.longest * (4 if self.given == 1 else 1)
+        return self.worked - self.before > longest or time.monotonic() - self.begun > WAITING * longest
 
     def end(self) -> str:
         """Kill it; what it last said."""
@@ -94,13 +95,15 @@ class Worker:
         return self._errors.read_text(errors="replace")[-2000:]
 
 
-def verdicts(seed: int, numbers: Iterable[int], folder: Path, workers: int) -> Iterator[Verdict]:
+def verdicts(
+    seed: int, numbers: Iterable[int], folder: Path, workers: int, longest: float = LONGEST
+) -> Iterator[Verdict]:
     """Run inputs in a pool of processes."""
     bases = folder / "healthy"
     if not bases.exists():
         healthy(bases)
     waiting = iter(numbers)
-    pool = [Worker(seed, bases, folder / f"worker_{k}") for k in range(workers)]
+    pool = [Worker(seed, bases, folder / f"worker_{k}", longest) for k in range(workers)]
     with selectors.DefaultSelector() as selector:
         for worker in pool:
             _next(worker, waiting, selector)

@@ -1,4 +1,4 @@
-"""No traceback, whatever the file: what once failed, and a thousand damaged inputs."""
+"""No traceback, whatever the file: what once failed, and damaged inputs by the hundred."""
 
 import contextlib
 import json
@@ -17,6 +17,9 @@ from fuzz.bases import healthy
 from fuzz.commands import COMMANDS
 from fuzz.corpus import CORPUS
 from fuzz.run import table, verdicts
+
+HANGS = 60.0
+"""Seconds of work after which an input is taken to hang, on whatever machine."""
 
 
 @pytest.fixture(scope="session")
@@ -42,26 +45,26 @@ def test_every_option_of_the_command_line_is_tried():
 def test_what_once_failed(case, bases, tmp_path, monkeypatch, command):
     shutil.copytree(bases, tmp_path / "files")
     monkeypatch.chdir(tmp_path / "files")
-    make, words, said = CORPUS[case]
+    make, words, named = CORPUS[case]
     make()
     result = command(*words, "--json", "out.json")
-    if said:
+    if named:
         assert result.code == 2
-        assert said in " ".join(result.err.split())
+        assert [word for word in named.split() if word not in result.err] == []
     else:
-        assert result.code in (0, 2) or f"{words[1]}: all 2 runs failed" in result.err, result.err
+        assert result.code in (0, 1 if words[0] == "monte-carlo" else 2), result.err
     assert len(result.err) < LONGEST_MESSAGE + 200
     assert not [c for c in result.err + result.out if c not in "\n\t" and unicodedata.category(c) == "Cc"]
 
 
-def test_an_outer_link_is_said(bases, tmp_path, monkeypatch, command):
+def test_an_outer_link_is_said(bases, tmp_path, monkeypatch):
     shutil.copytree(bases, tmp_path / "files")
     monkeypatch.chdir(tmp_path / "files")
     import h5py
 
     with h5py.File("run.h5", "a") as file:
         file["other"] = h5py.ExternalLink("run73.mat", "/y")
-    assert "leads to another file, and is not followed" in command("check", "rig.toml", "run.h5").out
+    assert any("other:" in note for note in ambid.Record.load("run.h5").notes)
 
 
 def test_a_name_with_formulas_and_escapes_is_drawn_as_it_is(bases, tmp_path, monkeypatch, command):
@@ -74,9 +77,10 @@ def test_a_name_with_formulas_and_escapes_is_drawn_as_it_is(bases, tmp_path, mon
     assert "\x1b" not in (tmp_path / "out.svg").read_text()
 
 
-def test_a_thousand_inputs(tmp_path):
-    found = list(verdicts(1, range(1000), tmp_path, 2))
-    assert len(found) == 1000
+@pytest.mark.parametrize("count", [100, pytest.param(1000, marks=pytest.mark.slow)])
+def test_damaged_inputs(count, tmp_path):
+    found = list(verdicts(1, range(count), tmp_path, workers=count // 500 or 1, longest=HANGS))
+    assert len(found) == count
     bad = [v for v in found if not v.is_fine]
     assert not bad, "\n".join([table(found), *(f"{v.number}: {v.kind}: {v.outcome}: {v.detail}" for v in bad)])
 
@@ -97,7 +101,7 @@ def test_a_long_message_keeps_the_file_and_what_to_do():
 
 
 @given(st.lists(st.text(max_size=20), max_size=3))
-@settings(max_examples=300)
+@settings(max_examples=100)
 def test_a_map_is_read_or_refused(options):
     with contextlib.suppress(InputError):
         assert "y." in repr(ambid.ChannelMap.parse(options))
@@ -108,7 +112,7 @@ def test_a_map_is_read_or_refused(options):
         st.none() | st.booleans() | st.floats() | st.text(), lambda x: st.lists(x) | st.dictionaries(st.text(), x)
     )
 )
-@settings(max_examples=300)
+@settings(max_examples=100)
 def test_a_model_is_read_or_refused(tmp_path_factory, content):
     path = tmp_path_factory.getbasetemp() / "model.json"
     path.write_text(json.dumps(content))
