@@ -3,7 +3,6 @@
 import pickle
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
-from types import SimpleNamespace
 
 import pytest
 
@@ -19,7 +18,7 @@ RUNS = 10
 def _small_tasks(monkeypatch):
     monkeypatch.setattr(procedure, "CHUNK", 4)
     monkeypatch.setattr(procedure, "BATCH", 2)
-    monkeypatch.setattr(executors, "_held", {})
+    monkeypatch.setattr(executors, "HELD", {})
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +38,13 @@ class Wire(ThreadPoolExecutor):
         self.sizes.append(len(packed))
         function, *given = pickle.loads(packed)
         return super().submit(function, *given)
+
+
+class Maps:
+    """Has no more than a map."""
+
+    def map(self, work, tasks):
+        return map(work, tasks)
 
 
 class LastFirst:
@@ -61,7 +67,7 @@ class LastFirst:
         return future
 
 
-@pytest.mark.parametrize("kind", [lambda: ThreadPoolExecutor(2), LastFirst, Wire, lambda: SimpleNamespace(map=map)])
+@pytest.mark.parametrize("kind", [lambda: ThreadPoolExecutor(2), LastFirst, Wire, Maps])
 def test_the_same_rows(kind, rows, tmp_path):
     assert run_monte_carlo(plan(), RUNS, executor=kind()).rows == rows
 
@@ -92,7 +98,7 @@ def test_a_plan_that_is_held_is_not_sent_again(rows):
 def test_processes_that_hold_the_plan(rows):
     own = plan()
     with ProcessPoolExecutor(2, get_context("spawn"), ambid.hold_plan, (own,)) as executor:
-        assert executor.submit(executors._holds, own.key).result()
+        assert executor.submit(executors.holds_plan, own.key).result()
         assert run_monte_carlo(own, RUNS, executor=executor).rows == rows
 
 
@@ -107,9 +113,10 @@ def test_diagnoses_are_a_task_each():
 
 
 def test_a_worker_of_another_version(monkeypatch, golden):
-    parcel = executors._Parcel.of(plan())
+    versions = iter(["0.0.7", "0.0.8"])
+    monkeypatch.setattr(executors, "version", lambda package: next(versions))
     with golden.raises(InputError):
-        executors._rows_sent(parcel._replace(version="0.0.7"), [0])
+        run_monte_carlo(plan(), 1, executor=Maps())
 
 
 def test_no_executor(golden):

@@ -97,4 +97,4 @@ def monte_carlo_command(
     if is_stopped:
         raise typer.Exit(exit_code())
     if found.all_failed:
-        raise IdentificationError(f"{rig}: {found.all_failed}")
+        raise IdentificationError(f"{rig}: {found.findings[0].message}")

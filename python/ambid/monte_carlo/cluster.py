@@ -46,7 +46,7 @@ def made_on_cluster(client: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> 
 
     def submit(several: Sequence[Sequence[int]]) -> list[Any]:
         keys = [(f"ambid-runs-{name}", runs[0], len(runs)) for runs in several]
-        futures: list[Any] = client.map(_rows, several, plan=sent, key=keys)
+        futures: list[Any] = client.map(make_rows, several, plan=sent, key=keys)
         left.update(zip(futures, several, strict=True))
         return futures
 
@@ -77,5 +77,6 @@ def _received(plan: Plan, sender: str) -> Plan:
     return plan
 
 
-def _rows(runs: Sequence[int], plan: Plan) -> list[Row]:
+def make_rows(runs: Sequence[int], plan: Plan) -> list[Row]:
+    """The rows of one task, in a worker."""
     return rows_of(plan, runs)

@@ -17,7 +17,7 @@ from ambid.monte_carlo.runs import Row, rows_of
 
 __all__ = ["hold_plan", "made_by"]
 
-_held: dict[str, Plan] = {}
+HELD: dict[str, Plan] = {}
 """Plans that this process was given before any task, by their key."""
 
 
@@ -28,7 +28,7 @@ def hold_plan(plan: Plan) -> None:
     ----------
     plan : Plan
     """
-    _held[plan.key] = plan
+    HELD[plan.key] = plan
 
 
 def made_by(executor: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> Generator[list[Row]]:
@@ -77,7 +77,7 @@ def _client_of_dask(executor: Any) -> Any:
 
 
 def _submitted(executor: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> Generator[list[Row]]:
-    given: _Parcel | str = plan.key if executor.submit(_holds, plan.key).result() else _Parcel.of(plan)
+    given: _Parcel | str = plan.key if executor.submit(holds_plan, plan.key).result() else _Parcel.of(plan)
     work = _rows_held if isinstance(given, str) else _rows_sent
     futures: set[Future[list[Row]]] = set()
     try:
@@ -91,12 +91,13 @@ def _submitted(executor: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> Gen
             future.cancel()
 
 
-def _holds(key: str) -> bool:
-    return key in _held
+def holds_plan(key: str) -> bool:
+    """Whether this process has the plan of a key."""
+    return key in HELD
 
 
 def _rows_held(key: str, runs: Sequence[int]) -> list[Row]:
-    return rows_of(_held[key], runs)
+    return rows_of(HELD[key], runs)
 
 
 class _Parcel(NamedTuple):

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import FloatArray
+from ambid.findings import Finding, Kind, WithFindings
 from ambid.identification.estimate import NORMAL_95
 from ambid.identification.many import FAILED
 from ambid.monte_carlo.plan import Plan
@@ -17,6 +18,16 @@ from ambid.monte_carlo.runs import Row
 from ambid.results import Tabular, plain
 
 __all__ = ["Accuracy", "MonteCarlo"]
+
+MOST_REASONS = 3
+"""For which runs failed that are among the findings, the most frequent."""
+RUNS_FAILED = Kind("runs_failed", "warning", "{failed} of {runs} runs failed: {reason}")
+TOO_FEW_RUNS = Kind(
+    "too_few_runs",
+    "note",
+    "no bias and no spread: they take two runs that determine a parameter",
+    "make more runs",
+)
 
 
 @dataclass(frozen=True)
@@ -67,7 +78,7 @@ class Accuracy:
 
 
 @dataclass(frozen=True, repr=False)
-class MonteCarlo(Tabular):
+class MonteCarlo(Tabular, WithFindings):
     """Result of `run_monte_carlo`.
 
     Attributes
@@ -119,13 +130,20 @@ class MonteCarlo(Tabular):
         return dict(Counter(row["reason"] for row in self.rows if row["status"] == FAILED).most_common())
 
     @property
-    def all_failed(self) -> str:
-        """Why no run came to an end, by the most frequent reason; empty where one did, or none was made."""
-        if not self.rows or self.status.get(FAILED, 0) < len(self.rows):
-            return ""
-        reason, count = next(iter(self.reasons.items()))
-        share = "" if count == len(self.rows) else f", {count} of them for this reason"
-        return f"all {len(self.rows)} runs failed{share}: {reason}"
+    def all_failed(self) -> bool:
+        """Whether runs were made, and none came to an end."""
+        return bool(self.rows) and self.status.get(FAILED, 0) == len(self.rows)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Why runs failed, the most frequent reasons first, which is an error where all did; and too few runs."""
+        found = [
+            RUNS_FAILED(severity="error" if self.all_failed else None, failed=count, runs=len(self.rows), reason=reason)
+            for reason, count in list(self.reasons.items())[:MOST_REASONS]
+        ]
+        if self.rows and not self.all_failed and not self.has_values:
+            found.append(TOO_FEW_RUNS())
+        return tuple(found)
 
     @property
     def has_values(self) -> bool:
@@ -171,15 +189,13 @@ class MonteCarlo(Tabular):
         lines = [f"{len(self.rows)} runs: {counts or 'none made'}"]
         if self.rows and not self.all_failed:
             lines[0] += f"; misfit within its bound in {100.0 * self.adequate:.1f} %"
-            if not self.has_values:
-                lines.append("no bias and no spread, which take two runs that determine a parameter; make more runs")
         if self.plan.diagnose:
             for what, found in (("verdicts", self.verdicts), ("named", self.named)):
                 ranked = sorted(found.items(), key=lambda pair: (-pair[1], pair[0]))
                 lines.append(f"{what}: {', '.join(f'{name} {count}' for name, count in ranked) or 'none'}")
             if np.isfinite(self.truth_named):
                 lines.append(f"all that is hidden was named in {100.0 * self.truth_named:.1f} %")
-        return lines + [f"failed {count} times: {reason}" for reason, count in list(self.reasons.items())[:3]]
+        return [*lines, *self.finding_lines()]
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""
@@ -201,6 +217,7 @@ class MonteCarlo(Tabular):
             "verdicts": self.verdicts,
             "named": self.named,
             "truth_named": self.truth_named,
+            **self.findings_as_dict(),
         }
         return plain(found)  # type: ignore[no-any-return]
 
