@@ -100,6 +100,10 @@ class UnstableLoopError(AmbidError):
     """The simulated closed loop is unstable, so that it has no response to compare."""
 
 
+class UnstableStartError(UnstableLoopError):
+    """A fit has found no start with a stable loop; the message says what was tried."""
+
+
 class Stopped(KeyboardInterrupt):
     """Ctrl-C during a job that had something to show: passes on like any KeyboardInterrupt.
 

@@ -44,7 +44,7 @@ def test_a_set_point_that_ramps_is_told_with_its_ends(size):
 def test_a_load_that_ramps_is_told_by_the_current():
     (drift,) = told(*record(2, load=0.05 * RAMP))
     assert drift.values["currents"] == ["i_c.A_zeta"]
-    (begin,), (end,) = drift.values["current_begin_ampere"], drift.values["current_end_ampere"]
+    (begin,), (end,) = drift.values["current_begin_a"], drift.values["current_end_a"]
     assert end - begin == pytest.approx(-0.05 * (PERIODS - 2) / PERIODS, rel=0.15)
 
 

@@ -309,7 +309,7 @@ def test_travel_and_bias_current():
     travel, current = warnings_of(rig, offset)
     assert (travel.code, current.code) == ("large_travel", "mean_current_off_bias")
     assert current.values["difference"] == pytest.approx(7.0 / 6.0 - 1.0, abs=0.01)
-    assert current.values["bias_ampere"] == 6.0
+    assert current.values["bias_a"] == 6.0
     factor = 7.0 / np.abs(record.i_c).max()
     large = replace(record, i_e=factor * record.i_e, y=factor * record.y, i_c=factor * record.i_c)
     assert "current_beyond_bias" in codes(warnings_of(rig, large))

@@ -21,8 +21,8 @@ OPERATING_POINT_DRIFT = Kind(
     "operating_point_drift",
     "warning",
     "the means drift[: {displacements} from {displacement_begin_m:.5g|um} to {displacement_end_m:.5g|um}][ over a "
-    "range of {displacement_range_m:.5g|um}][; {currents} from {current_begin_ampere:.4g} A to "
-    "{current_end_ampere:.4g} A]; the record passes through operating points, which is no drift of the machine, but "
+    "range of {displacement_range_m:.5g|um}][; {currents} from {current_begin_a:.4g} A to "
+    "{current_end_a:.4g} A]; the record passes through operating points, which is no drift of the machine, but "
     "hides missing physics",
     "cut it where it is steady (Record.rows), and give each part the rig of its operating point",
 )
@@ -92,7 +92,7 @@ def _drift(
     """Values of the finding: channels of y and of i_c by their columns, and where each begins and ends."""
     found: dict[str, Any] = {"displacement_range_m": None}
     for (channels, name), own in zip((("displacements", "displacement"), ("currents", "current")), groups, strict=True):
-        unit = "m" if name == "displacement" else "ampere"
+        unit = "m" if name == "displacement" else "a"
         found |= {
             channels: [record.channels[k] for k in own] or None,
             f"{name}_begin_{unit}": begin[own].tolist() or None,

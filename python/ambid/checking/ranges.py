@@ -35,14 +35,13 @@ BEYOND_GAP = Kind(
 BEYOND_BIAS = Kind(
     "current_beyond_bias",
     "warning",
-    "reaches {peak_ampere:.3g} A, more than the bias current of {bias_ampere:g} A: a magnet cannot push",
+    "reaches {peak_a:.3g} A, more than the bias current of {bias_a:g} A: a magnet cannot push",
     "excite less, or check bias_current",
 )
 MEAN_BEYOND_BIAS = Kind(
     "mean_current_off_bias",
     "warning",
-    "has a mean of {mean_ampere:.4g} A, {difference:+.2g|%} from bias_current = {bias_ampere:g} A, and reaches "
-    "{peak_ampere:.3g} A",
+    "has a mean of {mean_a:.4g} A, {difference:+.2g|%} from bias_current = {bias_a:g} A, and reaches {peak_a:.3g} A",
     "if it is the whole current, correct bias_current; if the control current alone, a magnet cannot push: excite less",
 )
 NO_PERIOD = Kind(
@@ -92,12 +91,12 @@ def _currents(record: Record, i_c: FloatArray, bias: FloatArray) -> list[Finding
     if largest[j] <= bias[j]:
         return []
     where = Where(record=record.name, channel=f"i_c.{record.axes[j]}")
-    peak_ampere, bias_ampere, mean_ampere = (float(own[j]) for own in (largest, bias, mean))
+    peak_a, bias_a, mean_a = (float(own[j]) for own in (largest, bias, mean))
     if mean[j] > 0.0 and np.abs(i_c[:, j] - mean[j]).max() <= bias[j]:
-        difference = mean_ampere / bias_ampere - 1.0
-        values: dict[str, Any] = {"mean_ampere": mean_ampere, "difference": difference}
-        return [MEAN_BEYOND_BIAS(where, peak_ampere=peak_ampere, bias_ampere=bias_ampere, **values)]
-    return [BEYOND_BIAS(where, peak_ampere=peak_ampere, bias_ampere=bias_ampere)]
+        difference = mean_a / bias_a - 1.0
+        values: dict[str, Any] = {"mean_a": mean_a, "difference": difference}
+        return [MEAN_BEYOND_BIAS(where, peak_a=peak_a, bias_a=bias_a, **values)]
+    return [BEYOND_BIAS(where, peak_a=peak_a, bias_a=bias_a)]
 
 
 def slips_of_periods(record: Record) -> list[Finding]:

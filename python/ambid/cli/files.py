@@ -12,11 +12,18 @@ import numpy as np
 
 import ambid
 from ambid.cli.noted import note
-from ambid.errors import InputError, UnstableLoopError
+from ambid.errors import InputError, UnstableLoopError, UnstableStartError
+from ambid.findings import Finding, Kind, Where
 
-UNSTABLE = "the closed loop is unstable: "
-"""What such a message begins with, before the pole."""
 NO_RECORD = "no record follows; name the records of this operating point after its rig file"
+
+MODEL_OF_ANOTHER_RIG = Kind(
+    "model_of_another_rig",
+    "warning",
+    "the model was saved of another rig: {differences}[; and {further} more keys]; its parameters and effects are "
+    "taken on {rig}",
+    "give the rig that it was fitted on, unless that is meant",
+)
 
 MOST_KEYS = 5
 """Keys of another rig that are told one by one."""
@@ -29,13 +36,13 @@ def load_model(rig: ambid.Rig, path: Path | None) -> ambid.Model:
     if path is None:
         return ambid.Model(rig)
     model = ambid.Model.load(path, rig)
-    if told := _of_another_rig(rig, path):
-        note(told)
+    for finding in _of_another_rig(rig, path):
+        note(finding)
     return model
 
 
-def _of_another_rig(rig: ambid.Rig, path: Path) -> str:
-    """What to say of a model that was saved of a rig of other keys than this one; empty where it was not.
+def _of_another_rig(rig: ambid.Rig, path: Path) -> list[Finding]:
+    """Of a model that was saved of a rig of other keys than this one: which, and where it is used now.
 
     The operating points that it was fitted at beside its rig are its own.
     """
@@ -44,15 +51,16 @@ def _of_another_rig(rig: ambid.Rig, path: Path) -> str:
 
     apart = [differences(own, rig) for own in rigs_of_model(path)]
     if not all(apart):
-        return ""
+        return []
     first = sorted(apart[0], key=lambda own: own[0].endswith(NOMINAL))
-    keys = "; ".join(f"{key} = {there} there, {here} here" for key, there, here in first[:MOST_KEYS])
-    more = f"; and {len(first) - MOST_KEYS} more keys" if len(first) > MOST_KEYS else ""
-    where = rig.path or rig.name
-    return (
-        f"{path}: the model was saved of another rig: {keys}{more}; its parameters and effects are taken on {where}: "
-        "give the rig that it was fitted on, unless that is meant"
-    )
+    return [
+        MODEL_OF_ANOTHER_RIG(
+            Where(file=str(path)),
+            differences={key: {"saved": there, "given": here} for key, there, here in first[:MOST_KEYS]},
+            further=max(0, len(first) - MOST_KEYS) or None,
+            rig=str(rig.path or rig.name),
+        )
+    ]
 
 
 @contextmanager
@@ -70,9 +78,10 @@ def naming_unstable(rig: Path, start: ambid.Model, model: Path | None = None) ->
     try:
         yield
     except UnstableLoopError as error:
-        if not str(error).startswith(UNSTABLE):
-            raise  # as a fit tells it, with what it has tried
-        why = str(error).removeprefix(UNSTABLE)
+        if isinstance(error, UnstableStartError) or start.is_stable:
+            raise  # as a fit tells it, with what it has tried; or a response that leaves all bounds
+        pole = start.poles()[0]
+        why = f"a pole at {abs(pole.imag) / (2.0 * np.pi):.3g} Hz grows with {pole.real:.3g} 1/s"
         if not ambid.Model(start.rig).is_stable:
             told = f"{rig}: the nominal loop is unstable ({why}); `ambid check {shlex.quote(str(rig))}` tells why"
         else:

@@ -112,6 +112,7 @@ def identify_command(
         quiet,
         lambda: saved(estimate, save),
         lambda: drawn(estimate.model, loaded, plot),
+        findings=slips,
         is_stopped=estimate.status == "stopped",
     )
     if estimate.status == "stopped":

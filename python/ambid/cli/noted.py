@@ -1,29 +1,53 @@
-"""What a command notes of its inputs, beside its result: at once on stderr, and among the notes of its JSON."""
+"""What a command finds in its inputs, beside its result: at once on stderr, and among the findings of its JSON."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ambid.errors import printable
+from ambid.findings import Finding
 
-__all__ = ["begin_notes", "note", "with_notes"]
+__all__ = ["begin_findings", "note", "with_findings"]
 
-_told: list[str] = []
-
-
-def begin_notes() -> None:
-    """Forget the notes of a command before, where several run in one process."""
-    _told.clear()
+_noted: list[Finding] = []
 
 
-def note(text: str) -> None:
+def begin_findings() -> None:
+    """Forget the findings of a command before, where several run in one process."""
+    _noted.clear()
+
+
+def note(finding: Finding) -> None:
     """Say something once."""
-    if text not in _told:
-        _told.append(text)
-        print(printable(f"note: {text}"), file=sys.stderr)
+    if finding not in _noted:
+        _noted.append(finding)
+        print(printable(f"{finding.severity}: {finding.line()}"), file=sys.stderr)
 
 
-def with_notes(data: dict[str, Any]) -> dict[str, Any]:
-    """Data for JSON with what was noted at the end of their notes; the same where nothing was."""
-    return {**data, "notes": [*data.get("notes", []), *_told]} if _told else data
+def with_findings(data: Mapping[str, Any], more: Sequence[Finding] = ()) -> dict[str, Any]:
+    """Data for JSON with the findings of its parts, of the command beside its result, and of its inputs.
+
+    Parameters
+    ----------
+    data : mapping
+        A result's own, whose findings stand under ``findings``, or under those of its parts.
+    more : sequence of Finding
+        Of the command, where its result has none of its own.
+    """
+    found = list(data["findings"]) if "findings" in data else _of_parts(data)
+    found += [own for own in (finding.as_dict() for finding in (*more, *_noted)) if own not in found]
+    notes = [*data.get("notes", []), *(finding.line() for finding in _noted)]
+    return {**data, "findings": found} | ({"notes": notes} if notes or "notes" in data else {})
+
+
+def _of_parts(value: Any) -> list[Any]:
+    """The findings of what is nested in the data, each once."""
+    if isinstance(value, Mapping):
+        parts = [*value.get("findings", []), *(of for entry in value.values() for of in _of_parts(entry))]
+    elif isinstance(value, list | tuple):
+        parts = [of for entry in value for of in _of_parts(entry)]
+    else:
+        return []
+    return [part for k, part in enumerate(parts) if part not in parts[:k]]

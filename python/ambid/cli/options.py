@@ -11,7 +11,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 import ambid
-from ambid.cli.noted import begin_notes
+from ambid.cli.noted import begin_findings
 from ambid.errors import InputError, printable
 
 RigFile = Annotated[Path, typer.Argument(metavar="RIG", help="Rig file (.toml).")]
@@ -74,7 +74,7 @@ class Commands(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         """See Click."""
-        begin_notes()
+        begin_findings()
         with _printable():
             return super().invoke(ctx)
 

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import ambid
-from ambid.cli.noted import with_notes
+from ambid.cli.noted import with_findings
 from ambid.cli.signals import begin_results, came, stopped
 from ambid.errors import AmbidError, InputError, printable
+from ambid.findings import Finding
 from ambid.writing import is_device, require_writable, whole_file
 
 PRINTED = Path("-")
@@ -62,6 +63,7 @@ def conclude(
     json_file: Path | None,
     quiet: bool,
     *writers: Callable[[], Sequence[Path]],
+    findings: Sequence[Finding] = (),
     is_stopped: bool = False,
 ) -> None:
     """Write all files, then print the result; a file that cannot be written does not keep the rest from it.
@@ -77,6 +79,8 @@ def conclude(
         Whether nothing is to be printed but JSON that was asked for; JSON is always printed alone.
     *writers : callable
         Write further files, and return those to be named.
+    findings : sequence of Finding
+        For JSON, where `data` has none of its own.
     is_stopped : bool
         Whether the result itself says that a signal has stopped it; of one that came later it is said here, and in
         JSON that has the key `STOPPED`.
@@ -95,7 +99,7 @@ def conclude(
     is_cut = False
     try:
         if json_file is not None:
-            made = with_notes(data() if callable(data) else data)
+            made = with_findings(data() if callable(data) else data, findings)
         for write in (lambda: _write_json(made, json_file), *writers):
             try:
                 written += write()

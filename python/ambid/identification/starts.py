@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.errors import UnstableLoopError
+from ambid.errors import UnstableLoopError, UnstableStartError
 from ambid.identification.minimum import WhitenedProblem
 from ambid.identification.problem import EXACTLY, Descent, End, LeastSquares, Limits
 from ambid.model import Model
@@ -90,7 +90,7 @@ def _stable_start(model: Model, free: list[int], limits: Limits) -> tuple[FloatA
 
     Raises
     ------
-    UnstableLoopError
+    UnstableStartError
         If there is none.
     """
     scale = np.array([model.parameters[i].scale for i in free])
@@ -111,7 +111,7 @@ def _stable_start(model: Model, free: list[int], limits: Limits) -> tuple[FloatA
         why = ""
     except UnstableLoopError as error:
         why = f" ({error})"
-    raise UnstableLoopError(
+    raise UnstableStartError(
         f"the closed loop is unstable at the start values{why}, and at all others that were tried around them. Check "
         f"the controller, the signs and sizes of K_i and K_s, and the time constants in {model.rig.path or 'the rig'}."
     )
