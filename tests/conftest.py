@@ -3,7 +3,9 @@
 import os
 import signal
 import sys
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: threads of several workers only wait for each other
 
@@ -52,24 +54,41 @@ def golden(request, tmp_path):
 @pytest.fixture
 def command(monkeypatch, capsys):
     """Run `ambid` with these arguments in this process, which gets its handlers of signals back."""
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 
     def run(*arguments) -> Finished:
-        monkeypatch.setattr(sys, "argv", ["ambid", *map(str, arguments)])
-        monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)  # `main` has its own
         capsys.readouterr()
-        try:
-            ambid.cli.main()
-        except SystemExit as exit_:
-            code = exit_.code or 0
-        else:
-            code = 0
-        finally:
-            for number, handler in handlers.items():
-                signal.signal(number, handler)
+        code = _ended(monkeypatch, arguments)
         return Finished(code, *capsys.readouterr())
 
     return run
+
+
+@pytest.fixture(scope="session")
+def command_in():
+    """The same in a folder, for results that several tests read."""
+
+    def run(folder, *arguments) -> Finished:
+        out, err = StringIO(), StringIO()
+        with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
+            patch.chdir(folder)
+            return Finished(_ended(patch, arguments), out.getvalue(), err.getvalue())
+
+    return run
+
+
+def _ended(patch, arguments) -> int:
+    """Exit code of the command."""
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    patch.setattr(sys, "argv", ["ambid", *map(str, arguments)])
+    patch.setattr(sys, "unraisablehook", sys.unraisablehook)  # `main` has its own
+    try:
+        ambid.cli.main()
+    except SystemExit as exit_:
+        return exit_.code or 0
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    return 0
 
 
 @pytest.fixture(scope="session")

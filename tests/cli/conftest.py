@@ -26,3 +26,26 @@ def here(late, tmp_path, monkeypatch):
     """An empty folder to write into, where the command runs."""
     monkeypatch.chdir(tmp_path)
     return (late / "rig.toml", late / "run.csv")
+
+
+@pytest.fixture(scope="session")
+def diagnosed(late, tmp_path_factory, command_in):
+    """A folder with all that `diagnose` may write of the late loop, and how it ended."""
+    folder = tmp_path_factory.mktemp("diagnosed")
+    files = ("--json", "d.json", "--save", "m.json", "--plot", "d.png", "--report", "d.html")
+    return folder, command_in(
+        folder, "diagnose", late / "rig.toml", late / "run.csv", "--validate", late / "other.csv", *files
+    )
+
+
+@pytest.fixture
+def refused(golden, late):
+    """Hold a command that was refused, with the text of why: it names what was wrong, as it was given."""
+
+    def hold(result, named="", code=2):
+        assert (result.code, result.out) == (code, "")
+        assert str(named) in result.err
+        catalogue = ", ".join(effect.name for effect in ambid.CATALOGUE)
+        golden.holds(result.err.replace(str(late), "<late>").replace(catalogue, "<catalogue>"))
+
+    return hold

@@ -8,6 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from matplotlib.image import imread
 
 import ambid
 from ambid.cli.terminal import with_time_left
@@ -21,10 +22,10 @@ CELL = {"record", "channel", "band_hz", "misfit", "kind"}
 def test_check_of_a_sound_record(here, command):
     result = command("check", *here, "--json", "c.json")
     assert (result.code, result.err) == (0, "")
-    assert "sound: " in result.out
-    assert "peak sensitivity" in result.out
     content = json.loads(Path("c.json").read_text())
     assert content["is_sound"]
+    assert content["findings"] == []
+    assert f"{content['loop']['peak_sensitivity']:.2f}" in result.out
     assert [record["name"] for record in content["records"]] == ["run"]
     assert command("check", here[0]).code == 0
 
@@ -35,16 +36,21 @@ def test_check_of_a_record_with_a_wrong_sign(here, command):
     ambid.Record("turned", record.sample_rate, record.axes, record.i_e, -record.y, record.i_c).save("turned.csv")
     result = command("check", rig, "turned.csv", "--json", "c.json")
     assert result.code == 2
-    assert "NOT SOUND" in result.out
-    assert "turned: y on A_zeta" in result.out
-    assert not json.loads(Path("c.json").read_text())["is_sound"]
+    content = json.loads(Path("c.json").read_text())
+    assert not content["is_sound"]
+    (error,) = [found for found in content["findings"] if found["severity"] == "error"]
+    assert (error["code"], error["where"]["record"], error["values"]["signals"]) == ("opposite_sign", "turned", ["y"])
+    assert error["message"] in result.out
+    quiet = command("check", rig, "turned.csv", "--quiet")
+    assert (quiet.code, quiet.out) == (2, "")
+    assert error["message"] in quiet.err
 
 
 def test_compare_tells_where_the_misfit_is(here, command):
     result = command("compare", *here, "--json", "c.json")
-    assert "largest misfit:\n  run: " in result.out
     where = json.loads(Path("c.json").read_text())["where"]
     assert set(where[0]) == CELL
+    assert f"{where[0]['misfit']:.1f} times noise, {where[0]['kind']}" in result.out
     assert [cell["misfit"] for cell in where] == sorted((cell["misfit"] for cell in where), reverse=True)
 
 
@@ -53,25 +59,28 @@ def test_compare_says_nothing_of_where_while_the_noise_is_not_known(here, comman
     ambid.Model(ambid.Rig.load(here[0])).simulate(i_e).save("noiseless.mat")
     result = command("compare", here[0], "noiseless.mat", "--json", "c.json")
     assert result.code == 0, result.err
-    assert "largest misfit" not in result.out
+    assert "times noise" not in result.out
     assert json.loads(Path("c.json").read_text())["where"] == []
 
 
-def test_diagnose_writes_all_that_is_asked_for(here, command):
-    files = ("--json", "d.json", "--save", "m.json", "--plot", "d.png", "--report", "d.html")
-    result = command("diagnose", *here, "--validate", here[1].with_name("other.csv"), *files)
+def test_diagnose_writes_all_that_is_asked_for(diagnosed, monkeypatch):
+    folder, result = diagnosed
+    monkeypatch.chdir(folder)
     assert (result.code, result.err) == (0, "")
-    for text in ("verdict: explained: loop_delay", "+ loop_delay", "validation", "written: d.png", "written: d.html"):
+    for text in ("explained: loop_delay", "+ loop_delay", "written: d.png", "written: d.html"):
         assert text in result.out
     assert "loop_delay" in Path("d.html").read_text()
+    assert imread("d.png").shape[0] > 300
     content = json.loads(Path("d.json").read_text())
     assert (content["verdict"], content["effects"]) == ("explained", ["loop_delay"])
+    assert not content["stopped"]
     assert set(content["where"][0]) == CELL
     assert content["history"][-1]["validation_misfit"] == pytest.approx(1.0, abs=0.15)
     saved = ambid.Model.load("m.json")
     assert dict(zip(saved.names, saved.theta, strict=True))["loop_delay.delay"] == pytest.approx(5e-5, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_report_is_written_for_the_screen_and_for_paper(here, command):
     result = command("diagnose", *here, "--report", "d.html", "--pdf", "d.pdf")
     if "pip install 'ambid[pdf]'" in result.err:
@@ -141,9 +150,8 @@ def test_asking_at_a_terminal(here, answer, effects):
         seen = read_to_the_end(ours)
     os.close(ours)
     assert process.returncode == 0, seen
-    assert "effect " in seen
-    assert "loop_delay. Add it?" in seen
-    assert "base model" in seen
+    for words in ("effect ", "loop_delay. Add it?", "base model"):
+        assert words in seen
     history = json.loads(Path("d.json").read_text())["history"]
     if effects is None:
         effects = [history[0]["candidates"][1]["effect"]]
@@ -191,11 +199,12 @@ def test_the_catalogue(here, command):
 
 def test_one_effect_on_a_rig(here, command):
     result = command("effects", "loop_delay", "--rig", here[0], "--json", "e.json")
-    assert "5e-09 .. 0.002    s " in result.out
     (entry,) = json.loads(Path("e.json").read_text())["effects"]
     (delay,) = entry["parameters"]
     assert (delay["lower"], delay["upper"], delay["unit"]) == (5e-9, 2e-3, "s")
-    assert "makes no sense on this rig" in command("effects", "unbalance", "--rig", here[0]).out
+    assert f"{delay['lower']:g} .. {delay['upper']:g}" in result.out
+    refused = command("effects", "unbalance", "--rig", here[0], "--json", "-")
+    assert json.loads(refused.out)["effects"][0]["not_on_this_rig"]
 
 
 @pytest.mark.usefixtures("here")
@@ -214,68 +223,61 @@ def test_effects_in_a_virtual_experiment(command):
 
 
 REFUSED = {
-    "map, no equals sign": (("check", "--map", "y.A_zeta"), "map y.A_zeta: expected CHANNEL=COLUMN"),
-    "map, unknown channel": (("compare", "--map", "z.A_zeta=1"), "'z.A_zeta' is no channel"),
-    "map, no y": (("identify", "--map", "t=1"), "no y.<axis>"),
-    "map, unknown column": (("diagnose", "--map", "y.A_zeta=ch99"), "run.csv: map y.A_zeta=ch99: there is no such"),
-    "sample rate, zero": (("check", "--sample-rate", "0"), "--sample-rate 0: expected a positive number"),
-    "sample rate, contradicts": (("compare", "--sample-rate", "5000"), "5000 Hz"),
-    "effects, unknown": (
-        ("diagnose", "--effects", "loop_delya"),
-        "no such effect; did you mean loop_delay?",
-    ),
-    "effects, twice": (("diagnose", "--effects", "sensor_lag,sensor_lag"), "sensor_lag cannot be added"),
-    "tolerance, below noise": (("diagnose", "--tolerance", "0.5"), "--tolerance 0.5: expected 1"),
-    "tolerance, not a number": (("diagnose", "--tolerance", "nan"), "--tolerance nan"),
-    "ask, no terminal": (("diagnose", "--ask"), "--ask: there is no terminal to ask on"),
-    "ask, quietly": (("diagnose", "--ask", "--quiet"), "--ask and --quiet exclude each other"),
-    "ask, with a choice": (("diagnose", "--ask", "--effects", "loop_delay"), "--ask and --effects exclude each other"),
-    "validate, no such file": (("diagnose", "--validate", "none.csv"), "none.csv"),
-    "save, no such folder": (("diagnose", "--save", "nowhere/m.json"), "nowhere/m.json: cannot be written"),
-    "report, not HTML": (("diagnose", "--report", "d.pdf"), "--report d.pdf: the suffix is .pdf; expected .html"),
-    "pdf, not PDF": (("diagnose", "--pdf", "d.html"), "--pdf d.html: the suffix is .html; expected .pdf"),
+    "map, no equals sign": ("check", "--map", "y.A_zeta"),
+    "map, unknown channel": ("compare", "--map", "z.A_zeta=1"),
+    "map, no y": ("identify", "--map", "t=1"),
+    "map, unknown column": ("diagnose", "--map", "y.A_zeta=ch99"),
+    "sample rate, zero": ("check", "--sample-rate", "0"),
+    "sample rate, contradicts": ("compare", "--sample-rate", "5000"),
+    "effects, unknown": ("diagnose", "--effects", "loop_delya"),
+    "effects, twice": ("diagnose", "--effects", "sensor_lag,sensor_lag"),
+    "tolerance, below noise": ("diagnose", "--tolerance", "0.5"),
+    "tolerance, not a number": ("diagnose", "--tolerance", "nan"),
+    "ask, no terminal": ("diagnose", "--ask"),
+    "ask, quietly": ("diagnose", "--ask", "--quiet"),
+    "ask, with a choice": ("diagnose", "--effects", "loop_delay", "--ask"),
+    "validate, no such file": ("diagnose", "--validate", "none.csv"),
+    "save, no such folder": ("diagnose", "--save", "nowhere/m.json"),
+    "report, not HTML": ("diagnose", "--report", "d.pdf"),
+    "pdf, not PDF": ("diagnose", "--pdf", "d.html"),
 }
 REFUSED_ALONE = {
-    "campaign, no such folder": (("campaign", "nowhere"), "nowhere: there is no such folder"),
-    "campaign, empty": (("campaign", "."), "no folder with rig.toml and records"),
-    "campaign, plot": (("campaign", ".", "--plot", "K_i.xyz"), ".xyz"),
-    "effects, unknown name": (("effects", "loop_delya"), "loop_delya: no such effect"),
-    "effects, no such rig": (("effects", "--rig", "none.toml"), "none.toml"),
-    "check, no such rig": (("check", "none.toml"), "none.toml"),
+    "campaign, no such folder": ("campaign", "nowhere"),
+    "campaign, empty": ("campaign", "."),
+    "campaign, plot": ("campaign", ".", "--plot", "K_i.xyz"),
+    "effects, unknown name": ("effects", "loop_delya"),
+    "effects, no such rig": ("effects", "--rig", "none.toml"),
+    "check, no such rig": ("check", "none.toml"),
 }
 SIMULATED = {
-    "effect, unknown": ("loop_delya", "--effect loop_delya: loop_delya: no such effect"),
-    "effect, out of range": ("loop_delay:delay=1", "--effect loop_delay:delay=1: loop_delay.delay = 1.0: expected"),
-    "effect, not on this rig": ("unbalance", "unbalance makes no sense on this rig"),
+    "effect, unknown": "loop_delya",
+    "effect, out of range": "loop_delay:delay=1",
+    "effect, not on this rig": "unbalance",
 }
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_options_that_are_refused(here, command, case):
-    (job, *options), words = REFUSED[case]
-    assert_refused(command(job, *here, *options), words)
+def test_options_that_are_refused(here, command, case, refused):
+    job, *options = REFUSED[case]
+    named = {"map, no y": "y.<axis>", "effects, twice": "sensor_lag"}.get(case, options[-1])
+    refused(command(job, *here, *options), named)
 
 
 def test_what_follows_validate_is_not_fitted(here, command):
-    assert_refused(command("diagnose", here[0], "--validate", here[1]), "'RECORD...'")
+    result = command("diagnose", here[0], "--validate", here[1])
+    assert (result.code, result.out) == (2, "")
+    assert "RECORD" in result.err
 
 
 @pytest.mark.parametrize("case", REFUSED_ALONE)
-def test_arguments_that_are_refused(here, command, case):
-    arguments, words = REFUSED_ALONE[case]
-    assert_refused(command(*arguments), words)
+def test_arguments_that_are_refused(here, command, case, refused):
+    refused(command(*REFUSED_ALONE[case]), REFUSED_ALONE[case][-1])
 
 
 @pytest.mark.parametrize("case", SIMULATED)
-def test_effects_that_are_refused(here, command, case):
-    effect, words = SIMULATED[case]
-    assert_refused(command("simulate", here[0], "--out", "v.csv", "--effect", effect), words)
-
-
-def assert_refused(result, words):
-    assert result.code == 2, result.out
-    assert words in result.err
-    assert result.out == ""
+def test_effects_that_are_refused(here, command, case, refused):
+    effect = SIMULATED[case]
+    refused(command("simulate", here[0], "--out", "v.csv", "--effect", effect), effect)
 
 
 def test_rank_is_the_ranking_of_the_fitted_model(here, command, tmp_path):

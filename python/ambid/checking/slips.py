@@ -116,7 +116,7 @@ def _turned_reference(record: Record, rig: Rig) -> list[Finding]:
 
 def _record(record: Record, loop: NominalLoop) -> list[Finding]:
     lines, where = Lines.of(record), Where(record=record.name)
-    found = [replace(own.at(record=record.name), severity="warning") for own in record.findings]
+    found = [own.at(record=record.name) for own in record.findings]
     found += [*slips_of_ranges(record, loop.rig), *path(record), *slips_of_periods(record)]
     found += slips_of_clocks(record, loop)
     if record.is_free_response:

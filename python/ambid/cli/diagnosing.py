@@ -141,8 +141,11 @@ def rank_command(
         comparison = ambid.identify(start, loaded).comparison
         ranking = ambid.rank(comparison, progress=with_time_left(told))
         expected = None if predict is None else ambid.predict(ranking, predict)
-    twice = [found.line() for found in findings_of_repeats([own.record for own in comparison.records])]
-    text, data = [repr(ranking), *(f"note: {note}" for note in twice)], ranking.to_json() | {"notes": twice}
+    twice = findings_of_repeats([own.record for own in comparison.records])
+    text, data = (
+        [repr(ranking), *(f"{own.severity}: {own.line()}" for own in twice)],
+        {"notes": [], **ranking.to_json()},
+    )
     if expected is not None:
         text, data = [*text, "", *expected.lines()], data | {"prediction": expected.to_json()}
 
@@ -153,7 +156,7 @@ def rank_command(
             ambid.plot.save_ranking(ranking, plot) if expected is None else ambid.plot.save_prediction(expected, plot)
         ]
 
-    conclude("\n".join(text), data, json_file, quiet, drawing)
+    conclude("\n".join(text), data, json_file, quiet, drawing, findings=twice)
 
 
 def diagnose_command(

@@ -15,14 +15,20 @@ from ambid.cli.options import Force, JsonFile, ModelFile, Quiet, RigFile, known_
 from ambid.cli.outputs import conclude, require_outputs
 from ambid.cli.signals import stoppable
 from ambid.errors import InputError, WrongUnit
-from ambid.findings import has
+from ambid.findings import Finding, Kind, has
 from ambid.results import of_unit, plain
 from ambid.writing import is_device, make_folder, whole_file
 
 LONGEST_SIMULATION = 10_000_000
 """Samples of a virtual experiment; more would not fit into the memory of a small computer."""
-"""What is said of a record whose y goes beyond the air gap; of a virtual one the amplitude is the cause."""
-OF_AMPLITUDE = "nothing limits it here; on the machine it would touch, so give a smaller --amplitude"
+
+VIRTUAL_TRAVEL = Kind(
+    "virtual_travel_beyond_gap",
+    "warning",
+    "reaches {largest_m:.4g} m, the air gap is {air_gap_m:g} m",
+    "nothing limits it here; on the machine it would touch, so give a smaller --amplitude",
+)
+"""What is said of a virtual record whose y goes beyond the air gap: the amplitude is the cause, not the unit."""
 
 
 def _kinds(incomplete: str) -> list[str]:
@@ -98,12 +104,7 @@ def simulate_command(
     _require_possible(made, machine, out, amplitude)
     made.save(out)
     record = ambid.Record.load(out, machine)
-    from ambid.record.checks import BEYOND_AIR_GAP  # not at the top: --help need not open that room
-
-    notes = [
-        f"{own.line(advises=False)}; {OF_AMPLITUDE}" if has([own], BEYOND_AIR_GAP) else own.line()
-        for own in record.findings
-    ]
+    findings = [_of_virtual(own) for own in record.findings]
     summary = {
         "record": str(out),
         "samples": record.samples,
@@ -113,10 +114,17 @@ def simulate_command(
         "effects": [own.name for own in start.effects],
         "parameters": {p.name: {"value": p.value, "unit": p.unit} for p in start.parameters},
         "settings": plain({own.name: own.settings() for own in start.effects}),
-        "notes": notes,
+        "notes": [],
     }
-    lines = [repr(record), *_values(start), *(f"note: {note}" for note in notes)]
-    conclude("\n".join(lines), summary, json_file, quiet, lambda: [out])
+    lines = [repr(record), *_values(start), *(f"{own.severity}: {own.line()}" for own in findings)]
+    conclude("\n".join(lines), summary, json_file, quiet, lambda: [out], findings=findings)
+
+
+def _of_virtual(finding: Finding) -> Finding:
+    """What is found of a record, of one that was simulated."""
+    from ambid.record.checks import BEYOND_AIR_GAP  # not at the top: --help need not open that room
+
+    return VIRTUAL_TRAVEL(finding.where, **finding.values) if has([finding], BEYOND_AIR_GAP) else finding
 
 
 def _values(model: ambid.Model) -> Iterator[str]:

@@ -34,11 +34,12 @@ def with_findings(data: Mapping[str, Any], more: Sequence[Finding] = ()) -> dict
     data : mapping
         A result's own, whose findings stand under ``findings``, or under those of its parts.
     more : sequence of Finding
-        Of the command, where its result has none of its own.
+        Of the command, beside those of its result.
     """
     found = list(data["findings"]) if "findings" in data else _of_parts(data)
-    found += [own for own in (finding.as_dict() for finding in (*more, *_noted)) if own not in found]
-    notes = [*data.get("notes", []), *(finding.line() for finding in _noted)]
+    further = [finding for finding in (*more, *_noted) if finding.as_dict() not in found]
+    found += [finding.as_dict() for finding in further]
+    notes = [*data.get("notes", []), *(finding.line() for finding in further)]
     return {**data, "findings": found} | ({"notes": notes} if notes or "notes" in data else {})
 
 

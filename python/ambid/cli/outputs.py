@@ -80,7 +80,7 @@ def conclude(
     *writers : callable
         Write further files, and return those to be named.
     findings : sequence of Finding
-        For JSON, where `data` has none of its own.
+        Of the command, for JSON, beside those of its result.
     is_stopped : bool
         Whether the result itself says that a signal has stopped it; of one that came later it is said here, and in
         JSON that has the key `STOPPED`.
