@@ -38,5 +38,5 @@ def test_what_no_machine_does_is_not_written_and_the_amplitude_is_named(here, co
     assert result.code == 2
     assert "--amplitude 100000: y." in result.err
     assert "give a smaller amplitude" in result.err
-    assert "--allow" not in result.err
+    assert "(allow:" not in result.err
     assert not Path("v.csv").exists()

@@ -170,7 +170,7 @@ def test_sample_rate_of_a_file_that_states_none(tmp_path, foreign, record, golde
         Record.load(path, mapping=MAP, sample_rate=5e3)
     ours = write_csv(tmp_path / "ours.csv", {f"y.{axis}": record.y[:, k] for k, axis in enumerate(RIG.axes)})
     assert Record.load(ours, sample_rate=1e4).sample_rate == 1e4
-    with pytest.raises(RecordError, match="column 't'"):
+    with golden.raises(RecordError):
         Record.load(ours)
 
 
@@ -181,50 +181,41 @@ def test_without_i_e_it_is_rebuilt(tmp_path, foreign, record):
     assert found.excitation_source == "rebuilt_from_current"
 
 
-def test_names_with_colons(tmp_path, foreign, record):
+def test_names_with_colons(tmp_path, foreign, record, golden):
     path = write_csv(tmp_path / "scope.csv", {name.replace("ch", "Dev1: ai:"): c for name, c in foreign.items()})
     mapping = {channel: column.replace("ch", "Dev1: ai:") for channel, column in MAP.items()}
     assert_same(Record.load(path, RIG, mapping=mapping), record)
-    assert "t=time:0.001" in repr(ChannelMap(mapping))
-    assert "y.A_zeta=ai:volts:1" in repr(ChannelMap({"y.A_zeta": "ai:volts"}))
+    golden.holds(repr(ChannelMap(mapping)))
+    golden.holds(repr(ChannelMap({"y.A_zeta": "ai:volts"})))
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["y.A_zeta"], "map y.A_zeta: expected CHANNEL=COLUMN or CHANNEL=COLUMN:FACTOR, such as y.A_zeta=ch3:1e-6"),
-        (["=ch3"], "expected CHANNEL=COLUMN"),
-        (["y.A_zeta=a", "y.A_zeta=b"], "map y.A_zeta=b: y.A_zeta is mapped to a already"),
-        (["x.A_zeta=a"], "'x.A_zeta' is no channel; expected t, fs, or one of i_e, r, y, i_c, i_ref with an axis"),
-        (["y=a"], "'y' is no channel"),
-        (["y.A_zeta=a:0"], "the factor 0 makes no SI units"),
-        (["y.A_zeta=a:nan"], "the factor nan"),
-        (["t=a"], "no y.<axis> in t"),
-        ([], "no y.<axis> in it"),
-    ],
+REFUSED = (
+    ["y.A_zeta"],
+    ["=ch3"],
+    ["y.A_zeta=a", "y.A_zeta=b"],
+    ["x.A_zeta=a"],
+    ["y=a"],
+    ["y.A_zeta=a:0"],
+    ["y.A_zeta=a:nan"],
+    ["t=a"],
+    [],
 )
-def test_maps_that_are_refused(options, words):
-    with pytest.raises(InputError) as caught:
+
+
+@pytest.mark.parametrize("options", REFUSED, ids=" ".join)
+def test_maps_that_are_refused(options, golden):
+    with golden.raises(InputError):
         ChannelMap.parse(options)
-    assert words in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"y.A_zeta": "ch99"}, "map y.A_zeta=ch99: there is no such column; the columns are 1 time, 2 ch0, 3 ch1"),
-        ({"y.A_zeta": "0"}, "map y.A_zeta=0: there is no such column"),
-        ({"fs": "ch3"}, "fs=ch3 has 504 values"),
-        ({"y.C_zeta": "ch1"}, "missing: C_zeta"),
-        ({"y.A_zeta": "ch4:1"}, "looks like micrometres"),
-    ],
+    ("channel", "column"),
+    [("y.A_zeta", "ch99"), ("y.A_zeta", "0"), ("fs", "ch3"), ("y.C_zeta", "ch1"), ("y.A_zeta", "ch4:1")],
 )
-def test_files_that_do_not_fit_the_map(tmp_path, foreign, changes, words):
+def test_files_that_do_not_fit_the_map(tmp_path, foreign, channel, column, golden):
     path = write_csv(tmp_path / "scope.csv", foreign)
-    with pytest.raises(RecordError) as caught:
-        Record.load(path, RIG, mapping=MAP | changes)
-    assert str(path) in str(caught.value)
-    assert words in str(caught.value)
+    with golden.raises(RecordError):
+        Record.load(path, RIG, mapping=MAP | {channel: column})
 
 
 def test_columns_of_different_length(tmp_path, foreign, golden):

@@ -8,7 +8,7 @@ import pytest
 import ambid
 from ambid import FrequencyResponse, Model
 from ambid.errors import RecordError
-from ambid.noise.response_lines import INDEPENDENT, _independent
+from ambid.noise.response_lines import INDEPENDENT, independent_numbers
 from found import the
 from hidden.one_axis import ONE_AXIS
 
@@ -61,7 +61,7 @@ def test_frequencies_without_a_value_do_not_count(golden):
 
 @pytest.mark.parametrize("scatter", [0.0, 1e-7, 1.0, 1e5])
 def test_any_scatter_tells_how_many_numbers_are_independent(scatter):
-    assert INDEPENDENT[0] <= _independent(scatter) <= INDEPENDENT[1]
+    assert INDEPENDENT[0] <= independent_numbers(scatter) <= INDEPENDENT[1]
 
 
 def test_missing_values_are_told_with_their_count_pair_and_frequency(golden):

@@ -4,6 +4,7 @@ import numpy as np
 
 from ambid import Record, Rig, check, identify
 from ambid.diagnosis import diagnose
+from ambid.diagnosis.ranking import UNDRIVEN
 from ambid.errors import RecordError
 from found import codes
 from reference.levitator import Levitator, pid, pid_matrices
@@ -51,14 +52,15 @@ def test_a_note_says_so_and_check_has_no_fault():
 def test_a_diagnosis_tries_no_effect_and_says_why():
     found = diagnose(rig(), record())
     assert found.verdict == "adequate"
-    assert "nothing drives" in found.to_json()["not_tried"]["loop_delay"]
+    assert found.to_json()["not_tried"]["loop_delay"] == UNDRIVEN
 
 
 def test_a_misfit_is_told_though_nothing_can_be_named():
     own = rig().replace(amplifier={"time_constant": 0.012})
-    found = diagnose(own, Record.from_arrays(**released(0.05), sample_rate=RATE, axes=own.axes, rig=own))
-    assert found.verdict == "not_informative"
-    assert "misfit" in " ".join(found.notes)
+    run = Record.from_arrays(**released(0.05), sample_rate=RATE, axes=own.axes, rig=own)
+    found, estimate = diagnose(own, run), identify(own, run)
+    assert (found.verdict, estimate.is_adequate) == ("not_informative", False)
+    assert any(estimate.exceeds in note for note in found.notes)
 
 
 def test_noise_alone_is_still_refused(golden):

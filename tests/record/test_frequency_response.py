@@ -12,7 +12,7 @@ import scipy.io
 from ambid import ChannelMap, FrequencyResponse, Model, Record, load_measurement, prbs
 from ambid.errors import InputError, RecordError
 from ambid.record.local_bands import Bands, fitted_bands
-from ambid.record.local_response import _noise, local_response
+from ambid.record.local_response import local_response, noise_of
 from found import codes
 from hidden.bench import simulate
 from hidden.families import BENCHES
@@ -128,51 +128,50 @@ def ONE_AXIS_RECORD(seed=1, periods=4):
     return Record("run", own.sample_rate, own.axes, own.i_e, own.y, own.i_c, period=len(i_e) // periods)
 
 
-@pytest.mark.parametrize(
-    ("line", "text", "words"),
-    [
-        (0, "frequency_hz,output,input,re,std", "no column im"),
-        (3, "20,y.A_zeta,i_e.A_zeta,abc,0,1e-9", "re, row 3: 'abc' is not a number"),
-        (3, "20,y.A_zeta,i_e.A_zeta,1e-6", "row 3 has 4 cells, the header 6"),
-        (3, "nan,y.A_zeta,i_e.A_zeta,1e-6,0,1e-9", "frequency_hz is nan"),
-        (1, "-5,y.A_zeta,i_e.A_zeta,1e-6,0,1e-9", "frequency_hz is -5"),
-        (1, "90000,y.A_zeta,i_e.A_zeta,1e-6,0,1e-9", "below half the sample rate"),
-        (2, "5,y.A_zeta,i_e.A_zeta,1e-6,0,1e-9", "y.A_zeta / i_e.A_zeta at 5 Hz is there already"),
-        (1, "5,y.A_zeta,i_e.A_zeta,inf,0,1e-9", "y.A_zeta / i_e.A_zeta is"),
-        (1, "5,y.A_zeta,i_e.A_zeta,1e-6,0,", "std of y.A_zeta / i_e.A_zeta is missing at 5 Hz"),
-        (1, "5,y.A_zeta,i_e.A_zeta,1e-6,0,-1", "std of y.A_zeta / i_e.A_zeta is -1 at 5 Hz"),
-        (1, "5,y.C_zeta,i_e.A_zeta,1e-6,0,1e-9", "output y.C_zeta: the rig has the axes A_zeta"),
-        (1, "5,ch1,i_e.A_zeta,1e-6,0,1e-9", "output 'ch1' is no channel"),
-        (1, "5,y.A_zeta,i_e.A_zeta,40,0,1e-9", "it looks like um/A or mm/A; give m/A"),
-    ],
-)
-def test_a_broken_table_is_refused_in_its_own_words(measured, tmp_path, line, text, words):
-    lines = rows(measured)
+BROKEN_LINES = {
+    "no column": (0, "frequency_hz,output,input,re,std"),
+    "a word": (3, "20,y.A_zeta,i_e.A_zeta,abc,0,1e-9"),
+    "a cut row": (3, "20,y.A_zeta,i_e.A_zeta,1e-6"),
+    "no frequency": (3, "nan,y.A_zeta,i_e.A_zeta,1e-6,0,1e-9"),
+    "below zero": (1, "-5,y.A_zeta,i_e.A_zeta,1e-6,0,1e-9"),
+    "too high": (1, "90000,y.A_zeta,i_e.A_zeta,1e-6,0,1e-9"),
+    "twice": (2, "5,y.A_zeta,i_e.A_zeta,1e-6,0,1e-9"),
+    "infinite": (1, "5,y.A_zeta,i_e.A_zeta,inf,0,1e-9"),
+    "no std": (1, "5,y.A_zeta,i_e.A_zeta,1e-6,0,"),
+    "std below zero": (1, "5,y.A_zeta,i_e.A_zeta,1e-6,0,-1"),
+    "another axis": (1, "5,y.C_zeta,i_e.A_zeta,1e-6,0,1e-9"),
+    "another name": (1, "5,ch1,i_e.A_zeta,1e-6,0,1e-9"),
+    "another unit": (1, "5,y.A_zeta,i_e.A_zeta,40,0,1e-9"),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN_LINES)
+def test_a_broken_table_is_refused_in_its_own_words(measured, tmp_path, name, golden):
+    lines, (line, text) = rows(measured), BROKEN_LINES[name]
     lines[line] = text
     path = tmp_path / "frf.csv"
     path.write_text("\n".join(lines) + "\n")
-    with pytest.raises(RecordError) as error:
+    with golden.raises(RecordError):
         FrequencyResponse.load(path, RIG)
-    assert words in str(error.value)
-    assert str(path) in str(error.value)
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "words"),
+    ("key", "value"),
     [
-        ("outputs", None, "no variable outputs"),
-        ("response", np.ones((3, 2, 1)) + 0j, "response has the shape"),
-        ("std", np.ones((60, 1, 1)), "std has the shape"),
-        ("inputs", np.array([1.0]), "inputs holds no names"),
-        ("frequency_hz", F[::-1].copy(), "sort it"),
-        ("frequency_hz", np.array(["a"] * 60, dtype=object), "frequency_hz holds object"),
-        ("coherence", 2.0 * np.ones((60, 2, 1)), "expected a finite number above 0, up to 1"),
-        ("covariance", np.zeros((60, 2, 2)) + 0j, "covariance at 5 Hz is none"),
-        ("averages", 0.0, "averages = 0.0"),
-        ("spread", 1.2, "spread = 1.2 without a covariance"),
+        ("outputs", None),
+        ("response", np.ones((3, 2, 1)) + 0j),
+        ("std", np.ones((60, 1, 1))),
+        ("inputs", np.array([1.0])),
+        ("frequency_hz", F[::-1].copy()),
+        ("frequency_hz", np.array(["a"] * 60, dtype=object)),
+        ("coherence", 2.0 * np.ones((60, 2, 1))),
+        ("covariance", np.zeros((60, 2, 2)) + 0j),
+        ("averages", 0.0),
+        ("spread", 1.2),
     ],
+    ids=["outputs", "response", "std", "inputs", "falling", "letters", "coherence", "covariance", "averages", "spread"],
 )
-def test_a_broken_mat_is_refused_in_its_own_words(measured, tmp_path, key, value, words):
+def test_a_broken_mat_is_refused_in_its_own_words(measured, tmp_path, key, value, golden):
     names = {key: np.array(own, dtype=object) for key, own in (("outputs", OUTPUTS), ("inputs", INPUTS))}
     content = {"frequency_hz": F, "response": measured.response, **names}
     if value is None:
@@ -181,9 +180,8 @@ def test_a_broken_mat_is_refused_in_its_own_words(measured, tmp_path, key, value
         content[key] = value
     path = tmp_path / "frf.mat"
     scipy.io.savemat(path, content)
-    with pytest.raises(RecordError) as error:
+    with golden.raises(RecordError):
         FrequencyResponse.load(path, RIG)
-    assert words in str(error.value)
 
 
 def test_the_std_of_coherence_and_averages(tmp_path):
@@ -293,11 +291,11 @@ def test_a_damaged_universal_file_is_refused(tmp_path, golden):
         FrequencyResponse.load(path, RIG)
 
 
-@pytest.mark.parametrize(("name", "words"), [("frf.xls", "is no format"), ("none.csv", "there is no such file")])
-def test_a_file_that_is_none_is_refused(tmp_path, name, words):
+@pytest.mark.parametrize("name", ["frf.xls", "none.csv"])
+def test_a_file_that_is_none_is_refused(tmp_path, name, golden):
     if name == "frf.xls":
         (tmp_path / name).write_text("x")
-    with pytest.raises(InputError, match=words):
+    with golden.raises(InputError):
         FrequencyResponse.load(tmp_path / name, RIG)
 
 
@@ -325,7 +323,7 @@ def test_the_spread_of_noise_that_is_told_by_few_lines(channels, free):
         white = random.standard_normal((2, count, free, channels)) / np.sqrt(2.0)
         nothing = np.zeros(0)
         bands = Bands(nothing, nothing, {}, white[0] + 1j * white[1], np.full(count, float(free)))
-        covariance, spreads = _noise([bands])
+        covariance, spreads = noise_of([bands])
         inverse = np.linalg.inv(covariance)
         power.append(np.mean(np.einsum("kii->ki", inverse).real))
         direction.append(np.mean(np.einsum("kij,kji->k", inverse, inverse).real) / channels)

@@ -56,11 +56,11 @@ def test_two_decimal_marks_are_refused(tmp_path, golden):
         Record.load(tmp_path / "own.csv", RIG)
 
 
-def test_a_bad_cell_is_named_by_its_row_whatever_is_above(tmp_path):
+def test_a_bad_cell_is_named_by_its_row_whatever_is_above(tmp_path, golden):
     lines = text(";", above="# bench 3\n", below="s;A;m;A", commas=True).splitlines()
     lines[7] = lines[7].replace(";", ";off", 1)
     (tmp_path / "own.csv").write_text("\n".join(lines))
-    with pytest.raises(RecordError, match=rf"i_e.{AXIS}, row 5: 'off"):
+    with golden.raises(RecordError):
         Record.load(tmp_path / "own.csv", RIG)
 
 

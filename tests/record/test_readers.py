@@ -3,7 +3,6 @@
 import hashlib
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -129,77 +128,75 @@ def without(column):
 
 
 BROKEN_CSV = {
-    "empty file": (lambda path: path.write_text(""), ["empty"]),
-    "missing file": (lambda path: None, ["no such file"]),
-    "not a text": (lambda path: path.write_bytes(b"\xff\xfe\x00" * 99), ["not a text file"]),
-    "header only": (rewritten(lambda lines: lines[:1]), ["without rows"]),
-    "no header": (rewritten(lambda lines: lines[1:]), ["first line holds numbers"]),
+    "empty file": (lambda path: path.write_text(""), []),
+    "missing file": (lambda path: None, []),
+    "not a text": (lambda path: path.write_bytes(b"\xff\xfe\x00" * 99), []),
+    "header only": (rewritten(lambda lines: lines[:1]), []),
+    "no header": (rewritten(lambda lines: lines[1:]), []),
     "word in a cell": (cell(57, 6, "off"), ["row 57", "y.A_eta", "'off'"]),
     "empty cell": (cell(8, 1, ""), ["row 8", "i_e.A_zeta", "''"]),
-    "decimal comma": (cell(9, 1, "0,2"), ["row 9", "14 cells", "13"]),
-    "cut row": (rewritten(lambda lines: [*lines[:-1], lines[-1][:40]]), ["row 1270", "cells"]),
+    "decimal comma": (cell(9, 1, "0,2"), ["row 9", "14", "13"]),
+    "cut row": (rewritten(lambda lines: [*lines[:-1], lines[-1][:40]]), ["row 1270"]),
     "NaN cell": (cell(12, 5, "nan"), ["y.A_zeta", "row 12"]),
-    "NaN in t": (cell(12, 0, "nan"), ["t is nan", "row 12"]),
-    "no t": (without("t"), ["column 't'", "missing"]),
-    "one y missing": (without("y.B_zeta"), ["y.B_zeta is missing", "the rig has the axes"]),
-    "one i_c missing": (without("i_c.A_eta"), ["i_c", "missing: A_eta"]),
+    "NaN in t": (cell(12, 0, "nan"), ["nan", "row 12"]),
+    "no t": (without("t"), ["'t'"]),
+    "one y missing": (without("y.B_zeta"), ["y.B_zeta"]),
+    "one i_c missing": (without("i_c.A_eta"), ["i_c", "A_eta"]),
     "no y": (rewritten(lambda lines: [lines[0].replace("y.", "x."), *lines[1:]]), ["y.<axis>"]),
-    "column twice": (rewritten(lambda lines: [lines[0].replace("y.A_eta", "y.A_zeta"), *lines[1:]]), ["2 times"]),
+    "column twice": (rewritten(lambda lines: [lines[0].replace("y.A_eta", "y.A_zeta"), *lines[1:]]), ["y.A_zeta"]),
     "t in milliseconds": (with_times(times * 1e3), ["10 Hz", "milliseconds"]),
-    "t in samples": (with_times(np.arange(5 * PERIOD)), ["sample numbers"]),
-    "another rate": (with_times(times / 2), ["20000 Hz", "rig"]),
-    "t goes back": (with_times(np.where(times == times[90], 0.0, times)), ["not increase", "row 91"]),
-    "t stands": (with_times(np.where(times == times[90], times[89], times)), ["not increase", "more digits"]),
-    "gap in t": (with_times(times + 3e-4 * (times > times[499])), ["gap", "row 501", "3 samples"]),
-    "lost sample": (rewritten(lambda lines: lines[:300] + lines[301:]), ["gap", "row 300", "1 samples"]),
+    "t in samples": (with_times(np.arange(5 * PERIOD)), []),
+    "another rate": (with_times(times / 2), ["20000 Hz"]),
+    "t goes back": (with_times(np.where(times == times[90], 0.0, times)), ["row 91"]),
+    "t stands": (with_times(np.where(times == times[90], times[89], times)), ["row 91"]),
+    "gap in t": (with_times(times + 3e-4 * (times > times[499])), ["row 501", " 3 "]),
+    "lost sample": (rewritten(lambda lines: lines[:300] + lines[301:]), ["row 300", " 1 "]),
 }
 
 
 @pytest.mark.parametrize("name", BROKEN_CSV)
-def test_broken_csv(tmp_path, name):
-    write, words = BROKEN_CSV[name]
+def test_broken_csv(tmp_path, name, golden):
+    write, values = BROKEN_CSV[name]
     path = tmp_path / "bad.csv"
     write(path)
-    with pytest.raises(RecordError) as caught:
+    with golden.raises(RecordError) as caught:
         Record.load(path, RIG)
-    for word in (str(path), *words):
-        assert word in str(caught.value)
+    for value in (str(path), *values):
+        assert value in str(caught.value)
 
 
 BROKEN_MAT = {
-    "no y": ({"y": None}, ["variable 'y'"]),
-    "neither fs nor t": ({"fs": None, "t": None}, ["neither 'fs' [Hz] nor 't'"]),
-    "fs against t": ({"fs": 5e3}, ["t says 10000 Hz, fs says 5000 Hz"]),
-    "two rates": ({"fs": [1e4, 2e4]}, ["fs has 2 values"]),
-    "t of another length": ({"t": times[:-1]}, ["t has 1269 rows, y has 1270"]),
-    "complex y": ({"y": measured()["y"] * 1j}, ["y holds complex128"]),
-    "axes as numbers": ({"axes": [1, 2, 3, 4]}, ["'axes' is not a list of names"]),
-    "three axes": ({"axes": np.array(AXES[:3], dtype=object)}, ["'axes' names 3"]),
-    "three dimensions": ({"y": np.ones((300, 2, 2))}, ["(300, 2, 2)"]),
+    "no y": {"y": None},
+    "neither fs nor t": {"fs": None, "t": None},
+    "fs against t": {"fs": 5e3},
+    "two rates": {"fs": [1e4, 2e4]},
+    "t of another length": {"t": times[:-1]},
+    "complex y": {"y": measured()["y"] * 1j},
+    "axes as numbers": {"axes": [1, 2, 3, 4]},
+    "three axes": {"axes": np.array(AXES[:3], dtype=object)},
+    "three dimensions": {"y": np.ones((300, 2, 2))},
 }
 
 
 @pytest.mark.parametrize("name", BROKEN_MAT)
-def test_broken_mat(tmp_path, name):
-    changes, words = BROKEN_MAT[name]
-    content = MATRICES | signals_of(measured()) | changes
+def test_broken_mat(tmp_path, name, golden):
+    content = MATRICES | signals_of(measured()) | BROKEN_MAT[name]
     path = tmp_path / "bad.mat"
     scipy.io.savemat(path, {key: value for key, value in content.items() if value is not None})
-    with pytest.raises(RecordError) as caught:
+    with golden.raises(RecordError):
         Record.load(path, RIG)
-    for word in (str(path), *words):
-        assert word in str(caught.value)
 
 
 @pytest.mark.parametrize("suffix", [".mat", ".h5", ".parquet"])
-def test_damaged_and_unknown_files(tmp_path, suffix):
+def test_damaged_and_unknown_files(tmp_path, suffix, golden):
     path = tmp_path / f"bad{suffix}"
     path.write_bytes(np.random.default_rng(0).bytes(2000))
-    with pytest.raises(RecordError, match="not a readable"):
+    with pytest.raises(RecordError) as damaged:
         Record.load(path)
-    with pytest.raises(RecordError, match=r"suffix '.xlsx'.*\.parquet"):
+    assert str(path) in str(damaged.value)  # the rest is another package's
+    with golden.raises(RecordError):
         Record.load(tmp_path / "run.xlsx")
-    with pytest.raises(RecordError, match="suffix"):
+    with golden.raises(RecordError):
         Record.from_arrays(**measured(), rig=RIG).save(tmp_path / "run.txt")
 
 
@@ -214,13 +211,23 @@ def test_missing_package_says_how_to_install(tmp_path, monkeypatch, suffix, gold
         Record.load(tmp_path / f"r{suffix}")
 
 
-def test_large_csv_is_read_fast(tmp_path):
-    rng = np.random.default_rng(0)
-    signals = {name: rng.normal(0, 1e-6, (20000, 4)) for name in ("i_e", "y", "i_c")}
+def test_a_csv_is_parsed_row_by_row_and_not_cell_by_cell(tmp_path):
+    """Python runs a few functions a row, whatever the count of columns."""
+    rng, rows = np.random.default_rng(0), 2000
+    signals = {name: rng.normal(0, 1e-6, (rows, 4)) for name in ("i_e", "y", "i_c")}
     path = write_csv(tmp_path / "large.csv", signals)
-    start = time.process_time()
-    Record.load(path)
-    assert time.process_time() - start < 0.6  # 0.15 s alone on one core
+    calls = 0
+
+    def count(frame, event, argument):
+        nonlocal calls
+        calls += event in ("call", "c_call")
+
+    sys.setprofile(count)
+    try:
+        Record.load(path)
+    finally:
+        sys.setprofile(None)
+    assert calls < 13 * rows
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".mat", ".h5", ".parquet", ".tdms"])
@@ -274,24 +281,19 @@ def test_csv_as_other_programs_write_it(tmp_path, edit, code):
 
 
 @pytest.mark.parametrize(
-    ("edit", "words"),
+    "edit",
     [
-        (lambda lines: [lines[0], *(line.replace(".", ",") for line in lines[1:])], "decimal commas between commas"),
-        (lambda lines: [lines[0], *(f"{line},7" for line in lines[1:])], "the last one is '7'; name its column"),
-        (lambda lines: [f"{line},7" if k else f"{line}," for k, line in enumerate(lines)], "the last one is '7'"),
-        (lambda lines: [f"{line}," if k != 5 else f"{line},7" for k, line in enumerate(lines)], "row 5 has 14 cells"),
-        (
-            lambda lines: [line.replace("y.A_eta", "", 1) for line in lines[:1]] + ["x," * 12 + "1"],
-            "'x' is not a number",
-        ),
+        lambda lines: [lines[0], *(line.replace(".", ",") for line in lines[1:])],
+        lambda lines: [lines[0], *(f"{line},7" for line in lines[1:])],
+        lambda lines: [f"{line},7" if k else f"{line}," for k, line in enumerate(lines)],
+        lambda lines: [f"{line}," if k != 5 else f"{line},7" for k, line in enumerate(lines)],
+        lambda lines: [line.replace("y.A_eta", "", 1) for line in lines[:1]] + ["x," * 12 + "1"],
     ],
     ids=["decimal commas", "a cell too many", "a last column without a name", "one cell", "text"],
 )
-def test_csv_that_is_wrong_says_what(tmp_path, edit, words):
-    with pytest.raises(RecordError) as error:
+def test_csv_that_is_wrong_says_what(tmp_path, edit, golden):
+    with golden.raises(RecordError):
         Record.load(edited(tmp_path, edit), RIG)
-    assert words in str(error.value)
-    assert "edited.csv" in str(error.value)
 
 
 def test_y_that_other_signals_have_more_of_is_missing_without_a_rig_too(tmp_path, golden):

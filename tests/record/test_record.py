@@ -26,7 +26,7 @@ from reference.records import (
 )
 
 
-def test_record_properties_and_repr():
+def test_record_properties_and_repr(golden):
     record = Record.from_arrays(**measured(cut=50), rig=RIG, name="run 7")
     assert (record.samples, record.periods, record.period) == (5 * PERIOD - 50, 4, PERIOD)
     assert record.seconds == pytest.approx(0.122)
@@ -34,9 +34,7 @@ def test_record_properties_and_repr():
     for array in (record.y, record.i_e, record.i_c):
         assert array.flags.c_contiguous
         assert not array.flags.writeable
-    assert repr(record).startswith(
-        "Record('run 7': 1220 samples at 10000 Hz, 0.122 s, 4 periods of 254; i_e y i_c on A_"
-    )
+    golden.holds(repr(record))
 
 
 def test_inputs_are_not_changed_or_shared():
@@ -102,37 +100,37 @@ BROKEN = {
     "NaN in y": (change("y", (700, 1), np.nan), ["y.A_eta", "nan", "row 701"]),
     "infinite current": (change("i_c", (3, 0), -np.inf), ["i_c.A_zeta", "inf", "row 4"]),
     "NaN in i_e": (change("i_e", (0, 3), np.nan), ["i_e.B_eta", "row 1 "]),
-    "dead displacement sensor": (change("y", (slice(None), 2), 1e-6), ["y.B_zeta", "constant", "1e-06"]),
-    "dead current sensor": (change("i_c", (slice(None), 3), 0.0), ["i_c.B_eta", "constant"]),
-    "clipped displacement": (clipped("y", 0.6), ["y.B_zeta", "clipped", "%"]),
-    "no excitation": (scaled("i_e", 0.0), ["no excitation", "i_e"]),
-    "constant excitation": (change("i_e", slice(None), 0.5), ["no excitation", "0.5"]),
-    "y in micrometres": (scaled("y", 1e6), ["y.A_zeta", "0.0005", "micrometres"]),
-    "i_c in mA": (scaled("i_c", 1e3), ["i_c.A_zeta", "mA", "rms"]),
+    "dead displacement sensor": (change("y", (slice(None), 2), 1e-6), ["y.B_zeta", "1e-06"]),
+    "dead current sensor": (change("i_c", (slice(None), 3), 0.0), ["i_c.B_eta"]),
+    "clipped displacement": (clipped("y", 0.6), ["y.B_zeta", "%"]),
+    "no excitation": (scaled("i_e", 0.0), ["i_e"]),
+    "constant excitation": (change("i_e", slice(None), 0.5), ["0.5"]),
+    "y in micrometres": (scaled("y", 1e6), ["y.A_zeta", "0.0005"]),
+    "i_c in mA": (scaled("i_c", 1e3), ["i_c.A_zeta", "mA"]),
     "i_e in mA": (scaled("i_e", 1e3), ["i_e.A_zeta", "mA"]),
-    "too short": (lambda k: k | {s: k[s][:150] for s in ("i_e", "y", "i_c")}, ["150 samples", "200"]),
+    "too short": (lambda k: k | {s: k[s][:150] for s in ("i_e", "y", "i_c")}, ["150", "200"]),
     "lengths differ": (lambda k: k | {"i_c": k["i_c"][:-1]}, ["i_c", "(1269, 4)", "(1270, 4)"]),
-    "a column too few": (lambda k: k | {"y": k["y"][:, :3]}, ["shape", "(1270, 3)", "(1270, 4)"]),
-    "one-dimensional": (lambda k: k | {"y": k["y"][:, 0]}, ["shape", "(1270,)"]),
-    "text": (lambda k: k | {"y": [["a", "b", "c", "d"]] * 300}, ["y is not an array of real numbers"]),
-    "unknown axis": (lambda k: k | {"axes": (*AXES[:3], "C_eta")}, ["missing: B_eta", "unknown: C_eta"]),
-    "axis twice": (lambda k: k | {"axes": (*AXES[:3], "A_zeta")}, ["named twice"]),
-    "another rate": (lambda k: k | {"sample_rate": 2e4}, ["20000 Hz", "10000 Hz", "rig"]),
+    "a column too few": (lambda k: k | {"y": k["y"][:, :3]}, ["(1270, 3)", "(1270, 4)"]),
+    "one-dimensional": (lambda k: k | {"y": k["y"][:, 0]}, ["(1270,)"]),
+    "text": (lambda k: k | {"y": [["a", "b", "c", "d"]] * 300}, []),
+    "unknown axis": (lambda k: k | {"axes": (*AXES[:3], "C_eta")}, ["B_eta", "C_eta"]),
+    "axis twice": (lambda k: k | {"axes": (*AXES[:3], "A_zeta")}, []),
+    "another rate": (lambda k: k | {"sample_rate": 2e4}, ["20000 Hz", "10000 Hz"]),
     "rate off by 0.2 %": (lambda k: k | {"sample_rate": 10020.0}, ["10020", "0.1 %"]),
     "negative rate": (lambda k: k | {"sample_rate": -1e4}, ["-10000"]),
-    "period too long": (lambda k: k | {"period": 5000}, ["period = 5000", "1270"]),
-    "period of a half": (lambda k: k | {"period": 0.5}, ["period = 0.5"]),
-    "nothing to rebuild from": (lambda k: k | {"i_e": None, "i_c": None}, ["i_e is missing", "i_ref and i_c"]),
+    "period too long": (lambda k: k | {"period": 5000}, ["5000", "1270"]),
+    "period of a half": (lambda k: k | {"period": 0.5}, ["0.5"]),
+    "nothing to rebuild from": (lambda k: k | {"i_e": None, "i_c": None}, ["i_e", "i_ref", "i_c"]),
 }
 
 
 @pytest.mark.parametrize("name", BROKEN)
-def test_broken_arrays(name):
-    broken, words = BROKEN[name]
-    with pytest.raises(RecordError) as caught:
+def test_broken_arrays(name, golden):
+    broken, values = BROKEN[name]
+    with golden.raises(RecordError) as caught:
         Record.from_arrays(**broken(measured()), rig=RIG, name="run")
-    for word in ("run: ", *words):
-        assert word in str(caught.value)
+    for value in ("run: ", *values):
+        assert value in str(caught.value)
 
 
 def test_findings_of_files(tmp_path, golden):

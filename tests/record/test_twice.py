@@ -10,12 +10,17 @@ import pytest
 import ambid
 from ambid import Model, Record, StaticLoading, prbs, static_load
 from ambid.demo import DATA
-from ambid.record.twice import findings_of_validation, with_repeats_found
+from ambid.record import measured
+from ambid.record.twice import (
+    findings_of_loadings,
+    findings_of_repeats,
+    findings_of_validation,
+    with_repeats_found,
+)
 from found import codes, the
 from hidden.one_axis import ONE_AXIS
 
 RIG = ONE_AXIS.rig
-TWICE = "holds the same data as"
 
 
 def run(seed: int, name: str = "run") -> Record:
@@ -37,20 +42,17 @@ def files(tmp_path):
     return tmp_path
 
 
-def twice(notes):
-    return [note for note in notes if TWICE in note]
-
-
 @pytest.mark.parametrize("other", ["a/run.csv", "a/again.csv", "a/run.mat"])
 def test_a_record_that_is_given_twice_is_told_with_both_files(files, other):
-    (note,) = twice(ambid.identify(RIG, [files / "a" / "run.csv", files / other]).notes)
-    assert str(files / "a" / "run.csv") in note
-    assert str(files / other) in note
-    assert "count twice" in note
+    estimate = ambid.identify(RIG, [files / "a" / "run.csv", files / other])
+    found = the(estimate.records[1], "counted_twice")
+    assert dict(found.values) == {"source": str(files / other), "other": str(files / "a" / "run.csv")}
+    assert sum(found.message in note for note in estimate.notes) == 1
 
 
 def test_other_data_of_the_same_name_are_fine(files):
-    assert not twice(ambid.identify(RIG, [files / "a" / "run.csv", files / "b" / "run.csv"]).notes)
+    several = measured([files / "a" / "run.csv", files / "b" / "run.csv"], RIG)
+    assert "counted_twice" not in [code for own in several for code in codes(own)]
 
 
 def test_the_same_motion_by_another_excitation_is_another_record():
@@ -72,10 +74,10 @@ def test_it_is_told_once_however_often_it_is_asked():
 
 def test_validation_on_the_record_that_was_fitted_is_told(files):
     train, same, new = (files / place for place in ("a/run.csv", "a/again.csv", "b/run.csv"))
-    (note,) = twice(ambid.diagnose(RIG, train, validate=[same, new]).notes)
-    assert str(train) in note
-    assert str(same) in note
-    assert "validate on another record" in note
+    found = ambid.diagnose(RIG, train, validate=[same, new])
+    (own,) = findings_of_validation(found.records, found.validation)
+    assert dict(own.values) == {"source": str(same), "other": str(train)}
+    assert sum(own.message in note for note in found.notes) == 1
     assert findings_of_validation([run(1)], [run(2)]) == []
 
 
@@ -83,16 +85,18 @@ def test_validation_on_the_record_that_was_fitted_is_told(files):
 def test_commands_say_so(files, what, command):
     records = files / "a" / "run.csv", files / "a" / "again.csv"
     found = command(what, files / "rig.toml", *records, "--json", files / "out.json")
-    assert TWICE in found.out
-    assert TWICE in json.dumps(json.loads((files / "out.json").read_text()))
+    (twice,) = findings_of_repeats(measured(records, RIG))
+    assert twice.message in found.out
+    assert json.dumps(twice.message) in (files / "out.json").read_text()
 
 
 def test_a_static_loading_that_is_given_twice_is_told(tmp_path):
     rig = ambid.Rig.load(DATA / "rig.toml")
     shutil.copy(DATA / "static_1.csv", tmp_path / "again.csv")
     found = static_load(rig, [DATA / "static_1.csv", tmp_path / "again.csv"])
-    (note,) = twice(found.notes)
-    assert str(tmp_path / "again.csv") in note
+    (twice,) = findings_of_loadings(found.loadings)
+    assert dict(twice.values) == {"source": str(tmp_path / "again.csv"), "other": str(DATA / "static_1.csv")}
+    assert sum(twice.message in note for note in found.notes) == 1
     one = StaticLoading.load(DATA / "static_1.csv", rig)
     other = replace(one, i_c=one.i_c * 1.01 + 1e-3 * np.arange(len(one.i_c))[:, None])
-    assert not twice(static_load(rig, [one, other]).notes)
+    assert findings_of_loadings([one, other]) == []

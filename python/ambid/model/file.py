@@ -66,7 +66,7 @@ def read_model(
     ModelError
         If the file is none of ours or has been broken, or an effect of it is not in the catalogue.
     """
-    with reading(path, ModelError, "a model", "give a file that --save wrote"):
+    with reading(path, ModelError, "a model", "give the file of a saved model"):
         return _model_of(path, _content(path), rig, catalogue)
 
 
@@ -78,7 +78,7 @@ def rigs_of_model(path: Path) -> list[Rig]:
     ModelError
         If the file is none of ours or has been broken.
     """
-    with reading(path, ModelError, "a model", "give a file that --save wrote"):
+    with reading(path, ModelError, "a model", "give the file of a saved model"):
         text = _content(path)
         return [Rig.from_toml(own, path) for own in (text["rig"], *text.get("points", ()))]
 
@@ -87,7 +87,7 @@ def _content(path: Path) -> dict[str, Any]:
     with path.open(encoding="utf-8") as file:
         content = file.read(LONGEST_FILE + 1)
     if len(content) > LONGEST_FILE:
-        raise ModelError(f"{path}: more than {LONGEST_FILE} characters; give a file that --save wrote")
+        raise ModelError(f"{path}: more than {LONGEST_FILE} characters; give the file of a saved model")
     text: dict[str, Any] = json.loads(content)
     return text
 
@@ -96,7 +96,7 @@ def _model_of(
     path: Path, text: dict[str, Any], rig: Rig | None, catalogue: Sequence[Effect]
 ) -> tuple[Structure, list[Parameter], FloatArray | None]:
     if text.get("format") != FORMAT:
-        raise ModelError(f"{path}: format = {text.get('format')!r}, expected {FORMAT!r}, as --save writes it")
+        raise ModelError(f"{path}: format = {text.get('format')!r}, expected {FORMAT!r}, as saved models have it")
     stored = [_parameter(path, name, entry) for name, entry in text["parameters"].items()]
     covariance = _covariance(text.get("covariance"))
     effects = [(entry["name"], {k: v for k, v in entry.items() if k != "name"}) for entry in text["effects"]]

@@ -24,7 +24,7 @@ from ambid.noise.lines import White, as_lines
 from ambid.record import FrequencyResponse
 from ambid.record.frequency_gates import known_alike
 
-__all__ = ["ResponseLines"]
+__all__ = ["ResponseLines", "independent_numbers"]
 
 HIDDEN = 0.5
 """Whitened difference by which nonlinear effects may change the loop at rest and count as absent there: it moves no
@@ -86,7 +86,7 @@ class ResponseLines:
         power = np.sum(self.white(self._base, []).residual.reshape(len(pairs), -1) ** 2, axis=1)[pairs > 0]
         apart = np.diff(np.log(np.maximum(power / pairs[pairs > 0], TINY)), n=2)
         most = float(np.median(pairs[pairs > 0]))
-        independent = _independent(float(np.mean(apart**2)) / 6.0)
+        independent = independent_numbers(float(np.mean(apart**2)) / 6.0)
         return np.full(self.numbers, np.clip(most / independent, 1.0, most))
 
     def white(self, here: Model, free: Sequence[int], *, roughly: bool = False) -> White:
@@ -179,7 +179,7 @@ class ResponseLines:
         return resting
 
 
-def _independent(scatter: float) -> float:
+def independent_numbers(scatter: float) -> float:
     """How many independent numbers make a mean square whose logarithm has this variance, within `INDEPENDENT`."""
     fewest, most = INDEPENDENT
     if scatter >= polygamma(1, fewest):

@@ -167,7 +167,7 @@ def require_known(allow: Collection[str]) -> None:
     """Refuse what nobody can vouch for."""
     unknown = [what for what in allow if what not in ALLOWED]
     if unknown:
-        raise InputError(f"--allow {unknown[0]}: expected {' or '.join(ALLOWED)}")
+        raise InputError(f"allow: {unknown[0]}: expected {' or '.join(ALLOWED)}")
 
 
 def require_ampere(
@@ -177,7 +177,7 @@ def require_ampere(
     rig: Rig | None = None,
     *,
     is_allowed: bool = False,
-    otherwise: str = ", or vouch for it: --allow current",
+    otherwise: str = ", or vouch for it (allow: current)",
 ) -> list[Finding]:
     """Refuse currents that only make sense in mA, or note them where a person vouches for them.
 
@@ -208,7 +208,7 @@ def require_metres(
         if largest > GAPS_OF_TRAVEL * gaps[axis] and not is_allowed:
             told = f"{signal}.{axis} reaches {largest:.4g} m, the air gap is {gaps[axis]:g} m"
             raise WrongUnit(
-                where, told, "it looks like micrometres or millimetres; give metres, or vouch for it: --allow travel"
+                where, told, "it looks like micrometres or millimetres; give metres, or vouch for it (allow: travel)"
             )
         if largest > gaps[axis]:
             at = Where(channel=f"{signal}.{axis}")

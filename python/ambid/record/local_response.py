@@ -26,7 +26,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
 from ambid.record.local_bands import DEGREE, FREE, NODES, Bands, fitted_bands, lowest_band, lowest_nodes, nodes
 
-__all__ = ["LocalResponse", "local_response"]
+__all__ = ["LocalResponse", "local_response", "noise_of"]
 
 AROUND = 3
 """Bands to each side that the correlation of the channels is taken from."""
@@ -114,7 +114,7 @@ def local_response(
             "more lines, or hold the model against the record itself"
         )
     response = np.concatenate([bands.response for bands in groups]).reshape(-1, z.shape[1], u.shape[1])
-    noise, spreads = _noise(groups)
+    noise, spreads = noise_of(groups)
     covariance = _covariance(groups, noise)
     frequency_hz = np.concatenate(places) * sample_rate / samples
     return LocalResponse(frequency_hz[told], response[told], covariance[told], float(np.mean(spreads)), excited)
@@ -138,7 +138,7 @@ def _covariance(groups: Sequence[Bands], noise: ComplexArray) -> ComplexArray:
     return found
 
 
-def _noise(groups: Sequence[Bands]) -> tuple[ComplexArray, FloatArray]:
+def noise_of(groups: Sequence[Bands]) -> tuple[ComplexArray, FloatArray]:
     """Covariance of the noise of every band, (bands, channels, channels), and its spread, (bands,).
 
     The power of each channel is that of the band, with what of the response is no polynomial; how the channels go

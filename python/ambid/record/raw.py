@@ -15,7 +15,7 @@ from ambid.record.content import COLUMNS_NOT_USED, TRANSPOSED, VARIABLES_NOT_USE
 from ambid.record.readers import require_names
 
 SIGNALS = ("i_e", "r", "y", "i_c", "i_ref")
-NAMES = "rename them, or say which is which: --map t=COLUMN --map y.A_zeta=COLUMN:FACTOR ..."
+NAMES = "rename them, or give a map of them: t=COLUMN, y.A_zeta=COLUMN:FACTOR, ..."
 """What to do about a file with names of its own."""
 
 

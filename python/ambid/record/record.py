@@ -384,7 +384,7 @@ class Record(WithFindings):
         if self.is_free_response:
             raise RecordError(
                 f"{where}: a free response: nothing drives it, so that there is no input that y and i_c could be the "
-                "response to; expected i_e or r that moves. Excite the loop, or fit the record as it is: ambid identify"
+                "response to; expected i_e or r that moves. Excite the loop, or identify the record as it is"
             )
         moving = {name: own for name, own in (("i_e", self.i_e), ("r", self.r)) if own is not None and _moves(own)}
         sizes = np.repeat([1.0 if len(moving) == 1 else own.std() for own in moving.values()], len(self.axes))
