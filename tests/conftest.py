@@ -44,11 +44,12 @@ def pytest_collection_modifyitems(config, items):
 
 
 @pytest.fixture
-def golden(request, tmp_path):
+def golden(request, tmp_path, tmp_path_factory):
     """The golden texts of this test."""
     place = f"{request.path.stem}::{request.node.name}"
     writes = request.config.getoption("golden") == "write"
-    return Golden(request.path.parent / FILE, place, str(tmp_path), writes, [0])
+    folders = str(tmp_path), str(tmp_path_factory.getbasetemp())
+    return Golden(request.path.parent / FILE, place, *folders, writes, [0])
 
 
 @pytest.fixture

@@ -31,6 +31,7 @@ class Golden:
     file: Path
     key: str
     folder: str
+    session: str
     writes: bool
     count: list[int]
 
@@ -55,8 +56,8 @@ class Golden:
         self.holds(str(found.value))
 
     def _normal(self, text: str) -> str:
-        """Without the folders of the test and of this checkout, and without blanks at the ends of lines."""
-        text = text.replace(self.folder, "<folder>").replace(str(TESTS), "<tests>")
+        """Without the folders of the test, of its session and of this checkout, and without blanks at ends of lines."""
+        text = text.replace(self.folder, "<folder>").replace(self.session, "<session>").replace(str(TESTS), "<tests>")
         return "\n".join(line.rstrip() for line in text.strip().splitlines())
 
 
