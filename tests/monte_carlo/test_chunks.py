@@ -225,19 +225,8 @@ def test_runs_that_all_fail_are_an_error_in_words(command, rig_file, tmp_path, g
 
 
 def test_one_run_has_no_table(command, rig_file, tmp_path):
-    call = (
-        "monte-carlo",
-        rig_file,
-        "--runs",
-        1,
-        "--seconds",
-        0.5,
-        "--amplitude",
-        1.0,
-        "--json",
-        tmp_path / "found.json",
-    )
-    done = command(*call)
+    call = ("monte-carlo", rig_file, "--runs", 1, "--seconds", 0.5, "--amplitude", 1.0)
+    done = command(*call, "--json", tmp_path / "found.json")
     assert done.code == 0
     assert "nan" not in done.out
     (finding,) = json.loads((tmp_path / "found.json").read_text())["findings"]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ambid.report import pictures, standing, write_report
+from ambid.report import write_report
 from report.page import Page
 
 
@@ -20,9 +20,6 @@ def whole(written):
 
 
 @pytest.fixture
-def page(monkeypatch, tmp_path):
-    """The page of a diagnosis, with pictures that are not drawn, and few draws: those of `whole` are."""
-    empty = "data:image/gif;base64,R0lGODlhAQABAAAAACw="
-    monkeypatch.setattr(pictures, "as_picture", lambda figure, caption: pictures.Picture(empty, caption, 1.0))
-    monkeypatch.setattr(standing, "DRAWS", 40)
+def page(undrawn, tmp_path):
+    """The page of a diagnosis, with pictures that are not drawn: those of `whole` are."""
     return lambda diagnosis: Page(write_report(diagnosis, tmp_path / "report.html").read_text(encoding="utf-8"))

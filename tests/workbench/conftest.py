@@ -87,13 +87,25 @@ def served(workbench, small):
     return workbench(rig, train, "--validate", train.with_name("kept.mat"))
 
 
-@pytest.fixture
-def ranked(browser, served):
+@pytest.fixture(scope="module")
+def at_work(browser, served):
     """A person whose model is fitted and its candidates ranked."""
     person = Person(browser, served)
     person.page.click("#fit")
     person.steps(2)
     person.page.click("#rank")
     person.page.wait_for_selector("#candidates tbody tr")
-    person.settled()
     return person
+
+
+@pytest.fixture
+def ranked(at_work):
+    """The same person, without what another test did after the ranking, on a page that is opened anew."""
+    while at_work.page.locator("#steps tbody tr").count() > 2:
+        at_work.page.click("#undo")
+        at_work.steps(2)
+    at_work.wrong.clear()
+    at_work.page.reload()
+    at_work.page.wait_for_selector("#candidates tbody tr")
+    at_work.settled()
+    return at_work

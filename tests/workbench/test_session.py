@@ -22,7 +22,7 @@ def test_an_unstable_start_is_fitted_first(begun, fitted):
     unstable = begun.bench.start.with_values({"K_s.A_zeta": 6.0 * begun.model.theta[1]})
     session = Session.begin(Bench(unstable, begun.bench.records))
     assert not unstable.is_stable
-    assert session.did == "fit, as the start is unstable"
+    assert session.estimate is not None
     assert session.comparison.misfit == pytest.approx(fitted.comparison.misfit, rel=1e-3)
     assert session.validation_misfit is None
 
@@ -66,26 +66,30 @@ def test_a_value_set_by_hand_raises_the_misfit_and_is_not_a_fit(added, golden):
 
 
 @pytest.mark.parametrize(
-    ("click", "error", "told"),
+    ("click", "error"),
     [
-        (lambda begun, added: begun.add("loop_delay"), ModelError, "fit first"),
-        (lambda begun, added: added.add("seal_of_solomon"), ModelError, "no candidate here"),
-        (lambda begun, added: added.add("loop_delay"), ModelError, "no candidate here"),
-        (lambda begun, added: added.remove("sensor_lag"), ModelError, "not in the model"),
-        (lambda begun, added: added.move("K_s", 1e6), ModelError, "no such parameter"),
-        (lambda begun, added: added.move("loop_delay.delay", -1.0), ModelError, "expected"),
-        (lambda begun, added: added.move(added.model.names[1], 1e8), UnstableLoopError, "unstable"),
+        pytest.param(lambda begun, added: begun.add("loop_delay"), ModelError, id="before a fit"),
+        pytest.param(lambda begun, added: added.remove("sensor_lag"), ModelError, id="not there"),
+        pytest.param(lambda begun, added: added.move("K_s", 1e6), ModelError, id="no parameter"),
+        pytest.param(lambda begun, added: added.move("loop_delay.delay", -1.0), ModelError, id="not allowed"),
+        pytest.param(lambda begun, added: added.move(added.model.names[1], 1e8), UnstableLoopError, id="unstable"),
     ],
 )
-def test_what_cannot_be_done_is_refused(begun, added, click, error, told):
-    with pytest.raises(error, match=told):
+def test_what_cannot_be_done_is_refused(begun, added, click, error, golden):
+    with golden.raises(error):
         click(begun, added)
 
 
-def test_records_whose_noise_is_not_known_are_refused(begun):
+@pytest.mark.parametrize("name", ["seal_of_solomon", "loop_delay"])
+def test_what_is_no_candidate_is_named(added, name):
+    with pytest.raises(ModelError, match=f"^{name}: "):
+        added.add(name)
+
+
+def test_records_whose_noise_is_not_known_are_refused(begun, golden):
     (train,) = begun.bench.records
     silent = begun.bench.start.simulate(train.i_e)
-    with pytest.raises(RecordError, match="noise"):
+    with golden.raises(RecordError):
         Session.begin(Bench(begun.bench.start, (silent,)))
 
 
@@ -119,7 +123,7 @@ def test_the_model_file_is_read_again(added, tmp_path):
     np.testing.assert_array_equal(ambid.Model.load(tmp_path / "model.json").theta, added.model.theta)
 
 
-def test_the_report_tells_of_what_was_added(added):
+def test_the_report_tells_of_what_was_added(added, undrawn):
     page = as_report(added).decode()
-    assert "loop delay" in page
+    assert "loop_delay" in page
     assert "http://" not in page.replace("http://www.w3.org", "")

@@ -2,7 +2,6 @@
 
 import json
 import runpy
-import time
 
 import numpy as np
 import pytest
@@ -11,9 +10,6 @@ import ambid
 from ambid.errors import InputError
 from ambid.workbench import Bench, Session, as_python, frequency_views, views
 from hidden.one_axis import ONE_AXIS
-from places import SHARED
-
-SEAL = SHARED / "cases" / "06-seal"
 
 
 @pytest.fixture(scope="module")
@@ -83,11 +79,11 @@ def test_a_parameter_says_by_how_many_standard_errors_it_moved(fitted, added):
     assert told["moved_by_std_errors"] == pytest.approx((now.value - was) / now.std_error)
 
 
-def test_a_window_beyond_the_record_is_moved_into_it(fitted):
+def test_a_window_beyond_the_record_is_moved_into_it(fitted, golden):
     record = fitted.comparison.records[0].record
     found = views.signals(fitted, 0, record.channels[0], (1e6, 2e6), 500)
     assert found["x"][-1] == pytest.approx(record.t[-1])
-    with pytest.raises(InputError, match="record = 2"):
+    with golden.raises(InputError):
         views.signals(fitted, 2, record.channels[0], None, 500)
 
 
@@ -109,12 +105,10 @@ def test_the_script_opens_other_operating_points_too(tmp_path, capsys):
     assert printed == [f"{own.did:32s} misfit {own.comparison.misfit:.9g}" for own in session.chain]
 
 
-@pytest.mark.skipif(not SEAL.exists(), reason="the measured cases are not here")
-def test_a_slider_of_a_linear_bench_costs_less_than_100_ms():
-    rig = ambid.Rig.load(SEAL / "rig.toml")
-    train, kept = (ambid.Record.load(SEAL / f"{name}.mat", rig) for name in ("train", "validate"))
-    fitted = Session.begin(Bench(ambid.Model(rig), (train,), (kept,))).fit()
-    begun = time.process_time()
-    for k in range(10):
-        views.misfits(fitted.move("K_i.A_zeta", 200.0 + k))
-    assert (time.process_time() - begun) / 10 < 0.1
+def test_a_slider_neither_fits_nor_estimates_noise_again(fitted, monkeypatch):
+    """So that it costs no more than the residual of one model."""
+    for name in ("identify", "compare", "rank", "localise"):
+        monkeypatch.setattr(f"ambid.workbench.session.{name}", None)
+    moved = fitted.move("K_i.A_zeta", 1.01 * fitted.model.theta[0])
+    assert views.misfits(moved)["misfit"] > views.misfits(fitted)["misfit"]
+    assert moved.comparison.noise is fitted.comparison.noise

@@ -54,9 +54,9 @@ export async function showResponses(role) {
   await draw(where, traces, {
     hovermode: "x", shapes: bandShape(),
     xaxis: frequencyAxis({ anchor: "y3" }),
-    yaxis: { ...LOG, title: { text: `size [${found.unit}]` }, domain: [0.52, 1] },
+    yaxis: { ...LOG, title: { text: `magnitude [${found.unit}]` }, domain: [0.52, 1] },
     yaxis2: { title: { text: "phase [°]" }, domain: [0.29, 0.47], range: [-200, 200], tickvals: [-180, 0, 180], zeroline: false },
-    yaxis3: { ...LOG, title: { text: `left [${found.unit}]` }, domain: [0, 0.24] },
+    yaxis3: { ...LOG, title: { text: `residual [${found.unit}]` }, domain: [0, 0.24] },
   });
   cursor.follow(where);
   cursor.offer();
@@ -66,7 +66,7 @@ export async function showSpectrum(role) {
   const where = $(`${role}-lines`);
   const found = await newest(`lines ${role}`, look("lines", { record: recordOf(role), channel: chosen.channel, pixels: widthOf(where) }));
   if (!found) return;
-  $(`${role}-lines-title`).textContent = `${role}: ${found.record}, ${chosen.channel}: power left on each line, in units of its noise`;
+  $(`${role}-lines-title`).textContent = `${role}: ${found.record}, ${chosen.channel}: residual power on each line, in units of its noise`;
   await draw(where, [{ x: found.frequency_hz, y: found.misfit, mode: "lines+markers", name: "misfit", hoverinfo: "none", line: { color: "#1f4e8c", width: 0.6 }, marker: { size: 3, color: "#1f4e8c" } }], {
     showlegend: false, hovermode: "x", xaxis: frequencyAxis(), yaxis: { ...LOG, title: { text: "misfit" }, dtick: 1 },
     shapes: [{ type: "line", xref: "paper", x0: 0, x1: 1, y0: 1, y1: 1, line: GUIDE }, ...bandShape()],
