@@ -9,6 +9,7 @@ import pytest
 import ambid
 from ambid.demo import DATA
 from ambid.effects import CATALOGUE
+from ambid.findings import Kind
 from parsed import read_by_the_command_line
 from places import ROOT
 
@@ -18,6 +19,7 @@ sys.path.append(str(DOCS / "_ext"))
 import blocks  # noqa: E402
 import catalogue  # noqa: E402
 import interface  # noqa: E402
+import kinds  # noqa: E402
 import pages  # noqa: E402
 import plant  # noqa: E402
 import records  # noqa: E402
@@ -137,6 +139,16 @@ def test_formats_and_gates_of_records():
     told = records.generate(Path())
     for part in ("`.tdms` | nptdms", "`.csv` | nothing", "`i_c`", "require_metres", "F_x and F_y"):
         assert part in told
+
+
+def test_every_kind_of_finding_is_told_with_its_room():
+    told = kinds.generate(Path())
+    for room, own in kinds.kinds().items():
+        assert f"ambid.{room}" in told
+        assert all(f"| `{kind.code}` | {kind.severity} |" in told for kind in own)
+    modules = [module for name, module in list(sys.modules.items()) if name.startswith("ambid.")]
+    declared = {own.code for module in modules for own in vars(module).values() if isinstance(own, Kind)}
+    assert declared == {kind.code for own in kinds.kinds().values() for kind in own}
 
 
 def test_everything_at_the_top_is_in_the_reference():
