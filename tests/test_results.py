@@ -9,7 +9,10 @@ import pytest
 import ambid
 from ambid import results as tables
 from ambid.diagnosis import Diagnosis, Step
+from ambid.diagnosis.ranking import NOT_APPLICABLE
+from ambid.diagnosis.result import MEND, MOSTLY_EXPLAINED, VERDICTS
 from ambid.errors import InputError
+from ambid.findings import NOWHERE, REMARK
 
 
 @pytest.fixture(scope="module")
@@ -40,9 +43,9 @@ def diagnosis(demo_estimate, demo_record, ranking):
         families={},
         records=(demo_record,),
         validation=(),
-        next_experiment="nothing",
+        next_steps=(MEND(NOWHERE),),
         seconds=0.0,
-        notes=("a <note>",),
+        findings=(REMARK(NOWHERE, text="a <note>"),),
     )
 
 
@@ -83,7 +86,8 @@ def test_what_is_shown_is_escaped_and_notes_are_told(diagnosis):
 
 
 def test_the_parameters_and_what_was_not_tried_are_printed(diagnosis, ranking):
-    (untold,) = [replace(ranking, not_tried={"unbalance": "the rotor does not turn"})]
+    own = NOT_APPLICABLE(NOWHERE, effect="unbalance", reason="the rotor does not turn")
+    (untold,) = [replace(ranking, findings=(own,))]
     told = repr(replace(diagnosis, history=[replace(diagnosis.history[0], ranking=untold)]))
     low, high = diagnosis.parameters["tau_e"].ci95
     assert f"{low:.6g} .. {high:.6g} s" in told
@@ -91,12 +95,13 @@ def test_the_parameters_and_what_was_not_tried_are_printed(diagnosis, ranking):
 
 
 def test_an_explanation_in_the_main_takes_the_place_of_a_whole_one(diagnosis):
-    told = "in the main only: the effects explain 99.0 % of the excess misfit"
-    partly = replace(diagnosis, verdict="explained", notes=(told, "another"))
+    own = {"explained": 0.99, "misfit": 1.3, "limit": 1.1, "ratio": None, "most": None, "when": None}
+    mostly = MOSTLY_EXPLAINED(NOWHERE, **own)
+    partly = replace(diagnosis, verdict="explained", findings=(mostly, *diagnosis.findings))
     for text in (repr(partly), "\n".join(partly.summary()), partly.to_json()["verdict_meaning"]):
-        assert text.count(told) == 1
-        assert "the effects named explain the misfit" not in text
-    assert "the effects named explain the misfit" in repr(replace(partly, notes=()))
+        assert text.count(mostly.message) == 1
+        assert VERDICTS["explained"] not in text
+    assert VERDICTS["explained"] in repr(replace(partly, findings=()))
 
 
 def test_a_parameter_that_is_not_determined_has_an_empty_cell(demo_estimate):

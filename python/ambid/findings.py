@@ -25,6 +25,8 @@ SCALES = {
     "ppm": (1e6, "ppm"),
 }
 """Factor and unit of a number that is printed in another unit than that of its value."""
+AGAINST = "against"
+"""In place of a unit, of a number with so many digits that it differs from its limit: ``{misfit:{limit}|against}``."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +73,9 @@ class Kind:
         An error makes every result worthless as things stand, a warning makes some doubtful, a note is good to know.
     message : str
         Template of the value found and what was expected. Fields are values by name, with a format of Python, and with
-        a unit of `SCALES` where wanted: ``{delay_s:.3g|us}``. What stands in square brackets is left out where one of
-        its fields has no value; lists are written with commas, and what has names with these before it.
+        a unit of `SCALES` where wanted: ``{delay_s:.3g|us}``, or `AGAINST` another. What stands in square brackets is
+        left out where one of its fields has no value; lists are written with commas, and what has names with these
+        before it.
     remedy : str
         Template of what to do; empty where nothing is to be done.
     """
@@ -198,6 +201,8 @@ class _Words(string.Formatter):
 
     def format_field(self, value: Any, format_spec: str) -> str:
         digits, _, unit = format_spec.partition("|")
+        if unit == AGAINST:
+            return _against(value, float(digits))
         if isinstance(value, list | tuple):
             return ", ".join(self.format_field(entry, format_spec) for entry in value)
         if isinstance(value, Mapping):
@@ -210,6 +215,12 @@ class _Words(string.Formatter):
     def _inner(self, value: Any, format_spec: str) -> str:
         text = str(self.format_field(value, format_spec))
         return f"({text})" if isinstance(value, Mapping) else text
+
+
+def _against(value: float, limit: float) -> str:
+    """Two decimals, or as many as it takes to see which of two numbers is the larger."""
+    digits = next((digits for digits in range(2, 7) if f"{value:.{digits}f}" != f"{limit:.{digits}f}"), 7)
+    return f"{value:.{digits}f}"
 
 
 def _rendered(template: str, values: Mapping[str, Any]) -> str:

@@ -76,15 +76,6 @@ def band_text(low: float, high: float, between: str = " .. ") -> str:
     return f"{low:.{digits}f}{between}{high:.{digits}f}"
 
 
-def told_apart(value: float, limit: float) -> tuple[str, str]:
-    """A value and what it is held against, with so many digits that they differ."""
-    for digits in range(2, 8):
-        told = f"{value:.{digits}f}", f"{limit:.{digits}f}"
-        if told[0] != told[1]:
-            break
-    return told
-
-
 def speed_text(speed: float) -> str:
     """A speed of rotation [rad/s], in rpm too."""
     return f"{speed:g} rad/s ({speed * 30.0 / pi:.0f} rpm)"

@@ -5,7 +5,7 @@
 
 Runs go on where the file ends; no part of it is a test. Records are those of the independent simulator in
 `tests/hidden`: a mass on one axis, two spindles on four, long shafts on eight and sixteen. The sample over all levels
-is that of `null_cells.py`. False is a verdict that claims something: `explained`, `ambiguous` or
+is that of `hidden/null_cells.py`. False is a verdict that claims something: `explained`, `ambiguous` or
 `none_of_the_candidates`; `not_informative` claims nothing and is counted apart, as are runs that end with an error.
 """
 
@@ -22,8 +22,8 @@ import numpy as np
 
 from ambid import diagnose
 from benchmarks.grid import Row, read_rows, run_all
-from benchmarks.null_cells import described, made
 from benchmarks.null_report import picture, report, table
+from hidden.null_cells import described, made
 
 
 def run(index: int) -> Row:

@@ -122,7 +122,7 @@ def test_what_the_worst_records_miss_is_to_be_named(found):
     """The command is one that can be pasted, of the bias current and kind with the largest misfit."""
     first, point = found.points
     large, small = point.runs
-    bad = SimpleNamespace(exceeds="misfit 4 above 1.1", misfit=4.0, misfit_bound=1.1, records=small.joint.records)
+    bad = SimpleNamespace(inconsistency=object(), misfit=4.0, misfit_bound=1.1, records=small.joint.records)
     worse = replace(found, points=(first, replace(point, runs=(large, replace(small, joint=bad)))))
     train, other = small.joint.records[0].path, large.joint.records[0].path
     assert worse.next == f"name what 10A prbs_small misses: ambid diagnose {point.rig.path} {train} --validate {other}"

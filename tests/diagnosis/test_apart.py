@@ -1,5 +1,7 @@
 """Several operating points that share all but one number: what is missing is named, and what changes is told."""
 
+import pytest
+
 from ambid.diagnosis import diagnose
 from hidden.bench import measured
 from hidden.one_axis import ONE_AXIS
@@ -25,10 +27,10 @@ def test_what_changes_between_points_is_told_beside_what_is_missing():
     assert found.verdict == "explained", found
     assert found.effects == ("loop_delay",)
     assert not found.fit.is_adequate
-    (told,) = (note for note in found.notes if note.startswith("tau_e changes with the operating point"))
-    assert "0.000285" in told
-    assert "0.00031" in told
-    assert "tau_e" in found.next_experiment
+    (told,) = (own.values for own in found.findings if own.code == "changes_with_operating_point")
+    assert told["parameter"] == "tau_e"
+    assert (told["least"], told["most"]) == (pytest.approx(2.85e-4, rel=0.02), pytest.approx(3.1e-4, rel=0.02))
+    assert (found.next_step.code, found.next_step.values["parameter"]) == ("next_find_what_changes", "tau_e")
 
 
 def test_points_that_share_everything_are_told_nothing():
@@ -36,7 +38,7 @@ def test_points_that_share_everything_are_told_nothing():
     found = diagnose(records[0].point, records)
     assert found.verdict == "explained", found
     assert found.fit.is_adequate
-    assert not any("changes with the operating point" in note for note in found.notes)
+    assert "changes_with_operating_point" not in {own.code for own in found.findings}
 
 
 def test_what_has_no_name_at_any_point_stays_nameless():

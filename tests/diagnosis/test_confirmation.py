@@ -7,7 +7,7 @@ import pytest
 
 from ambid import diagnose
 from ambid.model.parameter import Parameter
-from benchmarks.null_cells import made
+from hidden.null_cells import made
 from hidden.one_axis import NAMED, ONE_AXIS, record
 
 RIG = ONE_AXIS.rig

@@ -27,8 +27,8 @@ def test_a_record_kept_back_that_shows_more_forbids_adequate(seed):
     found = diagnose(RIG, record(CURVED, seed, 0.1), validate=record(CURVED, 100 + seed))
     assert found.history[0].misfit < 1.1
     assert found.verdict == "none_of_the_candidates"
-    assert any(note.startswith("on the records to validate on the misfit is") for note in found.notes)
-    assert "together with these" in found.next_experiment
+    assert "validation_above_limit" in {own.code for own in found.findings}
+    assert found.next_step.code == "next_diagnose_validation"
 
 
 def test_errors_of_a_fit_to_little_do_not():

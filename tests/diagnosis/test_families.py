@@ -1,7 +1,5 @@
 """Near twins: one levitator at three sample rates gives one family with one number; all three together tell more."""
 
-import re
-
 import pytest
 
 from ambid.diagnosis import diagnose
@@ -44,10 +42,6 @@ def at_rates(hidden, *, with_i_c):
     return found
 
 
-def number_ms(family):
-    return float(re.match(r"a lag of ([\d.]+) ms", family.shared)[1])
-
-
 @pytest.fixture(scope="module")
 def delayed():
     """A delay of 0.1 ms, as y alone tells it."""
@@ -59,8 +53,8 @@ def test_the_same_family_with_the_same_number_at_every_rate(delayed):
         found = diagnose(rig, one)
         (family,) = found.families.values()
         assert set(family.members) == {"loop_delay", "sensor_lag", "amplifier_bandwidth", "sampling_skew"}
-        assert number_ms(family) == pytest.approx(0.1, rel=0.03)
-        assert family.shared.endswith("round the loop")
+        assert (family.values[0], family.unit) == (pytest.approx(1e-4, rel=0.03), "s")
+        assert family.shared.endswith(LAG_ROUND_LOOP.where)
 
 
 def test_all_rates_together_name_the_truth(delayed):
@@ -79,7 +73,7 @@ def test_all_rates_together_leave_a_smaller_family():
     together = diagnose(slow[0], [slow[1], *(one for _, one in others)])
     assert together.effects == ("sensor_lag",)
     assert set(together.families["sensor_lag"].members) < set(alone.members)
-    assert number_ms(together.families["sensor_lag"]) == pytest.approx(0.05, rel=0.03)
+    assert together.families["sensor_lag"].values[0] == pytest.approx(5e-5, rel=0.03)
 
 
 def test_an_effect_of_your_own_joins(delayed):
@@ -89,13 +83,13 @@ def test_an_effect_of_your_own_joins(delayed):
     assert "courier" in family.members
 
 
-def test_it_is_told_in_text_and_json():
+def test_it_is_told_in_text_and_json(golden):
     found = diagnose(ONE_AXIS.rig, record({"loop_delay": {"seconds": 1e-4}}, 1))
     family = found.families["loop_delay"]
-    assert found.to_json()["families"] == {
-        "loop_delay": {"members": list(family.members), "shared": family.shared},
-    }
-    assert family.line().endswith("between command and coil current: loop_delay or amplifier_bandwidth")
+    (own,) = found.to_json()["families"].values()
+    assert (own["members"], own["shared"]) == (list(family.members), family.shared)
+    assert (own["values"], own["unit"]) == (list(family.values), "s")
+    golden.holds(family.line())
     assert family.line() in repr(found)
     assert family.line() in found.summary()
 

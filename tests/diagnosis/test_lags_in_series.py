@@ -26,7 +26,7 @@ def test_of_two_lags_in_series_the_base_model_keeps_the_one_near_its_own(lag, ta
     assert values["tau_e"] == pytest.approx(tau_e, rel=0.1)
     swapped = {"sensor_lag.time_constant": values["tau_e"], "tau_e": values["sensor_lag.time_constant"]}
     here, there = (ambid.compare(found.model.with_values(own), train).misfit for own in ({}, swapped))
-    assert there == pytest.approx(here, rel=1e-6), "the record itself cannot tell"
+    assert there == pytest.approx(here, rel=1e-6)  # the record itself cannot show which
 
 
 def test_small_effects_beside_a_large_one_are_added_where_they_lead_to_the_noise():

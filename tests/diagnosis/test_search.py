@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ambid import Model, compare, diagnose
-from ambid.diagnosis.search import _rings_on
+from ambid.diagnosis.search import rings_on
 from hidden.bench import simulate
 from hidden.dirt import MARGIN, NOISE_FREE, soiled
 from hidden.experiment import experiment
@@ -19,7 +19,7 @@ def test_a_mode_that_outlasts_the_record_stands_in_for_a_tone(damping, rings):
     base = compare(Model(rig), train)
     values = {"frequency_hz": 10.0, "damping": damping, "inverse_mass": 1e-9}
     better = base.of(base.model.add("foundation_resonance", values))
-    assert _rings_on(base, better) is rings
+    assert rings_on(base, better) is rings
 
 
 def test_a_hysteresis_is_no_mode():
@@ -27,7 +27,7 @@ def test_a_hysteresis_is_no_mode():
     rig, (train,), _, _ = experiment(None)
     base = compare(Model(rig), train)
     better = base.of(base.model.add("magnetic_hysteresis", {"share": 0.05, "inverse_width": 4.0}))
-    assert not _rings_on(base, better)
+    assert not rings_on(base, better)
 
 
 @pytest.mark.slow

@@ -28,7 +28,7 @@ def test_a_seal_is_found_where_it_is():
     (seal,) = found.model.effects
     assert seal.z == pytest.approx(z, abs=0.02 * (last - first))
     assert abs(found.parameters["seal_forces.direct_stiffness"].value / 4e5 - 1.0) < 0.01
-    assert f"seal_forces.z                      {seal.z:.6g} m" in repr(found)
+    assert any("seal_forces.z" in line and f"{seal.z:.6g} m" in line for line in repr(found).splitlines())
 
 
 def test_a_place_that_a_person_gives_stays():
@@ -52,4 +52,3 @@ def test_a_large_unbalance_does_not_become_a_mode_that_rings_on():
     assert found.history[-1].misfit < 1.02
     (unbalance,) = found.model.effects
     assert unbalance.frequency_hz == pytest.approx(41.0, abs=1e-3)
-    assert "unbalance, angle" in repr(found)

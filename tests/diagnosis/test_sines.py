@@ -37,20 +37,24 @@ def levitator(frequencies_hz, driven: str, *, off: float = 0.05, size: float = 5
 def test_one_sine_names_the_misfit_and_the_direction_but_no_effect(frequency, driven):
     found = diagnose(*levitator([frequency], driven, back_emf=2.0))
     assert (found.verdict, found.effects) == ("not_informative", ())
-    (note,) = found.notes
-    assert "physics is missing" in note
-    assert float(note.split()[1].rstrip(",")) > 100.0
-    assert "K_s.A_zeta by +1 %" in note
-    assert f"all excitation is at {frequency:g} Hz" in note
+    misfit, direction, single = found.findings
+    assert (misfit.code, direction.code) == ("misfit_above_limit", "not_determined")
+    assert misfit.values["misfit"] > 100.0
+    assert direction.values["changes_percent"]["K_s.A_zeta"] == pytest.approx(1.0)
+    assert (single.code, single.values["frequency_hz"]) == ("single_frequency", pytest.approx(frequency))
 
 
 def test_one_sine_of_the_right_model_names_the_direction():
     rig, record = levitator([10.0], "i_e")
     found = diagnose(rig, record)
     assert found.verdict == "not_informative"
-    assert "K_i.A_zeta by +0.26 % with K_s.A_zeta by +1 %" in found.notes[0]
-    assert "misfit" not in found.notes[0]
-    assert "more frequencies" in identify(rig, record).next
+    direction, single = found.findings
+    assert direction.values["changes_percent"] == {
+        "K_i.A_zeta": pytest.approx(0.26, abs=0.005),
+        "K_s.A_zeta": pytest.approx(1.0),
+    }
+    assert single.code == "single_frequency"
+    assert identify(rig, record).next_step.code == "next_excite_more"
 
 
 @pytest.mark.parametrize("driven", ["i_e", "r"])
@@ -100,12 +104,13 @@ def test_one_sine_on_four_axes_determines_what_is_known_of_and_tells_no_effect()
         assert abs(right.parameters[name].value - value) < 4.0 * right.parameters[name].std_error
     wrong = diagnose(rig, bench_record([75.0], replace(BENCH, tau_a=2.0 * BENCH.tau_a)))
     assert (wrong.verdict, wrong.effects) == ("not_informative", ())
-    assert "physics is missing" in wrong.notes[0]
-    assert "all excitation is at 75 Hz" in wrong.notes[0]
+    codes = [own.code for own in wrong.findings]
+    assert (codes[0], codes[-1]) == ("misfit_above_limit", "single_frequency")
+    assert wrong.findings[-1].values["frequency_hz"] == pytest.approx(75.0)
 
 
 @pytest.mark.parametrize(("lag", "verdicts"), [(1.0, {"adequate"}), (2.0, {"explained", "ambiguous"})])
 def test_three_sines_on_four_axes(lag, verdicts):
     found = diagnose(BENCH.rig(0.05), bench_record([75.0, 225.0, 450.0], replace(BENCH, tau_a=lag * BENCH.tau_a)))
     assert found.verdict in verdicts
-    assert not any("all excitation is at" in note for note in found.notes)
+    assert "single_frequency" not in {own.code for own in found.findings}

@@ -1,6 +1,5 @@
 """Wrong gains in a rig file and a wrong scale of i_e are named, beside the physics; physics is not taken for them."""
 
-import re
 from dataclasses import replace
 from functools import cache
 
@@ -48,9 +47,10 @@ def test_a_wrong_gain_of_the_rig_file_is_named(machine, gain, factor):
     assert values(found)[f"controller_gain_error.{gain}"] == pytest.approx(1.0 / factor - 1.0, rel=0.01)
     assert found.history[-1].misfit == pytest.approx(1.0, abs=0.05)
     own = getattr(rig.controller, gain)
-    (note,) = found.notes
-    assert f"controller.{gain} = {factor * own:g} in the rig file, the data say {own:g}" in note
-    assert note.count("in the rig file") == 1, "gains that are right are not told"
+    (wrong,) = found.findings  # gains that are right are not reported
+    assert (wrong.code, wrong.where.key) == ("controller_gain_wrong", f"controller.{gain}")
+    assert wrong.values["in_file"] == pytest.approx([factor * own])
+    assert wrong.values["by_data"] == pytest.approx([own], rel=0.01)
 
 
 @pytest.mark.parametrize("factor", [0.9, 1.2])
@@ -67,8 +67,8 @@ def test_a_controller_given_by_its_matrices():
     wrong = StateSpaceController(implementation="analog", A=A, B=B, C=1.2 * C, D=1.2 * D)
     found = diagnose(rig.replace(controller=wrong), nothing_hidden("one axis"))
     assert found.effects == ("controller_gain_error",), found
-    told = re.search(r"([\d.]+) times the \[controller\] in the rig file", found.notes[0])
-    assert float(told[1]) == pytest.approx(1.0 / 1.2, rel=2e-4)
+    assert found.findings[0].code == "controller_wrong"
+    assert found.findings[0].values["factor"] == pytest.approx(1.0 / 1.2, rel=2e-4)
 
 
 def test_a_digital_controller_at_twice_the_rate():
@@ -77,7 +77,8 @@ def test_a_digital_controller_at_twice_the_rate():
     right = measured(rig, ONE_AXIS.excitation(1.0), {}, seed=1, **ONE_AXIS.truth)
     found = diagnose(with_gains(rig, derivative=0.7), right)
     assert found.effects == ("controller_gain_error",), found
-    assert "controller.derivative = 31.5 in the rig file, the data say 45" in found.notes[0]
+    assert found.findings[0].where.key == "controller.derivative"
+    assert found.findings[0].values == {"in_file": [pytest.approx(31.5)], "by_data": [pytest.approx(45.0, rel=0.01)]}
 
 
 def test_a_slip_beside_physics_and_both_slips_at_once():
@@ -87,7 +88,7 @@ def test_a_slip_beside_physics_and_both_slips_at_once():
     right = nothing_hidden("one axis")
     found = diagnose(rig, replace(right, i_e=1.2 * right.i_e))
     assert set(found.effects) == {"controller_gain_error", "excitation_gain_error"}, found
-    assert len(found.notes) == 2
+    assert {own.code for own in found.findings} == {"controller_gain_wrong", "excitation_scale_wrong"}
 
 
 @pytest.mark.parametrize("machine", MACHINES)
@@ -97,7 +98,8 @@ def test_a_wrong_scale_of_the_excitation_is_named(machine, factor):
     found = diagnose(MACHINES[machine].rig, replace(right, i_e=factor * right.i_e))
     assert found.effects == ("excitation_gain_error",), found
     assert values(found)["excitation_gain_error.scale"] == pytest.approx(1.0 / factor - 1.0, rel=0.01)
-    assert f"{1.0 / factor:.4g} times the i_e that was recorded" in found.notes[0]
+    assert found.findings[0].code == "excitation_scale_wrong"
+    assert found.findings[0].values["factor"] == pytest.approx(1.0 / factor, rel=0.01)
 
 
 def test_without_i_c_the_two_slips_are_one():

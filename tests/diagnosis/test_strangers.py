@@ -35,4 +35,4 @@ def test_friction_has_no_name_where_linear_effects_leave_its_shape():
     """Of what a seal and a mode leave, 1.9 % of J, all is within chance, but for a force that follows the motion."""
     found = diagnosed(43, "coulomb_friction", "clear")
     assert found.verdict == "none_of_the_candidates", found
-    assert any("looks like" in note and "which nothing of the catalogue brings" in note for note in found.notes)
+    assert "unexplained_nonlinear_residual" in {own.code for own in found.findings}

@@ -55,16 +55,17 @@ def test_a_parameter_is_found_by_its_name(rig, golden):
 
 
 @pytest.mark.parametrize(
-    ("ask", "said"),
+    "ask",
     [
-        (lambda model: model.with_values({"tau_f": 1.0}), "did you mean tau_e?"),
-        (lambda model: model.add("loop_dely"), "did you mean loop_delay?"),
-        (lambda model: model.add("loop_delay", {"dela": 1e-5}), "did you mean delay?"),
-        (lambda model: ambid.identify(model, record(), free="K_s.A_zetta"), r"did you mean K_s\.A_zeta\?"),
+        lambda model: model.with_values({"tau_f": 1.0}),
+        lambda model: model.add("loop_dely"),
+        lambda model: model.add("loop_delay", {"dela": 1e-5}),
+        lambda model: ambid.identify(model, record(), free="K_s.A_zetta"),
     ],
+    ids=["value", "effect", "parameter", "free"],
 )
-def test_a_slip_in_a_name_is_told_with_what_comes_nearest(rig, ask, said):
-    with pytest.raises(ModelError, match=said.replace("?", r"\?") if "\\" not in said else said):
+def test_a_wrong_name_is_refused_with_what_comes_nearest(rig, ask, golden):
+    with golden.raises(ModelError):
         ask(ambid.Model(rig))
 
 

@@ -173,7 +173,8 @@ def test_bounds_hold_and_are_reported(bench, run):
     found = identify(start, run, bounds={"tau_e": (low, 2e-3), "K_i": (100.0, 400.0)})
     assert found.status == "at_bound"
     assert_allclose(found.parameters["tau_e"].value, low, rtol=1e-6)
-    assert "at a bound: tau_e" in found.notes
+    (bound,) = (own for own in found.findings if own.code == "parameter_at_bound")
+    assert bound.values["parameters"] == ["tau_e"]
 
 
 def test_bounds_that_do_not_bite_change_nothing(start, run, estimate):
@@ -199,8 +200,9 @@ def test_starts_find_the_same_optimum_and_their_seed_repeats_it(start, run, esti
     again = [identify(start, run, starts=3, seed=7) for _ in range(2)]
     assert_allclose(values(again[0]), values(estimate), rtol=1e-6)
     assert_array_equal(values(again[0]), values(again[1]))
-    assert again[0].notes == again[1].notes
-    assert any("of 3 starts ended at this optimum" in note for note in again[0].notes)
+    assert again[0].findings == again[1].findings
+    (compared,) = (own for own in again[0].findings if own.code == "starts_compared")
+    assert compared.values["starts"] == compared.values["same"] + compared.values["unstable"] == 3
 
 
 def test_an_unstable_start_is_moved_and_noted(bench, run):
@@ -209,7 +211,8 @@ def test_an_unstable_start_is_moved_and_noted(bench, run):
     found = identify(slow, run)
     assert found.status == "converged"
     assert held(found, bench.truth) >= 7
-    assert any("unstable at the start values" in note and "tau_e" in note for note in found.notes)
+    (moved,) = (own for own in found.findings if own.code == "unstable_start")
+    assert moved.values["factors"]["tau_e"] < 1.0
 
 
 def test_a_loop_that_nothing_makes_stable_is_an_error(bench, run, golden):
@@ -295,26 +298,26 @@ def test_what_an_estimate_says(estimate):
     assert np.all(np.abs(estimate.correlation) < 1.0 + 1e-12)
     assert_allclose(np.sqrt(np.diag(estimate.covariance)), errors(estimate))
     assert estimate.status in STATUS
-    for text in (*NAMES, "f = K_i i + K_s s", "K_s > 0 destabilises", "noise ceiling", "converged"):
-        assert text in repr(estimate)
+    assert all(name in repr(estimate) for name in (*NAMES, "f = K_i i + K_s s", "K_s > 0", "converged"))
 
 
 @pytest.mark.parametrize(
-    ("arguments", "names"),
+    "arguments",
     [
-        ({"starts": 0}, "starts = 0"),
-        ({"seed": -1}, "seed = -1"),
-        ({"max_evaluations": 0}, "max_evaluations = 0"),
-        ({"free": ["K_x"]}, "K_x"),
-        ({"free": ["tau_e"], "fixed": ["tau_e"]}, "no parameter is free"),
-        ({"bounds": {"tau_e": (1e-3, 1e-4)}}, "0.001 .. 0.0001"),
-        ({"bounds": {"tau_e": (1e-3, 1e-2)}}, "lies outside"),
-        ({"weights": {"x": 1.0}}, "x is no channel"),
-        ({"weights": {"y": np.nan}}, "y = nan"),
+        {"starts": 0},
+        {"seed": -1},
+        {"max_evaluations": 0},
+        {"free": ["K_x"]},
+        {"free": ["tau_e"], "fixed": ["tau_e"]},
+        {"bounds": {"tau_e": (1e-3, 1e-4)}},
+        {"bounds": {"tau_e": (1e-3, 1e-2)}},
+        {"weights": {"x": 1.0}},
+        {"weights": {"y": np.nan}},
     ],
+    ids=lambda arguments: " ".join(f"{name} {value}" for name, value in arguments.items()).replace("'", ""),
 )
-def test_wrong_requests(start, run, arguments, names):
-    with pytest.raises(ModelError, match=names):
+def test_wrong_requests(start, run, arguments, golden):
+    with golden.raises(ModelError):
         identify(start, run, **arguments)
 
 

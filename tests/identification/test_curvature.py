@@ -44,14 +44,17 @@ def test_a_curvature_that_no_misfit_shows_is_said_and_the_intervals_hold_the_tru
     rig, record = half_a_percent
     found = identify(rig, record)
     assert found.misfit < found.misfit_bound  # 29 standard errors off, before they are widened
-    assert "but the curved force of a single magnet is seen" in found.verdict
+    assert found.inconsistency.code == "curved_force_inconsistent"
     assert found.curvature.is_seen
     assert not found.is_adequate
     assert max(errors(found, magnet(1000.0)).values()) < 2.0
     assert found.parameters["K_i.A_zeta"].std_error < 0.03 * K_I
     assert found.curvature.values["K_i.A_zeta"][1] == pytest.approx(K_I, rel=0.003)
-    assert "--effects force_nonlinearity" in found.next
-    assert any("1.1 % of the gap" in note and "force of a single magnet is curved" in note for note in found.notes)
+    assert found.next_step.code == "next_fit_force_law"
+    assert found.next_step.values == {"effect": "force_nonlinearity"}
+    (seen,) = (own for own in found.findings if own.code == "curved_force")
+    assert seen.values["travel"] == pytest.approx(0.011, abs=5e-4)
+    assert seen.values["by_law"]["K_i.A_zeta"] == found.curvature.values["K_i.A_zeta"][1]
 
 
 def test_the_next_command_finds_the_law(half_a_percent):
@@ -66,7 +69,7 @@ def test_intervals_hold_the_truth_at_any_size_of_the_step(rate, part):
     truth = magnet(rate)
     found = identify(*one_step(truth, rate, part, (1e-6, 5e-4)))
     assert max(errors(found, truth).values()) < 3.0
-    assert found.is_adequate or "force_nonlinearity" in found.next
+    assert found.is_adequate or found.next_step.code == "next_fit_force_law"
 
 
 def test_what_moves_no_parameter_is_not_said():

@@ -1,19 +1,20 @@
 """The fit that minimises J: intervals that hold for whole and for cut records, repeatable to the last bit."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import chi2
 
+from ambid import Rig, prbs
 from ambid.errors import ModelError
 from ambid.identification import identify
 from ambid.model import Model
 from hidden.bench import simulate
 from hidden.families import BENCHES
 from hidden.one_axis import ONE_AXIS
+from places import LEVITATOR
 from virtual import NAMES
 
 LEAST, MOST = chi2.ppf([5e-4, 1 - 5e-4], 40) / 40
@@ -80,25 +81,35 @@ def test_it_ends_with_a_verdict_and_what_to_do_next(bench, i_e, run):
     right = identify(bench.rig(off=0.02), run)
     assert right.is_adequate
     assert right.misfit < right.misfit_bound
-    assert "nothing is missing that these records can show" in right.verdict
-    assert "another amplitude" in right.next
-    seen = SimpleNamespace(is_judged=True, is_adequate=True, misfit=1.07, bound=1.1, by_chance=1.03)
-    assert replace(right, comparison=seen).verdict.endswith(
-        "good enough, though chance alone brings 1.03: little is missing"
-    )
+    assert right.inconsistency is None
+    assert right.next_step.code == "next_validate"
     (slow,) = replace(bench, tau_a=bench.tau_a + 1e-5).records(i_e, [1], period=510)
     wrong = identify(bench.rig(), slow)
     assert not wrong.is_adequate
-    assert "above its bound" in wrong.verdict
-    assert "physics is missing" in wrong.verdict
-    assert "ambid diagnose" in wrong.next
-    assert any("intervals are widened" in note for note in wrong.notes)
+    assert wrong.inconsistency.code == "misfit_above_limit"
+    assert wrong.inconsistency.values == {"misfit": wrong.misfit, "limit": wrong.misfit_bound}
+    assert wrong.next_step.code == "next_diagnose"
+    assert [own.code for own in wrong.findings] == ["intervals_widened"]
     for estimate in (right, wrong):
         content = estimate.to_json()
         assert (content["misfit"], content["misfit_bound"]) == (estimate.misfit, estimate.misfit_bound)
         assert (content["adequate"], content["next"]) == (estimate.is_adequate, estimate.next)
+        assert content["next_step"]["code"] == estimate.next_step.code
+        assert [own["code"] for own in content["findings"]] == [own.code for own in estimate.findings]
         assert estimate.verdict in repr(estimate)
         assert f"next: {estimate.next}" in repr(estimate)
+
+
+def test_what_is_within_the_bound_and_above_chance_is_called_good_enough(golden):
+    """An amplifier that is 2 us slower than the rig says, in a record long enough for chance to bring 1.05 alone."""
+    rig = Rig.load(LEVITATOR)
+    slower = rig.amplifier.model_copy(update={"time_constant": rig.amplifier.time_constant + 2e-6})
+    i_e = prbs(13, amplitude=0.3, axes=1, periods=3)
+    record = Model(rig.replace(amplifier=slower)).virtual_experiment(i_e, seed=1)
+    found = identify(rig, replace(record, period=8191))
+    assert found.is_adequate
+    assert found.comparison.by_chance < found.misfit < found.misfit_bound
+    golden.holds(found.verdict)
 
 
 def test_where_misfit_is_left_the_intervals_are_wider(bench, i_e):
@@ -159,11 +170,10 @@ def test_wrong_weights(bench, run, golden):
         identify(bench.rig(), run, weights={"y": 0.0, "i_c": 0.0})
 
 
-def test_where_the_noise_is_not_known_it_is_eq_9_and_a_note_says_so(bench, i_e):
+def test_where_the_noise_is_not_known_it_is_eq_9_and_a_finding_has_why(bench, i_e):
     (quiet,) = bench.records(i_e[:40], [0])
     found, plain = (identify(bench.rig(), quiet, weights=weights) for weights in ("likelihood", "eq9"))
-    assert any("weights of eq. 9, since the noise on lines is not known" in note for note in found.notes)
+    assert [own.code for own in found.findings] == ["noise_unknown"]
     assert_array_equal(values(found), values(plain))
     assert np.isnan(found.misfit)
-    assert "misfit unknown" in found.verdict
-    assert "record three periods" in found.next
+    assert found.next_step.code == "next_record_periods"

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 import ambid
 from ambid import Model, Record, Rig
-from ambid.noise.halves import uneven
+from ambid.noise.halves import UNEVEN, uneven
 from places import LEVITATOR
 
 RIG = Rig.load(LEVITATOR)
@@ -25,8 +25,8 @@ def noise(random, samples, colour, channels=2):
     return lfilter(*COLOURS[colour], random.standard_normal((samples + 2000, channels)), axis=0)[2000:]
 
 
-def said(left, i_e):
-    """What `uneven` says of a residual."""
+def found(left, i_e):
+    """What `uneven` finds in a residual."""
     record = Record("run", RIG.sample_rate, RIG.axes, i_e, left[:, :1], left[:, 1:], period=None)
     return uneven(record, left, i_e)
 
@@ -34,8 +34,8 @@ def said(left, i_e):
 @pytest.mark.parametrize("colour", COLOURS)
 def test_even_noise_is_left_alone(colour):
     random = np.random.default_rng(0)
-    spoken = [said(noise(random, 2400, colour), random.standard_normal((2400, AXES))) for _ in range(100)]
-    assert sum(map(bool, spoken)) <= 1, spoken
+    told = [found(noise(random, 2400, colour), random.standard_normal((2400, AXES))) for _ in range(100)]
+    assert sum(map(bool, told)) <= 1, told
 
 
 @pytest.mark.parametrize("samples", [1000, 2400, 50_000])
@@ -44,16 +44,18 @@ def test_noise_that_doubles_halfway_is_told(samples):
     for _ in range(10):
         left = noise(random, samples, "low")
         left[samples // 2 :, 1] *= 2.0
-        text = said(left, random.standard_normal((samples, AXES)))
-        assert text.startswith("run: the noise of i_c.A_zeta has ")
-        assert 2.5 < float(text.split("has ")[1].split()[0]) < 6.5
+        told = found(left, random.standard_normal((samples, AXES)))
+        assert (told.code, told.where.record, told.where.channel) == ("noise_not_stationary", "run", "i_c.A_zeta")
+        assert 2.5 < told.values["ratio"] < 6.5
 
 
 def test_noise_that_falls_is_told_too():
     random = np.random.default_rng(2)
     left = noise(random, 3000, "white")
     left[1500:, 0] /= 2.0
-    assert "the noise of y.A_zeta has 0.2" in said(left, random.standard_normal((3000, AXES)))
+    told = found(left, random.standard_normal((3000, AXES)))
+    assert told.where.channel == "y.A_zeta"
+    assert told.values["ratio"] == pytest.approx(0.25, abs=0.05)
 
 
 def test_what_follows_the_excitation_is_no_noise():
@@ -61,20 +63,20 @@ def test_what_follows_the_excitation_is_no_noise():
     random = np.random.default_rng(3)
     i_e = random.standard_normal((6000, AXES))
     i_e[3000:] *= 2.0
-    assert said(noise(random, 6000, "white") + np.roll(i_e, 2, axis=0), i_e) == ""
+    assert found(noise(random, 6000, "white") + np.roll(i_e, 2, axis=0), i_e) is None
 
 
 def test_a_change_that_does_not_matter_is_not_told():
     random = np.random.default_rng(4)
     left = noise(random, 100_000, "white")
     left[50_000:] *= 1.09  # 1.19 times the power, which chance never brings
-    assert said(left, random.standard_normal((100_000, AXES))) == ""
+    assert found(left, random.standard_normal((100_000, AXES))) is None
 
 
 def test_short_halves_are_not_judged():
     left = noise(np.random.default_rng(5), 998, "white")
     left[499:] *= 3.0
-    assert said(left, np.ones((998, AXES))) == ""
+    assert found(left, np.ones((998, AXES))) is None
 
 
 def measured(seed, louder=1.0):
@@ -88,26 +90,32 @@ def measured(seed, louder=1.0):
     return replace(first, y=y, i_c=i_c, period=None)
 
 
-def test_every_result_says_it():
+def of_halves(result):
+    """Channel and ratio of each finding of the kind."""
+    return [(own.where.channel, own.values["ratio"]) for own in result.findings if own.kind is UNEVEN]
+
+
+def test_every_result_has_it():
     record = measured(1, louder=2.0)
     estimate = ambid.identify(RIG, record)
     assert estimate.is_adequate
-    (note,) = (own for own in estimate.notes if "times the power in the second half" in own)
-    assert note in ambid.diagnose(RIG, record).notes
+    told = of_halves(estimate)
+    assert told == of_halves(ambid.diagnose(RIG, record))
     comparison = ambid.compare(estimate.model, record)
-    assert note in comparison.summary()
-    assert note in comparison.to_json()["records"][0]["notes"]
+    assert comparison.records[0].notes[-1] in comparison.summary()
+    codes = [own["code"] for own in comparison.to_json()["records"][0]["findings"]]
+    assert codes.count("noise_not_stationary") == len(told) == 1
 
 
 @pytest.mark.slow
 def test_even_noise_that_goes_round_the_loop_is_left_alone():
-    spoken = [ambid.compare(MODEL, measured(seed)).records[0].uneven for seed in range(100)]
-    assert sum(map(bool, spoken)) <= 1, spoken
-    assert all(ambid.compare(MODEL, measured(seed, louder=2.0)).records[0].uneven for seed in range(20))
+    told = [of_halves(ambid.compare(MODEL, measured(seed))) for seed in range(100)]
+    assert sum(map(bool, told)) <= 1, told
+    assert all(of_halves(ambid.compare(MODEL, measured(seed, louder=2.0))) for seed in range(20))
 
 
 def test_beside_missing_physics_nothing_is_said_of_the_noise():
     record = measured(2, louder=2.0)
     wrong = MODEL.with_values({"K_i.A_zeta": 1.2 * MODEL.theta[0]})
     assert not ambid.compare(wrong, record).is_adequate
-    assert ambid.compare(wrong, record).records[0].uneven == ""
+    assert not of_halves(ambid.compare(wrong, record))

@@ -58,16 +58,17 @@ def test_excitations_that_are_the_same_leave_no_nan():
 
 
 @pytest.mark.parametrize(
-    ("changed", "said"),
+    "changed",
     [
-        ({"starts": np.array([0, 31], dtype=np.uintp)}, "lines of a regression"),
-        ({"nearest": np.full(60, 2, dtype=np.uintp)}, "lines of a regression"),
-        ({"weighted": [(1, np.ones(60))]}, "channels that are weighted"),
-        ({"weighted": [(2, np.ones(59))]}, "weights of lines"),
-        ({"excitation": np.ones((59, 1), dtype=complex)}, "excitation on lines"),
+        {"starts": np.array([0, 31], dtype=np.uintp)},
+        {"nearest": np.full(60, 2, dtype=np.uintp)},
+        {"weighted": [(1, np.ones(60))]},
+        {"weighted": [(2, np.ones(59))]},
+        {"excitation": np.ones((59, 1), dtype=complex)},
     ],
+    ids=["starts", "nearest", "channels", "weights", "excitation"],
 )
-def test_what_does_not_fit_is_refused(changed, said):
+def test_what_does_not_fit_is_refused(changed, golden):
     given = {
         "lines": np.ones((60, 2), dtype=complex),
         "excitation": np.ones((60, 1), dtype=complex),
@@ -75,5 +76,5 @@ def test_what_does_not_fit_is_refused(changed, said):
         "starts": np.array([0, 30], dtype=np.uintp),
         "nearest": np.repeat([0, 1], 30).astype(np.uintp),
     }
-    with pytest.raises(ModelError, match=said):
+    with golden.raises(ModelError):
         _core.local_regressions(*{**given, **changed}.values(), 30, 2, 0.95)

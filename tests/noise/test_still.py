@@ -42,10 +42,12 @@ def test_what_a_step_shows_is_not_lost_in_the_noise_of_the_rest():
     found = identify(TRUTH.rig(RATE, rig_law()), step)
     assert found.misfit < found.misfit_bound
     assert not found.is_adequate
-    assert "while the machine moves, above 1.00" in found.verdict
-    assert "within its bound" in found.verdict
-    assert not any("above its bound" in note for note in found.notes)
-    assert any("noise does not know of the motion" in note for note in found.comparison.records[0].notes)
+    assert found.inconsistency.code == "residual_inconsistent"
+    assert found.inconsistency.values["when"] == "in motion"
+    assert found.inconsistency.values["ratio"] > 1.0
+    codes = {own.code for own in found.comparison.records[0].findings}
+    assert "residual_higher_in_motion" in codes
+    assert codes <= {own.code for own in found.findings}
 
 
 def test_a_record_that_moves_all_along_has_nothing_to_hold_against():

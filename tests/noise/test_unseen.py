@@ -24,7 +24,7 @@ def record(seed: int, hidden: dict, chips: int = 1000) -> Record:
 def test_a_right_model_leaves_no_more_than_noise_and_no_shape():
     model = Model(ONE_AXIS.rig).with_values(TRUE)
     found = [compare(model, record(seed, {})) for seed in range(30)]
-    assert [own.exceeds for own in found] == [""] * 30
+    assert [own.inconsistency for own in found] == [None] * 30
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -32,9 +32,9 @@ def test_friction_is_seen_where_the_misfit_takes_it_for_noise(seed):
     found = identify(ONE_AXIS.rig, record(seed, FRICTION))
     assert found.misfit < found.misfit_bound
     assert not found.is_adequate
-    assert "times the noise over all lines, above 1.00" in found.verdict
-    assert "physics is missing" in found.verdict
-    assert any("stays below its ceiling" in note for note in found.notes)
+    assert found.inconsistency.code == "residual_inconsistent"
+    assert found.inconsistency.values["when"] == "in all"
+    assert {"residual_above_noise", "intervals_widened"} <= {own.code for own in found.findings}
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -42,8 +42,8 @@ def test_a_small_dead_band_is_seen_by_its_shape_alone(seed):
     found = identify(ONE_AXIS.rig, record(seed, {"amplifier_dead_band": {"current": 0.002}}))
     assert found.misfit < found.misfit_bound
     assert found.comparison.loudest == 1.0
-    assert found.verdict.startswith("what is left is a ")
-    assert "odd" in found.comparison.shape
+    assert found.inconsistency.code == "nonlinear_residual"
+    assert found.inconsistency.values["kind"] == found.comparison.shape.kind == "odd"
 
 
 def test_the_shape_is_looked_for_in_the_beginning_of_a_long_record(monkeypatch):
@@ -51,8 +51,8 @@ def test_the_shape_is_looked_for_in_the_beginning_of_a_long_record(monkeypatch):
     searched = []
     monkeypatch.setattr(unseen, "Shapes", Mock(of=lambda sight, part: searched.append(part) or Shapes.of(sight, part)))
     found = identify(ONE_AXIS.rig, record(5, {"amplifier_dead_band": {"current": 0.002}}, chips=2500))
-    assert "odd" in found.comparison.shape
+    assert found.comparison.shape.kind == "odd"
     assert [part.record.samples for part in searched] == [4000]
     model = Model(ONE_AXIS.rig).with_values(TRUE)
-    assert [compare(model, record(seed, {}, chips=2500)).shape for seed in range(20)] == [""] * 20
+    assert [compare(model, record(seed, {}, chips=2500)).shape for seed in range(20)] == [None] * 20
     assert {part.record.samples for part in searched} == {4000}

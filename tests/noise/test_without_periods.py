@@ -13,7 +13,7 @@ from ambid.diagnosis import diagnose
 from ambid.effects.sensor import SamplingSkew
 from ambid.loop.loop import open_plant
 from ambid.loop.response import frequency_response
-from ambid.noise.window import Window, notes_of, thinned
+from ambid.noise.window import Window, findings_of, thinned
 from hidden.bench import simulate
 from hidden.families import BENCHES
 from hidden.one_axis import ONE_AXIS
@@ -102,7 +102,7 @@ def test_what_is_hidden_is_named_without_periods(machine, hidden):
     assert found.verdict == ("explained" if hidden else "adequate")
     assert set(found.effects) == set(hidden)
     assert found.history[-1].misfit == pytest.approx(1.0, abs=0.04)
-    assert any("does not repeat" in note for note in found.notes)
+    assert "no_periods" in {own.code for own in found.findings}
 
 
 def levitator(effects=()):
@@ -182,9 +182,11 @@ def test_long_records_keep_the_lowest_lines_and_ever_fewer_above():
     assert (thinned(lines[:16_384], 16_384) == lines[:16_384]).all()
 
 
-def test_lines_that_are_left_out_are_said():
+def test_lines_that_are_left_out_are_found():
     rig = Rig.load(DATA / "rig.toml")
     ones = np.ones((40_000, len(rig.axes)))
     record = replace(Model(rig).simulate(ones), period=None)
-    assert " of 19999 lines are judged" in notes_of(record)[-1]
-    assert notes_of(replace(record, y=ones[:30_000], i_c=ones[:30_000], i_e=ones[:30_000])) == record.notes
+    *others, told = findings_of(record)
+    assert (told.code, told.values["frequencies"]) == ("frequencies_thinned", 19_999)
+    assert told.values["judged"] < 16_384
+    assert list(findings_of(replace(record, y=ones[:30_000], i_c=ones[:30_000], i_e=ones[:30_000]))) == others

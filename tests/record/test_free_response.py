@@ -52,7 +52,7 @@ def test_a_note_says_so_and_check_has_no_fault():
 def test_a_diagnosis_tries_no_effect_and_says_why():
     found = diagnose(rig(), record())
     assert found.verdict == "adequate"
-    assert found.to_json()["not_tried"]["loop_delay"] == UNDRIVEN
+    assert found.to_json()["not_tried"]["loop_delay"] == UNDRIVEN.message
 
 
 def test_a_misfit_is_told_though_nothing_can_be_named():
@@ -60,7 +60,8 @@ def test_a_misfit_is_told_though_nothing_can_be_named():
     run = Record.from_arrays(**released(0.05), sample_rate=RATE, axes=own.axes, rig=own)
     found, estimate = diagnose(own, run), identify(own, run)
     assert (found.verdict, estimate.is_adequate) == ("not_informative", False)
-    assert any(estimate.exceeds in note for note in found.notes)
+    assert estimate.inconsistency in found.findings
+    assert "records_not_driven" in {own.code for own in found.findings}
 
 
 def test_noise_alone_is_still_refused(golden):

@@ -94,7 +94,7 @@ def test_adequate_claims_no_failure(explained, page, golden):
     step = explained.history[-1]
     calm = replace(step, effects=(), added=None, model=numbers.base_model(explained))
     adequate = replace(
-        explained, verdict="adequate", effects=(), history=[calm], model=numbers.base_model(explained), notes=()
+        explained, verdict="adequate", effects=(), history=[calm], model=numbers.base_model(explained), findings=()
     )
     found = page(adequate)
     golden.holds(found.outline)

@@ -201,7 +201,7 @@ class Campaign:
         """What to do now: where the model misses most, the command that names what is missing."""
         if self.is_stopped:
             return f"all fits anew: ambid campaign {shlex.quote(str(self.folder))}"
-        missed = [(point, runs) for point in self.points for runs in point.runs if runs.joint.exceeds]
+        missed = [(point, runs) for point in self.points for runs in point.runs if runs.joint.inconsistency is not None]
         if not missed:
             return "hold the models against records at another amplitude, bias current or speed: ambid compare"
         point, runs = max(missed, key=lambda each: each[1].joint.misfit / each[1].joint.misfit_bound)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -33,9 +32,6 @@ from ambid.cli.terminal import progress
 from ambid.errors import IdentificationError, InputError, ModelError, UnstableLoopError
 from ambid.findings import Finding, has
 from ambid.results import of_unit
-
-if TYPE_CHECKING:
-    from ambid.identification import StaticEstimate
 
 UNFINISHED = ("not_identifiable", "max_evaluations")
 MEND = (
@@ -149,11 +145,12 @@ def _slips(machine: ambid.Rig, loaded: list[ambid.Record], estimate: ambid.Estim
     """
     from ambid.checking import OPERATING_POINT_DRIFT  # not at the top: --help need not open that room
 
-    told, findings = set(estimate.notes), ambid.check(machine, loaded).findings
+    known = {(own.code, own.message) for own in estimate.findings}
+    findings = ambid.check(machine, loaded).findings
     is_told_whole = not estimate.is_adequate and estimate.comparison.is_judged
     if not is_told_whole:
         findings = tuple(found for found in findings if has([found], OPERATING_POINT_DRIFT))
-    return [found for found in findings if found.severity != "note" and found.message not in told]
+    return [found for found in findings if found.severity != "note" and (found.code, found.message) not in known]
 
 
 def _first(slips: list[Finding]) -> list[str]:
@@ -181,15 +178,8 @@ def static_load_command(
     machine = ambid.Rig.load(rig)
     loaded = [ambid.StaticLoading.load(path, machine) for path in loads]
     with stoppable():
-        estimate = _as_command(ambid.static_load(machine, loaded, deflection=deflection))
+        estimate = ambid.static_load(machine, loaded, deflection=deflection)
     conclude(estimate, estimate.to_json(), json_file, quiet)
-
-
-def _as_command(static: StaticEstimate) -> StaticEstimate:
-    """The estimate, with the command's option in its notes instead of the argument of the function."""
-    from ambid.identification.static_slips import DEFLECTION  # not at the top: --help need not open that room
-
-    return replace(static, notes=tuple(note.replace(DEFLECTION, "--deflection") for note in static.notes))
 
 
 def campaign_command(
@@ -222,8 +212,6 @@ def campaign_command(
             progress=lambda done, total, where: report(f"{done} of {total} done, now {where}"),
         )
         found, is_stopped = done_of(measuring, ambid.Campaign)
-    points = (own if own.static is None else replace(own, static=_as_command(own.static)) for own in found.points)
-    found = replace(found, points=tuple(points))
     conclude(
         found,
         found.to_json(),

@@ -8,6 +8,7 @@ changes from point to point, as the resistance of a coil does that warms, or the
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtri
@@ -16,9 +17,9 @@ from ambid.diagnosis.candidates import ALPHA
 from ambid.diagnosis.state import State
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.covariance import covariance
+from ambid.identification.estimate import NORMAL_95
 from ambid.identification.minimum import refit
 from ambid.noise import Comparison, compare
-from ambid.results import of_unit
 from ambid.rig import Rig
 
 __all__ = ["Changing", "changing"]
@@ -48,14 +49,13 @@ class Changing:
     std_errors: tuple[float, ...]
     power: float
 
-    @property
-    def ends(self) -> tuple[str, str]:
-        """The smallest and the largest value, with their intervals and points."""
-        low, high = (
-            f"{self.values[k]:.4g} +- {1.96 * self.std_errors[k]:.2g}{of_unit(self.unit)} at {self.points[k]}"
-            for k in (int(np.argmin(self.values)), int(np.argmax(self.values)))
-        )
-        return low, high
+    def as_dict(self) -> dict[str, Any]:
+        """The smallest and the largest value, with half of their 95 % intervals and points, as values of a finding."""
+        found: dict[str, Any] = {"parameter": self.parameter, "unit": None if self.unit == "1" else self.unit}
+        for name, k in (("least", int(np.argmin(self.values))), ("most", int(np.argmax(self.values)))):
+            half = NORMAL_95 * self.std_errors[k]
+            found |= {name: self.values[k], f"{name}_ci95": half, f"{name}_at": self.points[k]}
+        return found
 
 
 def changing(state: State) -> tuple[Changing, ...]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 from typing import Any
 
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc
 
 from ambid.arrays import ComplexArray, FloatArray
+from ambid.findings import Finding, Kind, Where, WithFindings
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.lines import RecordLines
@@ -41,10 +43,16 @@ FALSE_CELL = 1e-3
 """Chance that any cell of a matrix is told where there is nothing but noise."""
 SIGN = 4.0
 """Standard errors beyond which a mean has a sign: chance has it in one of 16 000."""
+INSEPARABLE = Kind(
+    "excitations_inseparable",
+    "note",
+    "{inputs} cannot be separated from {low_hz:.4g} to {high_hz:.4g} Hz",
+    "excite axes with other sequences, or one after the other",
+)
 
 
 @dataclass(frozen=True)
-class MisfitMatrix:
+class MisfitMatrix(WithFindings):
     """What each output of one record answers to each excitation beyond the model; result of `misfit_matrix`.
 
     Attributes
@@ -113,7 +121,7 @@ class MisfitMatrix:
             if abs(correlation) > 0.5:
                 how = "opposite" if correlation < 0.0 else "the same"
                 text.append(f"the axes of {bearing} answer each other with {how} sign (correlation {correlation:.2f})")
-        return [*text, *self._not_told_apart()]
+        return [*text, *self.notes]
 
     def to_json(self) -> dict[str, Any]:
         """Plain data; complex numbers are [re, im]."""
@@ -130,7 +138,7 @@ class MisfitMatrix:
                 "sign": self.sign.tolist(),
                 "rest": self.rest.tolist(),
                 "crossed": self.crossed,
-                "notes": self._not_told_apart(),
+                **self.findings_as_dict(),
             }
         )
 
@@ -149,15 +157,17 @@ class MisfitMatrix:
             f"{sign}"
         )
 
-    def _not_told_apart(self) -> list[str]:
+    @cached_property
+    def findings(self) -> tuple[Finding, ...]:
+        """Which excitations are too much alike, in which band."""
         found = []
         unknown = np.asarray(np.all(np.isnan(self.power), axis=1))
         for band, (low, high) in enumerate(zip(self.edges_hz[:-1], self.edges_hz[1:], strict=True)):
             names = [name for name, is_unknown in zip(self.inputs, unknown[band], strict=True) if is_unknown]
             if names:
-                text = f"{', '.join(names)} cannot be told apart from {band_text(low, high, ' to ')} Hz"
-                found.append(f"{text}: excite axes with other sequences, or one after the other")
-        return found
+                own: dict[str, Any] = {"low_hz": float(low), "high_hz": float(high)}
+                found.append(INSEPARABLE(Where(record=self.record), inputs=names, **own))
+        return tuple(found)
 
 
 @with_one_blas_thread

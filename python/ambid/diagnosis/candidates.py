@@ -10,6 +10,7 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.diagnosis.chance import log_chance_bounded
 from ambid.effects import Effect
+from ambid.findings import Finding, WithFindings
 from ambid.noise import Comparison
 from ambid.results import Tabular, picture, plain
 
@@ -116,7 +117,7 @@ class Candidate:
 
 
 @dataclass(frozen=True, repr=False)
-class Ranking(Tabular):
+class Ranking(WithFindings, Tabular):
     """All candidates, least likely to be chance first; result of `rank`.
 
     Attributes
@@ -124,18 +125,28 @@ class Ranking(Tabular):
     candidates : tuple of Candidate
     misfit : float
         J/dof of the model as it stands.
-    not_tried : dict of str to str
-        Effects that make no sense on this rig or could not be judged, and why.
+    findings : tuple of Finding
+        Of each effect that makes no sense on this rig or could not be judged, why; its name is the value ``effect``.
     comparison : Comparison or None
         What it was judged in.
     """
 
     candidates: tuple[Candidate, ...]
     misfit: float
-    not_tried: dict[str, str]
+    findings: tuple[Finding, ...]
     comparison: Comparison | None = None
 
     plot = picture("plot_ranking")
+
+    @property
+    def not_tried(self) -> dict[str, str]:
+        """Effects that make no sense on this rig or could not be judged, and why, in words."""
+        return {str(finding.values["effect"]): finding.message for finding in self.findings}
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The findings in words, a line each, with the effect that each is about."""
+        return tuple(f"{name} not tried: {why}" for name, why in self.not_tried.items())
 
     def find(self, name: str) -> Candidate | None:
         """The candidate of that name, if there is one."""
@@ -161,12 +172,13 @@ class Ranking(Tabular):
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""
         rows = [candidate.as_dict() for candidate in self.candidates]
-        return plain({"misfit": self.misfit, "candidates": rows, "not_tried": self.not_tried})
+        return plain(
+            {"misfit": self.misfit, "candidates": rows, "not_tried": self.not_tried, **self.findings_as_dict()}
+        )
 
     def summary(self) -> list[str]:
         """Misfit, and what was not tried."""
-        not_tried = [f"{name} not tried: {why}" for name, why in self.not_tried.items()]
-        return [f"misfit {self.misfit:.3f} (J/dof, 1 when the model is right)", *not_tried]
+        return [f"misfit {self.misfit:.3f} (J/dof, 1 when the model is right)", *self.notes]
 
     def __repr__(self) -> str:
         lines = [

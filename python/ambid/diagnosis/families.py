@@ -51,8 +51,8 @@ def families(state: State) -> dict[str, Family]:
             # the trait that most of them have; of several the narrowest
             trait = max(shared, key=lambda trait: sum(trait in other.traits for other in near))
             members = [first, *sorted((m for m in near if trait in m.traits), key=lambda m: m.cost)]
-            shared_by_all = _told(trait, [m.traits[trait] for m in members])
-            found[effect.name] = Family(tuple(m.name for m in members), shared_by_all)
+            values = tuple(float(m.traits[trait]) for m in members)
+            found[effect.name] = Family(tuple(m.name for m in members), _told(trait, values), values, trait.unit)
         else:
             alike = () if own is None else own.confusable_with
             names = dict.fromkeys((effect.name, *state.sets.get(effect.name, ()), *alike))

@@ -8,7 +8,7 @@ less than the sum over all lines does.
 from __future__ import annotations
 
 from ambid.diagnosis.state import State
-from ambid.noise.unseen import shape_left
+from ambid.noise.unseen import ShapeLeft, shape_left
 
 __all__ = ["shape_of"]
 
@@ -17,11 +17,11 @@ OF_FORMULAS = 0.05
 friction and dead bands left 17 to 60 % of that, the coil of a levitator that was bought 0.6 to 1.7 %."""
 
 
-def shape_of(state: State) -> str:
-    """The nonlinear shape that the last model leaves of a record, in words; empty where none is sure."""
+def shape_of(state: State) -> ShapeLeft | None:
+    """The nonlinear shape that the last model leaves of a record; None where none is sure."""
     fit = state.fit
     for part in fit.noise.in_time:
         own = 0.0 if part.noise_is_measured else OF_FORMULAS * state.fall
         if shape := shape_left(part, fit.model, least=max(own, state.of_formulas)):
             return shape
-    return ""
+    return None

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.diagnosis.drift import Change, largest_change
 from ambid.diagnosis.ports import Port, needed_at_ports
+from ambid.findings import NOWHERE, Finding, Kind, Where, WithFindings
 from ambid.loop.effect import Tone
 from ambid.model import Model
 from ambid.noise import Comparison
@@ -30,6 +32,27 @@ BEYOND_CHANCE = 3.0
 """Standard deviations by which a port must explain more than another to be told from it."""
 SHAPED = 0.3
 """Part of the excess misfit that an odd or even shape must explain to give the misfit its kind."""
+PORT = Kind("missing_port", "note", "what is missing acts most likely as a {port} ({meaning})")
+PORTS = Kind(
+    "missing_port_unknown",
+    "note",
+    "what is missing acts as one of {ports}: these data do not determine at which of them",
+)
+SHAPE = Kind(
+    "missing_shape",
+    "note",
+    "what is missing is {kind} and looks like [{coefficient:.3g}][±{magnitude:.3g}][ {unit}] times {shape}, which "
+    "explains {share:.0f|%} of the excess misfit",
+)
+GROWTH = Kind("missing_growth", "note", "what is missing grows with the amplitude to the power {exponent:.1f}")
+CHANGES = Kind(
+    "parameter_changes", "note", "{parameter} changes during the record by {change:.2g|%} at {frequency_hz:.3g} Hz"
+)
+LINE = Kind(
+    "unexplained_line",
+    "note",
+    "a line at {frequency_hz:.2f} Hz belongs neither to the excitation nor to the model",
+)
 
 
 @dataclass(frozen=True)
@@ -109,7 +132,7 @@ class Growth:
 
 
 @dataclass(frozen=True)
-class Localisation:
+class Localisation(WithFindings):
     """Where the model fails; result of `localise`.
 
     Attributes
@@ -169,32 +192,44 @@ class Localisation:
         return tuple(close)
 
     def sentence(self) -> str:
-        """In words: port, shape and kind of what is missing."""
+        """The findings in one sentence."""
+        return "; ".join(finding.line() for finding in self.findings)
+
+    @cached_property
+    def findings(self) -> tuple[Finding, ...]:
+        """Port, shape and kind of what is missing, and what has a frequency of its own."""
+        return (*self._of_port(), *self._of_time())
+
+    def _of_port(self) -> Iterator[Finding]:
         likely = self.likely
-        port, known = (likely or self.ports)[0], len(likely) == 1
-        text = f"what is missing acts most likely as a {port.name} ({port.meaning})" if known else ""
         if len(likely) > 1:
-            names = " or a ".join(own.name for own in likely)
-            text = f"what is missing may act as a {names}: these data do not tell at which of these places"
-        if known and port.terms and port.terms[0].share > SHAPED:
-            term = port.terms[0]
-            unit, size = TERMS[port.name][term.shape].unit, f"{np.mean(term.coefficients):.3g}"
-            if term.shape.endswith("other axis"):  # the two axes of a bearing may answer each other with either sign
-                size = f"±{np.mean(np.abs(term.coefficients)):.3g}"
-            text += (
-                f"; it is {term.kind} and looks like {f'{size} {unit}'.rstrip()} times {term.shape}, "
-                f"which explains {100 * term.share:.0f} % of the excess misfit"
-            )
+            yield PORTS(NOWHERE, ports=[own.name for own in likely])
+        if len(likely) != 1:
+            return
+        (port,) = likely
+        yield PORT(NOWHERE, port=port.name, meaning=port.meaning)
+        if not (port.terms and port.terms[0].share > SHAPED):
+            return
+        term, shape = port.terms[0], TERMS[port.name][port.terms[0].shape]
+        own: dict[str, Any] = {"kind": term.kind, "shape": term.shape, "unit": shape.unit or None, "share": term.share}
+        mean, size = float(np.mean(term.coefficients)), float(np.mean(np.abs(term.coefficients)))
+        yield SHAPE(
+            NOWHERE, coefficient=None if shape.is_across else mean, magnitude=size if shape.is_across else None, **own
+        )
+
+    def _of_time(self) -> Iterator[Finding]:
         if np.isfinite(self.exponent):
-            text += f"; what is missing grows with the amplitude to the power {self.exponent:.1f}"
-        if self.change is not None:
-            text += (
-                f"; {self.change.parameter} changes during {self.change.record} by "
-                f"{100 * self.change.relative:.2g} % at {self.change.frequency_hz:.3g} Hz"
-            )
-        for tone in (tone for tone in self.tones if tone.power > OUTSTANDING):
-            text += f"; a tone at {tone.frequency_hz:.2f} Hz belongs neither to the excitation nor to the model"
-        return text.removeprefix("; ")
+            yield GROWTH(NOWHERE, exponent=self.exponent)
+        if (change := self.change) is not None:
+            own: dict[str, Any] = {
+                "parameter": change.parameter,
+                "change": change.relative,
+                "frequency_hz": change.frequency_hz,
+            }
+            yield CHANGES(Where(record=change.record), **own)
+        for tone in self.tones:
+            if tone.power > OUTSTANDING:
+                yield LINE(NOWHERE, frequency_hz=tone.frequency_hz)
 
 
 @with_one_blas_thread

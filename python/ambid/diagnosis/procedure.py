@@ -15,16 +15,17 @@ from ambid.checking import (
     check,
     stops_diagnosis,
 )
+from ambid.diagnosis.advice import next_steps
 from ambid.diagnosis.families import families
+from ambid.diagnosis.messages import findings_of, not_determined
 from ambid.diagnosis.ranking import Progress, silent
 from ambid.diagnosis.result import Diagnosis, Family
 from ambid.diagnosis.search import Ask, add_best, add_chosen, begin
 from ambid.diagnosis.state import State, Task
 from ambid.diagnosis.verdict import Verdict, judged
-from ambid.diagnosis.wording import next_experiment, not_determined, notes
 from ambid.effects import CATALOGUE, Effect, find
 from ambid.errors import RigError, Stopped
-from ambid.findings import Finding, has
+from ambid.findings import NOWHERE, Finding, Kind, has
 from ambid.identification import Estimate, ParameterEstimate, identify
 from ambid.identification.covariance import covariance, lost, only_frequency, weakest
 from ambid.identification.minimum import refit
@@ -37,6 +38,13 @@ from ambid.record.twice import findings_of_repeats, findings_of_validation
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["diagnose"]
+
+UNDRIVEN = Kind(
+    "records_not_driven",
+    "warning",
+    "nothing drives the records, and a free response does not show which physics is missing",
+    "excite the loop",
+)
 
 
 @with_one_blas_thread
@@ -110,12 +118,12 @@ def diagnose(
         rig = start.rig
     in_time = [record for record in (*records, *validate) if isinstance(record, Record)]
     findings = check(rig, in_time).findings
-    stops = [finding.line() for finding in findings if stops_diagnosis(finding)]
+    stops = [finding for finding in findings if stops_diagnosis(finding)]
     if stops:
         return Diagnosis.uninformative(start, records, stops, begun)
     estimate = identify(start, records)
-    if why := _uninformed(start, estimate):
-        return Diagnosis.uninformative(estimate.model, records, [why], begun)
+    if why := list(_uninformed(start, estimate)):
+        return Diagnosis.uninformative(estimate.model, records, why, begun)
     task = Task(
         nominal=_nominal(start),
         validate=tuple(validate),
@@ -181,16 +189,15 @@ def _told(
         families={name: near[name] for name in verdict.effects if name in near},
         records=records,
         validation=task.validate,
-        next_experiment=slips[0].remedy if slips else next_experiment(verdict, state.history),
+        next_steps=tuple(slips[:1]) or next_steps(verdict, state.history),
         seconds=time.perf_counter() - begun,
-        notes=(
-            *(found.line() for found in findings_of_repeats(records)),
-            *(found.line() for found in findings_of_validation(records, task.validate)),
+        findings=(
+            *findings_of_repeats(records),
+            *findings_of_validation(records, task.validate),
             *_undetermined(start, verdict.fit),
-            *notes(verdict, state.fit.noise),
-            *(f.line(advises=verdict.word != "adequate") for f in findings if has([f], OPERATING_POINT_DRIFT)),
-            *(f.line() for f in findings if has([f], FORCE_TOO_SMALL)),
-            *(f.line(advises=f in slips) for f in instants),
+            *findings_of(verdict, state.fit.noise, state.history),
+            *(finding for finding in findings if has([finding], OPERATING_POINT_DRIFT, FORCE_TOO_SMALL)),
+            *instants,
         ),
     )
 
@@ -202,22 +209,20 @@ def _nominal(start: Model) -> Model:
     return told if told.is_stable else start
 
 
-def _uninformed(start: Model, estimate: Estimate) -> str:
-    """Why the records cannot tell what is missing, with the misfit, if there is one; empty where they can."""
+def _uninformed(start: Model, estimate: Estimate) -> Iterator[Finding]:
+    """Why the records cannot tell what is missing, with the misfit, if there is one; nothing where they can."""
     comparison, names = estimate.comparison, range(len(start.names))
     frequency = only_frequency(comparison, names) if comparison.is_judged else None
-    if estimate.is_adequate or not comparison.is_judged:
-        return not_determined(estimate.directions, frequency) if estimate.directions else ""
-    what = f"{estimate.exceeds}: physics is missing"
-    if all(isinstance(record, Record) and record.is_free_response for record in estimate.records):
-        return f"{what}, but nothing drives the records, and a free response does not tell what; excite the loop"
-    if frequency is None:
-        return ""
-    directions = estimate.directions or (weakest(comparison.of(start), names) if start.is_stable else [])
-    return f"{what}, but {not_determined(directions, frequency)}"
+    if estimate.inconsistency is None:
+        yield from not_determined(estimate.directions, frequency) if estimate.directions else ()
+    elif all(isinstance(record, Record) and record.is_free_response for record in estimate.records):
+        yield from (estimate.inconsistency, UNDRIVEN(NOWHERE))
+    elif frequency is not None:
+        directions = estimate.directions or (weakest(comparison.of(start), names) if start.is_stable else [])
+        yield from (estimate.inconsistency, *not_determined(directions, frequency))
 
 
-def _undetermined(start: Model, fit: Comparison) -> Iterator[str]:
+def _undetermined(start: Model, fit: Comparison) -> Iterator[Finding]:
     """What of the base model the records do not determine, beside whatever was found.
 
     Misfit that is left may have driven the parameters where nothing is determined: then it is asked where they began.
@@ -226,5 +231,4 @@ def _undetermined(start: Model, fit: Comparison) -> Iterator[str]:
     if directions and not fit.is_adequate and start.is_stable:
         directions = lost(fit.of(start), range(len(start.names)))
     own = [direction for direction in directions if not direction.keys().isdisjoint(start.names)]
-    if own:
-        yield not_determined(own)
+    yield from not_determined(own)

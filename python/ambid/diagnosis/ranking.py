@@ -27,6 +27,7 @@ from ambid.diagnosis.candidates import Candidate, Ranking
 from ambid.diagnosis.chance import independent_tests, log_chance_bounded
 from ambid.effects import CATALOGUE, Effect, Seen
 from ambid.errors import ModelError, UnstableLoopError
+from ambid.findings import NOWHERE, Finding, Kind
 from ambid.identification.minimum import SUBSTEPS
 from ambid.model import Model
 from ambid.model.structure import is_nonlinear
@@ -43,8 +44,28 @@ VISIBLE = 1e-4
 """Chance of a score that counts as visible, for one degree of freedom."""
 OWN = 1e-12
 """Part of the largest eigenvalue of probes' Gram matrix below which a direction is that of other probes."""
-KNOWN_COMMAND = "i_e comes from the recorded command, and holds whatever the controller's gains miss"
-UNDRIVEN = "nothing drives the records, and what an effect changes of a free response is not told from how it began"
+NOT_APPLICABLE = Kind("effect_not_applicable", "note", "{reason}")
+"""With the words of the effect itself, which may be a person's own, or of what could not be computed."""
+KNOWN_COMMAND = Kind(
+    "effect_within_command",
+    "note",
+    "i_e comes from the recorded command, and holds whatever the controller's gains miss",
+)
+UNDRIVEN = Kind(
+    "effect_not_driven",
+    "note",
+    "nothing drives the records, and what an effect changes of a free response cannot be separated from how it began",
+)
+NOT_IN_RESPONSES = Kind(
+    "effect_not_in_responses",
+    "note",
+    "a frequency response holds nothing of a disturbance, which follows no excitation; record in time",
+)
+SMALL_MOTION = Kind(
+    "effect_of_large_motion",
+    "note",
+    "a frequency response is of small motion, where it is judged as absent; record in time, at two amplitudes",
+)
 NEAR = 0.5
 """Part of the best score from which on a refit may find another variant of an effect better: scores can err by that."""
 MOST_NEAR = 2
@@ -87,26 +108,19 @@ def rank(
     elsewhere: Point | None = None
     seen = see(comparison)
 
-    candidates, not_tried = [], {}
+    candidates: list[Candidate] = []
+    not_tried: list[Finding] = []
     present = {effect.name for effect in model.effects}
-    is_free = all(isinstance(record, Record) and record.is_free_response for record in comparison.noise.records)
     for done, effect in enumerate(catalogue):
         progress("ranking", done, len(catalogue))
-        home = model.home_of(effect)
         if effect.name in present:
             continue
+        home = model.home_of(effect)
         if home is None:
-            not_tried[effect.name] = effect.why_not(model.rig)
+            not_tried.append(NOT_APPLICABLE(NOWHERE, effect=effect.name, reason=effect.why_not(model.rig)))
             continue
-        if is_free:
-            not_tried[effect.name] = UNDRIVEN
-            continue
-        if not comparison.noise.in_time and (why := _unseen_by_responses(home, effect)):
-            not_tried[effect.name] = why
-            continue
-        in_time = [part.record for part in comparison.noise.in_time]
-        if effect.within_command and in_time and all(record.has_known_command for record in in_time):
-            not_tried[effect.name] = KNOWN_COMMAND
+        if (kind := _not_shown(comparison, effect, home)) is not None:
+            not_tried.append(kind(NOWHERE, effect=effect.name))
             continue
         variants = effect.variants(replace(seen, rig=home))
         best, why = _best(here, variants, here.cost)
@@ -115,7 +129,7 @@ def rank(
             found, _ = _best(elsewhere, variants, here.cost)
             best = None if found is None else replace(found, from_start=True)
         if best is None:
-            not_tried[effect.name] = why or effect.unseen
+            not_tried.append(NOT_APPLICABLE(NOWHERE, effect=effect.name, reason=why or effect.unseen))
         else:
             candidates.append(best)
     candidates.sort(key=lambda candidate: candidate.chance)
@@ -125,18 +139,22 @@ def rank(
     for k, candidate in enumerate(candidates):
         near = [c.effect.name for j, c in enumerate(candidates) if j != k and cosines[k, j] > CONFUSABLE]
         ranked.append(replace(candidate, confusable_with=tuple(near)))
-    return Ranking(tuple(ranked), here.cost / here.dof, not_tried, comparison)
+    return Ranking(tuple(ranked), here.cost / here.dof, tuple(not_tried), comparison)
 
 
-def _unseen_by_responses(rig: Rig, effect: Effect) -> str:
-    """Why an effect is not tried on frequency responses alone; empty where it is."""
-    if effect.waveform(rig, 1, None).shape[1]:
-        return "a frequency response holds nothing of a disturbance, which follows no excitation; record in time"
-    if is_nonlinear(rig, effect):
-        return (
-            "a frequency response is of small motion, where it is judged as absent; record in time, at two amplitudes"
-        )
-    return ""
+def _not_shown(comparison: Comparison, effect: Effect, home: Rig) -> Kind | None:
+    """Why these records cannot show an effect, whatever they hold; None where they can."""
+    records = comparison.noise.records
+    in_time = [part.record for part in comparison.noise.in_time]
+    if all(isinstance(record, Record) and record.is_free_response for record in records):
+        return UNDRIVEN
+    if not in_time and effect.waveform(home, 1, None).shape[1]:
+        return NOT_IN_RESPONSES
+    if not in_time and is_nonlinear(home, effect):
+        return SMALL_MOTION
+    if effect.within_command and in_time and all(record.has_known_command for record in in_time):
+        return KNOWN_COMMAND
+    return None
 
 
 def see(comparison: Comparison) -> Seen:

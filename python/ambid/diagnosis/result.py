@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +15,11 @@ from ambid.diagnosis.candidates import Ranking
 from ambid.diagnosis.localisation import Cell, Localisation, MisfitMap, misfit_maps
 from ambid.diagnosis.moves import TOLD, Moved
 from ambid.effects import Effect
+from ambid.findings import NOWHERE, Finding, Kind, WithFindings
 from ambid.identification import ParameterEstimate
 from ambid.model import Model
 from ambid.noise import Comparison
-from ambid.noise.window import notes_of
+from ambid.noise.window import findings_of
 from ambid.record import Measurement
 from ambid.results import Tabular, band_text, picture, plain
 from ambid.rig import Rig
@@ -32,10 +33,38 @@ VERDICTS = {
 }
 
 SETTING_UNITS = {"z": "m", "frequency_hz": "Hz"}
-IN_THE_MAIN = "in the main only"
-"""What the note begins with that takes the place of the verdict's meaning, where more than noise is left."""
-GOOD_ENOUGH = "good enough"
-"""The same, where more than chance is left and no more than the tolerance."""
+EXPLAINED = (
+    "the effects explain {explained:.1f|%} of the excess misfit, but "
+    "[misfit {misfit:{limit}|against} remains, limit {limit:{misfit}|against} (J/dof)]"
+    "[{ratio:{most}|against} times the power of the noise remains {when}, limit {most:{ratio}|against}]"
+)
+MOSTLY_EXPLAINED = Kind(
+    "mostly_explained",
+    "warning",
+    f"mostly explained: {EXPLAINED}; their formulas only approximate this machine, or something smaller is missing, "
+    "and the intervals may not contain the true values",
+)
+EXPLAINED_BY_POINT = Kind(
+    "explained_point_by_point",
+    "warning",
+    f"mostly explained: {EXPLAINED}; each operating point by itself is explained to the noise, with other values of "
+    "what all points share",
+)
+GOOD_ENOUGH = Kind(
+    "good_enough",
+    "note",
+    "good enough: misfit {misfit:{by_chance}|against} (J/dof) remains, within the {tolerance:{misfit}|against} that is "
+    "asked for, but above the {by_chance:{misfit}|against} that chance brings: something small is missing, most of it "
+    "in {channel} from {low_hz:.4g} to {high_hz:.4g} Hz ({cell_misfit:.1f} times noise)",
+)
+MEANINGS = (MOSTLY_EXPLAINED, EXPLAINED_BY_POINT, GOOD_ENOUGH)
+"""Findings that take the place of the verdict's meaning, where more than noise is left."""
+MEND = Kind(
+    "next_mend",
+    "note",
+    "first mend what the findings name, then record again with an excitation that is designed within the limits of the "
+    "machine",
+)
 
 
 @dataclass(frozen=True)
@@ -47,10 +76,15 @@ class Family:
     members : tuple of str
     shared : str
         What all of them bring, such as ``a lag of 3.0 ms round the loop``; empty where there is no such thing.
+    values : tuple of float
+        The same as a number of each member, in `unit`; NaN where it is no one number, empty where there is none.
+    unit : str
     """
 
     members: tuple[str, ...]
     shared: str
+    values: tuple[float, ...] = ()
+    unit: str = ""
 
     def line(self) -> str:
         """In words, such as ``a lag of 3.0 ms round the loop: sensor_lag or loop_delay``."""
@@ -59,7 +93,12 @@ class Family:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, as in JSON."""
-        return {"members": list(self.members), "shared": self.shared}
+        return {
+            "members": list(self.members),
+            "shared": self.shared,
+            "values": list(self.values),
+            "unit": self.unit,
+        }
 
 
 @dataclass(frozen=True)
@@ -133,7 +172,7 @@ class Step:
 
 
 @dataclass(frozen=True, repr=False)
-class Diagnosis(Tabular):
+class Diagnosis(WithFindings, Tabular):
     """Result of `diagnose`.
 
     Attributes
@@ -164,10 +203,10 @@ class Diagnosis(Tabular):
         The last model.
     records, validation : tuple of Record or FrequencyResponse
         That were diagnosed, and that were kept to judge by.
-    next_experiment : str
-        What would tell the rest apart.
+    next_steps : tuple of Finding
+        What to do now, by their codes.
     seconds : float
-    notes : tuple of str
+    findings : tuple of Finding
     """
 
     verdict: str
@@ -184,12 +223,14 @@ class Diagnosis(Tabular):
     families: dict[str, Family]
     records: tuple[Measurement, ...]
     validation: tuple[Measurement, ...]
-    next_experiment: str
+    next_steps: tuple[Finding, ...]
     seconds: float
-    notes: tuple[str, ...] = field(default_factory=tuple)
+    findings: tuple[Finding, ...] = ()
 
     @classmethod
-    def uninformative(cls, model: Model, records: Sequence[Measurement], why: Sequence[str], begun: float) -> Diagnosis:
+    def uninformative(
+        cls, model: Model, records: Sequence[Measurement], why: Sequence[Finding], begun: float
+    ) -> Diagnosis:
         """A diagnosis that could not begin."""
         return cls(
             verdict="not_informative",
@@ -206,11 +247,9 @@ class Diagnosis(Tabular):
             families={},
             records=tuple(records),
             validation=(),
-            next_experiment=(
-                "first mend what the notes say, then record again; `ambid design` finds what to play within limits"
-            ),
+            next_steps=(MEND(NOWHERE),),
             seconds=time.perf_counter() - begun,
-            notes=tuple(why),
+            findings=tuple(why),
         )
 
     plot = picture("plot_staircase")
@@ -218,8 +257,18 @@ class Diagnosis(Tabular):
     @property
     def meaning(self) -> str:
         """What the verdict says, in a sentence; where more than noise is left, how much and where."""
-        told = (note for note in self.notes if note.startswith((IN_THE_MAIN, GOOD_ENOUGH)))
-        return next(told, VERDICTS[self.verdict])
+        own = (finding.message for finding in self.findings if finding.kind in MEANINGS)
+        return next(own, VERDICTS[self.verdict])
+
+    @property
+    def next_step(self) -> Finding:
+        """The first of what to do now."""
+        return self.next_steps[0]
+
+    @property
+    def next_experiment(self) -> str:
+        """What to do now, in words."""
+        return "; ".join(step.remedy or step.message for step in self.next_steps)
 
     @property
     def left(self) -> tuple[MisfitMap, ...]:
@@ -238,6 +287,8 @@ class Diagnosis(Tabular):
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""
+        of_records = (finding for record in self.records for finding in findings_of(record))
+        found = tuple(dict.fromkeys([*of_records, *self.findings]))
         return plain(
             {
                 "verdict": self.verdict,
@@ -263,10 +314,10 @@ class Diagnosis(Tabular):
                 "families": {name: family.as_dict() for name, family in self.families.items()},
                 "not_tried": self.not_tried,
                 "next_experiment": self.next_experiment,
+                "next_steps": [step.as_dict() for step in self.next_steps],
                 "seconds": self.seconds,
-                "notes": list(
-                    dict.fromkeys([*(note for record in self.records for note in notes_of(record)), *self.notes])
-                ),
+                "findings": [finding.as_dict() for finding in found],
+                "notes": [finding.line() for finding in found],
             }
         )
 
@@ -283,17 +334,23 @@ class Diagnosis(Tabular):
         }
 
     def summary(self) -> list[str]:
-        """Verdict, what it means, what to do next, and the notes."""
+        """Verdict, what it means, what to do next, and the findings."""
         named = f": {', '.join(self.effects)}" if self.effects else ""
         sets = [f"cannot be told apart: {', '.join(names)}" for names in self.ambiguous_sets]
         verdict = f"verdict: {self.verdict}{named}; {self.meaning}"
         families = [family.line() for family in self.families.values()]
-        return [verdict, *sets, *families, f"next: {self.next_experiment}", *self._further_notes]
+        return [
+            verdict,
+            *sets,
+            *families,
+            f"next: {self.next_experiment}",
+            *(finding.line() for finding in self._further),
+        ]
 
     @property
-    def _further_notes(self) -> list[str]:
-        """But that which is the meaning."""
-        return [note for note in self.notes if note != self.meaning]
+    def _further(self) -> list[Finding]:
+        """The findings but that which is the meaning."""
+        return [finding for finding in self.findings if finding.kind not in MEANINGS]
 
     def save(self, path: str | Path) -> None:
         """Write the last model with its covariance, for ``--model`` and `Model.load`."""
@@ -318,7 +375,7 @@ class Diagnosis(Tabular):
             lines += [f"  {c.channel:12s} {band_text(*c.band_hz):>14s} Hz: {c.misfit:.1f} times noise" for c in worst]
         if self.not_tried:
             lines += ["", f"not tried: {'; '.join(f'{name} ({why})' for name, why in self.not_tried.items())}"]
-        lines += ["", f"next: {self.next_experiment}", *(f"note: {note}" for note in self._further_notes)]
+        lines += ["", f"next: {self.next_experiment}", *(f"{own.severity}: {own.line()}" for own in self._further)]
         return "\n".join(lines)
 
 

@@ -23,7 +23,7 @@ from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.minimum import ROUGHLY, refit
 from ambid.noise import Comparison
 
-__all__ = ["add_best", "add_chosen", "begin"]
+__all__ = ["add_best", "add_chosen", "begin", "rings_on"]
 
 REFITTED = 5
 """Candidates of a ranking that are refitted at the most."""
@@ -166,7 +166,7 @@ def _explains(task: Task, state: State, pair: Refitted) -> bool:
     candidate, better = pair
     own = (p for p in better.model.parameters if p.name.startswith(f"{candidate.effect.name}."))
     is_foreseen = candidate.score > FORESEEN * (state.fit.cost - better.cost)  # by its answer to the excitation
-    stands_in = not is_foreseen and _has_more_modes(state.fit, better) and _rings_on(state.fit, better)
+    stands_in = not is_foreseen and _has_more_modes(state.fit, better) and rings_on(state.fit, better)
     return not any(p.is_at_limit for p in own) and not stands_in and not _rises(task, state, better)
 
 
@@ -175,7 +175,7 @@ def _has_more_modes(before: Comparison, after: Comparison) -> bool:
     return counts[1] > counts[0]
 
 
-def _rings_on(before: Comparison, after: Comparison) -> bool:
+def rings_on(before: Comparison, after: Comparison) -> bool:
     """Whether a step brings a mode that outlasts a record: then its transient, free as it is, stands in for a tone.
 
     A linear mode: what a nonlinear effect does at rest is not what it does in motion.
@@ -301,7 +301,7 @@ def _pruned(task: Task, state: State) -> Iterator[State]:
         except UnstableLoopError:
             continue  # no loop without it
         degrees = len(state.fit.model.names) - len(less.model.names)
-        stands_in = _rings_on(state.fit, less) or bool(_at_limits(less) - _at_limits(state.fit))
+        stands_in = rings_on(state.fit, less) or bool(_at_limits(less) - _at_limits(state.fit))
         if less.cost - state.fit.cost < chdtri(degrees, ALPHA) and not stands_in:
             state = replace(state, fit=refit(less), sets=state.without_set(effect.name))
             state = noted(task, state, _ranked(task, state), removed=effect.name)

@@ -18,6 +18,7 @@ from ambid.loop.effect import Tone
 from ambid.noise import Comparison
 from ambid.noise.chance import ADEQUATE, RARE
 from ambid.noise.tones import OUTSTANDING
+from ambid.noise.unseen import ShapeLeft
 from ambid.record import Measurement, Record
 
 __all__ = ["Verdict", "judged"]
@@ -76,7 +77,7 @@ class Verdict:
         Where most is left by the effects that explain.
     kept_back : float or None
         Misfit of the last model on the records to validate on, where it is above their bound.
-    shape : str
+    shape : ShapeLeft or None
         What the last model leaves that is more than noise, and neither linear nor of a name, where that decides.
     """
 
@@ -98,12 +99,18 @@ class Verdict:
     changes: tuple[Changing, ...]
     remains: Cell | None
     kept_back: float | None
-    shape: str
+    shape: ShapeLeft | None
 
     @property
     def is_to_the_noise(self) -> bool:
         """Whether the last model leaves no more than chance, or than is good enough, leaves."""
         return self.misfit <= max(self.tolerance, self.fit.bound) and self.fit.loudest <= self.tolerance
+
+    @property
+    def shows_elsewhere(self) -> bool:
+        """Whether records to validate on show what those that the model was fitted to do not."""
+        is_named = self.word != "none_of_the_candidates"
+        return self.kept_back is not None and (is_named or self.is_to_the_noise)
 
     @property
     def is_only_good_enough(self) -> bool:
@@ -132,10 +139,10 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
     is_clean = not tones and (change is None or change.power < OVERTURNS)
     has_excess = state.reference.cost > state.at_noise  # without periods, what is missing may be within the noise
     by_share = has_excess and state.explained_by_physics > EXPLAINED_SHARE and len(state.physics) <= MOST_BY_SHARE
-    is_at_noise, shape = _is_at_noise(task, state), ""
+    is_at_noise, shape = _is_at_noise(task, state), None
     if effects and is_at_noise and not by_share:
         shape = shape_of(state)
-        is_at_noise = not shape
+        is_at_noise = shape is None
     elif not effects and tolerance <= ADEQUATE:
         shape = left.shape
     changes = () if is_at_noise or is_stopped or not is_clean else changing(state)
@@ -144,7 +151,7 @@ def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = Fal
     tried: tuple[str, ...] = ()
     is_small = misfit <= max(tolerance, state.at_noise / state.dof) and left.loudest <= tolerance
     kept_back = _beyond_bound(state)
-    is_contradicted = bool(shape) or kept_back is not None and kept_back > tolerance
+    is_contradicted = shape is not None or kept_back is not None and kept_back > tolerance
     if not effects and is_small and is_clean and not is_contradicted:
         word = "adequate"
     elif effects and (is_at_noise or by_share or changes) and is_clean and (state.physics or is_small):

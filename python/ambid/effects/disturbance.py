@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ambid.arrays import FloatArray
 from ambid.effects.waves import cosine_and_sine, is_synchronous
 from ambid.errors import ModelError
+from ambid.findings import NOWHERE, Finding, Kind
 from ambid.loop.effect import Effect, EffectParameter, Seen
 from ambid.loop.plant import Plant
 from ambid.record import Record
@@ -15,6 +16,12 @@ from ambid.rig import Rig
 
 SIGNALS = {"current": "i_ref", "force": "f"}
 """Ports that a periodic disturbance may act on, and their signals."""
+ANYWHERE = Kind(
+    "disturbance_place_unknown",
+    "note",
+    "{effect}: on one axis a force, a current and a hum of the sensor give the same record",
+    "hold the mass still and record y, to see that of the sensor alone",
+)
 
 
 @dataclass(frozen=True)
@@ -76,6 +83,10 @@ class PeriodicDisturbance(Effect):
         """Both parts at every place."""
         names = [p.name for p in self.parameters(rig)]
         return list(zip(names[::2], names[1::2], strict=True))
+
+    def findings(self, rig: Rig, values: Mapping[str, float] | None) -> Sequence[Finding]:
+        """That one axis does not show where it comes in."""
+        return [ANYWHERE(NOWHERE, effect=self.name)] if values is not None and len(rig.axes) == 1 else []
 
     def waveform(self, rig: Rig, samples: int, record: Record | None) -> FloatArray:
         """Cosine and sine at the frequency."""

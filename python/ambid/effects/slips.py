@@ -8,13 +8,49 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from ambid.effects.traits import GAIN_OF_ANSWER
+from ambid.findings import Finding, Kind, Where
 from ambid.loop.effect import Effect, EffectParameter, Trait
 from ambid.loop.plant import Plant
-from ambid.rig import Rig
+from ambid.rig import PidController, Rig
 
 LEAST, MOST = -0.9, 9.0
 """Relative errors that are sought: a factor of ten to either side."""
+MINOR = 0.05
+"""Gains whose error is a smaller part of the largest one are not reported."""
+RIG_FILE = "the rig file is wrong, and not the physics of the model"
+GAIN = Kind(
+    "controller_gain_wrong",
+    "warning",
+    f"the rig file has {{in_file:.6g}}, the data ask for {{by_data:.6g}}: {RIG_FILE}",
+    "correct the gain in the rig file",
+)
+CONTROLLER = Kind(
+    "controller_wrong",
+    "warning",
+    f"the data ask for {{factor:.4g}} times the controller of the rig file: {RIG_FILE}",
+    "correct the controller in the rig file",
+)
+CONTROLLER_MAY_BE = Kind(
+    "controller_may_be_wrong",
+    "warning",
+    f"{{effect}}, which explains the data as well, would mean that {RIG_FILE}",
+)
+EXCITATION = Kind(
+    "excitation_scale_wrong",
+    "warning",
+    "the data ask for {factor:.4g} times the excitation that was recorded: i_e of the record is wrong, and not the "
+    "physics of the model",
+    "correct the scale of i_e",
+)
+EXCITATION_MAY_BE = Kind(
+    "excitation_scale_may_be_wrong",
+    "warning",
+    "{effect}, which explains the data as well, would mean that i_e of the record is wrong, and not the physics of the "
+    "model",
+)
 
 
 @dataclass(frozen=True)
@@ -38,6 +74,21 @@ class ControllerGainError(Effect):
     def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
         """A stiffer loop answers less, by another gain at every frequency."""
         return {GAIN_OF_ANSWER: float("nan")}
+
+    def findings(self, rig: Rig, values: Mapping[str, float] | None) -> Sequence[Finding]:
+        """The gains that the data ask for, beside those of the rig file."""
+        if values is None:
+            return [CONTROLLER_MAY_BE(Where(key="controller"), effect=self.name)]
+        if not isinstance(rig.controller, PidController):
+            return [CONTROLLER(Where(key="controller"), factor=1.0 + error) for error in values.values()]
+        least = MINOR * max(abs(error) for error in values.values())
+        found = []
+        for gain, error in values.items():
+            if abs(error) >= least:
+                in_file = np.atleast_1d(getattr(rig.controller, gain))
+                own = {"in_file": in_file.tolist(), "by_data": ((1.0 + error) * in_file).tolist()}
+                found.append(GAIN(Where(key=f"controller.{gain}"), **own))
+        return found
 
     def attach(self, plant: Plant) -> None:
         """The same on every axis; exact also where the controller samples, holds and delays."""
@@ -63,6 +114,12 @@ class ExcitationGainError(Effect):
     def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
         """The scale."""
         return {GAIN_OF_ANSWER: values["scale"]}
+
+    def findings(self, rig: Rig, values: Mapping[str, float] | None) -> Sequence[Finding]:
+        """The scale that the data ask for."""
+        if values is None:
+            return [EXCITATION_MAY_BE(Where(channel="i_e"), effect=self.name)]
+        return [EXCITATION(Where(channel="i_e"), factor=1.0 + values["scale"])]
 
     def attach(self, plant: Plant) -> None:
         """The same on every axis."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from ambid.arrays import FloatArray
 from ambid.errors import ModelError, RecordError, Stopped
+from ambid.findings import NOWHERE, Finding, Kind
 from ambid.identification.covariance import covariance, lost, sandwich, undetermined
 from ambid.identification.curvature import Curvature, curvature
 from ambid.identification.damped import damped_start
@@ -26,10 +27,21 @@ from ambid.threads import with_one_blas_thread
 __all__ = ["LIKELIHOOD", "Found", "Steps", "identify", "steps"]
 
 LIKELIHOOD, EQ_9 = "likelihood", "eq9"
-MISFIT = (
-    "physics is missing, and the intervals are widened by what is left; they hold the truth only if what is missing "
-    "does not bend the parameters further"
+INCONSISTENT = Kind(
+    "intervals_widened",
+    "warning",
+    "physics is missing, and the intervals are widened by the residual; they may not contain the true values, where "
+    "what is missing moves the parameters further",
 )
+WITHOUT_NOISE = Kind(
+    "noise_unknown", "note", "weights of eq. 9, since the noise at DFT frequencies is not known: {reason}"
+)
+WITHOUT_PERIODS = Kind(
+    "noise_not_separable",
+    "warning",
+    "weights of eq. 9: physics is missing, and without periods the noise cannot be separated from what is missing",
+)
+AT_BOUND = Kind("parameter_at_bound", "warning", "at a bound: {parameters}")
 MOST_RENEWALS = 3
 """So often is the noise of a record without periods taken from the residual again, at the most."""
 LARGEST_WEIGHT = 1e6
@@ -47,7 +59,7 @@ class Found(NamedTuple):
     covariance: FloatArray
     directions: list[dict[str, float]]
     comparison: Comparison
-    notes: list[str]
+    findings: list[Finding]
     curvature: Curvature | None = None
 
     def curved(self) -> Found:
@@ -126,7 +138,7 @@ def identify(
     weights : str or mapping of str to float
         ``likelihood`` or ``eq9``; or eq. 9 with further factors for the signals ``y`` and ``i_c``, or single channels
         such as ``y.A_zeta``; 0 leaves them out. Where the noise on lines is not known, since the record is too short or
-        holds none, it is eq. 9, and a note says so. Eq. 9 is for records in time alone.
+        holds none, it is eq. 9, and a finding tells it. Eq. 9 is for records in time alone.
     starts : int
         Number of starts; those after the first are spread by about 30 % around it, and the best end counts.
     seed : int
@@ -188,14 +200,14 @@ def steps(
         raise ModelError(f"weights = {weights!r}; expected {LIKELIHOOD!r}, {EQ_9!r}, or factors by channel")
     prepared = prepare(model, records, free, fixed, bounds, starts, seed, max_evaluations)
     model, records, in_time, free_indices, limits, origins = prepared
-    notes: list[str] = []
+    found: list[Finding] = []
     if weights == LIKELIHOOD:
         try:
             return (yield from _likeliest(model, records, free_indices, limits, origins, max_evaluations, progress))
         except RecordError as error:
             if len(in_time) < len(records):
                 raise  # frequency responses have no eq. 9
-            notes.append(f"weights of eq. 9, since the noise on lines is not known: {error}")
+            found.append(WITHOUT_NOISE(NOWHERE, reason=str(error)))
     if len(in_time) < len(records):
         raise ModelError(
             f"weights = {weights!r}: eq. 9 is least squares in time, and frequency responses are among the records; "
@@ -204,11 +216,11 @@ def steps(
     if free_response := next((record for record in in_time if record.is_free_response), None):
         raise RecordError(
             f"{free_response.path or free_response.name}: nothing drives this record, and eq. 9 simulates from rest; "
-            f"{notes[0] if notes else 'leave the weights out'}"
+            f"{found[0].message if found else 'leave the weights out'}"
         )
     factors = _factors(model, None if isinstance(weights, str) else weights)
     return (
-        yield from _in_time(model, in_time, free_indices, limits, origins, factors, max_evaluations, progress, notes)
+        yield from _in_time(model, in_time, free_indices, limits, origins, factors, max_evaluations, progress, found)
     )
 
 
@@ -221,20 +233,19 @@ def _in_time(
     factors: FloatArray,
     max_evaluations: int,
     progress: Callable[[int, float], None] | None,
-    notes: list[str],
+    known: list[Finding],
 ) -> Steps:
     """The fit of eq. 9."""
     problem = Problem(model, records, free, noise_levels(records), factors, progress)
-    best, more = yield from best_of(problem, origins, limits, max_evaluations)
-    notes += more
+    best, findings = yield from best_of(problem, origins, limits, max_evaluations)
     if not all(record.periods >= 3 for record in records):
         # without a scatter over periods the first fit's residual is the noise
         problem = problem.with_noise(problem.residual_rms(best.theta))
         best, more = yield from best_of(problem, [best.theta[problem.free]], limits, max_evaluations)
-        notes += more
+        findings += more
     found, at_end = sandwich(problem, best.theta), model.with_theta(best.theta)
     directions = undetermined(found, at_end, free)
-    return Found(problem, best, limits, found, directions, compare(at_end, records), notes).curved()
+    return Found(problem, best, limits, found, directions, compare(at_end, records), [*known, *findings]).curved()
 
 
 def _likeliest(
@@ -247,10 +258,10 @@ def _likeliest(
     progress: Callable[[int, float], None] | None,
 ) -> Steps:
     """The fit that minimises J, in the noise that its own residual tells."""
-    stable, notes = stable_model(model, free, origins, limits)
+    stable, moved = stable_model(model, free, origins, limits)
     rough = WhitenedProblem(model, Noise.rough(stable, records), free, progress)  # x in units of the limits
     best, more = yield from best_of(
-        rough, origins if not notes else [stable.theta[free]], limits, max_evaluations, ROUGHLY
+        rough, origins if not moved else [stable.theta[free]], limits, max_evaluations, ROUGHLY
     )
     in_time = tuple(record for record in records if isinstance(record, Record))
     has_eq_9 = len(in_time) == len(records) and not any(record.is_free_response for record in in_time)
@@ -280,11 +291,10 @@ def _likeliest(
         if again and abs(best.cost / before - 1.0) < RENEWED:
             break
     if not is_known and has_eq_9 and best.status != "stopped" and comparison.misfit > comparison.bound:
-        why = "weights of eq. 9: physics is missing, and without periods the noise cannot be told from what is missing"
-        factors = _factors(model, None)
-        return (yield from _in_time(model, in_time, free, limits, origins, factors, max_evaluations, progress, [why]))
+        why, factors = [WITHOUT_PERIODS(NOWHERE)], _factors(model, None)
+        return (yield from _in_time(model, in_time, free, limits, origins, factors, max_evaluations, progress, why))
     found, directions = covariance(comparison, free), lost(comparison, free)
-    return Found(problem, best, limits, found, directions, comparison, [*notes, *more]).curved()
+    return Found(problem, best, limits, found, directions, comparison, [*moved, *more]).curved()
 
 
 def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:
@@ -307,7 +317,7 @@ def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:
 
 
 def _estimate(found: Found, begun: float) -> Estimate:
-    problem, end, limits, covariance, directions, comparison, notes, curved = found
+    problem, end, limits, covariance, directions, comparison, findings, curved = found
     model, free, unknown = problem.model, problem.free, found.unknown
     parameters = {}
     for k, i in enumerate(free):
@@ -321,11 +331,11 @@ def _estimate(found: Found, begun: float) -> Estimate:
         x = end.theta[free] / problem.scale
         touches = (np.abs(x - limits[0]) < 1e-3) | (np.abs(x - limits[1]) < 1e-3)
         at = [model.names[i] for i, touched in zip(free, touches, strict=True) if touched]
-        notes = [*notes, f"at a bound: {', '.join(at)}"]
+        findings = [*findings, AT_BOUND(NOWHERE, parameters=at)]
     if comparison.is_judged and not comparison.is_adequate:
-        notes = [*notes, MISFIT]
+        findings = [*findings, INCONSISTENT(NOWHERE)]
     if curved is not None:
-        notes = [*notes, curved.sentence()]
+        findings = [*findings, curved.finding()]
     whole = np.full((len(model.names),) * 2, np.nan)
     whole[np.ix_(free, free)] = covariance
     estimate = Estimate(
@@ -338,7 +348,7 @@ def _estimate(found: Found, begun: float) -> Estimate:
         comparison=comparison,
         directions=directions,
         curvature=curved,
-        notes=(*(note for own in comparison.records for note in own.notes), *notes),
+        findings=(*(finding for own in comparison.records for finding in own.findings), *findings),
     )
     if end.status == "stopped":
         raise Stopped(estimate)

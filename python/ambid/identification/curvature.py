@@ -16,6 +16,7 @@ from ambid.arrays import FloatArray
 from ambid.effects import Seen
 from ambid.effects.magnet import ForceNonlinearity
 from ambid.errors import ModelError, UnstableLoopError
+from ambid.findings import NOWHERE, Finding, Kind
 from ambid.identification.minimum import ROUGHLY, SUBSTEPS, WhitenedProblem
 from ambid.identification.problem import Limits
 from ambid.noise import Comparison
@@ -30,6 +31,18 @@ MATTERS = 0.5
 """Standard errors by which a parameter must move for it to be told: less widens no interval by more than an eighth."""
 MOST_EVALUATIONS = 30
 """Of the fit with the law; it starts near its end."""
+MOVES = "y moves by {travel:.2g|%} of the gap and i_c by {swing:.2g|%} of the bias, and the force of a single magnet "
+BY_LAW = "by the law {by_law:.4g} instead of {by_slopes:.4g}, and the intervals are widened by the difference"
+SHOWN = Kind(
+    "curved_force",
+    "warning",
+    f"{MOVES}is curved, as these records show: with its square law J/dof is {{misfit_by_law:.3g}}; {BY_LAW}",
+)
+POSSIBLE = Kind(
+    "curved_force_possible",
+    "warning",
+    f"{MOVES}is curved, which these records neither show nor exclude; {BY_LAW}",
+)
 
 
 @dataclass(frozen=True)
@@ -57,17 +70,17 @@ class Curvature:
     misfits: tuple[float, float]
     is_seen: bool
 
-    def sentence(self) -> str:
-        """What is to be said beside the estimate."""
-        what = (
-            f"y moves by {100 * self.travel:.2g} % of the gap and i_c by {100 * self.swing:.2g} % of the bias, and the "
-            "force of a single magnet is curved"
+    def finding(self) -> Finding:
+        """What is to be known beside the estimate."""
+        return (SHOWN if self.is_seen else POSSIBLE)(
+            NOWHERE,
+            travel=self.travel,
+            swing=self.swing,
+            misfit=self.misfits[0],
+            misfit_by_law=self.misfits[1],
+            by_law={name: law for name, (_, law) in self.values.items()},
+            by_slopes={name: slope for name, (slope, _) in self.values.items()},
         )
-        seen = "which these records can neither show nor exclude"
-        if self.is_seen:
-            seen = f"which these records show: with its square law J/dof is {self.misfits[1]:.3g}"
-        told = ", ".join(f"{name} {law:.4g} instead of {slope:.4g}" for name, (slope, law) in self.values.items())
-        return f"{what}, {seen}; by the law {told}, and the intervals are widened by the difference"
 
 
 def curvature(comparison: Comparison, free: Sequence[int], limits: Limits, covariance: FloatArray) -> Curvature | None:

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import ComplexArray, FloatArray
+from ambid.effects.magnet import ForceNonlinearity
 from ambid.errors import ModelError, did_you_mean
+from ambid.findings import NOWHERE, Finding, Kind, WithFindings
 from ambid.identification.curvature import Curvature
 from ambid.model import Model
 from ambid.noise import Comparison
@@ -20,12 +22,42 @@ NORMAL_95 = 1.959964
 """Half width of a 95 % interval of the normal distribution, in standard errors."""
 STATUS = {
     "converged": "the optimum was found: steps and gradient are below their tolerances",
-    "at_bound": "the optimum lies on a bound of the parameters named in the notes; intervals are one-sided there",
+    "at_bound": "the optimum lies on a bound of the parameters that a finding names; intervals are one-sided there",
     "max_evaluations": "the evaluations ran out before the optimum was found; the values are the best so far",
     "stopped": "stopped by the user; the values are the best so far",
     "not_identifiable": "these records do not determine the parameters that have no value, alone or together; which "
     "changes of them leave no trace is in the JSON as `not_identifiable`",
 }
+CURVED = Kind(
+    "curved_force_inconsistent",
+    "warning",
+    "the model is inconsistent with the data: misfit {misfit:{limit}|against}, limit {limit:{misfit}|against} (J/dof), "
+    "but the curved force of a single magnet is seen: K_i and K_s change during the motion",
+)
+RECORD_PERIODS = Kind(
+    "next_record_periods",
+    "note",
+    "record three periods or more: without the noise it cannot be determined whether the model is right",
+)
+EXCITE_MORE = Kind(
+    "next_excite_more",
+    "note",
+    "excite every axis, at more frequencies, with more amplitude or over more periods: not all parameters are "
+    "determined",
+)
+EXCITE_AND_DIAGNOSE = Kind(
+    "next_excite_and_diagnose",
+    "note",
+    f"{EXCITE_MORE.message}; physics is missing too: diagnose the records",
+)
+FIT_FORCE_LAW = Kind(
+    "next_fit_force_law",
+    "note",
+    "fit the force law in place of its slopes: diagnose the records with the effect {effect}; or record a smaller "
+    "motion",
+)
+VALIDATE = Kind("next_validate", "note", "validate the model on a record at another amplitude")
+DIAGNOSE = Kind("next_diagnose", "note", "diagnose the records, to name what is missing")
 
 
 @dataclass(frozen=True)
@@ -72,7 +104,7 @@ class ParameterEstimate:
 
 
 @dataclass(frozen=True, repr=False)
-class Estimate(Tabular):
+class Estimate(WithFindings, Tabular):
     """Result of `identify`.
 
     Attributes
@@ -95,7 +127,8 @@ class Estimate(Tabular):
         The model against its records, in the noise that it was fitted in.
     curvature : Curvature or None
         What the law of a single magnet would move, where it counts beside the noise.
-    notes : tuple of str
+    findings : tuple of Finding
+        Of the records, and of the fit.
     """
 
     model: Model
@@ -107,7 +140,7 @@ class Estimate(Tabular):
     comparison: Comparison
     directions: list[dict[str, float]] = field(default_factory=list)
     curvature: Curvature | None = None
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     def __getitem__(self, name: str) -> ParameterEstimate:
         """What was found of a parameter, such as ``estimate["K_i.A_zeta"]``.
@@ -159,50 +192,41 @@ class Estimate(Tabular):
         return self.comparison.is_adequate and not (self.curvature is not None and self.curvature.is_seen)
 
     @property
-    def exceeds(self) -> str:
-        """What keeps the model from being adequate, with value and bound; empty where nothing does."""
-        if self.is_adequate or not self.comparison.is_judged:
-            return ""
-        return "the curved force of a single magnet is seen" if self._is_curved else self.comparison.exceeds
+    def inconsistency(self) -> Finding | None:
+        """What keeps the model from being adequate, with value and limit; None where nothing does."""
+        is_within = bool(self.misfit <= self.misfit_bound)
+        if is_within and self.curvature is not None and self.curvature.is_seen:
+            return CURVED(NOWHERE, misfit=self.misfit, limit=self.misfit_bound)
+        return self.comparison.inconsistency
 
     @property
-    def _is_curved(self) -> bool:
-        """Whether the curved force of a single magnet is seen, beside a misfit within its bound."""
-        return bool(self.misfit <= self.misfit_bound) and self.curvature is not None and self.curvature.is_seen
+    def next_step(self) -> Finding:
+        """What to do now, by its code."""
+        if not self.comparison.is_judged:
+            return RECORD_PERIODS(NOWHERE)
+        if self.status == "not_identifiable":
+            return (EXCITE_MORE if self.comparison.is_adequate else EXCITE_AND_DIAGNOSE)(NOWHERE)
+        if self.curvature is not None:
+            return FIT_FORCE_LAW(NOWHERE, effect=ForceNonlinearity.name)
+        return VALIDATE(NOWHERE) if self.is_adequate else DIAGNOSE(NOWHERE)
 
     @property
     def next(self) -> str:
-        """What to do now."""
-        if not self.comparison.is_judged:
-            return "record three periods or more: without the noise nobody can tell whether the model is right"
-        if self.status == "not_identifiable":
-            missed = "" if self.comparison.is_adequate else "; physics is missing too: ambid diagnose RIG RECORD"
-            return (
-                "excite every axis, at more frequencies, with more amplitude or over more periods: not all parameters "
-                f"are determined{missed}"
-            )
-        if self.curvature is not None:
-            return (
-                "fit the force law in place of its slopes: ambid diagnose RIG RECORD --effects force_nonlinearity; or "
-                "record a smaller motion"
-            )
-        if self.is_adequate:
-            return "hold the model against a record at another amplitude: ambid compare RIG RECORD --model MODEL"
-        return "name what is missing: ambid diagnose RIG RECORD"
+        """What to do now, in words."""
+        return self.next_step.message
 
     @property
     def verdict(self) -> str:
         """In a sentence, whether the model explains the records."""
         if not self.comparison.is_judged:
             return "misfit unknown: the noise of these records is not known"
-        what = f"misfit {self.misfit:.2f}, bound {self.misfit_bound:.2f} (J/dof, 1 when the model is right)"
-        if self.is_adequate and self.misfit > self.comparison.by_chance:
+        if self.inconsistency is not None:
+            text = self.inconsistency.message
+            return text[:1].upper() + text[1:]
+        what = f"misfit {self.misfit:.2f}, limit {self.misfit_bound:.2f} (J/dof, 1 when the model is right)"
+        if self.misfit > self.comparison.by_chance:
             return f"{what}: good enough, though chance alone brings {self.comparison.by_chance:.2f}: little is missing"
-        if self.is_adequate:
-            return f"{what}: nothing is missing that these records can show"
-        if self._is_curved:
-            return f"{what}, but {self.exceeds}: K_i and K_s change on the way"
-        return f"{self.exceeds}: physics is missing, however good the fit looks"
+        return f"{what}: nothing is missing that these records can show"
 
     @property
     def correlation(self) -> FloatArray:
@@ -222,6 +246,7 @@ class Estimate(Tabular):
             "misfit_bound": plain(self.misfit_bound),
             "adequate": self.is_adequate,
             "next": self.next,
+            "next_step": self.next_step.as_dict(),
             "correlation": {a: {b: plain(correlation[i, j]) for j, b in enumerate(names)} for i, a in enumerate(names)},
             "status": self.status,
             "status_meaning": STATUS[self.status],
@@ -229,7 +254,7 @@ class Estimate(Tabular):
             "evaluations": self.evaluations,
             "seconds": self.seconds,
             "records": [record.name for record in self.records],
-            "notes": list(self.notes),
+            **self.findings_as_dict(),
         }
 
     def save(self, path: str | Path) -> None:
@@ -249,7 +274,7 @@ class Estimate(Tabular):
         }
 
     def summary(self) -> list[str]:
-        """Fit, how it ended, and the notes."""
+        """Fit, how it ended, and the findings."""
         fit, ceiling = (values.get("average", np.nan) for values in (self.fit_percent, self.noise_ceiling_percent))
         return [
             self.verdict,
@@ -275,4 +300,4 @@ class Estimate(Tabular):
             lines.append(f"{name:14s} {fit:8.2f} {self.noise_ceiling_percent.get(channel, np.nan):16.2f}")
         lines += ["", self.verdict]
         lines += [f"{self.status}: {STATUS[self.status]} ({self.evaluations} evaluations, {self.seconds:.2f} s)"]
-        return "\n".join([*lines, *(f"note: {note}" for note in self.notes), f"next: {self.next}"])
+        return "\n".join([*lines, *self.finding_lines(), f"next: {self.next}"])

@@ -9,6 +9,7 @@ import numpy as np
 
 from ambid.arrays import FloatArray
 from ambid.errors import UnstableLoopError, UnstableStartError
+from ambid.findings import NOWHERE, Finding, Kind
 from ambid.identification.minimum import WhitenedProblem
 from ambid.identification.problem import EXACTLY, Descent, End, LeastSquares, Limits
 from ambid.model import Model
@@ -20,6 +21,11 @@ AT_EDGE = 1e-3
 """Rate of decay below which a fit has run into the edge of stability, where no record can have been made [1/s]."""
 STABLE_FACTORS = (0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.5)
 """Where the start is unstable, these multiples of the start values are tried."""
+STOPPED_AT = Kind("stopped_at_start", "note", "stopped at start {start} of {starts}")
+MOVED = Kind(
+    "unstable_start", "warning", "the loop is unstable at the start values; started from them times {factors:g}"
+)
+COMPARED = Kind("starts_compared", "note", "{same} of {starts} starts ended at this optimum, {unstable} were unstable")
 
 
 def spread_starts(
@@ -33,10 +39,10 @@ def spread_starts(
 
 def best_of(
     problem: LeastSquares, starts: list[FloatArray], limits: Limits, max_evaluations: int, step: float = EXACTLY
-) -> Generator[Descent, End, tuple[End, list[str]]]:
-    """The best end of descents from these starts, and what is to be said of them."""
+) -> Generator[Descent, End, tuple[End, list[Finding]]]:
+    """The best end of descents from these starts, and what is to be known of them."""
     ends: list[End] = []
-    notes = []
+    found: list[Finding] = []
     try:
         for start in starts:
             x = np.clip(start / problem.scale, *limits)
@@ -50,17 +56,17 @@ def best_of(
     except KeyboardInterrupt:
         if not ends:
             raise
-        notes.append(f"stopped at start {len(ends)} of {len(starts)}")
-        return min(ends, key=lambda end: end.cost)._replace(status="stopped"), notes
+        found.append(STOPPED_AT(NOWHERE, start=len(ends), starts=len(starts)))
+        return min(ends, key=lambda end: end.cost)._replace(status="stopped"), found
     if not ends:
         x, moved = _stable_start(problem.model, problem.free, limits)
-        notes.append(f"the loop is unstable at the start values; started from {moved} of them instead")
+        found.append(moved)
         ends.append((yield Descent(problem, x, limits, max_evaluations, step)))
     best = min(ends, key=lambda end: end.cost)
     if len(starts) > 1:
         same = sum(end.cost < best.cost * (1.0 + 1e-6) for end in ends)
-        notes.append(f"{same} of {len(starts)} starts ended at this optimum, {len(starts) - len(ends)} were unstable")
-    return best, notes
+        found.append(COMPARED(NOWHERE, same=same, starts=len(starts), unstable=len(starts) - len(ends)))
+    return best, found
 
 
 def is_kept_away(problem: WhitenedProblem, end: End) -> bool:
@@ -71,8 +77,10 @@ def is_kept_away(problem: WhitenedProblem, end: End) -> bool:
     return end.status == "at_bound" or at_edge or problem.is_stuck(end.theta)
 
 
-def stable_model(model: Model, free: list[int], origins: list[FloatArray], limits: Limits) -> tuple[Model, list[str]]:
-    """The model at the first stable start, and what was moved to find one."""
+def stable_model(
+    model: Model, free: list[int], origins: list[FloatArray], limits: Limits
+) -> tuple[Model, list[Finding]]:
+    """The model at the first stable start, and what was moved to find one, if that was needed."""
     scale = np.array([model.parameters[i].scale for i in free])
     for start in origins:
         theta = model.theta
@@ -82,10 +90,10 @@ def stable_model(model: Model, free: list[int], origins: list[FloatArray], limit
     x, moved = _stable_start(model, free, limits)
     theta = model.theta
     theta[free] = x * scale
-    return model.with_theta(theta), [f"the loop is unstable at the start values; started from {moved} of them instead"]
+    return model.with_theta(theta), [moved]
 
 
-def _stable_start(model: Model, free: list[int], limits: Limits) -> tuple[FloatArray, str]:
+def _stable_start(model: Model, free: list[int], limits: Limits) -> tuple[FloatArray, Finding]:
     """The nearest start that is stable, among common factors of all K_i, all K_s and all time constants.
 
     Raises
@@ -104,8 +112,8 @@ def _stable_start(model: Model, free: list[int], limits: Limits) -> tuple[FloatA
         theta = model.theta
         theta[free] = x * scale
         if model.with_theta(theta).is_stable:
-            used = [f"{f:g} times {kind}" for (kind, members), f in zip(kinds.items(), trial, strict=True) if members]
-            return x, ", ".join(used)
+            used = {kind: factor for (kind, members), factor in zip(kinds.items(), trial, strict=True) if members}
+            return x, MOVED(NOWHERE, factors=used)
     try:
         model.loop.simulate(model.theta, np.zeros((1, len(model.loop.inputs))))
         why = ""

@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import fdtrc, stdtrit
+from scipy.special import stdtrit
 
 from ambid.arrays import FloatArray
 from ambid.errors import IdentificationError, RigError
+from ambid.findings import NOWHERE, Finding, Kind, WithFindings
 from ambid.identification.estimate import ParameterEstimate
-from ambid.identification.static_slips import exchanged_bearings, notes_on_deflection, notes_on_nominal, require_units
+from ambid.identification.load_dependence import IntArray, centred, dependence_on_load
+from ambid.identification.static_slips import exchanged_bearings, far_from_nominal, of_deflection, require_units
 from ambid.loop.geometry import axis_angles, axis_directions, lies_in_one_plane, modal_geometry, rotor_of
 from ambid.record import StaticLoading
 from ambid.record.checks import order_of_axes
@@ -24,17 +25,24 @@ from ambid.threads import with_one_blas_thread
 
 __all__ = ["StaticEstimate", "static_load"]
 
-IntArray = NDArray[np.int_]
-
 _LEAST_SHARE = 0.02  # an axis that carries less than this part of the most loaded one was not loaded
 _WIDEST = 0.5  # relative half width of the 95 % interval of 1/K_i beyond which the data do not tell K_i
 _COMPARABLE = 2.5  # effective number of loadings from which their scatter gives the intervals
 _FULL_LEVERAGE = 0.999  # above it one step alone decides the slope
-_SIGNIFICANT = 1e-3  # p-value, over all axes, below which a note is made
+_SIGNIFICANT = 1e-3  # p-value, over all axes, below which a finding is made
+_UNKNOWN = Kind("deflection_unknown", "note", "the deflection of the rotor is not known, and left out: {reason}")
+_SCATTER = Kind("force_current_scatter", "note", "K_i differs between the loadings by up to {scatter:.2%} rms")
+_STEPS_ONLY = Kind(
+    "intervals_of_steps",
+    "note",
+    "the intervals of {axes} rest on the scatter of single steps: an error of a whole loading, as of a load cell's "
+    "gain, is not in them",
+    "repeat the loading, three times or more",
+)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class StaticEstimate:
+class StaticEstimate(WithFindings):
     """Result of `static_load`, M steps of all loadings on n axes.
 
     Attributes
@@ -51,8 +59,8 @@ class StaticEstimate:
         Names of the columns.
     loadings : tuple of StaticLoading
         What it was found from.
-    notes : tuple of str
-        Notes of the loadings, scatter between them, dependence of K_i on load, deflection of the rotor.
+    findings : tuple of Finding
+        Those of the loadings, scatter between them, dependence of K_i on load, deflection of the rotor.
     """
 
     parameters: dict[str, ParameterEstimate]
@@ -61,7 +69,7 @@ class StaticEstimate:
     magnet_forces: FloatArray
     axes: tuple[str, ...]
     loadings: tuple[StaticLoading, ...]
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
     @property
     def residual_newton_by_axis(self) -> dict[str, float]:
@@ -76,7 +84,7 @@ class StaticEstimate:
             "residual_newton_by_axis": self.residual_newton_by_axis,
             "loadings": [loading.name for loading in self.loadings],
             "steps": len(self.residuals),
-            "notes": list(self.notes),
+            **self.findings_as_dict(),
         }
 
     def __repr__(self) -> str:
@@ -89,7 +97,7 @@ class StaticEstimate:
             f"forces: f = K_i i + K_s s; residual {self.residual_newton:.3g} N rms, "
             f"steps: {len(self.residuals)}, loadings: {len(self.loadings)}"
         )
-        return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
+        return "\n".join([*lines, *self.finding_lines()])
 
 
 @with_one_blas_thread
@@ -125,7 +133,7 @@ def static_load(
     deflection : bool
         False takes the rotor as centred in the magnets, the classic method. True takes K_s s from f, where the kept
         bending modes give the displacement s at the magnets while the sensors read zero, and the rig its nominal K_s.
-        Both s and f are proportional to the load, so that no residual tells which is right; a note says how much it
+        Both s and f are proportional to the load, so that no residual shows which is right; a finding has how much it
         changes. Leaving out higher modes overestimates s where the sensors lie outboard (two modes by 12 % on the
         test bench); a rigid rotor has s = 0.
 
@@ -161,22 +169,22 @@ def _solved(rig: Rig, loadings: tuple[StaticLoading, ...], deflection: bool) -> 
                 f"{_names([loading])}: {len(loading.z)} load steps; allowed is at least 3, for a slope, a constant and "
                 "a measure of scatter; record more steps"
             )
-    findings = [found.at(record=loading.name) for loading in loadings for found in loading.findings]
-    notes = [found.line() for found in [*findings, *findings_of_loadings(loadings)]]
+    found = [own.at(record=loading.name) for loading in loadings for own in loading.findings]
+    found += findings_of_loadings(loadings)
     of = np.repeat(np.arange(len(loadings)), [len(loading.z) for loading in loadings])
     z = np.concatenate([loading.z for loading in loadings])
     loads = _in_frame(rig, np.concatenate([loading.force for loading in loadings]))
     force = _magnet_forces(rig, z, loads)
     current = np.concatenate([_currents(rig, loading) for loading in loadings])
-    _require_loaded(rig, loadings, _rms(_centred(force, of)))
+    _require_loaded(rig, loadings, _rms(centred(force, of)))
     try:
         bent = _deflection_forces(rig, z, loads, force)
     except RigError as error:
         if deflection:
             raise
-        notes.append(f"the deflection of the rotor is not known, and left out: {error}")
+        found.append(_UNKNOWN(NOWHERE, reason=str(error)))
     else:
-        notes += notes_on_deflection(_centred(force, of), _centred(bent, of), deflection)
+        found += of_deflection(centred(force, of), centred(bent, of), deflection)
         force = force - bent if deflection else force
 
     lines = [_fit_line(force[:, j], current[:, j], of) for j in range(len(rig.axes))]
@@ -190,11 +198,11 @@ def _solved(rig: Rig, loadings: tuple[StaticLoading, ...], deflection: bool) -> 
         left = float(sum(line.residual @ line.residual for line in others))
         return np.array([1.0 / line.slope for line in others]), left
 
-    notes += [*notes_on_nominal(rig, k_i), *exchanged_bearings(rig, fitted)]
+    found += [*far_from_nominal(rig, k_i), *exchanged_bearings(rig, fitted)]
     residuals = np.stack([line.residual / line.slope for line in lines], axis=1)
-    notes += _scatter_notes(rig, lines)
+    found += _of_scatter(rig, lines)
     for j, axis in enumerate(rig.axes):
-        notes += _nonlinearity_notes(axis, force[:, j], current[:, j], of, _SIGNIFICANT / len(rig.axes))
+        found += dependence_on_load(axis, force[:, j], current[:, j], of, _SIGNIFICANT / len(rig.axes))
     return StaticEstimate(
         parameters={f"K_i.{axis}": line.k_i() for axis, line in zip(rig.axes, lines, strict=True)},
         residual_newton=float(_rms(residuals.ravel())),
@@ -202,7 +210,7 @@ def _solved(rig: Rig, loadings: tuple[StaticLoading, ...], deflection: bool) -> 
         magnet_forces=force,
         axes=rig.axes,
         loadings=loadings,
-        notes=tuple(notes),
+        findings=tuple(found),
     )
 
 
@@ -281,7 +289,7 @@ class _Line(NamedTuple):
 
 
 def _fit_line(force: FloatArray, current: FloatArray, of: IntArray) -> _Line:
-    f, i = _centred(force, of), _centred(current, of)
+    f, i = centred(force, of), centred(current, of)
     total = f @ f
     slope = f @ i / total
     residual = i - slope * f
@@ -331,61 +339,14 @@ def _require_slope(where: str, axis: str, line: _Line) -> None:
         )
 
 
-def _scatter_notes(rig: Rig, lines: Sequence[_Line]) -> Iterator[str]:
-    """Say what the intervals rest on."""
+def _of_scatter(rig: Rig, lines: Sequence[_Line]) -> Iterator[Finding]:
+    """What the intervals rest on."""
     scatter = max(float(np.std(line.by_loading) / line.slope) for line in lines)
     if max(len(line.by_loading) for line in lines) > 1:
-        yield f"K_i differs between the loadings by up to {scatter:.2%} rms"
+        yield _SCATTER(NOWHERE, scatter=scatter)
     steps_only = [axis for axis, line in zip(rig.axes, lines, strict=True) if not line.clustered]
     if steps_only:
-        yield (
-            f"the intervals of {', '.join(steps_only)} rest on the scatter of single steps: an error of a whole "
-            "loading, as of a load cell's gain, is not in them; repeat the loading, three times or more"
-        )
-
-
-def _nonlinearity_notes(
-    axis: str, force: FloatArray, current: FloatArray, of: IntArray, significant: float
-) -> Iterator[str]:
-    """Test f^2 and f^3 beside a line of each loading (F-test), and say how K_i depends on the load."""
-    scale = np.abs(force).max()
-    f = force / scale
-    each = np.eye(of.max() + 1)[of]
-    straight = np.hstack([each, each * f[:, None]])
-    curved = np.column_stack([straight, f**2, f**3])
-    rest = [current - X @ np.linalg.lstsq(X, current, rcond=None)[0] for X in (straight, curved)]
-    extra = np.linalg.matrix_rank(curved) - np.linalg.matrix_rank(straight)
-    freedom = len(f) - np.linalg.matrix_rank(curved)
-    if extra < 2 or freedom < 1:
-        yield f"K_i.{axis}: too few different loads to test whether it depends on the load; use five or more"
-        return
-    rounding = 1e-18 * (current @ current)
-    before, after = (max(r @ r, rounding) for r in rest)
-    p_value = float(fdtrc(2, freedom, (before - after) / 2.0 / (after / freedom)))
-    if p_value >= significant:
-        return
-    coefficients = np.linalg.lstsq(curved, current, rcond=None)[0]
-    slope = np.bincount(of, _centred(f, of) ** 2) @ coefficients[each.shape[1] : -2]
-    slope /= np.sum(_centred(f, of) ** 2)
-    quadratic, cubic = coefficients[-2:]
-    low, high = min(f.min(), 0.0), max(f.max(), 0.0)
-    chord = slope + quadratic * (low + high) + cubic * (low**2 + low * high + high**2)
-    fall = 1.0 - slope / chord
-    yield (
-        f"K_i.{axis} {'falls' if fall > 0.0 else 'rises'} by {abs(fall):.2%} from no load to {scale:.4g} N "
-        f"(p = {p_value:.1g}): "
-        + (
-            "the iron saturates; the value is a large-signal one, below the small-signal K_i"
-            if fall > 0.0
-            else "saturation cannot do that; see that the sensors read zero and the forces are true"
-        )
-    )
-
-
-def _centred(values: FloatArray, of: IntArray) -> FloatArray:
-    """Values (M,) or (M, n) less their mean over each loading."""
-    each = np.eye(of.max() + 1)[of]
-    return values - each @ (each.T @ values / each.sum(axis=0).reshape(-1, *(1,) * (values.ndim - 1)))
+        yield _STEPS_ONLY(NOWHERE, axes=steps_only)
 
 
 def _rms(values: FloatArray) -> FloatArray:

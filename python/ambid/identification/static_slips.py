@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 
 from ambid.arrays import FloatArray
 from ambid.errors import IdentificationError
+from ambid.findings import NOWHERE, Finding, Kind, Where
 from ambid.rig import Rig
 
-__all__ = ["DEFLECTION", "exchanged_bearings", "notes_on_deflection", "notes_on_nominal", "require_units"]
+__all__ = ["exchanged_bearings", "far_from_nominal", "of_deflection", "require_units"]
 
 UNITS = {1e-3: "F in kN, or i_c in mA", 1e3: "F in mN, or i_c in kA", 1e-6: "F in MN, or i_c in uA"}
 """What makes K_i so many times its nominal value."""
@@ -21,12 +23,42 @@ USUAL = 1.5
 """Factor to either side of the nominal K_i that air gaps, iron and coils bring."""
 MUCH_BETTER = 0.25
 """Part of the sum of squares, or of the unevenness, that is left once bearings are exchanged, where they were."""
-DEFLECTION = "deflection=True"
-"""The argument, as notes name it; the command has its own word for it."""
 NOTICEABLE = 5e-4
 """Relative change of K_i by the deflection of the rotor that is worth a note."""
 UNEVEN = 0.05
 """Relative differences of K_i from the nominal ones, a common factor aside, that magnets of one rig hardly have."""
+FAR = Kind(
+    "force_current_far_from_nominal",
+    "warning",
+    "K_i = {value:.4g} N/A is {factor:.2g} times the rig's {nominal:g} N/A",
+    "see that loads and currents are of this rig at this bias current, in N and A, and the axes named right",
+)
+WHICH = "see which bearing is which in i_c, and from which end z is counted"
+EXCHANGED = Kind(
+    "bearings_exchanged",
+    "warning",
+    "the currents of bearings {bearings} fit {factor:.2g} times better as those of {others}",
+    WHICH,
+)
+EXCHANGED_BY_NOMINAL = Kind(
+    "bearings_exchanged_by_nominal",
+    "warning",
+    "K_i over that of the rig differs by {uneven:.2g|%} between the bearings {bearings}, and by {even:.2g|%} with the "
+    "currents taken as those of {others}",
+    WHICH,
+)
+BENT = Kind(
+    "deflection_included",
+    "note",
+    "K_i includes {least:+.2%} to {most:+.2%} for K_s s as the rotor bends; it rests on the nominal K_s, and is in no "
+    "interval",
+)
+NOT_BENT = Kind(
+    "deflection_left_out",
+    "note",
+    "K_s s as the rotor bends was left out; by the nominal K_s it changes K_i by {least:+.2%} to {most:+.2%}",
+    "include the deflection of the rotor",
+)
 
 
 def require_units(where: str, rig: Rig, k_i: FloatArray) -> None:
@@ -47,18 +79,16 @@ def require_units(where: str, rig: Rig, k_i: FloatArray) -> None:
             )
 
 
-def notes_on_nominal(rig: Rig, k_i: FloatArray) -> Iterator[str]:
+def far_from_nominal(rig: Rig, k_i: FloatArray) -> Iterator[Finding]:
     """Name the axes whose K_i (n,) is far from the nominal one."""
     for axis, value, nominal in zip(rig.axes, k_i, _nominal(rig), strict=True):
         if not 1.0 / USUAL < value / nominal < USUAL:
-            yield (
-                f"K_i.{axis} = {value:.4g} N/A is {value / nominal:.2g} times the rig's {nominal:g} N/A: see that "
-                "loads and currents are of this rig at this bias current, in N and A, and the axes named right"
-            )
+            own: dict[str, Any] = {"value": float(value), "nominal": float(nominal), "factor": float(value / nominal)}
+            yield FAR(Where(axis=axis), **own)
 
 
-def exchanged_bearings(rig: Rig, fitted: Callable[[list[int]], tuple[FloatArray, float]]) -> Iterator[str]:
-    """Say if the currents fit far better with bearings exchanged, or give K_i far nearer to what the rig says.
+def exchanged_bearings(rig: Rig, fitted: Callable[[list[int]], tuple[FloatArray, float]]) -> Iterator[Finding]:
+    """Find whether the currents fit far better with bearings exchanged, or give K_i far nearer to what the rig says.
 
     Parameters
     ----------
@@ -74,18 +104,14 @@ def exchanged_bearings(rig: Rig, fitted: Callable[[list[int]], tuple[FloatArray,
         if order == tuple(range(len(groups))) or [len(groups[k]) for k in order] != [len(group) for group in groups]:
             continue
         k_i, left = fitted([j for k in order for j in groups[k]])
-        names = ", ".join(bearing.name for bearing in rig.bearings)
-        todo = f"as those of {', '.join(rig.bearings[k].name for k in order)}: see which bearing is which in i_c, and "
-        todo += "from which end z is counted"
+        names = [bearing.name for bearing in rig.bearings]
+        pair: dict[str, Any] = {"bearings": names, "others": [names[k] for k in order]}
         if left < MUCH_BETTER * as_named:
-            yield f"the currents of bearings {names} fit {as_named / left:.2g} times better {todo}"
+            yield EXCHANGED(NOWHERE, factor=as_named / left, **pair)
             return
         even = _unevenness(rig, k_i)
         if uneven > UNEVEN and even < MUCH_BETTER * uneven and left < 2.0 * as_named:
-            yield (
-                f"K_i over that of the rig differs by {100.0 * uneven:.2g} % between the bearings {names}, and by "
-                f"{100.0 * even:.2g} % with the currents taken {todo}"
-            )
+            yield EXCHANGED_BY_NOMINAL(NOWHERE, uneven=uneven, even=even, **pair)
             return
 
 
@@ -99,13 +125,9 @@ def _nominal(rig: Rig) -> FloatArray:
     return np.array([k_i for bearing in rig.bearings for k_i in bearing.force_current])
 
 
-def notes_on_deflection(force: FloatArray, bent: FloatArray, included: bool) -> Iterator[str]:
-    """Say by how much K_s s changes K_i; both arguments without their constants."""
+def of_deflection(force: FloatArray, bent: FloatArray, included: bool) -> Iterator[Finding]:
+    """Find by how much K_s s changes K_i; both arguments without their constants."""
     change = -np.sum(force * bent, axis=0) / np.sum(force**2, axis=0)
     if np.abs(change).max() < NOTICEABLE:
         return
-    span = f"{change.min():+.2%} to {change.max():+.2%}"
-    if included:
-        yield f"K_i holds {span} for K_s s as the rotor bends; it rests on the nominal K_s, and is in no interval"
-    else:
-        yield f"left out: K_s s as the rotor bends; with {DEFLECTION} and the nominal K_s, K_i changes by {span}"
+    yield (BENT if included else NOT_BENT)(NOWHERE, least=float(change.min()), most=float(change.max()))

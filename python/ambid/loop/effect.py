@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ambid.arrays import FloatArray
+from ambid.findings import Finding
 from ambid.loop.geometry import why_unknown
 from ambid.loop.plant import Plant
 from ambid.record import Record
@@ -214,6 +215,13 @@ class Effect(ABC):
         number.
         """
         return {}
+
+    def findings(self, rig: Rig, values: Mapping[str, float] | None) -> Sequence[Finding]:
+        """What a person must know where a diagnosis names the effect, at the values found of its parameters.
+
+        None in place of values: another effect is named, and this one does as well.
+        """
+        return ()
 
     def settings(self) -> dict[str, Any]:
         """Arguments of the constructor that make this variant, as saved with a model: fields that are not default."""

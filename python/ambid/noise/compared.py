@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import ComplexArray, FloatArray
+from ambid.findings import Finding, WithFindings
 from ambid.model import Model
 from ambid.noise.fit import with_average
 from ambid.noise.noise import Part
 from ambid.noise.response_lines import ResponseLines
-from ambid.noise.window import notes_of
 from ambid.record import FrequencyResponse, Measurement, Record
 
 __all__ = ["ChannelComparison", "RecordComparison", "record_against", "unjudged"]
@@ -52,7 +52,7 @@ class ChannelComparison:
 
 
 @dataclass(frozen=True, repr=False)
-class RecordComparison:
+class RecordComparison(WithFindings):
     """One record against the model.
 
     Attributes
@@ -66,11 +66,10 @@ class RecordComparison:
         J/dof of y and i_c judged jointly; NaN where the noise is not known: two periods, too short, or without noise.
     repeatable_share : float
         Part of the excited lines' power that is no noise: ``max(0, (J - dof)/J)``.
-    uneven : str
-        That the noise of a record without periods is not the same in both halves; empty where it may be, or where the
-        model is not adequate.
-    louder : str
-        That more is left where the machine moves than where it stands still; empty where it may be chance.
+    findings : tuple of Finding
+        Those of the record; where the model is adequate that the noise of a record without periods is not the same in
+        both halves (`halves.UNEVEN`), else that more is left than noise which the misfit does not show (`still.LOUDER`,
+        `unseen.OVER_CEILING`).
     """
 
     record: Measurement
@@ -78,13 +77,7 @@ class RecordComparison:
     channels: tuple[ChannelComparison, ...]
     misfit: float
     repeatable_share: float
-    uneven: str = ""
-    louder: str = ""
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What is to be said beside a result of this record."""
-        return (*notes_of(self.record), *(told for told in (self.uneven, self.louder) if told))
+    findings: tuple[Finding, ...] = ()
 
     @property
     def worst(self) -> ChannelComparison:
@@ -121,7 +114,7 @@ class RecordComparison:
                 }
                 for c in self.channels
             ],
-            "notes": list(self.notes),
+            **self.findings_as_dict(),
         }
 
 

@@ -6,7 +6,7 @@ its J.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
 from functools import cached_property
 from typing import Any
@@ -15,6 +15,7 @@ import numpy as np
 
 from ambid.arrays import FloatArray
 from ambid.errors import RecordError, UnstableLoopError
+from ambid.findings import NOWHERE, Finding, Kind, WithFindings
 from ambid.loop.effect import Tone
 from ambid.model import Given, Model, as_model
 from ambid.model.operating_point import suffix
@@ -26,9 +27,10 @@ from ambid.noise.lines import RecordLines
 from ambid.noise.noise import Noise
 from ambid.noise.response_lines import ResponseLines
 from ambid.noise.still import Louder
-from ambid.noise.unseen import OverCeiling, over_ceiling, shape_left
+from ambid.noise.unseen import OverCeiling, ShapeLeft, over_ceiling, shape_left
+from ambid.noise.window import findings_of
 from ambid.record import FrequencyResponse, Measurement, Record, Source, measured
-from ambid.results import Tabular, picture, plain, told_apart
+from ambid.results import Tabular, picture, plain
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["Comparison", "compare"]
@@ -42,9 +44,27 @@ READ_IN = {
     "A/m": (1e3, "mA/m"),
 }
 """Factors and names of the units that tables are printed in."""
+ABOVE_LIMIT = Kind(
+    "misfit_above_limit",
+    "warning",
+    "the model is inconsistent with the data: misfit {misfit:{limit}|against}, limit {limit:{misfit}|against} (J/dof)",
+)
+WITHIN = "(misfit {misfit:{limit}|against}, within its limit {limit:{misfit}|against})"
+TOO_MUCH_LEFT = Kind(
+    "residual_inconsistent",
+    "warning",
+    "the model is inconsistent with the data: the residual has {ratio:{most}|against} times the power of the noise "
+    f"{{when}}, limit {{most:{{ratio}}|against}} {WITHIN}",
+)
+NONLINEAR = Kind(
+    "nonlinear_residual",
+    "warning",
+    "the model is inconsistent with the data: what is left acts as a {port}, is {kind} and looks like {shape} "
+    f"{WITHIN}",
+)
 
 
-class Comparison(Tabular):
+class Comparison(WithFindings, Tabular):
     """All records against the model; result of `compare`. Immutable.
 
     Attributes
@@ -160,7 +180,7 @@ class Comparison(Tabular):
     @property
     def is_adequate(self) -> bool:
         """Whether nothing is left but noise, by the misfit and by what it does not see in records without periods."""
-        return self.is_within and not self.shape
+        return self.is_within and self.shape is None
 
     @property
     def is_within(self) -> bool:
@@ -179,23 +199,30 @@ class Comparison(Tabular):
         return max(found, key=lambda own: own.ratio).when if found else ""
 
     @cached_property
-    def shape(self) -> str:
-        """Nonlinear shape of what is left of a record without periods, whose noise has room for it; empty if none."""
+    def shape(self) -> ShapeLeft | None:
+        """Nonlinear shape of what is left of a record without periods, whose noise has room for it; None if none."""
         if not self.is_within:
-            return ""
+            return None
         parts = (part for part in self.noise.in_time if not part.noise_is_measured)
-        return next((shape for part in parts if (shape := shape_left(part, self.model))), "")
+        return next((shape for part in parts if (shape := shape_left(part, self.model))), None)
 
     @property
-    def exceeds(self) -> str:
-        """Which bound the model does not keep, with the value and the bound; empty where it keeps all."""
+    def inconsistency(self) -> Finding | None:
+        """Which limit the model does not keep; None where it keeps all, or the noise is not known."""
+        own: dict[str, Any] = {"misfit": self.misfit, "limit": self.bound}
+        if not self.is_judged:
+            return None
         if not self.misfit <= self.bound:
-            return "misfit {} (J/dof), above its bound {}".format(*told_apart(self.misfit, self.bound))
-        within = "misfit {} within its bound {}".format(*told_apart(self.misfit, self.bound))
+            return ABOVE_LIMIT(NOWHERE, **own)
         if self.loudest > 1.0:
-            value, one = told_apart(self.loudest, 1.0)
-            return f"{value} times the noise {self.when_loudest}, above {one} ({within})"
-        return f"what is left is {self.shape} ({within})" if self.shape else ""
+            return TOO_MUCH_LEFT(NOWHERE, ratio=self.loudest, most=1.0, when=self.when_loudest, **own)
+        return None if self.shape is None else NONLINEAR(NOWHERE, **self.shape._asdict(), **own)
+
+    @cached_property
+    def findings(self) -> tuple[Finding, ...]:
+        """Which limit the model does not keep, and what is to be known of each record."""
+        own = () if self.inconsistency is None else (self.inconsistency,)
+        return (*own, *(finding for record in self.records for finding in record.findings))
 
     @cached_property
     def _unseen(self) -> tuple[Louder | OverCeiling | None, ...]:
@@ -230,13 +257,18 @@ class Comparison(Tabular):
         for k, record in enumerate(self._records):
             part = None if self._noise is None else self._noise.parts[k]
             own = unjudged(self.model, record) if part is None else record_against(self.model, part)
-            if self.is_adequate and isinstance(record, Record) and record.period is None:
-                driven = self.model.excitation(record)[:, : len(record.axes)]
-                own = replace(own, uneven=uneven(record, own.residual.real, driven))
-            if louder := self._unseen[k]:
-                own = replace(own, louder=louder.sentence(record.name))
-            found.append(own)
+            found.append(replace(own, findings=(*findings_of(record), *self._findings_in(own, self._unseen[k]))))
         return tuple(found)
+
+    def _findings_in(self, own: RecordComparison, louder: Louder | OverCeiling | None) -> Iterator[Finding]:
+        """What is left of a record that the misfit does not show."""
+        record = own.record
+        if self.is_adequate and isinstance(record, Record) and record.period is None:
+            driven = self.model.excitation(record)[:, : len(record.axes)]
+            if found := uneven(record, own.residual.real, driven):
+                yield found
+        if louder is not None:
+            yield louder.finding(record.name)
 
     @cached_property
     def fit_percent(self) -> dict[str, float]:
@@ -275,7 +307,7 @@ class Comparison(Tabular):
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""
-        return plain({"records": [record.as_dict() for record in self.records]})
+        return plain({"records": [record.as_dict() for record in self.records], **self.findings_as_dict()})
 
     def table(self) -> dict[str, list[Any]]:
         """Channels of all records, a row each."""

@@ -12,11 +12,12 @@ from scipy.special import fdtrc
 
 from ambid.arrays import FloatArray
 from ambid.errors import RecordError
+from ambid.findings import Finding, Kind, Where
 from ambid.noise.local import beside_excitation, driving, regression
 from ambid.noise.window import Window, thinned
 from ambid.record import Record
 
-__all__ = ["uneven"]
+__all__ = ["UNEVEN", "uneven"]
 
 CHANCE = 1e-4
 """Chance that even noise is called uneven, over all channels of a record; noise that doubles has far smaller ones, and
@@ -29,10 +30,17 @@ JUDGED = 4096
 """Lines of a half that are judged: they tell the ratio to 5 %."""
 BESIDE = 3
 """Lines to each side that even out the spectrum, so that no peak speaks for all lines."""
+UNEVEN = Kind(
+    "noise_not_stationary",
+    "warning",
+    "the noise has {ratio:.2g} times the power in the second half of the record, and misfit and intervals take it as "
+    "stationary",
+    "look for what changed during the record, and judge each half by itself, or record again",
+)
 
 
-def uneven(record: Record, residual: FloatArray, excitation: FloatArray) -> str:
-    """Say in which channel the noise of a record without periods differs most between its halves.
+def uneven(record: Record, residual: FloatArray, excitation: FloatArray) -> Finding | None:
+    """Find in which channel the noise of a record without periods differs most between its halves.
 
     What of each half follows neither the excitation nor a transient is its noise. The ratio of the halves' mean powers,
     evened over frequency, is held against F with the degrees of freedom that the regressions leave.
@@ -46,28 +54,24 @@ def uneven(record: Record, residual: FloatArray, excitation: FloatArray) -> str:
 
     Returns
     -------
-    str
-        Empty where the ratio may be chance, or is too small to matter, or a half is too short.
+    Finding or None
+        None where the ratio may be chance, or is too small to matter, or a half is too short.
     """
     samples = record.samples // 2
     if record.period is not None or samples < LEAST_SAMPLES:
-        return ""
+        return None
     try:
         first, second = (_powers(residual, excitation, Window(samples, 1, begin)) for begin in (0, samples))
     except RecordError:
-        return ""  # too few lines for so many channels
+        return None  # too few lines for so many channels
     level = uniform_filter1d(first + second, 2 * BESIDE + 1, axis=0, mode="reflect")
     ratio = np.mean(second / level, axis=0) / np.mean(first / level, axis=0)
     k = int(np.argmax(np.abs(np.log(ratio))))
     fitted, width = regression(len(level), driving(excitation).shape[1])
     free, larger = 2.0 * len(level) * (1.0 - fitted / width), max(ratio[k], 1.0 / ratio[k])
     if larger < MATTERS or 2.0 * fdtrc(free, free, larger) > CHANCE / len(ratio):
-        return ""
-    return (
-        f"{record.name}: the noise of {record.channels[k]} has {ratio[k]:.2g} times the power in the second half of "
-        "the record, and misfit and intervals take it as even; look for what changed on the way, and judge each half "
-        "by itself, or record again"
-    )
+        return None
+    return UNEVEN(Where(record=record.name, channel=record.channels[k]), ratio=float(ratio[k]))
 
 
 def _powers(residual: FloatArray, excitation: FloatArray, half: Window) -> FloatArray:

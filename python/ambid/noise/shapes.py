@@ -27,11 +27,15 @@ WATCHED = ("s", "v", "i_f", "i_ref", "y")
 
 
 class Shape(NamedTuple):
-    """Its kind, the unit of its coefficient, and itself over the signals of the loop."""
+    """Its kind, the unit of its coefficient, itself over the signals of the loop, and whether it is of the other axis.
+
+    The two axes of a bearing may answer each other with either sign.
+    """
 
     kind: str
     unit: str
     of: Callable[[dict[str, FloatArray]], FloatArray]
+    is_across: bool = False
 
 
 def _sign(x: FloatArray) -> FloatArray:
@@ -41,8 +45,8 @@ def _sign(x: FloatArray) -> FloatArray:
 TERMS: dict[str, dict[str, Shape]] = {
     "force": {
         "ds/dt": Shape("linear", "N s/m", lambda x: x["v"]),
-        "s of the other axis": Shape("linear", "N/m", lambda x: x["s_other"]),
-        "ds/dt of the other axis": Shape("linear", "N s/m", lambda x: x["v_other"]),
+        "s of the other axis": Shape("linear", "N/m", lambda x: x["s_other"], is_across=True),
+        "ds/dt of the other axis": Shape("linear", "N s/m", lambda x: x["v_other"], is_across=True),
         "s^3": Shape("odd", "N/m^3", lambda x: x["s"] ** 3),
         "s |s|": Shape("odd", "N/m^2", lambda x: x["s"] * np.abs(x["s"])),
         "i^3": Shape("odd", "N/A^3", lambda x: x["i_f"] ** 3),

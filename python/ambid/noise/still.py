@@ -14,8 +14,9 @@ from scipy.fft import irfft, rfft
 from scipy.special import fdtrc
 
 from ambid.arrays import ComplexArray, FloatArray
+from ambid.findings import Finding, Kind, Where
 
-__all__ = ["Louder", "louder_in_motion"]
+__all__ = ["LOUDER", "Louder", "louder_in_motion"]
 
 PARTS = 40
 """Stretches of a record that are held against each other: short beside the time between steps, and enough to tell how
@@ -31,6 +32,14 @@ LEAST_STILL = 0.5
 """Part of the stretches that must stand still; below it the record is excited all along."""
 AT_MOST = 1e-4
 """Chance that noise alone is called louder in motion, as for noise that is uneven; a step that is missed has less."""
+LOUDER = Kind(
+    "residual_higher_in_motion",
+    "warning",
+    "where the record moves, {moving_share:.0f|%} of its time, the residual below {below_hz:.3g} Hz has {ratio:.2g} "
+    "times the power of where it stands still: noise does not depend on the motion, so that physics is missing, and "
+    "parameters may be further off than their intervals state",
+    "move it more often",
+)
 
 
 class Louder(NamedTuple):
@@ -42,17 +51,12 @@ class Louder(NamedTuple):
 
     @property
     def when(self) -> str:
-        """In words."""
-        return "while the machine moves"
+        """In two words."""
+        return "in motion"
 
-    def sentence(self, record: str) -> str:
-        """In words, of the record with this name."""
-        return (
-            f"{record}: where the record moves, {100 * self.part:.0f} % of its time, the residual below "
-            f"{self.below_hz:.3g} Hz has {self.ratio:.2g} times the power of where it stands still: noise does not "
-            "know of the motion, so that physics is missing, and parameters may be further off than their intervals "
-            "say; move it more often"
-        )
+    def finding(self, record: str) -> Finding:
+        """Of the record with this name."""
+        return LOUDER(Where(record=record), ratio=self.ratio, below_hz=self.below_hz, moving_share=self.part)
 
 
 def louder_in_motion(

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ambid.errors import UnstableLoopError
+from ambid.findings import Finding, Kind, Where
 from ambid.model import Model
 from ambid.noise.chance import ADEQUATE, RARE, log_chance, misfit_bound
 from ambid.noise.inlets import Sight
@@ -21,7 +22,7 @@ from ambid.noise.lines import RecordLines
 from ambid.noise.measured import Measured
 from ambid.noise.shapes import Shapes
 
-__all__ = ["OverCeiling", "over_ceiling", "shape_left"]
+__all__ = ["OVER_CEILING", "OverCeiling", "ShapeLeft", "over_ceiling", "shape_left"]
 
 SHAPE_LEFT = 1e-5
 """Chance of the score of a shape that is no chance, over some twenty shapes: right models leave none below 1e-2 with
@@ -31,6 +32,14 @@ LONGEST = 131_072
 these as of all, and the signals at the ports of four axes would take another third of a gigabyte a million samples."""
 PORTS = {"force": "f", "current": "i_ref", "sensor": "y"}
 """Ports at which a shape may act, and the signal that it is added to."""
+OVER_CEILING = Kind(
+    "residual_above_noise",
+    "warning",
+    "{ratio:.2g} times the power of the noise is left, so that the fit stays below the attainable fit, at few "
+    "frequencies beside all that the misfit counts alike: physics is missing, and parameters may be further off than "
+    "their intervals state",
+    "excite periodically, which separates noise from response",
+)
 
 
 class OverCeiling(NamedTuple):
@@ -41,16 +50,20 @@ class OverCeiling(NamedTuple):
 
     @property
     def when(self) -> str:
-        """In words."""
-        return "over all lines"
+        """In two words."""
+        return "in all"
 
-    def sentence(self, record: str) -> str:
-        """In words, of the record with this name."""
-        return (
-            f"{record}: {self.ratio:.2g} times the power of the noise is left of {self.channel}, so that its fit stays "
-            "below its ceiling, on few lines beside all that the misfit counts alike: physics is missing, and "
-            "parameters may be further off than their intervals say; excite with periods, which tell what is noise"
-        )
+    def finding(self, record: str) -> Finding:
+        """Of the record with this name."""
+        return OVER_CEILING(Where(record=record, channel=self.channel), ratio=self.ratio)
+
+
+class ShapeLeft(NamedTuple):
+    """What a model leaves that is neither noise nor linear: at which port, odd or even, and which function it is."""
+
+    port: str
+    kind: str
+    shape: str
 
 
 def over_ceiling(part: RecordLines, here: Model) -> OverCeiling | None:
@@ -82,8 +95,8 @@ def over_ceiling(part: RecordLines, here: Model) -> OverCeiling | None:
     return OverCeiling(part.record.channels[k], float(ratio[k])) if ratio[k] > bounds[k] else None
 
 
-def shape_left(part: RecordLines, model: Model, least: float = 0.0) -> str:
-    """The nonlinear shape that a model leaves of a record most surely, in words; empty where none is sure.
+def shape_left(part: RecordLines, model: Model, least: float = 0.0) -> ShapeLeft | None:
+    """The nonlinear shape that a model leaves of a record most surely; None where none is sure.
 
     Parameters
     ----------
@@ -100,15 +113,15 @@ def shape_left(part: RecordLines, model: Model, least: float = 0.0) -> str:
         through = here if here.is_linear or here.is_stable else here.without_nonlinear()
         sight = Sight.of(here, part, PORTS, through)
     except UnstableLoopError:
-        return ""
-    shapes, chance, told = Shapes.of(sight, part), float(np.log(SHAPE_LEFT)), ""
+        return None
+    shapes, chance, found = Shapes.of(sight, part), float(np.log(SHAPE_LEFT)), None
     spread = 1.0 if part.noise_is_measured else float(np.mean(part.spectrum.spread))
     for port in PORTS:
         for term in shapes.terms(port):
             own = log_chance(term.score / spread, len(term.coefficients))
             if term.kind != "linear" and own < chance and term.score > least:
-                chance, told = own, f"a {port} that is {term.kind} and looks like {term.shape}"
-    return told
+                chance, found = own, ShapeLeft(port, term.kind, term.shape)
+    return found
 
 
 def _beginning(part: RecordLines, model: Model) -> RecordLines:

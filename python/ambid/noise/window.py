@@ -14,9 +14,10 @@ from scipy.fft import rfft
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
+from ambid.findings import Finding, Kind, Where
 from ambid.record import FrequencyResponse, Measurement, Record
 
-__all__ = ["Window", "notes_of", "thinned"]
+__all__ = ["Window", "findings_of", "thinned"]
 
 SLOWEST = 1
 """Cycles per record below which a record without periods is not judged: there stands what drifts."""
@@ -24,6 +25,13 @@ SLOWEST = 1
 MOST_LINES = 16_384
 """Lines that are judged of a record without periods, at the most: a second of work and a fifth of a gigabyte of eight
 channels, whatever its length. Shorter records, of up to 32 768 samples, are judged on every line."""
+THINNED = Kind(
+    "frequencies_thinned",
+    "note",
+    "without periods, {judged} of {frequencies} DFT frequencies are judged: all of the lowest, ever fewer above; "
+    "intervals are wider for it",
+    "excite periodically, and every sample counts",
+)
 
 
 @dataclass(frozen=True)
@@ -127,16 +135,16 @@ class Window:
         return rfft(folded, axis=0)[self.in_period] / np.sqrt(self.samples)
 
 
-def notes_of(record: Measurement) -> tuple[str, ...]:
-    """What is to be said beside a result of a record on lines: its own notes, and whether lines were left out."""
+def findings_of(record: Measurement) -> tuple[Finding, ...]:
+    """What is to be known beside a result of a record on lines: its own findings, and whether lines were left out."""
+    found = tuple(own.at(record=record.name) for own in record.findings)
     if isinstance(record, FrequencyResponse) or record.period is not None:
-        return record.notes
+        return found
     window = Window.of(record)
     judged, there = len(window.excited), (window.period + 1) // 2 - window.lowest
     if judged == there:
-        return record.notes
-    text = f"without periods, {judged} of {there} lines are judged: all of the lowest, ever fewer above; intervals are "
-    return (*record.notes, f"{record.name}: {text}wider for it. Excite periodically, and every sample counts")
+        return found
+    return (*found, THINNED(Where(record=record.name), judged=judged, frequencies=there))
 
 
 def thinned(lines: NDArray[np.intp], most: int) -> NDArray[np.intp]:
