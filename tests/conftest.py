@@ -22,6 +22,7 @@ from virtual import NAMES, VirtualBench
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # what a job in the background inherits
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+pytest_plugins = ["budget"]
 DEMO_RIG, DEMO_RECORD = DATA / "rig.toml", DATA / "prbs.mat"
 
 
