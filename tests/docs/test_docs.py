@@ -158,6 +158,12 @@ def test_everything_at_the_top_is_in_the_reference():
         assert not callable(getattr(ambid, name)) or f":: ambid.{name}\n" in told
 
 
+@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda effect: effect.name)
+def test_every_effect_has_what_its_part_of_the_catalogue_tells(effect):
+    assert all((effect.physics, effect.equation, effect.signature, effect.source))
+    assert [p.name for p in effect.parameters(BENCH) if not p.meaning] == []
+
+
 @pytest.fixture(scope="module")
 def the_catalogue(tmp_path_factory):
     """Page and folder of its pictures."""
@@ -173,7 +179,7 @@ def test_every_effect_is_told_and_drawn(effect, the_catalogue):
     part = told.partition(f"\n\n`{effect.name}`: ")[2].partition("**Source.**")[0]
     assert "``" in part.partition("**Equation.**")[2].partition("**Parameters.**")[0]
     for p in effect.parameters(BENCH):
-        assert re.search(rf"\| `{p.name}`\s+\| \S.* \|", part), "a parameter without a meaning"
+        assert f"| `{p.name}`" in part
 
 
 def test_tables_and_pictures_of_benchmarks_are_taken_where_they_are(tmp_path):
