@@ -25,8 +25,8 @@ class Page(HTMLParser):
         Texts of the elements of each class.
     images : dict of str to int
         Number of images under the last heading before them.
-    findings : list of (str, str)
-        Severity and code.
+    findings : list of list of (str, str)
+        Severity and code, of each list.
     """
 
     def __init__(self, html):
@@ -55,8 +55,10 @@ class Page(HTMLParser):
             assert attrs["id"] in self.links  # the text speaks of it before it is shown
         if "data-key" in attrs:
             self._rows = self.tables.setdefault(attrs["data-key"], [])
+        if tag == "ul" and attrs.get("class") == "findings":
+            self.findings.append([])
         if "data-code" in attrs:
-            self.findings.append((attrs["class"], attrs["data-code"]))
+            self.findings[-1].append((attrs["class"], attrs["data-code"]))
         if tag == "tr":
             self._cells = []
         if tag not in VOID:

@@ -4,6 +4,7 @@ import pytest
 
 from ambid.diagnosis import Diagnosis
 from ambid.errors import InputError
+from ambid.findings import REMARK
 from ambid.report import pdf, write_report
 
 INCH = 96.0
@@ -31,7 +32,7 @@ def boxes(box):
 
 def test_html_and_pdf_are_written_together(weasyprint, explained, tmp_path):
     html, paper = tmp_path / "report.html", tmp_path / "report.pdf"
-    short = Diagnosis.uninformative(explained.model, explained.records, ["why"], 0.0)
+    short = Diagnosis.uninformative(explained.model, explained.records, [REMARK(text="why")], 0.0)
     assert write_report(short, html, paper) == html
     assert paper.read_bytes().startswith(b"%PDF-")
 

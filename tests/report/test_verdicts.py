@@ -7,6 +7,7 @@ import numpy as np
 
 import ambid
 from ambid.diagnosis import Diagnosis
+from ambid.findings import REMARK, SEVERITIES, Where
 from ambid.report import numbers, words
 from ambid.robustness.procedure import CURVED_PEAK, UNSTABLE_DRAWS
 from places import LEVITATOR
@@ -22,13 +23,13 @@ def test_hashes_are_those_of_what_was_read(explained, tmp_path, page):
     read = ambid.Record.load(record, machine)
     rig.write_text("another one")
     record.unlink()
-    found = page(Diagnosis.uninformative(ambid.Model(machine), [read.rows(0, read.samples)], ["why"], 0.0))
+    found = page(Diagnosis.uninformative(ambid.Model(machine), [read.rows(0, read.samples)], [REMARK(text="why")], 0.0))
     assert [row[3] for row in found.tables["files"]] == hashes
 
 
 def test_what_is_in_no_file_has_no_hash(explained, page):
     record = replace(explained.records[0], path=None, provenance=None)
-    found = page(Diagnosis.uninformative(explained.model, [record], ["why"], 0.0))
+    found = page(Diagnosis.uninformative(explained.model, [record], [REMARK(text="why")], 0.0))
     _, (name, _, size, sha256) = found.tables["files"]
     assert (name, size) == (record.name, "–")
     assert not re.fullmatch(r"[0-9a-f]+", sha256)
@@ -61,9 +62,10 @@ def test_findings_are_shown_worst_first(explained, page):
     model = explained.model
     unsure = model.with_covariance(np.diag((0.3 * model.theta) ** 2))
     found = page(replace(explained, model=unsure))
-    severities = [severity for severity, _ in found.findings]
-    assert severities == sorted(severities, key=["error", "warning", "note"].index)
-    assert {("warning", UNSTABLE_DRAWS.code), ("note", CURVED_PEAK.code)} <= set(found.findings)
+    for own in found.findings:
+        severities = [severity for severity, _ in own]
+        assert severities == sorted(severities, key=SEVERITIES.index)
+    assert {("warning", UNSTABLE_DRAWS.code), ("note", CURVED_PEAK.code)} <= set(found.findings[-1])
 
 
 def test_ambiguous_shows_the_set_and_the_next_experiment(explained, page, golden):
@@ -76,7 +78,10 @@ def test_ambiguous_shows_the_set_and_the_next_experiment(explained, page, golden
 def test_none_says_where_and_adds_nothing(explained, page, golden):
     model = numbers.base_model(explained)
     none = replace(explained, verdict="none_of_the_candidates", effects=(), model=model, history=explained.history[:1])
-    found = page(none)
+    located = explained.localisation.findings
+    found = page(replace(none, findings=(*located, REMARK(text="beside that"))))
+    assert found.findings[0] == [("note", REMARK.code)]  # where it fails stands in its own chapter
+    assert [(own.severity, own.code) for own in located] in found.findings
     golden.holds(found.outline)
     assert "ledger" not in found.tables
     assert {"cells", "ports"} <= set(found.tables)
@@ -103,8 +108,10 @@ def test_adequate_claims_no_failure(explained, page, golden):
 
 
 def test_not_informative_says_why_and_what_to_do(explained, page, golden):
-    why = "train: only 2 periods <of> the excitation"
-    found = page(Diagnosis.uninformative(explained.model, explained.records, [why], 0.0))
+    why = "only 2 periods <of> the excitation"
+    finding = REMARK(Where(record="train"), text=why)
+    found = page(Diagnosis.uninformative(explained.model, explained.records, [finding], 0.0))
     golden.holds(found.outline)
-    assert found.html.count(why.replace("<", "&lt;").replace(">", "&gt;")) == 1
+    assert found.findings == [[("note", REMARK.code)]]
+    assert found.html.count(f"train: {why}".replace("<", "&lt;").replace(">", "&gt;")) == 1
     assert found.sources == []

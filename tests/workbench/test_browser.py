@@ -1,5 +1,6 @@
 """The page in a real browser: what a person clicks is what the API does."""
 
+import re
 import runpy
 import time
 from http.server import BaseHTTPRequestHandler, HTTPServer
@@ -115,6 +116,8 @@ def test_the_keyboard_alone_reaches_the_map_and_the_buttons(browser, workbench, 
     page.focus("#fit")
     page.keyboard.press("Enter")
     person.steps(2)
+    counted = sum(map(int, re.findall(r"\d+", page.inner_text("#found"))))
+    assert page.locator("#findings li").count() == counted > 0
     named = "all => all.filter((own) => !(own.ariaLabel || own.labels?.length || own.textContent.trim()))"
     assert page.locator("button:visible, input:visible, select:visible").count() > 20
     assert (

@@ -8,6 +8,7 @@ import pytest
 
 import ambid
 from ambid.errors import InputError
+from ambid.findings import worst_first
 from ambid.workbench import Bench, Session, as_python, frequency_views, views
 from hidden.one_axis import ONE_AXIS
 
@@ -77,6 +78,15 @@ def test_a_parameter_says_by_how_many_standard_errors_it_moved(fitted, added):
     told = next(own for own in views.overview(added)["parameters"] if own["name"] == "tau_e")
     was, now = fitted.estimate.parameters["tau_e"].value, added.estimate.parameters["tau_e"]
     assert told["moved_by_std_errors"] == pytest.approx((now.value - was) / now.std_error)
+
+
+def test_findings_are_told_worst_first_and_in_words(begun, fitted):
+    of_records = [finding for own in begun.comparison.records for finding in own.findings]
+    for session, own in ((begun, of_records), (fitted, fitted.estimate.findings)):
+        for told in (views.overview(session), views.held(session)):
+            assert told["findings"] == [finding.as_dict() for finding in worst_first(own)]
+            assert told["notes"] == [finding.line() for finding in worst_first(own)]
+    assert views.overview(fitted)["findings"]
 
 
 def test_a_window_beyond_the_record_is_moved_into_it(fitted, golden):

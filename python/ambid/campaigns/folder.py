@@ -7,12 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ambid.errors import InputError, RecordError, RigError
+from ambid.findings import Finding, Kind, Where
 from ambid.record import Record, StaticLoading
 from ambid.record.readers import SUFFIXES
 from ambid.rig import Rig
 
 RIG_FILE = "rig.toml"
 STATIC = "static_"
+OUTSIDE = Kind("file_outside_folders", "note", "not used, since it lies in no bias current's folder")
+EMPTY = Kind("folder_without_records", "note", "not used, since it holds neither {rig_file} nor records")
 LAYOUT = f"expected one folder per bias current, each with {RIG_FILE}, records <kind>_<N>.mat, and {STATIC}<N>.csv"
 
 
@@ -26,18 +29,18 @@ class Content:
     loadings: list[StaticLoading]
 
 
-def read_folder(folder: Path) -> tuple[list[Content], tuple[str, ...]]:
-    """Contents of all folders by rising bias current, and notes on what was left aside."""
+def read_folder(folder: Path) -> tuple[list[Content], tuple[Finding, ...]]:
+    """Contents of all folders by rising bias current, and what was not used."""
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder; {LAYOUT}")
-    contents, notes = [], []
+    contents, findings = [], []
     for path in _visible(folder):
         if path.is_file() and path.suffix.lower() in SUFFIXES:
-            notes.append(f"{path}: not used, since it lies in no bias current's folder")
+            findings.append(OUTSIDE(Where(file=str(path))))
         elif path.is_dir() and (content := _content(path)) is not None:
             contents.append(content)
         elif path.is_dir():
-            notes.append(f"{path}: not used, since it holds neither {RIG_FILE} nor records")
+            findings.append(EMPTY(Where(file=str(path)), rig_file=RIG_FILE))
     if not contents:
         raise InputError(f"{folder}: no folder with {RIG_FILE} and records in it; {LAYOUT}")
     axes = contents[0].rig.axes
@@ -48,7 +51,7 @@ def read_folder(folder: Path) -> tuple[list[Content], tuple[str, ...]]:
                 f"{', '.join(axes)}; a campaign is that of one machine"
             )
     contents.sort(key=lambda content: [bearing.bias_current for bearing in content.rig.bearings])
-    return contents, tuple(notes)
+    return contents, tuple(findings)
 
 
 def _content(folder: Path) -> Content | None:

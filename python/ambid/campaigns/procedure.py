@@ -9,6 +9,7 @@ from pathlib import Path
 from ambid.campaigns.folder import Content, read_folder
 from ambid.campaigns.result import BiasPoint, Campaign, Runs
 from ambid.errors import AmbidError, Stopped
+from ambid.findings import Kind
 from ambid.identification import Estimate, identify, static_load
 from ambid.model import Model
 from ambid.record import Record
@@ -16,6 +17,10 @@ from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["campaign"]
+
+STOPPED = Kind(
+    "campaign_stopped", "warning", "stopped after {done} of {total} fits[: not finished are {folders}]", "begin anew"
+)
 
 
 @with_one_blas_thread
@@ -52,7 +57,7 @@ def campaign(
         At Ctrl-C, with the fits that were done, if any; it is a KeyboardInterrupt.
     """
     folder = Path(folder)
-    contents, notes = read_folder(folder)
+    contents, findings = read_folder(folder)
     total = sum(len(runs) + 1 for content in contents for runs in content.records.values())
     done = 0
     points: list[BiasPoint] = []
@@ -80,15 +85,15 @@ def campaign(
     try:
         for content in contents:
             add(content)
-        return Campaign(folder, tuple(points), notes)
+        return Campaign(folder, tuple(points), findings)
     except KeyboardInterrupt:
         whole = tuple(point for point in points if point.runs or point.begun)
     if not whole:
         raise KeyboardInterrupt
     kinds = {point.folder: len(point.runs) for point in whole}
-    left = ", ".join(own.folder.name for own in contents if kinds.get(own.folder, 0) < len(own.records)) or "none"
-    stopped = f"stopped by Ctrl-C after {done} of {total} fits: not finished are {left}"
-    raise Stopped(Campaign(folder, whole, (*notes, stopped), is_stopped=True))
+    left = [own.folder.name for own in contents if kinds.get(own.folder, 0) < len(own.records)]
+    stopped = STOPPED(done=done, total=total, folders=left or None)
+    raise Stopped(Campaign(folder, whole, (*findings, stopped), is_stopped=True))
 
 
 def _identify(start: Model | Rig, records: list[Record], where: Path) -> Estimate:

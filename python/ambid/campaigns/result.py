@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from ambid.campaigns.tables import FIRST, Table, save_tables
+from ambid.findings import Finding, Kind, Where, WithFindings
 from ambid.identification import Estimate, ParameterEstimate, StaticEstimate
+from ambid.record import Measurement
 from ambid.results import picture
 from ambid.rig import Rig
 
@@ -21,10 +22,21 @@ LEADING = 3
 """Columns of a table that say where its numbers are from."""
 STATIC = "static"
 """Name of the method that is not a kind of records."""
+NOT_CONVERGED = Kind("fit_not_converged", "warning", "the fit ended with the status {status}")
+NO_LOADINGS = Kind("no_static_loadings", "note", "no static loadings")
+BEGIN_ANEW = Kind("next_begin_anew", "note", "make all fits of {campaign} anew")
+VALIDATE_MODELS = Kind(
+    "next_validate_models", "note", "validate the models on records at another amplitude, bias current or speed"
+)
+DIAGNOSE_KIND = Kind(
+    "next_diagnose_kind",
+    "note",
+    "find out what the model lacks in {kind} of {folder}: diagnose {record}[, validated on {validate}]",
+)
 
 
 @dataclass(frozen=True, repr=False)
-class Runs:
+class Runs(WithFindings):
     """Repeated records of one kind at one bias current, such as ``prbs_small_1`` to ``prbs_small_5``.
 
     Attributes
@@ -56,11 +68,13 @@ class Runs:
         return float(100.0 * np.std(values, ddof=1) / np.mean(values)) if len(values) > 1 else None
 
     @property
-    def notes(self) -> tuple[str, ...]:
-        """Notes of the records and the joint fit, and runs that did not converge."""
+    def findings(self) -> tuple[Finding, ...]:
+        """Of the records and the joint fit, and runs that did not converge."""
         runs = [(run.records[0].name, run) for run in self.single] + [(f"all {self.kind}", self.joint)]
-        unfinished = [f"{name}: {run.status}" for name, run in runs if run.status != "converged"]
-        return (*self.joint.notes, *unfinished)
+        unfinished = [
+            NOT_CONVERGED(Where(record=name), status=run.status) for name, run in runs if run.status != "converged"
+        ]
+        return (*self.joint.findings, *unfinished)
 
     def to_json(self) -> dict[str, Any]:
         """Plain data: the joint estimate, mean and RSD over the runs, and every run."""
@@ -75,7 +89,7 @@ class Runs:
 
 
 @dataclass(frozen=True, repr=False)
-class BiasPoint:
+class BiasPoint(WithFindings):
     """One bias current of a campaign.
 
     Attributes
@@ -108,11 +122,12 @@ class BiasPoint:
         return own[method].parameters[f"K_i.{axis}"] if method in own else None
 
     @property
-    def notes(self) -> tuple[str, ...]:
-        """Notes of runs and loadings."""
-        of_runs = [f"{runs.kind}: {note}" for runs in self.runs for note in runs.notes]
-        of_loads = ["no static loadings"] if self.static is None else [f"static: {note}" for note in self.static.notes]
-        return (*of_runs, *of_loads)
+    def findings(self) -> tuple[Finding, ...]:
+        """Of runs and loadings."""
+        of_runs = (_placed(finding, runs.kind) for runs in self.runs for finding in runs.findings)
+        if self.static is None:
+            return (*of_runs, NO_LOADINGS())
+        return (*of_runs, *(_placed(finding, STATIC) for finding in self.static.findings))
 
     def to_json(self) -> dict[str, Any]:
         """Plain data of this bias current."""
@@ -122,12 +137,12 @@ class BiasPoint:
             "closed_loop": {runs.kind: runs.to_json() for runs in self.runs},
             "static_load": None if self.static is None else self.static.to_json(),
             "begun": [run.to_json() for run in self.begun],
-            "notes": list(self.notes),
+            **self.findings_as_dict(),
         }
 
 
 @dataclass(frozen=True, repr=False)
-class Campaign:
+class Campaign(WithFindings):
     """Result of `campaign`.
 
     Attributes
@@ -135,15 +150,15 @@ class Campaign:
     folder : Path
     points : tuple of BiasPoint
         By rising bias current.
-    notes : tuple of str
+    findings : tuple of Finding
         What was not used.
     is_stopped : bool
-        Whether Ctrl-C came before the last fit: then the last point may lack kinds, and the note at the end says so.
+        Whether Ctrl-C came before the last fit: then the last point may lack kinds, and the last finding says so.
     """
 
     folder: Path
     points: tuple[BiasPoint, ...]
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     is_stopped: bool = False
 
     @property
@@ -176,8 +191,9 @@ class Campaign:
             "campaign": str(self.folder),
             "K_i": rows,
             "points": [point.to_json() for point in self.points],
-            "notes": list(self.notes),
+            **self.findings_as_dict(),
             "next": self.next,
+            "next_step": self.next_step.as_dict(),
             "stopped": self.is_stopped,
         }
 
@@ -197,18 +213,32 @@ class Campaign:
         return save_tables(self.tables, path)
 
     @property
-    def next(self) -> str:
-        """What to do now: where the model misses most, the command that names what is missing."""
+    def missed(self) -> tuple[BiasPoint, Runs] | None:
+        """The bias current and kind of records with the largest misfit over its limit; None where none exceeds it."""
+        beyond = [(point, runs) for point in self.points for runs in point.runs if runs.joint.inconsistency is not None]
+        return max(beyond, key=lambda each: each[1].joint.misfit / each[1].joint.misfit_bound, default=None)
+
+    @property
+    def next_step(self) -> Finding:
+        """What to do now, by its code: where a model lacks something, what to diagnose."""
         if self.is_stopped:
-            return f"all fits anew: ambid campaign {shlex.quote(str(self.folder))}"
-        missed = [(point, runs) for point in self.points for runs in point.runs if runs.joint.inconsistency is not None]
-        if not missed:
-            return "hold the models against records at another amplitude, bias current or speed: ambid compare"
-        point, runs = max(missed, key=lambda each: each[1].joint.misfit / each[1].joint.misfit_bound)
+            return BEGIN_ANEW(campaign=str(self.folder))
+        if self.missed is None:
+            return VALIDATE_MODELS()
+        point, runs = self.missed
         others = [other.joint.records[0] for other in point.runs if other is not runs]
-        files = [point.rig.path, runs.joint.records[0].path, *(["--validate", others[0].path] if others else [])]
-        command = " ".join(shlex.quote(str(file)) for file in files)
-        return f"name what {point.folder.name} {runs.kind} misses: ambid diagnose {command}"
+        return DIAGNOSE_KIND(
+            rig=str(point.rig.path),
+            kind=runs.kind,
+            folder=point.folder.name,
+            record=_file(runs.joint.records[0]),
+            validate=_file(others[0]) if others else None,
+        )
+
+    @property
+    def next(self) -> str:
+        """What to do now, in words."""
+        return self.next_step.message
 
     plot = picture("plot_campaign")
 
@@ -218,12 +248,21 @@ class Campaign:
             line for table in tables if len(table.heading) > LEADING and table.rows for line in (*table.lines(), "")
         ]
         lines += ["forces: f = K_i i + K_s s, K_s > 0 destabilises"]
-        folders: dict[str, list[str]] = {}
+        folders: dict[Finding, list[str]] = {}
         for point in self.points:
-            for note in point.notes:
-                folders.setdefault(note, []).append(point.folder.name)
-        lines += [f"note: {', '.join(where)}: {note}" for note, where in folders.items()]
-        return "\n".join([*lines, *(f"note: {note}" for note in self.notes), f"next: {self.next}"])
+            for finding in point.findings:
+                folders.setdefault(finding, []).append(point.folder.name)
+        lines += [f"{own.severity}: {', '.join(where)}: {own.line()}" for own, where in folders.items()]
+        return "\n".join([*lines, *self.finding_lines(), f"next: {self.next}"])
+
+
+def _placed(finding: Finding, kind: str) -> Finding:
+    """A finding with the kind of records that it is of, where it has no record."""
+    return finding if finding.where.record else finding.at(record=kind)
+
+
+def _file(record: Measurement) -> str:
+    return str(record.path or record.name)
 
 
 def _force_current(campaign: Campaign) -> Table:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import ambid
+from ambid.cli.commands import command_of, with_command
 from ambid.cli.files import in_time, load_model, load_records, naming_unstable, require_first_point
 from ambid.cli.options import (
     Allow,
@@ -230,9 +231,10 @@ def diagnose_command(
                 text, further = _with_next(found)
             if is_stopped := came():
                 text, further = f"\n{stopped()} when the diagnosis was finished; no experiment was foreseen", {}
+    command = command_of(found.next_steps)
     conclude(
-        f"{found!r}{text}",
-        lambda: found.to_json() | further | {"stopped": is_stopped},
+        f"{with_command(repr(found), command)}{text}",
+        lambda: found.to_json() | {"next_command": command} | further | {"stopped": is_stopped},
         json_file,
         quiet,
         lambda: saved(found, save),

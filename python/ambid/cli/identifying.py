@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 import ambid
+from ambid.cli.commands import command_of, with_command
 from ambid.cli.files import in_time, load_model, load_records, require_first_point
 from ambid.cli.options import (
     Allow,
@@ -101,9 +102,10 @@ def identify_command(
             ) from error
     slips = _slips(machine, in_time(loaded), estimate)
     lines = [f"{slip.severity}: {slip.line(advises=not estimate.is_adequate)}" for slip in slips]
+    command = command_of([estimate.next_step])
     conclude(
-        "\n".join([repr(estimate), *(f"check: {line}" for line in lines), *_first(slips)]),
-        {**estimate.to_json(), "check": lines},
+        "\n".join([with_command(repr(estimate), command), *(f"check: {line}" for line in lines), *_first(slips)]),
+        {**estimate.to_json(), "next_command": command, "check": lines},
         json_file,
         quiet,
         lambda: saved(estimate, save),
@@ -212,9 +214,10 @@ def campaign_command(
             progress=lambda done, total, where: report(f"{done} of {total} done, now {where}"),
         )
         found, is_stopped = done_of(measuring, ambid.Campaign)
+    command = command_of([found.next_step])
     conclude(
-        found,
-        found.to_json(),
+        with_command(repr(found), command),
+        {**found.to_json(), "next_command": command},
         json_file,
         quiet,
         lambda: () if plot is None else ambid.plot.save_campaign(found, plot),

@@ -95,7 +95,7 @@ def _library() -> Path:
     here = (sys.platform, platform.machine())
     name = LIBRARIES.get(sys.platform)
     if name is None or here not in FOLDERS:
-        raise InputError(f"units are not made on {' '.join(here)}; use --stepper, and the library in C")
+        raise InputError(f"units are not made on {' '.join(here)}; write a stepper file, and use the library in C")
     found = NATIVE / name
     if not found.is_file():
         raise InputError(

@@ -40,11 +40,16 @@ def story(diagnosis: Diagnosis) -> dict[str, Any]:
         "diagnosis": diagnosis,
         "adequate": diagnosis.verdict == "adequate",
         "verdict": words.verdict_sentence(diagnosis, np.nan, np.nan, None),
-        "notes": list(diagnosis.notes),
+        "findings": diagnosis.findings,
         "machine": numbers.rig_figures(diagnosis.model.rig, diagnosis.model.points),
         "records": [
             *(("diagnosis", record) for record in diagnosis.records),
             *(("validation", record) for record in diagnosis.validation),
+        ],
+        "of_records": [
+            finding.at(record=record.name)
+            for record in (*diagnosis.records, *diagnosis.validation)
+            for finding in record.findings
         ],
         "files": files_of(diagnosis),
         "is_moved": False,
@@ -71,17 +76,17 @@ def _chapters(diagnosis: Diagnosis) -> dict[str, Any]:
     base, is_moved = numbers.base_model(diagnosis), last is not first
     before = compare(base, diagnosis.records) if diagnosis.fit is None else diagnosis.fit.of(base)
     where, missing = diagnosis.localisation, diagnosis.verdict != "adequate"
-    said = where.sentence() if where is not None and missing else ""
+    located = where.findings if where is not None and missing else ()
     changes = moved(first.model, diagnosis.model, numbers.standard_errors(diagnosis)) if is_moved else ()
     return {
         "is_moved": is_moved,
         "verdict": words.verdict_sentence(diagnosis, first.misfit, last.misfit, validation),
-        "notes": [note for note in diagnosis.notes if note != said],
+        "findings": [finding for finding in diagnosis.findings if finding not in located],
         "fits": _fits(diagnosis, first, last),
         "choices": [_choices(names, diagnosis.history, base.rig) for names in diagnosis.ambiguous_sets],
         "invisible": [] if missing else _invisible(first.ranking, base.rig),
         "shown": before_and_after(diagnosis, before, is_moved),
-        "where": None if where is None else _where(diagnosis, where, before, said, missing),
+        "where": None if where is None else _where(diagnosis, where, before, missing),
         "rankings": _rankings(diagnosis, last, base.rig),
         "ledger": _ledger(diagnosis) if len(diagnosis.history) > 1 else None,
         "parameters": _parameters(diagnosis, first, changes),
@@ -132,17 +137,13 @@ def _invisible(ranking: Ranking, rig: Rig) -> list[tuple[str, list[str]]]:
     return found
 
 
-def _where(
-    diagnosis: Diagnosis, where: Localisation, before: Comparison, sentence: str, missing: bool
-) -> dict[str, Any]:
+def _where(diagnosis: Diagnosis, where: Localisation, before: Comparison, missing: bool) -> dict[str, Any]:
     """Map, worst cells, matrix, ports and shape."""
     matrix = _matrix(before, where.maps[where.worst].record) if missing else None
     return {
         "pictures": list(pictures.maps(where.maps, "base")),
         "growth": pictures.growth(where),
-        "sentence": f"What is missing {sentence[3:]}"
-        if sentence.startswith("it ")
-        else sentence[:1].upper() + sentence[1:],
+        "findings": where.findings if missing else (),
         "cells": where.cells[:WORST] if missing else (),
         "matrix": None if matrix is None else pictures.matrix(matrix),
         "crossed": [] if matrix is None else matrix.lines(most=0),

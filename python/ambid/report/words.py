@@ -37,7 +37,7 @@ GLOSSARY = {
     "port": "Place in the loop where something may act: force at the magnets, current at the amplifiers, displacement "
     "at the sensors, or the reading of the current. One is named only where it explains more than the others beyond "
     "chance.",
-    "in the main only": "The effects explain nearly all of the excess misfit, and what is left is above the bound: "
+    "mostly explained": "The effects explain nearly all of the excess misfit, and what is left is above the bound: "
     "their formulas only approximate this machine, or something smaller is missing.",
     "good enough": f"The misfit is within {ADEQUATE:.2f}, or what was asked for, but above what chance brings: "
     "something small is missing, and the report says where it is largest.",

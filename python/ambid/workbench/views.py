@@ -8,6 +8,7 @@ import numpy as np
 
 from ambid.diagnosis import Candidate, Localisation
 from ambid.errors import InputError
+from ambid.findings import worst_first
 from ambid.model import Parameter
 from ambid.noise.chance import ADEQUATE
 from ambid.plot import worst_stretch
@@ -34,7 +35,6 @@ FEWEST_SAMPLES = 4
 def overview(session: Session) -> dict[str, Any]:
     """Misfits, effects, parameters, records and the steps so far."""
     estimate, rig = session.estimate, session.bench.start.rig
-    notes = [note for own in session.comparison.records for note in own.notes] if estimate is None else estimate.notes
     return plain(
         {
             "rig": rig.name,
@@ -49,7 +49,7 @@ def overview(session: Session) -> dict[str, Any]:
             "steps": [
                 {"did": own.did, **misfits(own), "predicted_misfit": own.predicted_misfit} for own in session.chain
             ],
-            "notes": list(notes),
+            **_findings(session),
         }
     )
 
@@ -63,6 +63,7 @@ def held(session: Session) -> dict[str, Any]:
             **misfits(session),
             "misfit_bound": session.comparison.bound,
             "steps": [own.did for own in session.chain],
+            **_findings(session),
         }
     )
 
@@ -189,6 +190,13 @@ def signals(
             "noise_ceiling_percent": row.noise_ceiling_percent,
         }
     )
+
+
+def _findings(session: Session) -> dict[str, Any]:
+    """Of the fit, or of the records where none was made, worst first; and the same in words."""
+    of_records = (finding for own in session.comparison.records for finding in own.findings)
+    found = worst_first(of_records if session.estimate is None else session.estimate.findings)
+    return {"findings": [own.as_dict() for own in found], "notes": [own.line() for own in found]}
 
 
 def _cell(misfit: float) -> dict[str, Any]:

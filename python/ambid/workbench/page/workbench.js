@@ -95,7 +95,18 @@ function showHead() {
   $("undo").dataset.step = view.can_undo ? "yes" : "no";
   $("rank").dataset.step = view.fitted ? "yes" : "no";
   $("fit").dataset.step = "yes";
-  $("notes").replaceChildren(...view.notes.map((note) => element("li", {}, note)));
+  showFindings(view.findings);
+}
+
+function showFindings(found) {
+  const counts = ["error", "warning", "note"].map((severity) => [severity, found.filter((own) => own.severity === severity).length]);
+  $("found").textContent = counts.filter(([, count]) => count).map(([severity, count]) => `${count} ${severity}${count > 1 ? "s" : ""}`).join(", ");
+  $("found").hidden = $("findings-section").hidden = !found.length;
+  $("findings").replaceChildren(...found.map(({ severity, where, message, remedy }) => {
+    const place = [where.record || where.file, where.key, where.channel || where.axis].filter(Boolean).join(", ");
+    return element("li", { className: severity }, element("b", {}, severity), ` ${place ? `${place}: ` : ""}${message}`,
+      ...(remedy ? [element("span", { className: "remedy" }, `→ ${remedy}`)] : []));
+  }));
 }
 
 function showSteps() {
