@@ -25,7 +25,7 @@ class Plant:
 
     matrices: tuple[np.ndarray, ...]
     blocks: list[dict]
-    laws: list  # functions of (theta, z)
+    laws: list  # functions of (theta, z), or of columns of both
     theta: np.ndarray
     digital: dict | None = None
 
@@ -49,64 +49,77 @@ class Plant:
 
     def reference(self, theta, u):
         """Outputs y, i_c at the samples, from rest."""
-        A, B, C, D_ = self.closed(theta)
-        counts = [law.inputs for law in self.laws]
+        return self.references(np.asarray(theta)[None], u)[0]
+
+    def references(self, thetas, u):
+        """The same for several vectors of parameters, which are integrated side by side: vectors x samples x outputs.
+
+        Columns of arrays in here belong to the vectors. Intervals that depend on the parameters are scaled to one.
+        """
+        A, B, C, D_ = (np.stack(own) for own in zip(*map(self.closed, thetas), strict=True))
+        theta, counts = thetas.T, [law.inputs for law in self.laws]
+
+        def times(matrices, columns):
+            return np.matmul(matrices, columns.T[..., None])[..., 0].T
 
         def signals(x, command):
             """w of the blocks, each of which may read w of those before."""
-            v = np.zeros(len(self.laws))
+            v = np.zeros((len(self.laws), len(thetas)))
             first = 2
             for k, (law, count) in enumerate(zip(self.laws, counts, strict=True)):
                 rows = slice(first, first + count)
-                v[k] = law(theta, C[rows] @ x + D_[rows, 0] * command + D_[rows, 1:] @ v)
+                z = times(C[:, rows], x) + D_[:, rows, 0].T * command + times(D_[:, rows, 1:], v)
+                v[k] = law(theta, z)
                 first += count
             return v
 
-        def advance(x, command, t):
-            def rate(_, x):
-                return A @ x + B[:, 0] * command + B[:, 1:] @ signals(x, command)
+        def advance(x, command, seconds):
+            def rate(_, flat):
+                x = flat.reshape(-1, len(thetas))
+                change = times(A, x) + B[:, :, 0].T * command + times(B[:, :, 1:], signals(x, command))
+                return (seconds * change).ravel()
 
-            return solve_ivp(rate, (0, t), x, "DOP853", rtol=1e-11, atol=1e-16).y[:, -1] if t > 0 else x
+            if not np.any(seconds):
+                return x
+            return solve_ivp(rate, (0, 1), x.ravel(), "DOP853", rtol=1e-11, atol=1e-16).y[:, -1].reshape(x.shape)
 
         def outputs(x, command):
-            return C[:2] @ x + D_[:2, 0] * command + D_[:2, 1:] @ signals(x, command)
+            own = times(C[:, :2], x) + D_[:, :2, 0].T * command
+            return own + times(D_[:, :2, 1:], signals(x, command))
 
-        x, y = np.zeros(len(A)), np.empty((len(u), 2))
+        x, y = np.zeros((A.shape[1], len(thetas))), np.empty((len(thetas), len(u), 2))
         if self.digital is None:
             for k, command in enumerate(u[:, 0]):
-                y[k] = outputs(x, command)
+                y[:, k] = outputs(x, command).T
                 x = advance(x, command, DT)
             return y
         ka, kb, kc, kd = self.digital["matrices"]
         steps, late_by = self.digital["steps"], self.digital["late"]
-        delay = self.digital["delay"] + (0.0 if late_by is None else theta[late_by] * self.digital["steps"] / DT)
-        whole, fraction = divmod(delay, 1.0)
-        commands, control = [0.0] * (int(whole) + 2), np.zeros(len(ka))
+        delay = self.digital["delay"] + (0.0 * theta[0] if late_by is None else theta[late_by] * steps / DT)
+        whole, fraction = np.divmod(delay, 1.0)
+        (whole,) = {int(own) for own in whole}
+        commands, control = [np.zeros(len(thetas))] * (whole + 2), np.zeros((len(ka), len(thetas)))
         for k, excitation in enumerate(u[:, 0]):
             for step in range(steps):
                 read = outputs(x, 0.0)[:1]
-                commands = [float(excitation - kc[0] @ control - kd[0] @ read), *commands[:-1]]
+                commands = [excitation - kc[0] @ control - kd[0] @ read, *commands[:-1]]
                 control = ka @ control + kb @ read
-                late = commands[int(whole)]
-                first = commands[int(whole) + 1] if fraction else late
+                late = commands[whole]
+                first = np.where(fraction, commands[whole + 1], late)
                 if step == 0:
-                    y[k] = outputs(x, first)
+                    y[:, k] = outputs(x, first).T
                 x = advance(x, first, fraction * DT / steps)
                 x = advance(x, late, (1 - fraction) * DT / steps)
         return y
 
     def slopes(self, u):
-        """Derivatives of the reference, four-point differences; samples x outputs x parameters."""
-        columns = []
-        for j, value in enumerate(self.theta):
-            h = 1e-3 * abs(value)
-            y = {}
-            for n in (-2, -1, 1, 2):
-                moved = self.theta.copy()
-                moved[j] += n * h
-                y[n] = self.reference(moved, u)
-            columns.append((8 * (y[1] - y[-1]) - (y[2] - y[-2])) / (12 * h))
-        return np.stack(columns, axis=-1)
+        """The reference at theta, and its derivatives by four-point differences; samples x outputs (x parameters)."""
+        steps = 1e-3 * np.diag(np.abs(self.theta))
+        moved = np.concatenate([self.theta + n * steps for n in (1, -1, 2, -2)])
+        y, *others = self.references(np.vstack([self.theta, moved]), u)
+        near, back, far, far_back = np.reshape(others, (4, len(steps), len(u), 2))
+        change = 8 * (near - back) - (far - far_back)
+        return y, np.moveaxis(change / (12 * np.diag(steps)[:, None, None]), 0, -1)
 
 
 def law(inputs):
@@ -203,7 +216,7 @@ def force_law(kind, nu, sigma=0.5, n=3.0, single=False, **digital) -> Plant:
         s0 = theta[K_I] * i0 / theta[K_S]
 
         def pull(sign):
-            return b(max(0.0, (1 + sign * z[0] / i0) / (1 - sign * z[1] / s0))) ** 2
+            return b(np.maximum(0.0, (1 + sign * z[0] / i0) / (1 - sign * z[1] / s0))) ** 2
 
         h = 1e-3
         stencil = 8 * (b(1 + h) ** 2 - b(1 - h) ** 2) - (b(1 + 2 * h) ** 2 - b(1 - 2 * h) ** 2)
@@ -227,8 +240,8 @@ def slew_limit(**digital) -> Plant:
     def taken(theta, z):
         limit = 1 / theta[3]
         t = np.clip((abs(z[0]) / limit - 1 + smoothing) / (2 * smoothing), 0, 1)
-        size = 1 - smoothing + 2 * smoothing * (t - t**3 + t**4 / 2) if t < 1 else 1.0
-        return np.sign(z[0]) * size * limit - z[0] if t > 0 else 0.0
+        size = np.where(t < 1, 1 - smoothing + 2 * smoothing * (t - t**3 + t**4 / 2), 1.0)
+        return np.where(t > 0, np.sign(z[0]) * size * limit - z[0], 0.0)
 
     block = {"law": "slew_limit", "parameters": {"inverse_limit": 3}, "constants": {"smoothing": smoothing}}
     return machine([{"z": [{"rate": 1.0}], "w": {"i_a": 1.0}}], [taken], [block], (1 / 8e3,), **digital)

@@ -33,6 +33,8 @@ pub fn ask_before_going_on(wanted: fn() -> bool) {
 /// # Errors
 /// [`Error::Stopped`].
 pub(crate) fn go_on() -> Result<()> {
+    #[cfg(test)]
+    tests::count();
     let told = TOLD.with_borrow(|told| told.as_ref().map(|told| told.load(Ordering::Relaxed)));
     if told.unwrap_or_else(wanted) { Err(Error::Stopped) } else { Ok(()) }
 }
@@ -81,3 +83,6 @@ pub(crate) fn each<T: Sync, R: Send>(items: &[T], work: impl Fn(usize, &T) -> Re
         }
     })
 }
+
+#[cfg(test)]
+mod tests;
