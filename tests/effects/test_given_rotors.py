@@ -1,6 +1,7 @@
 """Effects on a rotor that is given by its matrices or its modes, and why they are not tried on one or the other rig."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -32,11 +33,6 @@ CASES = {effect.name: effect for effect in CATALOGUE} | {
 @pytest.fixture(scope="module")
 def turning(rig):
     return rig.replace(speed=SPEED)
-
-
-@pytest.fixture(scope="module")
-def i_e():
-    return ambid.prbs(7, amplitude=1.0, hold=3, axes=4)
 
 
 def by_matrices(rig: Rig, more: int = 0, **changes) -> Rig:
@@ -74,23 +70,33 @@ GIVEN = {
 }
 
 
-def response(model: ambid.Model, effect: Effect, i_e) -> np.ndarray:
-    u = np.hstack([i_e, effect.waveform(model.rig, len(i_e), None)])
-    return model.loop.simulate(model.theta, u)
+@cache
+def given_by(way: str, rig: Rig, more: int) -> Rig:
+    return GIVEN[way](rig, more)
+
+
+@cache
+def response(case: str, shaft: Rig, rig: Rig) -> np.ndarray:
+    """Of a machine with an effect of the probe values that it has on the shaft."""
+    effect, i_e = CASES[case], ambid.prbs(7, amplitude=1.0, hold=3, axes=4)
+    model = ambid.Model(rig).add(effect, {p.name: p.probe for p in effect.parameters(shaft)})
+    return model.loop.simulate(model.theta, np.hstack([i_e, effect.waveform(rig, len(i_e), None)]))
+
+
+@cache
+def response_without(shaft: Rig) -> np.ndarray:
+    base = ambid.Model(shaft)
+    return base.loop.simulate(base.theta, ambid.prbs(7, amplitude=1.0, hold=3, axes=4))
 
 
 @pytest.mark.parametrize("given", GIVEN)
 @pytest.mark.parametrize("case", CASES)
-def test_the_response_is_that_of_the_shaft(turning, i_e, case, given):
-    effect = CASES[case]
-    other = GIVEN[given](turning, effect.flexible_modes(turning))
-    values = {p.name: p.probe for p in effect.parameters(turning)}
-    model = ambid.Model(turning).add(effect, values)
-    expected, found = response(model, effect, i_e), response(ambid.Model(other).add(effect, values), effect, i_e)
+def test_the_response_is_that_of_the_shaft(turning, case, given):
+    other = given_by(given, turning, CASES[case].flexible_modes(turning))
+    expected, found = response(case, turning, turning), response(case, turning, other)
     peak = np.abs(expected).max(axis=0)
     np.testing.assert_array_less(np.abs(found - expected).max(axis=0), 1e-9 * peak)
-    base = ambid.Model(turning)
-    moved = np.abs(expected - base.loop.simulate(base.theta, i_e)).max(axis=0)
+    moved = np.abs(expected - response_without(turning)).max(axis=0)
     assert (moved > 1e-7 * peak).any(), "the effect must show"
 
 
@@ -170,7 +176,8 @@ def test_every_effect_has_parameters_or_says_why_not(turning, name):
         if why:
             with pytest.raises(ModelError) as refused:
                 ambid.Model(rig).add(effect)
-            assert str(refused.value) == f"{effect.name} makes no sense on this rig: {why}"
+            assert effect.name in str(refused.value)
+            assert why in str(refused.value)
         else:
             assert effect.parameters(rig)
             assert ambid.Model(rig).add(effect).loop.parameters > len(ambid.Model(rig).names)
@@ -178,15 +185,15 @@ def test_every_effect_has_parameters_or_says_why_not(turning, name):
 
 def test_a_place_where_the_rotor_is_not_known(turning, golden):
     rig = coarse(turning)
-    assert "0.43 m is not a place at which the rotor is known" in SealForces(0.43).why_not(rig)
+    golden.holds(SealForces(0.43).why_not(rig))
     assert SealForces().place(rig) == 0.2, "the known place nearest to half-way"
     assert CouplingStiffness().positions(rig) == [0.14, 0.72]
-    assert "0.9 m is off the shaft" in Unbalance(0.9).why_not(turning)
+    golden.holds(Unbalance(0.9).why_not(turning))
     with golden.raises(ModelError):
         _ = ambid.Model(turning, effects=[SealForces(0.9)]).loop
 
 
-def test_modes_that_are_no_two_rigid_motions(turning):
+def test_modes_that_are_no_two_rigid_motions(turning, golden):
     found = by_modes(turning).rotor
     one = turning.replace(
         rotor=ModalRotor(
@@ -196,7 +203,7 @@ def test_modes_that_are_no_two_rigid_motions(turning):
             shapes=found.shapes[1:],
         )
     )
-    assert "1 modes of 0 Hz" in find("rotor_inertia_error").why_not(one)
+    golden.holds(find("rotor_inertia_error").why_not(one))
     assert not find("bending_mode_shift").why_not(one)
     values = {"squared_frequency_1": 0.01}
     shifted = ambid.Model(one).add("bending_mode_shift", values).to_rig()
@@ -228,10 +235,10 @@ class Unplaceable(Effect):
         raise NotImplementedError
 
 
-def test_an_effect_of_ones_own_says_it_by_its_parameters_and_positions(turning):
+def test_an_effect_of_ones_own_says_it_by_its_parameters_and_positions(turning, golden):
     assert Unplaceable().why_not(turning) == ""
-    assert Unplaceable().why_not(ONE_AXIS.rig) == "it has no parameters on this rig"
-    assert "0.43 m is not a place" in Unplaceable().why_not(coarse(turning))
+    golden.holds(Unplaceable().why_not(ONE_AXIS.rig))
+    golden.holds(Unplaceable().why_not(coarse(turning)))
     assert not Unplaceable().variants(Seen(turning, {}))
 
 
@@ -246,15 +253,16 @@ def test_every_effect_is_judged_or_listed_with_a_reason(rig, name):
     assert judged.isdisjoint(ranking.not_tried)
     assert judged | set(ranking.not_tried) == {*(effect.name for effect in CATALOGUE), "own"}
     assert all(ranking.not_tried.values())
-    assert ranking.not_tried["gyroscopic_coupling"] == "the rotor does not turn (speed = 0)"
-    assert all(f"{effect} not tried: {why}" in ranking.summary() for effect, why in ranking.not_tried.items())
+    assert ranking.not_tried["gyroscopic_coupling"] == find("gyroscopic_coupling").why_not(machine)
+    lines = ranking.summary()
+    assert all(any(effect in line and why in line for line in lines) for effect, why in ranking.not_tried.items())
     if n == 4:
         assert {"bending_mode_shift", "rotor_inertia_error", "seal_forces", "coupling_stiffness"} <= judged
 
 
 def test_a_diagnosis_lists_what_was_not_tried():
     found = diagnose(ONE_AXIS.rig, record({}, 3))
-    assert found.not_tried["bending_mode_shift"] == "a point mass does not bend"
+    assert found.not_tried["bending_mode_shift"] == find("bending_mode_shift").why_not(ONE_AXIS.rig)
     assert found.to_json()["not_tried"] == found.not_tried
     assert "rotor_bending_mode" in repr(found.history[0].ranking)
 

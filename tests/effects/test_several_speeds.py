@@ -1,6 +1,9 @@
 """What a rotor that turns at several speeds shows, and what its planes tell of each other."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 import ambid
 from ambid.effects import Seen, find
@@ -25,17 +28,20 @@ def test_unbalance_turns_with_each_of_the_speeds():
     assert {effect.frequency_hz for effect in hums} == {50.0}, "a tone at another of the speeds is no hum"
 
 
-def test_unbalance_is_named_from_two_speeds_together():
+@pytest.mark.parametrize("order", [7, pytest.param(BENCH.order, marks=pytest.mark.slow)])
+def test_unbalance_is_named_from_two_speeds_together(order):
+    """From records of half a second, and of the bench's four."""
     hidden = {"unbalance": {"mass_eccentricity": 2e-6, "z": BENCH.middle, "phase": 0.7}}
+    i_e = replace(BENCH, order=order).excitation(BENCH.amplitude, 3)
     records = [
-        measured(rig, BENCH.excitation(BENCH.amplitude, 3), hidden, seed=10 + k, **BENCH.truth, **BENCH.noise).at(rig)
+        measured(rig, i_e, hidden, seed=10 + k, **BENCH.truth, **BENCH.noise).at(rig)
         for k, rig in enumerate((SLOW, FAST))
     ]
     few = [find(name) for name in ("unbalance", "periodic_disturbance", "gyroscopic_coupling")]
     found = ambid.diagnose(SLOW, records, catalogue=few)
     assert found.verdict == "explained"
     assert found.effects == ("unbalance",), "each record begins it at an angle of its own, which no channel tells well"
-    assert found.history[-1].misfit < 1.01
+    assert found.history[-1].misfit < found.fit.bound
     assert not any(isinstance(effect, Unbalance) and effect.frequency_hz for effect in found.model.effects)
 
 

@@ -52,12 +52,14 @@ def test_the_effects_lower_the_error_on_rows_that_were_not_used(told):
         assert np.all(errors[-1] < 0.45 * errors[0])
 
 
+@pytest.mark.slow
 def test_five_set_points_at_once_have_one_force_law(told):
     rows, *_ = told
     joint, law, kept = magnetoshield.all_set_points(rows, Rig.load(magnetoshield.RIG))
     assert joint.verdict == "explained"
     assert set(joint.effects) == {"amplifier_bandwidth", "sampling_skew"}
-    assert any(note.startswith("R.A_zeta changes with the operating point") for note in joint.notes)
+    changing = [own for own in joint.findings if own.code == "changes_with_operating_point"]
+    assert [own.values["parameter"] for own in changing] == ["R.A_zeta"]
     assert joint.history[-1].misfit < 1.3 < 9.0 < joint.history[0].misfit
     assert law.misfit < 3.0
     for static in law.static:
