@@ -10,6 +10,7 @@ from io import StringIO
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: threads of several workers only wait for each other
 
 import pytest
+from hypothesis import settings
 
 import ambid
 import ambid.cli
@@ -22,6 +23,9 @@ from virtual import NAMES, VirtualBench
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # what a job in the background inherits
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+pytest_plugins = ["budget"]
+settings.register_profile("any machine", deadline=None, derandomize=True, database=None)
+settings.load_profile("any machine")
 DEMO_RIG, DEMO_RECORD = DATA / "rig.toml", DATA / "prbs.mat"
 
 
