@@ -127,6 +127,7 @@ class Fit(Records):
     lower: _Vector
     upper: _Vector
     x: _Vector
+    prior: _Vector
     most: int
     step: float
 

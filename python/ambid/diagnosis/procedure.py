@@ -107,7 +107,7 @@ def diagnose(
     chosen = None
     if effects is not None:
         chosen = [find(effect, catalogue=catalogue) if isinstance(effect, str) else effect for effect in effects]
-    start = as_model(model)
+    start = as_model(model).with_tolerances()
     records, validate = measured(records, start.rig), measured(validate, start.rig)
     start = start.covering(records)
     for record in validate:
@@ -183,6 +183,7 @@ def _told(
         parameters={
             p.name: ParameterEstimate.normal(p.value, float(error), p.unit)
             for p, error in zip(model.parameters, np.sqrt(np.diag(spread)), strict=True)
+            if p.prior is None
         },
         covariance=spread,
         explained_percent=100.0 * verdict.share if verdict.effects or verdict.tried else np.nan,

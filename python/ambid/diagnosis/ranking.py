@@ -32,6 +32,7 @@ from ambid.identification.minimum import SUBSTEPS
 from ambid.model import Model
 from ambid.model.structure import is_nonlinear
 from ambid.noise import Comparison
+from ambid.noise.known import known_residual, known_slopes
 from ambid.record import Record
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
@@ -185,12 +186,14 @@ class Point:
 
     def __init__(self, comparison: Comparison) -> None:
         model, self.noise = comparison.model, comparison.noise
-        self.spreads = self.noise.spreads
-        own = self.noise.white(model, list(range(len(model.names))))
+        every = list(range(len(model.names)))
+        own = self.noise.white(model, every)
         self.transients = [white.transients for white in own]
-        known = np.vstack([white.slopes for white in own])
+        known = np.vstack([*(white.slopes for white in own), known_slopes(model, every)])
+        self.spreads = np.append(self.noise.spreads, np.ones(len(known) - len(self.noise.spreads)))
         self.basis, _ = np.linalg.qr(known / _nonzero(np.linalg.norm(known, axis=0)))
-        self.residual = self.freed(np.concatenate([white.residual for white in own])[None])[0]
+        residual = np.concatenate([*(white.residual for white in own), known_residual(model)])
+        self.residual = self.freed(residual[None])[0]
         self.cost = float(self.residual @ self.residual)
         self.dof = comparison.dof
         self.exact = model if model.is_linear else model.with_substeps(SUBSTEPS)

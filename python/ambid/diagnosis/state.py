@@ -151,7 +151,7 @@ def noted(
             validation = compare(state.fit.model, task.validate)
         else:
             validation = validation.of(state.fit.model).with_own_angles()
-        misfit = validation.cost / (validation.dof + len(validation.model.names))  # nothing was fitted to them
+        misfit = validation.cost / (validation.dof + len(validation.model.free))  # nothing was fitted to them
     after = state.fit.model
     shifted = moved(state.history[-1].model, after, standard_errors(state.fit)) if state.history else ()
     step = Step(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import pi
 
@@ -191,14 +191,18 @@ class BendingModeShift(Effect):
 
     def attach(self, plant: Plant) -> None:
         """Stiffness and damping beside those of the mode."""
-        n, first = len(plant.rotor.frequencies_rad_s), plant.rotor.rigid_modes
-        for j in range(plant.rig.rotor.bending_modes):
-            w = plant.rotor.frequencies_rad_s[first + j]
-            for plane in range(plant.rotor.planes):
-                k = plane * n + first + j
-                stiffer = plant.port(self.slot(f"squared_frequency_{j + 1}"), plant[f"eta.{k}"], scale=w**2)
-                damped = plant.port(self.slot(f"damping_{j + 1}"), plant[f"eta_rate.{k}"], scale=2.0 * w)
-                plant.inject(f"modal_force.{k}", -stiffer - damped)
+        for k, mode, w in kept_modes(plant):
+            stiffer = plant.port(self.slot(f"squared_frequency_{mode}"), plant[f"eta.{k}"], scale=w**2)
+            damped = plant.port(self.slot(f"damping_{mode}"), plant[f"eta_rate.{k}"], scale=2.0 * w)
+            plant.inject(f"modal_force.{k}", -stiffer - damped)
+
+
+def kept_modes(plant: Plant) -> Iterator[tuple[int, int, float]]:
+    """Of every kept bending mode in every plane its coordinate, its number from 1 on, and its frequency [rad/s]."""
+    n, first = len(plant.rotor.frequencies_rad_s), plant.rotor.rigid_modes
+    for j in range(plant.rig.rotor.bending_modes):
+        for plane in range(plant.rotor.planes):
+            yield plane * n + first + j, j + 1, float(plant.rotor.frequencies_rad_s[first + j])
 
 
 @dataclass(frozen=True)

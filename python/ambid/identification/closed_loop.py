@@ -11,10 +11,10 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.errors import ModelError, RecordError, Stopped
 from ambid.findings import NOWHERE, Finding, Kind
-from ambid.identification.covariance import covariance, lost, sandwich, undetermined
+from ambid.identification.covariance import budget, covariance, lost, sandwich, undetermined
 from ambid.identification.curvature import Curvature, curvature
 from ambid.identification.damped import damped_start
-from ambid.identification.estimate import Estimate, ParameterEstimate
+from ambid.identification.estimate import Estimate, KnownValue, ParameterEstimate
 from ambid.identification.minimum import ROUGHLY, WhitenedProblem
 from ambid.identification.preparation import prepare
 from ambid.identification.problem import Descent, End, LeastSquares, Limits, Problem, noise_levels
@@ -57,6 +57,7 @@ class Found(NamedTuple):
     end: End
     limits: Limits
     covariance: FloatArray
+    statistical: FloatArray
     directions: list[dict[str, float]]
     comparison: Comparison
     findings: list[Finding]
@@ -199,11 +200,15 @@ def steps(
     if isinstance(weights, str) and weights not in (LIKELIHOOD, EQ_9):
         raise ModelError(f"weights = {weights!r}; expected {LIKELIHOOD!r}, {EQ_9!r}, or factors by channel")
     prepared = prepare(model, records, free, fixed, bounds, starts, seed, max_evaluations)
-    model, records, in_time, free_indices, limits, origins = prepared
+    model, records, in_time, free_indices, limits, origins, tolerated = prepared
     found: list[Finding] = []
     if weights == LIKELIHOOD:
         try:
-            return (yield from _likeliest(model, records, free_indices, limits, origins, max_evaluations, progress))
+            return (
+                yield from _likeliest(
+                    model, records, free_indices, tolerated, limits, origins, max_evaluations, progress
+                )
+            )
         except RecordError as error:
             if len(in_time) < len(records):
                 raise  # frequency responses have no eq. 9
@@ -245,19 +250,24 @@ def _in_time(
         findings += more
     found, at_end = sandwich(problem, best.theta), model.with_theta(best.theta)
     directions = undetermined(found, at_end, free)
-    return Found(problem, best, limits, found, directions, compare(at_end, records), [*known, *findings]).curved()
+    comparison = compare(at_end, records)
+    return Found(problem, best, limits, found, np.diag(found), directions, comparison, [*known, *findings]).curved()
 
 
 def _likeliest(
     model: Model,
     records: tuple[Measurement, ...],
     free: list[int],
+    known: list[int],
     limits: Limits,
     origins: list[FloatArray],
     max_evaluations: int,
     progress: Callable[[int, float], None] | None,
 ) -> Steps:
-    """The fit that minimises J, in the noise that its own residual tells."""
+    """The fit that minimises J, in the noise that its own residual tells.
+
+    It begins as if the values that are known to a tolerance were exact, and goes on with their errors beside the rest.
+    """
     stable, moved = stable_model(model, free, origins, limits)
     rough = WhitenedProblem(model, Noise.rough(stable, records), free, progress)  # x in units of the limits
     best, more = yield from best_of(
@@ -272,6 +282,10 @@ def _likeliest(
         rough.evaluations += spent
         best = min(best, second, key=lambda end: end.cost)
     problem: WhitenedProblem = rough
+    given, exact, sides, free = model, free, limits, [*free, *known]
+    model = model.opened() if known else model
+    reach = [(p.lower / p.scale, p.upper / p.scale) for p in (model.parameters[i] for i in known)]
+    limits = np.append(sides[0], [low for low, _ in reach]), np.append(sides[1], [high for _, high in reach])
     at = model.with_theta(best.theta)
     comparison = Comparison(at, records, rough.noise.renewed(at))
     # without periods the noise is known no better than the model: it is taken from the residual once more;
@@ -292,9 +306,10 @@ def _likeliest(
             break
     if not is_known and has_eq_9 and best.status != "stopped" and comparison.misfit > comparison.bound:
         why, factors = [WITHOUT_PERIODS(NOWHERE)], _factors(model, None)
-        return (yield from _in_time(model, in_time, free, limits, origins, factors, max_evaluations, progress, why))
+        return (yield from _in_time(given, in_time, exact, sides, origins, factors, max_evaluations, progress, why))
     found, directions = covariance(comparison, free), lost(comparison, free)
-    return Found(problem, best, limits, found, directions, comparison, [*moved, *more]).curved()
+    statistical = budget(comparison, free)[:, 0]
+    return Found(problem, best, limits, found, statistical, directions, comparison, [*moved, *more]).curved()
 
 
 def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:
@@ -317,37 +332,43 @@ def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:
 
 
 def _estimate(found: Found, begun: float) -> Estimate:
-    problem, end, limits, covariance, directions, comparison, findings, curved = found
+    problem, end, limits, covariance, _, directions, comparison, findings, curved = found
     model, free, unknown = problem.model, problem.free, found.unknown
-    parameters = {}
+    parameters, tolerances = {}, {}
     for k, i in enumerate(free):
-        name, unit = model.names[i], model.parameters[i].unit
-        if name in unknown:
+        name, unit, prior = model.names[i], model.parameters[i].unit, model.parameters[i].prior
+        if prior is not None:
+            tolerances[name] = KnownValue(float(prior), float(end.theta[i]), float(np.sqrt(covariance[k, k])), unit)
+        elif name in unknown:
             parameters[name] = ParameterEstimate(None, None, None, unit)
             covariance[k, :] = covariance[:, k] = np.nan
         else:
-            parameters[name] = ParameterEstimate.normal(float(end.theta[i]), float(np.sqrt(covariance[k, k])), unit)
+            errors = float(np.sqrt(covariance[k, k])), float(np.sqrt(found.statistical[k]))
+            parameters[name] = ParameterEstimate.normal(float(end.theta[i]), errors[0], unit, errors[1])
     if end.status == "at_bound":
         x = end.theta[free] / problem.scale
         touches = (np.abs(x - limits[0]) < 1e-3) | (np.abs(x - limits[1]) < 1e-3)
+        touches &= problem.prior == 0.0
         at = [model.names[i] for i, touched in zip(free, touches, strict=True) if touched]
         findings = [*findings, AT_BOUND(NOWHERE, parameters=at)]
     if comparison.is_judged and not comparison.is_adequate:
         findings = [*findings, INCONSISTENT(NOWHERE)]
     if curved is not None:
         findings = [*findings, curved.finding()]
+    own = [k for k, i in enumerate(free) if model.parameters[i].prior is None]
     whole = np.full((len(model.names),) * 2, np.nan)
     whole[np.ix_(free, free)] = covariance
     estimate = Estimate(
         model=comparison.model.with_covariance(whole),
         parameters=parameters,
-        covariance=covariance,
+        covariance=covariance[np.ix_(own, own)],
         status=found.status,
         evaluations=problem.evaluations,
         seconds=time.perf_counter() - begun,
         comparison=comparison,
         directions=directions,
         curvature=curved,
+        tolerances=tolerances,
         findings=(*(finding for own in comparison.records for finding in own.findings), *findings),
     )
     if end.status == "stopped":

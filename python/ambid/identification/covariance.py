@@ -34,6 +34,7 @@ from ambid.identification.problem import Problem, padded_outputs
 from ambid.model import Model
 from ambid.model.parameter import nominal
 from ambid.noise import Comparison
+from ambid.noise.known import known_weights
 from ambid.noise.colour import loop_noise
 from ambid.noise.transients import freed, orthonormal
 from ambid.record import Record
@@ -75,13 +76,41 @@ def covariance(comparison: Comparison, free: Sequence[int]) -> FloatArray:
     Combinations that move no output have a variance that stands for infinity.
     """
     scale = _sizes(comparison.model, free)
-    inverse, unseen = _inverse(comparison.noise.quadratic(comparison.model, free).hessian * np.outer(scale, scale))
-    relative = inverse * float(np.mean(comparison.noise.spreads))
+    inverse, unseen, by_noise = _by_noise(comparison, free, scale)
+    by_known = inverse * (known_weights(comparison.model, free) * scale**2) @ inverse
+    relative = by_noise + by_known + UNSEEN_VARIANCE * unseen @ unseen.T
+    return np.asarray(relative * np.outer(scale, scale))
+
+
+def budget(comparison: Comparison, free: Sequence[int]) -> FloatArray:
+    """Variance of each free parameter by what it comes from, shape (free, 1 + free).
+
+    The first column is that of noise and misfit (statistical, type A of the GUM, JCGM 100:2008); the others are those of
+    the tolerance to which each free parameter is known beforehand, 0 for one that is not. Rows sum to the variances of
+    `covariance`, where the records determine all.
+    """
+    scale = _sizes(comparison.model, free)
+    inverse, _, by_noise = _by_noise(comparison, free, scale)
+    by_known = inverse**2 * (known_weights(comparison.model, free) * scale**2)
+    return np.asarray(np.hstack([np.diag(by_noise)[:, None], by_known]) * scale[:, None] ** 2)
+
+
+def _by_noise(
+    comparison: Comparison, free: Sequence[int], scale: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Inverse of half the Hessian of J, the directions that move no output, and the covariance by noise and misfit."""
+    hessian = comparison.noise.quadratic(comparison.model, free).hessian * np.outer(scale, scale)
+    inverse, unseen = _inverse(hessian)
+    known = known_weights(comparison.model, free) * scale**2
+    by_noise = inverse * float(np.mean(comparison.noise.spreads))
+    if known.any():  # what is known beforehand is no part of what the records measure
+        values, vectors = np.linalg.eigh(hessian - np.diag(known))
+        root = inverse @ vectors * np.sqrt(np.maximum(values, 0.0))
+        by_noise = root @ root.T * float(np.mean(comparison.noise.spreads))
     if not comparison.is_adequate:
         banded = inverse @ _banded(comparison, free, scale) @ inverse
-        relative = _larger(banded, relative * comparison.misfit)
-    relative = relative + UNSEEN_VARIANCE * unseen @ unseen.T
-    return np.asarray(relative * np.outer(scale, scale))
+        by_noise = _larger(banded, by_noise * comparison.misfit)
+    return inverse, unseen, by_noise
 
 
 def lost(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float]]:
@@ -95,10 +124,12 @@ def lost(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float]]:
     inverse, unseen = _inverse(hessian)
     own = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
     is_driven = not any(isinstance(record, Record) and record.is_free_response for record in comparison.noise.records)
-    if is_driven and np.sqrt(np.diag(own).max(initial=0.0)) > DOUBTFUL:
+    asked = np.flatnonzero(known_weights(model, free) == 0.0)  # what is known beforehand is determined by that
+    if is_driven and np.sqrt(np.diag(own)[asked].max(initial=0.0)) > DOUBTFUL:
         inverse, unseen = _by_excitation(comparison, free)
         own = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
-    return undetermined(own * np.outer(scale, scale), model, free)
+    own = (own * np.outer(scale, scale))[np.ix_(asked, asked)]
+    return undetermined(own, model, [free[k] for k in asked])
 
 
 def weakest(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float]]:
@@ -106,8 +137,10 @@ def weakest(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float
     scale = _sizes(comparison.model, free)
     inverse, unseen = _by_excitation(comparison, free)
     own = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
+    asked = np.flatnonzero(known_weights(comparison.model, free) == 0.0)
+    own, scale = own[np.ix_(asked, asked)], scale[asked]
     worst = 2.0 * WHOLLY_UNKNOWN**2 / np.linalg.eigvalsh(own)[-1]
-    return undetermined(worst * own * np.outer(scale, scale), comparison.model, free)
+    return undetermined(worst * own * np.outer(scale, scale), comparison.model, [free[k] for k in asked])
 
 
 def only_frequency(comparison: Comparison, free: Sequence[int]) -> float | None:
@@ -139,7 +172,8 @@ def _by_excitation(comparison: Comparison, free: Sequence[int]) -> tuple[FloatAr
     """`_inverse` of what the excitation alone tells, by the scaled parameters."""
     parts = zip(*_driven(comparison, free), strict=True)
     slopes = np.vstack([freed(columns, basis) for columns, basis in parts])
-    return _inverse(slopes.T @ slopes)
+    known = known_weights(comparison.model, free) * _sizes(comparison.model, free) ** 2
+    return _inverse(slopes.T @ slopes + np.diag(known))
 
 
 def _driven(comparison: Comparison, free: Sequence[int]) -> tuple[list[FloatArray], list[FloatArray]]:
@@ -235,7 +269,8 @@ def _banded(comparison: Comparison, free: Sequence[int], scale: FloatArray) -> F
             g = band.sum(axis=0)
             total += np.outer(g, g)
             bands += 1
-    return np.asarray(total * bands / max(bands - len(free), 1))
+    fitted = np.count_nonzero(known_weights(comparison.model, free) == 0.0)
+    return np.asarray(total * bands / max(bands - fitted, 1))
 
 
 def score_covariance(residual: FloatArray, jacobian: FloatArray, way: NDArray[np.complex128]) -> FloatArray:

@@ -73,17 +73,23 @@ class ParameterEstimate:
     ci95 : tuple of float or None
         95 % confidence interval.
     unit : str
+    std_error_statistical : float or None
+        Part of the standard error by noise alone, as if the rig file were exact where it states a tolerance.
     """
 
     value: float | None
     std_error: float | None
     ci95: tuple[float, float] | None
     unit: str
+    std_error_statistical: float | None = None
 
     @classmethod
-    def normal(cls, value: float, std_error: float, unit: str) -> ParameterEstimate:
+    def normal(
+        cls, value: float, std_error: float, unit: str, statistical: float | None = None
+    ) -> ParameterEstimate:
         """With the 95 % interval of the normal distribution."""
-        return cls(value, std_error, (value - NORMAL_95 * std_error, value + NORMAL_95 * std_error), unit)
+        ci95 = (value - NORMAL_95 * std_error, value + NORMAL_95 * std_error)
+        return cls(value, std_error, ci95, unit, std_error if statistical is None else statistical)
 
     def line(self) -> str:
         """Value, 95 % interval and unit, as far as they are known."""
@@ -99,6 +105,37 @@ class ParameterEstimate:
             "value": self.value,
             "std_error": self.std_error,
             "ci95": None if self.ci95 is None else list(self.ci95),
+            "std_error_statistical": self.std_error_statistical,
+            "unit": self.unit,
+        }
+
+
+@dataclass(frozen=True)
+class KnownValue:
+    """A value of the rig file that is known to a tolerance, as its error from the rig file.
+
+    Attributes
+    ----------
+    std : float
+        Standard deviation before the records, from the rig file.
+    posterior_value, posterior_std : float
+        Error from the rig file that the records and the tolerance together give, and its standard deviation.
+    unit : str
+        ``1`` for a relative error.
+    """
+
+    std: float
+    posterior_value: float
+    posterior_std: float
+    unit: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data, as in JSON; `value` is the error before the records."""
+        return {
+            "value": 0.0,
+            "std": self.std,
+            "posterior_value": self.posterior_value,
+            "posterior_std": self.posterior_std,
             "unit": self.unit,
         }
 
@@ -140,6 +177,7 @@ class Estimate(WithFindings, Tabular):
     comparison: Comparison
     directions: list[dict[str, float]] = field(default_factory=list)
     curvature: Curvature | None = None
+    tolerances: dict[str, KnownValue] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
 
     def __getitem__(self, name: str) -> ParameterEstimate:
@@ -247,6 +285,7 @@ class Estimate(WithFindings, Tabular):
             "adequate": self.is_adequate,
             "next": self.next,
             "next_step": self.next_step.as_dict(),
+            "tolerances": {name: known.as_dict() for name, known in self.tolerances.items()},
             "correlation": {a: {b: plain(correlation[i, j]) for j, b in enumerate(names)} for i, a in enumerate(names)},
             "status": self.status,
             "status_meaning": STATUS[self.status],

@@ -297,6 +297,7 @@ def fit_for_core(descent: Descent) -> _core.Fit | None:
         "lower": lower,
         "upper": upper,
         "x": np.ascontiguousarray(descent.x),
+        "prior": problem.prior,
         "most": descent.most,
         "step": descent.step,
     }

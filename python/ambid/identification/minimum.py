@@ -12,6 +12,7 @@ from ambid.errors import UnstableLoopError
 from ambid.identification.problem import EXACTLY, End, LeastSquares
 from ambid.model import Model
 from ambid.noise import Comparison, Noise, Quadratic
+from ambid.noise.known import known_weights
 
 __all__ = ["ROUGHLY", "SUBSTEPS", "WhitenedProblem", "criterion", "refit"]
 
@@ -51,6 +52,11 @@ class WhitenedProblem(LeastSquares):
         found = self.noise.quadratic(self.model.with_theta(theta), self.free, near, roughly=self.roughly)
         self._before = (theta, found)
         return found.hessian, found.gradient, found.cost
+
+    @property
+    def prior(self) -> FloatArray:
+        """See `LeastSquares.prior`."""
+        return known_weights(self.model, self.free)
 
     def for_core(self) -> _core.Records | None:
         """All judged lines, by operating point, where all models of them are linear."""
@@ -111,4 +117,4 @@ def _is_hidden(noise: Noise, model: Model, other: Model) -> bool:
 
 def criterion(comparison: Comparison) -> float:
     """``J + q ln N`` with q parameters and N numbers judged (Schwarz): fewest win among equals."""
-    return comparison.cost + float(np.log(comparison.noise.lines)) * len(comparison.model.names)
+    return comparison.cost + float(np.log(comparison.noise.lines)) * len(comparison.model.free)

@@ -41,6 +41,7 @@ class Prepared(NamedTuple):
     free: list[int]
     limits: Limits
     origins: list[FloatArray]
+    known: list[int]
 
 
 def prepare(
@@ -63,7 +64,7 @@ def prepare(
     for name, number, least in (("starts", starts, 1), ("seed", seed, 0), ("max_evaluations", max_evaluations, 1)):
         if number < least:
             raise ModelError(f"{name} = {number}; expected {least} or more")
-    model = as_model(model)
+    model = as_model(model).with_tolerances()
     records = measured(records, model.rig)
     if isinstance(fixed, Mapping):
         model = model.with_values({model.names[i]: v for name, v in fixed.items() for i in model.index([name])})
@@ -72,14 +73,15 @@ def prepare(
     in_time = tuple(record for record in records if isinstance(record, Record))
     for record in in_time:
         model.excitation(record)  # refuses a record without one
-    chosen = set(range(len(model.names)) if free is None else model.index(several(free)))
-    chosen -= set(model.index(several(fixed)))
+    held = set(model.index(several(fixed)))
+    chosen = set(model.free if free is None else model.index(several(free))) & set(model.free) - held
     if not chosen:
         raise ModelError("no parameter is free; leave some out of `fixed`, or name some in `free`")
     indices = sorted(chosen)
     limits = _limits(model, indices, bounds)
     origins = spread_starts(model.theta, indices, limits, starts, seed)
-    return Prepared(model, records, in_time, indices, limits, origins)
+    known = [i for i, p in enumerate(model.parameters) if p.prior is not None and i not in held]
+    return Prepared(model, records, in_time, indices, limits, origins, known)
 
 
 def several(names: str | Iterable[str]) -> tuple[str, ...]:

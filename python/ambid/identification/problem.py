@@ -74,6 +74,11 @@ class LeastSquares(ABC):
     def _evaluate(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         """J'J and J'r by the free parameters, and r'r, r being simulated minus measured."""
 
+    @property
+    def prior(self) -> FloatArray:
+        """One over the variance to which each free parameter is known beforehand, shape (free,); 0 of none."""
+        return np.zeros(len(self.free))
+
     def for_core(self) -> _core.Records | None:
         """The records as `_core.fit_all` takes them; None where it cannot."""
         return None
@@ -127,7 +132,7 @@ class LeastSquares(ABC):
             cost, x = self._best
             return End(self.theta(x), cost, "stopped")
         status = "max_evaluations" if result.status == 0 else "converged"
-        at_bound = (result.active_mask != 0) & (np.abs(result.x) > 10 * tiny)
+        at_bound = (result.active_mask != 0) & (np.abs(result.x) > 10 * tiny) & (self.prior == 0.0)
         return End(self.theta(result.x), 2.0 * result.cost, "at_bound" if at_bound.any() else status)
 
     def _residual(self, x: FloatArray) -> FloatArray:

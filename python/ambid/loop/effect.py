@@ -85,6 +85,8 @@ class EffectParameter:
         What physics allows.
     meaning : str
         What it is, in a few words.
+    std : float or None
+        Standard deviation from 0 to which it is known before any record, in `unit`; None where nothing is known.
     """
 
     name: str
@@ -93,6 +95,7 @@ class EffectParameter:
     lower: float = 0.0
     upper: float = float("inf")
     meaning: str = ""
+    std: float | None = None
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from ambid.arrays import FloatArray
 from ambid.effects import Effect, find
+from ambid.effects.known import KNOWN
 from ambid.errors import ModelError
 from ambid.model.parameter import Parameter
 from ambid.model.structure import Structure
@@ -42,6 +43,7 @@ def write_model(
         "points": [point.to_toml() for point in structure.points],
         "effects": [{"name": effect.name, **effect.settings()} for effect in structure.effects],
         "parameters": {p.name: {"value": p.value, "unit": p.unit, "slots": list(p.slots)} for p in parameters},
+        "tolerances": bool(structure.known),
         "covariance": matrix,
     }
     with whole_file(path) as stream:
@@ -110,7 +112,8 @@ def _model_of(
         )
     try:
         found = tuple(find(name, settings, catalogue) for name, settings in effects)
-        structure = Structure(machine, found, points, machine)
+        known = tuple(effect for effect in KNOWN if text.get("tolerances") and not effect.why_not(machine))
+        structure = Structure(machine, found, points, machine, known=known)
         parameters = _with_limits(stored, structure.usual_parameters())
         structure.require_filled(parameters)
         if covariance is not None:

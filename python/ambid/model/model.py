@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambid.effects import CATALOGUE, Effect, find
+from ambid.effects.known import KNOWN
 from ambid.errors import ModelError
 from ambid.loop.loop import Loop, Simulator
 from ambid.model.experiment import inputs_of, simulated, virtual_experiment
@@ -121,6 +122,32 @@ class Model:
                 model = model.without(effect.name)
         return model
 
+    def with_tolerances(self) -> Model:
+        """Return the model with the values of its rig that are known to a tolerance as parameters, all without error.
+
+        They have the rig file's standard deviations as priors, and are fitted beside the others. The same model where
+        it has them already, or its rig is exact.
+        """
+        known = tuple(effect for effect in KNOWN if not effect.why_not(self.rig))
+        if self.structure.known or not known:
+            return self
+        more = [p for effect in known for p in of_effect(self.rig, effect, {})]
+        return Model._made_of(replace(self.structure, known=known), (*self.parameters, *more))
+
+    @property
+    def tolerances(self) -> tuple[Parameter, ...]:
+        """The parameters that are known to a tolerance; their values are errors of the rig file."""
+        return tuple(p for p in self.parameters if p.prior is not None)
+
+    def opened(self) -> Model:
+        """Return the model whose loop has ports for all errors of known values, to be derived by them."""
+        return Model._made_of(replace(self.structure, is_open=True), self.parameters)
+
+    @property
+    def free(self) -> list[int]:
+        """Indices of the parameters of which nothing is known before any record."""
+        return [i for i, p in enumerate(self.parameters) if p.prior is None]
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all parameters, in order."""
@@ -171,8 +198,13 @@ class Model:
         values = np.asarray(theta, dtype=np.float64).tolist()
         changed = tuple(replace(p, value=value) for p, value in zip(self.parameters, values, strict=True))
         require_allowed(changed)
+        return self._with_values_of(changed)
+
+    def _with_values_of(self, changed: tuple[Parameter, ...]) -> Model:
+        """The same parameters at other values."""
         model = Model._made_of(self.structure, changed)
-        model._loops, model._noisy = self._loops, self._noisy  # compiled loops do not hold values
+        if self.structure.erring(changed) == self.structure.erring(self.parameters):
+            model._loops, model._noisy = self._loops, self._noisy  # compiled loops do not hold values
         return model
 
     def excitation(self, record: Record) -> NDArray[np.float64]:
@@ -224,7 +256,7 @@ class Model:
         rig = where if isinstance(where, Rig) else where.point
         if rig is None or rig is self.rig or rig == self.rig:
             return self
-        own = parameters_at(rig, self.rig, self.points, self.parameters, self.effects)
+        own = parameters_at(rig, self.rig, self.points, self.parameters, (*self.effects, *self.structure.known))
         here = Model._of(replace(self.structure, rig=rig, points=()), own)
         if rig not in self._loops:
             self._loops[rig] = here.loop
@@ -458,6 +490,7 @@ class Model:
 
     def _with_parameters(self, parameters: Sequence[Parameter]) -> Model:
         model = Model._of(self.structure, parameters)
-        if [p.slots for p in model.parameters] == [p.slots for p in self.parameters]:
+        are_alike = self.structure.erring(parameters) == self.structure.erring(self.parameters)
+        if are_alike and [p.slots for p in model.parameters] == [p.slots for p in self.parameters]:
             model._loops, model._noisy = self._loops, self._noisy  # compiled loops do not hold values
         return model

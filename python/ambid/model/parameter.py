@@ -38,6 +38,8 @@ class Parameter:
         What physics allows, in `unit`.
     typical : float or None
         Size by which the optimiser scales; None where that is its value.
+    prior : float or None
+        Standard deviation from 0 to which it is known before any record, in `unit`; None where nothing is known.
     """
 
     name: str
@@ -47,6 +49,7 @@ class Parameter:
     lower: float = 0.0
     upper: float = np.inf
     typical: float | None = None
+    prior: float | None = None
 
     @property
     def scale(self) -> float:
@@ -74,12 +77,13 @@ def of_effect(rig: Rig, effect: Effect, values: Mapping[str, float]) -> list[Par
     return [
         Parameter(
             effect.slot(p.name),
-            float(values.get(p.name, p.probe)),
+            float(values.get(p.name, p.probe if p.std is None else 0.0)),
             p.unit,
             (effect.slot(p.name),),
             p.lower,
             p.upper,
             p.probe,
+            p.std,
         )
         for p in own
     ]

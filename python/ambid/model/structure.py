@@ -34,6 +34,10 @@ class Structure:
         That the parameters of effects are stated for.
     substeps : int or None
         Steps per sample of nonlinear effects; None for as many as the response needs to be exact to 1e-6.
+    known : tuple of Effect
+        Values of the rig file that are known to a tolerance, see `ambid.effects.known`; none where all are exact.
+    is_open : bool
+        Whether the loop has ports for all of their errors; else for those that are not zero, which it runs faster with.
     """
 
     rig: Rig
@@ -41,6 +45,8 @@ class Structure:
     points: tuple[Rig, ...]
     reference: Rig
     substeps: int | None = None
+    known: tuple[Effect, ...] = ()
+    is_open: bool = False
 
     @property
     def acting(self) -> list[Effect]:
@@ -54,6 +60,7 @@ class Structure:
     def usual_parameters(self) -> list[Parameter]:
         """One for every slot of Delta, at the rig's nominal values and typical ones of the effects."""
         usual = [*nominal(self.rig), *nominal_of_points(self.rig, self.points)]
+        usual += [p for effect in self.known for p in of_effect(self.rig, effect, {})]
         return usual + [p for effect in self.effects for p in of_effect(self.home_of(effect) or self.rig, effect, {})]
 
     def compiled(
@@ -65,9 +72,14 @@ class Structure:
         more: Iterable[Effect] = (),
     ) -> Loop:
         """The closed loop with these parameters in its slots; see `Loop` for the rest."""
-        acting = (*(effect.without_probe() for effect in self.acting), *more)
+        acting = (*(effect.without_probe() for effect in self.acting), *self.erring(parameters), *more)
         slots = tuple(parameter.slots for parameter in parameters)
         return _compiled(self.rig, acting, slots, noise, tuple(watch), self.substeps, self.reference)
+
+    def erring(self, parameters: Iterable[Parameter]) -> tuple[Effect, ...]:
+        """The known values whose errors the loop has ports for."""
+        off = {p.name.partition(".")[0] for p in parameters if p.prior is not None and p.value != 0.0}
+        return self.known if self.is_open else tuple(effect for effect in self.known if effect.name in off)
 
     def require_filled(self, parameters: Sequence[Parameter]) -> None:
         """Refuse parameters that do not fill every slot of Delta just once, or hold a value that is not allowed.

@@ -155,7 +155,7 @@ class Comparison(WithFindings, Tabular):
     @property
     def dof(self) -> int:
         """Degrees of freedom of J: judged numbers less parameters and transients."""
-        return self.noise.lines - self._judged[1] - len(self.model.names)
+        return self.noise.lines - self._judged[1] - len(self.model.free)
 
     @property
     def misfit(self) -> float:

@@ -11,6 +11,7 @@ from ambid import _core
 from ambid.arrays import FloatArray
 from ambid.loop.effect import Tone
 from ambid.model import Model
+from ambid.noise.known import known_residual, known_slopes, known_weights
 from ambid.noise.lines import REMEMBERED, RecordLines, White
 from ambid.noise.measured import Measured
 from ambid.noise.response_lines import ResponseLines
@@ -129,7 +130,7 @@ class Noise:
 
     @property
     def spreads(self) -> FloatArray:
-        """Variance of each whitened number on the direction of a whitened response, see `Spectrum`."""
+        """Variance of each whitened number of the records on the direction of a whitened response, see `Spectrum`."""
         return np.concatenate([part.spreads for part in self.parts])
 
     @property
@@ -139,20 +140,20 @@ class Noise:
         return float(np.sqrt(np.average([part.scatter**2 for part in self.parts], weights=numbers)))
 
     def by_record(self, white: FloatArray) -> list[FloatArray]:
-        """Whitened numbers of all records, record by record."""
-        return np.split(white, np.cumsum([part.numbers for part in self.parts])[:-1])
+        """Whitened numbers of all records, record by record, without those that are known beforehand."""
+        return np.split(white, np.cumsum([part.numbers for part in self.parts]))[:-1]
 
     def residual(self, model: Model) -> FloatArray:
-        """Whitened measured minus simulated, all records in a row; its sum of squares is J."""
-        return np.concatenate([own.residual for own in self.white(model, [])])
+        """Whitened measured minus simulated, all records in a row, then what is known beforehand; J is its square."""
+        return self.jacobian(model, [])[0]
 
     def departure(self, model: Model) -> FloatArray:
         """Whitened response of a settled model less what was measured; of two models the difference is one of both."""
-        return np.concatenate([part.departure(part.at(model)) for part in self.parts])
+        return np.concatenate([*(part.departure(part.at(model)) for part in self.parts), -known_residual(model)])
 
     def slopes(self, model: Model, free: Sequence[int]) -> FloatArray:
         """Whitened derivatives of the settled response by the parameters in `free`."""
-        return np.vstack([part.slopes(part.at(model), free) for part in self.parts])
+        return np.vstack([*(part.slopes(part.at(model), free) for part in self.parts), known_slopes(model, free)])
 
     def transients(self, model: Model) -> list[FloatArray]:
         """Of each record an orthonormal basis of what a transient can look like, whitened."""
@@ -165,7 +166,8 @@ class Noise:
     def jacobian(self, model: Model, free: Sequence[int]) -> tuple[FloatArray, FloatArray]:
         """Whitened residual, and whitened derivative of the response by the parameters in `free`."""
         found = self.white(model, free)
-        return np.concatenate([own.residual for own in found]), np.vstack([own.slopes for own in found])
+        residual = np.concatenate([*(own.residual for own in found), known_residual(model)])
+        return residual, np.vstack([*(own.slopes for own in found), known_slopes(model, free)])
 
     def quadratic(
         self, model: Model, free: Sequence[int], near: Sequence[FloatArray] = (), *, roughly: bool = False
@@ -246,6 +248,9 @@ class Noise:
             for (k, part, here), transient, slopes, numbers in zip(members, *found[3:], strict=True):
                 transients[k], turning[k] = transient, slopes
                 part.remember(here, transient, numbers)
+        known, slopes = known_residual(model), known_slopes(model, free)
+        hessian, gradient = hessian + slopes.T @ slopes, gradient - slopes.T @ known
+        cost += float(known @ known)
         return Quadratic(hessian, gradient, cost, fitted, transients, turning)
 
 

@@ -31,6 +31,7 @@ from ambid.rig.fields import (
     rig_error,
 )
 from ambid.rig.rotor import PointMassRotor, Position, Rotor, off_the_shaft
+from ambid.rig.tolerance import MEASURED_FREQUENCY, TYPICAL, Tolerance
 from ambid.rig.toml import toml_text
 from ambid.writing import whole_file
 
@@ -210,6 +211,8 @@ class Rig(Spec):
         Of every axis.
     controller : PidController, StateSpaceController or TransferFunctionController
         From the displacements to the commands of the amplifiers.
+    tolerance : Tolerance, optional
+        How well all these are known; without it every value is taken for exact.
 
     Raises
     ------
@@ -231,6 +234,9 @@ class Rig(Spec):
     actuator: Actuator = Field(description="a table [actuator] with time_constant in s")
     controller: AnyController = Field(
         description="a table [controller] with kind = 'pid', 'state_space' or 'transfer_function'"
+    )
+    tolerance: Tolerance | None = Field(
+        None, description="a table [tolerance] with standard deviations, or exact = true"
     )
     _path: Path | None = PrivateAttr(None)
     _provenance: Provenance | None = PrivateAttr(None)
@@ -286,6 +292,19 @@ class Rig(Spec):
     def axes(self) -> tuple[str, ...]:
         """Names of all axes in order, such as ("A_zeta", "A_eta", "B_zeta", "B_eta")."""
         return tuple(axis for bearing in self.bearings for axis in bearing.axis_names)
+
+    def known_to(self, key: str) -> float:
+        """Standard deviation to which a value is known, see `Tolerance`: the stated one, or what is typical here."""
+        if self.tolerance is None:
+            return 0.0
+        stated = self.tolerance.stated(key)
+        if stated is not None:
+            return stated
+        if self.controller.is_digital and key in ("controller_gain", "excitation_gain"):
+            return 0.0
+        if key == "bending_frequency" and getattr(self.rotor, "bending_frequencies_hz", None):
+            return MEASURED_FREQUENCY
+        return TYPICAL[key]
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Rig":

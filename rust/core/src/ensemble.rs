@@ -51,6 +51,9 @@ pub struct Fit<'a> {
     pub most: usize,
     /// Relative step at which the descent ends.
     pub step: f64,
+    /// Of the parameters in `free` one over the variance that each is known to, about 0, before any record; 0 for
+    /// nothing. What the values take of it is part of the sum of squares.
+    pub prior: Vec<f64>,
 }
 
 /// Where a fit ended.
@@ -77,8 +80,14 @@ impl Fit<'_> {
     /// The descent from the start, or from where others begin; and x of its end.
     fn run(&self, from: Option<Begin>) -> Result<(DVector<f64>, End)> {
         self.check()?;
-        let settings =
-            Settings { scale: &self.scale, lower: &self.lower, upper: &self.upper, most: self.most, step: self.step };
+        let settings = Settings {
+            scale: &self.scale,
+            lower: &self.lower,
+            upper: &self.upper,
+            prior: &self.prior,
+            most: self.most,
+            step: self.step,
+        };
         let start = from.as_ref().map_or_else(|| DVector::from_column_slice(&self.x), |from| from.x.clone());
         let mut known = from;
         let mut before: Option<(DVector<f64>, LineNormal)> = None;
@@ -100,8 +109,13 @@ impl Fit<'_> {
     }
 
     fn check(&self) -> Result<()> {
-        let own =
-            [("scale", &self.scale), ("lower bounds", &self.lower), ("upper bounds", &self.upper), ("start", &self.x)];
+        let own = [
+            ("scale", &self.scale),
+            ("lower bounds", &self.lower),
+            ("upper bounds", &self.upper),
+            ("start", &self.x),
+            ("prior", &self.prior),
+        ];
         own.iter().try_for_each(|(what, numbers)| check_len(what, numbers.len(), self.free.len()))?;
         check_finite("start", &self.x)?;
         self.groups.iter().try_for_each(|(system, _)| system.check(&self.theta, &self.free))
@@ -141,6 +155,11 @@ impl Fit<'_> {
                     total.cost += found.squares.iter().sum::<f64>();
                 }
             }
+        }
+        for (k, (i, weight)) in self.free.iter().zip(&self.prior).enumerate() {
+            total.hessian[(k, k)] += weight;
+            total.gradient[k] += weight * theta[*i];
+            total.cost += weight * theta[*i] * theta[*i];
         }
         Ok(total)
     }

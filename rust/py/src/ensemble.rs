@@ -39,6 +39,8 @@ pub struct Fit<'py> {
     most: usize,
     #[pyo3(item)]
     step: f64,
+    #[pyo3(item)]
+    prior: PyReadonlyArray1<'py, f64>,
 }
 
 impl Fit<'_> {
@@ -58,6 +60,7 @@ impl Fit<'_> {
             x: self.x.as_slice()?.to_vec(),
             most: self.most,
             step: self.step,
+            prior: self.prior.as_slice()?.to_vec(),
         })
     }
 }

@@ -34,6 +34,8 @@ pub struct Settings<'a> {
     pub scale: &'a [f64],
     pub lower: &'a [f64],
     pub upper: &'a [f64],
+    /// See [`super::Fit::prior`]; a value that is known beforehand may lie on its bound.
+    pub prior: &'a [f64],
     pub most: usize,
     pub step: f64,
 }
@@ -129,8 +131,8 @@ pub fn descend(
     let status = if !done {
         Status::MaxEvaluations
     } else if on_bound(&at.x, &lower, &upper, settings.step)
-        .zip(at.x.iter())
-        .any(|(on, x)| on != 0 && x.abs() > 10.0 * TINY)
+        .zip(at.x.iter().zip(settings.prior))
+        .any(|(on, (x, prior))| on != 0 && x.abs() > 10.0 * TINY && *prior == 0.0)
     {
         Status::AtBound
     } else {

@@ -1,0 +1,347 @@
+"""Values of the rig file that are known to a tolerance: what an error of each does to the loop.
+
+Each is an effect like those of the catalogue, whose parameters have a standard deviation from the rig file's
+[tolerance] in place of nothing known; where the catalogue has the same physics, the same equations serve both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import pi
+from typing import ClassVar
+
+import numpy as np
+
+from ambid.effects.rotor import RotorInertiaError, kept_modes
+from ambid.effects.sensor import SamplingSkew, SensorMisalignment, SensorPositionError
+from ambid.effects.slips import ControllerGainError
+from ambid.loop.assembly import combine
+from ambid.loop.effect import Effect, EffectParameter
+from ambid.loop.geometry import rotor_of
+from ambid.loop.plant import Plant
+from ambid.rig import PointMassRotor, Rig
+
+__all__ = ["KNOWN", "Known"]
+
+FARTHEST = 5.0
+"""Standard deviations beyond which a value is not known to its tolerance: one in 1.7 million is off by more, and what a
+record calls for there is an effect."""
+LEAST = -0.9
+"""Relative error of a quantity that is positive, at least."""
+STEP = 1e-3
+"""To each side of a place, by which the slope of the shapes there is taken [m]."""
+
+
+class Known(Effect):
+    """A value of the rig file, or one a bearing, axis or mode, with its tolerance.
+
+    Attributes
+    ----------
+    key : str
+        Of the rig file's [tolerance].
+    unit : str
+        Of the error: ``1`` for a relative one.
+    factor : float
+        From the unit of the key to that of the error.
+    """
+
+    key: ClassVar[str]
+    unit: ClassVar[str] = "1"
+    factor: ClassVar[float] = 1.0
+    signature = "none of its own: it is a value that the rig file gives"
+    source = "JCGM 100:2008 (GUM), 4.3"
+
+    def members(self, rig: Rig) -> Sequence[str]:
+        """What the errors are of, such as axes; an empty name for the whole machine; none where there is no such."""
+        return rig.axes
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """The error of each member; none where the value is exact."""
+        std = self.factor * rig.known_to(self.key)
+        if std == 0.0:
+            return []
+        meaning, lower = f"error of {self.key} in the rig file", -FARTHEST * std
+        if self.unit == "1":
+            lower = max(lower, LEAST)
+        return [
+            EffectParameter(name, self.unit, std, lower, FARTHEST * std, meaning=meaning, std=std)
+            for name in self.members(rig)
+        ]
+
+    why_not = Effect.why_not
+
+    def slot(self, parameter: str) -> str:
+        """Such as ``sensor_gain.A_zeta``, or ``mass`` alone."""
+        return f"{self.key}.{parameter}" if parameter else self.key
+
+
+class _OfRotor(Known, RotorInertiaError):
+    """Mass or inertia of a rigid rotor: also where K_i and K_s absorb it."""
+
+    def members(self, rig: Rig) -> Sequence[str]:
+        """The rotor, where its rigid modes are translation and rotation; a point mass has a mass."""
+        if isinstance(rig.rotor, PointMassRotor):
+            return [""] if self.key == "mass" else []
+        return [""] if rotor_of(rig).rigid_modes == 2 else []
+
+    def attach(self, plant: Plant) -> None:
+        """The force of the motion is divided by 1 + d."""
+        if isinstance(plant.rig.rotor, PointMassRotor):
+            motion = np.ones(1)
+        else:
+            motion = dict(zip(("mass", "inertia"), plant.rotor.rigid_motions(), strict=True))[self.key]
+        n = len(plant.rotor.frequencies_rad_s)
+        for plane in range(plant.rotor.planes):
+            forces = [f"modal_force.{plane * n + k}" for k in range(len(motion))]
+            heavier = plant.port(self.slot(""), combine(motion, [plant[force] for force in forces]))
+            for force, share in zip(forces, motion, strict=True):
+                plant.inject(force, -share * heavier)
+
+
+@dataclass(frozen=True)
+class KnownMass(_OfRotor):
+    """Mass of the rotor."""
+
+    name = key = "mass"
+    physics = "the mass of the rotor"
+
+
+@dataclass(frozen=True)
+class KnownInertia(_OfRotor):
+    """Transverse inertia of the rotor."""
+
+    name = key = "inertia"
+    physics = "the transverse inertia of the rotor"
+
+
+class _AlongShaft(Known):
+    """A place of each bearing along the shaft."""
+
+    unit = "m"
+
+    def members(self, rig: Rig) -> Sequence[str]:
+        """Every bearing; a point mass is the same everywhere."""
+        return [] if isinstance(rig.rotor, PointMassRotor) else [b.name for b in rig.bearings]
+
+
+@dataclass(frozen=True)
+class KnownPosition(_AlongShaft):
+    """Places of the magnets."""
+
+    name = key = "position"
+    physics = "the places of the magnets along the shaft"
+    equation = "s and v of z + dz, and the force acts there"
+
+    def positions(self, rig: Rig) -> Sequence[float]:
+        """A millimetre to each side of every magnet: their shapes give the slope."""
+        if not self.parameters(rig):
+            return []
+        low, high = rig.rotor.span
+        return [float(np.clip(b.position + d, low, high)) for b in rig.bearings for d in (-STEP, STEP)]
+
+    def attach(self, plant: Plant) -> None:
+        """Exact to first order in the offset."""
+        at = iter(self.positions(plant.rig))
+        places = iter(zip(plant.axes, plant.directions, strict=True))
+        for bearing in plant.rig.bearings:
+            below, above = next(at), next(at)
+            for _ in bearing.axes:
+                axis, direction = next(places)
+                slope = (plant.shape(above, direction) - plant.shape(below, direction)) / (above - below)
+                for signal, of in (("s", "eta"), ("v", "eta_rate")):
+                    tilt = combine(slope, [plant[f"{of}.{k}"] for k in range(plant.coordinates)])
+                    plant.inject(f"{signal}.{axis}", plant.port(self.slot(bearing.name), tilt))
+                moved = plant.port(self.slot(bearing.name), plant[f"f.{axis}"])
+                for k, onto in enumerate(slope):
+                    if onto:
+                        plant.inject(f"modal_force.{k}", onto * moved)
+
+
+@dataclass(frozen=True)
+class KnownSensorPosition(_AlongShaft, SensorPositionError):
+    """Places of the sensors."""
+
+    name = key = "sensor_position"
+
+    def positions(self, rig: Rig) -> Sequence[float]:
+        """As of `SensorPositionError`."""
+        return SensorPositionError.positions(self, rig) if self.parameters(rig) else []
+
+    def slot(self, parameter: str) -> str:
+        """Such as ``sensor_position.A``."""
+        return super().slot(parameter.removeprefix("offset_"))
+
+
+@dataclass(frozen=True)
+class KnownSensorAngle(Known, SensorMisalignment):
+    """Angles of the sensors against the magnets."""
+
+    name = key = "sensor_angle"
+    unit, factor = "rad", pi / 180.0
+
+    def members(self, rig: Rig) -> Sequence[str]:
+        """Bearings of two axes."""
+        return [b.name for b in rig.bearings if len(b.axes) == 2]
+
+    def slot(self, parameter: str) -> str:
+        """Such as ``sensor_angle.A``."""
+        return super().slot(parameter.removeprefix("angle_"))
+
+
+@dataclass(frozen=True)
+class KnownSensorGain(Known):
+    """Gains of all sensors, those too that K_i absorbs."""
+
+    name = key = "sensor_gain"
+    physics = "the gains of the displacement sensors"
+    equation = "y = (1 + g) y_true"
+
+    def attach(self, plant: Plant) -> None:
+        """At every sensor."""
+        for axis in plant.axes:
+            plant.inject(f"scaled.{axis}", plant.port(self.slot(axis), plant.raw(f"scaled.{axis}")))
+
+
+@dataclass(frozen=True)
+class KnownCurrentGain(Known):
+    """Gains of the current readings."""
+
+    name = key = "current_gain"
+    physics = "the gains of the current readings"
+    equation = "i_c = (1 + g) i_a"
+
+    def attach(self, plant: Plant) -> None:
+        """At every reading."""
+        for axis in plant.axes:
+            plant.inject(f"i_c.{axis}", plant.port(self.slot(axis), plant.raw(f"i_c.{axis}")))
+
+
+@dataclass(frozen=True)
+class KnownExcitationGain(Known):
+    """Scale of the excitation."""
+
+    name = key = "excitation_gain"
+    physics = "the scale of the excitation"
+    equation = "i_ref = -K y + (1 + e) i_e"
+
+    def members(self, rig: Rig) -> Sequence[str]:
+        """All axes together."""
+        return [""]
+
+    def attach(self, plant: Plant) -> None:
+        """The same on every axis."""
+        plant.scale_excitation(self.slot(""))
+
+
+@dataclass(frozen=True)
+class KnownInstant(Known, SamplingSkew):
+    """Instants of currents against displacements."""
+
+    name = key = "instant"
+    unit = "s"
+
+    def members(self, rig: Rig) -> Sequence[str]:
+        """All currents together, where they move between the samples."""
+        return [""] if rig.amplifier.time_constant > 0.0 else []
+
+    def slot(self, parameter: str) -> str:
+        """The key alone."""
+        return self.key
+
+    def _reads_y_early(self, rig: Rig) -> bool:
+        return False
+
+
+@dataclass(frozen=True)
+class KnownBendingFrequency(Known):
+    """Frequencies of the kept bending modes."""
+
+    name = key = "bending_frequency"
+    physics = "the frequencies of the bending modes"
+    equation = "eta'' + 2 zeta w eta' + (1 + 2 d) w^2 eta = force"
+
+    def members(self, rig: Rig) -> Sequence[str]:
+        """Every kept mode, from 1 on."""
+        return [str(k) for k in range(1, rig.rotor.bending_modes + 1)]
+
+    def attach(self, plant: Plant) -> None:
+        """Stiffness beside that of the mode."""
+        for k, mode, w in kept_modes(plant):
+            stiffer = plant.port(self.slot(str(mode)), plant[f"eta.{k}"], scale=2.0 * w**2)
+            plant.inject(f"modal_force.{k}", -stiffer)
+
+
+@dataclass(frozen=True)
+class KnownModalDamping(Known):
+    """Damping of the kept bending modes."""
+
+    name = key = "modal_damping"
+    physics = "the damping of the bending modes"
+    equation = "eta'' + 2 (1 + d) zeta w eta' + w^2 eta = force"
+
+    def members(self, rig: Rig) -> Sequence[str]:
+        """Every kept mode that is damped, from 1 on."""
+        rotor = rotor_of(rig)
+        count = rig.rotor.bending_modes
+        return [str(k) for k in range(1, count + 1) if rotor.damping[rotor.rigid_modes + k - 1] > 0.0]
+
+    def attach(self, plant: Plant) -> None:
+        """Damping beside that of the mode."""
+        for k, mode, w in kept_modes(plant):
+            zeta = plant.rotor.damping[plant.rotor.rigid_modes + mode - 1]
+            if zeta > 0.0:
+                damped = plant.port(self.slot(str(mode)), plant[f"eta_rate.{k}"], scale=2.0 * w * zeta)
+                plant.inject(f"modal_force.{k}", -damped)
+
+
+@dataclass(frozen=True)
+class KnownAmplifier(Known):
+    """Time constants of the amplifiers."""
+
+    name = key = "amplifier_time_constant"
+    physics = "the time constants of the amplifiers"
+    equation = "(1 + d) tau_a i_a' = i_set - i_a"
+
+    def members(self, rig: Rig) -> Sequence[str]:
+        """Every axis, where amplifiers have a lag."""
+        return rig.axes if rig.amplifier.time_constant > 0.0 else []
+
+    def attach(self, plant: Plant) -> None:
+        """The rate of the current is divided by 1 + d."""
+        for axis in plant.axes:
+            free = plant.raw(f"i_a_free.{axis}")
+            rate = plant.signal(f"i_a_true_rate.{axis}", free)
+            slower = plant.port(self.slot(axis), rate)
+            plant.inject(f"i_a_true_rate.{axis}", -slower)
+            plant.inject(f"i_a_free.{axis}", -slower)
+            plant.set_rate(f"i_a.{axis}", rate + plant.cut(axis))
+
+
+@dataclass(frozen=True)
+class KnownControllerGain(Known, ControllerGainError):
+    """Gains of an analog controller."""
+
+    name = key = "controller_gain"
+
+    def members(self, rig: Rig) -> Sequence[str]:
+        """Every gain of a PID, or the whole of any other controller."""
+        return rig.controller.gains
+
+
+KNOWN: tuple[Known, ...] = (
+    KnownMass(),
+    KnownInertia(),
+    KnownPosition(),
+    KnownSensorPosition(),
+    KnownSensorAngle(),
+    KnownSensorGain(),
+    KnownCurrentGain(),
+    KnownExcitationGain(),
+    KnownInstant(),
+    KnownBendingFrequency(),
+    KnownModalDamping(),
+    KnownAmplifier(),
+    KnownControllerGain(),
+)
+"""One for every key of [tolerance] that acts on the linear loop."""
