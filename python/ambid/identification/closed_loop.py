@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ambid.arrays import FloatArray
 from ambid.errors import ModelError, RecordError, Stopped
-from ambid.findings import NOWHERE, Finding, Kind
+from ambid.findings import NOWHERE, Finding, Kind, Where
 from ambid.identification.covariance import budget, covariance, lost, sandwich, undetermined
 from ambid.identification.curvature import Curvature, curvature
 from ambid.identification.damped import damped_start
-from ambid.identification.estimate import Estimate, KnownValue, ParameterEstimate
+from ambid.identification.estimate import TYPICAL, VALUE_MOVED, Estimate, KnownValue, ParameterEstimate
 from ambid.identification.minimum import ROUGHLY, WhitenedProblem
 from ambid.identification.preparation import prepare
 from ambid.identification.problem import Descent, End, LeastSquares, Limits, Problem, noise_levels
@@ -22,6 +22,7 @@ from ambid.identification.starts import best_of, is_kept_away, stable_model
 from ambid.model import Given, Model
 from ambid.noise import Comparison, Noise, compare
 from ambid.record import Measurement, Record, Source
+from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["LIKELIHOOD", "Found", "Steps", "identify", "steps"]
@@ -46,6 +47,9 @@ MOST_RENEWALS = 3
 """So often is the noise of a record without periods taken from the residual again, at the most."""
 LARGEST_WEIGHT = 1e6
 """Of a channel; its square still leaves digits to a channel of weight 1."""
+MOVED = 1.5
+"""Standard deviations of its tolerance by which a value of the rig file is moved that is told: one in eight is, by
+chance."""
 RENEWED = 0.01
 """Relative change of J by that which is small enough."""
 
@@ -331,6 +335,24 @@ def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:
     return factors
 
 
+def _of_tolerances(rig: Rig, tolerances: Mapping[str, KnownValue]) -> Iterator[Finding]:
+    """Which tolerances are typical ones, and which values of the rig file the records move."""
+    known = {name.partition(".")[0] for name in tolerances}
+    if rig.tolerance is not None and (keys := [key for key in rig.tolerance.typical_keys if key in known]):
+        where = Where(file=str(rig.path or ""), key="tolerance")
+        yield TYPICAL(where, keys=keys, values=[f"{key} = {rig.known_to(key):g}" for key in keys])
+    for name, own in tolerances.items():
+        if abs(own.posterior_value) > MOVED * own.std:
+            yield VALUE_MOVED(
+                Where(file=str(rig.path or ""), key=name),
+                name=name,
+                error=own.posterior_value,
+                unit="(relative)" if own.unit == "1" else own.unit,
+                posterior_std=own.posterior_std,
+                std=own.std,
+            )
+
+
 def _estimate(found: Found, begun: float) -> Estimate:
     problem, end, limits, covariance, _, directions, comparison, findings, curved = found
     model, free, unknown = problem.model, problem.free, found.unknown
@@ -356,6 +378,7 @@ def _estimate(found: Found, begun: float) -> Estimate:
     if curved is not None:
         findings = [*findings, curved.finding()]
     own = [k for k, i in enumerate(free) if model.parameters[i].prior is None]
+    findings = [*findings, *_of_tolerances(model.rig, tolerances)]
     whole = np.full((len(model.names),) * 2, np.nan)
     whole[np.ix_(free, free)] = covariance
     estimate = Estimate(

@@ -34,8 +34,8 @@ from ambid.identification.problem import Problem, padded_outputs
 from ambid.model import Model
 from ambid.model.parameter import nominal
 from ambid.noise import Comparison
-from ambid.noise.known import known_weights
 from ambid.noise.colour import loop_noise
+from ambid.noise.known import known_weights
 from ambid.noise.transients import freed, orthonormal
 from ambid.record import Record
 

@@ -12,6 +12,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.effects.magnet import ForceNonlinearity
 from ambid.errors import ModelError, did_you_mean
 from ambid.findings import NOWHERE, Finding, Kind, WithFindings
+from ambid.identification.covariance import budget
 from ambid.identification.curvature import Curvature
 from ambid.model import Model
 from ambid.noise import Comparison
@@ -33,6 +34,18 @@ CURVED = Kind(
     "warning",
     "the model is inconsistent with the data: misfit {misfit:{limit}|against}, limit {limit:{misfit}|against} (J/dof), "
     "but the curved force of a single magnet is seen: K_i and K_s change during the motion",
+)
+TYPICAL = Kind(
+    "typical_tolerances",
+    "note",
+    "[tolerance] of the rig file has no {keys}: typical standard deviations are assumed, {values}",
+    "state them in [tolerance], or write exact = true there",
+)
+VALUE_MOVED = Kind(
+    "rig_value_moved",
+    "note",
+    "the data move {name} by {error:.3g} {unit} (standard deviation {posterior_std:.2g}; tolerance {std:.3g})",
+    "check the value in the rig file; within three tolerances it is an ordinary error of it",
 )
 RECORD_PERIODS = Kind(
     "next_record_periods",
@@ -84,9 +97,7 @@ class ParameterEstimate:
     std_error_statistical: float | None = None
 
     @classmethod
-    def normal(
-        cls, value: float, std_error: float, unit: str, statistical: float | None = None
-    ) -> ParameterEstimate:
+    def normal(cls, value: float, std_error: float, unit: str, statistical: float | None = None) -> ParameterEstimate:
         """With the 95 % interval of the normal distribution."""
         ci95 = (value - NORMAL_95 * std_error, value + NORMAL_95 * std_error)
         return cls(value, std_error, ci95, unit, std_error if statistical is None else statistical)
@@ -193,6 +204,23 @@ class Estimate(WithFindings, Tabular):
             hint = did_you_mean(name, self.parameters)
             raise ModelError(f"{held}; {hint}fitted were {', '.join(self.parameters)}")
         return self.parameters[name]
+
+    def budget(self) -> dict[str, dict[str, float]]:
+        """Variance of every parameter by what it comes from, in its unit squared (GUM, JCGM 100:2008, 5.1).
+
+        Returns
+        -------
+        dict of str to dict of str to float
+            Of each parameter that of ``noise``, which is its statistical part, and of each tolerance by name.
+        """
+        places = [*self.model.index(self.parameters), *self.model.index(self.tolerances)]
+        names, rows = [self.model.names[i] for i in places], budget(self.comparison, places)
+        return {
+            name: {"noise": float(rows[k, 0])}
+            | {other: float(rows[k, 1 + j]) for j, other in enumerate(names) if other in self.tolerances}
+            for k, name in enumerate(names)
+            if name in self.parameters
+        }
 
     @property
     def records(self) -> tuple[Measurement, ...]:
@@ -333,6 +361,13 @@ class Estimate(WithFindings, Tabular):
                 f"{name:14s} {p.value:13.6g} {p.std_error:11.3g}   {p.ci95[0]:.6g} .. {p.ci95[1]:.6g}{of_unit(p.unit)}"
             )
         lines += ["forces: f = K_i i + K_s s, K_s > 0 destabilises"]
+        if self.tolerances:
+            own = [p for p in self.parameters.values() if p.std_error and p.std_error_statistical is not None]
+            share = np.median([p.std_error_statistical / p.std_error for p in own]) if own else np.nan
+            lines += [
+                f"intervals include {len(self.tolerances)} tolerances of the rig file; noise alone makes "
+                f"{100 * share:.2g} % of the median standard error"
+            ]
         lines += ["", f"{'channel':14s} {'fit %':>8s} {'noise ceiling %':>16s}", "-" * 40]
         for channel, fit in self.fit_percent.items():
             name = "average of y" if channel == "average" else channel

@@ -484,7 +484,7 @@ class Model:
         return model if covariance is None else model.with_covariance(covariance)
 
     def __repr__(self) -> str:
-        rows = [f"  {p.name:12s} {p.value:12.6g}{of_unit(p.unit)}" for p in self.parameters]
+        rows = [f"  {p.name:12s} {p.value:12.6g}{of_unit(p.unit)}" for p in self.parameters if p.prior is None]
         effects = ", ".join(effect.name for effect in self.effects) or "no effects added"
         return "\n".join([f"Model of {self.rig.name!r}, {len(self.rig.axes)} axes, {effects}", *rows])
 

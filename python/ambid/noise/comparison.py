@@ -64,6 +64,12 @@ NONLINEAR = Kind(
 )
 
 
+MOST_STEPS = 5
+"""Steps of Gauss and Newton to the errors of known values, at the most."""
+SETTLED = 0.1
+"""Fall of J at which they end: that of a right model scatters by more than one."""
+
+
 class Comparison(WithFindings, Tabular):
     """All records against the model; result of `compare`. Immutable.
 
@@ -353,8 +359,9 @@ def compare(model: Given, records: Source | Sequence[Source]) -> Comparison:
     Parameters
     ----------
     model : Model or Rig, or path of a rig file or saved model
-        As it stands; nothing is fitted but the state that each record begins with, and the angle at which each begins
-        waves of effects, such as unbalance. A rig means its nominal values.
+        As it stands; nothing is fitted but the state that each record begins with, the angle at which each begins
+        waves of effects, such as unbalance, and, of a model that no fit has moved, the errors of the values that its
+        rig knows to a tolerance. A rig means its nominal values.
     records : Record or FrequencyResponse, path of a file, or sequence of them
 
     Returns
@@ -369,10 +376,35 @@ def compare(model: Given, records: Source | Sequence[Source]) -> Comparison:
         If a record has other axes than the rig, or no excitation, or a response has channels that the loop lacks.
     """
     model = as_model(model)
+    is_new = not model.structure.known
+    model = model.with_tolerances()
     records = measured(records, model.rig)
     model = model.covering(records)
     with model.loop.telling_the_mode(model.theta):
         for record in records:
             if isinstance(record, FrequencyResponse):  # refuses a loop that is unstable or lacks its channels
                 ResponseLines(record, model).simulated(model.at(record))
-        return Comparison(model, records).with_own_angles()
+        found = Comparison(model, records).with_own_angles()
+        return _with_known_values(found) if is_new and found.is_judged else found
+
+
+def _with_known_values(comparison: Comparison) -> Comparison:
+    """The same with the values that are known to a tolerance where the records and the rig file together have them."""
+    places = [i for i, p in enumerate(comparison.model.parameters) if p.prior is not None]
+    best = comparison.of(comparison.model.opened()) if places else comparison
+    for _ in range(MOST_STEPS if places else 0):
+        here, form = best.model, best.noise.quadratic(best.model, places)
+        own = [here.parameters[i] for i in places]
+        theta = here.theta
+        theta[places] -= np.linalg.solve(form.hessian, form.gradient)
+        theta[places] = np.clip(theta[places], [p.lower for p in own], [p.upper for p in own])
+        trial = best.of(here.with_theta(theta))
+        try:
+            fall = best.cost - trial.cost
+        except UnstableLoopError:
+            break
+        if fall > 0.0:
+            best = trial
+        if fall < SETTLED:
+            break
+    return best

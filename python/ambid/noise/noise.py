@@ -11,7 +11,7 @@ from ambid import _core
 from ambid.arrays import FloatArray
 from ambid.loop.effect import Tone
 from ambid.model import Model
-from ambid.noise.known import known_residual, known_slopes, known_weights
+from ambid.noise.known import known_residual, known_slopes
 from ambid.noise.lines import REMEMBERED, RecordLines, White
 from ambid.noise.measured import Measured
 from ambid.noise.response_lines import ResponseLines

@@ -1,0 +1,79 @@
+"""Where the rig file is off by ordinary tolerances the model is right, and total intervals hold the truth."""
+
+import numpy as np
+import pytest
+
+from ambid import Rig, identify, prbs
+from hidden.bench import simulate
+from hidden.families import BENCHES
+from hidden.tolerances import TABLE, measured_off
+from places import LEVITATOR
+
+ONE_AXIS = {"K_i": [165.0], "K_s": [1.1e6], "tau_e": 2.4e-4}
+
+
+def found(rig, machine, i_e, seed, **noise):
+    """The estimate of a machine that is off, and how far each parameter is from the truth in standard errors."""
+    known, record = measured_off(rig, i_e, seed, **machine, **noise)
+    estimate = identify(known, record)
+    truth = {
+        f"{kind}.{axis}": value for kind in ("K_i", "K_s") for axis, value in zip(rig.axes, machine[kind], strict=True)
+    } | {"tau_e": machine["tau_e"]}
+    own = estimate.parameters
+    return estimate, {name: (own[name].value - value) / own[name].std_error for name, value in truth.items()}
+
+
+def of_levitator(seed):
+    i_e = prbs(8, amplitude=0.2, hold=2, axes=1, periods=8, seed=seed)
+    return found(Rig.load(LEVITATOR), ONE_AXIS, i_e, seed, sensor_noise=30e-9, current_noise=2e-3)
+
+
+def of_bench(seed):
+    bench = BENCHES["bench"]
+    i_e = prbs(9, amplitude=bench.amplitude, hold=bench.hold, axes=4, periods=4, seed=seed)
+    return found(bench.rig, bench.truth, i_e, seed, **bench.noise)
+
+
+@pytest.mark.parametrize(
+    ("drawn", "seeds"),
+    [
+        pytest.param(of_levitator, range(16), id="one axis"),
+        pytest.param(of_levitator, range(100, 180), id="one axis, many", marks=pytest.mark.slow),
+        pytest.param(of_bench, range(12), id="four axes", marks=pytest.mark.slow),
+    ],
+)
+def test_total_intervals_hold_the_truth_and_the_model_is_adequate(drawn, seeds):
+    each = [drawn(seed) for seed in seeds]
+    assert all(estimate.is_adequate for estimate, _ in each), [estimate.misfit for estimate, _ in each]
+    inside = np.mean([[abs(z) < 1.96 for z in off.values()] for _, off in each])
+    assert inside > 0.95 - 3.0 * np.sqrt(0.05 * 0.95 / len(seeds))
+    # the intervals of an exact rig file would not hold it
+    assert np.mean([list(estimate.parameters["K_i.A_zeta"].ci95) for estimate, _ in each]) > 0.0
+    alone = [estimate.parameters["K_i.A_zeta"] for estimate, _ in each]
+    assert all(p.std_error > 3.0 * p.std_error_statistical for p in alone)
+
+
+def test_a_tolerance_that_the_record_feels_is_found():
+    bench = BENCHES["bench"]
+    i_e = prbs(8, amplitude=bench.amplitude, hold=bench.hold, axes=4, periods=3)
+    slower = bench.rig.amplifier.model_copy(update={"time_constant": 1.04 * bench.rig.amplifier.time_constant})
+    record = simulate(bench.rig.replace(amplifier=slower), i_e, seed=1, **bench.truth, **bench.noise)
+    estimate = identify(bench.rig.replace(tolerance=TABLE), record)
+    own = [estimate.tolerances[f"amplifier_time_constant.{axis}"] for axis in bench.rig.axes]
+    assert [p.posterior_value for p in own] == pytest.approx([0.04] * 4, abs=0.005)
+    assert all(p.posterior_std < 0.2 * p.std for p in own)
+    assert estimate.is_adequate
+
+
+def test_an_exact_rig_file_is_fitted_as_before(rig, run):
+    exact, without = identify(rig.replace(tolerance={"exact": True}), run), identify(rig, run)
+    assert exact.to_json()["parameters"] == without.to_json()["parameters"]
+    assert not exact.tolerances
+
+
+def test_variances_are_the_sum_of_their_budget(rig, run):
+    estimate = identify(rig.replace(tolerance={}), run)
+    budget = estimate.budget()
+    for name, p in estimate.parameters.items():
+        assert sum(budget[name].values()) == pytest.approx(p.std_error**2, rel=1e-6)
+        assert budget[name]["noise"] == pytest.approx(p.std_error_statistical**2, rel=1e-9)
