@@ -47,8 +47,6 @@ def test_total_intervals_hold_the_truth_and_the_model_is_adequate(drawn, seeds):
     assert all(estimate.is_adequate for estimate, _ in each), [estimate.misfit for estimate, _ in each]
     inside = np.mean([[abs(z) < 1.96 for z in off.values()] for _, off in each])
     assert inside > 0.95 - 3.0 * np.sqrt(0.05 * 0.95 / len(seeds))
-    # the intervals of an exact rig file would not hold it
-    assert np.mean([list(estimate.parameters["K_i.A_zeta"].ci95) for estimate, _ in each]) > 0.0
     alone = [estimate.parameters["K_i.A_zeta"] for estimate, _ in each]
     assert all(p.std_error > 3.0 * p.std_error_statistical for p in alone)
 

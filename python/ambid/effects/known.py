@@ -135,7 +135,7 @@ class KnownPosition(_AlongShaft):
 
     def positions(self, rig: Rig) -> Sequence[float]:
         """A millimetre to each side of every magnet: their shapes give the slope."""
-        if not self.parameters(rig):
+        if not self.members(rig):
             return []
         low, high = rig.rotor.span
         return [float(np.clip(b.position + d, low, high)) for b in rig.bearings for d in (-STEP, STEP)]
@@ -163,10 +163,6 @@ class KnownSensorPosition(_AlongShaft, SensorPositionError):
     """Places of the sensors."""
 
     name = key = "sensor_position"
-
-    def positions(self, rig: Rig) -> Sequence[float]:
-        """As of `SensorPositionError`."""
-        return SensorPositionError.positions(self, rig) if self.parameters(rig) else []
 
     def slot(self, parameter: str) -> str:
         """Such as ``sensor_position.A``."""

@@ -85,9 +85,9 @@ def covariance(comparison: Comparison, free: Sequence[int]) -> FloatArray:
 def budget(comparison: Comparison, free: Sequence[int]) -> FloatArray:
     """Variance of each free parameter by what it comes from, shape (free, 1 + free).
 
-    The first column is that of noise and misfit (statistical, type A of the GUM, JCGM 100:2008); the others are those of
-    the tolerance to which each free parameter is known beforehand, 0 for one that is not. Rows sum to the variances of
-    `covariance`, where the records determine all.
+    The first column is that of noise and misfit (statistical, type A of the GUM, JCGM 100:2008); the others are those
+    of the tolerance to which each free parameter is known beforehand, 0 for one that is not. Rows sum to the variances
+    of `covariance`, where the records determine all.
     """
     scale = _sizes(comparison.model, free)
     inverse, _, by_noise = _by_noise(comparison, free, scale)
@@ -269,7 +269,7 @@ def _banded(comparison: Comparison, free: Sequence[int], scale: FloatArray) -> F
             g = band.sum(axis=0)
             total += np.outer(g, g)
             bands += 1
-    fitted = np.count_nonzero(known_weights(comparison.model, free) == 0.0)
+    fitted = int(np.count_nonzero(known_weights(comparison.model, free) == 0.0))
     return np.asarray(total * bands / max(bands - fitted, 1))
 
 

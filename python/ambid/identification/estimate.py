@@ -362,8 +362,9 @@ class Estimate(WithFindings, Tabular):
             )
         lines += ["forces: f = K_i i + K_s s, K_s > 0 destabilises"]
         if self.tolerances:
-            own = [p for p in self.parameters.values() if p.std_error and p.std_error_statistical is not None]
-            share = np.median([p.std_error_statistical / p.std_error for p in own]) if own else np.nan
+            pairs = [(p.std_error_statistical, p.std_error) for p in self.parameters.values()]
+            shares = [by_noise / total for by_noise, total in pairs if by_noise is not None and total]
+            share = float(np.median(shares)) if shares else np.nan
             lines += [
                 f"intervals include {len(self.tolerances)} tolerances of the rig file; noise alone makes "
                 f"{100 * share:.2g} % of the median standard error"

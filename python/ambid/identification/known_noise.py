@@ -109,7 +109,7 @@ def steps_in_known_noise(
         If a name is no channel, a number is not positive, no recorded channel has noise, or a record is not in time.
     """
     prepared = prepare(model, records, free, fixed, bounds, starts, seed, max_evaluations)
-    model, measured, in_time, indices, limits, origins = prepared
+    model, measured, in_time, indices, limits, origins, _ = prepared
     rms = noise_of_channels(model.loop.outputs, noise)
     if len(in_time) < len(measured):
         raise ModelError("noise: a frequency response has variances of its own; leave noise out, or such records")

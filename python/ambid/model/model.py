@@ -256,7 +256,7 @@ class Model:
         rig = where if isinstance(where, Rig) else where.point
         if rig is None or rig is self.rig or rig == self.rig:
             return self
-        own = parameters_at(rig, self.rig, self.points, self.parameters, (*self.effects, *self.structure.known))
+        own = parameters_at(rig, self.rig, self.points, self.parameters, self.effects)
         here = Model._of(replace(self.structure, rig=rig, points=()), own)
         if rig not in self._loops:
             self._loops[rig] = here.loop

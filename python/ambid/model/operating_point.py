@@ -88,6 +88,7 @@ def parameters_at(
         require_same_machine(reference, rig)
     needed = {slot for p in nominal(rig) for slot in p.slots}
     needed |= {effect.slot(p.name) for effect in effects for p in effect.parameters(rig)}
+    needed |= {slot for p in parameters if p.prior is not None for slot in p.slots}  # known of the machine, everywhere
 
     def here(slot: str) -> str:
         return slot.removesuffix(end) if slot.startswith(OF_POINT) and slot.endswith(end) else slot

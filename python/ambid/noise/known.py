@@ -2,8 +2,8 @@
 
 A value that is known to a tolerance is a measurement of its own: its error d from the rig file, of standard deviation
 s, adds the whitened number ``0 - d/s`` to the residual, and to J the square of it. A fit that moves d with the other
-parameters minimises ``J = r'r + sum (d/s)^2``, which is the maximum a posteriori; with the response linear in d, J there
-is that of a residual whose covariance ``I + psi s^2 psi'`` the errors are part of: they are marginalised.
+parameters minimises ``J = r'r + sum (d/s)^2``, which is the maximum a posteriori; with the response linear in d, J
+there is that of a residual whose covariance ``I + psi s^2 psi'`` the errors are part of: they are marginalised.
 """
 
 from __future__ import annotations
