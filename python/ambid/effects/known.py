@@ -135,7 +135,7 @@ class KnownPosition(_AlongShaft):
 
     def positions(self, rig: Rig) -> Sequence[float]:
         """A millimetre to each side of every magnet: their shapes give the slope."""
-        if not self.members(rig):
+        if isinstance(rig.rotor, PointMassRotor):
             return []
         low, high = rig.rotor.span
         return [float(np.clip(b.position + d, low, high)) for b in rig.bearings for d in (-STEP, STEP)]

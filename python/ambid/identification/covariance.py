@@ -124,7 +124,7 @@ def lost(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float]]:
     inverse, unseen = _inverse(hessian)
     own = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
     is_driven = not any(isinstance(record, Record) and record.is_free_response for record in comparison.noise.records)
-    asked = np.flatnonzero(known_weights(model, free) == 0.0)  # what is known beforehand is determined by that
+    asked = np.flatnonzero(known_weights(model, free) == 0.0).tolist()  # what is known beforehand is determined by that
     if is_driven and np.sqrt(np.diag(own)[asked].max(initial=0.0)) > DOUBTFUL:
         inverse, unseen = _by_excitation(comparison, free)
         own = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
@@ -137,7 +137,7 @@ def weakest(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float
     scale = _sizes(comparison.model, free)
     inverse, unseen = _by_excitation(comparison, free)
     own = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
-    asked = np.flatnonzero(known_weights(comparison.model, free) == 0.0)
+    asked = np.flatnonzero(known_weights(comparison.model, free) == 0.0).tolist()
     own, scale = own[np.ix_(asked, asked)], scale[asked]
     worst = 2.0 * WHOLLY_UNKNOWN**2 / np.linalg.eigvalsh(own)[-1]
     return undetermined(worst * own * np.outer(scale, scale), comparison.model, [free[k] for k in asked])

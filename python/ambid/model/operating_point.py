@@ -69,7 +69,7 @@ def further_points(reference: Rig, points: Sequence[Rig], records: Iterable[Meas
 
 
 def parameters_at(
-    rig: Rig, reference: Rig, points: Sequence[Rig], parameters: Iterable[Parameter], effects: Iterable[Effect]
+    rig: Rig, reference: Rig, points: Sequence[Rig], parameters: Sequence[Parameter], effects: Iterable[Effect]
 ) -> list[Parameter]:
     """All parameters of the machine, each with the slots that it fills at one of its operating points.
 
