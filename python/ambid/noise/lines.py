@@ -33,7 +33,7 @@ from ambid.noise.measured import Measured
 from ambid.noise.still import Louder, louder_in_motion
 from ambid.noise.transients import OWN, freed, orthonormal
 from ambid.noise.unexcited import Unexcited
-from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, Spectrum, between_lines, require_noise, whitened
+from ambid.noise.whitener import HALF_WIDTH, Spectrum, between_lines, require_noise, whitened
 
 __all__ = ["RecordLines", "White", "as_lines"]
 
@@ -372,14 +372,15 @@ class RecordLines(JudgedLines):
 
     def _between(self) -> Spectrum:
         """The noise, from lines that are not excited."""
-        window, p = self.window.settled, self.measured.channels
-        index = window.between(max(2, -(-PER_CHANNEL * p // (2 * HALF_WIDTH))))
+        window = self.window.settled
+        index = window.between(self.unexcited.gap)
         residual = self.unexcited.left(index, self.tones)
         covariance, spread = between_lines(residual, index / window.periods, self.index / self.window.periods)
         back = self.unexcited.back(self.points)
         covariance = self._with_noise_of_i_e(self._with_rounding(covariance, back), back)
         require_noise(covariance, back, self._z)
-        return Spectrum.of(covariance, back, spread)
+        raised = 1.0 + self.unexcited.shape.unsure(self.points)
+        return Spectrum.of(covariance * raised[:, None, None], back, spread * raised)
 
     def _with_noise_of_i_e(self, covariance: ComplexArray, back: ComplexArray) -> ComplexArray:
         """The noise with what the model answers to noise in the measurement of i_e, which the machine did not hear."""

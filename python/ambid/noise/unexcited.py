@@ -13,11 +13,12 @@ from ambid import _core
 from ambid.arrays import ComplexArray
 from ambid.loop.effect import Tone
 from ambid.model import Model
-from ambid.noise.colour import back_through_loop
+from ambid.noise.colour import back_through_loop, loop_noise
 from ambid.noise.measured import Measured
+from ambid.noise.shape import Loop, Recorder, Shape, Split
 from ambid.noise.transients import orthonormal
 from ambid.noise.wave import OUTSTANDING, waves_between
-from ambid.noise.whitener import likelier_shape
+from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, likelier_shape
 
 __all__ = ["Unexcited"]
 
@@ -55,8 +56,31 @@ class Unexcited:
         return self._left(index, tones, back, is_heard=self.is_heard)
 
     def back(self, points: ComplexArray) -> ComplexArray:
-        """The way back through the loop, behind which noise is smooth, shape (points, p, p)."""
-        return self._back(points, currents_are_read=self.currents_are_read)
+        """What makes noise smooth over frequency, shape (points, p, p)."""
+        return self.shape.back(points)
+
+    @cached_property
+    def shape(self) -> Shape:
+        """Where the noise arises: whichever makes the unexcited lines likeliest, each by those around it."""
+        index = self.window.between(self.gap)
+        points, at = self.window.points(index), index / self.window.periods
+        shapes: list[Shape] = [Loop(self.base, self.measured.channels), Recorder(self.measured.channels)]
+        lines = [self._left(index, (), own.back(points), is_heard=self.is_heard) for own in shapes]
+        way = loop_noise(self.base, points, self.measured.channels)
+        raw = _core.through(way, lines[0])
+        for _ in range(2):  # the second time with the transient that is likeliest beside such noise
+            own = Split(self.base, self.measured.channels, raw, way, np.angle(points))
+            back = own.back(points)
+            left = self._left(index, (), back, is_heard=self.is_heard)
+            raw = _core.through(_core.inverses(back), left)
+        shapes.append(own)
+        lines.append(left)
+        return shapes[likelier_shape(lines, [own.back(points) for own in shapes], at, [own.numbers for own in shapes])]
+
+    @property
+    def gap(self) -> int:
+        """Lines between two excited ones that tell the noise."""
+        return max(2, -(-PER_CHANNEL * self.measured.channels // (2 * HALF_WIDTH)))
 
     @cached_property
     def currents_are_read(self) -> bool:

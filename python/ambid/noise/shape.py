@@ -1,0 +1,81 @@
+"""Shapes of noise over frequency that lines are freed from before they are averaged."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from ambid import _core
+from ambid.arrays import ComplexArray, FloatArray
+from ambid.model import Model
+from ambid.noise.colour import back_through_loop, loop_noise
+from ambid.noise.split import SplitNoise
+
+__all__ = ["Loop", "Recorder", "Shape", "Split"]
+
+
+class Shape(Protocol):
+    """What is known of noise over frequency, but for what the lines around tell.
+
+    Attributes
+    ----------
+    numbers : float
+        That were fitted for it.
+    """
+
+    numbers: float
+
+    def back(self, points: ComplexArray) -> ComplexArray:
+        """What makes the noise smooth, shape (points, p, p)."""
+
+    def unsure(self, points: ComplexArray) -> FloatArray:
+        """Part by which a covariance is too small in the mean for what was fitted, shape (points,)."""
+
+
+class Recorder:
+    """Noise of the recorder alone, smooth as it is recorded."""
+
+    numbers = 0.0
+
+    def __init__(self, channels: int) -> None:
+        self.channels = channels
+
+    def back(self, points: ComplexArray) -> ComplexArray:
+        return np.tile(np.eye(self.channels, dtype=complex), (len(points), 1, 1))
+
+    def unsure(self, points: ComplexArray) -> FloatArray:
+        return np.zeros(len(points))
+
+
+class Loop(Recorder):
+    """Noise that the controller hears, smooth where it enters."""
+
+    def __init__(self, base: Model, channels: int) -> None:
+        super().__init__(channels)
+        self.base = base
+
+    def back(self, points: ComplexArray) -> ComplexArray:
+        return back_through_loop(self.base, points, self.channels)
+
+
+class Split(Recorder):
+    """Both at once."""
+
+    def __init__(self, base: Model, channels: int, raw: ComplexArray, way: ComplexArray, angle: FloatArray) -> None:
+        super().__init__(channels)
+        self.base = base
+        reads = "i_c" in base.rig.controller.signals
+        self.heard = channels if reads else len(base.rig.axes)
+        self.noise = SplitNoise(raw, way[:, :, : self.heard], angle)
+        self.numbers = self.noise.numbers
+
+    def _way(self, points: ComplexArray) -> ComplexArray:
+        return loop_noise(self.base, points, self.channels)[:, :, : self.heard]
+
+    def back(self, points: ComplexArray) -> ComplexArray:
+        covariance = self.noise.covariance(self._way(points), np.angle(points))
+        return np.ascontiguousarray(np.linalg.inv(np.linalg.cholesky(covariance)))
+
+    def unsure(self, points: ComplexArray) -> FloatArray:
+        return self.noise.unsure(self._way(points), np.angle(points))
