@@ -44,6 +44,8 @@ FOURS = ("bench", "small", "compressor", *range(1, 13))
 ORDERS, HOLDS, PERIODS = (7, 8, 9, 10, 11), (1, 2, 4, 8), (3, 4, 6, 10, 20)
 MOST = {ONE: 120_000, FOUR: 60_000}
 """Samples of a record; longer ones have fewer periods, or a shorter hold."""
+WITHOUT = 12_000
+"""Samples of a record without periods, at the most."""
 BLOCK = 120
 
 
@@ -110,8 +112,8 @@ def machine(index: int) -> Bench:
     return BENCHES[which] if isinstance(which, str) else stranger(which)
 
 
-def made(index: int) -> tuple[Rig, Record, Model]:
-    """Rig, record and exact model of that number."""
+def made(index: int, *, periodic: bool = True) -> tuple[Rig, Record, Model]:
+    """Rig, record and exact model of that number; without periods, of as many samples up to `WITHOUT`."""
     own, bench = cell(index), machine(index)
     rig = bench.rig
     if own.implementation != rig.controller.implementation and own.machine == ONE:
@@ -124,6 +126,9 @@ def made(index: int) -> tuple[Rig, Record, Model]:
         colour = [1.0], [1.0, -float(own.colour)]
     heard, unheard = {"recorder": (0.0, y), "loop": (y, 0.0), "both": (y, y)}[own.place]
     i_e = prbs(own.order, amplitude=bench.amplitude, hold=own.hold, axes=len(rig.axes), periods=own.periods, seed=index)
+    if not periodic:
+        signs = np.random.default_rng([index, 3]).choice([-1.0, 1.0], (min(len(i_e), WITHOUT) // own.hold, len(rig.axes)))
+        i_e = np.repeat(bench.amplitude * signs, own.hold, axis=0)
     record = simulate(
         rig,
         i_e,
@@ -134,7 +139,7 @@ def made(index: int) -> tuple[Rig, Record, Model]:
         recorder_noise=unheard,
         recorder_colour=colour,
         recorder_step=step,
-        period=(2**own.order - 1) * own.hold,
+        period=(2**own.order - 1) * own.hold if periodic else None,
         **bench.truth,
     )
     true = {"tau_e": bench.tau_e}
@@ -145,9 +150,7 @@ def made(index: int) -> tuple[Rig, Record, Model]:
 
 def result(index: int, *, fit: bool, periodic: bool) -> dict:
     """What is found of the record of that number."""
-    rig, record, exact = made(index)
-    if not periodic:
-        record = replace(record.rows(0, min(record.samples, 12_000)), period=None)
+    rig, record, exact = made(index, periodic=periodic)
     begun = time.process_time()
     found = compare(exact, record)
     told = {"index": index, "misfit": found.misfit, "dof": found.dof, "seconds": time.process_time() - begun}

@@ -30,6 +30,7 @@ from ambid.noise.in_time import NEUTRAL, InTime
 from ambid.noise.judged import FEW, JudgedLines
 from ambid.noise.local import likelier_beside_excitation
 from ambid.noise.measured import Measured
+from ambid.noise.shape import heard
 from ambid.noise.still import Louder, louder_in_motion
 from ambid.noise.transients import OWN, freed, orthonormal
 from ambid.noise.unexcited import Unexcited
@@ -396,9 +397,7 @@ class RecordLines(JudgedLines):
         rounding = self.measured.rounding
         way = np.array(back)
         if self._base.rig.controller.is_digital:
-            read = len(self.record.axes)
-            if self.unexcited.currents_are_read and "i_c" in self._base.rig.controller.signals:
-                read = self.measured.channels
+            read = heard(self._base, self.measured.channels)
             way[:, :, :read] = np.eye(self.measured.channels)[:, :read]
         return np.asarray(covariance + (way * rounding) @ way.conj().transpose(0, 2, 1))
 

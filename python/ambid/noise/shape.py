@@ -12,7 +12,7 @@ from ambid.model import Model
 from ambid.noise.colour import back_through_loop, loop_noise
 from ambid.noise.split import SplitNoise
 
-__all__ = ["Loop", "Recorder", "Shape", "Split"]
+__all__ = ["Loop", "Recorder", "Shape", "Split", "heard"]
 
 
 class Shape(Protocol):
@@ -59,23 +59,23 @@ class Loop(Recorder):
         return back_through_loop(self.base, points, self.channels)
 
 
+def heard(base: Model, channels: int) -> int:
+    """Channels whose noise a controller hears, the first ones: those that it reads."""
+    return channels if "i_c" in base.rig.controller.signals else min(channels, len(base.rig.axes))
+
+
 class Split(Recorder):
     """Both at once."""
 
-    def __init__(self, base: Model, channels: int, raw: ComplexArray, way: ComplexArray, angle: FloatArray) -> None:
+    def __init__(self, base: Model, channels: int, noise: SplitNoise) -> None:
         super().__init__(channels)
-        self.base = base
-        reads = "i_c" in base.rig.controller.signals
-        self.heard = channels if reads else len(base.rig.axes)
-        self.noise = SplitNoise(raw, way[:, :, : self.heard], angle)
-        self.numbers = self.noise.numbers
-
-    def _way(self, points: ComplexArray) -> ComplexArray:
-        return loop_noise(self.base, points, self.channels)[:, :, : self.heard]
+        self.base, self.noise, self.numbers = base, noise, noise.numbers
 
     def back(self, points: ComplexArray) -> ComplexArray:
-        covariance = self.noise.covariance(self._way(points), np.angle(points))
-        return np.ascontiguousarray(np.linalg.inv(np.linalg.cholesky(covariance)))
+        return self.noise.whitening(self._way(points), np.angle(points))
 
     def unsure(self, points: ComplexArray) -> FloatArray:
-        return self.noise.unsure(self._way(points), np.angle(points))
+        return self.noise.fitted(self._way(points), np.angle(points)) / self.channels
+
+    def _way(self, points: ComplexArray) -> ComplexArray:
+        return loop_noise(self.base, points, self.channels)[:, :, : self.noise.heard]

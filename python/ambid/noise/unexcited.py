@@ -13,9 +13,10 @@ from ambid import _core
 from ambid.arrays import ComplexArray
 from ambid.loop.effect import Tone
 from ambid.model import Model
-from ambid.noise.colour import back_through_loop, loop_noise
+from ambid.noise.colour import loop_noise
 from ambid.noise.measured import Measured
-from ambid.noise.shape import Loop, Recorder, Shape, Split
+from ambid.noise.shape import Loop, Recorder, Shape, Split, heard
+from ambid.noise.split import MOST_LINES, SplitNoise
 from ambid.noise.transients import orthonormal
 from ambid.noise.wave import OUTSTANDING, waves_between
 from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, likelier_shape
@@ -29,6 +30,10 @@ ENOUGH = 2000
 SEVERAL, AROUND = 4, 60
 """Lines between two excited ones, and excited ones to each side, that tell the noise in the measurement of i_e; no loop
 shapes it."""
+SHAPED = 3000
+"""Unexcited lines that tell the shape of the noise."""
+ROUGHLY = 400
+"""Lines that tell roughly where noise arises, for the transient to be taken out of them."""
 TINY = 1e-300
 """In place of nothing, where a logarithm is taken."""
 
@@ -47,35 +52,46 @@ class Unexcited:
         self.base, self.measured, self.window = base, measured, measured.window.settled
 
     def left(self, index: NDArray[np.intp], tones: Sequence[Tone] = ()) -> ComplexArray:
-        """What model and tones leave of unexcited lines of the settled periods, back through the loop, (lines, p).
+        """What model and tones leave of unexcited lines of the settled periods, behind their shape, (lines, p).
 
         Of few lines the transient takes part of the noise with it, most of the lowest one: they are raised to what they
         would hold without.
         """
-        back = self.back(self.window.points(index))
-        return self._left(index, tones, back, is_heard=self.is_heard)
+        return self._left(index, tones, self.back(self.window.points(index)), is_heard=self.is_heard)
 
     def back(self, points: ComplexArray) -> ComplexArray:
         """What makes noise smooth over frequency, shape (points, p, p)."""
         return self.shape.back(points)
 
-    @cached_property
+    @property
     def shape(self) -> Shape:
         """Where the noise arises: whichever makes the unexcited lines likeliest, each by those around it."""
-        index = self.window.between(self.gap)
+        known, key = self.measured.shapes, (self.base.loop.core, self.base.theta.tobytes())
+        if key not in known:
+            known.clear()
+            known[key] = self._likeliest_shape()
+        return known[key]
+
+    def _likeliest_shape(self) -> Shape:
+        index, p = self.window.between(self.gap), self.measured.channels
+        index = index[:: 1 + len(index) // SHAPED]
         points, at = self.window.points(index), index / self.window.periods
-        shapes: list[Shape] = [Loop(self.base, self.measured.channels), Recorder(self.measured.channels)]
-        lines = [self._left(index, (), own.back(points), is_heard=self.is_heard) for own in shapes]
-        way = loop_noise(self.base, points, self.measured.channels)
-        raw = _core.through(way, lines[0])
-        for _ in range(2):  # the second time with the transient that is likeliest beside such noise
-            own = Split(self.base, self.measured.channels, raw, way, np.angle(points))
-            back = own.back(points)
-            left = self._left(index, (), back, is_heard=self.is_heard)
-            raw = _core.through(_core.inverses(back), left)
-        shapes.append(own)
-        lines.append(left)
-        return shapes[likelier_shape(lines, [own.back(points) for own in shapes], at, [own.numbers for own in shapes])]
+        shapes: list[Shape] = [Loop(self.base, p), Recorder(p)]
+        backs = [own.back(points) for own in shapes]
+        lines = [self._left(index, (), back, is_heard=self.is_heard) for back in backs]
+        if self.base.is_stable:
+            way = loop_noise(self.base, points, p)
+            raw, most = _core.through(way, lines[0]), ROUGHLY
+            for most in (ROUGHLY, MOST_LINES):  # at last with the transient that is likeliest beside such noise
+                split = Split(self.base, p, SplitNoise(raw, way[:, :, : heard(self.base, p)], np.angle(points), most))
+                back = split.noise.whitening(way[:, :, : split.noise.heard], np.angle(points))
+                left = self._left(index, (), back, is_heard=self.is_heard)
+                if most < MOST_LINES:
+                    raw = _core.through(_core.inverses(back), left)
+            shapes.append(split)
+            backs.append(back)
+            lines.append(left)
+        return shapes[likelier_shape(lines, backs, at, [own.numbers for own in shapes])]
 
     @property
     def gap(self) -> int:
@@ -96,9 +112,6 @@ class Unexcited:
         left = [self._left(some, (), back, is_heard=self.is_heard) for back in backs]
         return likelier_shape(left, backs, some / self.window.periods) == 0
 
-    def _back(self, points: ComplexArray, *, currents_are_read: bool) -> ComplexArray:
-        return back_through_loop(self.base, points, self.measured.channels, currents_are_read=currents_are_read)
-
     @cached_property
     def is_heard(self) -> bool:
         """Whether what i_e holds beside its period drives the loop; else it was measured with noise.
@@ -109,7 +122,7 @@ class Unexcited:
         if not self._varies:
             return True
         some = self.window.between(1)
-        back = self._back(self.window.points(some), currents_are_read=True)
+        back = Loop(self.base, self.measured.channels).back(self.window.points(some))
         heard, unheard = (self._left(some, (), back, is_heard=own) for own in (True, False))
         return bool(np.mean(np.log(np.abs(heard) + TINY)) <= np.mean(np.log(np.abs(unheard) + TINY)))
 
