@@ -74,14 +74,14 @@ def test_scores_are_slopes_of_the_likelihood():
     ways = np.concatenate([way(), np.tile(np.eye(2, dtype=complex), (COUNT, 1, 1))], axis=2)
     sources = _core.Sources(ways, *curves.at(ANGLE), curves.count)
     at = random.standard_normal((3, curves.count))
-    likelihood, score, information = sources.likely(z, at)
+    likelihood, score, information = sources.likely(z, at, np.inf)
     covariance = (ways * np.exp(curves.matrix(ANGLE) @ at.T)[:, None, :]) @ ways.conj().transpose(0, 2, 1)
     assert likelihood == pytest.approx(_core.whittle(np.ascontiguousarray(covariance), z), rel=1e-12)
     slopes = np.zeros_like(at)
     for place in np.ndindex(*at.shape):
         step = np.zeros_like(at)
         step[place] = 1e-5
-        slopes[place] = (sources.likely(z, at + step)[0] - sources.likely(z, at - step)[0]) / 2e-5
+        slopes[place] = (sources.likely(z, at + step, np.inf)[0] - sources.likely(z, at - step, np.inf)[0]) / 2e-5
     assert_allclose(score, slopes, rtol=1e-5, atol=1e-4)
     assert_allclose(information, information.T)
     white = sources.whitening(at)

@@ -30,7 +30,7 @@ from ambid.noise.in_time import NEUTRAL, InTime
 from ambid.noise.judged import FEW, JudgedLines
 from ambid.noise.local import likelier_beside_excitation
 from ambid.noise.measured import Measured
-from ambid.noise.shape import heard
+from ambid.noise.shape import Loop, Shape, heard
 from ambid.noise.still import Louder, louder_in_motion
 from ambid.noise.transients import OWN, freed, orthonormal
 from ambid.noise.unexcited import Unexcited
@@ -79,6 +79,8 @@ class RecordLines(JudgedLines):
         Few lines, the noise of one channel not told from another's: good enough to come near an optimum.
     angles : mapping of str to float
         By which waves of effects, by name, are turned in this record [rad].
+    shape : Shape, optional
+        Of the noise of a record with periods; by default as if all of it were heard by the controller.
 
     Attributes
     ----------
@@ -97,9 +99,10 @@ class RecordLines(JudgedLines):
         *,
         rough: bool = False,
         angles: Mapping[str, float] | None = None,
+        shape: Shape | None = None,
     ) -> None:
         super().__init__(model, measured, tones, rough=rough, angles=angles or {})
-        self.unexcited = Unexcited(self._base, measured)
+        self.unexcited = Unexcited(self._base, measured, shape)
         every = 0 if len(self.more) else self._every
         self._in_time = InTime(self.record, self.window, self._judged, every, measured.folded)
         self._data: dict[tuple[Effect, ...], _core.LineData] = {}  # by the disturbances that drive a model
@@ -114,6 +117,15 @@ class RecordLines(JudgedLines):
             if effect.quarters(model.rig):
                 best = best._turned(effect, best_angle(partial(best._cost_at, model, effect)))
         return best
+
+    def where_noise_arises(self, model: Model) -> RecordLines:
+        """The same, with the shape of noise that makes the unexcited lines likeliest."""
+        if not self.window.is_periodic:
+            return self
+        shape = self.unexcited.likeliest_shape(self.tones)
+        if isinstance(shape, Loop):
+            return self
+        return RecordLines(model, self.measured, self.tones, angles=self.angles, shape=shape)
 
     def _cost_at(self, model: Model, effect: Effect, angle: float) -> float:
         own = self._turned(effect, angle)

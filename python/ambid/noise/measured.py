@@ -7,12 +7,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.noise.converter import repeated_rounding
 from ambid.noise.damped import DampedWindow
 from ambid.noise.in_time import Folded
-from ambid.noise.shape import Shape
 from ambid.noise.window import Window
 from ambid.record import Record
 
@@ -35,7 +33,6 @@ class Measured:
             self.window = DampedWindow.like(self.window, damping / record.sample_rate)
         self.channels = len(record.channels)
         self.folded: Folded = {}  # what was simulated of it
-        self.shapes: dict[tuple[_core.ClosedLoop, bytes], Shape] = {}  # of its noise, behind the last model
 
     @cached_property
     def excited(self) -> ComplexArray:

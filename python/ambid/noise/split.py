@@ -11,6 +11,9 @@ P_c (|h_c^H S^-1 z|^2 - h_c^H S^-1 h_c), the information of two of them P_c P_d 
 the coefficients cost a little, and so does the way from the start: of a power far below what stands beside it the lines
 tell nothing.
 
+A line that noise makes once in ten thousand times or less counts for less, q = z^H S^-1 z being replaced by
+c (1 + log(q / c)) beyond c: what a model misses beside a tone is no noise.
+
 Numbers q that were fitted to n lines of p channels make S too small: lines that were not fitted to have, in the mean,
 z^H S^-1 z = p + h(l), where h is the information on a line times the covariance of the coefficients, and sums to q over
 those that were (as Akaike's criterion counts them; of one full matrix q = p^2, and 1 + q/(n p) is Hotelling's factor).
@@ -22,6 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammainccinv
 
 from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
@@ -42,8 +46,8 @@ STIFFEST = 1e4
 """Damping of the scoring beyond which there is no way up."""
 QUIETER = 4.0
 """Logarithm of a power over another that one start of the scoring takes for all of it."""
-OUTLYING = 70.0
-"""Power of a line over that of noise above which it is none but a tone, at the start of the scoring."""
+UNUSUAL = 1e-4
+"""Chance of noise beyond which a line counts for less: it may be what a model misses."""
 MEAN_LOG = -0.5772156649015329
 """Mean logarithm of the power of a line of noise, its mean being one."""
 
@@ -122,11 +126,9 @@ class SplitNoise:
         sources = self._sources(way[few], angle[few])
         z = np.ascontiguousarray(lines[few] / self._scale)
         starts = self._starts(way[few], lines[few], angle[few])
-        start = max(starts, key=lambda own: sources.likely(z, own)[0])
-        usual = np.all(np.abs(_core.through(sources.whitening(start), z)) ** 2 < OUTLYING, axis=1)
-        if not usual.all():
-            sources, z = self._sources(way[few[usual]], angle[few[usual]]), np.ascontiguousarray(z[usual])
-        self._fit(sources, z, start)
+        usual = float(gammainccinv(lines.shape[1], UNUSUAL))
+        start = max(starts, key=lambda own: sources.likely(z, own, usual)[0])
+        self._fit(sources, z, start, usual)
 
     def whitening(self, way: ComplexArray, angle: FloatArray) -> ComplexArray:
         """Inverse of the Cholesky factor of S at frequencies, shape (frequencies, p, p)."""
@@ -161,9 +163,9 @@ class SplitNoise:
         half = np.log(2.0) * (first | last)
         return [np.ascontiguousarray((level - quieter).T) for quieter in (QUIETER * last, QUIETER * first, half)]
 
-    def _fit(self, sources: _core.Sources, z: ComplexArray, start: FloatArray) -> None:
+    def _fit(self, sources: _core.Sources, z: ComplexArray, start: FloatArray, usual: float) -> None:
         here, count = start, self.curves.count
-        likelihood, score, information = sources.likely(z, here)
+        likelihood, score, information = sources.likely(z, here, usual)
         cost = np.kron(np.eye(len(start)), self._stiff + HOLD * np.eye(count))
         bent = float(np.sum((here @ self._stiff) * here)) / 2.0
         best, damping = likelihood - bent, 1e-3
@@ -175,7 +177,7 @@ class SplitNoise:
             step *= min(1.0, LARGEST / max(float(np.abs(step).max()), 1e-300))
             tried = here + step
             try:
-                found = sources.likely(z, tried)
+                found = sources.likely(z, tried, usual)
                 value = found[0] - 0.5 * float(np.sum((tried @ self._stiff) * tried) + HOLD * np.sum((tried - start) ** 2))
             except ModelError:
                 value = -np.inf

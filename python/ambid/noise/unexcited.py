@@ -46,10 +46,13 @@ class Unexcited:
     base : Model
         At the operating point of the record.
     measured : Measured
+    shape : Shape, optional
+        Of their noise; by default as if all of it were heard by the controller.
     """
 
-    def __init__(self, base: Model, measured: Measured) -> None:
+    def __init__(self, base: Model, measured: Measured, shape: Shape | None = None) -> None:
         self.base, self.measured, self.window = base, measured, measured.window.settled
+        self.shape = Loop(base, measured.channels) if shape is None else shape
 
     def left(self, index: NDArray[np.intp], tones: Sequence[Tone] = ()) -> ComplexArray:
         """What model and tones leave of unexcited lines of the settled periods, behind their shape, (lines, p).
@@ -63,29 +66,21 @@ class Unexcited:
         """What makes noise smooth over frequency, shape (points, p, p)."""
         return self.shape.back(points)
 
-    @property
-    def shape(self) -> Shape:
-        """Where the noise arises: whichever makes the unexcited lines likeliest, each by those around it."""
-        known, key = self.measured.shapes, (self.base.loop.core, self.base.theta.tobytes())
-        if key not in known:
-            known.clear()
-            known[key] = self._likeliest_shape()
-        return known[key]
-
-    def _likeliest_shape(self) -> Shape:
+    def likeliest_shape(self, tones: Sequence[Tone] = ()) -> Shape:
+        """Where the noise arises: what makes the lines without tones likeliest, each by those around it."""
         index, p = self.window.between(self.gap), self.measured.channels
         index = index[:: 1 + len(index) // SHAPED]
         points, at = self.window.points(index), index / self.window.periods
         shapes: list[Shape] = [Loop(self.base, p), Recorder(p)]
         backs = [own.back(points) for own in shapes]
-        lines = [self._left(index, (), back, is_heard=self.is_heard) for back in backs]
+        lines = [self._left(index, tones, back, is_heard=self.is_heard) for back in backs]
         if self.base.is_stable:
             way = loop_noise(self.base, points, p)
             raw, most = _core.through(way, lines[0]), ROUGHLY
             for most in (ROUGHLY, MOST_LINES):  # at last with the transient that is likeliest beside such noise
                 split = Split(self.base, p, SplitNoise(raw, way[:, :, : heard(self.base, p)], np.angle(points), most))
                 back = split.noise.whitening(way[:, :, : split.noise.heard], np.angle(points))
-                left = self._left(index, (), back, is_heard=self.is_heard)
+                left = self._left(index, tones, back, is_heard=self.is_heard)
                 if most < MOST_LINES:
                     raw = _core.through(_core.inverses(back), left)
             shapes.append(split)

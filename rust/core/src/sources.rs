@@ -131,9 +131,12 @@ impl Sources {
 
     /// Likelihood of lines, lines x channels, about coefficients.
     ///
+    /// Of a line `z` with `q = z^H S^-1 z` beyond `usual`, which is hardly noise, `usual (1 + ln(q / usual))` stands in
+    /// place of q.
+    ///
     /// # Errors
     /// [`Error::Singular`] where a covariance is not positive definite, [`Error::Shape`].
-    pub fn likely(&self, lines: &[C64], coefficients: &[f64]) -> Result<Likely> {
+    pub fn likely(&self, lines: &[C64], coefficients: &[f64], usual: f64) -> Result<Likely> {
         let (p, m, size) = (self.channels, self.sources, self.coefficients());
         check_len("lines of noise", lines.len(), self.lines() * p)?;
         self.checked(coefficients)?;
@@ -145,9 +148,11 @@ impl Sources {
             at.own[m * p..].copy_from_slice(z);
             at.own.chunks_exact_mut(p).for_each(|own| solve_lower(&at.covariance, p, own));
             let (own, z) = at.own.split_at(m * p);
-            likelihood -= power(z) + (0..p).map(|i| 2.0 * at.covariance[i * p + i].re.ln()).sum::<f64>();
+            let q = power(z);
+            let (cost, weight) = if q > usual { (usual * (1.0 + (q / usual).ln()), usual / q) } else { (q, 1.0) };
+            likelihood -= cost + (0..p).map(|i| 2.0 * at.covariance[i * p + i].re.ln()).sum::<f64>();
             for (c, x) in own.chunks_exact(p).enumerate() {
-                let slope = dot(x, z).norm_sqr() - power(x);
+                let slope = weight * dot(x, z).norm_sqr() - power(x);
                 let into = &mut score[c * self.splines + self.first[k]..];
                 into.iter_mut().zip(self.weights(k)).for_each(|(s, w)| *s += slope * w);
             }

@@ -38,10 +38,11 @@ impl Sources {
         py: Python<'py>,
         lines: PyReadonlyArray2<'py, Complex64>,
         coefficients: PyReadonlyArray2<'py, f64>,
+        usual: f64,
     ) -> PyResult<(f64, Real<'py>, Real<'py>)> {
         let lines = signal("lines", &lines, self.core.channels())?;
         let coefficients = signal("coefficients", &coefficients, self.splines)?;
-        let found = py.detach(|| self.core.likely(lines, coefficients)).map_err(raise)?;
+        let found = py.detach(|| self.core.likely(lines, coefficients, usual)).map_err(raise)?;
         let information = table(py, found.information, self.core.coefficients())?;
         Ok((found.likelihood, table(py, found.score, self.splines)?, information))
     }
