@@ -106,20 +106,24 @@ def test_noise_of_no_power_is_no_trouble():
 @pytest.mark.parametrize("place", ["recorder", "loop", "both"])
 def test_a_right_model_has_a_misfit_of_one_wherever_noise_arises(place):
     """Taken back through the loop, noise of the recorder would have 0.7 and less."""
-    own = {"recorder": (0.0, 5e-8), "loop": (5e-8, 0.0), "both": (5e-8, 5e-8)}[place]
+    heard, unheard = {"recorder": (0.0, 5e-8), "loop": (5e-8, 0.0), "both": (5e-8, 5e-8)}[place]
     truth = Model(ONE_AXIS.rig).with_values({"K_i.A_zeta": 185.0, "K_s.A_zeta": 1.18e6, "tau_e": 2.85e-4})
-    misfits = []
+    misfits, found = [], []
     for seed in range(4):
         record = simulate(
             ONE_AXIS.rig,
             prbs(9, amplitude=1.0, hold=8, periods=4, seed=seed),
             seed=seed,
             period=511 * 8,
-            sensor_noise=own[0],
-            recorder_noise=own[1],
+            sensor_noise=heard,
+            recorder_noise=unheard,
             colour=([1.0], [1.0, -0.95]),
             recorder_colour=([1.0], [1.0, -0.95]),
             **ONE_AXIS.truth,
         )
-        misfits.append(compare(truth, record).misfit)
+        own = compare(truth, record)
+        misfits.append(own.misfit)
+        found.append([own.records[0].findings[0].values[name] for name in ("heard_m", "recorder_m")])
+    assert_allclose(np.mean(found, axis=0)[1], unheard, atol=1e-8)
+    assert (np.mean(found, axis=0)[0] > 2e-8) == (heard > 0.0)
     assert np.mean(misfits) == pytest.approx(1.0, abs=0.02)

@@ -30,7 +30,7 @@ from ambid.noise.in_time import NEUTRAL, InTime
 from ambid.noise.judged import FEW, JudgedLines
 from ambid.noise.local import likelier_beside_excitation
 from ambid.noise.measured import Measured
-from ambid.noise.shape import Loop, Shape, heard
+from ambid.noise.shape import Loop, Shape, Split, heard
 from ambid.noise.still import Louder, louder_in_motion
 from ambid.noise.transients import OWN, freed, orthonormal
 from ambid.noise.unexcited import Unexcited
@@ -122,10 +122,15 @@ class RecordLines(JudgedLines):
         """The same, with the shape of noise that makes the unexcited lines likeliest."""
         if not self.window.is_periodic:
             return self
-        shape = self.unexcited.likeliest_shape(self.tones)
-        if isinstance(shape, Loop):
-            return self
-        return RecordLines(model, self.measured, self.tones, angles=self.angles, shape=shape)
+        shape, split = self.unexcited.likeliest_shape(self.tones)
+        own = self
+        if not isinstance(shape, Loop):
+            own = RecordLines(model, self.measured, self.tones, angles=self.angles, shape=shape)
+        own.split = split
+        return own
+
+    split: Split | None = None
+    """Where the noise arises, if that is known."""
 
     def _cost_at(self, model: Model, effect: Effect, angle: float) -> float:
         own = self._turned(effect, angle)

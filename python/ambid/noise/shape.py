@@ -77,5 +77,17 @@ class Split(Recorder):
     def unsure(self, points: ComplexArray) -> FloatArray:
         return self.noise.fitted(self._way(points), np.angle(points)) / self.channels
 
+    def shown(self, points: ComplexArray) -> tuple[FloatArray, FloatArray]:
+        """Power on channels as recorded of noise that is heard, and of noise that is not, shape (points, p) each.
+
+        On y that of what reads y, on i_c that of what reads i_c.
+        """
+        count, axes, way = self.noise.heard, len(self.base.rig.axes), np.abs(self._way(points)) ** 2
+        powers = self.noise.powers(np.angle(points))
+        heard = np.zeros((len(points), self.channels))
+        for own in (slice(0, axes), slice(axes, count)):
+            heard[:, own] = np.einsum("lpc,lc->lp", way[:, own, own], powers[:, :count][:, own])
+        return heard, powers[:, count:]
+
     def _way(self, points: ComplexArray) -> ComplexArray:
         return loop_noise(self.base, points, self.channels)[:, :, : self.noise.heard]

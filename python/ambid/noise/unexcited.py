@@ -66,14 +66,15 @@ class Unexcited:
         """What makes noise smooth over frequency, shape (points, p, p)."""
         return self.shape.back(points)
 
-    def likeliest_shape(self, tones: Sequence[Tone] = ()) -> Shape:
-        """Where the noise arises: what makes the lines without tones likeliest, each by those around it."""
+    def likeliest_shape(self, tones: Sequence[Tone] = ()) -> tuple[Shape, Split | None]:
+        """What makes the lines without tones likeliest, each by those around it, and where their noise arises."""
         index, p = self.window.between(self.gap), self.measured.channels
         index = index[:: 1 + len(index) // SHAPED]
         points, at = self.window.points(index), index / self.window.periods
         shapes: list[Shape] = [Loop(self.base, p), Recorder(p)]
         backs = [own.back(points) for own in shapes]
         lines = [self._left(index, tones, back, is_heard=self.is_heard) for back in backs]
+        split = None
         if self.base.is_stable:
             way = loop_noise(self.base, points, p)
             raw, most = _core.through(way, lines[0]), ROUGHLY
@@ -86,7 +87,7 @@ class Unexcited:
             shapes.append(split)
             backs.append(back)
             lines.append(left)
-        return shapes[likelier_shape(lines, backs, at, [own.numbers for own in shapes])]
+        return shapes[likelier_shape(lines, backs, at, [own.numbers for own in shapes])], split
 
     @property
     def gap(self) -> int:
