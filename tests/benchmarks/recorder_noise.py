@@ -3,10 +3,10 @@
     python tests/benchmarks/recorder_noise.py made.jsonl --count 300
     python tests/benchmarks/recorder_noise.py made.jsonl other.jsonl --table
 
-The records are a balanced, seeded sample (a Latin hypercube in blocks) over machines, where the noise arises, its colour
-or converter, lengths and numbers of periods; the model is the exact one, so that the noise alone is judged (`--fit`
-also fits it). It goes on where it stopped. The table has the mean of J/dof and its scatter, in units of sqrt(2 dof), of
-every cell, one file beside another. No part of the tests.
+The records are a balanced, seeded sample (a Latin hypercube in blocks) over machines, where the noise arises, its
+colour or converter, lengths and numbers of periods; the model is the exact one, so that the noise alone is judged
+(`--fit` also fits it). It goes on where it stopped. The table has the mean of J/dof and its scatter of every cell, at
+last in units of sqrt(2 dof), one file beside another. No part of the tests.
 """
 
 from __future__ import annotations
@@ -127,7 +127,9 @@ def made(index: int, *, periodic: bool = True) -> tuple[Rig, Record, Model]:
     heard, unheard = {"recorder": (0.0, y), "loop": (y, 0.0), "both": (y, y)}[own.place]
     i_e = prbs(own.order, amplitude=bench.amplitude, hold=own.hold, axes=len(rig.axes), periods=own.periods, seed=index)
     if not periodic:
-        signs = np.random.default_rng([index, 3]).choice([-1.0, 1.0], (min(len(i_e), WITHOUT) // own.hold, len(rig.axes)))
+        signs = np.random.default_rng([index, 3]).choice(
+            [-1.0, 1.0], (min(len(i_e), WITHOUT) // own.hold, len(rig.axes))
+        )
         i_e = np.repeat(bench.amplitude * signs, own.hold, axis=0)
     record = simulate(
         rig,
@@ -186,7 +188,10 @@ def table(paths: list[Path]) -> None:
         for name in levels(index):
             cells.setdefault(name, []).append(index)
     order = ["all", *(k for k in sorted(cells) if k != "all")]
-    print(f"{'cell':22s} {'count':>5s}" + f" | {'mean':>6s} {'std':>5s} {'least':>6s} {'most':>6s} {'chi':>5s}" * len(files))
+    print(
+        f"{'cell':22s} {'count':>5s}"
+        + f" | {'mean':>6s} {'std':>5s} {'least':>6s} {'most':>6s} {'chi':>5s}" * len(files)
+    )
     for name in order:
         line = f"{name:22s} {len(cells[name]):5d}"
         for own in files:

@@ -1,4 +1,4 @@
-"""Noise that the controller hears is told from noise of the recorder, whichever there is, and J/dof of a right model is 1.
+"""Noise that the controller hears is told from noise of the recorder, and J/dof of a right model is 1 in any of both.
 
 Lines of known powers behind a way with a resonance; and records of the simulator.
 """
@@ -72,8 +72,8 @@ def test_other_lines_have_a_power_of_one_and_of_what_was_fitted():
 def test_scores_are_slopes_of_the_likelihood():
     random, z, curves = np.random.default_rng(2), lines(powers(1.0, 0.3), 3), Curves.over(ANGLE)
     ways = np.concatenate([way(), np.tile(np.eye(2, dtype=complex), (COUNT, 1, 1))], axis=2)
-    sources = _core.Sources(ways, *curves.at(ANGLE), curves.count)
-    at = random.standard_normal((3, curves.count))
+    sources = _core.Sources(ways, *curves.at(ANGLE), curves.splines)
+    at = random.standard_normal((3, curves.splines))
     likelihood, score, information = sources.likely(z, at, np.inf)
     covariance = (ways * np.exp(curves.matrix(ANGLE) @ at.T)[:, None, :]) @ ways.conj().transpose(0, 2, 1)
     assert likelihood == pytest.approx(_core.whittle(np.ascontiguousarray(covariance), z), rel=1e-12)
@@ -124,6 +124,6 @@ def test_a_right_model_has_a_misfit_of_one_wherever_noise_arises(place):
         own = compare(truth, record)
         misfits.append(own.misfit)
         found.append([own.records[0].findings[0].values[name] for name in ("heard_m", "recorder_m")])
-    assert_allclose(np.mean(found, axis=0)[1], unheard, atol=1e-8)
-    assert (np.mean(found, axis=0)[0] > 2e-8) == (heard > 0.0)
+    ratio = np.divide(*np.mean(found, axis=0))
+    assert {"recorder": ratio < 0.3, "loop": ratio > 3.0, "both": 0.6 < ratio < 1.7}[place]
     assert np.mean(misfits) == pytest.approx(1.0, abs=0.02)

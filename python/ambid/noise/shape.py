@@ -1,4 +1,4 @@
-"""Shapes of noise over frequency that lines are freed from before they are averaged."""
+"""Shapes of noise over frequency, which lines are freed from before they are averaged."""
 
 from __future__ import annotations
 
@@ -6,13 +6,17 @@ from typing import Protocol
 
 import numpy as np
 
-from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.model import Model
 from ambid.noise.colour import back_through_loop, loop_noise
 from ambid.noise.split import SplitNoise
 
 __all__ = ["Loop", "Recorder", "Shape", "Split", "heard"]
+
+
+def heard(base: Model, channels: int) -> int:
+    """Channels whose noise a controller hears, the first ones: those that it reads."""
+    return channels if "i_c" in base.rig.controller.signals else min(channels, len(base.rig.axes))
 
 
 class Shape(Protocol):
@@ -27,7 +31,7 @@ class Shape(Protocol):
     numbers: float
 
     def back(self, points: ComplexArray) -> ComplexArray:
-        """What makes the noise smooth, shape (points, p, p)."""
+        """What makes the noise on lines smooth over frequency, shape (points, p, p)."""
 
     def unsure(self, points: ComplexArray) -> FloatArray:
         """Part by which a covariance is too small in the mean for what was fitted, shape (points,)."""
@@ -42,9 +46,11 @@ class Recorder:
         self.channels = channels
 
     def back(self, points: ComplexArray) -> ComplexArray:
+        """One on every line."""
         return np.tile(np.eye(self.channels, dtype=complex), (len(points), 1, 1))
 
     def unsure(self, points: ComplexArray) -> FloatArray:
+        """Nothing was fitted."""
         return np.zeros(len(points))
 
 
@@ -56,38 +62,35 @@ class Loop(Recorder):
         self.base = base
 
     def back(self, points: ComplexArray) -> ComplexArray:
+        """The way back through the loop."""
         return back_through_loop(self.base, points, self.channels)
 
 
-def heard(base: Model, channels: int) -> int:
-    """Channels whose noise a controller hears, the first ones: those that it reads."""
-    return channels if "i_c" in base.rig.controller.signals else min(channels, len(base.rig.axes))
-
-
-class Split(Recorder):
-    """Both at once."""
+class Split:
+    """Noise that the controller hears and noise of the recorder at once, all of them white on every line."""
 
     def __init__(self, base: Model, channels: int, noise: SplitNoise) -> None:
-        super().__init__(channels)
-        self.base, self.noise, self.numbers = base, noise, noise.numbers
+        self.base, self.channels, self.noise, self.numbers = base, channels, noise, noise.numbers
 
     def back(self, points: ComplexArray) -> ComplexArray:
+        """Inverse of the Cholesky factor of the covariance."""
         return self.noise.whitening(self._way(points), np.angle(points))
 
     def unsure(self, points: ComplexArray) -> FloatArray:
+        """By the numbers of the curves."""
         return self.noise.fitted(self._way(points), np.angle(points)) / self.channels
 
-    def shown(self, points: ComplexArray) -> tuple[FloatArray, FloatArray]:
-        """Power on channels as recorded of noise that is heard, and of noise that is not, shape (points, p) each.
+    def shown(self, points: ComplexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Power of noise that is heard, that is not, and that may be either, shape (points, heard) each.
 
-        On y that of what reads y, on i_c that of what reads i_c.
+        As recorded of the channels that are read: on y that of what reads y, on i_c that of what reads i_c.
         """
-        count, axes, way = self.noise.heard, len(self.base.rig.axes), np.abs(self._way(points)) ** 2
-        powers = self.noise.powers(np.angle(points))
-        heard = np.zeros((len(points), self.channels))
+        count, axes, way, angle = self.noise.heard, len(self.base.rig.axes), self._way(points), np.angle(points)
+        powers, told = self.noise.powers(angle), self.noise.told_apart(way, angle)
+        of_loop, recorder = np.zeros((len(points), count)), powers[:, count : 2 * count]
         for own in (slice(0, axes), slice(axes, count)):
-            heard[:, own] = np.einsum("lpc,lc->lp", way[:, own, own], powers[:, :count][:, own])
-        return heard, powers[:, count:]
+            of_loop[:, own] = np.einsum("lpc,lc->lp", np.abs(way[:, own, own]) ** 2, powers[:, :count][:, own])
+        return told * of_loop, told * recorder, np.where(told, 0.0, of_loop + recorder)
 
     def _way(self, points: ComplexArray) -> ComplexArray:
         return loop_noise(self.base, points, self.channels)[:, :, : self.noise.heard]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import cached_property
 
 import numpy as np
@@ -11,12 +12,13 @@ from scipy.ndimage import uniform_filter1d
 
 from ambid import _core
 from ambid.arrays import ComplexArray
+from ambid.errors import ModelError
 from ambid.loop.effect import Tone
 from ambid.model import Model
 from ambid.noise.colour import loop_noise
 from ambid.noise.measured import Measured
 from ambid.noise.shape import Loop, Recorder, Shape, Split, heard
-from ambid.noise.split import MOST_LINES, SplitNoise
+from ambid.noise.split import ROUGHLY, SplitNoise
 from ambid.noise.transients import orthonormal
 from ambid.noise.wave import OUTSTANDING, waves_between
 from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, likelier_shape
@@ -32,8 +34,6 @@ SEVERAL, AROUND = 4, 60
 shapes it."""
 SHAPED = 3000
 """Unexcited lines that tell the shape of the noise."""
-ROUGHLY = 400
-"""Lines that tell roughly where noise arises, for the transient to be taken out of them."""
 TINY = 1e-300
 """In place of nothing, where a logarithm is taken."""
 
@@ -76,37 +76,29 @@ class Unexcited:
         lines = [self._left(index, tones, back, is_heard=self.is_heard) for back in backs]
         split = None
         if self.base.is_stable:
-            way = loop_noise(self.base, points, p)
-            raw, most = _core.through(way, lines[0]), ROUGHLY
-            for most in (ROUGHLY, MOST_LINES):  # at last with the transient that is likeliest beside such noise
-                split = Split(self.base, p, SplitNoise(raw, way[:, :, : heard(self.base, p)], np.angle(points), most))
-                back = split.noise.whitening(way[:, :, : split.noise.heard], np.angle(points))
-                left = self._left(index, tones, back, is_heard=self.is_heard)
-                if most < MOST_LINES:
-                    raw = _core.through(_core.inverses(back), left)
-            shapes.append(split)
-            backs.append(back)
-            lines.append(left)
+            with suppress(ModelError):  # no noise on some channel
+                split, left = self._split(index, lines[0], tones)
+                shapes.append(split)
+                backs.append(split.back(points))
+                lines.append(left)
         return shapes[likelier_shape(lines, backs, at, [own.numbers for own in shapes])], split
+
+    def _split(
+        self, index: NDArray[np.intp], behind: ComplexArray, tones: Sequence[Tone]
+    ) -> tuple[Split, ComplexArray]:
+        """Noise that is heard and noise that is not, by lines behind the loop, and lines behind it."""
+        points, p = self.window.points(index), self.measured.channels
+        angle, way = np.angle(points), loop_noise(self.base, points, p)
+        own = way[:, :, : heard(self.base, p)]
+        rough = SplitNoise(_core.through(way, behind), own, angle, ROUGHLY).whitening(own, angle)
+        left = self._left(index, tones, rough, is_heard=self.is_heard)  # less the transient that such noise tells
+        split = Split(self.base, p, SplitNoise(_core.through(_core.inverses(rough), left), own, angle))
+        return split, self._left(index, tones, split.back(points), is_heard=self.is_heard)
 
     @property
     def gap(self) -> int:
         """Lines between two excited ones that tell the noise."""
         return max(2, -(-PER_CHANNEL * self.measured.channels // (2 * HALF_WIDTH)))
-
-    @cached_property
-    def currents_are_read(self) -> bool:
-        """Whether a controller that reads i_c acts on the noise of it, too.
-
-        So it does where it is recorded as the controller reads it; an instrument of its own has noise of its own.
-        Whichever makes the unexcited lines likelier.
-        """
-        if "i_c" not in self.base.rig.controller.signals or self.measured.channels == self._axes:
-            return True
-        some = self.window.between(SEVERAL)
-        backs = [self._back(self.window.points(some), currents_are_read=own) for own in (True, False)]
-        left = [self._left(some, (), back, is_heard=self.is_heard) for back in backs]
-        return likelier_shape(left, backs, some / self.window.periods) == 0
 
     @cached_property
     def is_heard(self) -> bool:

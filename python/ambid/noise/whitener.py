@@ -125,7 +125,10 @@ def between_lines(quiet: ComplexArray, at: FloatArray, judged: FloatArray) -> tu
 
 
 def likelier_shape(
-    several: Sequence[ComplexArray], backs: Sequence[ComplexArray], at: FloatArray, numbers: Sequence[float] | None = None
+    several: Sequence[ComplexArray],
+    backs: Sequence[ComplexArray],
+    at: FloatArray,
+    numbers: Sequence[float] | None = None,
 ) -> int:
     """Behind which of several shapes unexcited lines are likeliest, each by those around it as in `between_lines`.
 
