@@ -9,7 +9,7 @@ import numpy as np
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.model import Model
 from ambid.noise.colour import back_through_loop, loop_noise
-from ambid.noise.split import SplitNoise
+from ambid.noise.split import ROUGHLY, SplitNoise
 
 __all__ = ["Loop", "Recorder", "Shape", "Split", "heard"]
 
@@ -77,8 +77,11 @@ class Split:
         return self.noise.whitening(self._way(points), np.angle(points))
 
     def unsure(self, points: ComplexArray) -> FloatArray:
-        """By the numbers of the curves."""
-        return self.noise.fitted(self._way(points), np.angle(points)) / self.channels
+        """By the numbers of the curves, straight between some of the points."""
+        angle = np.angle(points)
+        some = np.argsort(angle)[:: 1 + len(angle) // ROUGHLY]
+        own = self.noise.fitted(self._way(points[some]), angle[some]) / self.channels
+        return np.interp(angle, angle[some], own)
 
     def shown(self, points: ComplexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Power of noise that is heard, that is not, and that may be either, shape (points, heard) each.
