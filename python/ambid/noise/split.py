@@ -31,9 +31,9 @@ from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import ModelError
 
-__all__ = ["MOST_LINES", "ROUGHLY", "Curves", "SplitNoise"]
+__all__ = ["FITTED", "ROUGHLY", "Curves", "SplitNoise"]
 
-MOST_LINES = 1000
+FITTED = 1000
 """Lines that curves are fitted to."""
 LOWEST = 12
 """Unexcited lines up to the frequency below which knots no longer lie evenly over its logarithm, one an octave."""
@@ -117,7 +117,7 @@ class SplitNoise:
         If there is no noise on some channel.
     """
 
-    def __init__(self, lines: ComplexArray, way: ComplexArray, angle: FloatArray, most: int = MOST_LINES) -> None:
+    def __init__(self, lines: ComplexArray, way: ComplexArray, angle: FloatArray, most: int = FITTED) -> None:
         self.heard, self.curves = way.shape[2], Curves.over(angle)
         few = _thinned(len(lines), most)
         self._lines, self._share = len(lines), len(few) / len(lines)
