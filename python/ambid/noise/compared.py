@@ -69,8 +69,8 @@ class RecordComparison(WithFindings):
         Part of the excited lines' power that is no noise: ``max(0, (J - dof)/J)``.
     findings : tuple of Finding
         Those of the record; where its noise arises (`arises.NOISE_ARISES`), if that is known; where the model is
-        adequate that the noise of a record without periods is not the same in both halves (`halves.UNEVEN`), else that more is left than noise which the misfit does not show (`still.LOUDER`,
-        `unseen.OVER_CEILING`).
+        adequate that the noise of a record without periods is not the same in both halves (`halves.UNEVEN`), else that
+        more is left than noise which the misfit does not show (`still.LOUDER`, `unseen.OVER_CEILING`).
     """
 
     record: Measurement
