@@ -105,16 +105,16 @@ def test_noise_of_no_power_is_no_trouble():
 @needs_a_compiler
 @pytest.mark.parametrize("place", ["recorder", "loop", "both"])
 def test_a_right_model_has_a_misfit_of_one_wherever_noise_arises(place):
-    """Taken back through the loop, noise of the recorder would have 0.7 and less."""
-    heard, unheard = {"recorder": (0.0, 5e-8), "loop": (5e-8, 0.0), "both": (5e-8, 5e-8)}[place]
+    """Taken back through the loop, noise of the recorder has 0.82 in the mean of these four records, 0.65 at worst."""
+    heard, unheard = {"recorder": (0.0, 1.3e-7), "loop": (1.3e-7, 0.0), "both": (1.3e-7, 1.3e-7)}[place]
     truth = Model(ONE_AXIS.rig).with_values({"K_i.A_zeta": 185.0, "K_s.A_zeta": 1.18e6, "tau_e": 2.85e-4})
     misfits, found = [], []
     for seed in range(4):
         record = simulate(
             ONE_AXIS.rig,
-            prbs(9, amplitude=1.0, hold=8, periods=4, seed=seed),
+            prbs(10, amplitude=1.0, hold=8, periods=4, seed=seed),
             seed=seed,
-            period=511 * 8,
+            period=1023 * 8,
             sensor_noise=heard,
             recorder_noise=unheard,
             colour=([1.0], [1.0, -0.95]),
