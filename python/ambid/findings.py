@@ -17,6 +17,7 @@ SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 KINDS: dict[str, Kind] = {}
 """Every kind of finding by its code, as the rooms that make them have declared it."""
 SCALES = {
+    "nm": (1e9, "nm"),
     "um": (1e6, "um"),
     "us": (1e6, "us"),
     "ms": (1e3, "ms"),

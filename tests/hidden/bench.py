@@ -34,6 +34,9 @@ def simulate(
     current_noise: float = 5e-3,
     colour: tuple[Sequence[float], Sequence[float]] | None = None,
     adc_step: float = 0.0,
+    recorder_noise: float = 0.0,
+    recorder_colour: tuple[Sequence[float], Sequence[float]] | None = None,
+    recorder_step: float = 0.0,
     flexible_modes: int | None = None,
     gravity: float = 0.0,
     warm_up: float | None = None,
@@ -44,8 +47,8 @@ def simulate(
 ) -> Record:
     """Record of a levitated machine whose physics has more in it than its rig file says.
 
-    Sensor noise is held over each sample and goes round the loop; current noise is on the record only. The machine
-    runs for `warm_up` before t = 0, without excitation. What is linear is integrated exactly.
+    Sensor noise is held over each sample and goes round the loop; recorder and current noise are on the record only.
+    The machine runs for `warm_up` before t = 0, without excitation. What is linear is integrated exactly.
 
     Parameters
     ----------
@@ -65,6 +68,12 @@ def simulate(
         Numerator and denominator, in samples, of a filter that shapes the sensor noise; its rms stays.
     adc_step : float
         Step of what reads the displacements [m], for the record and for a digital controller; 0 is none.
+    recorder_noise : float
+        Rms of noise in the recorder's displacements [m], which the controller does not hear.
+    recorder_colour : tuple of two sequences of float, optional
+        As `colour`, of the noise of the recorder: that of the displacements and that of the currents.
+    recorder_step : float
+        Step of the recorder's converter of the displacements [m]; the controller reads without it. 0 is none.
     flexible_modes : int, optional
         True number of bending modes per plane; by default the rig's. `rotor_bending_mode` adds to it.
     gravity : float
@@ -124,7 +133,13 @@ def simulate(
     if adc_step:
         y = adc_step * np.rint(y / adc_step)
     if seed is not None:
-        i_c = i_c + current_noise * random.standard_normal(i_c.shape)
+        white = random.standard_normal(i_c.shape)
+        i_c = i_c + current_noise * (white if recorder_colour is None else coloured(white, *recorder_colour))
+    if seed is not None and recorder_noise:
+        white = random.standard_normal(y.shape)
+        y = y + recorder_noise * (white if recorder_colour is None else coloured(white, *recorder_colour))
+    if recorder_step:
+        y = recorder_step * np.rint(y / recorder_step)
     return Record(name, rate, rig.axes, i_e, y, i_c if with_i_c else None, period=period)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.findings import Finding, WithFindings
 from ambid.model import Model
+from ambid.noise.arises import noise_arises
 from ambid.noise.fit import with_average
 from ambid.noise.noise import Part
 from ambid.noise.response_lines import ResponseLines
@@ -67,9 +68,9 @@ class RecordComparison(WithFindings):
     repeatable_share : float
         Part of the excited lines' power that is no noise: ``max(0, (J - dof)/J)``.
     findings : tuple of Finding
-        Those of the record; where the model is adequate that the noise of a record without periods is not the same in
-        both halves (`halves.UNEVEN`), else that more is left than noise which the misfit does not show (`still.LOUDER`,
-        `unseen.OVER_CEILING`).
+        Those of the record; where its noise arises (`arises.NOISE_ARISES`), if that is known; where the model is
+        adequate that the noise of a record without periods is not the same in both halves (`halves.UNEVEN`), else that
+        more is left than noise which the misfit does not show (`still.LOUDER`, `unseen.OVER_CEILING`).
     """
 
     record: Measurement
@@ -129,7 +130,12 @@ def record_against(model: Model, part: Part) -> RecordComparison:
     free = max(1, part.numbers - fitted)
     joint = float(white @ white) / free
     noise, misfits = np.sqrt(np.mean(power, axis=0)), alone * part.numbers / free
-    return _compared(part.record, part.simulated(here), noise, misfits, joint)
+    found = _compared(part.record, part.simulated(here), noise, misfits, joint)
+    if part.split is None:
+        return found
+    points = part.window.points(part.window.excited)
+    told = noise_arises(part.split, points, len(part.record.axes), part.record.name)
+    return replace(found, findings=(*found.findings, told))
 
 
 def _of_response(here: Model, part: ResponseLines) -> RecordComparison:

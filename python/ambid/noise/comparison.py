@@ -263,7 +263,8 @@ class Comparison(WithFindings, Tabular):
         for k, record in enumerate(self._records):
             part = None if self._noise is None else self._noise.parts[k]
             own = unjudged(self.model, record) if part is None else record_against(self.model, part)
-            found.append(replace(own, findings=(*findings_of(record), *self._findings_in(own, self._unseen[k]))))
+            findings = (*findings_of(record), *own.findings, *self._findings_in(own, self._unseen[k]))
+            found.append(replace(own, findings=findings))
         return tuple(found)
 
     def _findings_in(self, own: RecordComparison, louder: Louder | OverCeiling | None) -> Iterator[Finding]:

@@ -30,10 +30,11 @@ from ambid.noise.in_time import NEUTRAL, InTime
 from ambid.noise.judged import FEW, JudgedLines
 from ambid.noise.local import likelier_beside_excitation
 from ambid.noise.measured import Measured
+from ambid.noise.shape import Loop, Shape, Split, heard
 from ambid.noise.still import Louder, louder_in_motion
 from ambid.noise.transients import OWN, freed, orthonormal
 from ambid.noise.unexcited import Unexcited
-from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, Spectrum, between_lines, require_noise, whitened
+from ambid.noise.whitener import HALF_WIDTH, Spectrum, between_lines, require_noise, whitened
 
 __all__ = ["RecordLines", "White", "as_lines"]
 
@@ -78,6 +79,8 @@ class RecordLines(JudgedLines):
         Few lines, the noise of one channel not told from another's: good enough to come near an optimum.
     angles : mapping of str to float
         By which waves of effects, by name, are turned in this record [rad].
+    shape : Shape, optional
+        Of the noise of a record with periods; by default as if all of it were heard by the controller.
 
     Attributes
     ----------
@@ -96,9 +99,10 @@ class RecordLines(JudgedLines):
         *,
         rough: bool = False,
         angles: Mapping[str, float] | None = None,
+        shape: Shape | None = None,
     ) -> None:
         super().__init__(model, measured, tones, rough=rough, angles=angles or {})
-        self.unexcited = Unexcited(self._base, measured)
+        self.unexcited = Unexcited(self._base, measured, shape)
         every = 0 if len(self.more) else self._every
         self._in_time = InTime(self.record, self.window, self._judged, every, measured.folded)
         self._data: dict[tuple[Effect, ...], _core.LineData] = {}  # by the disturbances that drive a model
@@ -113,6 +117,20 @@ class RecordLines(JudgedLines):
             if effect.quarters(model.rig):
                 best = best._turned(effect, best_angle(partial(best._cost_at, model, effect)))
         return best
+
+    def where_noise_arises(self, model: Model) -> RecordLines:
+        """The same, with the shape of noise that makes the unexcited lines likeliest."""
+        if not self.window.is_periodic:
+            return self
+        shape, split = self.unexcited.likeliest_shape(self.tones)
+        own = self
+        if not isinstance(shape, Loop):
+            own = RecordLines(model, self.measured, self.tones, angles=self.angles, shape=shape)
+        own.split = split
+        return own
+
+    split: Split | None = None
+    """Where the noise arises, if that is known."""
 
     def _cost_at(self, model: Model, effect: Effect, angle: float) -> float:
         own = self._turned(effect, angle)
@@ -372,14 +390,15 @@ class RecordLines(JudgedLines):
 
     def _between(self) -> Spectrum:
         """The noise, from lines that are not excited."""
-        window, p = self.window.settled, self.measured.channels
-        index = window.between(max(2, -(-PER_CHANNEL * p // (2 * HALF_WIDTH))))
+        window = self.window.settled
+        index = window.between(self.unexcited.gap)
         residual = self.unexcited.left(index, self.tones)
         covariance, spread = between_lines(residual, index / window.periods, self.index / self.window.periods)
         back = self.unexcited.back(self.points)
         covariance = self._with_noise_of_i_e(self._with_rounding(covariance, back), back)
         require_noise(covariance, back, self._z)
-        return Spectrum.of(covariance, back, spread)
+        raised = 1.0 + self.unexcited.shape.unsure(self.points)
+        return Spectrum.of(covariance * raised[:, None, None], back, spread * raised)
 
     def _with_noise_of_i_e(self, covariance: ComplexArray, back: ComplexArray) -> ComplexArray:
         """The noise with what the model answers to noise in the measurement of i_e, which the machine did not hear."""
@@ -395,9 +414,7 @@ class RecordLines(JudgedLines):
         rounding = self.measured.rounding
         way = np.array(back)
         if self._base.rig.controller.is_digital:
-            read = len(self.record.axes)
-            if self.unexcited.currents_are_read and "i_c" in self._base.rig.controller.signals:
-                read = self.measured.channels
+            read = heard(self._base, self.measured.channels)
             way[:, :, :read] = np.eye(self.measured.channels)[:, :read]
         return np.asarray(covariance + (way * rounding) @ way.conj().transpose(0, 2, 1))
 

@@ -263,7 +263,7 @@ def _judged(model: Model, measured: Measured | FrequencyResponse, angles: Mappin
         part = RecordLines(model, measured, tones, angles=angles)
         if (kept := confirmed(model, part)) != tones:
             part = RecordLines(model, measured, kept, angles=angles)
-    return part
+    return part.where_noise_arises(model)
 
 
 def _before_models(record: Measurement, damping: float = 0.0) -> Measured | FrequencyResponse:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import cached_property
 
 import numpy as np
@@ -11,13 +12,16 @@ from scipy.ndimage import uniform_filter1d
 
 from ambid import _core
 from ambid.arrays import ComplexArray
+from ambid.errors import ModelError
 from ambid.loop.effect import Tone
 from ambid.model import Model
-from ambid.noise.colour import back_through_loop
+from ambid.noise.colour import loop_noise
 from ambid.noise.measured import Measured
+from ambid.noise.shape import Loop, Recorder, Shape, Split, heard
+from ambid.noise.split import ROUGHLY, SplitNoise
 from ambid.noise.transients import orthonormal
 from ambid.noise.wave import OUTSTANDING, waves_between
-from ambid.noise.whitener import likelier_shape
+from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, likelier_shape
 
 __all__ = ["Unexcited"]
 
@@ -28,6 +32,8 @@ ENOUGH = 2000
 SEVERAL, AROUND = 4, 60
 """Lines between two excited ones, and excited ones to each side, that tell the noise in the measurement of i_e; no loop
 shapes it."""
+SHAPED = 3000
+"""Unexcited lines that tell the shape of the noise."""
 TINY = 1e-300
 """In place of nothing, where a logarithm is taken."""
 
@@ -40,40 +46,59 @@ class Unexcited:
     base : Model
         At the operating point of the record.
     measured : Measured
+    shape : Shape, optional
+        Of their noise; by default as if all of it were heard by the controller.
     """
 
-    def __init__(self, base: Model, measured: Measured) -> None:
+    def __init__(self, base: Model, measured: Measured, shape: Shape | None = None) -> None:
         self.base, self.measured, self.window = base, measured, measured.window.settled
+        self.shape = Loop(base, measured.channels) if shape is None else shape
 
     def left(self, index: NDArray[np.intp], tones: Sequence[Tone] = ()) -> ComplexArray:
-        """What model and tones leave of unexcited lines of the settled periods, back through the loop, (lines, p).
+        """What model and tones leave of unexcited lines of the settled periods, behind their shape, (lines, p).
 
         Of few lines the transient takes part of the noise with it, most of the lowest one: they are raised to what they
         would hold without.
         """
-        back = self.back(self.window.points(index))
-        return self._left(index, tones, back, is_heard=self.is_heard)
+        return self._left(index, tones, self.back(self.window.points(index)), is_heard=self.is_heard)
 
     def back(self, points: ComplexArray) -> ComplexArray:
-        """The way back through the loop, behind which noise is smooth, shape (points, p, p)."""
-        return self._back(points, currents_are_read=self.currents_are_read)
+        """What makes noise smooth over frequency, shape (points, p, p)."""
+        return self.shape.back(points)
 
-    @cached_property
-    def currents_are_read(self) -> bool:
-        """Whether a controller that reads i_c acts on the noise of it, too.
+    def likeliest_shape(self, tones: Sequence[Tone] = ()) -> tuple[Shape, Split | None]:
+        """What makes the lines without tones likeliest, each by those around it, and where their noise arises."""
+        index, p = self.window.between(self.gap), self.measured.channels
+        index = index[:: 1 + len(index) // SHAPED]
+        points, at = self.window.points(index), index / self.window.periods
+        shapes: list[Shape] = [Loop(self.base, p), Recorder(p)]
+        backs = [own.back(points) for own in shapes]
+        lines = [self._left(index, tones, back, is_heard=self.is_heard) for back in backs]
+        split = None
+        if self.base.is_stable:
+            with suppress(ModelError):  # no noise on some channel
+                split, left = self._split(index, lines[0], tones)
+                shapes.append(split)
+                backs.append(split.back(points))
+                lines.append(left)
+        return shapes[likelier_shape(lines, backs, at, [own.numbers for own in shapes])], split
 
-        So it does where it is recorded as the controller reads it; an instrument of its own has noise of its own.
-        Whichever makes the unexcited lines likelier.
-        """
-        if "i_c" not in self.base.rig.controller.signals or self.measured.channels == self._axes:
-            return True
-        some = self.window.between(SEVERAL)
-        backs = [self._back(self.window.points(some), currents_are_read=own) for own in (True, False)]
-        left = [self._left(some, (), back, is_heard=self.is_heard) for back in backs]
-        return likelier_shape(left, backs, some / self.window.periods) == 0
+    def _split(
+        self, index: NDArray[np.intp], behind: ComplexArray, tones: Sequence[Tone]
+    ) -> tuple[Split, ComplexArray]:
+        """Noise that is heard and noise that is not, by lines behind the loop, and lines behind it."""
+        points, p = self.window.points(index), self.measured.channels
+        angle, way = np.angle(points), loop_noise(self.base, points, p)
+        own = way[:, :, : heard(self.base, p)]
+        rough = SplitNoise(_core.through(way, behind), own, angle, ROUGHLY).whitening(own, angle)
+        left = self._left(index, tones, rough, is_heard=self.is_heard)  # less the transient that such noise tells
+        split = Split(self.base, p, SplitNoise(_core.through(_core.inverses(rough), left), own, angle))
+        return split, self._left(index, tones, split.back(points), is_heard=self.is_heard)
 
-    def _back(self, points: ComplexArray, *, currents_are_read: bool) -> ComplexArray:
-        return back_through_loop(self.base, points, self.measured.channels, currents_are_read=currents_are_read)
+    @property
+    def gap(self) -> int:
+        """Lines between two excited ones that tell the noise."""
+        return max(2, -(-PER_CHANNEL * self.measured.channels // (2 * HALF_WIDTH)))
 
     @cached_property
     def is_heard(self) -> bool:
@@ -85,7 +110,7 @@ class Unexcited:
         if not self._varies:
             return True
         some = self.window.between(1)
-        back = self._back(self.window.points(some), currents_are_read=True)
+        back = Loop(self.base, self.measured.channels).back(self.window.points(some))
         heard, unheard = (self._left(some, (), back, is_heard=own) for own in (True, False))
         return bool(np.mean(np.log(np.abs(heard) + TINY)) <= np.mean(np.log(np.abs(unheard) + TINY)))
 

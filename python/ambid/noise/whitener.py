@@ -124,7 +124,12 @@ def between_lines(quiet: ComplexArray, at: FloatArray, judged: FloatArray) -> tu
     return _around(quiet, at).covariance(judged)
 
 
-def likelier_shape(several: Sequence[ComplexArray], backs: Sequence[ComplexArray], at: FloatArray) -> int:
+def likelier_shape(
+    several: Sequence[ComplexArray],
+    backs: Sequence[ComplexArray],
+    at: FloatArray,
+    numbers: Sequence[float] | None = None,
+) -> int:
     """Behind which of several shapes unexcited lines are likeliest, each by those around it as in `between_lines`.
 
     Parameters
@@ -134,12 +139,16 @@ def likelier_shape(several: Sequence[ComplexArray], backs: Sequence[ComplexArray
     backs : sequence of ndarray, shape (lines, p, p)
         What took them there.
     at : ndarray, shape (lines,)
+    numbers : sequence of float
+        That were fitted to the lines for each shape.
     """
     fits = [_around(lines, at) for lines in several]
     tried = np.arange(len(at))[::TRIED]
     tried = tried[np.logical_and.reduce([fit.lines.used[tried] for fit in fits])]
     gains = [2.0 * float(np.sum(np.linalg.slogdet(back[tried])[1])) for back in backs]
-    return int(np.argmax([gain + fit.likelihood(tried) for gain, fit in zip(gains, fits, strict=True)]))
+    share = len(tried) / len(at)
+    own = [gain + fit.likelihood(tried) for gain, fit in zip(gains, fits, strict=True)]
+    return int(np.argmax(np.array(own) - share * np.array(numbers or [0.0] * len(own))))
 
 
 def _around(quiet: ComplexArray, at: FloatArray) -> _Around:

@@ -40,6 +40,7 @@ mod product;
 mod realtime;
 mod regression;
 mod residual;
+mod sources;
 mod split;
 mod steady;
 mod stop;
@@ -58,6 +59,7 @@ pub use packed::Packed;
 pub use realtime::Stepper;
 pub use regression::{Left, Weighted, Windows, regressed};
 pub use residual::{Data, Normal, normal_equations};
+pub use sources::{Likely, Sources};
 pub use stop::ask_before_going_on;
 pub use whitened::{LineData, LineNormal, line_equations, line_rows};
 

@@ -13,7 +13,7 @@ const ZERO: C64 = C64::new(0.0, 0.0);
 const UNASKED: usize = 1024;
 
 /// Asks now and then, by the number of a line.
-fn go_on_at(line: usize) -> Result<()> {
+pub(crate) fn go_on_at(line: usize) -> Result<()> {
     if line.is_multiple_of(UNASKED) { go_on() } else { Ok(()) }
 }
 
@@ -91,7 +91,7 @@ fn triangle(e: &[C64]) -> impl Iterator<Item = C64> {
 ///
 /// # Errors
 /// [`Error::Singular`] where it is not positive definite.
-fn cholesky(a: &mut [C64], n: usize) -> Result<()> {
+pub(crate) fn cholesky(a: &mut [C64], n: usize) -> Result<()> {
     for j in 0..n {
         let (before, rest) = a.split_at_mut((j + 1) * n);
         let row = &mut before[j * n..];
@@ -110,7 +110,7 @@ fn cholesky(a: &mut [C64], n: usize) -> Result<()> {
 }
 
 /// `root^-1 x` in place; `root` is lower triangular with a real diagonal, `x` has any number of columns.
-fn solve_lower(root: &[C64], n: usize, x: &mut [C64]) {
+pub(crate) fn solve_lower(root: &[C64], n: usize, x: &mut [C64]) {
     let columns = x.len() / n;
     for i in 0..n {
         let (before, row) = x.split_at_mut(i * columns);

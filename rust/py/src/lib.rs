@@ -8,6 +8,7 @@ mod errors;
 mod lines;
 mod noise;
 mod residual;
+mod sources;
 mod stepper;
 
 use pyo3::pymodule;
@@ -26,6 +27,8 @@ mod _core {
     use crate::noise::{Scatter, inverses, local_regressions, through, way_back, whitening, whittle};
     #[pymodule_export]
     use crate::residual::{Data, normal_equations};
+    #[pymodule_export]
+    use crate::sources::Sources;
     #[pymodule_export]
     use crate::stepper::Stepper;
 
