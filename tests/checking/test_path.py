@@ -54,7 +54,7 @@ def test_a_start_from_elsewhere_is_no_ramp(back_emf):
     assert told(*record(3, set_point=2e-5, back_emf=back_emf)) == []
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", [*range(3), *(pytest.param(own, marks=pytest.mark.slow) for own in range(3, 10))])
 def test_a_record_that_stays_is_not_said_to_move(seed):
     assert told(*record(seed)) == []
 
