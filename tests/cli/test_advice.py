@@ -32,9 +32,13 @@ def test_static_load_in_milliampere_is_not_to_be_vouched_for(command, refused):
 def test_static_load_names_its_own_option(command):
     result = command("static-load", DATA / "rig.toml", *LOADS, "--json", "s.json")
     assert result.code == 0
-    assert "with --deflection and the nominal K_s" in result.out
-    assert "deflection=True" not in result.out + Path("s.json").read_text()
-    assert json.loads(Path("s.json").read_text())["notes"]
+    found = json.loads(Path("s.json").read_text())
+    assert "deflection_left_out" in {own["code"] for own in found["findings"]}
+    assert found["next_command"].endswith(" --deflection")
+    assert found["next_command"] in result.out
+    again = command("static-load", DATA / "rig.toml", *LOADS, "--deflection", "--json", "s.json")
+    assert again.code == 0
+    assert "deflection_included" in {own["code"] for own in json.loads(Path("s.json").read_text())["findings"]}
 
 
 @pytest.mark.parametrize("job", ["identify", "diagnose", "rank", "workbench"])

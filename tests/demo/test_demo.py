@@ -26,11 +26,8 @@ def one_axis(folder: Path) -> Path:
     own, names = ONE_AXIS, ("K_i.A_zeta", "K_s.A_zeta", "tau_e")
     own.rig.save(folder / "rig.toml")
     late = {"loop_delay": {"seconds": DELAY}}
-    for name, hidden, share, seed in (
-        ("prbs", {}, 1.0, 1),
-        ("hidden_train", late, 1.0, 2),
-        ("hidden_validate", late, 0.5, 3),
-    ):
+    records = {"prbs": ({}, 1.0, 1), "hidden_train": (late, 1.0, 2), "hidden_validate": (late, 0.5, 3)}
+    for name, (hidden, share, seed) in records.items():
         i_e = own.excitation(share * own.amplitude, seed)
         simulate(own.rig, i_e, hidden, seed=seed, **own.truth, **own.noise).save(folder / f"{name}.mat")
     values = dict(zip(names, (*own.K_i, *own.K_s, own.tau_e), strict=True)) | {"loop_delay.delay": DELAY}
@@ -45,11 +42,16 @@ def one_axis(folder: Path) -> Path:
 
 @pytest.fixture(scope="module", params=["one axis", pytest.param("the bench", marks=pytest.mark.slow)])
 def told(request, tmp_path_factory, command_in):
-    """The data of the story, what the command wrote and said, and the folder that it was given."""
-    folder = tmp_path_factory.mktemp("demo")
-    data = DATA if request.param == "the bench" else one_axis(tmp_path_factory.mktemp("data"))
+    """The data of the story, what the command wrote and said, and the folder that it was given.
+
+    Of one axis the report, whose pictures take longest, is its text alone.
+    """
+    folder, data = tmp_path_factory.mktemp("demo"), DATA
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(story, "DATA", data)
+        if request.param == "one axis":
+            data = one_axis(tmp_path_factory.mktemp("data"))
+            patch.setattr(story, "DATA", data)
+            patch.setattr(story, "write_report", lambda found, path: path.write_text(repr(found)))
         ended = command_in(folder, "demo", "--out", folder / "story", "--json", folder / "demo.json")
     assert (ended.code, ended.err) == (0, "")
     return data, json.loads((folder / "demo.json").read_text()), ended.out, folder / "story"
