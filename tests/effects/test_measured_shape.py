@@ -52,7 +52,7 @@ def misfit_of(model, one):
 
 def test_none_is_the_first_answer_and_the_note_has_the_shape(found):
     assert found.verdict == "none_of_the_candidates", found
-    assert the(found, "unexplained_nonlinear_residual").values["shape"] == "sign ds/dt"
+    assert the(found, "missing_shape").values["shape"] == "sign ds/dt"
 
 
 def test_the_measured_shape_is_that_of_friction(force):
