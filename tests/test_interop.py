@@ -1,6 +1,6 @@
 """Models out to SciPy, python-control and MATLAB; controllers from there, rotors from ROSS."""
 
-from types import SimpleNamespace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -141,21 +141,19 @@ def test_controller_gain_alone(tmp_path):
     assert controller_from_mat(tmp_path / "K.mat").D == ((3e4,),)
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        ({"A": 1.0, "B": 1.0, "C": 1.0, "other": 2.0}, "no D; expected A, B, C, D and dt, found A, B, C, other"),
-        ({"A": 1.0, "B": 1.0, "C": 1.0, "D": 1.0, "dt": -1.0}, "dt = [-1.]; expected the sampling time in s, or 0"),
-        ({"A": np.eye(2), "B": 1.0, "C": 1.0, "D": 1.0}, "expected 1 rows of 1 numbers, to fit B and C"),
-    ],
-)
-def test_controllers_that_are_refused(content, words, tmp_path):
+CONTROLLERS = {
+    "no D": {"A": 1.0, "B": 1.0, "C": 1.0, "other": 2.0},
+    "dt": {"A": 1.0, "B": 1.0, "C": 1.0, "D": 1.0, "dt": -1.0},
+    "shape": {"A": np.eye(2), "B": 1.0, "C": 1.0, "D": 1.0},
+}
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_controllers_that_are_refused(name, tmp_path, golden):
     path = tmp_path / "K.mat"
-    scipy.io.savemat(path, content)
-    with pytest.raises(RigError) as caught:
+    scipy.io.savemat(path, CONTROLLERS[name])
+    with golden.raises(RigError):
         controller_from_mat(path)
-    assert str(caught.value).startswith(f"{path}: ")
-    assert words in str(caught.value)
 
 
 def test_controller_files_that_cannot_be_read(tmp_path, golden):
@@ -166,8 +164,30 @@ def test_controller_files_that_cannot_be_read(tmp_path, golden):
         controller_from_mat(tmp_path / "K.mat")
 
 
+@dataclass(frozen=True)
+class LikeRoss:
+    """What of a ross.Rotor is read; `test_rotor_of_ross_itself` has the real one."""
+
+    mass: np.ndarray
+    stiffness: np.ndarray
+    gyroscopic: np.ndarray
+    nodes_pos: list[float]
+
+    def M(self, frequency=None):
+        """Mass matrix."""
+        return self.mass
+
+    def K(self, frequency):
+        """Stiffness matrix at a frequency."""
+        return self.stiffness
+
+    def G(self):
+        """Gyroscopic matrix."""
+        return self.gyroscopic
+
+
 def like_ross(freedoms, stiffness=0.0, links=0):
-    """An object with the members of a ross.Rotor, filled from our finite elements; K may hold bearings."""
+    """A rotor of our finite elements as Ross has it; K may hold bearings."""
     beam = assemble(RIG.rotor, PLACES)
     nodes = len(beam.z)
     kept = (freedoms * np.arange(nodes)[:, None] + {4: [0, 1, 2, 3], 6: [0, 1, 3, 4]}[freedoms]).ravel()
@@ -180,12 +200,7 @@ def like_ross(freedoms, stiffness=0.0, links=0):
 
     held = beam.K.copy()
     held[0, 0] += stiffness
-    return SimpleNamespace(
-        M=lambda frequency=None: spread(beam.M, 1.0),
-        K=lambda frequency: spread(held, 1e8),
-        G=lambda: spread(beam.G, 0.0),
-        nodes_pos=list(beam.z),
-    )
+    return LikeRoss(spread(beam.M, 1.0), spread(held, 1e8), spread(beam.G, 0.0), list(beam.z))
 
 
 @pytest.mark.parametrize("freedoms", [4, 6])
@@ -221,18 +236,17 @@ def test_rotor_of_ross_itself():
     assert_allclose(one.gyroscopic, other.gyroscopic, atol=5e-3 * np.abs(other.gyroscopic).max())
 
 
-@pytest.mark.parametrize(
-    ("rotor", "words"),
-    [
-        (object(), "object object"),
-        (like_ross(6, stiffness=1e4), "make the ross.Rotor without bearing_elements"),
-        (like_ross(6, links=1), "expected 4 or 6 freedoms a node"),
-    ],
-)
-def test_rotors_that_are_refused(rotor, words):
-    with pytest.raises(RigError) as caught:
-        rotor_from_ross(rotor)
-    assert words in str(caught.value)
+ROTORS = {
+    "another object": object,
+    "with bearings": lambda: like_ross(6, stiffness=1e4),
+    "with links": lambda: like_ross(6, links=1),
+}
+
+
+@pytest.mark.parametrize("name", ROTORS)
+def test_rotors_that_are_refused(name, golden):
+    with golden.raises(RigError):
+        rotor_from_ross(ROTORS[name]())
 
 
 @pytest.mark.parametrize("keys", [{}, {"smooth": True}, {"dt": 1e-4}])

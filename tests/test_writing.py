@@ -100,18 +100,18 @@ def test_a_device_takes_the_content(tmp_path, golden):
 
 
 @pytest.mark.parametrize(
-    ("name", "error", "says"),
-    [
-        (".", InputError, "it is a folder"),
-        ("none/a.json", InputError, "there is no folder"),
-        ("a.json/b.json", InputError, "there is no folder"),
-        ("x" * 300, OutputError, "too long"),
-    ],
+    ("name", "error"),
+    [(".", InputError), ("none/a.json", InputError), ("a.json/b.json", InputError), ("x" * 300, OutputError)],
+    ids=["a folder", "in no folder", "in a file", "a long name"],
 )
-def test_what_cannot_be_written_is_known_before(name, error, says, old):
+def test_what_cannot_be_written_is_known_before(name, error, old):
+    messages = set()
     for attempt in (require_writable, write):
-        with pytest.raises(error, match=says):
+        with pytest.raises(error) as caught:
             attempt(old.parent / name)
+        messages.add(str(caught.value))
+    assert len(messages) == 1
+    assert messages.pop().startswith(str((old.parent / name).parent))
     assert alone(old)
 
 

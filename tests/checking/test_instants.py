@@ -17,6 +17,8 @@ from hidden.families import BENCHES
 from hidden.one_axis import NAMED, ONE_AXIS
 
 ONE = pytest.approx(1.0, abs=0.02)
+LIKE_A_DELAY = {None, "loop_delay", "sensor_lag", "sampling_skew", "amplifier_voltage_limit", "back_emf"}
+"""Physics that comes nearest to an instant, or to a channel, of its own."""
 
 
 def dirty(bench, kind, seed, hidden=None):
@@ -34,23 +36,25 @@ def findings(bench, kind, seed, hidden=None, severity="error"):
     ]
 
 
-@pytest.mark.parametrize("bench", [ONE_AXIS, BENCHES["bench"]], ids=["one axis", "four axes"])
+EACH_KIND = {
+    "late_card": ("channel_delay", "y", {"delay_samples": ONE, "reference": ["i_e"]}),
+    "late_i_e": ("channel_delay", "i_e", {"delay_samples": ONE, "reference": ["y", "i_c"]}),
+    "drifting_clock": ("clock_difference", "y", {}),
+    "lost_y": ("samples_lost", "y.A_zeta", {"samples": 1}),
+}
+
+
 @pytest.mark.parametrize(
-    ("kind", "code", "channel", "values"),
+    ("axes", "kind"),
     [
-        ("late_card", "channel_delay", "y", {"delay_samples": ONE, "reference": ["i_e"]}),
-        (
-            "late_i_e",
-            "channel_delay",
-            "i_e",
-            {"delay_samples": ONE, "reference": ["y", "i_c"]},
-        ),
-        ("drifting_clock", "clock_difference", "y", {}),
-        ("lost_y", "samples_lost", "y.A_zeta", {"samples": 1}),
+        *(("one", kind) for kind in EACH_KIND),
+        ("four", "late_card"),
+        *(pytest.param("four", kind, marks=pytest.mark.slow) for kind in list(EACH_KIND)[1:]),
     ],
 )
-def test_each_kind_is_named(bench, kind, code, channel, values):
-    found = findings(bench, kind, 2)[0]
+def test_each_kind_is_named(axes, kind):
+    code, channel, values = EACH_KIND[kind]
+    found = findings(ONE_AXIS if axes == "one" else BENCHES["bench"], kind, 2)[0]
     assert (found.code, found.where.record, found.where.channel) == (code, "record", channel)
     assert {key: found.values[key] for key in values} == values
     assert stops_diagnosis(found)
@@ -65,7 +69,9 @@ def test_a_fraction_of_a_sample_comes_out_right(seed):
     assert found.values["delay_samples"] == pytest.approx(late, abs=0.02)
 
 
-@pytest.mark.parametrize("effect", [None, *NAMED])
+@pytest.mark.parametrize(
+    "effect", [own if own in LIKE_A_DELAY else pytest.param(own, marks=pytest.mark.slow) for own in [None, *NAMED]]
+)
 def test_physics_is_no_late_card(effect):
     """What moves the controller's equation or what does not repeat, strongly, is none of the above."""
     hidden = {} if effect is None else {effect: NAMED[effect]}
@@ -154,17 +160,45 @@ def repeated(own, seed, *, drift=None, ppm=0.0):
 
 
 @pytest.mark.parametrize("own", SLOW.values(), ids=SLOW)
-@pytest.mark.parametrize("fraction", [-0.2, -0.05, 0.02, 0.1, 0.3])
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(
+    ("fraction", "seed"),
+    [
+        (-0.2, 1),
+        (0.02, 1),
+        *(
+            pytest.param(fraction, seed, marks=pytest.mark.slow)
+            for fraction in (-0.2, -0.05, 0.02, 0.1, 0.3)
+            for seed in (1, 2)
+            if (fraction, seed) not in ((-0.2, 1), (0.02, 1))
+        ),
+    ],
+)
 def test_a_force_that_drifts_is_no_clock_and_no_lost_sample(own, fraction, seed):
     found = check(own[0].rig, [repeated(own, seed, drift=fraction)]).findings
     assert {own.code for own in found}.isdisjoint({"clock_difference", "samples_lost", "samples_repeated"})
     assert not [own for own in found if stops_diagnosis(own)]
 
 
-@pytest.mark.parametrize("own", [SLOW["one axis, slow"], SLOW["one axis"], SLOW["four axes, slow"]])
-@pytest.mark.parametrize("ppm", [-100.0, -30.0, 100.0, 1000.0])
-def test_a_clock_is_told_with_its_size_and_sign(own, ppm):
+@pytest.mark.parametrize(
+    ("bench", "ppm"),
+    [
+        ("one axis, slow", -100.0),
+        ("one axis, slow", 1000.0),
+        ("one axis", -30.0),
+        ("four axes, slow", -30.0),
+        *(
+            pytest.param(bench, ppm, marks=pytest.mark.slow)
+            for bench, sizes in {
+                "one axis, slow": (-30.0, 100.0),
+                "one axis": (-100.0, 100.0, 1000.0),
+                "four axes, slow": (-100.0, 100.0, 1000.0),
+            }.items()
+            for ppm in sizes
+        ),
+    ],
+)
+def test_a_clock_is_told_with_its_size_and_sign(bench, ppm):
+    own = SLOW[bench]
     findings = check(own[0].rig, [repeated(own, 1, ppm=ppm)]).findings
     (clock,) = [found for found in findings if found.code == "clock_difference"]
     assert clock.values["difference"] == pytest.approx(1e-6 * ppm, rel=0.05)

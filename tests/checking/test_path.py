@@ -38,7 +38,8 @@ def test_a_set_point_that_ramps_is_told_with_its_ends(size):
     assert end - begin == pytest.approx(size * (PERIODS - 2) / PERIODS, rel=0.15)
     found = diagnose(rig, measured)
     assert found.effects == ()
-    assert drift.line(advises=found.verdict != "adequate") in found.notes
+    assert drift in found.findings
+    assert not any(own.code == "parameter_seems_to_change" for own in found.findings)
 
 
 def test_a_load_that_ramps_is_told_by_the_current():
@@ -54,7 +55,7 @@ def test_a_start_from_elsewhere_is_no_ramp(back_emf):
     assert told(*record(3, set_point=2e-5, back_emf=back_emf)) == []
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", [*range(3), *(pytest.param(own, marks=pytest.mark.slow) for own in range(3, 10))])
 def test_a_record_that_stays_is_not_said_to_move(seed):
     assert told(*record(seed)) == []
 

@@ -40,10 +40,13 @@ def diagnosed(late, tmp_path_factory, command_in):
 
 @pytest.fixture
 def refused(golden, late):
-    """Hold a command that was refused, with the text of why: it names what was wrong, as it was given."""
+    """Hold a command that was refused, with the text of why: it names what was wrong, as it was given.
 
-    def hold(result, named="", code=2):
-        assert (result.code, result.out) == (code, "")
+    Nothing is printed, unless its result was there before a file could not be made of it.
+    """
+
+    def hold(result, named="", code=2, *, prints=False):
+        assert (result.code, bool(result.out)) == (code, prints)
         assert str(named) in result.err
         catalogue = ", ".join(effect.name for effect in ambid.CATALOGUE)
         golden.holds(result.err.replace(str(late), "<late>").replace(catalogue, "<catalogue>"))

@@ -30,7 +30,7 @@ def test_excitation_writes_and_tells(rig, tmp_path, suffix):
     assert (data["period"], data["periods"], data["axes"][0]["i_e"]) == (254, 4, 0.1)
     assert ("full_scale" in data) == (suffix == ".wav")
     assert out.stat().st_size > 1000
-    assert "y peak" in ended.output
+    assert f"{data['axes'][0]['i_e']:.3g}" in ended.output
 
 
 def test_excitation_of_some_axes_leaves_the_others_still(tmp_path):
@@ -55,26 +55,36 @@ def test_excitation_replaces_nothing_without_force(rig, tmp_path):
     assert out.read_text().startswith("t,i_e.A_zeta")
 
 
+@pytest.fixture
+def refused_by(golden):
+    """Hold an error of ours with its text."""
+
+    def hold(ended):
+        assert ended.exit_code != 0
+        assert isinstance(ended.exception, ambid.AmbidError)
+        golden.holds(str(ended.exception).replace(", ".join(own.name for own in ambid.CATALOGUE), "<catalogue>"))
+
+    return hold
+
+
 @pytest.mark.parametrize(
-    ("arguments", "word"),
+    "arguments",
     [
-        (("--out", "i_e.txt"), "no format"),
-        (("--out", "i_e.csv", "--signal", "chirp"), "prbs or multisine"),
-        (("--out", "i_e.csv", "--axes", "C_zeta"), "axes of the rig"),
-        (("--out", "i_e.csv", "--signal", "multisine", "--band", "100"), "LOW:HIGH"),
-        (("--out", "i_e.csv", "--signal", "multisine", "--amplitude", "0"), "--amplitude"),
-        (("--out", "i_e.csv", "--signal", "multisine", "--periods", "0"), "--periods"),
-        (("--out", "i_e.csv", "--amplitude", "nan"), "amplitude"),
-        (("--out", "i_e.csv", "--travel", "0"), "travel"),
-        (("--out", "i_e.wav", "--full-scale", "0.01"), "peak"),
+        ("i_e.txt",),
+        ("i_e.csv", "--signal", "chirp"),
+        ("i_e.csv", "--axes", "C_zeta"),
+        ("i_e.csv", "--signal", "multisine", "--band", "100"),
+        ("i_e.csv", "--signal", "multisine", "--amplitude", "0"),
+        ("i_e.csv", "--signal", "multisine", "--periods", "0"),
+        ("i_e.csv", "--amplitude", "nan"),
+        ("i_e.csv", "--travel", "0"),
+        ("i_e.wav", "--full-scale", "0.01"),
     ],
+    ids="_".join,
 )
-def test_excitation_refuses(rig, tmp_path, monkeypatch, arguments, word):
+def test_excitation_refuses(rig, tmp_path, monkeypatch, arguments, refused_by):
     monkeypatch.chdir(tmp_path)
-    ended = run("excitation", rig, *arguments)
-    assert ended.exit_code != 0
-    assert isinstance(ended.exception, ambid.AmbidError)
-    assert word in str(ended.exception)
+    refused_by(run("excitation", rig, "--out", *arguments))
     assert [path.name for path in tmp_path.iterdir()] == ["rig.toml"]
 
 
@@ -89,7 +99,7 @@ def test_design_tells_and_writes_what_it_found(rig, tmp_path):
     assert data["forecast"]["load"] <= 1.0 + 1e-9
     assert data["full_scale"] == pytest.approx(data["forecast"]["axes"][0]["i_e"])
     assert {"loop_delay", "sensor_lag"} <= {own["effect"] for own in data["effects"]}
-    assert "smallest size" in ended.output
+    assert all(own["effect"] in ended.output for own in data["effects"])
     assert out.exists()
 
 
@@ -116,8 +126,8 @@ def test_diagnose_proposes_what_settles_an_ambiguous_verdict(rig, tmp_path):
     data = json.loads(told.read_text())
     assert data["next_experiments"]["hypotheses"] == data["ambiguous_sets"][0]
     assert data["next_experiments"]["experiments"][0]["change"] == "record i_c"
-    assert "--next" in data["next_experiment"]
-    assert "s are to be recorded" in ended.output
+    best = data["next_experiments"]["experiments"][0]
+    assert f"{best['seconds']:.3g} s" in ended.output
 
 
 def test_design_proposes_what_tells_effects_apart(rig, tmp_path):
@@ -128,26 +138,24 @@ def test_design_proposes_what_tells_effects_apart(rig, tmp_path):
     following = json.loads(told.read_text())["next_experiments"]
     assert following["hypotheses"] == ["loop_delay", "sensor_lag"]
     assert "record i_c" in {own["change"] for own in following["experiments"]}
-    assert "to tell loop_delay from sensor_lag" in ended.output
+    assert all(own["change"] in ended.output for own in following["experiments"])
 
 
 @pytest.mark.parametrize(
-    ("arguments", "word"),
+    "arguments",
     [
-        (("--accuracy", "K_i"), "NAME=VALUE"),
-        (("--accuracy", "K_i=much"), "K_i"),
-        (("--effect", "no_such"), "no_such"),
-        (("--apart", "loop_delay"), "two effects"),
-        (("--signal", "chirp"), "multisine"),
-        (("--sensor-noise", "0"), "sensor_noise"),
-        (("--peak", "-1"), "excitation"),
-        (("--record", "run.csv", "--sensor-noise", "1e-8"), "--record tells the noise"),
+        ("--accuracy", "K_i"),
+        ("--accuracy", "K_i=much"),
+        ("--effect", "no_such"),
+        ("--apart", "loop_delay"),
+        ("--signal", "chirp"),
+        ("--sensor-noise", "0"),
+        ("--peak", "-1"),
+        ("--record", "run.csv", "--sensor-noise", "1e-8"),
     ],
+    ids="_".join,
 )
-def test_design_refuses(rig, tmp_path, monkeypatch, arguments, word):
+def test_design_refuses(rig, tmp_path, monkeypatch, arguments, refused_by):
     monkeypatch.chdir(tmp_path)
-    ended = run("design", rig, "--out", "i_e.csv", *arguments)
-    assert ended.exit_code != 0
-    assert isinstance(ended.exception, ambid.AmbidError)
-    assert word in str(ended.exception)
+    refused_by(run("design", rig, "--out", "i_e.csv", *arguments))
     assert [path.name for path in tmp_path.iterdir()] == ["rig.toml"]

@@ -5,12 +5,15 @@ import os
 import subprocess
 import sys
 from contextlib import suppress
+from io import StringIO
 from pathlib import Path
 
 import pytest
 from matplotlib.image import imread
+from rich.console import Console
 
 import ambid
+from ambid.cli import terminal
 from ambid.cli.terminal import with_time_left
 from ambid.demo import DATA
 from ambid.effects import CATALOGUE
@@ -137,7 +140,31 @@ def read_to_the_end(terminal):
     return seen.decode()
 
 
-@pytest.mark.parametrize(("answer", "effects"), [("y", ["loop_delay"]), ("n", []), ("2", None)])
+@pytest.fixture(scope="module")
+def ranking(late):
+    """Of the base model on the late loop."""
+    return ambid.rank(ambid.identify(late / "rig.toml", [late / "run.csv"]).comparison)
+
+
+@pytest.mark.parametrize(("answer", "choice"), [("y", True), ("n", False), ("2", None)])
+def test_what_a_person_answers(ranking, monkeypatch, answer, choice):
+    """The ranking and the question stand on the console; a number chooses another candidate."""
+    seen = StringIO()
+    monkeypatch.setattr(terminal, "status", Console(file=seen, width=200))
+    monkeypatch.setattr(sys, "stdin", StringIO(f"nonsense\n{answer}\n"))
+    first, second = ranking.candidates[:2]
+    assert terminal.choose(ranking, first) == (second if choice is None else choice)
+    assert f"1 {first.effect.name}, 2 {second.effect.name}" in seen.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("answer", "effects"),
+    [
+        pytest.param("y", ["loop_delay"], marks=pytest.mark.slow),
+        pytest.param("n", [], marks=pytest.mark.slow),
+        ("2", None),
+    ],
+)
 def test_asking_at_a_terminal(here, answer, effects):
     """Ranking, questions and progress are on the terminal."""
     pty = pytest.importorskip("pty")
@@ -160,7 +187,13 @@ def test_asking_at_a_terminal(here, answer, effects):
     assert history[-1]["effects"] == effects
 
 
-@pytest.mark.parametrize("words", ["effects loop_", "diagnose rig.toml a.csv --effects seal_forces,loop_"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        pytest.param("effects loop_", marks=pytest.mark.slow),
+        "diagnose rig.toml a.csv --effects seal_forces,loop_",
+    ],
+)
 def test_names_of_effects_are_completed(words, monkeypatch):
     environment = {
         "_AMBID_COMPLETE": "complete_bash",

@@ -51,32 +51,33 @@ def test_an_axis_by_its_name(model):
 
 
 @pytest.mark.parametrize(
-    ("option", "words"),
+    "option",
     [
-        ("loop_delya", "loop_delya: no such effect; did you mean loop_delay? the catalogue has rotor_bending_mode"),
-        ("", "no such effect"),
-        ("loop_delay:lag=1e-5", "no parameter lag; loop_delay has delay"),
-        ("seal_forces:x=1", "no parameter x; seal_forces has direct_stiffness, cross_stiffness, damping, and the sett"),
-        ("loop_delay:", "expected NAME or NAME:param=value,..., such as loop_delay:delay=5e-5"),
-        ("loop_delay:delay", "'delay': expected NAME or NAME:param=value"),
-        ("loop_delay:delay=", "expected NAME or NAME:param=value"),
-        ("loop_delay:delay=50us", "delay = '50us' is no number; give one in SI units"),
-        ("loop_delay:delay=nan", "loop_delay.delay = nan: expected"),
-        ("loop_delay:delay=-1e-5", "loop_delay.delay = -1e-05: expected 5e-09 to 0.002 in s"),
-        ("loop_delay:delay=1e-5,delay=2e-5", "a parameter is named twice"),
-        ("seal_forces:z=front", "z = 'front' is no number"),
-        ("seal_forces:z=4.3", "position"),
-        ("coupling_stiffness:end=7", "end = 7: the rig has no such place or axis"),
-        ("coupling_stiffness:end=1.5", "end = '1.5' is no whole number"),
-        ("force_nonlinearity:held=0.1", "held = '0.1': it holds a number of each axis"),
-        ("unbalance:z=0.4,in_phase=1e-6", "unbalance makes no sense on this rig"),
+        "loop_delya",
+        "",
+        "loop_delay:lag=1e-5",
+        "seal_forces:x=1",
+        "loop_delay:",
+        "loop_delay:delay",
+        "loop_delay:delay=",
+        "loop_delay:delay=50us",
+        "loop_delay:delay=nan",
+        "loop_delay:delay=-1e-5",
+        "loop_delay:delay=1e-5,delay=2e-5",
+        "seal_forces:z=front",
+        "seal_forces:z=4.3",
+        "coupling_stiffness:end=7",
+        "coupling_stiffness:end=1.5",
+        "force_nonlinearity:held=0.1",
+        "unbalance:z=0.4,in_phase=1e-6",
     ],
 )
-def test_options_that_are_refused(model, option, words):
+def test_options_that_are_refused(model, option, golden):
     with pytest.raises(ModelError) as caught:
         with_effects(model, [option])
-    assert str(caught.value).startswith(f"--effect {option}: ")
-    assert words in str(caught.value)
+    text = str(caught.value)
+    assert text.startswith(f"--effect {option}: ")
+    golden.holds(text.replace(", ".join(effect.name for effect in CATALOGUE), "<catalogue>"))
 
 
 def test_the_same_effect_twice(model, golden):

@@ -41,22 +41,20 @@ def test_a_response_before_and_after_with_its_matrix(here, command):
     assert before["name"] == "base model"
     assert before["model"] != told["responses"][0]["model"]
     assert told["matrix"][0]["inputs"] == ["i_e.A_zeta"]
-    assert "by excitation" in made.out
+    assert f"{told['matrix'][0]['record']}, by excitation:" in made.out
     assert Path("f.png").stat().st_size > 10_000
 
 
-def test_what_a_candidate_would_leave(here, command):
+def test_what_a_candidate_would_leave(here, command, refused):
     found = command(
         "rank", here["rig.toml"], here["run.csv"], "--predict", "sensor_lag", "--json", "r.json", "--plot", "r.png"
     )
     assert (found.code, found.err) == (0, "")
-    assert "sensor_lag: misfit" in found.out
     (own,) = json.loads(Path("r.json").read_text())["prediction"]["records"]
     assert len(own["misfit"]) == len(own["misfit_then"])
     assert Path("r.png").stat().st_size > 10_000
     wrong = command("rank", here["rig.toml"], here["run.csv"], "--predict", "sensor_lug")
-    assert wrong.code == 2
-    assert "sensor_lug" in wrong.err
+    refused(wrong, "sensor_lug")
 
 
 def test_a_stretch_of_choice_and_the_model_before(here, command):
@@ -67,11 +65,9 @@ def test_a_stretch_of_choice_and_the_model_before(here, command):
     assert "matrix" in json.loads(command("compare", here["rig.toml"], here["run.csv"], "--json", "-", "-q").out)
 
 
-@pytest.mark.parametrize(
-    ("stretch", "said"),
-    [("0.1", "expected FROM:TO"), ("a:1", "'a' is no number"), ("1:0.5", "the first before the second")],
-)
-def test_a_stretch_that_is_none_is_refused(here, command, stretch, said):
-    found = command("compare", here["rig.toml"], here["run.csv"], "--stretch", stretch, "--plot", "c.png")
-    assert found.code == 2
-    assert said in found.err
+@pytest.mark.parametrize("stretch", ["0.1", "a:1", "1:0.5"])
+def test_a_stretch_that_is_none_is_refused(here, command, stretch, refused):
+    refused(
+        command("compare", here["rig.toml"], here["run.csv"], "--stretch", stretch, "--plot", "c.png"),
+        prints=stretch == "1:0.5",
+    )

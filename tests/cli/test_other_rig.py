@@ -10,7 +10,10 @@ import ambid
 from ambid.rig.differences import differences
 from places import BENCH, LEVITATOR
 
-OF_ANOTHER = "the model was saved of another rig"
+
+def of_another(file):
+    """The findings of this kind in JSON."""
+    return [own for own in json.loads(Path(file).read_text())["findings"] if own["code"] == "model_of_another_rig"]
 
 
 @pytest.fixture
@@ -33,33 +36,36 @@ def here(tmp_path, monkeypatch):
 def test_it_is_noted_on_stderr_and_in_json_with_both_values(here, command):
     found = command("margins", "other.toml", "--model", "model.json", "--draws", 50, "--json", "m.json")
     assert found.code == 0
-    bias = here.bearings[0].bias_current
-    (line,) = [line for line in found.err.splitlines() if OF_ANOTHER in line]
-    (told,) = [note for note in json.loads(Path("m.json").read_text())["notes"] if OF_ANOTHER in note]
-    for text in (line, told):
-        assert "model.json" in text
-        assert f"bearing[0] (A).bias_current = {bias:g} there, {1.1 * bias:g} here" in text
-        assert f"controller.proportional = {here.controller.proportional:g} there" in text
+    bias, gain = here.bearings[0].bias_current, here.controller.proportional
+    (told,) = of_another("m.json")
+    assert told["where"]["file"] == "model.json"
+    assert told["values"]["differences"] == {
+        "bearing[0] (A).bias_current": {"saved": f"{bias:g}", "given": f"{1.1 * bias:g}"},
+        "controller.proportional": {"saved": f"{gain:g}", "given": f"{1.05 * gain:g}"},
+    }
+    assert found.err == f"warning: model.json: {told['message']}; {told['remedy']}\n"
+    assert f"model.json: {told['message']}; {told['remedy']}" in json.loads(Path("m.json").read_text())["notes"]
 
 
 @pytest.mark.parametrize("rig", ["rig.toml", "named.toml"])
 def test_the_same_rig_is_not_noted(here, command, rig):
     found = command("margins", rig, "--model", "model.json", "--draws", 50, "--json", "m.json")
     assert (found.code, found.err) == (0, "")
-    assert not any(OF_ANOTHER in note for note in json.loads(Path("m.json").read_text())["notes"])
+    assert of_another("m.json") == []
 
 
 def test_a_note_is_of_its_own_command_alone(here, command):
-    assert OF_ANOTHER in command("poles", "other.toml", "--model", "model.json").err
-    assert command("poles", "rig.toml", "--model", "model.json", "--json", "p.json").err == ""
-    assert "notes" not in json.loads(Path("p.json").read_text()) or OF_ANOTHER not in Path("p.json").read_text()
+    assert command("poles", "other.toml", "--model", "model.json", "--json", "other.json").err
+    assert command("poles", "rig.toml", "--model", "model.json", "--json", "own.json").err == ""
+    assert (len(of_another("other.json")), len(of_another("own.json"))) == (1, 0)
 
 
 def test_a_point_that_the_model_was_fitted_at_is_its_own(here, command):
     other = ambid.Rig.load("other.toml")
     record = ambid.Model(other).virtual_experiment(ambid.prbs(7, amplitude=0.1, hold=4, axes=1, periods=4), seed=0)
     ambid.Model(here).covering([record.at(other)]).save("two.json")
-    assert OF_ANOTHER not in command("poles", "other.toml", "--model", "two.json").err
+    assert command("poles", "rig.toml", "--model", "two.json", "--json", "p.json").code == 0
+    assert of_another("p.json") == []
 
 
 def test_at_most_five_keys_are_told_and_nominal_values_last(here, command):
@@ -73,10 +79,11 @@ def test_at_most_five_keys_are_told_and_nominal_values_last(here, command):
     ]
     changes = {key: 1.01 * getattr(rig.controller, key) for key in ("proportional", "integral", "derivative")}
     rig.replace(bearings=bearings, controller=rig.controller.model_copy(update=changes)).save("changed.toml")
-    (line,) = command("poles", "changed.toml", "--model", "bench.json").err.splitlines()
-    assert line.count(" there, ") == 5
-    assert "and 2 more keys" in line
-    assert "force_current" not in line
+    command("poles", "changed.toml", "--model", "bench.json", "--json", "p.json")
+    (told,) = of_another("p.json")
+    assert len(told["values"]["differences"]) == 5
+    assert told["values"]["further"] == 2
+    assert "force_current" not in told["message"]
 
 
 def test_other_kinds_and_counts_are_told_in_short(here):

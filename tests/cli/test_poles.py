@@ -27,7 +27,6 @@ def here(tmp_path, monkeypatch):
 def test_poles_are_told_with_their_uncertainty(here, command):
     found = command("poles", "rig.toml", "--model", "at_0.json", "--json", "p.json", "--plot", "p.png")
     assert (found.code, found.err) == (0, "")
-    assert "the closed loop is stable; with the controller off 4 poles grow" in found.out
     told = json.loads(Path("p.json").read_text())
     own = ambid.pole_map(ambid.Model.load("at_0.json"))
     assert [complex(*entry["pole"]) for entry in told["closed"]] == own.closed.tolist()
@@ -49,24 +48,28 @@ def test_models_of_single_speeds_are_held_against_the_diagram(here, command):
     assert {own["speed"] for own in told["measured"]} == {0.0, 400.0}
     assert told["speed"][-1] == pytest.approx(500.0)
     assert {"forward", "backward"} <= {own["whirl"] for own in told["branches"]}
-    assert "critical speed" in found.out
+    assert all(f"{own['speed']:.4g}" in found.out for own in told["critical"])
     assert Path("c.png").stat().st_size > 10_000
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "named"),
     [
-        (("poles", "rig.toml", "--plot", "p.bmp"), "p.bmp: the suffix is .bmp"),
-        (("poles", "rig.toml", "--before", "none.json"), "none.json"),
-        (("campbell", "one.toml"), "no bearing has two axes"),
-        (("campbell", "rig.toml", "--speeds", "100"), "--speeds 100: expected FROM:TO"),
-        (("campbell", "rig.toml", "--speeds", "100:50"), "--speeds 100:50: expected FROM below TO"),
-        (("campbell", "rig.toml", "--speeds", "0:1e9"), "--speeds 0:1e9: expected FROM below TO, from 0 to 50000"),
-        (("campbell", "rig.toml", "--speeds=-5:1e3"), "--speeds -5:1e3: expected FROM below TO, from 0 to"),
-        (("campbell", "rig.toml", "--speeds", "0:nan"), "--speeds 0:nan: expected FROM below TO"),
+        (("poles", "rig.toml", "--plot", "p.bmp"), "p.bmp"),
+        (("campbell", "one.toml"), ""),
+        (("campbell", "rig.toml", "--speeds", "100"), "--speeds 100"),
+        (("campbell", "rig.toml", "--speeds", "100:50"), "--speeds 100:50"),
+        (("campbell", "rig.toml", "--speeds", "0:1e9"), "--speeds 0:1e9"),
+        (("campbell", "rig.toml", "--speeds=-5:1e3"), "--speeds -5:1e3"),
+        (("campbell", "rig.toml", "--speeds", "0:nan"), "--speeds 0:nan"),
     ],
+    ids=lambda value: "_".join(value) if isinstance(value, tuple) else "",
 )
-def test_what_is_wrong_is_told(here, command, arguments, said):
-    found = command(*arguments)
+def test_what_is_wrong_is_told(here, command, arguments, named, refused):
+    refused(command(*arguments), named)
+
+
+def test_a_model_that_is_not_there_is_named(here, command):
+    found = command("poles", "rig.toml", "--before", "none.json")
     assert found.code == 2
-    assert said in found.err
+    assert "none.json" in found.err

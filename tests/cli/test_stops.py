@@ -9,7 +9,7 @@ import pytest
 
 import ambid
 from ambid.cli import outputs
-from ambid.diagnosis import procedure, search, verdict
+from ambid.diagnosis import messages, procedure, search, verdict
 from ambid.noise import Noise
 
 STOPPED = "stopped by Ctrl-C"
@@ -46,7 +46,7 @@ def test_ctrl_c_later_ends_with_the_steps_that_were_done(here, command, monkeypa
     assert [step["effects"] for step in found["history"]] == [[]]
     first = {candidate["effect"] for candidate in found["history"][0]["candidates"][:2]}
     assert first == {"loop_delay", "amplifier_bandwidth"}, "near twins"
-    assert STOPPED in found["notes"][-1]
+    assert found["findings"][-1]["code"] == "search_stopped"
 
 
 LATER = {
@@ -55,7 +55,7 @@ LATER = {
     "the verdict": (procedure, "judged", 0),
     "what is left": (verdict, "largest_change", 0),
     "the intervals": (procedure, "covariance", 0),
-    "the next experiment": (procedure, "next_experiment", 0),
+    "the next experiment": (procedure, "next_steps", 0),
 }
 
 
@@ -64,13 +64,12 @@ def test_ctrl_c_after_the_first_step_saves_what_was_done(moment, here, command, 
     stopped_at(moment, monkeypatch, lambda: command("diagnose", *here, "--json", "d.json", "--save", "m.json"))
 
 
-@pytest.mark.parametrize(
-    "moment", [own if own == "the verdict" else pytest.param(own, marks=pytest.mark.slow) for own in LATER]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("moment", LATER)
 def test_ctrl_c_after_the_first_step_is_in_the_report(moment, here, command, monkeypatch):
     files = ("--json", "d.json", "--save", "m.json", "--report", "r.html")
     stopped_at(moment, monkeypatch, lambda: command("diagnose", *here, *files))
-    assert STOPPED in Path("r.html").read_text()
+    assert messages.STOPPED.message in Path("r.html").read_text()
 
 
 def stopped_at(moment, monkeypatch, run):
@@ -81,7 +80,8 @@ def stopped_at(moment, monkeypatch, run):
     steps = [] if moment == "the steps of the search" else [found["history"][1]["effects"]]
     assert [step["effects"] for step in found["history"]] == [[], *steps]
     assert found["stopped"]
-    assert STOPPED in result.out
+    assert found["findings"][-1]["code"] == "search_stopped"
+    assert messages.STOPPED.message in result.out
     assert ambid.Model.load("m.json").names
 
 

@@ -12,6 +12,7 @@ import urllib.request
 
 import pytest
 
+from ambid.cli.working import GONE
 from ambid.demo import DATA
 
 pytest.importorskip("uvicorn", reason="the workbench's server needs uvicorn")
@@ -29,20 +30,21 @@ def started(*options, **environment):
     return process, process.stdout.readline().strip()
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGTERM, 143), pytest.param(signal.SIGINT, 130, marks=pytest.mark.slow)]
+)
 def test_it_serves_until_a_signal_ends_it(number, code):
     process, address = started("--no-browser")
     assert address.startswith("http://127.0.0.1:")
     with urllib.request.urlopen(address) as answer:
-        assert b"ambid workbench" in answer.read()
+        assert b"<html" in answer.read()
     with pytest.raises(urllib.error.HTTPError, match="403"):
         urllib.request.urlopen(address.rsplit("/", 2)[0] + "/")
     process.send_signal(number)
     out, said = process.communicate(timeout=30)
     assert process.returncode == code
-    assert "effects: none" in out
     assert "K_i.A_zeta" in out
-    assert "what was not exported is gone" in said
+    assert GONE in said
     assert "Traceback" not in said
 
 
@@ -74,9 +76,11 @@ def test_json_tells_what_the_page_held_but_not_its_token(tmp_path):
 
 
 def test_json_is_not_written_over_a_record(command):
+    before = FILES[1].read_bytes()
     found = command("workbench", *FILES, "--no-browser", "--json", FILES[1])
     assert found.code == 2
-    assert "the same file as RECORD" in found.err
+    assert {"--json", "RECORD"} <= set(found.err.split())
+    assert FILES[1].read_bytes() == before
 
 
 def test_it_opens_the_address_in_the_browser(tmp_path):

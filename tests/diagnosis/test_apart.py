@@ -3,10 +3,12 @@
 import pytest
 
 from ambid.diagnosis import diagnose
+from ambid.effects import find
 from hidden.bench import measured
 from hidden.one_axis import ONE_AXIS
 
 DELAY = {"loop_delay": {"seconds": 5e-5}}
+FEW = [find(name) for name in ("loop_delay", "sensor_lag", "amplifier_bandwidth", "force_nonlinearity")]
 
 
 def at_two_points(hidden, tau_e):
@@ -23,7 +25,7 @@ def at_two_points(hidden, tau_e):
 
 def test_what_changes_between_points_is_told_beside_what_is_missing():
     records = at_two_points(DELAY, (2.85e-4, 3.1e-4))
-    found = diagnose(records[0].point, records)
+    found = diagnose(records[0].point, records, catalogue=FEW)
     assert found.verdict == "explained", found
     assert found.effects == ("loop_delay",)
     assert not found.fit.is_adequate
@@ -35,12 +37,13 @@ def test_what_changes_between_points_is_told_beside_what_is_missing():
 
 def test_points_that_share_everything_are_told_nothing():
     records = at_two_points(DELAY, (2.85e-4, 2.85e-4))
-    found = diagnose(records[0].point, records)
+    found = diagnose(records[0].point, records, catalogue=FEW)
     assert found.verdict == "explained", found
     assert found.fit.is_adequate
     assert "changes_with_operating_point" not in {own.code for own in found.findings}
 
 
+@pytest.mark.slow
 def test_what_has_no_name_at_any_point_stays_nameless():
     records = at_two_points({"cubic_bearing_force": {"coefficient": 1e15}}, (2.85e-4, 3.1e-4))
     assert diagnose(records[0].point, records).verdict == "none_of_the_candidates"

@@ -102,6 +102,7 @@ def test_the_best_of_many_correlated_directions_is_as_likely_as_said():
         assert 0.6 * told < np.mean(best > score) < 1.4 * told
 
 
+@pytest.mark.slow
 def test_noise_with_a_narrow_peak_of_its_own_is_judged_by_the_peak():
     """A response that lies in the peak is weighed by the noise there, not by the mean over a wide band."""
     window = Window(1500, 3, 1500)

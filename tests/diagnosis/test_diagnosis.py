@@ -8,6 +8,7 @@ from ambid.diagnosis import diagnose, rank
 from ambid.effects import CATALOGUE, Effect, EffectParameter
 from hidden.bench import measured
 from hidden.families import BENCHES
+from tiers import first_fast
 
 TRUTH = BENCHES["bench"].truth
 HIDDEN = {
@@ -21,16 +22,14 @@ HIDDEN = {
 
 @pytest.fixture(scope="module")
 def i_e():
-    return ambid.prbs(9, amplitude=1.0, hold=4, axes=4, periods=4)
+    return ambid.prbs(8, amplitude=1.0, hold=4, axes=4, periods=4)
 
 
 def record(rig, i_e, hidden, seed):
     return measured(rig, i_e, hidden, seed=seed, **TRUTH)
 
 
-@pytest.mark.parametrize(
-    "name", ["seal_forces", *(pytest.param(name, marks=pytest.mark.slow) for name in HIDDEN if name != "seal_forces")]
-)
+@pytest.mark.parametrize("name", first_fast(HIDDEN))
 def test_hidden_effect_is_named_and_the_misfit_falls(rig, i_e, name):
     train, other = (record(rig, factor * i_e, {name: HIDDEN[name]}, seed) for factor, seed in ((1.0, 1), (0.6, 2)))
     found = diagnose(rig, train, validate=[other])
@@ -46,12 +45,12 @@ def test_hidden_effect_is_named_and_the_misfit_falls(rig, i_e, name):
         assert values[f"K_i.{axis}"] == pytest.approx(k_i, rel=0.02)
 
 
-def test_nothing_hidden_is_adequate(rig, i_e):
-    for seed in range(2):
-        found = diagnose(rig, record(rig, i_e, {}, seed))
-        assert found.verdict == "adequate"
-        assert found.effects == ()
-        assert found.history[-1].misfit == pytest.approx(1.0, abs=0.05)
+@pytest.mark.parametrize("seed", first_fast(range(2)))
+def test_nothing_hidden_is_adequate(rig, i_e, seed):
+    found = diagnose(rig, record(rig, i_e, {}, seed))
+    assert found.verdict == "adequate"
+    assert found.effects == ()
+    assert found.history[-1].misfit == pytest.approx(1.0, abs=0.06)
 
 
 @pytest.mark.slow

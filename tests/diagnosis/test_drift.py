@@ -10,8 +10,9 @@ from ambid.diagnosis.verdict import OVERTURNS
 from hidden.bench import simulate
 from hidden.experiment import experiment
 from hidden.families import BENCHES
-from hidden.null_cells import made
+from hidden.null_cells import BLOCK, cell, made
 from hidden.one_axis import ONE_AXIS
+from tiers import first_fast
 
 BENCH = BENCHES["bench"]
 
@@ -30,7 +31,7 @@ def with_light_modes(own):
 
 
 @pytest.mark.parametrize("own", [ONE_AXIS, BENCH], ids=["one axis", "two bearings"])
-@pytest.mark.parametrize("fraction", [0.15, -0.05])
+@pytest.mark.parametrize("fraction", first_fast([0.15, -0.05]))
 def test_a_force_that_drifts_is_seen_and_its_size_is_right(own, fraction):
     """A ramp of relative height h stands with an amplitude of h / pi at one cycle per record."""
     record = measured(own, {"force_current_drift": {"fraction": fraction}}, 1)
@@ -51,10 +52,9 @@ def test_a_stiffness_that_swings_is_seen_at_its_frequency():
     assert change.frequency_hz == pytest.approx(1.4, rel=0.01)
 
 
-@pytest.mark.parametrize("hidden", [("force_current_drift", 1), ("parametric_stiffness", 6)])
-def test_a_small_change_does_not_hide_in_the_noise_that_it_raises(hidden):
+@pytest.mark.parametrize(("effect", "cycles"), first_fast([("force_current_drift", 1), ("parametric_stiffness", 6)]))
+def test_a_small_change_does_not_hide_in_the_noise_that_it_raises(effect, cycles):
     """Half a per cent of K_i, or of K_s at 3.7 Hz, more cycles a record than there are periods."""
-    effect, cycles = hidden
     rig, record, _, _ = experiment(effect, "clear", 5, kind="compressor")
     change = largest_change(ambid.identify(rig, record).comparison)
     assert change is not None
@@ -62,12 +62,15 @@ def test_a_small_change_does_not_hide_in_the_noise_that_it_raises(hidden):
     assert change.cycles == cycles
 
 
-@pytest.mark.parametrize("index", [1305, 1235])
-def test_a_peak_of_noise_on_a_line_or_two_is_no_change(index):
-    """Modes of 0.1 %: there the noise has peaks, and a pattern may have nearly all of its energy on one line."""
-    rig, record = made(index)
-    change = largest_change(ambid.identify(rig, record).comparison)
-    assert change is None or change.power < OVERTURNS
+PEAKED = [k for k in range(3 * BLOCK) if cell(k).damping == 0.001 and cell(k).periods >= 4 and cell(k).nominal < 4000]
+"""Modes of 0.1 %: there the noise has peaks, and a pattern may have nearly all of its energy on one line."""
+
+
+@pytest.mark.parametrize("cells", [PEAKED[:3], pytest.param(PEAKED, marks=pytest.mark.slow)], ids=["few", "all"])
+def test_a_peak_of_noise_on_a_line_or_two_is_no_change(cells):
+    """In one of a hundred records, at the most."""
+    found = [largest_change(ambid.identify(*made(index)).comparison) for index in cells]
+    assert sum(own is not None and own.power > OVERTURNS for own in found) <= 0.01 * len(cells)
 
 
 def test_a_record_of_a_drifting_force_is_not_adequate():
@@ -94,7 +97,7 @@ MACHINES = {
 }
 
 
-@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize("machine", first_fast(MACHINES, 2))
 def test_where_nothing_changes_nothing_is_said(machine):
     """Noise is taken for a change in one of ten thousand records."""
     own, settings = MACHINES[machine]

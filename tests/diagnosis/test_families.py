@@ -48,24 +48,29 @@ def delayed():
     return at_rates({"loop_delay": {"seconds": 1e-4}}, with_i_c=False)
 
 
-def test_the_same_family_with_the_same_number_at_every_rate(delayed):
-    for rig, one in delayed:
-        found = diagnose(rig, one)
+@pytest.fixture(scope="module")
+def alone(delayed):
+    """Each of these records diagnosed by itself."""
+    return [diagnose(rig, one) for rig, one in delayed]
+
+
+def test_the_same_family_with_the_same_number_at_every_rate(alone):
+    for found in alone:
         (family,) = found.families.values()
         assert set(family.members) == {"loop_delay", "sensor_lag", "amplifier_bandwidth", "sampling_skew"}
         assert (family.values[0], family.unit) == (pytest.approx(1e-4, rel=0.03), "s")
         assert family.shared.endswith(LAG_ROUND_LOOP.where)
 
 
-def test_all_rates_together_name_the_truth(delayed):
-    singles = [diagnose(rig, one) for rig, one in delayed]
-    assert any(found.verdict == "ambiguous" for found in singles)
+def test_all_rates_together_name_the_truth(delayed, alone):
+    assert any(found.verdict == "ambiguous" for found in alone)
     found = diagnose(delayed[0][0], [one for _, one in delayed])
     assert found.verdict == "explained", found
     assert found.effects == ("loop_delay",)
     assert found.history[-1].misfit == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_all_rates_together_leave_a_smaller_family():
     slow, *others = at_rates({"sensor_lag": {"tau": 5e-5}}, with_i_c=True)
     alone = diagnose(*slow).families["sensor_lag"]

@@ -10,8 +10,11 @@ from ambid.effects import CATALOGUE, slips
 from ambid.excitation import prbs
 from hidden.bench import measured
 from hidden.one_axis import NAMED, NAMELESS, ONE_AXIS, record
+from tiers import first_fast
 
 RIG = ONE_AXIS.rig
+FAST = ("force_nonlinearity", "amplifier_bandwidth", "loop_delay", "periodic_disturbance")
+"""One of each kind: a law, a lag, a delay, a wave."""
 
 
 def named(found):
@@ -23,7 +26,7 @@ def test_all_that_makes_sense_on_one_axis_is_hidden_here():
     assert {effect.name for effect in physics if effect.parameters(RIG)} == set(NAMED)
 
 
-@pytest.mark.parametrize("effect", NAMED)
+@pytest.mark.parametrize("effect", first_fast(sorted(NAMED, key=FAST.__contains__, reverse=True), len(FAST)))
 def test_a_hidden_effect_is_named_and_the_values_come_right(effect):
     hidden = {effect: NAMED[effect]}
     found = diagnose(RIG, record(hidden, 1), validate=[record(hidden, 2, share=0.8)])
@@ -36,7 +39,7 @@ def test_a_hidden_effect_is_named_and_the_values_come_right(effect):
     assert values["K_i.A_zeta"] == pytest.approx(ONE_AXIS.K_i[0], rel=0.03)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", first_fast(range(3)))
 def test_nothing_hidden_is_adequate(seed):
     found = diagnose(RIG, record({}, seed))
     assert found.verdict == "adequate", found
@@ -44,6 +47,7 @@ def test_nothing_hidden_is_adequate(seed):
     assert found.history[-1].misfit == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_chance_on_a_short_record_is_no_missing_physics():
     """With 500 degrees of freedom chance alone brings 1.1; of 30 records at most one may name something."""
     digital = RIG.replace(controller=RIG.controller.model_copy(update={"implementation": "digital"}))
@@ -55,17 +59,19 @@ def test_chance_on_a_short_record_is_no_missing_physics():
     assert sum(one.verdict != "adequate" for one in found) <= 1
 
 
-@pytest.mark.parametrize("effect", NAMELESS)
+@pytest.mark.parametrize("effect", first_fast(NAMELESS, 2))
 def test_what_has_no_name_is_given_none(effect):
     found = diagnose(RIG, record({effect: NAMELESS[effect]}, 1))
     assert found.verdict == "none_of_the_candidates", found
     assert found.effects == ()
 
 
-@pytest.mark.parametrize("pair", [("loop_delay", "periodic_disturbance"), ("sensor_lag", "eddy_currents")])
-def test_two_at_once(pair):
-    found = diagnose(RIG, record({name: NAMED[name] for name in pair}, 1))
-    assert set(pair) <= named(found), found
+@pytest.mark.parametrize(
+    ("one", "other"), first_fast([("loop_delay", "periodic_disturbance"), ("sensor_lag", "eddy_currents")])
+)
+def test_two_at_once(one, other):
+    found = diagnose(RIG, record({name: NAMED[name] for name in (one, other)}, 1))
+    assert {one, other} <= named(found), found
     assert found.history[-1].misfit == pytest.approx(1.0, abs=0.1)
 
 

@@ -12,6 +12,7 @@ from hidden.bench import simulate
 from hidden.families import BENCHES
 from hidden.one_axis import NAMED, ONE_AXIS, record
 from hidden.sizes import sized
+from tiers import first_fast
 
 RIG = ONE_AXIS.rig
 FURTHER = ("amplifier_bandwidth", "foundation_resonance", "back_emf", "sampling_skew")
@@ -39,24 +40,33 @@ def named(found):
     return {*found.effects, *(name for names in found.ambiguous_sets for name in names)}
 
 
-def test_a_hidden_effect_is_named_from_responses_alone(tmp_path):
-    found = diagnose(
-        RIG, measured("loop_delay", {"delay": 5e-5}), validate=[measured("loop_delay", {"delay": 5e-5}, 1)]
-    )
+@pytest.fixture(scope="module")
+def late():
+    """A diagnosis of responses alone."""
+    late, other = (measured("loop_delay", {"delay": 5e-5}, seed) for seed in (0, 1))
+    return diagnose(RIG, late, validate=[other])
+
+
+@pytest.mark.slow
+def test_a_report_of_responses_alone_is_written(late, tmp_path):
+    path = write_report(late, tmp_path / "report.html")
+    assert "<code>y.A_zeta, i_c.A_zeta</code>" in path.read_text(encoding="utf-8")
+
+
+def test_a_hidden_effect_is_named_from_responses_alone(late):
+    found = late
     assert found.verdict in ("explained", "ambiguous"), found
     assert "loop_delay" in named(found)
     assert found.history[0].misfit > 2.0
     assert found.history[-1].misfit == pytest.approx(1.0, abs=0.15)
     assert found.history[-1].validation_misfit < 1.2
     assert "response_of_small_motion" in {own.code for own in found.findings}
-    path = write_report(found, tmp_path / "report.html")
-    assert "<code>y.A_zeta, i_c.A_zeta</code>" in path.read_text(encoding="utf-8")
     told = found.to_json()
     assert {"verdict", "effects", "where", "parameters", "misfit", "not_tried"} <= set(told)
     assert told["where"]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", first_fast(range(3)))
 def test_nothing_hidden_is_adequate(seed):
     found = diagnose(RIG, measured(seed=seed))
     assert found.verdict == "adequate", found
@@ -81,7 +91,7 @@ def test_where_a_response_is_missed():
     assert where.findings
 
 
-@pytest.mark.parametrize("effect", ["loop_delay", *(pytest.param(name, marks=pytest.mark.slow) for name in FURTHER)])
+@pytest.mark.parametrize("effect", first_fast(["loop_delay", *FURTHER]))
 def test_half_of_a_record_as_a_response_names_what_the_record_does(effect):
     own = record({effect: NAMED[effect]}, 1)
     in_time, response = diagnose(RIG, own), diagnose(RIG, half(own).frequency_response())

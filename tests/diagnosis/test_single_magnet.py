@@ -8,6 +8,7 @@ from ambid.diagnosis.ranking import see
 from ambid.effects.magnet import HOLDING, FluxSaturation, ForceNonlinearity
 from ambid.model import Model
 from reference.levitator import Levitator, pid, pid_matrices
+from tiers import first_fast
 
 RATE, GAINS, SAMPLES = 1000.0, (300.0, 900.0, 12.0), 1200
 BIAS, GAP = 0.9, 0.005
@@ -29,7 +30,7 @@ def record(size: float, seed: int, holding: float = BIAS) -> Record:
     return Record.from_arrays(**own, sample_rate=RATE, axes=("A_zeta",), rig=rig())
 
 
-@pytest.mark.parametrize("holding", [BIAS, 0.0])
+@pytest.mark.parametrize("holding", first_fast([BIAS, 0.0]))
 def test_the_law_of_a_single_magnet_is_named_and_the_values_come_right(holding):
     """Also where i_c is stated about what holds the weight, which then tells nothing of the magnets."""
     found = diagnose(rig(), record(1e-4, 1, holding), validate=[record(7e-5, 2, holding)])

@@ -11,6 +11,7 @@ from ambid.rig import StateSpaceController
 from hidden.bench import measured
 from hidden.families import BENCHES
 from hidden.one_axis import ONE_AXIS, record
+from tiers import first_fast
 
 MACHINES = {"one axis": ONE_AXIS, "two bearings": BENCHES["bench"]}
 
@@ -35,9 +36,9 @@ def values(found):
     return {p.name: p.value for p in found.model.parameters}
 
 
-@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize("machine", first_fast(MACHINES))
 @pytest.mark.parametrize("gain", ["proportional", "derivative"])
-@pytest.mark.parametrize("factor", [0.7, 1.4])
+@pytest.mark.parametrize("factor", first_fast([0.7, 1.4]))
 def test_a_wrong_gain_of_the_rig_file_is_named(machine, gain, factor):
     rig = MACHINES[machine].rig
     found = diagnose(with_gains(rig, **{gain: factor}), nothing_hidden(machine))
@@ -53,8 +54,8 @@ def test_a_wrong_gain_of_the_rig_file_is_named(machine, gain, factor):
     assert wrong.values["by_data"] == pytest.approx([own], rel=0.01)
 
 
-@pytest.mark.parametrize("factor", [0.9, 1.2])
-@pytest.mark.parametrize("gain", ["proportional", "integral", "derivative"])
+@pytest.mark.parametrize("factor", first_fast([0.9, 1.2]))
+@pytest.mark.parametrize("gain", first_fast(["integral", "proportional", "derivative"]))
 def test_a_gain_that_is_off_by_less(gain, factor):
     found = diagnose(with_gains(ONE_AXIS.rig, **{gain: factor}), nothing_hidden("one axis"))
     assert found.effects == ("controller_gain_error",), found
@@ -91,8 +92,8 @@ def test_a_slip_beside_physics_and_both_slips_at_once():
     assert {own.code for own in found.findings} == {"controller_gain_wrong", "excitation_scale_wrong"}
 
 
-@pytest.mark.parametrize("machine", MACHINES)
-@pytest.mark.parametrize("factor", [0.8, 1.25])
+@pytest.mark.parametrize("machine", first_fast(MACHINES))
+@pytest.mark.parametrize("factor", first_fast([0.8, 1.25]))
 def test_a_wrong_scale_of_the_excitation_is_named(machine, factor):
     right = nothing_hidden(machine)
     found = diagnose(MACHINES[machine].rig, replace(right, i_e=factor * right.i_e))
@@ -112,11 +113,13 @@ def test_without_i_c_the_two_slips_are_one():
 
 @pytest.mark.parametrize(
     "hidden",
-    [
-        {"back_emf": {"coefficient": 10.0}},
-        {"sensor_lag": {"tau": 3e-5}, "loop_delay": {"seconds": 5e-5}},
-        {"amplifier_voltage_limit": {"slew": 4e3}},
-    ],
+    first_fast(
+        [
+            {"back_emf": {"coefficient": 10.0}},
+            {"sensor_lag": {"tau": 3e-5}, "loop_delay": {"seconds": 5e-5}},
+            {"amplifier_voltage_limit": {"slew": 4e3}},
+        ]
+    ),
     ids=lambda hidden: " and ".join(hidden),
 )
 def test_physics_that_looks_like_wrong_gains_is_named(hidden):
@@ -124,6 +127,7 @@ def test_physics_that_looks_like_wrong_gains_is_named(hidden):
     assert set(hidden) <= named(found), found
 
 
+@pytest.mark.slow
 def test_a_slew_limit_at_a_short_hold_passes_the_gate():
     i_e = ambid.prbs(9, amplitude=1.0, hold=2, periods=4)
     hidden = {"amplifier_voltage_limit": {"slew": 4e3}}

@@ -111,7 +111,7 @@ def test_parameters_may_be_set_until_the_initialization_ends(unit, model, excita
     require_equal(own.run(model, excitation), model.with_values({name: value}).simulator().run(excitation))
     with pytest.raises(Exception, match="fail"):
         own.set([name], [value])
-    assert f"{name} is fixed" in own.messages[-1]
+    assert name in own.messages[-1]
 
 
 def test_a_step_holds_its_inputs_over_whole_samples(slave, model, excitation):
@@ -122,7 +122,7 @@ def test_a_step_holds_its_inputs_over_whole_samples(slave, model, excitation):
     require_equal(np.array([slave.get(model.loop.outputs)]), model.simulator().run(held)[3:])
     with pytest.raises(Exception, match="fail"):
         slave.fmu.doStep(3.0 * dt, 2.5 * dt)
-    assert "expected a whole multiple of the sample time" in slave.messages[-1]
+    assert f"{dt:g} s" in slave.messages[-1]
 
 
 def test_a_description_of_another_model_is_refused(unit, tmp_path):
@@ -143,9 +143,7 @@ def test_equal_models_are_equal_units(unit, model, tmp_path):
     assert again.read_bytes() == unit.read_bytes()
 
 
-@pytest.mark.parametrize(
-    ("name", "fmi", "said"), [("unit.zip", 2, "expected .fmu"), ("unit.fmu", 1, "expected 2 or 3")]
-)
-def test_what_no_unit_has_is_told(saturating, tmp_path, name, fmi, said):
-    with pytest.raises(ModelError, match=said):
+@pytest.mark.parametrize(("name", "fmi"), [("unit.zip", 2), ("unit.fmu", 1)])
+def test_what_no_unit_has_is_told(saturating, tmp_path, name, fmi, golden):
+    with golden.raises(ModelError):
         ambid.to_fmu(saturating, tmp_path / name, fmi=fmi)

@@ -181,6 +181,7 @@ def test_results_are_tables(demo_rig):
     assert f"{len(many)} runs" in repr(many)
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow():
     model = Model(ONE_AXIS.rig)
     (record,) = experiments(ONE_AXIS.rig, [0], order=6)

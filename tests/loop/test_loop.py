@@ -195,8 +195,9 @@ def test_unstable_loop_runs_in_the_simulator_alone(controller):
     machine = rig(**OFF | controller)
     loop, theta, u = loop_of(machine), parameters(machine), excitation(machine, 100)
     growth = np.exp(np.max(loop.poles(theta).real) / machine.sample_rate)
-    with pytest.raises(UnstableLoopError, match=f"{growth:.6f}"):
+    with pytest.raises(UnstableLoopError) as caught:
         loop.simulate(theta, u)
+    assert f"{growth:.6f}" in str(caught.value)
     with pytest.raises(UnstableLoopError):
         loop.sensitivity(theta, u, [0])
     # without feedback the controller's kind makes no difference
@@ -282,38 +283,39 @@ def spoiled(values: np.ndarray, place, value: float) -> np.ndarray:
 
 THETA, U = parameters(BENCH), excitation(BENCH)
 WRONG = {
-    "theta too short": (THETA[:5], U, r"size 5, expected 12"),
-    "theta of two axes": (THETA[None], U, r"shape \(1, 12\)"),
-    "theta NaN": (spoiled(THETA, 3, np.nan), U, r"nan at index 3"),
-    "theta infinite": (spoiled(THETA, 3, np.inf), U, r"inf at index 3"),
-    "tau_e zero": (spoiled(THETA, 9, 0.0), U, r"singular"),
-    "u of one axis": (THETA, U[:, 0], r"shape \(200,\)"),
-    "u too narrow": (THETA, U[:, :3], r"3 channels, expected 4"),
-    "u NaN": (THETA, spoiled(U, (17, 2), np.nan), r"nan at sample 17 of channel 2"),
+    "theta too short": (THETA[:5], U),
+    "theta of two axes": (THETA[None], U),
+    "theta NaN": (spoiled(THETA, 3, np.nan), U),
+    "theta infinite": (spoiled(THETA, 3, np.inf), U),
+    "tau_e zero": (spoiled(THETA, 9, 0.0), U),
+    "u of one axis": (THETA, U[:, 0]),
+    "u too narrow": (THETA, U[:, :3]),
+    "u NaN": (THETA, spoiled(U, (17, 2), np.nan)),
 }
 
 
-@pytest.mark.parametrize(("theta", "u", "message"), WRONG.values(), ids=WRONG.keys())
-def test_wrong_arrays_are_refused_with_their_numbers(theta, u, message):
-    with pytest.raises(ModelError, match=message):
-        loop_of(BENCH).simulate(theta, u)
-    with pytest.raises(ModelError, match=message):
-        loop_of(BENCH).sensitivity(theta, u, [0])
-    with pytest.raises(ModelError, match=message):
-        loop_of(BENCH).simulator(theta).run(u)
+@pytest.mark.parametrize(("theta", "u"), WRONG.values(), ids=WRONG.keys())
+def test_wrong_arrays_are_refused_with_their_numbers(theta, u, golden):
+    loop, messages = loop_of(BENCH), set()
+    for refuse in (loop.simulate, lambda *own: loop.sensitivity(*own, [0]), lambda *own: loop.simulator(theta).run(u)):
+        with pytest.raises(ModelError) as caught:
+            refuse(theta, u)
+        messages.add(str(caught.value))
+    (message,) = messages
+    golden.holds(message)
 
 
 @pytest.mark.parametrize("index", [-1, 12])
-def test_parameter_that_does_not_exist_is_refused(index):
-    with pytest.raises(ModelError, match=f"{index} .* 12"):
+def test_parameter_that_does_not_exist_is_refused(index, golden):
+    with golden.raises(ModelError):
         loop_of(BENCH).sensitivity(THETA, U, [0, index])
 
 
-def test_step_refuses_a_wrong_row_and_stays_where_it_was():
+def test_step_refuses_a_wrong_row_and_stays_where_it_was(golden):
     simulator = loop_of(BENCH).simulator(THETA)
     before = simulator.run(U[:50])
-    for row, message in ((U[50, :2], "2 channels, expected 4"), (U[50] * np.nan, "nan at index 0"), (U, "200, 4")):
-        with pytest.raises(ModelError, match=message):
+    for row in (U[50, :2], U[50] * np.nan, U):
+        with golden.raises(ModelError):
             simulator.step(row)
     assert_close(np.vstack([before, simulator.run(U[50:])]), loop_of(BENCH).simulate(THETA, U), 1e-10)
 

@@ -24,15 +24,16 @@ def pid(rig, **changes):
     return rig.replace(controller=rig.controller.model_copy(update=changes))
 
 
-def test_without_stiffness_the_rigid_body_falls(rig):
+def test_without_stiffness_the_rigid_body_falls(rig, golden):
     weak = pid(rig, proportional=0.3 * rig.controller.proportional, integral=0.0)
-    assert "it moves the rotor as a rigid body" in told(weak)
+    golden.holds(told(weak))
 
 
-def test_a_mode_that_the_controller_drives_is_named_with_its_frequency(rig):
+def test_a_mode_that_the_controller_drives_is_named_with_its_frequency(rig, golden):
     """A derivative of the wrong sign at the mode: its nominal damping is taken away."""
     modes = rig.rotor
     undamped = modes.model_copy(update={"damping": tuple(-0.05 * (f > 0.0) for f in modes.frequencies_hz)})
     message = told(rig.replace(rotor=undamped))
     bending = next(f for f in modes.frequencies_hz if f > 0.0)
-    assert f"of the rotor it moves bending mode 1 most, {bending:.4g} Hz at rest" in message
+    assert f"{bending:.4g} Hz" in message
+    golden.holds(message)

@@ -20,7 +20,7 @@ def judged():
     i_e = prbs(8, amplitude=1.0, hold=4, periods=4)
     record = replace(model.virtual_experiment(i_e, sensor_noise=5e-8, current_noise=5e-3, seed=1), period=PERIOD)
     (part,) = compare(model, record).noise.parts
-    return model.at(record), part, InTime(part.record, part.window, part._judged, 1)
+    return model.at(record), part, InTime(part.record, part.window, part.judged_lines, 1)
 
 
 def test_a_start_from_the_linear_steady_state_is_as_good_as_a_long_lead(judged):
@@ -43,7 +43,7 @@ def test_a_response_does_not_depend_on_those_before(judged):
     free = list(range(len(here.names)))
     with_slopes, slopes = in_time.lines(here, free, at_rest=True)
     known, none = in_time.lines(here, [], at_rest=True)
-    fresh, _ = InTime(part.record, part.window, part._judged, 1).lines(here, free, at_rest=True)
+    fresh, _ = InTime(part.record, part.window, part.judged_lines, 1).lines(here, free, at_rest=True)
     assert (slopes.shape[2], none.shape[2]) == (len(free), 0)
     assert_array_equal(known, with_slopes)
     assert_array_equal(fresh, with_slopes)
@@ -55,10 +55,10 @@ def test_derivatives_of_a_response_that_need_not_repeat_come_in_groups(judged, m
     here, part, _ = judged
     here = here.with_substeps(2)
     free = list(range(len(here.names)))
-    in_time = InTime(part.record, part.window, part._judged, 0)
+    in_time = InTime(part.record, part.window, part.judged_lines, 0)
     response, slopes = in_time.lines(here, free, at_rest=True)
     monkeypatch.setattr("ambid.noise.in_time.AT_A_TIME", 1)
-    alone, one_by_one = InTime(part.record, part.window, part._judged, 0).lines(here, free, at_rest=True)
+    alone, one_by_one = InTime(part.record, part.window, part.judged_lines, 0).lines(here, free, at_rest=True)
     np.testing.assert_allclose(alone, response, rtol=1e-9)
     np.testing.assert_allclose(one_by_one, slopes, rtol=1e-9)
 

@@ -16,6 +16,7 @@ from hidden.bench import simulate
 from hidden.long import LONG
 from hidden.one_axis import ONE_AXIS
 from places import LEVITATOR
+from tiers import first_fast
 
 
 def cut(record, first, samples):
@@ -36,11 +37,11 @@ def test_a_noise_free_record_cut_anywhere_is_met(bench, first, samples, period):
     noisy = replace(part, y=part.y + noise[:, :4], i_c=part.i_c + noise[:, 4:])
     exact = Model(bench.rig())
     own = RecordLines(exact, Measured(noisy))
-    own._z = own._judged(part.outputs)  # what was measured without noise, weighed by it
+    own.measured_lines = own.judged_lines(part.outputs)  # what was measured without noise, weighed by it
     left = np.abs(own.residual_lines(exact)).max(axis=0)
-    assert np.all(left < 1e-9 * np.abs(own._z).max(axis=0))
-    settled = np.abs(own._z - own._judged(exact.response(part))).max(axis=0)
-    assert first == 0 or np.all(settled > 1e-3 * np.abs(own._z).max(axis=0))
+    assert np.all(left < 1e-9 * np.abs(own.measured_lines).max(axis=0))
+    settled = np.abs(own.measured_lines - own.judged_lines(exact.response(part))).max(axis=0)
+    assert first == 0 or np.all(settled > 1e-3 * np.abs(own.measured_lines).max(axis=0))
 
 
 def test_the_response_in_time_is_that_of_the_lines(bench):
@@ -61,12 +62,13 @@ def test_neither_offsets_nor_a_mean_of_the_excitation_matter(bench, run):
     assert_allclose(compare(exact, lifted).cost, own, rtol=1e-9)
 
 
-@pytest.mark.parametrize("machine", ["four_bearings", pytest.param("eight_bearings", marks=pytest.mark.slow)])
-def test_many_channels_in_three_periods_have_a_misfit_of_one_and_usable_scores(machine):
+@pytest.mark.parametrize("machine", first_fast(["four_bearings", "eight_bearings"]))
+@pytest.mark.parametrize("seeds", first_fast([1, 3]))
+def test_many_channels_in_three_periods_have_a_misfit_of_one_and_usable_scores(machine, seeds):
     """16 and 32 channels: two settled periods leave one unexcited line to each excited one."""
     own = LONG[machine]
     axes = len(own.rig.axes)
-    for seed in range(3):
+    for seed in range(seeds):
         i_e = prbs(9, amplitude=own.amplitude, hold=3, axes=axes, periods=3, seed=seed)
         records = [
             simulate(own.rig, i_e, hidden, seed=seed, period=1533, **own.truth, **own.noise)

@@ -1,5 +1,7 @@
 """The angle of waves in records that were kept back: the best there is, for a model that is right the one it has."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,11 +10,12 @@ from ambid.effects.disturbance import PeriodicDisturbance
 from ambid.noise import Comparison
 from hidden.bench import measured
 from hidden.families import BENCHES
+from tiers import first_fast
 
-BENCH = BENCHES["small"]
+BENCH = replace(BENCHES["small"], order=7)
 
 
-@pytest.mark.parametrize("frequency", [50.0, 63.37])
+@pytest.mark.parametrize("frequency", first_fast([63.37, 50.0]))
 def test_a_loud_wave_keeps_the_angle_that_fits(frequency):
     """A thousand times the noise: a thousandth of a radian beside the best is seen, and J is no cosine over it."""
     hum = {"periodic_disturbance": {"frequency_hz": frequency, "amplitude": 0.3, "port": "current", "axis": 1}}

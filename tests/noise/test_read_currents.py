@@ -149,4 +149,4 @@ def test_y_alone_of_a_controller_that_reads_i_c_is_told(reads):
     own = rig(**({} if reads else {"inputs": ["y"], "B": [[1.0], [1.0]], "D": [[102389.0]]}))
     y, i_e = 1e-5 * np.random.default_rng(1).standard_normal((2, 4000, 1))
     record = Record.from_arrays(y=y, i_e=1e3 * i_e, sample_rate=RATE, axes=own.axes, rig=own)
-    assert any("the controller reads i_c" in note for note in record.notes) == reads
+    assert ("read_current_not_recorded" in {own.code for own in record.findings}) == reads

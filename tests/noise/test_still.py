@@ -29,10 +29,11 @@ def rig_law() -> dict:
 
 
 @pytest.mark.parametrize("wander", [0.0, 1.0])
-def test_noise_is_hardly_ever_louder_in_motion(wander):
+@pytest.mark.parametrize("seeds", [3, pytest.param(20, marks=pytest.mark.slow)])
+def test_noise_is_hardly_ever_louder_in_motion(wander, seeds):
     model = Model(TRUTH.rig(RATE, rig_law()))
-    loud = [compare(model, record(3e-4, seed, wander=wander)).loudest > 1.0 for seed in range(20)]
-    assert sum(loud) <= 1
+    loud = [compare(model, record(3e-4, seed, wander=wander)).loudest > 1.0 for seed in range(seeds)]
+    assert sum(loud) <= 0.05 * seeds
 
 
 def test_what_a_step_shows_is_not_lost_in_the_noise_of_the_rest():

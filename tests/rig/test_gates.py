@@ -24,8 +24,7 @@ def test_only_true_and_false_are_truths(key, value):
     with pytest.raises(RigError) as error:
         Rig.from_toml(BENCH.read_text().replace(f"[{table}]", f"[{table}]\n{name} = {value}"))
     (line,) = lines_of(error)
-    assert f"{key} = " in line
-    assert "expected true or false" in line
+    assert all(word in line for word in (f"{key} = ", "true", "false"))
 
 
 def test_true_is_still_read():
@@ -76,35 +75,31 @@ def test_a_turning_rotor_without_gyroscopic_moments_is_told(speed, has_own):
         assert (finding.code, finding.severity) == ("gyroscopic_matrix_missing", "note")
 
 
-@pytest.mark.parametrize(
-    ("position", "hint"),
-    [(0.8, "check the value"), (2.0, "check the value"), (140.0, "millimetres? Write 0.14"), (-0.1, "check the sign")],
-)
-def test_only_a_position_far_off_the_shaft_looks_like_millimetres(position, hint):
+@pytest.mark.parametrize("position", [0.8, 2.0, 140.0, -0.1])
+def test_only_a_position_far_off_the_shaft_looks_like_millimetres(position, golden):
     told = off_the_shaft((0.0, 0.7), position)
-    assert "0 to 0.7 m" in told
-    assert hint in told
-    assert ("millimetres" in told) == ("millimetres" in hint)
+    golden.holds(told)
+    assert ("millimetres" in told) == (position == 140.0)
 
 
 TWO = {"A": [[0.5, 0.0], [0.0, 0.2]], "B": [[1.0], [1.0]], "C": [[1.0, 2.0]], "D": [[3.0]]}
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "expected"),
+    ("key", "value"),
     [
-        ("A", [[0.5, 0.0]], "2 rows of 2 numbers, to fit B and C"),
-        ("A", [[0.5]], "2 rows of 2 numbers, to fit B and C"),
-        ("A", [[0.5, 0.0], [0.0]], "2 rows of 2 numbers, to fit B and C"),
-        ("B", [[1.0]], "2 rows of 1 numbers"),
-        ("C", [[1.0]], "1 rows of 2 numbers"),
-        ("D", [[3.0, 1.0]], "1 rows of 1 numbers, to fit B and C"),
-        ("D", [[3.0], [1.0]], "1 rows of 1 numbers, to fit B and C"),
+        ("A", [[0.5, 0.0]]),
+        ("A", [[0.5]]),
+        ("A", [[0.5, 0.0], [0.0]]),
+        ("B", [[1.0]]),
+        ("C", [[1.0]]),
+        ("D", [[3.0, 1.0]]),
+        ("D", [[3.0], [1.0]]),
     ],
+    ids=str,
 )
-def test_one_matrix_of_a_wrong_shape_is_the_one_that_is_named(key, value, expected):
-    with pytest.raises(RigError) as error:
+def test_one_matrix_of_a_wrong_shape_is_the_one_that_is_named(key, value, golden):
+    with golden.raises(RigError) as error:
         StateSpaceController(implementation="digital", **(TWO | {key: value}))
     (line,) = lines_of(error)
     assert f": {key} = " in line
-    assert expected in line

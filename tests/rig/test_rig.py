@@ -178,163 +178,119 @@ def test_a_rig_is_frozen():
         Rig.load(BENCH).speed = 3.0
 
 
-# --- one thing broken at a time: edit of the bench, then what the message must hold ----------------------------
+# --- one thing broken at a time: edit of the bench, then key and value of the message -------------------------------
 
 BROKEN_VALUES = [
-    ("air_gap = 0.0005", "air_gap = 0.5", "bearing[0] (A).air_gap = 0.5", "1e-5 to 0.1 m", "Write 0.0005"),
-    ("air_gap = 0.0005", "air_gap = 500", "bearing[0] (A).air_gap = 500", "1e-5 to 0.1 m", "micrometres"),
-    ("air_gap = 0.0005", "air_gap = 0", "bearing[0] (A).air_gap = 0", "1e-5 to 0.1 m", "check"),
-    ("air_gap = 0.0005", "air_gap = nan", "bearing[0] (A).air_gap = nan", "1e-5 to 0.1 m", "finite"),
-    ("air_gap = 0.0005", "air_gap = true", "bearing[0] (A).air_gap = True", "1e-5 to 0.1 m", "a finite number"),
-    (
-        "air_gap = 0.0005",
-        'air_gap = "0.5 mm"',
-        "bearing[0] (A).air_gap = '0.5 mm'",
-        "1e-5 to 0.1 m",
-        "a finite number",
-    ),
-    ("air_gap", "airgap", "bearing[0] (A).airgap = 0.0005", "Allowed here: name", "did you mean air_gap"),
-    ("air_gap = 0.0005", "", "bearing[0] (A).air_gap is missing", "1e-5 to 0.1 m", "expected"),
-    (
-        "position = 0.2          # m\nsensor",
-        "position = 0.9\nsensor",
-        "bearing[0] (A).position = 0.9",
-        "0 to 0.86 m",
-        "",
-    ),
-    ("sensor_position = 0.72", "sensor_position = 720", "bearing[1] (B).sensor_position = 720", "0 to 0.86 m", "0.72"),
-    ("bias_current = 6.0", "bias_current = 6000", "bearing[0] (A).bias_current = 6000", "0.001 to 500 A", "milliamp"),
-    ("bias_current = 6.0", "bias_current = -6", "bearing[0] (A).bias_current = -6", "0.001 to 500 A", "sign"),
-    ("tilt = 45.0", "tilt = 450", "bearing[0] (A).tilt = 450", "-360 to 360 degrees", ""),
-    ("[180.0, 180.0]", "[180.0, -180.0]", "force_current[1] = -180", "0.0001 to 100000 N/A", "f = K_i i + K_s s"),
-    ("[180.0, 180.0]", "[1.0, 2.0, 3.0]", "force_current = (1.0, 2.0, 3.0)", "2 numbers, one per axis", "found 3"),
-    ("[2200000.0, 2200000.0]", "-2.2e6", "force_displacement = -2200000.0", "0.01 to 1e10 N/m", "K_s > 0 destabilises"),
-    ("[2200000.0, 2200000.0]", "0", "force_displacement = 0", "0.01 to 1e10 N/m", "f = K_i i + K_s s"),
-    ("[2200000.0, 2200000.0]", "2.2", "force_displacement = 2.2", "21600 to 2.16e8 N/m", "N/um? Write 2.2e6"),
-    ('name = "B"', 'name = "A"', "bearing[1] (A).name = 'A'", "a name of its own", "rename"),
-    ('name = "A"', 'name = "A.1"', "bearing[0] (A.1).name = 'A.1'", "no dots", ""),
-    ("tilt = 45.0", 'axes = ["eta"]', "bearing[0] (A).axes = ('eta',)", "['zeta', 'eta'], or ['zeta']", ""),
-    ("tilt = 45.0", 'axes = ["axial"]', "bearing[0] (A).axes[0] = 'axial'", "a rig file of its own", ""),
-    ("time_constant = 0.0002", "time_constant = 0.2", "amplifier.time_constant = 0.2", "0 to 0.05 s", "Write 0.0002"),
-    ("time_constant = 0.0004", "time_constant = 0", "actuator.time_constant = 0", "1e-7 to 0.05 s", ""),
-    ("sample_rate = 10000.0", "sample_rate = 10", "sample_rate = 10", "100 to 1e6 Hz", "kilohertz? Write 10000"),
-    ("sample_rate = 10000.0", "sample_rate = inf", "sample_rate = inf", "100 to 1e6 Hz", "finite"),
-    ("speed = 0", "speed = -5", "speed = -5", "0 to 50000 rad/s", "sign"),
-    ('name = "two-bearing test bench"', "name = 3", "name = 3", "a text", ""),
-    ("density = 7850.0", "density = 7.85", "rotor.material.density = 7.85", "500 to 23000 kg/m^3", "Write 7850"),
-    ("2.060e+11", "206", "rotor.material.youngs_modulus = 206", "1e9 to 2e12 Pa", "GPa? Write 2.06e11"),
-    ("poisson_ratio = 0.3", "poisson_ratio = 3", "rotor.material.poisson_ratio = 3", "0 to 0.5", ""),
-    (
-        "[rotor.material]",
-        "[rotor.materal]",
-        "rotor.materal = {",
-        "Allowed here: flexible_modes",
-        "did you mean material",
-    ),
-    ("inner_diameter = 0.0", "inner_diameter = 0.06", "rotor.section[0].inner_diameter = 0.06", "less than", "solid"),
-    ("outer_diameter = 0.06", "outer_diameter = 60", "rotor.section[0].outer_diameter = 60", "0.0001 to 3 m", "0.06"),
-    ("length = 0.06", "length = -0.06", "rotor.section[0].length = -0.06", "1e-5 to 5 m", "sign"),
-    ("mass = 2.4629207", "mass = -2.5", "rotor.disk[0].mass = -2.5", "1e-6 to 100000 kg", "sign"),
-    ("position = 0.14  ", "position = 140  ", "rotor.disk[0].position = 140", "0 to 0.86 m", "Write 0.14"),
-    ("flexible_modes = 2", "flexible_modes = 3", "bending_frequencies_hz = (553.788, 1382.733)", "at least 3", "leave"),
-    ("flexible_modes = 2", "flexible_modes = 2.5", "rotor.flexible_modes = 2.5", "a whole number", "0 to 100"),
-    ("flexible_modes = 2", "flexible_modes = -1", "rotor.flexible_modes = -1", "a whole number", "0 to 100"),
-    ("[553.788, 1382.733]", "[1382.733, 553.788]", "bending_frequencies_hz = (1382.733, 553.788)", "ascending", "sort"),
-    ("modal_damping = 0.004", "modal_damping = 4", "rotor.modal_damping = 4", "0 to 0.5", "percent? Write 0.04"),
-    ("modal_damping = 0.004", "modal_damping = [0.01]", "rotor.modal_damping = (0.01,)", "at least 2 values", ""),
-    ("[rotor]", '[rotor]\nkind = "beam"', "rotor.kind = 'beam'", "'finite_elements', 'matrices', 'modes', 'mass'", ""),
-    ('kind = "pid"', 'kind = "lqr"', "controller.kind = 'lqr'", "'pid', 'state_space', 'transfer_function'", ""),
-    ('kind = "pid"', "", "controller.kind is missing", "'pid', 'state_space', 'transfer_function'", ""),
-    ('implementation = "analog"', 'implementation = "dsp"', "controller.implementation = 'dsp'", "'digital'", ""),
-    ('"analog"', '"analog"\ndelay_samples = 2', "controller.delay_samples = 2", "not allowed", "'digital'"),
-    ('"analog"', '"analog"\nsample_rate = 20000', "controller.sample_rate = 20000", "not allowed", "'digital'"),
-    ('"analog"', '"digital"\nsample_rate = 15000', "controller.sample_rate = 15000", "whole multiple", "10000 Hz"),
-    ('"analog"', '"digital"\ndelay_samples = -1', "controller.delay_samples = -1", "0 to 100 samples", "sign"),
-    ("28000.0", "-28000.0", "controller.proportional = -28000", "0 to 1e9 A/m", "i_ref = -(K y) + i_e"),
-    ("28000.0", "[28000.0, 1.0]", "controller.proportional = (28000.0, 1.0)", "or 4, one per axis", "found 2"),
-    ("proportional = 28000.0", "", "controller.proportional is missing", "0 to 1e9 A/m", ""),
-    ("derivative_time_constant = 0.0001", "", "controller.derivative_time_constant is missing", "1e-7 to 0.1 s", ""),
-    ("[amplifier]\ntime_constant = 0.0002", "", "amplifier is missing", "a table [amplifier]", "time_constant"),
-    ("[actuator]\ntime_constant = 0.0004", "", "actuator is missing", "a table [actuator]", "time_constant"),
+    ("air_gap = 0.0005", "air_gap = 0.5", "bearing[0] (A).air_gap = 0.5"),
+    ("air_gap = 0.0005", "air_gap = 500", "bearing[0] (A).air_gap = 500"),
+    ("air_gap = 0.0005", "air_gap = 0", "bearing[0] (A).air_gap = 0"),
+    ("air_gap = 0.0005", "air_gap = nan", "bearing[0] (A).air_gap = nan"),
+    ("air_gap = 0.0005", "air_gap = true", "bearing[0] (A).air_gap = True"),
+    ("air_gap = 0.0005", 'air_gap = "0.5 mm"', "bearing[0] (A).air_gap = '0.5 mm'"),
+    ("air_gap", "airgap", "bearing[0] (A).airgap = 0.0005"),
+    ("air_gap = 0.0005", "", "bearing[0] (A).air_gap is missing"),
+    ("position = 0.2          # m\nsensor", "position = 0.9\nsensor", "bearing[0] (A).position = 0.9"),
+    ("sensor_position = 0.72", "sensor_position = 720", "bearing[1] (B).sensor_position = 720"),
+    ("bias_current = 6.0", "bias_current = 6000", "bearing[0] (A).bias_current = 6000"),
+    ("bias_current = 6.0", "bias_current = -6", "bearing[0] (A).bias_current = -6"),
+    ("tilt = 45.0", "tilt = 450", "bearing[0] (A).tilt = 450"),
+    ("[180.0, 180.0]", "[180.0, -180.0]", "force_current[1] = -180"),
+    ("[180.0, 180.0]", "[1.0, 2.0, 3.0]", "force_current = (1.0, 2.0, 3.0)"),
+    ("[2200000.0, 2200000.0]", "-2.2e6", "force_displacement = -2200000.0"),
+    ("[2200000.0, 2200000.0]", "0", "force_displacement = 0"),
+    ("[2200000.0, 2200000.0]", "2.2", "force_displacement = 2.2"),
+    ('name = "B"', 'name = "A"', "bearing[1] (A).name = 'A'"),
+    ('name = "A"', 'name = "A.1"', "bearing[0] (A.1).name = 'A.1'"),
+    ("tilt = 45.0", 'axes = ["eta"]', "bearing[0] (A).axes = ('eta',)"),
+    ("tilt = 45.0", 'axes = ["axial"]', "bearing[0] (A).axes[0] = 'axial'"),
+    ("time_constant = 0.0002", "time_constant = 0.2", "amplifier.time_constant = 0.2"),
+    ("time_constant = 0.0004", "time_constant = 0", "actuator.time_constant = 0"),
+    ("sample_rate = 10000.0", "sample_rate = 10", "sample_rate = 10"),
+    ("sample_rate = 10000.0", "sample_rate = inf", "sample_rate = inf"),
+    ("speed = 0", "speed = -5", "speed = -5"),
+    ('name = "two-bearing test bench"', "name = 3", "name = 3"),
+    ("density = 7850.0", "density = 7.85", "rotor.material.density = 7.85"),
+    ("2.060e+11", "206", "rotor.material.youngs_modulus = 206"),
+    ("poisson_ratio = 0.3", "poisson_ratio = 3", "rotor.material.poisson_ratio = 3"),
+    ("[rotor.material]", "[rotor.materal]", "rotor.materal = {"),
+    ("inner_diameter = 0.0", "inner_diameter = 0.06", "rotor.section[0].inner_diameter = 0.06"),
+    ("outer_diameter = 0.06", "outer_diameter = 60", "rotor.section[0].outer_diameter = 60"),
+    ("length = 0.06", "length = -0.06", "rotor.section[0].length = -0.06"),
+    ("mass = 2.4629207", "mass = -2.5", "rotor.disk[0].mass = -2.5"),
+    ("position = 0.14  ", "position = 140  ", "rotor.disk[0].position = 140"),
+    ("flexible_modes = 2", "flexible_modes = 3", "bending_frequencies_hz = (553.788, 1382.733)"),
+    ("flexible_modes = 2", "flexible_modes = 2.5", "rotor.flexible_modes = 2.5"),
+    ("flexible_modes = 2", "flexible_modes = -1", "rotor.flexible_modes = -1"),
+    ("[553.788, 1382.733]", "[1382.733, 553.788]", "bending_frequencies_hz = (1382.733, 553.788)"),
+    ("modal_damping = 0.004", "modal_damping = 4", "rotor.modal_damping = 4"),
+    ("modal_damping = 0.004", "modal_damping = [0.01]", "rotor.modal_damping = (0.01,)"),
+    ("[rotor]", '[rotor]\nkind = "beam"', "rotor.kind = 'beam'"),
+    ('kind = "pid"', 'kind = "lqr"', "controller.kind = 'lqr'"),
+    ('kind = "pid"', "", "controller.kind is missing"),
+    ('implementation = "analog"', 'implementation = "dsp"', "controller.implementation = 'dsp'"),
+    ('"analog"', '"analog"\ndelay_samples = 2', "controller.delay_samples = 2"),
+    ('"analog"', '"analog"\nsample_rate = 20000', "controller.sample_rate = 20000"),
+    ('"analog"', '"digital"\nsample_rate = 15000', "controller.sample_rate = 15000"),
+    ('"analog"', '"digital"\ndelay_samples = -1', "controller.delay_samples = -1"),
+    ("28000.0", "-28000.0", "controller.proportional = -28000"),
+    ("28000.0", "[28000.0, 1.0]", "controller.proportional = (28000.0, 1.0)"),
+    ("proportional = 28000.0", "", "controller.proportional is missing"),
+    ("derivative_time_constant = 0.0001", "", "controller.derivative_time_constant is missing"),
+    ("[amplifier]\ntime_constant = 0.0002", "", "amplifier is missing"),
+    ("[actuator]\ntime_constant = 0.0004", "", "actuator is missing"),
 ]
 
 
-@pytest.mark.parametrize(("old", "new", "key_and_value", "allowed", "advice"), BROKEN_VALUES)
-def test_broken_value_is_named(tmp_path, old, new, key_and_value, allowed, advice):
+@pytest.mark.parametrize(("old", "new", "key_and_value"), BROKEN_VALUES, ids=[key for _, _, key in BROKEN_VALUES])
+def test_broken_value_is_named(tmp_path, old, new, key_and_value, golden):
     path = tmp_path / "rig.toml"
     path.write_text(edited((old, new)), encoding="utf-8")
-    with pytest.raises(RigError) as caught:
+    with golden.raises(RigError) as caught:
         Rig.load(path)
-    line = next((line for line in str(caught.value).splitlines() if key_and_value in line), str(caught.value))
+    line = next(line for line in str(caught.value).splitlines() if key_and_value in line)
     assert line.startswith(f"  {path}: ")
-    for part in (key_and_value, allowed, advice):
-        assert part in line
 
 
 BROKEN_TABLES = [
-    ("rotor", MASS, "bearing.axes = ['A_zeta', 'A_eta', 'B_zeta', 'B_eta']", "expected 1 axis"),
-    ("rotor", 'kind = "mass"\nmass = -2.0', "rotor.mass = -2.0", "1e-6 to 100000 kg"),
-    ("rotor", MODES, "rotor.shapes is missing", "one list per mode"),
-    ("rotor", MODES + "shapes = [[1.0, 1.0, 1.0]]", "rotor.shapes = ((1.0", "3 lists (one per mode) of 3 values"),
-    ("rotor", MODES + SHAPES + "gyroscopic = [[1.0]]", "rotor.gyroscopic = ((1.0,),)", "3 rows of 3"),
-    ("rotor", (MODES + SHAPES).replace("0.86]", "0.7]"), "bearing[1] (B).sensor_position = 0.72", "0 to 0.7 m"),
-    ("rotor", (MODES + SHAPES).replace("[0, 0, 0.01]", "[0.01]"), "rotor.damping = (0.01,)", "expected 3 values"),
-    ("rotor", 'kind = "matrices"\nfile = "no.npz"', "rotor.file = 'no.npz'", "relative to the rig file"),
-    ("rotor", 'kind = "matrices"\nfile = "M.txt"', "rotor.file = 'M.txt'", ".npz or .mat"),
-    ("rotor", 'kind = "matrices"\nfile = "a.npz"\nM = [[1.0]]', "rotor.file = 'a.npz'", "either file or M"),
-    ("rotor", 'kind = "matrices"\nnode_positions = [0, 1]\nM = [[1]]\nK = [[1]]', "rotor.M = ((1.0,),)", "8 rows of 8"),
-    ("controller", STATE_SPACE + "D = [[1.0, 0.0], [0.0, 1.0]]", "controller.D = ((1.0, 0.0)", "or 4, one per axis"),
-    (
-        "controller",
-        STATE_SPACE + "A = [[0.5]]\nB = [[1.0]]\nC = [[1, 2]]\nD = [[0]]",
-        "controller.C = ((1",
-        "1 rows of 1",
-    ),
-    (
-        "controller",
-        TRANSFER + "numerator = [1, 0, 0]\ndenominator = [1, 1]",
-        "controller.numerator[0] = (1",
-        "degree 1",
-    ),
-    (
-        "controller",
-        TRANSFER + 'numerator = [1]\ndenominator = [1, "a"]',
-        "controller.denominator[0][1] = 'a'",
-        "number",
-    ),
-    (
-        "controller",
-        TRANSFER + "numerator = [1.0]\ndenominator = [0, 0]",
-        "controller.denominator[0] = (0.0, 0.0)",
-        "not 0",
-    ),
+    ("rotor", MASS, "bearing.axes = ['A_zeta', 'A_eta', 'B_zeta', 'B_eta']"),
+    ("rotor", 'kind = "mass"\nmass = -2.0', "rotor.mass = -2.0"),
+    ("rotor", MODES, "rotor.shapes is missing"),
+    ("rotor", MODES + "shapes = [[1.0, 1.0, 1.0]]", "rotor.shapes = ((1.0"),
+    ("rotor", MODES + SHAPES + "gyroscopic = [[1.0]]", "rotor.gyroscopic = ((1.0,),)"),
+    ("rotor", (MODES + SHAPES).replace("0.86]", "0.7]"), "bearing[1] (B).sensor_position = 0.72"),
+    ("rotor", (MODES + SHAPES).replace("[0, 0, 0.01]", "[0.01]"), "rotor.damping = (0.01,)"),
+    ("rotor", 'kind = "matrices"\nfile = "no.npz"', "rotor.file = 'no.npz'"),
+    ("rotor", 'kind = "matrices"\nfile = "M.txt"', "rotor.file = 'M.txt'"),
+    ("rotor", 'kind = "matrices"\nfile = "a.npz"\nM = [[1.0]]', "rotor.file = 'a.npz'"),
+    ("rotor", 'kind = "matrices"\nnode_positions = [0, 1]\nM = [[1]]\nK = [[1]]', "rotor.M = ((1.0,),)"),
+    ("controller", STATE_SPACE + "D = [[1.0, 0.0], [0.0, 1.0]]", "controller.D = ((1.0, 0.0)"),
+    ("controller", STATE_SPACE + "A = [[0.5]]\nB = [[1.0]]\nC = [[1, 2]]\nD = [[0]]", "controller.C = ((1"),
+    ("controller", TRANSFER + "numerator = [1, 0, 0]\ndenominator = [1, 1]", "controller.numerator[0] = (1"),
+    ("controller", TRANSFER + 'numerator = [1]\ndenominator = [1, "a"]', "controller.denominator[0][1] = 'a'"),
+    ("controller", TRANSFER + "numerator = [1.0]\ndenominator = [0, 0]", "controller.denominator[0] = (0.0, 0.0)"),
     (
         "controller",
         TRANSFER + "numerator = [1, 1.7e304]\ndenominator = [1, 1]",
         "controller.numerator[0][1] = 1.7e+304",
-        "at most 1e100",
     ),
     (
         "controller",
         TRANSFER + "numerator = [1, 1e90]\ndenominator = [1e-20, 1]",
         "controller.numerator[0] = (1.0, 1e+90)",
-        "at most 1e100 over 1e-20",
     ),
     (
         "controller",
         TRANSFER + "numerator = [1.0]\ndenominator = [[1, 1], [1, 2]]",
         "controller.denominator = ((1.0, 1.0), (1.0, 2.0))",
-        "or 4, one per axis",
     ),
 ]
 
 
-@pytest.mark.parametrize(("table", "body", "key_and_value", "allowed"), BROKEN_TABLES)
-def test_broken_table_is_named(table, body, key_and_value, allowed):
-    with pytest.raises(RigError) as caught:
+@pytest.mark.parametrize(("table", "body", "key_and_value"), BROKEN_TABLES, ids=[key for _, _, key in BROKEN_TABLES])
+def test_broken_table_is_named(table, body, key_and_value, golden):
+    with golden.raises(RigError) as caught:
         Rig.from_toml(with_table(table, body))
     assert key_and_value in str(caught.value)
-    assert allowed in str(caught.value)
 
 
 @pytest.mark.parametrize("name", ["rotor.npz", "rotor.mat"])
@@ -360,33 +316,27 @@ def test_all_problems_are_told_at_once(tmp_path):
     with pytest.raises(RigError) as caught:
         Rig.load(path)
     first, *rest = str(caught.value).splitlines()
-    assert first == f"{path}: 4 problems in the description of the rig"
-    assert [line.removeprefix(f"  {path}: ").split()[0] for line in rest] == [
-        "rotor.material.density",
-        "bearing[0]",
-        "actuator",
-        "actuatr",
-    ]
+    assert first.startswith(f"{path}: 4 ")
+    keys = [line.removeprefix(f"  {path}: ").split()[0] for line in rest]
+    assert keys == ["rotor.material.density", "bearing[0]", "actuator", "actuatr"]
 
 
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        (None, "no such file"),
-        (b"name = \n", r"not a TOML file: .*line 1"),
-        (b"t,i_e.A_zeta\n0,1\n", r"not a TOML file: .*line 1"),
-        (b"MATLAB \xff\xfe\x00", "not a text in UTF-8"),
-        (b"", "problems"),
-    ],
-    ids=["absent", "syntax", "csv", "binary", "empty"],
-)
-def test_not_a_rig_file(tmp_path, content, said):
+NO_RIGS = {
+    "absent": None,
+    "syntax": b"name = \n",
+    "csv": b"t,i_e.A_zeta\n0,1\n",
+    "binary": b"MATLAB \xff\xfe\x00",
+    "empty": b"",
+}
+
+
+@pytest.mark.parametrize("name", NO_RIGS)
+def test_not_a_rig_file(tmp_path, name, golden):
     path = tmp_path / "rig.toml"
-    if content is not None:
-        path.write_bytes(content)
-    with pytest.raises(RigError, match=said) as caught:
+    if NO_RIGS[name] is not None:
+        path.write_bytes(NO_RIGS[name])
+    with golden.raises(RigError):
         Rig.load(path)
-    assert str(path) in str(caught.value)
 
 
 def test_a_folder_is_not_a_rig_file(tmp_path, golden):

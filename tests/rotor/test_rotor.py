@@ -241,7 +241,7 @@ def test_measured_frequencies_replace_the_first_ones_and_shapes_stay():
 
 
 @pytest.mark.parametrize("off", [-1e-16, 1e-16, 5e-7])
-def test_ends_of_the_shaft_are_on_it_whatever_rounding_does(off):
+def test_ends_of_the_shaft_are_on_it_whatever_rounding_does(off, golden):
     """A sum of lengths in another order is another number; both are one place."""
     sections = [(length, 0.05, 0.0) for length in (0.1178, 0.1931, 0.1046, 0.1734)]
 
@@ -250,7 +250,7 @@ def test_ends_of_the_shaft_are_on_it_whatever_rounding_does(off):
 
     end, exact = 0.5889 + off, reduced_rotor(with_disk_at(0.5889), [0.0, 0.5889])
     assert_allclose(reduced_rotor(with_disk_at(end), [0.0, end]).shape(end), exact.shape(0.5889), rtol=1e-5)
-    with pytest.raises(RigError, match=r"disk\[0\]\.position = 0\.5889.*expected 0 to 0\.5889 m"):
+    with golden.raises(RigError):
         with_disk_at(end + 2e-6)
 
 
@@ -296,26 +296,23 @@ def test_point_mass_has_one_plane_and_one_shape_everywhere():
 # What is refused ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: assemble(bench(), [1.2]), r"bearing or sensor = 1\.2 m .* 0 to 0\.86 m"),
-        (lambda: assemble(bench(), [-0.1]), r"= -0\.1 m is off the shaft"),
-        (
-            lambda: assemble(shaft([(0.5, 0.1, 0.0)], [(0.6, 1.0, 0.1, 0.2)]), []),
-            r"disk\[0\]\.position = 0\.6",
-        ),
-        (lambda: assemble(bench(100), []), r"flexible_modes = 100.*is not converged"),
-        (lambda: reduced_rotor(bench(1, bending_frequencies_hz=[3479.6]), []), r"\[0\] = 3479\.6 Hz.*not rad/s"),
-        (lambda: reduce(assemble(bench(), []), 3, [0.1]), r"modal_damping has 1 values.*flexible_modes = 3"),
-        (lambda: reduced_rotor(bench(), NODES).shape(0.9), r"position 0\.9 m is off the shaft.* from 0 to 0\.86 m"),
-        (lambda: reduced_rotor(modes(), [0.3]), r"position 0\.3 m .* 0\.1, 0\.5 m"),
-        (lambda: reduced_rotor(modes(frequencies_hz=[500.0, 0.0, 0.0]), []), r"frequencies_hz .* has to increase"),
-    ],
-)
-def test_wrong_rotor_is_refused(call, message):
-    with pytest.raises(RigError, match=message):
-        call()
+WRONG_ROTORS = {
+    "bearing off the shaft": lambda: assemble(bench(), [1.2]),
+    "bearing before the shaft": lambda: assemble(bench(), [-0.1]),
+    "disk off the shaft": lambda: assemble(shaft([(0.5, 0.1, 0.0)], [(0.6, 1.0, 0.1, 0.2)]), []),
+    "too many modes": lambda: assemble(bench(100), []),
+    "rad/s": lambda: reduced_rotor(bench(1, bending_frequencies_hz=[3479.6]), []),
+    "too few dampings": lambda: reduce(assemble(bench(), []), 3, [0.1]),
+    "shape off the shaft": lambda: reduced_rotor(bench(), NODES).shape(0.9),
+    "no position of a mode": lambda: reduced_rotor(modes(), [0.3]),
+    "falling frequencies": lambda: reduced_rotor(modes(frequencies_hz=[500.0, 0.0, 0.0]), []),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_ROTORS)
+def test_wrong_rotor_is_refused(name, golden):
+    with golden.raises(RigError):
+        WRONG_ROTORS[name]()
 
 
 def _held(K):
@@ -332,20 +329,20 @@ def _cross_coupled(K):
     return K + 1e-6 * np.max(K) * (x @ y.T + y @ x.T)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda m: {"K": _held(m.K)}, r"rotor\.K holds the rigid rotor"),
-        (lambda m: {"K": _stiffer_in_x(m.K)}, r"rotor\.K differs between plane x and plane y"),
-        (lambda m: {"K": _cross_coupled(m.K)}, r"rotor\.K couples plane x with plane y"),
-        (lambda m: {"G": np.abs(m.G)}, r"rotor\.G is not skew-symmetric"),
-        (lambda m: {"flexible_modes": 100}, r"flexible_modes = 100.*nodes has \d+ bending modes"),
-    ],
-)
-def test_wrong_matrices_are_refused(change, message):
+WRONG_MATRICES = {
+    "held": lambda m: {"K": _held(m.K)},
+    "stiffer in x": lambda m: {"K": _stiffer_in_x(m.K)},
+    "cross-coupled": lambda m: {"K": _cross_coupled(m.K)},
+    "not skew": lambda m: {"G": np.abs(m.G)},
+    "too many modes": lambda m: {"flexible_modes": 100},
+}
+
+
+@pytest.mark.parametrize("name", WRONG_MATRICES)
+def test_wrong_matrices_are_refused(name, golden):
     model = assemble(bench(flexible_modes=0), NODES)
-    with pytest.raises(RigError, match=message):
-        reduced_rotor(matrices(model, **change(model)), [])
+    with golden.raises(RigError):
+        reduced_rotor(matrices(model, **WRONG_MATRICES[name](model)), [])
 
 
 def test_many_sections_have_the_modes_that_all_eigenvalues_tell(monkeypatch):

@@ -77,8 +77,8 @@ RATE_FOR_LOOP = Kind(
 )
 
 
-def slips_of_rig(loop: NominalLoop) -> list[Finding]:
-    """What is odd about a rig, before any record."""
+def slips_of_rig(loop: NominalLoop, figures: LoopFigures) -> list[Finding]:
+    """What is odd about a rig, before any record, by its loop and the figures of that."""
     own = loop.rig
     return [
         *_stability(loop),
@@ -87,7 +87,7 @@ def slips_of_rig(loop: NominalLoop) -> list[Finding]:
         *_planes(loop),
         *_nodes(loop),
         *_gyroscopic(own),
-        *_rate(own, LoopFigures.of(loop)),
+        *_rate(own, figures),
     ]
 
 

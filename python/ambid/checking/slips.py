@@ -69,11 +69,11 @@ def check(rig: Rig | str | Path, records: Record | str | Path | Sequence[Record 
     loaded = [own if isinstance(own, Record) else Record.load(own, rig) for own in several]
     points = dict.fromkeys(record.point for record in loaded if record.point not in (None, rig))
     loops = {own: NominalLoop(own) for own in (rig, *(point for point in points if point is not None))}
-    figures = LoopFigures.of(loops[rig])
+    figures = {own: LoopFigures.of(loop) for own, loop in loops.items()}
     findings, described = [], []
     laws: dict[str, tuple[Law, ...]] = {}
     for own, loop in loops.items():
-        of_rig = slips_of_rig(loop)
+        of_rig = slips_of_rig(loop, figures[own])
         findings += of_rig if own == rig else [found.at(file=str(own.path or own.name)) for found in of_rig]
     for record in loaded:
         own = rig if record.point is None else record.point
@@ -93,7 +93,7 @@ def check(rig: Rig | str | Path, records: Record | str | Path | Sequence[Record 
         f"axes {', '.join(rig.axes)} at {rig.sample_rate:g} Hz, {speed_text(rig.speed)}, {implementation} controller"
     )
     ordered = sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
-    return Soundness(rig.name, machine, figures, tuple(described), tuple(ordered), laws)
+    return Soundness(rig.name, machine, figures[rig], tuple(described), tuple(ordered), laws)
 
 
 def _laws(record: Record, rig: Rig) -> tuple[Law, ...]:

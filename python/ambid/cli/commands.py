@@ -12,6 +12,7 @@ __all__ = ["COMMANDS", "command_of", "with_command"]
 
 DIAGNOSE = "ambid diagnose RIG RECORD"
 COMMANDS = {
+    "deflection_left_out": "ambid static-load RIG LOADS --deflection",
     "next_validate": "ambid compare RIG RECORD --model MODEL",
     "next_diagnose": DIAGNOSE,
     "next_excite_and_diagnose": DIAGNOSE,
@@ -24,8 +25,8 @@ COMMANDS = {
     "next_validate_models": "ambid compare RIG RECORD",
     "next_diagnose_kind": "ambid diagnose {rig} {record}[ --validate {validate}]",
 }
-"""By code of what is to be done, with values of its finding; a name in capitals is an argument of one's own, and what
-stands in square brackets is left out where its value is not known."""
+"""By code of what is to be done, or of what is found, with values of its finding; a name in capitals is an argument of
+one's own, and what stands in square brackets is left out where its value is not known."""
 OPTIONAL = re.compile(r"\[([^{]*\{(\w+)\})\]")
 
 

@@ -181,7 +181,8 @@ def static_load_command(
     loaded = [ambid.StaticLoading.load(path, machine) for path in loads]
     with stoppable():
         estimate = ambid.static_load(machine, loaded, deflection=deflection)
-    conclude(estimate, estimate.to_json(), json_file, quiet)
+    command = command_of(estimate.findings)
+    conclude(with_command(repr(estimate), command), {**estimate.to_json(), "next_command": command}, json_file, quiet)
 
 
 def campaign_command(

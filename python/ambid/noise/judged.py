@@ -46,6 +46,8 @@ class JudgedLines:
         The others.
     points : ndarray of complex
         The judged lines as points of the unit circle.
+    measured_lines : ndarray of complex, shape (lines, p)
+        What was measured on them.
     """
 
     def __init__(
@@ -60,7 +62,7 @@ class JudgedLines:
         self._every = max(1, len(self.window.excited) // FEW) if rough else 1
         self.index = np.concatenate([self.window.excited, self.more])[:: self._every]
         self.points = self.window.points(self.index)
-        self._z = self._some(measured.excited, measured.single)
+        self.measured_lines = self._some(measured.excited, measured.single)
 
     def at(self, model: Model) -> Model:
         """The model at the operating point of the record, with its own angles where they are known."""
@@ -71,12 +73,12 @@ class JudgedLines:
         """Inputs on the judged lines: i_e and r, then those of disturbances in the model."""
         if here.loop.core.inputs == here.loop.driven:
             return self._driven
-        return self._judged(here.excitation(self.record))
+        return self.judged_lines(here.excitation(self.record))
 
     @cached_property
     def _driven(self) -> ComplexArray:
         """i_e and r on the judged lines."""
-        return self._judged(self._base.excitation(self.record)[:, : self._base.loop.driven])
+        return self.judged_lines(self._base.excitation(self.record)[:, : self._base.loop.driven])
 
     @cached_property
     def drive(self) -> ComplexArray:
@@ -100,7 +102,7 @@ class JudgedLines:
         power = np.sum(np.abs(self.drive) ** 2, axis=1)
         return float(power.sum() ** 2 / max(float(power @ power), 1e-300))
 
-    def _judged(self, signal: FloatArray) -> ComplexArray:
+    def judged_lines(self, signal: FloatArray) -> ComplexArray:
         """The judged lines of a signal that starts with the record."""
         return self._some(self.window.excited_lines(signal), lambda index: self.window.single_lines(signal, index))
 

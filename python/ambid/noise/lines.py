@@ -104,7 +104,7 @@ class RecordLines(JudgedLines):
         super().__init__(model, measured, tones, rough=rough, angles=angles or {})
         self.unexcited = Unexcited(self._base, measured, shape)
         every = 0 if len(self.more) else self._every
-        self._in_time = InTime(self.record, self.window, self._judged, every, measured.folded)
+        self._in_time = InTime(self.record, self.window, self.judged_lines, every, measured.folded)
         self._data: dict[tuple[Effect, ...], _core.LineData] = {}  # by the disturbances that drive a model
         self._transients: dict[tuple[_core.ClosedLoop, bytes], tuple[FloatArray, int]] = {}
         way = self._rough if rough else self._between if self.window.is_periodic else self._without_periods
@@ -115,7 +115,7 @@ class RecordLines(JudgedLines):
         best = self
         for effect in model.acting:
             if effect.quarters(model.rig):
-                best = best._turned(effect, best_angle(partial(best._cost_at, model, effect)))
+                best = best.with_angle(effect, best_angle(partial(best._cost_at, model, effect)))
         return best
 
     def where_noise_arises(self, model: Model) -> RecordLines:
@@ -133,10 +133,11 @@ class RecordLines(JudgedLines):
     """Where the noise arises, if that is known."""
 
     def _cost_at(self, model: Model, effect: Effect, angle: float) -> float:
-        own = self._turned(effect, angle)
+        own = self.with_angle(effect, angle)
         return float(np.sum(own.white(own.at(model), []).residual ** 2))
 
-    def _turned(self, effect: Effect, angle: float) -> RecordLines:
+    def with_angle(self, effect: Effect, angle: float) -> RecordLines:
+        """The same with another angle of the waves of one effect [rad]."""
         other = copy(self)
         other.angles = self.angles | {effect.name: angle}
         return other
@@ -149,7 +150,7 @@ class RecordLines(JudgedLines):
     @property
     def numbers(self) -> int:
         """Real numbers that are judged: 2 p per line."""
-        return 2 * self._z.size
+        return 2 * self.measured_lines.size
 
     judged = numbers
 
@@ -182,7 +183,7 @@ class RecordLines(JudgedLines):
         drives = tuple(here.acting) if here.loop.core.inputs > here.loop.driven else ()
         if drives not in self._data:
             inputs, whitening = self._inputs(here), self.spectrum.whitening
-            self._data[drives] = _core.LineData(here.loop.core, self.points, inputs, self._z, whitening)
+            self._data[drives] = _core.LineData(here.loop.core, self.points, inputs, self.measured_lines, whitening)
         return self._data[drives]
 
     def transient(self, here: Model) -> tuple[FloatArray, int]:
@@ -227,7 +228,7 @@ class RecordLines(JudgedLines):
         shared = [k for k, i in enumerate(own) if roughly and here.names[i] in linear.names]
         exact = [k for k in range(len(own)) if k not in shared]
         response, derivatives = self._simulated(here, [own[k] for k in exact])
-        basis, left = self._own_transients, self.whiten(self._z - response)
+        basis, left = self._own_transients, self.whiten(self.measured_lines - response)
         columns = np.empty((len(left), len(own)))
         if exact:
             columns[:, exact] = self.whiten(derivatives)
@@ -251,7 +252,7 @@ class RecordLines(JudgedLines):
         """Whitened response of a settled model less what was measured; of two models the difference is one of both."""
         if here.is_linear:
             return self.data(here).rows(here.loop.core, here.theta, [], None, False)[:, 0]
-        return self.whiten(self._in_time.change(here) - self._z)
+        return self.whiten(self._in_time.change(here) - self.measured_lines)
 
     def whiten(self, lines: ComplexArray) -> FloatArray:
         """Judged lines of shape (lines, p) or (lines, p, q), whitened, as real numbers."""
@@ -262,13 +263,13 @@ class RecordLines(JudgedLines):
         core, p = here.loop.core, self.measured.channels
         if not here.is_linear:
             lines, basis = self._simulated(here, [])[0], self._basis
-            left = self._z - lines
+            left = self.measured_lines - lines
             white, columns = self.whiten(left), self.whiten(basis)
             d = np.linalg.lstsq(columns, white, rcond=np.sqrt(OWN))[0]
             return np.asarray(left - basis @ d)
         transient, _ = self.transient(here)
         found, _, _ = core.lines(here.theta, [], self.points, self._inputs(here), transient, False)
-        return self._z - found[:, :p]
+        return self.measured_lines - found[:, :p]
 
     def simulated(self, here: Model) -> FloatArray:
         """Response in time with the best transient, shape (samples, p), of all samples of the record.
@@ -304,7 +305,9 @@ class RecordLines(JudgedLines):
         if not len(more):
             return self.transient(here)[0]
         core, index = here.loop.core, np.concatenate([self.index, more])
-        z = np.concatenate([self._z, np.hstack([some_lines(self.window, part, more) for part in self.record.parts])])
+        z = np.concatenate(
+            [self.measured_lines, np.hstack([some_lines(self.window, part, more) for part in self.record.parts])]
+        )
         excitation = np.ascontiguousarray(here.excitation(self.record))
         inputs = np.concatenate([self._inputs(here), some_lines(self.window, excitation, more)])
         data = _core.LineData(core, self.window.points(index), inputs, z, self._whitening_with(more))
@@ -323,7 +326,7 @@ class RecordLines(JudgedLines):
         more = lines_beside_poles(base, window, self.record.sample_rate, self.tones)
         index = np.concatenate([self.index, more])
         left = np.concatenate(
-            [self._judged(self.record.outputs - steady), some_lines(window, self.record.outputs - steady, more)]
+            [self.judged_lines(self.record.outputs - steady), some_lines(window, self.record.outputs - steady, more)]
         )
         nothing = np.zeros((len(index), base.loop.core.inputs), dtype=complex)
         basis = base.loop.core.lines(base.theta, [], window.points(index), nothing)[2][:, :p]
@@ -396,7 +399,7 @@ class RecordLines(JudgedLines):
         covariance, spread = between_lines(residual, index / window.periods, self.index / self.window.periods)
         back = self.unexcited.back(self.points)
         covariance = self._with_noise_of_i_e(self._with_rounding(covariance, back), back)
-        require_noise(covariance, back, self._z)
+        require_noise(covariance, back, self.measured_lines)
         raised = 1.0 + self.unexcited.shape.unsure(self.points)
         return Spectrum.of(covariance * raised[:, None, None], back, spread * raised)
 
@@ -425,17 +428,17 @@ class RecordLines(JudgedLines):
         for currents_are_read in (True, False) if "i_c" in here.rig.controller.signals else (True,):
             shapes.append(back_through_loop(here, self.points, p, currents_are_read=currents_are_read))
         if not here.is_linear:
-            residual = self._without_tones(self._z - self._simulated(here, [])[0])
+            residual = self._without_tones(self.measured_lines - self._simulated(here, [])[0])
             found = likelier_beside_excitation(residual, self.drive, shapes)
             return Spectrum.of(*found, np.ones(len(self.points)))
         core, inputs, transient = here.loop.core, self._inputs(here), None
         for _ in range(2):  # the first time with a transient that is as smooth as it may be
             response, _, _ = core.lines(here.theta, [], self.points, inputs, transient, False)
-            residual = self._without_tones(self._z - response[:, :p])
+            residual = self._without_tones(self.measured_lines - response[:, :p])
             found = likelier_beside_excitation(residual, self.drive, shapes)
-            require_noise(*found[:2], self._z)
+            require_noise(*found[:2], self.measured_lines)
             spectrum = Spectrum.of(*found, np.ones(len(self.points)))
-            data = _core.LineData(core, self.points, inputs, self._z, spectrum.whitening)
+            data = _core.LineData(core, self.points, inputs, self.measured_lines, spectrum.whitening)
             transient = _core.line_equations(core, here.theta, [], [data])[3][0]
         return spectrum
 
@@ -452,7 +455,9 @@ class RecordLines(JudgedLines):
         if not self.window.is_periodic:
             return True
         responses = self._in_time.change(here), self._in_time.lines(here, [], at_rest=True)[0]
-        settled, from_rest = (float(np.linalg.norm(self.whiten(self._z - response))) for response in responses)
+        settled, from_rest = (
+            float(np.linalg.norm(self.whiten(self.measured_lines - response))) for response in responses
+        )
         return from_rest < settled
 
 
