@@ -8,7 +8,6 @@ from ambid.record import Record
 from ambid.record.repeats import repeats
 from found import codes, the
 
-
 SEEDS = [*range(12), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(12, 40))]
 
 
