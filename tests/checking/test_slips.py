@@ -129,7 +129,7 @@ def test_one_excited_axis_is_enough():
 
 @pytest.mark.parametrize("amplitude", [0.1, 0.01, 0.001])
 def test_noise_is_no_fault(amplitude):
-    rig, record = bench_experiment()
+    rig, record = mass_experiment()
     noisy = Model(rig).virtual_experiment(amplitude * np.sign(record.i_e), seed=4)
     noisy = replace(noisy, period=record.period)
     assert check(rig, [noisy, replace(noisy, i_c=None)]).is_sound
@@ -167,14 +167,14 @@ def test_exchanged_bearings_are_a_warning():
 
 @pytest.mark.parametrize(("signal", "factor", "unit"), [("i_c", 1e3, "mA"), ("i_e", 1e3, "mA"), ("y", 1e-3, None)])
 def test_units(signal, factor, unit):
-    rig, record = bench_experiment()
+    rig, record = mass_experiment()
     wrong = replace(record, **{signal: factor * getattr(record, signal)})
     only_error(rig, wrong, "wrong_unit", signal=signal, factor=factor, unit=unit, axes=list(rig.axes))
 
 
 @pytest.mark.parametrize("signal", ["y", "i_c", "i_e"])
 def test_signs(signal):
-    rig, record = bench_experiment()
+    rig, record = mass_experiment()
     only_error(rig, replace(record, **{signal: -getattr(record, signal)}), "opposite_sign", signals=[signal])
 
 
@@ -219,7 +219,7 @@ def test_the_sign_of_one_sensor():
 @pytest.mark.parametrize(("factor", "unit"), [(1e3, "mm"), (1e6, "um")])
 @pytest.mark.parametrize("with_i_c", [True, False])
 def test_displacement_in_a_small_unit(factor, unit, with_i_c):
-    rig, record = bench_experiment()
+    rig, record = mass_experiment()
     record = replace(record, y=factor * record.y, i_c=record.i_c if with_i_c else None)
     found = {own.code: own for own in check(rig, [record]).findings}
     assert found["travel_beyond_gap"].values["air_gap_m"] == rig.bearings[0].air_gap
@@ -233,7 +233,7 @@ def test_excitation_of_another_record(with_i_c):
     record = record if with_i_c else replace(record, i_c=None)
     shifted = only_error(rig, replace(record, i_e=np.roll(record.i_e, 700, axis=0)), "excitation_shifted")
     assert shifted.values["shift_samples"] == pytest.approx(-700, abs=5)  # to earlier times
-    random = np.random.default_rng(0).choice([-1.0, 1.0], (record.period, 4))
+    random = np.random.default_rng(0).choice([-1.0, 1.0], (record.period, len(rig.axes)))
     other = only_error(rig, replace(record, i_e=np.tile(random, (record.periods, 1))), "foreign_excitation")
     assert (other.where.record, other.where.channel) == ("train", "i_e")
 
@@ -285,7 +285,7 @@ def test_axes_and_rate_of_another_rig():
 
 
 def test_no_excitation():
-    rig, record = bench_experiment()
+    rig, record = mass_experiment()
     only_error(rig, replace(record, i_e=None), "excitation_not_logged")
     only_error(rig, replace(record, i_e=0.0 * record.i_e), "no_excitation", signals=["i_e"])
 
@@ -300,7 +300,7 @@ def test_excitation_beyond_the_lines_that_count():
     ("periods", "code"), [(0, "period_not_found"), (1, "one_period"), (2, "few_periods"), (3, "few_periods"), (4, None)]
 )
 def test_too_few_periods(periods, code):
-    rig, record = bench_experiment()
+    rig, record = mass_experiment()
     cut = {s: getattr(record, s)[: max(periods, 1) * record.period] for s in ("i_e", "y", "i_c")}
     soundness = check(rig, [replace(record, **cut, period=record.period if periods else None)])
     assert soundness.is_sound

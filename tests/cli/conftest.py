@@ -30,12 +30,16 @@ def here(late, tmp_path, monkeypatch):
 
 @pytest.fixture(scope="session")
 def diagnosed(late, tmp_path_factory, command_in):
-    """A folder with all that `diagnose` may write of the late loop, and how it ended."""
+    """A folder with all that `diagnose` may write of the late loop, and how it ended.
+
+    The report, whose pictures take long, is its text alone.
+    """
     folder = tmp_path_factory.mktemp("diagnosed")
     files = ("--json", "d.json", "--save", "m.json", "--plot", "d.png", "--report", "d.html")
-    return folder, command_in(
-        folder, "diagnose", late / "rig.toml", late / "run.csv", "--validate", late / "other.csv", *files
-    )
+    given = (late / "rig.toml", late / "run.csv", "--validate", late / "other.csv")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ambid.report, "write_report", lambda found, path: path.write_text(repr(found)))
+        return folder, command_in(folder, "diagnose", *given, *files)
 
 
 @pytest.fixture

@@ -12,13 +12,12 @@ import pytest
 from matplotlib.image import imread
 from numpy.testing import assert_allclose
 from scipy.stats import t
-from typer.main import get_command
 
 import ambid
-from ambid.cli.app import app
 from ambid.cli.identifying import MEND
 from ambid.demo import DATA
 from ambid.identification.estimate import STATUS
+from parsed import read_by_the_command_line
 from places import LEVITATOR, ROOT
 from virtual import AXES, NAMES
 
@@ -373,15 +372,10 @@ def lines_of_the_readme():
 
 
 def test_the_commands_of_the_readme_are_there():
-    """As the command itself reads them."""
     lines = lines_of_the_readme()
     assert {line[1] for line in lines} == {*COMMANDS} - {"demo", "workbench"}  # which serves until it is stopped
-    own = get_command(app)
-    for first, *words in lines:
-        assert first == "ambid"
-        with own.make_context("ambid", list(words)) as context:
-            name, of_name, rest = own.resolve_command(context, words)
-            of_name.make_context(name, rest, parent=context)
+    for line in lines:
+        read_by_the_command_line(line)
 
 
 @pytest.mark.slow

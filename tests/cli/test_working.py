@@ -33,8 +33,16 @@ def started(*options, **environment):
 @pytest.mark.parametrize(
     ("number", "code"), [(signal.SIGTERM, 143), pytest.param(signal.SIGINT, 130, marks=pytest.mark.slow)]
 )
-def test_it_serves_until_a_signal_ends_it(number, code):
-    process, address = started("--no-browser")
+def test_it_serves_until_a_signal_ends_it(number, code, tmp_path):
+    """The address is opened in the browser."""
+    opened = tmp_path / "opened"
+    (tmp_path / "browser.py").write_text(f"import sys; open({str(opened)!r}, 'w').write(sys.argv[1])")
+    process, address = started(BROWSER=f"{sys.executable} {tmp_path / 'browser.py'} %s")
+    for _ in range(300):
+        if opened.exists() and opened.read_text():
+            break
+        time.sleep(0.1)
+    assert opened.read_text() == address
     assert address.startswith("http://127.0.0.1:")
     with urllib.request.urlopen(address) as answer:
         assert b"<html" in answer.read()
@@ -81,19 +89,6 @@ def test_json_is_not_written_over_a_record(command):
     assert found.code == 2
     assert {"--json", "RECORD"} <= set(found.err.split())
     assert FILES[1].read_bytes() == before
-
-
-def test_it_opens_the_address_in_the_browser(tmp_path):
-    opened = tmp_path / "opened"
-    (tmp_path / "browser.py").write_text(f"import sys; open({str(opened)!r}, 'w').write(sys.argv[1])")
-    process, address = started(BROWSER=f"{sys.executable} {tmp_path / 'browser.py'} %s")
-    for _ in range(300):
-        if opened.exists() and opened.read_text():
-            break
-        time.sleep(0.1)
-    process.send_signal(signal.SIGINT)
-    process.communicate(timeout=30)
-    assert opened.read_text() == address
 
 
 @pytest.mark.parametrize("port", [-1, 70000])

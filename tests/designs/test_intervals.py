@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import ambid
 from ambid.designs import Instruments, prospect
@@ -29,12 +30,13 @@ def errors_of(told):
     return np.array([p.std_error for p in told.parameters.values()])
 
 
-def test_standard_errors_are_those_of_many_records():
-    """Within 10 %: of 400 runs the scatter itself is known to 3.5 %, so that this is nearly three of its sigmas."""
+@pytest.mark.parametrize(("runs", "within"), [(100, 0.2), pytest.param(400, 0.1, marks=pytest.mark.slow)])
+def test_standard_errors_are_those_of_many_records(runs, within):
+    """Of 400 runs the scatter itself is known to 3.5 %, of 100 to 7 %: this is nearly three of its sigmas."""
     i_e = sequence()
     foreseen = errors_of(prospect(MODEL, i_e, period=508, instruments=STATED))
-    found = identify_many(RIG, [experiment(i_e, seed) for seed in range(400)])
-    np.testing.assert_allclose(np.std(found.values, axis=0, ddof=1), foreseen, rtol=0.1)
+    found = identify_many(RIG, [experiment(i_e, seed) for seed in range(runs)])
+    np.testing.assert_allclose(np.std(found.values, axis=0, ddof=1), foreseen, rtol=within)
 
 
 def test_noise_of_a_record_foresees_what_its_statement_does():

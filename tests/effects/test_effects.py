@@ -272,7 +272,7 @@ def under(rig: Rig, implementation: str, derivative: float) -> Rig:
 def test_a_delay_is_exact(rig, implementation, seconds, step, tolerance):
     """Within a sample of 100 us, a whole one, and longer; the digital controller has a delay of its own."""
     rig = under(rig, implementation, 40.0)
-    i_e = ambid.prbs(6, amplitude=1.0, hold=3, axes=4, periods=2)
+    i_e = ambid.prbs(6, amplitude=1.0, hold=2, axes=4)
     truth = simulate(rig, i_e, {"loop_delay": {"seconds": seconds}}, seed=None, longest_step=step, **TRUTH)
     model = at_truth(rig).add("loop_delay", {"delay": seconds})
     assert largest_error(model.simulate(i_e), truth) < tolerance

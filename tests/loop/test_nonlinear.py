@@ -33,7 +33,7 @@ def worst(found, expected):
 @pytest.mark.parametrize("loop", LOOPS)
 @pytest.mark.parametrize("kind", KINDS)
 def test_response_and_derivatives_are_those_of_an_adaptive_integrator(kind, loop):
-    plant, u = KINDS[kind](**LOOPS[loop]), excitation(40)
+    plant, u = KINDS[kind](**LOOPS[loop]), excitation(24)
     expected, slopes = plant.slopes(u)
     assert worst(plant.core().simulate(plant.theta, u), expected) < 1e-6
     y, jacobian = plant.core().sensitivity(plant.theta, list(range(len(plant.theta))), u)
@@ -80,7 +80,7 @@ def test_tables_stand_for_the_function_that_they_sample():
 
     block = {"law": "table", "parameters": {"g": 3}, "first": [-1.0], "spacing": [0.25], "values": values_1d}
     plant = machine([{"z": [{"i_f": 1.0}], "w": {"v": 1 / MASS}}], [spline], [block], (1.0,))
-    u = excitation(40)
+    u = excitation(24)
     y, jacobian = plant.core().sensitivity(theta, [0, 1, 2, 3], u)
     expected, slopes = plant.slopes(u)
     assert worst(y, expected) < 1e-6

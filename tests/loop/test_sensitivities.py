@@ -17,7 +17,7 @@ from reference.loop_rigs import (
 )
 
 
-def assert_slopes_by_complex_step(machine: Rig, shared: bool, theta: np.ndarray, samples: int = 150) -> None:
+def assert_slopes_by_complex_step(machine: Rig, shared: bool, theta: np.ndarray, samples: int = 60) -> None:
     u, every = excitation(machine, samples), range(len(theta))
     y, jacobian = loop_of(machine, shared).sensitivity(theta, u, every)
     step = 1e-20 * theta

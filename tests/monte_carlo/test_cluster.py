@@ -33,10 +33,31 @@ def cluster():
         yield two
 
 
+@pytest.fixture(scope="module")
+def threads():
+    """Two workers in this process."""
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs="ERROR", processes=False
+    ) as two:
+        yield two
+
+
+def client_of(cluster):
+    own = distributed.Client(cluster, set_as_default=False)
+    own.wait_for_workers(2, timeout=60)
+    return own
+
+
 @pytest.fixture
 def client(cluster):
-    with distributed.Client(cluster, set_as_default=False) as own:
-        own.wait_for_workers(2, timeout=60)
+    with client_of(cluster) as own:
+        yield own
+
+
+@pytest.fixture
+def near(threads):
+    """The client of workers in this process."""
+    with client_of(threads) as own:
         yield own
 
 
@@ -51,12 +72,14 @@ def whole(tmp_path_factory):
 
 
 @pytest.mark.parametrize("kind", ["client", "executor"])
-def test_two_processes_equal_one_thread(client, kind, whole, tmp_path):
-    folder = tmp_path / "runs.parquet"
-    executor = client if kind == "client" else client.get_executor()
+@pytest.mark.parametrize("workers", ["near", pytest.param("client", marks=pytest.mark.slow)])
+def test_two_workers_equal_one_thread(workers, kind, whole, tmp_path, request):
+    folder, own = tmp_path / "runs.parquet", request.getfixturevalue(workers)
+    executor = own if kind == "client" else own.get_executor()
     assert (run_monte_carlo(plan(), RUNS, out=folder, executor=executor).rows, content(folder)) == whole
 
 
+@pytest.mark.slow
 def test_a_worker_killed_midway(client, whole, tmp_path):
     folder = tmp_path / "runs.parquet"
     alive = list(client.run(os.getpid).values())
@@ -105,15 +128,15 @@ def test_a_run_that_kills_its_workers_is_a_row(cluster, client, whole, monkeypat
     assert rows[5]["K_i.A_zeta.true"] == whole[0][5]["K_i.A_zeta.true"]
 
 
-def test_the_runs_are_cancelled(client, golden):
+def test_the_runs_are_cancelled(near, golden):
     """As by a scheduler that was started again."""
 
     def cancel(done, total):
         if done:
-            client.cancel([distributed.Future(key, client) for key in list(client.futures)], force=True)
+            near.cancel([distributed.Future(key, near) for key in list(near.futures)], force=True)
 
     with golden.raises(IdentificationError):
-        run_monte_carlo(plan(), RUNS, executor=client, progress=cancel)
+        run_monte_carlo(plan(), RUNS, executor=near, progress=cancel)
 
 
 CALL = ("--runs", RUNS, "--seconds", 0.5, "--amplitude", 1.0)

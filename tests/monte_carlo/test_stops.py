@@ -135,6 +135,7 @@ needs_proc = pytest.mark.skipif(
 
 
 @needs_proc
+@pytest.mark.slow
 def test_a_worker_killed_midway(place, again, whole, tmp_path):
     out = tmp_path / "runs.parquet"
     job = place.begin(out, "--workers", "2")

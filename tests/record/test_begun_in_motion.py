@@ -9,7 +9,7 @@ from ambid.record.free_modes import converter_step
 from found import the
 from reference.levitator import Law, Levitator
 
-RATE, SAMPLES, CUT = 1000.0, 8000, 137
+RATE, SAMPLES, CUT = 1000.0, 4000, 137
 TRUTH = Levitator(mass=0.06, K_i=1.3, K_s=95.0, tau=0.005)
 NOISE = (1e-6, 1e-4)
 
@@ -91,7 +91,7 @@ def excitations() -> dict[str, np.ndarray]:
         "multisine": 0.05 * np.sum([np.sin(2 * np.pi * k * time / 500 + k**2) for k in range(1, 40)], axis=0) / 6.0,
         "noise": 0.05 * np.random.default_rng(5).standard_normal(SAMPLES),
         "slow": 0.5 * np.sin(2 * np.pi * 1.3 * time / SAMPLES),
-        "steps": 0.1 * ((time > 2000) * 1.0 - 2.0 * (time > 4500)),
+        "steps": 0.1 * ((time > 1000) * 1.0 - 2.0 * (time > 2250)),
     }
 
 

@@ -80,6 +80,12 @@ def small(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
+def address(workbench, small):
+    """Where it is served, with a session for every window."""
+    return workbench(*small)
+
+
+@pytest.fixture(scope="module")
 def served(workbench, small):
     """Where the same is served with a record to validate on."""
     rig, train = small

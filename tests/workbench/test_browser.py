@@ -93,8 +93,7 @@ def test_a_person_finds_the_seal_of_case_06(browser, workbench, tmp_path, capsys
         print(" slider answers in", *(f"{duration:.0f} ms" for duration in answers))
 
 
-def test_two_windows_do_not_disturb_each_other(browser, workbench, small):
-    address = workbench(*small)
+def test_two_windows_do_not_disturb_each_other(browser, address):
     one, other = Person(browser, address), Person(browser, address)
     one.page.click("#fit")
     one.steps(2)
@@ -104,8 +103,8 @@ def test_two_windows_do_not_disturb_each_other(browser, workbench, small):
     assert one.wrong == other.wrong == []
 
 
-def test_the_keyboard_alone_reaches_the_map_and_the_buttons(browser, workbench, small):
-    person = Person(browser, workbench(*small))
+def test_the_keyboard_alone_reaches_the_map_and_the_buttons(browser, address):
+    person = Person(browser, address)
     page = person.page
     page.locator(".map button[tabindex='0']").first.focus()
     page.keyboard.press("ArrowRight")
@@ -137,8 +136,7 @@ class _Elsewhere(BaseHTTPRequestHandler):
         pass
 
 
-def test_a_page_of_another_origin_gets_nothing(browser, workbench, small):
-    address = workbench(*small)
+def test_a_page_of_another_origin_gets_nothing(browser, address):
     elsewhere = HTTPServer(("127.0.0.1", 0), _Elsewhere)
     Thread(target=elsewhere.serve_forever, daemon=True).start()
     page = browser.new_page()

@@ -24,9 +24,9 @@ def main() -> None:
 def _run() -> int:
     """Exit code of the command; what is slow to import is imported here, where a signal ends in order."""
     try:
-        from ambid.cli.app import app
+        from ambid.cli.app import command
 
-        app()
+        command()()
     except SystemExit as ended:
         return int(ended.code or 0)
     except InputError as error:

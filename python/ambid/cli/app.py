@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Callable
+from functools import cache
+from typing import Annotated, Any
 
 import typer
+from typer.main import get_command
 
 import ambid
 from ambid.cli.catalogue import effects_command
@@ -19,7 +22,7 @@ from ambid.cli.standing import campbell_command, margins_command, poles_command
 from ambid.cli.virtual import monte_carlo_command
 from ambid.cli.working import workbench_command
 
-__all__ = ["app"]
+__all__ = ["app", "command"]
 
 app = typer.Typer(
     name="ambid",
@@ -57,3 +60,9 @@ def _version(version: Annotated[bool, typer.Option("--version", help="Print the 
     if version:
         print(f"ambid {ambid.__version__}")
         raise typer.Exit
+
+
+@cache
+def command() -> Callable[[], Any]:
+    """Parse and run; it is put together once, where several commands run in one process."""
+    return get_command(app)

@@ -95,8 +95,8 @@ def plot_frequency_response(
         dress(phase, y="phase [°]")
     _draw_left(left, told, o, i)
     unit = unit_of(output, inlet)
-    dress(size, title=f"{measured.name}: {output} by {inlet}", y=f"size [{unit}]")
-    dress(left, x="frequency [Hz]", y=f"left [{unit}]")
+    dress(size, title=f"{measured.name}: {output} by {inlet}", y=f"magnitude [{unit}]")
+    dress(left, x="frequency [Hz]", y=f"residual [{unit}]")
     plain_log(left.xaxis)
     if ax is None:
         legend(size.figure, size, left)
@@ -191,7 +191,7 @@ def _draw_left(ax: Axes, told: Responses, o: int, i: int) -> None:
     ax.loglog(f, measured.std[known, o, i], color=BAND, lw=3.0, label="noise, sigma")
     for own, style, mark in zip(told.modelled, STYLES, MARKS, strict=False):
         left = np.abs(measured.response - own.at_measured)[known, o, i]
-        label = f"left by {own.name}"
+        label = f"residual of {own.name}"
         ax.loglog(f, left, mark, color=style["color"], ms=3.0, mew=0.7, mfc="none", label=label, zorder=style["zorder"])
 
 

@@ -22,7 +22,7 @@ BEYOND_AIR_GAP = Kind(
 MEAN_LEFT_OUT = Kind(
     "mean_left_out",
     "note",
-    "y is read from elsewhere than the middle of the air gap (means of {axes}: {means_m:.4g} m at air gaps of "
+    "measured from elsewhere than the middle of the air gap (means of {axes}: {means_m:.4g} m at air gaps of "
     "{air_gaps_m:g} m): its mean is left out, and that of r",
 )
 SAMPLE_RATE_OF_RIG = Kind(
@@ -33,13 +33,13 @@ TIME_OFFSET = Kind("time_offset", "note", "t starts at {start_s:.9g} s; counted 
 CURRENT_CLIPPED = Kind(
     "current_clipped",
     "warning",
-    "clipped: {share:.1f|%} of the samples stand at {level_a:.6g} A, a limit of the amplifier or of its sensor that a "
+    "clipped: {share:.1f|%} of the samples are at {level_a:.6g} A, a limit of the amplifier or of its sensor that a "
     "linear loop does not have",
 )
 FREE_RESPONSE = Kind(
     "free_response",
     "note",
-    "{signals} constant on every axis: what is judged is the free response, from the state in which the record begins",
+    "{signals} constant on every axis: the record is used as a free response from the state in which it begins",
 )
 AXIS_NOT_EXCITED = Kind(
     "axis_not_excited",
@@ -50,7 +50,7 @@ AXIS_NOT_EXCITED = Kind(
 COMMAND_CLIPPED = Kind(
     "command_clipped",
     "note",
-    "stands at {level:.6g} in {share:.1f|%} of the samples: the command was clipped; what was applied less what the "
+    "clipped: {share:.1f|%} of the samples are at {level:.6g}; what was applied less what the "
     "law asks for is taken as excitation",
 )
 

@@ -23,12 +23,12 @@ __all__ = ["Driven", "driven"]
 SPENT = Kind(
     "current_left_out",
     "note",
-    "i_c is left out: i_e was rebuilt from it and explains all of it, so that y alone is judged",
+    "i_c is left out: i_e was rebuilt from it and explains all of it, so that only y is used",
 )
 FREE = Kind(
     "comes_to_rest",
     "note",
-    "i_e was not logged: taken as zero: y comes to rest, r is constant, and i_c follows without a push",
+    "i_e was not logged: taken as zero: y decays, r is constant, and i_c follows without an excitation",
 )
 UNKNOWN = Kind(
     "excitation_unknown", "warning", "i_e was not logged", "load the record with its rig, whose controller rebuilds it"

@@ -14,12 +14,12 @@ from ambid.findings import Finding, Kind
 from ambid.rig import Rig
 
 PAIRS_MISSING = Kind(
-    "pairs_missing", "note", "pairs without a value at any frequency, not judged: {count} ({pairs}[ and {more} more])"
+    "pairs_missing", "note", "pairs without a value at any frequency, not used: {count} ({pairs}[ and {more} more])"
 )
 FREQUENCIES_MISSING = Kind(
     "frequencies_missing",
     "note",
-    "frequencies at which every value is missing or NaN, not judged: {count} ({frequencies_hz:g}[ and {more} more] Hz)",
+    "frequencies at which every value is missing or NaN, not used: {count} ({frequencies_hz:g}[ and {more} more] Hz)",
 )
 VALUES_MISSING = Kind(
     "values_missing",

@@ -15,7 +15,7 @@ independent of each other if the lines are excited alike: so what the band tells
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -24,9 +24,10 @@ from scipy.fft import rfft
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
+from ambid.record.frequency_response import FrequencyResponse
 from ambid.record.local_bands import DEGREE, FREE, NODES, Bands, fitted_bands, lowest_band, lowest_nodes, nodes
 
-__all__ = ["LocalResponse", "local_response", "noise_of"]
+__all__ = ["LocalResponse", "local_response", "noise_of", "response_of_signals"]
 
 AROUND = 3
 """Bands to each side that the correlation of the channels is taken from."""
@@ -56,6 +57,39 @@ class LocalResponse(NamedTuple):
     covariance: ComplexArray
     spread: float
     excited: NDArray[np.bool_]
+
+
+def response_of_signals(
+    where: str,
+    moving: Mapping[str, FloatArray],
+    axes: Sequence[str],
+    outputs: FloatArray,
+    channels: Sequence[str],
+    *,
+    sample_rate: float,
+    period: int | None,
+) -> FrequencyResponse:
+    """The response from the signals that drive a loop, i_e, r or both, to its channels, by their names.
+
+    Signals of several units are scaled to each other first. Parameters and errors are those of `local_response`.
+    """
+    sizes = np.repeat([1.0 if len(moving) == 1 else own.std() for own in moving.values()], len(axes))
+    found = local_response(where, np.hstack(list(moving.values())) / sizes, outputs, sample_rate, period)
+    names = [f"{signal}.{axis}" for signal in moving for axis in axes]
+    sizes = sizes[found.excited]
+    of_pairs = np.tile(sizes, len(channels))
+    covariance = found.covariance
+    covariance /= np.outer(of_pairs, of_pairs)
+    covariance.flags.writeable = False  # of a long record it is large, and need not be copied
+    return FrequencyResponse.from_arrays(
+        found.frequency_hz,
+        found.response / sizes,
+        outputs=channels,
+        inputs=[name for name, is_excited in zip(names, found.excited, strict=True) if is_excited],
+        covariance=covariance,
+        spread=found.spread,
+        name=where,
+    )
 
 
 def local_response(

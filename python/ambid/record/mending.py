@@ -22,17 +22,15 @@ WRONG_SAMPLE = Kind(
     "{logged_a:.6g} A in row {row}, a period from there {usual_a:.6g} A: a wrong sample of the log, taken as the "
     "latter",
 )
-WRONG_SAMPLES = Kind("wrong_samples", "warning", "{count} more wrong samples of i_e, likewise")
+WRONG_SAMPLES = Kind("wrong_samples", "warning", "{count} more wrong samples, likewise")
 NOISY_EXCITATION = Kind("noisy_excitation", "note", "i_e repeats after {period} samples but for {share:.2g|%} of noise")
-ROWS_LOST = Kind(
-    "rows_lost", "warning", "rows lost near row {row}: {count}; from there on i_e is ahead of its sequence"
-)
+ROWS_LOST = Kind("rows_lost", "warning", "rows lost near row {row}: {count}; from there on it is ahead of its sequence")
 ROWS_REPEATED = Kind(
-    "rows_repeated", "warning", "rows repeated near row {row}: {count}; from there on i_e is behind its sequence"
+    "rows_repeated", "warning", "rows repeated near row {row}: {count}; from there on it is behind its sequence"
 )
-PART_USED = Kind("part_used", "warning", "rows {first} to {last} of {samples} are judged, the rest is left out")
+PART_USED = Kind("part_used", "warning", "rows {first} to {last} of {samples} are used, the rest is left out")
 PIECES_JOINED = Kind(
-    "pieces_joined", "warning", "a period around each is left out, and {kept} of {samples} rows are judged"
+    "pieces_joined", "warning", "a period around each is left out, and {kept} of {samples} rows are used"
 )
 SPIKES = Kind(
     "spikes",
@@ -116,7 +114,8 @@ def _without_losses(signals: Signals, found: Repeats) -> tuple[Signals, list[Fin
         kept = np.flatnonzero(mask)
         rest = PIECES_JOINED(kept=len(kept), samples=samples)
     steps = [
-        (ROWS_LOST if step.lost > 0 else ROWS_REPEATED)(row=step.row + 1, count=abs(step.lost)) for step in found.steps
+        (ROWS_LOST if step.lost > 0 else ROWS_REPEATED)(Where(channel="i_e"), row=step.row + 1, count=abs(step.lost))
+        for step in found.steps
     ]
     return {name: own[kept] for name, own in signals.items()}, [*steps, rest]
 

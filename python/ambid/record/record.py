@@ -18,7 +18,7 @@ from ambid.record import checks
 from ambid.record.channel_map import ChannelMap
 from ambid.record.driven import driven
 from ambid.record.frequency_response import FrequencyResponse
-from ambid.record.local_response import local_response
+from ambid.record.local_response import response_of_signals
 from ambid.record.raw import SIGNALS, raw_record
 from ambid.record.readers import opened
 from ambid.record.rebuild import ExcitationSource
@@ -387,29 +387,11 @@ class Record(WithFindings):
                 "response to; expected i_e or r that moves. Excite the loop, or identify the record as it is"
             )
         moving = {name: own for name, own in (("i_e", self.i_e), ("r", self.r)) if own is not None and _moves(own)}
-        sizes = np.repeat([1.0 if len(moving) == 1 else own.std() for own in moving.values()], len(self.axes))
-        drives = np.hstack(list(moving.values())) / sizes
-        found = local_response(where, drives, self.outputs, self.sample_rate, self.period)
-        names = [f"{signal}.{axis}" for signal in moving for axis in self.axes]
-        inputs = [name for name, is_excited in zip(names, found.excited, strict=True) if is_excited]
-        sizes = sizes[found.excited]
-        of_pairs = np.tile(sizes, len(self.channels))
-        covariance = found.covariance
-        covariance /= np.outer(of_pairs, of_pairs)
-        covariance.flags.writeable = False  # of a long record it is large, and need not be copied
-        made = FrequencyResponse.from_arrays(
-            found.frequency_hz,
-            found.response / sizes,
-            outputs=self.channels,
-            inputs=inputs,
-            covariance=covariance,
-            spread=found.spread,
-            name=self.name,
-            findings=self.findings,
-            path=self.path,
-            provenance=self.provenance,
+        made = response_of_signals(
+            where, moving, self.axes, self.outputs, self.channels, sample_rate=self.sample_rate, period=self.period
         )
-        return replace(made, point=self.point)
+        about = {name: getattr(self, name) for name in ("name", "path", "provenance", "point")}
+        return replace(made, **about, findings=(*self.findings, *made.findings))
 
     def save(self, path: str | Path) -> None:
         """Write the signals to a .csv, .mat (v5), .h5, .hdf5, .parquet or .tdms file; loading finds the rest.

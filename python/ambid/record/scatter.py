@@ -23,7 +23,7 @@ STD_FROM_COHERENCE = Kind(
 AVERAGES_ESTIMATED = Kind(
     "averages_estimated",
     "note",
-    "std of {first}[ and {more} more pairs] from the coherence and as many averages as agree with its level "
+    "std of {first}[ and {more} more pairs] from the coherence; the number of averages was not given, and is estimated "
     f"{SMOOTH}",
     "give the number of averages",
 )
