@@ -27,7 +27,8 @@ from ambid.effects import CATALOGUE, Effect, find
 from ambid.errors import RigError, Stopped
 from ambid.findings import NOWHERE, Finding, Kind, has
 from ambid.identification import Estimate, ParameterEstimate, identify
-from ambid.identification.covariance import covariance, lost, only_frequency, weakest
+from ambid.identification.covariance import covariance
+from ambid.identification.identifiability import lost, only_frequency, weakest
 from ambid.identification.minimum import refit
 from ambid.model import Given, Model, as_model
 from ambid.model.parameter import nominal
@@ -212,7 +213,7 @@ def _nominal(start: Model) -> Model:
 
 def _uninformed(start: Model, estimate: Estimate) -> Iterator[Finding]:
     """Why the records cannot tell what is missing, with the misfit, if there is one; nothing where they can."""
-    comparison, names = estimate.comparison, range(len(start.names))
+    comparison, names = estimate.comparison, start.free
     frequency = only_frequency(comparison, names) if comparison.is_judged else None
     if estimate.inconsistency is None:
         yield from not_determined(estimate.directions, frequency) if estimate.directions else ()
@@ -228,8 +229,8 @@ def _undetermined(start: Model, fit: Comparison) -> Iterator[Finding]:
 
     Misfit that is left may have driven the parameters where nothing is determined: then it is asked where they began.
     """
-    directions = lost(fit, range(len(fit.model.names)))
+    directions = lost(fit, fit.model.free)
     if directions and not fit.is_adequate and start.is_stable:
-        directions = lost(fit.of(start), range(len(start.names)))
+        directions = lost(fit.of(start), start.free)
     own = [direction for direction in directions if not direction.keys().isdisjoint(start.names)]
     yield from not_determined(own)

@@ -11,14 +11,16 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.errors import ModelError, RecordError, Stopped
 from ambid.findings import NOWHERE, Finding, Kind, Where
-from ambid.identification.covariance import budget, covariance, lost, sandwich, undetermined
+from ambid.identification.covariance import budget, covariance, sandwich
 from ambid.identification.curvature import Curvature, curvature
-from ambid.identification.damped import damped_start
+from ambid.identification.damped import NearStart, damped_start
+from ambid.identification.edge import findings_at_edge, is_at_edge
 from ambid.identification.estimate import TYPICAL, VALUE_MOVED, Estimate, KnownValue, ParameterEstimate
+from ambid.identification.identifiability import identifiability, judged
 from ambid.identification.minimum import ROUGHLY, WhitenedProblem
 from ambid.identification.preparation import prepare
 from ambid.identification.problem import Descent, End, LeastSquares, Limits, Problem, noise_levels
-from ambid.identification.starts import best_of, is_kept_away, stable_model
+from ambid.identification.starts import best_of, stable_model
 from ambid.model import Given, Model
 from ambid.noise import Comparison, Noise, compare
 from ambid.record import Measurement, Record, Source
@@ -253,9 +255,9 @@ def _in_time(
         best, more = yield from best_of(problem, [best.theta[problem.free]], limits, max_evaluations)
         findings += more
     found, at_end = sandwich(problem, best.theta), model.with_theta(best.theta)
-    directions = undetermined(found, at_end, free)
-    comparison = compare(at_end, records)
-    return Found(problem, best, limits, found, np.diag(found), directions, comparison, [*known, *findings]).curved()
+    directions, determined = judged(found, at_end, free)
+    comparison, findings = compare(at_end, records), [*known, *findings, *determined]
+    return Found(problem, best, limits, found, np.diag(found), directions, comparison, findings).curved()
 
 
 def _likeliest(
@@ -279,12 +281,8 @@ def _likeliest(
     )
     in_time = tuple(record for record in records if isinstance(record, Record))
     has_eq_9 = len(in_time) == len(records) and not any(record.is_free_response for record in in_time)
-    if in_time and is_kept_away(rough, best):
-        # where everything is damped more there is a way around the edge of stability
-        x, spent = damped_start(stable, in_time, free, limits)
-        second = yield Descent(rough, x, limits, max_evaluations, ROUGHLY)
-        rough.evaluations += spent
-        best = min(best, second, key=lambda end: end.cost)
+    if in_time and best.status in ("converged", "at_bound"):
+        best = yield from _way_around(rough, best, stable, in_time, limits, max_evaluations)
     problem: WhitenedProblem = rough
     given, exact, sides, free = model, free, limits, [*free, *known]
     model = model.opened() if known else model
@@ -311,9 +309,26 @@ def _likeliest(
     if not is_known and has_eq_9 and best.status != "stopped" and comparison.misfit > comparison.bound:
         why, factors = [WITHOUT_PERIODS(NOWHERE)], _factors(model, None)
         return (yield from _in_time(given, in_time, exact, sides, origins, factors, max_evaluations, progress, why))
-    found, directions = covariance(comparison, free), lost(comparison, free)
-    statistical = budget(comparison, free)[:, 0]
-    return Found(problem, best, limits, found, statistical, directions, comparison, [*moved, *more]).curved()
+    directions, determined = identifiability(comparison, exact)
+    findings = [*moved, *more, *determined, *findings_at_edge(problem, best, in_time)]
+    total, statistical = covariance(comparison, free), budget(comparison, free)[:, 0]
+    return Found(problem, best, limits, total, statistical, directions, comparison, findings).curved()
+
+
+def _way_around(
+    rough: WhitenedProblem, best: End, stable: Model, records: tuple[Record, ...], limits: Limits, most: int
+) -> Generator[Descent, End, End]:
+    """A better end of a rough fit that a bound or the edge of stability kept away: where all is damped more."""
+    at_edge = is_at_edge(rough, best)
+    if not at_edge and best.status != "at_bound":
+        return best
+    x, spent = damped_start(stable, records, rough.free, limits, NearStart if at_edge else WhitenedProblem)
+    rough.evaluations += spent
+    near = NearStart(stable, rough.noise, rough.free, rough.progress) if at_edge else rough
+    second = yield Descent(near, x, limits, most, ROUGHLY)
+    if near is not rough:
+        rough.evaluations += near.evaluations
+    return min(best, second, key=lambda end: end.cost)
 
 
 def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:

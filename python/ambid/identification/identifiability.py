@@ -1,0 +1,218 @@
+"""Which combinations of parameters the records determine: by the excitation, and by free motion that is no noise.
+
+A record that begins in motion holds a free response beside the answer to its excitation, and its poles depend on the
+parameters. Where noise goes round the loop there is always some of it. Its derivatives in units of the noise, B for the
+transient that was found, are compared with those of transients that the noise alone would have brought, B_k for each of
+independent ones of unit variance: what the free motion determines is
+
+    B'B - LOUD sum over k of B_k' B_k,
+
+as far as that is positive. It grows from nothing, so that no parameter is lost or won by a rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ambid.arrays import FloatArray
+from ambid.findings import NOWHERE, Finding, Kind
+from ambid.identification.covariance import UNSEEN_VARIANCE, inverted, sizes
+from ambid.model import Model
+from ambid.noise import Comparison
+from ambid.noise.lines import RecordLines
+from ambid.noise.transients import freed, independent, orthonormal
+from ambid.record import Record
+
+__all__ = ["Identifiability", "identifiability", "judged", "lost", "only_frequency", "undetermined", "weakest"]
+
+NEAR_LIMIT = Kind(
+    "near_limit_of_identifiability",
+    "warning",
+    "{parameters} in combination: relative standard deviation {relative_std_error:.2g}, near the limit of {limit:g} "
+    "above which records do not determine a parameter",
+    "excite every axis, at more frequencies, with more amplitude or over more periods",
+)
+BY_FREE_MOTION = Kind(
+    "determined_by_free_motion",
+    "note",
+    "{parameters}: determined by the free motion that the record begins with; its excitation alone does not",
+    "excite at lower frequencies, with longer periods of the excitation",
+)
+WHOLLY_UNKNOWN = 1.0
+"""A combination of parameters with a relative standard deviation above this is not identifiable."""
+NEAR = 2.0
+"""Factor to either side of that, within which it is reported: a standard deviation is not known better."""
+NAMED = 0.05
+"""Part of the largest relative change of a combination, above which a parameter belongs to it."""
+DOUBTFUL = 0.05
+"""Relative standard deviation above which it is asked what the excitation alone determines."""
+LOUD = 25.0
+"""Power of free motion over what noise alone brings, five standard deviations, from which on it determines anything."""
+SEVERAL = 10.0
+"""Lines that share the power of an excitation, beyond which it is more than a sine that falls between lines."""
+RESOLVED = 0.01
+"""Relative difference of frequencies at which two records of a single sine each have not the same."""
+ELSEWHERE = 0.01
+"""Part of the misfit of one sine that may stand beside its line: a start that a wrong model takes otherwise leaves a
+thousandth, harmonics of a curved force nearly all."""
+
+
+class Identifiability(NamedTuple):
+    """Combinations of parameters, as relative changes, that records do not determine, and what is near that."""
+
+    directions: list[dict[str, float]]
+    findings: list[Finding]
+
+
+def identifiability(comparison: Comparison, free: Sequence[int]) -> Identifiability:
+    """Combinations of the free parameters that the records do not determine.
+
+    Judged by the noise alone, whatever the misfit. Free motion counts as far as it exceeds what noise that goes round
+    the loop brings; in a record that is the free response of the loop, all of it.
+    """
+    model, scale = comparison.model, sizes(comparison.model, free)
+    own = _covariance(comparison.noise.quadratic(model, free).hessian * np.outer(scale, scale))
+    is_driven = not any(isinstance(record, Record) and record.is_free_response for record in comparison.noise.records)
+    free_motion = list[Finding]()
+    if is_driven and np.sqrt(np.diag(own).max(initial=0.0)) > DOUBTFUL:
+        by_excitation = _by_excitation(comparison, free)
+        own = _covariance(by_excitation)
+        if missed := undetermined(own * np.outer(scale, scale), model, free):
+            own = _covariance(by_excitation + _by_free_motion(comparison, free))
+            free_motion = _found_by_free_motion(missed, undetermined(own * np.outer(scale, scale), model, free))
+    found = judged(own * np.outer(scale, scale), model, free)
+    return found._replace(findings=[*free_motion, *found.findings])
+
+
+def judged(covariance: FloatArray, model: Model, free: Sequence[int]) -> Identifiability:
+    """The same by a covariance, see `undetermined`."""
+    return Identifiability(undetermined(covariance, model, free), _near_limit(covariance, model, free))
+
+
+def lost(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float]]:
+    """Combinations of the free parameters that the records do not determine, see `identifiability`."""
+    return identifiability(comparison, free).directions
+
+
+def weakest(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float]]:
+    """Combinations of the free parameters that the excitation determines least, whether enough or not."""
+    scale = sizes(comparison.model, free)
+    own = _covariance(_by_excitation(comparison, free))
+    worst = 2.0 * WHOLLY_UNKNOWN**2 / np.linalg.eigvalsh(own)[-1]
+    return undetermined(worst * own * np.outer(scale, scale), comparison.model, free)
+
+
+def only_frequency(comparison: Comparison, free: Sequence[int]) -> float | None:
+    """The one frequency at which records in time tell all that they tell beside noise [Hz].
+
+    There a loop is two numbers for each channel, whatever is in it, and no effect is told from another. None where the
+    excitation tells more than nothing of a parameter beside such numbers, as `WHOLLY_UNKNOWN` has it, where more than
+    noise is left beside them, such as harmonics, or where nothing drives a record.
+    """
+    parts, records = comparison.noise.in_time, comparison.noise.records
+    if len(parts) < len(records) or any(part.record.is_free_response for part in parts):
+        return None
+    if any(part.lines_driven > SEVERAL for part in parts):
+        return None
+    rest, left = np.zeros((len(free), len(free))), 0.0
+    residuals = comparison.noise.by_record(comparison.residual)
+    for part, residual, columns, basis in zip(parts, residuals, *_driven(comparison, free), strict=True):
+        told = orthonormal(np.hstack([basis, part.constant_responses]))
+        columns, residual = freed(columns, told), freed(residual, told)
+        rest, left = rest + columns.T @ columns, left + float(residual @ residual)
+    at_noise = max(comparison.bound * comparison.dof, ELSEWHERE * comparison.cost)
+    if np.linalg.eigvalsh(rest)[-1] > 1.0 / WHOLLY_UNKNOWN**2 or left > at_noise:
+        return None
+    frequencies = [part.index[part.loudest] * part.record.sample_rate / part.window.samples for part in parts]
+    return float(frequencies[0]) if np.ptp(frequencies) < RESOLVED * frequencies[0] else None
+
+
+def undetermined(covariance: FloatArray, model: Model, free: Sequence[int]) -> list[dict[str, float]]:
+    """Combinations of parameters, as relative changes, that the records do not determine.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (free, free)
+    model : Model
+        At the values that the covariance belongs to.
+    free : sequence of int
+    """
+    return [direction for deviation, direction in _directions(covariance, model, free) if deviation > WHOLLY_UNKNOWN]
+
+
+def _directions(covariance: FloatArray, model: Model, free: Sequence[int]) -> list[tuple[float, dict[str, float]]]:
+    """Independent combinations of parameters: relative standard deviation and relative changes, the surest first."""
+    own, scale = [model.parameters[i] for i in free], sizes(model, free)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    found = []
+    for deviation, vector in zip(np.sqrt(np.maximum(values, 0.0)), vectors.T, strict=True):
+        vector = vector / vector[np.argmax(np.abs(vector))]
+        shares = {p.name: float(v) for p, v in zip(own, vector, strict=True) if abs(v) > NAMED}
+        found.append((float(deviation), shares))
+    return found
+
+
+def _near_limit(covariance: FloatArray, model: Model, free: Sequence[int]) -> list[Finding]:
+    """Of combinations to either side of the limit, by how much."""
+    return [
+        NEAR_LIMIT(NOWHERE, parameters=list(direction), relative_std_error=deviation, limit=WHOLLY_UNKNOWN)
+        for deviation, direction in _directions(covariance, model, free)
+        if WHOLLY_UNKNOWN / NEAR < deviation < WHOLLY_UNKNOWN * NEAR
+    ]
+
+
+def _found_by_free_motion(before: list[dict[str, float]], after: list[dict[str, float]]) -> list[Finding]:
+    """Of parameters that the excitation does not determine, and free motion does."""
+    left = {name for direction in after for name in direction}
+    names = [name for name in dict.fromkeys(name for direction in before for name in direction) if name not in left]
+    return [BY_FREE_MOTION(NOWHERE, parameters=names)] if names else []
+
+
+def _covariance(hessian: FloatArray) -> FloatArray:
+    inverse, unseen = inverted(hessian)
+    return inverse + UNSEEN_VARIANCE * unseen @ unseen.T
+
+
+def _by_excitation(comparison: Comparison, free: Sequence[int]) -> FloatArray:
+    """J'J of what the excitation alone tells, by the scaled parameters."""
+    parts = zip(*_driven(comparison, free), strict=True)
+    slopes = np.vstack([freed(columns, basis) for columns, basis in parts])
+    return slopes.T @ slopes
+
+
+def _by_free_motion(comparison: Comparison, free: Sequence[int]) -> FloatArray:
+    """What free motion adds to J'J beyond what noise alone might, by the scaled parameters."""
+    model, scale = comparison.model, sizes(comparison.model, free)
+    total = np.zeros((len(free), len(free)))
+    for part in comparison.noise.parts:
+        if isinstance(part, RecordLines) and part.at(model).is_linear:
+            own = _of_transients(part, part.at(model), list(free))
+            total += own * np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(total)
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
+
+
+def _of_transients(part: RecordLines, here: Model, free: list[int]) -> FloatArray:
+    """What the derivatives of the transient of one record add to J'J, less `LOUD` times what those of noise would."""
+    core, theta, data = here.loop.core, here.theta, part.data(here)
+    shapes = data.rows(core, theta, [], None, True)[:, :-1]
+    basis = orthonormal(shapes)
+
+    def slopes(transient: FloatArray | None) -> FloatArray:
+        return freed(data.rows(core, theta, free, transient, False)[:, :-1], basis)
+
+    settled, found = slopes(None), slopes(part.transient(here)[0])
+    total = found.T @ found - settled.T @ settled
+    for unit in independent(shapes).T:
+        of_noise = slopes(np.ascontiguousarray(unit)) - settled
+        total -= LOUD * of_noise.T @ of_noise
+    return total
+
+
+def _driven(comparison: Comparison, free: Sequence[int]) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Whitened derivatives by the scaled parameters, and what a transient can look like, of each record."""
+    model, noise = comparison.model, comparison.noise
+    return noise.by_record(noise.slopes(model, free) * sizes(model, free)), noise.transients(model)
