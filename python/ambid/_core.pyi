@@ -128,7 +128,7 @@ class Fit(Records):
     lower: _Vector
     upper: _Vector
     x: _Vector
-    prior: _Vector
+    prior: NotRequired[_Vector]
     most: int
     step: float
 

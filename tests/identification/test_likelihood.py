@@ -90,7 +90,7 @@ def test_it_ends_with_a_verdict_and_what_to_do_next(bench, i_e, run):
     assert wrong.inconsistency.code == "misfit_above_limit"
     assert wrong.inconsistency.values == {"misfit": wrong.misfit, "limit": wrong.misfit_bound}
     assert wrong.next_step.code == "next_diagnose"
-    assert [own.code for own in wrong.findings] == ["intervals_widened"]
+    assert [own.code for own in wrong.findings] == ["noise_arises", "intervals_widened"]
     for estimate in (right, wrong):
         content = estimate.to_json()
         assert (content["misfit"], content["misfit_bound"]) == (estimate.misfit, estimate.misfit_bound)

@@ -250,7 +250,10 @@ def test_other_refusals(golden):
 def test_result_as_json_and_as_text():
     estimate = static_load(RIGID, [loaded(name=f"static_{k}", seed=k) for k in range(3)])
     data = json.loads(json.dumps(estimate.to_json()))
-    assert set(data["parameters"]["K_i.A_zeta"]) == {"value", "std_error", "ci95", "unit"}
+    assert set(data["parameters"]["K_i.A_zeta"]) == {
+        *("value", "std_error", "ci95", "unit"),
+        "std_error_statistical",
+    }
     assert (data["loadings"], data["steps"]) == (["static_0", "static_1", "static_2"], 156)
     assert data["residual_newton"] == estimate.residual_newton
     assert "f = K_i i + K_s s" in repr(estimate)

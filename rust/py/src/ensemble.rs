@@ -39,8 +39,8 @@ pub struct Fit<'py> {
     most: usize,
     #[pyo3(item)]
     step: f64,
-    #[pyo3(item)]
-    prior: PyReadonlyArray1<'py, f64>,
+    #[pyo3(item, default)]
+    prior: Option<PyReadonlyArray1<'py, f64>>,
 }
 
 impl Fit<'_> {
@@ -60,7 +60,10 @@ impl Fit<'_> {
             x: self.x.as_slice()?.to_vec(),
             most: self.most,
             step: self.step,
-            prior: self.prior.as_slice()?.to_vec(),
+            prior: match &self.prior {
+                Some(prior) => prior.as_slice()?.to_vec(),
+                None => vec![0.0; self.free.len()],
+            },
         })
     }
 }
