@@ -1,7 +1,5 @@
 """Without periods, what is not linear is taken for noise: it shows in the whole of what is left, and in its shape."""
 
-from unittest.mock import Mock
-
 import numpy as np
 import pytest
 
@@ -51,7 +49,14 @@ def test_a_small_dead_band_is_seen_by_its_shape_alone(seed):
 def test_the_shape_is_looked_for_in_the_beginning_of_a_long_record(monkeypatch):
     monkeypatch.setattr(unseen, "LONGEST", 4000)
     searched = []
-    monkeypatch.setattr(unseen, "Shapes", Mock(of=lambda sight, part: searched.append(part) or Shapes.of(sight, part)))
+
+    class Watched(Shapes):
+        @classmethod
+        def of(cls, sight, part):
+            searched.append(part)
+            return super().of(sight, part)
+
+    monkeypatch.setattr(unseen, "Shapes", Watched)
     found = identify(ONE_AXIS.rig, record(5, {"amplifier_dead_band": {"current": 0.002}}, chips=2500))
     assert found.comparison.shape.kind == "odd"
     assert [part.record.samples for part in searched] == [4000]
