@@ -9,7 +9,7 @@ from ambid.checking.clocks import Clock, out_of_step
 from ambid.checking.nominal import NominalLoop
 from ambid.excitation import prbs
 from ambid.record import Record
-from benchmarks.null_cells import made
+from hidden.null_cells import made
 from hidden.bench import simulate
 from hidden.dirt import MARGIN, shifted, soiled
 from hidden.experiment import experiment
