@@ -9,11 +9,11 @@ from ambid.checking.clocks import Clock, out_of_step
 from ambid.checking.nominal import NominalLoop
 from ambid.excitation import prbs
 from ambid.record import Record
-from hidden.null_cells import made
 from hidden.bench import simulate
 from hidden.dirt import MARGIN, shifted, soiled
 from hidden.experiment import experiment
 from hidden.families import BENCHES
+from hidden.null_cells import made
 from hidden.one_axis import NAMED, ONE_AXIS
 
 ONE = pytest.approx(1.0, abs=0.02)
