@@ -399,6 +399,13 @@ def test_the_page_and_its_json(golden):
     json.dumps(check(with_gains(rig, proportional=0.3)).to_json(), allow_nan=False)
 
 
+def test_the_former_name_of_errors_warns():
+    rig, _ = bench_experiment()
+    soundness = check(with_gains(rig, proportional=0.3))
+    with pytest.warns(DeprecationWarning, match="Soundness.errors"):
+        assert soundness.faults == soundness.errors
+
+
 def test_figures_of_the_loop():
     """A mass on one axis: the unstable pole and the peak sensitivity follow from one line of algebra."""
     rig = RIGS["analog, one axis"]

@@ -380,15 +380,18 @@ def test_the_commands_of_the_readme_are_there():
 
 @pytest.mark.slow
 def test_the_commands_of_the_readme_do_their_work(here, one_axis, bench, command):
-    """With their files put in their places; diagnoses of one axis."""
+    """With their files put in their places; diagnoses of one axis; the JSON of each has findings."""
     for line in lines_of_the_readme():
         rig, run = one_axis if line[1] in ("diagnose", "frequency-response") else here
         files = {"rig.toml": [rig], "run.csv": [run], "static_*.csv": LOADS, "bench": [bench]}
         files |= {f"run_{k}.mat": [run] for k in (1, 2, 3)}
         files |= {f"{point}/rig.toml": [rig] for point in ("6A", "10A")}
         files |= {f"{point}/run.mat": [run] for point in ("6A", "10A")}
-        result = command(*(value for word in line[1:] for value in files.get(word, [word])), "--quiet")
+        words = [value for word in line[1:] for value in files.get(word, [word])]
+        result = command(*words, "--json", "result.json", "--quiet")
         assert result.code == 0, result.err
+        for finding in read("result.json")["findings"]:
+            assert set(finding) == {"code", "severity", "where", "values", "message", "remedy"}
 
 
 def test_identify_begins_with_a_misfit_above_its_bound_and_ends_with_what_check_finds(command, tmp_path):

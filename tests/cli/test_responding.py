@@ -47,14 +47,14 @@ def test_a_response_is_made_written_drawn_and_read_again(here, command):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("job", "files"), [("identify", ["--plot", "i.png"]), ("diagnose", ["--report", "d.html", "--plot", "d.png"])]
+    ("job", "options"), [("identify", ["--plot", "i.png"]), ("diagnose", ["--report", "d.html", "--plot", "d.png"])]
 )
-def test_a_response_is_drawn_and_reported_like_a_record(here, command, job, files):
+def test_a_response_is_drawn_and_reported_like_a_record(here, command, job, options):
     rig, run = here
     assert command("frequency-response", rig, run, "--out", "frf.mat", "-q").code == 0
-    found = command(job, rig, "frf.mat", run, *files)
+    found = command(job, rig, "frf.mat", run, *options)
     assert (found.code, found.err) == (0, "")
-    assert all(f"written: {Path(name).stem}" in found.out for name in files[1::2])
+    assert all(f"written: {Path(name).stem}" in found.out for name in options[1::2])
 
 
 def test_what_is_there_is_not_replaced(here, command, refused):

@@ -65,7 +65,7 @@ def test_ctrl_c_after_the_first_step_saves_what_was_done(moment, here, command, 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("moment", LATER)
+@pytest.mark.parametrize("moment", ["the steps of the search", "the next experiment"])
 def test_ctrl_c_after_the_first_step_is_in_the_report(moment, here, command, monkeypatch):
     files = ("--json", "d.json", "--save", "m.json", "--report", "r.html")
     stopped_at(moment, monkeypatch, lambda: command("diagnose", *here, *files))

@@ -30,7 +30,7 @@ def worst(found, expected):
     return np.max(np.abs(found - expected).max(axis=0) / np.abs(expected).max(axis=0))
 
 
-@pytest.mark.parametrize("loop", LOOPS)
+@pytest.mark.parametrize("loop", ["analog", "digital", "late", pytest.param("delayed", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", KINDS)
 def test_response_and_derivatives_are_those_of_an_adaptive_integrator(kind, loop):
     plant, u = KINDS[kind](**LOOPS[loop]), excitation(24)

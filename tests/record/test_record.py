@@ -96,6 +96,12 @@ def test_a_remark_that_begins_like_a_finding_changes_nothing(text):
     assert (own.is_rebuilt, own.has_known_command, own.excitation_source) == (False, False, "logged")
 
 
+def test_notes_of_former_scripts_become_findings():
+    with pytest.warns(DeprecationWarning, match="notes"):
+        own = Record.from_arrays(**measured(), notes=["bench 3"])
+    assert own.findings[0] == REMARK(text="bench 3")
+
+
 BROKEN = {
     "NaN in y": (change("y", (700, 1), np.nan), ["y.A_eta", "nan", "row 701"]),
     "infinite current": (change("i_c", (3, 0), -np.inf), ["i_c.A_zeta", "inf", "row 4"]),

@@ -49,8 +49,11 @@ class Soundness(WithFindings):
 
     @property
     def faults(self) -> tuple[Finding, ...]:
-        """The former name of `errors`."""
-        warnings.warn("Soundness.faults is now Soundness.errors", DeprecationWarning, stacklevel=2)
+        """The former name of `errors`.
+
+        .. deprecated:: 0.2
+        """
+        warnings.warn("Soundness.faults is now Soundness.errors; it goes in 1.0", DeprecationWarning, stacklevel=2)
         return self.errors
 
     @property

@@ -53,7 +53,7 @@ def check_command(
     json_file: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
-    """Tell slips in rig and records, such as units, signs and columns, before any fit; exit 2 if there is an error."""
+    """Check rig and records for mistakes, such as units, signs and columns, before any fit; exit 2 for an error."""
     require_outputs({"RIG": rig, "RECORD": records}, {"--json": json_file})
     machine = ambid.Rig.load(rig)
     loaded = load_records(machine, records, period, columns, sample_rate, allow)
@@ -98,8 +98,8 @@ def compare_command(
         "where": [asdict(cell) for cell in where],
         "matrix": [own.to_json() for own in matrices],
     }
-    notes = [f"note: {note}" for own in comparison.records for note in own.notes]
-    text = "\n".join([repr(comparison), *largest, *notes])
+    found = [line for own in comparison.records for line in own.finding_lines()]
+    text = "\n".join([repr(comparison), *largest, *found])
 
     def drawing() -> Sequence[Path]:
         if plot is None:

@@ -77,10 +77,9 @@ def frequency_response_command(
             own.save(path)
         return written
 
+    found = [line for own in measured for line in own.finding_lines()]
     conclude(
-        "\n".join(
-            [*map(repr, measured), "", repr(comparison), *by_excitation, *(n for own in measured for n in own.notes)]
-        ),
+        "\n".join([*map(repr, measured), "", repr(comparison), *by_excitation, *found]),
         lambda: {
             "responses": [own.to_json() for own in told],
             "matrix": [own.to_json() for own in matrices],

@@ -7,15 +7,16 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
+from warnings import warn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambid.errors import RecordError
-from ambid.findings import Finding, Kind
+from ambid.findings import REMARK, Finding, Kind
 from ambid.reading import MOST_COLUMNS, Provenance
 
-__all__ = ["Content", "Stored", "require_columns", "unused"]
+__all__ = ["Content", "Stored", "remarks", "require_columns", "unused"]
 
 COLUMNS_NOT_USED = Kind("columns_not_used", "note", "columns not used: {names}")
 VARIABLES_NOT_USED = Kind("variables_not_used", "note", "variables not used: {names}")
@@ -90,3 +91,15 @@ def unused(kind: Kind, names: Iterable[str]) -> list[Finding]:
     """A finding on columns, variables or channels that nothing is read from; none where there are none."""
     own = list(names)
     return [kind(names=own)] if own else []
+
+
+def remarks(notes: Iterable[str]) -> list[Finding]:
+    """Findings of the deprecated argument `notes`, a line each."""
+    own = [REMARK(text=text) for text in notes]
+    if own:
+        warn(
+            "notes is deprecated and goes in 1.0; give findings, such as REMARK(text=...)",
+            DeprecationWarning,
+            stacklevel=3,
+        )
+    return own

@@ -14,6 +14,7 @@ from ambid.errors import RecordError
 from ambid.findings import Finding, WithFindings
 from ambid.reading import Provenance
 from ambid.record.channel_map import ChannelMap
+from ambid.record.content import remarks
 from ambid.record.frequency_gates import (
     findings_of_missing,
     require_covariance,
@@ -176,6 +177,7 @@ class FrequencyResponse(WithFindings):
         rig: Rig | None = None,
         name: str = "frequency response",
         findings: Sequence[Finding] = (),
+        notes: Sequence[str] = (),
         path: Path | None = None,
         provenance: Provenance | None = None,
     ) -> FrequencyResponse:
@@ -194,6 +196,8 @@ class FrequencyResponse(WithFindings):
         spread : float, optional
             As the attribute, of a covariance that is given; 1 without it.
         rig : Rig, optional
+        notes : sequence of str
+            Deprecated: texts that become findings.
 
         Raises
         ------
@@ -206,7 +210,7 @@ class FrequencyResponse(WithFindings):
         shape = (len(np.atleast_1d(f)), len(outputs), len(inputs))
         unknown = np.full(shape, np.nan)
         names = tuple(outputs), tuple(inputs)
-        own = cls(name, f, h, unknown, *names, findings=tuple(findings), path=path, provenance=provenance)
+        own = cls(name, f, h, unknown, *names, findings=(*findings, *remarks(notes)), path=path, provenance=provenance)
         require_names(where, own.outputs, own.inputs, rig)
         require_frequencies(where, own.frequency_hz, rig)
         require_values(where, own.frequency_hz, own.response, own.pairs)

@@ -16,6 +16,7 @@ from ambid.findings import Finding, Kind, WithFindings
 from ambid.reading import Provenance
 from ambid.record import checks
 from ambid.record.channel_map import ChannelMap
+from ambid.record.content import remarks
 from ambid.record.driven import driven
 from ambid.record.frequency_response import FrequencyResponse
 from ambid.record.local_response import response_of_signals
@@ -173,7 +174,8 @@ class Record(WithFindings):
                 raise RecordError(f"{where}: the file names no axes; add 'axes', or give the rig")
             axes = tuple(rig.axes)
             findings.append(AXES_OF_RIG(axes=axes))
-        arrays, named = {}, {signal: found or axes for signal, (found, _) in raw.signals.items()}
+        arrays: dict[str, Any] = {}
+        named = {signal: found or axes for signal, (found, _) in raw.signals.items()}
         checks.require_every_y(where, named, None if rig is None else tuple(rig.axes))
         for signal, (found, array) in raw.signals.items():
             order = checks.order_of_axes(f"{where}: {signal}", found or axes, axes, "y")
@@ -212,13 +214,15 @@ class Record(WithFindings):
         period: int | None = None,
         name: str = "record",
         findings: Sequence[Finding] = (),
+        notes: Sequence[str] = (),
         path: Path | None = None,
         provenance: Provenance | None = None,
         allow: Collection[str] = (),
     ) -> Record:
         """Make a record from arrays (N, n) in SI units, with the same checks as `load`.
 
-        Parameters are the attributes of `Record`; `rig` and `allow` are used as in `load`.
+        Parameters are the attributes of `Record`; `rig` and `allow` are used as in `load`. Deprecated: `notes`, texts
+        that become findings.
 
         Raises
         ------
@@ -237,7 +241,7 @@ class Record(WithFindings):
             i_ref=None if i_ref is None else _as_array(where, "i_ref", i_ref),
             r=None if r is None else _as_array(where, "r", r),
             period=period,
-            findings=tuple(findings),
+            findings=(*findings, *remarks(notes)),
             path=path,
             provenance=provenance,
         )
