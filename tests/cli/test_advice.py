@@ -58,8 +58,9 @@ def test_what_is_not_identifiable_is_named_by_words_that_are_there(here, command
     """A single tone does not tell three parameters apart; the message names a key of the JSON."""
     rig = ambid.Rig.load(here[0])
     mass = ambid.Model(rig)
-    periods = np.tile(1e-3 * np.sin(2.0 * np.pi * np.arange(500) / 50.0)[:, None], (6, 1))
-    mass.virtual_experiment(periods, seed=1, current_noise=1e-5, sensor_noise=1e-9).save("tone.csv")
+    periods = np.tile(1e-3 * np.sin(2.0 * np.pi * np.arange(500) / 50.0)[:, None], (12, 1))
+    begun = mass.virtual_experiment(periods, seed=1, current_noise=1e-5, sensor_noise=1e-9)
+    begun.rows(3000, 6000).save("tone.csv")  # how it began from rest, which tells more, is over
     result = command("identify", here[0], "tone.csv", "--json", "e.json")
     assert result.code == 1
     found = json.loads(Path("e.json").read_text())

@@ -111,7 +111,7 @@ def test_identify_writes_all_that_is_asked_for(identified, monkeypatch):
     for text in (*NAMES, "written: model.json"):
         assert text in result.out
     content = read("i.json")
-    assert content["findings"] == []
+    assert [finding["code"] for finding in content["findings"]] == ["noise_arises"]
     check_estimate(content, NAMES)
     assert set(content["fit_percent"]) == set(content["noise_ceiling_percent"]) == {*CHANNELS, "average"}
     assert set(content["correlation"]) == set(content["correlation"]["tau_e"]) == set(NAMES)

@@ -50,7 +50,7 @@ def require_same(many, singles, alike=ALIKE):
         assert np.allclose(many.covariances[run] / np.outer(errors, errors), single.correlation, atol=alike)
         assert many.misfit[run] == pytest.approx(single.misfit, rel=1e-9)
         assert (many.status[run], many.reasons[run]) == (single.status, "")
-        assert abs(many.evaluations[run] - single.evaluations) <= 1  # theta / scale is not always x
+        assert abs(many.evaluations[run] - single.evaluations) <= 2  # theta / scale is not always x
 
 
 @pytest.mark.parametrize("weights", ["likelihood", "eq9"])
