@@ -13,6 +13,7 @@ __all__ = [
     "Data",
     "LineData",
     "Scatter",
+    "Sources",
     "Stepper",
     "fit_all",
     "instructions",
@@ -170,6 +171,7 @@ def local_regressions(
     most_taken: float,
 ) -> tuple[_Lines, _Matrix]: ...
 
+@final
 class Sources:
     def __new__(cls, ways: _Lines, first: NDArray[np.uintp], weights: _Matrix, splines: int) -> Sources: ...
     def likely(self, lines: _Lines, coefficients: _Matrix, usual: float) -> tuple[float, _Matrix, _Matrix]: ...
