@@ -13,7 +13,7 @@ from ambid.errors import ModelError, RecordError, Stopped
 from ambid.findings import NOWHERE, Finding, Kind
 from ambid.identification.covariance import covariance, lost, sandwich, undetermined
 from ambid.identification.curvature import Curvature, curvature
-from ambid.identification.damped import damped_start
+from ambid.identification.damped import NearStart, damped_start
 from ambid.identification.estimate import Estimate, ParameterEstimate
 from ambid.identification.minimum import ROUGHLY, WhitenedProblem
 from ambid.identification.preparation import prepare
@@ -268,8 +268,9 @@ def _likeliest(
     if in_time and is_kept_away(rough, best):
         # where everything is damped more there is a way around the edge of stability
         x, spent = damped_start(stable, in_time, free, limits)
-        second = yield Descent(rough, x, limits, max_evaluations, ROUGHLY)
-        rough.evaluations += spent
+        near = NearStart(stable, rough.noise, free, progress)
+        second = yield Descent(near, x, limits, max_evaluations, ROUGHLY)
+        rough.evaluations += spent + near.evaluations
         best = min(best, second, key=lambda end: end.cost)
     problem: WhitenedProblem = rough
     at = model.with_theta(best.theta)

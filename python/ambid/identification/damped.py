@@ -11,10 +11,11 @@ from ambid.identification.minimum import ROUGHLY, WhitenedProblem
 from ambid.identification.problem import Limits
 from ambid.loop.loop import open_plant
 from ambid.model import Model
+from ambid.model.parameter import nominal
 from ambid.noise import Noise
 from ambid.record import Record
 
-__all__ = ["damped_start"]
+__all__ = ["NearStart", "damped_start"]
 
 FIRST = 0.1
 """Of the rate at which the rotor falls with the controller off: by about as much are the modes on the magnets moved
@@ -27,12 +28,34 @@ MOST = 40
 """Evaluations of each of them."""
 CORRECTIONS, BEYOND = 8, 0.1
 """Steps to a loop that decays fast enough, and the part of each by which it goes too far: the rate is not linear."""
+LIKELY = 0.5
+"""Of K_i, K_s and time constants: standard deviation of what their start values are likely to be off by."""
 STEP = 1e-6
 """Of a parameter, from which the slope of the rate of decay is taken."""
 TINY = 1e-9
 """Least value of x: bounds of zero are open."""
 HALVINGS = 12
 """Of the way back to a stable loop, where steps do not lead there."""
+
+
+class NearStart(WhitenedProblem):
+    """J, and how far the parameters of every rig are from those of the model, in units of what is likely.
+
+    What few lines, or a damped record, do not determine stays there: else it goes to where the loop cannot come back
+    from.
+    """
+
+    def for_core(self) -> None:
+        """Not at all: it knows J alone."""
+        return
+
+    def _evaluate(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        hessian, gradient, cost = super()._evaluate(theta)
+        usual = {p.name for p in nominal(self.model.rig)}
+        own = [self.model.parameters[i] for i in self.free]
+        weight = np.array([1.0 / (LIKELY * max(abs(p.value), p.scale)) if p.name in usual else 0.0 for p in own])
+        off = weight * (theta - self.model.theta)[self.free]
+        return hessian + np.diag(weight**2), gradient + weight * off, cost + float(off @ off)
 
 
 def damped_start(stable: Model, records: Sequence[Record], free: list[int], limits: Limits) -> tuple[FloatArray, int]:
@@ -61,7 +84,7 @@ def damped_start(stable: Model, records: Sequence[Record], free: list[int], limi
     begin, theta, evaluations = linear.theta, linear.theta, 0
     dampings = _dampings(linear, records)
     for damping, then in zip(dampings, (*dampings[1:], 0.0), strict=True):
-        problem = WhitenedProblem(linear, Noise.rough(linear, records, damping), own)
+        problem = NearStart(linear, Noise.rough(linear, records, damping), own)
         end = problem.descend(theta[own] / problem.scale, bounds, MOST, ROUGHLY)
         if end.status == "stopped":
             raise KeyboardInterrupt from None

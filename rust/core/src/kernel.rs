@@ -5,7 +5,8 @@
 //! linear combination of them.
 
 use crate::error::Result;
-use crate::product::{LANES, Panels, ROW_MULTIPLE, Vector, dispatch, fma, load, product, store};
+use crate::instructions::dispatch;
+use crate::product::{LANES, Panels, ROW_MULTIPLE, Vector, fma, load, product, store};
 use crate::stop::go_on;
 
 /// Samples per block: the states of a block stay in the first-level cache.

@@ -1,4 +1,6 @@
-//! A small dense matrix product held in registers, and the choice of instructions at run time.
+//! A small dense matrix product held in registers.
+
+use crate::instructions::dispatch;
 
 /// Lanes of the vectors that the code is written in.
 pub const LANES: usize = 4;
@@ -8,28 +10,6 @@ pub type Vector = [f64; LANES];
 const PANEL: usize = 12;
 /// Rows are processed in groups whose sizes (3, 4, 6) divide this number.
 pub const ROW_MULTIPLE: usize = 12;
-
-/// Calls `$name` compiled for AVX2 and FMA where the processor has them.
-///
-/// The function must be generic over `const FMA: bool` and `#[inline(always)]`.
-macro_rules! dispatch {
-    ($name:ident, ($($argument:ident: $type:ty),*)) => {{
-        #[cfg(target_arch = "x86_64")]
-        {
-            #[target_feature(enable = "avx2,fma")]
-            fn with_avx2($($argument: $type),*) {
-                $name::<true>($($argument),*);
-            }
-            if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
-                // SAFETY: the two features were just detected.
-                unsafe { with_avx2($($argument),*) };
-                return;
-            }
-        }
-        $name::<{ cfg!(target_feature = "fma") || cfg!(target_arch = "aarch64") }>($($argument),*);
-    }};
-}
-pub(crate) use dispatch;
 
 /// The right-hand factor of a product, packed by panels of columns; columns are filled up to whole vectors.
 #[derive(Debug, Clone)]

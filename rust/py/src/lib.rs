@@ -29,6 +29,12 @@ mod _core {
     #[pymodule_export]
     use crate::stepper::Stepper;
 
+    /// What the hot loops run with: `avx2`, or `baseline`.
+    #[pyfunction]
+    fn instructions() -> &'static str {
+        ambid_core::Instructions::in_use().name()
+    }
+
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         // NumPy's interface is imported with the first array: here, where a signal ends the import, and not later, where

@@ -12,8 +12,9 @@ use super::triangular::{GROUP, Triangular};
 use crate::discretise::Discrete;
 use crate::eigen::{NOT_CONVERGED, reflected, reflection};
 use crate::error::{Error, Result};
+use crate::instructions::dispatch;
 use crate::lft::balancing;
-use crate::product::{LANES, Panels, Vector, dispatch, fma, load, product, store};
+use crate::product::{LANES, Panels, Vector, fma, load, product, store};
 use crate::stop::go_on;
 
 type C64 = Complex<f64>;

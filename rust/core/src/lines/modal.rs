@@ -9,8 +9,9 @@ use nalgebra::Complex;
 
 use super::{BLOCK, Block};
 use crate::error::Result;
+use crate::instructions::dispatch;
 use crate::modal::{Modal, Residues};
-use crate::product::{Panels, ROW_MULTIPLE, dispatch, product};
+use crate::product::{Panels, ROW_MULTIPLE, product};
 use crate::stop::go_on;
 
 type C64 = Complex<f64>;

@@ -2,7 +2,8 @@
 
 use nalgebra::{Complex, DMatrix};
 
-use crate::product::{LANES, Vector, dispatch, fma, load, store};
+use crate::instructions::dispatch;
+use crate::product::{LANES, Vector, fma, load, store};
 
 type C64 = Complex<f64>;
 

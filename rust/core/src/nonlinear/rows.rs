@@ -2,7 +2,8 @@
 
 use nalgebra::DMatrix;
 
-use crate::product::{LANES, Vector, dispatch, fma, load, store};
+use crate::instructions::dispatch;
+use crate::product::{LANES, Vector, fma, load, store};
 
 /// A matrix to the right of rows, row by row, its columns filled up to whole vectors.
 #[derive(Debug, Clone)]

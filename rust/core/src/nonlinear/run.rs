@@ -1,12 +1,13 @@
 //! A nonlinear loop under way: states, derivatives, and the buffers of a step. Nothing is allocated per sample.
 
 use crate::error::{Error, Result};
+use crate::instructions::dispatch;
 use crate::model::Controller;
 use crate::nonlinear::control::Control;
 use crate::nonlinear::plant::Plant;
 use crate::nonlinear::rows::{accumulate, add};
 use crate::nonlinear::scheme::{Layout, Scheme};
-use crate::product::{dispatch, fused};
+use crate::product::fused;
 
 /// A loop at one parameter set and one number of substeps, with its present state.
 ///

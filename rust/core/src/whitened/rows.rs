@@ -4,8 +4,9 @@ use std::ops::Range;
 
 use super::{C64, LineData};
 use crate::error::Result;
+use crate::instructions::dispatch;
 use crate::lines::{BLOCK, Block, OnLines};
-use crate::product::{LANES, Vector, dispatch, fma, load, store};
+use crate::product::{LANES, Vector, fma, load, store};
 use crate::stop::go_on;
 
 /// Lines whose whitened rows stay in the first-level cache.
