@@ -15,6 +15,7 @@ __all__ = [
     "Scatter",
     "Stepper",
     "fit_all",
+    "instructions",
     "inverses",
     "line_equations",
     "local_regressions",
@@ -156,6 +157,7 @@ def line_equations(
     system: ClosedLoop, theta: _Vector, free: list[int], records: list[LineData], near: Sequence[_Vector] = ...
 ) -> tuple[_Matrix, _Vector, float, list[_Vector], list[_Matrix], list[int]]: ...
 def fit_all(fits: list[Fit]) -> list[Ended | ModelError | UnstableLoopError]: ...
+def instructions() -> Literal["avx2", "baseline"]: ...
 def local_regressions(
     lines: _Lines,
     excitation: _Lines,

@@ -27,7 +27,8 @@ from ambid.effects import CATALOGUE, Effect, find
 from ambid.errors import RigError, Stopped
 from ambid.findings import NOWHERE, Finding, Kind, has
 from ambid.identification import Estimate, ParameterEstimate, identify
-from ambid.identification.covariance import covariance, lost, only_frequency, weakest
+from ambid.identification.covariance import covariance
+from ambid.identification.identifiability import lost, only_frequency, weakest
 from ambid.identification.minimum import refit
 from ambid.model import Given, Model, as_model
 from ambid.model.parameter import nominal

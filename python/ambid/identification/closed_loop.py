@@ -11,10 +11,11 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.errors import ModelError, RecordError, Stopped
 from ambid.findings import NOWHERE, Finding, Kind
-from ambid.identification.covariance import covariance, lost, sandwich, undetermined
+from ambid.identification.covariance import covariance, sandwich
 from ambid.identification.curvature import Curvature, curvature
 from ambid.identification.damped import NearStart, damped_start
 from ambid.identification.estimate import Estimate, ParameterEstimate
+from ambid.identification.identifiability import lost, undetermined
 from ambid.identification.minimum import ROUGHLY, WhitenedProblem
 from ambid.identification.preparation import prepare
 from ambid.identification.problem import Descent, End, LeastSquares, Limits, Problem, noise_levels

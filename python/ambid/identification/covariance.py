@@ -35,33 +35,19 @@ from ambid.model import Model
 from ambid.model.parameter import nominal
 from ambid.noise import Comparison
 from ambid.noise.colour import loop_noise
-from ambid.noise.transients import freed, orthonormal
-from ambid.record import Record
 
 __all__ = [
+    "UNSEEN_VARIANCE",
     "covariance",
-    "lost",
+    "inverted",
     "of_hessian",
-    "only_frequency",
     "sandwich",
     "score_covariance",
-    "undetermined",
-    "weakest",
+    "sizes",
 ]
 
 UNSEEN_VARIANCE = 1e6
 """Relative variance that stands for infinity, for a combination that moves no output."""
-WHOLLY_UNKNOWN = 1.0
-"""A combination of parameters with a relative standard deviation above this is not identifiable."""
-DOUBTFUL = 0.05
-"""Relative standard deviation above which it is asked what the excitation alone determines."""
-SEVERAL = 10.0
-"""Lines that share the power of an excitation, beyond which it is more than a sine that falls between lines."""
-RESOLVED = 0.01
-"""Relative difference of frequencies at which two records of a single sine each have not the same."""
-ELSEWHERE = 0.01
-"""Part of the misfit of one sine that may stand beside its line: a start that a wrong model takes otherwise leaves a
-thousandth, harmonics of a curved force nearly all."""
 BANDS = 40
 """Bands of lines of each record whose scores count as independent where misfit is left."""
 
@@ -74,8 +60,8 @@ def covariance(comparison: Comparison, free: Sequence[int]) -> FloatArray:
 
     Combinations that move no output have a variance that stands for infinity.
     """
-    scale = _sizes(comparison.model, free)
-    inverse, unseen = _inverse(comparison.noise.quadratic(comparison.model, free).hessian * np.outer(scale, scale))
+    scale = sizes(comparison.model, free)
+    inverse, unseen = inverted(comparison.noise.quadratic(comparison.model, free).hessian * np.outer(scale, scale))
     relative = inverse * float(np.mean(comparison.noise.spreads))
     if not comparison.is_adequate:
         banded = inverse @ _banded(comparison, free, scale) @ inverse
@@ -84,95 +70,11 @@ def covariance(comparison: Comparison, free: Sequence[int]) -> FloatArray:
     return np.asarray(relative * np.outer(scale, scale))
 
 
-def lost(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float]]:
-    """Combinations of the free parameters that the excitation of the records does not determine, see `undetermined`.
-
-    Judged by the noise alone, whatever misfit is left. What a transient of noise tells of a loop counts for nothing,
-    unless a record is the free response of it.
-    """
-    model, scale = comparison.model, _sizes(comparison.model, free)
-    hessian = comparison.noise.quadratic(model, free).hessian * np.outer(scale, scale)
-    inverse, unseen = _inverse(hessian)
-    own = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
-    is_driven = not any(isinstance(record, Record) and record.is_free_response for record in comparison.noise.records)
-    if is_driven and np.sqrt(np.diag(own).max(initial=0.0)) > DOUBTFUL:
-        inverse, unseen = _by_excitation(comparison, free)
-        own = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
-    return undetermined(own * np.outer(scale, scale), model, free)
-
-
-def weakest(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float]]:
-    """Combinations of the free parameters that the excitation determines least, whether enough or not."""
-    scale = _sizes(comparison.model, free)
-    inverse, unseen = _by_excitation(comparison, free)
-    own = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
-    worst = 2.0 * WHOLLY_UNKNOWN**2 / np.linalg.eigvalsh(own)[-1]
-    return undetermined(worst * own * np.outer(scale, scale), comparison.model, free)
-
-
-def only_frequency(comparison: Comparison, free: Sequence[int]) -> float | None:
-    """The one frequency at which records in time tell all that they tell beside noise [Hz].
-
-    There a loop is two numbers for each channel, whatever is in it, and no effect is told from another. None where the
-    excitation tells more than nothing of a parameter beside such numbers, as `WHOLLY_UNKNOWN` has it, where more than
-    noise is left beside them, such as harmonics, or where nothing drives a record.
-    """
-    parts, records = comparison.noise.in_time, comparison.noise.records
-    if len(parts) < len(records) or any(part.record.is_free_response for part in parts):
-        return None
-    if any(part.lines_driven > SEVERAL for part in parts):
-        return None
-    rest, left = np.zeros((len(free), len(free))), 0.0
-    residuals = comparison.noise.by_record(comparison.residual)
-    for part, residual, columns, basis in zip(parts, residuals, *_driven(comparison, free), strict=True):
-        told = orthonormal(np.hstack([basis, part.constant_responses]))
-        columns, residual = freed(columns, told), freed(residual, told)
-        rest, left = rest + columns.T @ columns, left + float(residual @ residual)
-    at_noise = max(comparison.bound * comparison.dof, ELSEWHERE * comparison.cost)
-    if np.linalg.eigvalsh(rest)[-1] > 1.0 / WHOLLY_UNKNOWN**2 or left > at_noise:
-        return None
-    frequencies = [part.index[part.loudest] * part.record.sample_rate / part.window.samples for part in parts]
-    return float(frequencies[0]) if np.ptp(frequencies) < RESOLVED * frequencies[0] else None
-
-
-def _by_excitation(comparison: Comparison, free: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-    """`_inverse` of what the excitation alone tells, by the scaled parameters."""
-    parts = zip(*_driven(comparison, free), strict=True)
-    slopes = np.vstack([freed(columns, basis) for columns, basis in parts])
-    return _inverse(slopes.T @ slopes)
-
-
-def _driven(comparison: Comparison, free: Sequence[int]) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Whitened derivatives by the scaled parameters, and what a transient can look like, of each record."""
-    model, noise = comparison.model, comparison.noise
-    return noise.by_record(noise.slopes(model, free) * _sizes(model, free)), noise.transients(model)
-
-
-def _sizes(model: Model, free: Sequence[int]) -> FloatArray:
+def sizes(model: Model, free: Sequence[int]) -> FloatArray:
     """What is large for each parameter; misfit may have driven it to nothing, so that the rig's value counts too."""
     usual = {p.name: p.value for p in nominal(model.rig)}
     own = [model.parameters[i] for i in free]
     return np.array([max(abs(p.value), p.scale, usual.get(p.name, 0.0)) for p in own])
-
-
-def undetermined(covariance: FloatArray, model: Model, free: Sequence[int]) -> list[dict[str, float]]:
-    """Combinations of parameters, as relative changes, that the records do not determine.
-
-    Parameters
-    ----------
-    covariance : ndarray, shape (free, free)
-    model : Model
-        At the values that the covariance belongs to.
-    free : sequence of int
-    """
-    own = [model.parameters[i] for i in free]
-    sizes = _sizes(model, free)
-    values, vectors = np.linalg.eigh(covariance / np.outer(sizes, sizes))
-    found = []
-    for vector in vectors[:, np.sqrt(np.maximum(values, 0.0)) > WHOLLY_UNKNOWN].T:
-        vector = vector / vector[np.argmax(np.abs(vector))]
-        found.append({p.name: float(v) for p, v in zip(own, vector, strict=True) if abs(v) > 0.05})
-    return found
 
 
 def sandwich(problem: Problem, theta: FloatArray) -> FloatArray:
@@ -194,19 +96,19 @@ def sandwich(problem: Problem, theta: FloatArray) -> FloatArray:
         way = np.concatenate([np.eye(len(weight))[None], way])  # means are removed
         score += score_covariance(residual, jacobian, way[:, used][:, :, used] * weight[used, None])
     # where no output moves, the score does not scatter either, and the sandwich alone would claim perfect knowledge
-    inverse, unseen = _inverse(hessian)
+    inverse, unseen = inverted(hessian)
     relative = inverse @ score @ inverse + UNSEEN_VARIANCE * unseen @ unseen.T
     return np.asarray(relative * np.outer(problem.scale, problem.scale))
 
 
 def of_hessian(problem: Problem, theta: FloatArray) -> FloatArray:
     """Covariance of the free parameters where residuals are white noise of the size that they are weighed with."""
-    inverse, unseen = _inverse(problem.normal_equations(theta[problem.free] / problem.scale)[0])
+    inverse, unseen = inverted(problem.normal_equations(theta[problem.free] / problem.scale)[0])
     relative = inverse + UNSEEN_VARIANCE * unseen @ unseen.T
     return np.asarray(relative * np.outer(problem.scale, problem.scale))
 
 
-def _inverse(hessian: FloatArray) -> tuple[FloatArray, FloatArray]:
+def inverted(hessian: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Inverse in the directions that move the outputs, and the directions that do not, shape (free, unseen)."""
     values, vectors = np.linalg.eigh(hessian)
     seen = values > values[-1] * 1e-13

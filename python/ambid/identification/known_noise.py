@@ -14,7 +14,8 @@ import numpy as np
 
 from ambid.arrays import FloatArray
 from ambid.errors import ModelError, UnstableLoopError
-from ambid.identification.covariance import of_hessian, undetermined
+from ambid.identification.covariance import of_hessian
+from ambid.identification.identifiability import undetermined
 from ambid.identification.preparation import prepare
 from ambid.identification.problem import Descent, End, Problem
 from ambid.identification.starts import stable_model
