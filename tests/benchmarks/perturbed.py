@@ -48,7 +48,8 @@ def case(kind: str, what: str, number: int, data: str | None) -> Case:
     if kind == "data":
         folder = Path(data or "") / "cases" / what
         rig = Rig.load(folder / "rig.toml")
-        return rig, *([Record.load(path, rig) for path in sorted(folder.glob(f"{part}*"))] for part in ("train", "vali"))
+        train, validate = (sorted(folder.glob(f"{part}*")) for part in ("train", "validate"))
+        return rig, [Record.load(path, rig) for path in train], [Record.load(path, rig) for path in validate]
     if kind == "null":
         rig, record = made(number)
         return rig, [record], []
@@ -115,7 +116,8 @@ def diagnosed(own: Case) -> Row:
     """What a diagnosis says."""
     rig, train, validate = own
     found = diagnose(rig, train, validate=validate or None)
-    return {"verdict": found.verdict, "effects": sorted(found.effects), "sets": sorted(map(sorted, found.ambiguous_sets))}
+    sets = sorted(map(sorted, found.ambiguous_sets))
+    return {"verdict": found.verdict, "effects": sorted(found.effects), "sets": sets}
 
 
 JOBS = {"identify": fitted, "diagnose": diagnosed}
@@ -164,9 +166,9 @@ def report(rows: list[Row]) -> None:
         print(f"  by kind: {dict(Counter(row['key'][1] for row in own if not row['same']))} changed")
     for row in rows:
         if not row.get("same", True):
-            changed = {name for name in row["before"] | row["after"] if row["before"].get(name) != row["after"].get(name)}
-            both = ", ".join(f"{name}: {row['before'].get(name)} -> {row['after'].get(name)}" for name in sorted(changed))
-            print(f"{' '.join(map(str, row['key']))}: {both}")
+            pairs = {name: (row["before"].get(name), row["after"].get(name)) for name in row["before"] | row["after"]}
+            changed = [f"{name}: {old} -> {new}" for name, (old, new) in sorted(pairs.items()) if old != new]
+            print(f"{' '.join(map(str, row['key']))}: {', '.join(changed)}")
 
 
 def main() -> None:

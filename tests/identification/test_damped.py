@@ -1,41 +1,87 @@
 """Fits that sharp resonances or the edge of stability keep from their optimum: found where all is damped more."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
+from ambid import Record, Rig, prbs
 from ambid.identification import identify
 from ambid.identification.damped import damped_start
 from ambid.model import Model
-from benchmarks.null_cells import made
 from hidden.bench import measured
 from hidden.families import BENCHES
 
-LIGHTLY_DAMPED = 1441
-"""A spindle with modes of 0.1 %: from the rig's values the fit ran into the edge of stability, with a J/dof of 2321."""
-
-AT_THE_EDGE = 1056
-"""A record of 0.1 s, in which a mode decays so slowly that the likeliest loop of one that fades is unstable."""
+BENCH = BENCHES["bench"]
 
 
-@pytest.mark.parametrize("index", [LIGHTLY_DAMPED, AT_THE_EDGE])
-def test_an_optimum_beyond_sharp_modes_is_found_from_nominal_values(index):
-    rig, record = made(index)
-    found = identify(rig, record)
-    assert found.status == "converged"
-    assert found.misfit < 1.05
-    assert found.model.is_stable
+@dataclass(frozen=True)
+class Kind:
+    """Records of the bench with light modes, turning and under a digital controller.
+
+    Attributes
+    ----------
+    damping : tuple of float
+        Of the bending modes.
+    order, hold, periods : int
+        Of the PRBS.
+    more : dict
+        Noise, as the simulator takes it.
+    """
+
+    damping: tuple[float, ...]
+    order: int
+    hold: int
+    periods: int
+    more: dict
+
+    def rig(self) -> Rig:
+        """What is known."""
+        rotor = BENCH.rig.rotor.model_copy(update={"modal_damping": self.damping})
+        controller = BENCH.rig.controller.model_copy(update={"implementation": "digital"})
+        return BENCH.rig.replace(rotor=rotor, controller=controller, speed=400.0)
+
+    def record(self, seed: int) -> Record:
+        """One draw of excitation and noise."""
+        rig = self.rig()
+        i_e = prbs(self.order, amplitude=1.0, hold=self.hold, axes=len(rig.axes), periods=self.periods, seed=seed)
+        return measured(rig, i_e, {}, seed=seed, **BENCH.truth, **self.more)
+
+
+LIKELY = 1.3
+"""J/dof below which a right model is at its optimum: of records of 0.06 s it scatters by a tenth."""
+SHARE, HELD = 0.875, 0.85
+"""Least shares of the fits that end there, and of the 95 % intervals that hold the truth."""
+STEP = 2.0 * BENCH.rig.bearings[0].air_gap / 2**13
+KINDS = {
+    # modes narrower than the lines are apart: from the rig's values the fit runs into the edge of stability
+    "sharp modes": Kind((0.003, 0.001), 8, 4, 3, {"colour": ([1.0], [1.0, -1.7, 0.96])}),
+    # 0.06 s, in which modes decay so slowly that the likeliest loop of records that fade is unstable
+    "edge of stability": Kind((0.003, 0.003), 5, 1, 20, {"adc_step": STEP, "sensor_noise": 0.6 * STEP}),
+}
+
+
+@pytest.mark.parametrize("seeds", [8, pytest.param(100, marks=pytest.mark.slow)], ids="{} seeds".format)
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_optimum_beyond_sharp_modes_is_found_from_nominal_values(kind, seeds):
+    rig = KINDS[kind].rig()
+    found = [identify(rig, KINDS[kind].record(seed)) for seed in range(seeds)]
+    assert all(own.model.is_stable for own in found)
+    assert sum(own.status == "converged" and own.misfit < LIKELY for own in found) >= SHARE * seeds
+    truth = np.array([*BENCH.K_i, *BENCH.K_s, BENCH.tau_e])
+    intervals = np.array([[p.ci95 for p in own.parameters.values()] for own in found if own.status == "converged"])
+    held = (intervals[:, :, 0] < truth) & (truth < intervals[:, :, 1])
+    assert held.mean() > HELD
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_start_far_off_leads_near_the_optimum(seed):
-    bench = BENCHES["bench"]
-    record = measured(bench.rig, bench.excitation(bench.amplitude, seed), {}, seed=seed, **bench.truth, **bench.noise)
-    model = Model(bench.rig)
+    record = measured(BENCH.rig, BENCH.excitation(BENCH.amplitude, seed), {}, seed=seed, **BENCH.truth, **BENCH.noise)
+    model = Model(BENCH.rig)
     far = model.with_values(
         {name: 1.25 * model.theta[model.names.index(name)] for name in model.names if "K_s" in name}
     )
-    if not far.is_stable:
-        pytest.skip("no loop to start from")
+    assert far.is_stable
     free = list(range(len(model.names)))
     x, evaluations = damped_start(far, [record], free, (np.zeros(len(free)), np.full(len(free), np.inf)))
     nearest = identify(model, record).model.theta / [p.scale for p in far.parameters]
