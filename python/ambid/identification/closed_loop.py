@@ -14,12 +14,13 @@ from ambid.findings import NOWHERE, Finding, Kind
 from ambid.identification.covariance import covariance, sandwich
 from ambid.identification.curvature import Curvature, curvature
 from ambid.identification.damped import NearStart, damped_start
+from ambid.identification.edge import findings_at_edge, is_kept_away
 from ambid.identification.estimate import Estimate, ParameterEstimate
-from ambid.identification.identifiability import lost, undetermined
+from ambid.identification.identifiability import identifiability, judged
 from ambid.identification.minimum import ROUGHLY, WhitenedProblem
 from ambid.identification.preparation import prepare
 from ambid.identification.problem import Descent, End, LeastSquares, Limits, Problem, noise_levels
-from ambid.identification.starts import best_of, is_kept_away, stable_model
+from ambid.identification.starts import best_of, stable_model
 from ambid.model import Given, Model
 from ambid.noise import Comparison, Noise, compare
 from ambid.record import Measurement, Record, Source
@@ -245,8 +246,9 @@ def _in_time(
         best, more = yield from best_of(problem, [best.theta[problem.free]], limits, max_evaluations)
         findings += more
     found, at_end = sandwich(problem, best.theta), model.with_theta(best.theta)
-    directions = undetermined(found, at_end, free)
-    return Found(problem, best, limits, found, directions, compare(at_end, records), [*known, *findings]).curved()
+    directions, determined = judged(found, at_end, free)
+    findings = [*known, *findings, *determined]
+    return Found(problem, best, limits, found, directions, compare(at_end, records), findings).curved()
 
 
 def _likeliest(
@@ -295,8 +297,10 @@ def _likeliest(
     if not is_known and has_eq_9 and best.status != "stopped" and comparison.misfit > comparison.bound:
         why, factors = [WITHOUT_PERIODS(NOWHERE)], _factors(model, None)
         return (yield from _in_time(model, in_time, free, limits, origins, factors, max_evaluations, progress, why))
-    found, directions = covariance(comparison, free), lost(comparison, free)
-    return Found(problem, best, limits, found, directions, comparison, [*moved, *more]).curved()
+    directions, determined = identifiability(comparison, free)
+    at_edge = findings_at_edge(problem, best, in_time) if in_time else ()
+    findings = [*moved, *more, *determined, *at_edge]
+    return Found(problem, best, limits, covariance(comparison, free), directions, comparison, findings).curved()
 
 
 def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:

@@ -15,7 +15,7 @@ from ambid.model.parameter import nominal
 from ambid.noise import Noise
 from ambid.record import Record
 
-__all__ = ["NearStart", "damped_start"]
+__all__ = ["UNFELT", "NearStart", "damped_start"]
 
 FIRST = 0.1
 """Of the rate at which the rotor falls with the controller off: by about as much are the modes on the magnets moved

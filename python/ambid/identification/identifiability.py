@@ -13,10 +13,12 @@ as far as that is positive. It grows from nothing, so that no parameter is lost 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from ambid.arrays import FloatArray
+from ambid.findings import NOWHERE, Finding, Kind
 from ambid.identification.covariance import UNSEEN_VARIANCE, inverted, sizes
 from ambid.model import Model
 from ambid.noise import Comparison
@@ -24,10 +26,27 @@ from ambid.noise.lines import RecordLines
 from ambid.noise.transients import freed, independent, orthonormal
 from ambid.record import Record
 
-__all__ = ["lost", "only_frequency", "undetermined", "weakest"]
+__all__ = ["Identifiability", "identifiability", "judged", "lost", "only_frequency", "undetermined", "weakest"]
 
+NEAR_LIMIT = Kind(
+    "near_limit_of_identifiability",
+    "warning",
+    "{parameters} in combination: relative standard deviation {relative_std_error:.2g}, near the limit of {limit:g} "
+    "above which records do not determine a parameter",
+    "excite every axis, at more frequencies, with more amplitude or over more periods",
+)
+BY_FREE_MOTION = Kind(
+    "determined_by_free_motion",
+    "note",
+    "{parameters}: determined by the free motion that the record begins with; its excitation alone does not",
+    "excite at lower frequencies, with longer periods of the excitation",
+)
 WHOLLY_UNKNOWN = 1.0
 """A combination of parameters with a relative standard deviation above this is not identifiable."""
+NEAR = 2.0
+"""Factor to either side of that, within which it is reported: a standard deviation is not known better."""
+NAMED = 0.05
+"""Part of the largest relative change of a combination, above which a parameter belongs to it."""
 DOUBTFUL = 0.05
 """Relative standard deviation above which it is asked what the excitation alone determines."""
 LOUD = 25.0
@@ -41,8 +60,15 @@ ELSEWHERE = 0.01
 thousandth, harmonics of a curved force nearly all."""
 
 
-def lost(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float]]:
-    """Combinations of the free parameters that the records do not determine, see `undetermined`.
+class Identifiability(NamedTuple):
+    """Combinations of parameters, as relative changes, that records do not determine, and what is near that."""
+
+    directions: list[dict[str, float]]
+    findings: list[Finding]
+
+
+def identifiability(comparison: Comparison, free: Sequence[int]) -> Identifiability:
+    """Combinations of the free parameters that the records do not determine.
 
     Judged by the noise alone, whatever the misfit. Free motion counts as far as it exceeds what noise that goes round
     the loop brings; in a record that is the free response of the loop, all of it.
@@ -50,12 +76,25 @@ def lost(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float]]:
     model, scale = comparison.model, sizes(comparison.model, free)
     own = _covariance(comparison.noise.quadratic(model, free).hessian * np.outer(scale, scale))
     is_driven = not any(isinstance(record, Record) and record.is_free_response for record in comparison.noise.records)
+    free_motion = list[Finding]()
     if is_driven and np.sqrt(np.diag(own).max(initial=0.0)) > DOUBTFUL:
         by_excitation = _by_excitation(comparison, free)
         own = _covariance(by_excitation)
-        if np.linalg.eigvalsh(own)[-1] > WHOLLY_UNKNOWN**2:
+        if missed := undetermined(own * np.outer(scale, scale), model, free):
             own = _covariance(by_excitation + _by_free_motion(comparison, free))
-    return undetermined(own * np.outer(scale, scale), model, free)
+            free_motion = _found_by_free_motion(missed, undetermined(own * np.outer(scale, scale), model, free))
+    found = judged(own * np.outer(scale, scale), model, free)
+    return found._replace(findings=[*free_motion, *found.findings])
+
+
+def judged(covariance: FloatArray, model: Model, free: Sequence[int]) -> Identifiability:
+    """The same by a covariance, see `undetermined`."""
+    return Identifiability(undetermined(covariance, model, free), _near_limit(covariance, model, free))
+
+
+def lost(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float]]:
+    """Combinations of the free parameters that the records do not determine, see `identifiability`."""
+    return identifiability(comparison, free).directions
 
 
 def weakest(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float]]:
@@ -101,14 +140,35 @@ def undetermined(covariance: FloatArray, model: Model, free: Sequence[int]) -> l
         At the values that the covariance belongs to.
     free : sequence of int
     """
-    own = [model.parameters[i] for i in free]
-    scale = sizes(model, free)
+    return [direction for deviation, direction in _directions(covariance, model, free) if deviation > WHOLLY_UNKNOWN]
+
+
+def _directions(covariance: FloatArray, model: Model, free: Sequence[int]) -> list[tuple[float, dict[str, float]]]:
+    """Independent combinations of parameters: relative standard deviation and relative changes, the surest first."""
+    own, scale = [model.parameters[i] for i in free], sizes(model, free)
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
     found = []
-    for vector in vectors[:, np.sqrt(np.maximum(values, 0.0)) > WHOLLY_UNKNOWN].T:
+    for deviation, vector in zip(np.sqrt(np.maximum(values, 0.0)), vectors.T, strict=True):
         vector = vector / vector[np.argmax(np.abs(vector))]
-        found.append({p.name: float(v) for p, v in zip(own, vector, strict=True) if abs(v) > 0.05})
+        shares = {p.name: float(v) for p, v in zip(own, vector, strict=True) if abs(v) > NAMED}
+        found.append((float(deviation), shares))
     return found
+
+
+def _near_limit(covariance: FloatArray, model: Model, free: Sequence[int]) -> list[Finding]:
+    """Of combinations to either side of the limit, by how much."""
+    return [
+        NEAR_LIMIT(NOWHERE, parameters=list(direction), relative_std_error=deviation, limit=WHOLLY_UNKNOWN)
+        for deviation, direction in _directions(covariance, model, free)
+        if WHOLLY_UNKNOWN / NEAR < deviation < WHOLLY_UNKNOWN * NEAR
+    ]
+
+
+def _found_by_free_motion(before: list[dict[str, float]], after: list[dict[str, float]]) -> list[Finding]:
+    """Of parameters that the excitation does not determine, and free motion does."""
+    left = {name for direction in after for name in direction}
+    names = [name for name in dict.fromkeys(name for direction in before for name in direction) if name not in left]
+    return [BY_FREE_MOTION(NOWHERE, parameters=names)] if names else []
 
 
 def _covariance(hessian: FloatArray) -> FloatArray:

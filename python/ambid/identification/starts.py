@@ -10,15 +10,12 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.errors import UnstableLoopError, UnstableStartError
 from ambid.findings import NOWHERE, Finding, Kind
-from ambid.identification.minimum import WhitenedProblem
 from ambid.identification.problem import EXACTLY, Descent, End, LeastSquares, Limits
 from ambid.model import Model
 from ambid.model.parameter import UNITS
 
-__all__ = ["best_of", "is_kept_away", "spread_starts", "stable_model"]
+__all__ = ["best_of", "spread_starts", "stable_model"]
 
-AT_EDGE = 1e-3
-"""Rate of decay below which a fit has run into the edge of stability, where no record can have been made [1/s]."""
 STABLE_FACTORS = (0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.5)
 """Where the start is unstable, these multiples of the start values are tried."""
 STOPPED_AT = Kind("stopped_at_start", "note", "stopped at start {start} of {starts}")
@@ -67,14 +64,6 @@ def best_of(
         same = sum(end.cost < best.cost * (1.0 + 1e-6) for end in ends)
         found.append(COMPARED(NOWHERE, same=same, starts=len(starts), unstable=len(starts) - len(ends)))
     return best, found
-
-
-def is_kept_away(problem: WhitenedProblem, end: End) -> bool:
-    """Whether a fit was driven to a bound or to the edge of stability, which keep it from its optimum."""
-    if end.status not in ("converged", "at_bound"):
-        return False
-    at_edge = problem.model.with_theta(end.theta).decay_rate < AT_EDGE
-    return end.status == "at_bound" or at_edge or problem.is_stuck(end.theta)
 
 
 def stable_model(

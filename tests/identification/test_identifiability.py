@@ -1,0 +1,71 @@
+"""What records determine: continuous up to a limit that is reported from both sides; free motion counts, not noise."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from ambid import Model, Rig, prbs
+from ambid.identification import identify
+from ambid.identification.identifiability import BY_FREE_MOTION, NEAR_LIMIT
+from places import LEVITATOR
+from virtual import NAMES
+
+PERIOD = 510
+ALONE = prbs(8, amplitude=0.15, hold=2, axes=4, periods=6) * [1.0, 0.0, 0.0, 0.0]
+"""Excitation of one axis."""
+
+
+def of_code(found, kind):
+    return [finding for finding in found.findings if finding.code == kind.code]
+
+
+def test_the_limit_is_reported_from_both_sides():
+    """The weaker the excitation, the larger the relative standard deviation; far from the limit it is not reported."""
+    model = Model(Rig.load(LEVITATOR))
+    deviations, is_lost = [], []
+    for amplitude in np.geomspace(3e-4, 3e-3, 12):
+        i_e = prbs(7, amplitude=amplitude, hold=4, axes=1, periods=4)
+        found = identify(model, model.virtual_experiment(i_e, seed=1))
+        near = of_code(found, NEAR_LIMIT)
+        deviations.append(max((own.values["relative_std_error"] for own in near), default=None))
+        is_lost.append(found.status == "not_identifiable")
+    assert is_lost[0]
+    assert not is_lost[-1]
+    assert None in deviations
+    for k, (before, after) in enumerate(pairwise(is_lost)):
+        if before != after:
+            assert 1.0 < deviations[k] < 2.0
+            assert 0.5 < deviations[k + 1] < 1.0
+
+
+@pytest.fixture(scope="module", params=[3, pytest.param(30, marks=pytest.mark.slow)], ids="{} seeds".format)
+def seeds(request):
+    return range(request.param)
+
+
+def begun(bench, push, seed):
+    """A fit to excitation along A_zeta alone, the whole rotor still moving from a push on all axes before [A]."""
+    before = np.zeros((PERIOD, 4))
+    before[-60:-40] = push
+    record = bench.records(np.vstack([before, ALONE]), [seed])[0]
+    signals = {name: getattr(record, name)[PERIOD:] for name in ("i_e", "y", "i_c")}
+    return identify(Model(bench.rig(off=0.03)), replace(record, period=PERIOD, **signals))
+
+
+def test_free_motion_determines_what_the_excitation_does_not(bench, seeds):
+    fits = [begun(bench, 0.05, seed) for seed in seeds]
+    told = [found for found in fits if found.status == "converged" and of_code(found, BY_FREE_MOTION)]
+    assert len(told) >= 0.9 * len(fits)
+    held = [p.ci95[0] <= bench.truth[name] <= p.ci95[1] for found in told for name, p in found.parameters.items()]
+    assert np.mean(held) > 0.85
+
+
+def test_free_motion_of_noise_determines_nothing(bench, seeds):
+    missed = {name for name in NAMES if "eta" in name and "zeta" not in name}
+    for seed in seeds:
+        found = begun(bench, 0.0, seed)
+        assert found.status == "not_identifiable"
+        assert not of_code(found, BY_FREE_MOTION)
+        assert {name for direction in found.directions for name in direction} == missed
