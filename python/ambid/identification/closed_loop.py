@@ -14,7 +14,7 @@ from ambid.findings import NOWHERE, Finding, Kind
 from ambid.identification.covariance import covariance, sandwich
 from ambid.identification.curvature import Curvature, curvature
 from ambid.identification.damped import NearStart, damped_start
-from ambid.identification.edge import findings_at_edge, is_kept_away
+from ambid.identification.edge import findings_at_edge, is_at_edge
 from ambid.identification.estimate import Estimate, ParameterEstimate
 from ambid.identification.identifiability import identifiability, judged
 from ambid.identification.minimum import ROUGHLY, WhitenedProblem
@@ -268,13 +268,8 @@ def _likeliest(
     )
     in_time = tuple(record for record in records if isinstance(record, Record))
     has_eq_9 = len(in_time) == len(records) and not any(record.is_free_response for record in in_time)
-    if in_time and is_kept_away(rough, best):
-        # where everything is damped more there is a way around the edge of stability
-        x, spent = damped_start(stable, in_time, free, limits)
-        near = NearStart(stable, rough.noise, free, progress)
-        second = yield Descent(near, x, limits, max_evaluations, ROUGHLY)
-        rough.evaluations += spent + near.evaluations
-        best = min(best, second, key=lambda end: end.cost)
+    if in_time and best.status in ("converged", "at_bound"):
+        best = yield from _way_around(rough, best, stable, in_time, limits, max_evaluations)
     problem: WhitenedProblem = rough
     at = model.with_theta(best.theta)
     comparison = Comparison(at, records, rough.noise.renewed(at))
@@ -298,9 +293,24 @@ def _likeliest(
         why, factors = [WITHOUT_PERIODS(NOWHERE)], _factors(model, None)
         return (yield from _in_time(model, in_time, free, limits, origins, factors, max_evaluations, progress, why))
     directions, determined = identifiability(comparison, free)
-    at_edge = findings_at_edge(problem, best, in_time) if in_time else ()
-    findings = [*moved, *more, *determined, *at_edge]
+    findings = [*moved, *more, *determined, *findings_at_edge(problem, best, in_time)]
     return Found(problem, best, limits, covariance(comparison, free), directions, comparison, findings).curved()
+
+
+def _way_around(
+    rough: WhitenedProblem, best: End, stable: Model, records: tuple[Record, ...], limits: Limits, most: int
+) -> Generator[Descent, End, End]:
+    """A better end of a rough fit that a bound or the edge of stability kept away: where all is damped more."""
+    at_edge = is_at_edge(rough, best)
+    if not at_edge and best.status != "at_bound":
+        return best
+    x, spent = damped_start(stable, records, rough.free, limits, NearStart if at_edge else WhitenedProblem)
+    rough.evaluations += spent
+    near = NearStart(stable, rough.noise, rough.free, rough.progress) if at_edge else rough
+    second = yield Descent(near, x, limits, most, ROUGHLY)
+    if near is not rough:
+        rough.evaluations += near.evaluations
+    return min(best, second, key=lambda end: end.cost)
 
 
 def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:

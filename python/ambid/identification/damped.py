@@ -58,7 +58,13 @@ class NearStart(WhitenedProblem):
         return hessian + np.diag(weight**2), gradient + weight * off, cost + float(off @ off)
 
 
-def damped_start(stable: Model, records: Sequence[Record], free: list[int], limits: Limits) -> tuple[FloatArray, int]:
+def damped_start(
+    stable: Model,
+    records: Sequence[Record],
+    free: list[int],
+    limits: Limits,
+    kind: type[WhitenedProblem] = WhitenedProblem,
+) -> tuple[FloatArray, int]:
     """Values near the optimum, of fits to records that fade away ever slower.
 
     Parameters
@@ -70,6 +76,8 @@ def damped_start(stable: Model, records: Sequence[Record], free: list[int], limi
         Its free parameters.
     limits : tuple of ndarray
         Lower and upper bounds of x.
+    kind : type
+        `NearStart` where the edge of stability is what keeps a fit from its optimum.
 
     Returns
     -------
@@ -84,7 +92,7 @@ def damped_start(stable: Model, records: Sequence[Record], free: list[int], limi
     begin, theta, evaluations = linear.theta, linear.theta, 0
     dampings = _dampings(linear, records)
     for damping, then in zip(dampings, (*dampings[1:], 0.0), strict=True):
-        problem = NearStart(linear, Noise.rough(linear, records, damping), own)
+        problem = kind(linear, Noise.rough(linear, records, damping), own)
         end = problem.descend(theta[own] / problem.scale, bounds, MOST, ROUGHLY)
         if end.status == "stopped":
             raise KeyboardInterrupt from None

@@ -10,7 +10,7 @@ from ambid.identification.minimum import WhitenedProblem
 from ambid.identification.problem import End
 from ambid.record import Record
 
-__all__ = ["findings_at_edge", "is_kept_away"]
+__all__ = ["findings_at_edge", "is_at_edge"]
 
 AT_EDGE = 1e-3
 """Rate of decay below which a fit has run into the edge of stability, where no record can have been made [1/s]."""
@@ -30,16 +30,17 @@ NEAR_EDGE = Kind(
 )
 
 
-def is_kept_away(problem: WhitenedProblem, end: End) -> bool:
-    """Whether a fit was driven to a bound or to the edge of stability, which keep it from its optimum."""
-    if end.status not in ("converged", "at_bound"):
+def is_at_edge(problem: WhitenedProblem, end: End) -> bool:
+    """Whether a fit was driven to the edge of stability, which keeps it from its optimum."""
+    if end.status != "converged":
         return False
-    at_edge = problem.model.with_theta(end.theta).decay_rate < AT_EDGE
-    return end.status == "at_bound" or at_edge or problem.is_stuck(end.theta)
+    return problem.model.with_theta(end.theta).decay_rate < AT_EDGE or problem.is_stuck(end.theta)
 
 
 def findings_at_edge(problem: WhitenedProblem, end: End, records: Sequence[Record]) -> Iterator[Finding]:
     """What is to be known of a fit to records in time that ended at the edge of stability, or near it."""
+    if not records:
+        return
     decay = problem.model.with_theta(end.theta).decay_rate
     fades = decay * max(record.samples / record.sample_rate for record in records)
     if end.status == "converged" and problem.is_stuck(end.theta):
