@@ -293,7 +293,7 @@ def _likeliest(
         why, factors = [WITHOUT_PERIODS(NOWHERE)], _factors(model, None)
         return (yield from _in_time(model, in_time, free, limits, origins, factors, max_evaluations, progress, why))
     directions, determined = identifiability(comparison, free)
-    findings = [*moved, *more, *determined, *findings_at_edge(problem, best, in_time)]
+    findings = [*moved, *more, *determined, *findings_at_edge(comparison, problem, best)]
     return Found(problem, best, limits, covariance(comparison, free), directions, comparison, findings).curved()
 
 
