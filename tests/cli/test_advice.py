@@ -55,7 +55,7 @@ def test_a_first_rig_without_records_is_refused_like_a_last_one(job, command):
 
 
 def test_what_is_not_identifiable_is_named_by_words_that_are_there(here, command):
-    """A single tone, whose start is below the noise, does not determine three parameters; a key of the JSON is named."""
+    """A tone whose start is below the noise does not determine three parameters; a key of the JSON is named."""
     rig = ambid.Rig.load(here[0])
     mass = ambid.Model(rig)
     periods = np.tile(1e-3 * np.sin(2.0 * np.pi * np.arange(500) / 50.0)[:, None], (6, 1))
