@@ -78,9 +78,10 @@ def identifiability(comparison: Comparison, free: Sequence[int]) -> Identifiabil
     is_driven = not any(isinstance(record, Record) and record.is_free_response for record in comparison.noise.records)
     free_motion = list[Finding]()
     if is_driven and np.sqrt(np.diag(own).max(initial=0.0)) > DOUBTFUL:
-        by_excitation = _by_excitation(comparison, free)
+        by_excitation, everything = _by_excitation(comparison, free), own
         own = _covariance(by_excitation)
-        if missed := undetermined(own * np.outer(scale, scale), model, free):
+        missed = undetermined(own * np.outer(scale, scale), model, free)
+        if missed and not undetermined(everything * np.outer(scale, scale), model, free):
             own = _covariance(by_excitation + _by_free_motion(comparison, free))
             free_motion = _found_by_free_motion(missed, undetermined(own * np.outer(scale, scale), model, free))
     found = judged(own * np.outer(scale, scale), model, free)
