@@ -138,7 +138,7 @@ def test_of_two_writers_at_once_the_last_wins_whole(tmp_path):
     path = tmp_path / "a.txt"
     program = (
         "import sys; from ambid.writing import whole_file\n"
-        "for k in range(200):\n"
+        "for k in range(60):\n"
         "    with whole_file(sys.argv[1]) as stream:\n"
         "        for _ in range(20):\n"
         "            stream.write(sys.argv[2].encode() * 5000)\n"

@@ -27,10 +27,10 @@ import numpy as np
 
 from ambid import FrequencyResponse, Record, Rig, diagnose, identify, rank
 from benchmarks.grid import Row, rate_text, read_rows, run_all
-from benchmarks.null_cells import made
 from hidden.experiment import KINDS, experiment, experiment_on
 from hidden.families import FAMILIES
 from hidden.levitators import EFFECTS, levitator
+from hidden.null_cells import made
 from hidden.strangers import stranger
 
 Case = tuple[Rig, list[Record], list[Record]]

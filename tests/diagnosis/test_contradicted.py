@@ -14,7 +14,10 @@ CURVED = {"sensor_nonlinearity": NAMELESS["sensor_nonlinearity"]}
 
 @pytest.mark.parametrize("seed", first_fast(range(3)))
 @pytest.mark.parametrize(
-    "hidden", [{"coulomb_friction": {"force": 3.0, "z": ONE_AXIS.middle}}, {"amplifier_dead_band": {"current": 0.002}}]
+    "hidden",
+    first_fast(
+        [{"amplifier_dead_band": {"current": 0.002}}, {"coulomb_friction": {"force": 3.0, "z": ONE_AXIS.middle}}]
+    ),
 )
 def test_what_has_no_name_is_not_lost_in_the_noise_without_periods(hidden, seed):
     i_e = np.repeat(ONE_AXIS.amplitude * np.random.default_rng([seed, 3]).choice([-1.0, 1.0], (1000, 1)), 4, axis=0)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ambid import FrequencyResponse, Model, Record, diagnose, localise, rank
+from ambid.effects import find
 from ambid.noise import compare
 from ambid.report import write_report
 from hidden.bench import simulate
@@ -126,5 +127,6 @@ def test_responses_and_records_are_diagnosed_together():
 def test_beside_a_record_a_nonlinear_effect_is_named():
     """The record tells it; the response, at rest, does not contradict."""
     own = record({"force_nonlinearity": NAMED["force_nonlinearity"]}, 1)
-    found = diagnose(RIG, [own, measured()])
+    few = [find("force_nonlinearity"), find("loop_delay"), find("sensor_lag")]
+    found = diagnose(RIG, [own, measured()], catalogue=few)
     assert found.history[0].ranking.find("force_nonlinearity") is not None

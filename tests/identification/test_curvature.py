@@ -89,6 +89,7 @@ def test_a_straight_force_is_not_called_curved(rate):
     assert max(errors(found, truth).values()) < 3.0
 
 
+@pytest.mark.slow
 def test_without_a_holding_current_no_single_magnet_is_assumed():
     found = identify(*one_step(magnet(250.0), 250.0, 0.005, (1e-6, 5e-4), held=0.0))
     assert found.curvature is None

@@ -61,17 +61,26 @@ KINDS = {
 }
 
 
+def is_at_edge_of(found) -> bool:
+    """Whether its slowest mode hardly decays during the record."""
+    (own,) = found.comparison.noise.records
+    return found.model.decay_rate * own.samples / own.sample_rate < 0.01
+
+
 @pytest.mark.parametrize("seeds", [8, pytest.param(40, marks=pytest.mark.slow)], ids="{} seeds".format)
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_optimum_beyond_sharp_modes_is_found_from_nominal_values(kind, seeds):
     rig = KINDS[kind].rig()
     found = [identify(rig, KINDS[kind].record(seed)) for seed in range(seeds)]
     assert all(own.model.is_stable for own in found)
-    assert sum(own.status == "converged" and own.misfit < LIKELY for own in found) >= SHARE * seeds
-    truth = np.array([*BENCH.K_i, *BENCH.K_s, BENCH.tau_e])
-    intervals = np.array([[p.ci95 for p in own.parameters.values()] for own in found if own.status == "converged"])
-    held = (intervals[:, :, 0] < truth) & (truth < intervals[:, :, 1])
-    assert held.mean() > HELD
+    assert sum(own.misfit < LIKELY for own in found) >= SHARE * seeds
+    truth = dict(zip(Model(rig).names, (*BENCH.K_i, *BENCH.K_s, BENCH.tau_e), strict=True))
+    intervals = [(truth[name], p.ci95) for own in found for name, p in own.parameters.items() if p.ci95 is not None]
+    assert np.mean([low < value < high for value, (low, high) in intervals]) > HELD
+    # what is near a limit says so, on whichever side of it a draw is
+    for own in found:
+        if is_at_edge_of(own):
+            assert {"near_edge_of_stability", "stopped_at_edge_of_stability"} & {one.code for one in own.findings}
 
 
 @pytest.mark.parametrize("seed", range(3))

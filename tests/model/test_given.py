@@ -6,30 +6,30 @@ import pytest
 import ambid
 from ambid.errors import ModelError, RigError
 from ambid.model import as_model
-from hidden.experiment import experiment
+from hidden.one_axis import ONE_AXIS, record
 
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("given")
-    rig, (record, *_), _, _ = experiment(None, "clear", 5)
+    rig, run = ONE_AXIS.rig, record({}, 5)
     rig.save(folder / "rig.toml")
-    record.save(folder / "train.mat")
+    run.save(folder / "train.mat")
     ambid.Model(rig).with_values({"tau_e": 2.9e-4}).save(folder / "model.json")
     return folder
 
 
 def test_paths_stand_for_what_they_hold(files):
-    rig, record = str(files / "rig.toml"), files / "train.mat"
+    rig, path = str(files / "rig.toml"), files / "train.mat"
     loaded = ambid.Rig.load(rig)
-    assert ambid.compare(rig, record).misfit == ambid.compare(loaded, ambid.Record.load(record, loaded)).misfit
+    assert ambid.compare(rig, path).misfit == ambid.compare(loaded, ambid.Record.load(path, loaded)).misfit
     np.testing.assert_array_equal(as_model(files / "rig.toml").theta, ambid.Model(loaded).theta)
     saved = as_model(files / "model.json")
     assert dict(zip(saved.names, saved.theta, strict=True))["tau_e"] == 2.9e-4
-    found, *_ = ambid.identify_many(rig, [record], free="K_i").values
-    wanted = [ambid.identify(rig, record, free="K_i")[name].value for name in loaded_names(rig)]
+    found, *_ = ambid.identify_many(rig, [path], free="K_i").values
+    wanted = [ambid.identify(rig, path, free="K_i")[name].value for name in loaded_names(rig)]
     np.testing.assert_allclose(found, wanted, rtol=1e-9)
-    assert ambid.check(rig, record).findings == ambid.check(loaded, record).findings
+    assert ambid.check(rig, path).findings == ambid.check(loaded, path).findings
     assert ambid.margins(rig).zone == ambid.margins(ambid.Model(loaded)).zone
 
 

@@ -19,7 +19,7 @@ PID = {"proportional": 28000.0, "integral": 2e5, "derivative": 60.0, "derivative
 def _closed_loop_signals(controller, rig, seed, delay=0):
     """i_e, y, i_ref and i_c for a smooth y that nobody calls closed-loop: K and the amplifier do not care.
 
-    Analog: y is linear between the samples, and K and the amplifier are integrated 50 times finer.
+    Analog: y is linear between the samples, and K and the amplifier are integrated 25 times finer.
     """
     rng = np.random.default_rng(seed)
     n, dt, tau = len(AXES), 1 / rig.sample_rate, rig.amplifier.time_constant
@@ -29,7 +29,7 @@ def _closed_loop_signals(controller, rig, seed, delay=0):
     y = lfilter([0.02], [1, -0.98], rng.normal(0, 5e-6, (samples, n)), axis=0)
     from_rest = np.minimum(np.arange(samples) / 50, 1.0)[:, None]
     y = from_rest * (y - np.sum(from_rest * y, axis=0) / from_rest.sum())
-    fine = 1 if controller.is_digital else 50
+    fine = 1 if controller.is_digital else 25
     time = np.arange((samples - 1) * fine + 1) / fine
     y_fine = np.stack([np.interp(time, np.arange(samples), column) for column in y.T], axis=1)
     K = controller.state_space(n, rig.sample_rate)

@@ -310,7 +310,7 @@ def _likeliest(
         why, factors = [WITHOUT_PERIODS(NOWHERE)], _factors(model, None)
         return (yield from _in_time(given, in_time, exact, sides, origins, factors, max_evaluations, progress, why))
     directions, determined = identifiability(comparison, exact)
-    findings = [*moved, *more, *determined, *findings_at_edge(problem, best, in_time)]
+    findings = [*moved, *more, *determined, *findings_at_edge(comparison, problem, best)]
     total, statistical = covariance(comparison, free), budget(comparison, free)[:, 0]
     return Found(problem, best, limits, total, statistical, directions, comparison, findings).curved()
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+
+import numpy as np
 
 from ambid.findings import NOWHERE, Finding, Kind
 from ambid.identification.damped import UNFELT
 from ambid.identification.minimum import WhitenedProblem
-from ambid.identification.problem import End
-from ambid.record import Record
+from ambid.identification.problem import End, is_barred
+from ambid.noise import Comparison
 
 __all__ = ["findings_at_edge", "is_at_edge"]
 
@@ -37,13 +39,14 @@ def is_at_edge(problem: WhitenedProblem, end: End) -> bool:
     return problem.model.with_theta(end.theta).decay_rate < AT_EDGE or problem.is_stuck(end.theta)
 
 
-def findings_at_edge(problem: WhitenedProblem, end: End, records: Sequence[Record]) -> Iterator[Finding]:
-    """What is to be known of a fit to records in time that ended at the edge of stability, or near it."""
-    if not records:
+def findings_at_edge(comparison: Comparison, problem: WhitenedProblem, end: End) -> Iterator[Finding]:
+    """What is to be known of a fit that ended at the edge of stability, or near it."""
+    durations = [part.record.samples / part.record.sample_rate for part in comparison.noise.in_time]
+    if not durations:
         return
-    decay = problem.model.with_theta(end.theta).decay_rate
-    fades = decay * max(record.samples / record.sample_rate for record in records)
-    if end.status == "converged" and problem.is_stuck(end.theta):
+    decay = comparison.model.decay_rate
+    form, scale = comparison.noise.quadratic(comparison.model, problem.free), problem.scale
+    if end.status == "converged" and is_barred(form.hessian * np.outer(scale, scale), form.gradient * scale, form.cost):
         yield BARRED(NOWHERE, decay_rate_1_s=decay)
-    elif fades < UNFELT:
-        yield NEAR_EDGE(NOWHERE, decay_rate_1_s=decay, fades=fades)
+    elif decay * max(durations) < UNFELT:
+        yield NEAR_EDGE(NOWHERE, decay_rate_1_s=decay, fades=decay * max(durations))

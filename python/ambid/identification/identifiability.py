@@ -1,13 +1,8 @@
-"""Which combinations of parameters the records determine: by the excitation, and by free motion that is no noise.
+"""Which combinations of parameters the records determine, and which are near the limit of that.
 
-A record that begins in motion holds a free response beside the answer to its excitation, and its poles depend on the
-parameters. Where noise goes round the loop there is always some of it. Its derivatives in units of the noise, B for the
-transient that was found, are compared with those of transients that the noise alone would have brought, B_k for each of
-independent ones of unit variance: what the free motion determines is
-
-    B'B - LOUD sum over k of B_k' B_k,
-
-as far as that is positive. It grows from nothing, so that no parameter is lost or won by a rounding.
+What a transient of noise tells of a loop counts for nothing: poles of noise that goes round it look like those of free
+motion. So where not all is surely known, it is asked what the excitation alone determines. Free motion that does
+determine a parameter well is not asked about; near that limit, too, it is reported which side of it records are on.
 """
 
 from __future__ import annotations
@@ -22,8 +17,7 @@ from ambid.findings import NOWHERE, Finding, Kind
 from ambid.identification.covariance import UNSEEN_VARIANCE, inverted, sizes
 from ambid.model import Model
 from ambid.noise import Comparison
-from ambid.noise.lines import RecordLines
-from ambid.noise.transients import freed, independent, orthonormal
+from ambid.noise.transients import freed, orthonormal
 from ambid.record import Record
 
 __all__ = ["Identifiability", "identifiability", "judged", "lost", "only_frequency", "undetermined", "weakest"]
@@ -35,10 +29,11 @@ NEAR_LIMIT = Kind(
     "above which records do not determine a parameter",
     "excite every axis, at more frequencies, with more amplitude or over more periods",
 )
-BY_FREE_MOTION = Kind(
-    "determined_by_free_motion",
-    "note",
-    "{parameters}: determined by the free motion that the record begins with; its excitation alone does not",
+NEAR_FREE_MOTION = Kind(
+    "near_limit_of_free_motion",
+    "warning",
+    "the excitation does not determine {parameters}; free motion does, to a relative standard deviation of "
+    "{relative_std_error:.2g}, near the limit of {limit:g} up to which that counts",
     "excite at lower frequencies, with longer periods of the excitation",
 )
 WHOLLY_UNKNOWN = 1.0
@@ -48,9 +43,7 @@ NEAR = 2.0
 NAMED = 0.05
 """Part of the largest relative change of a combination, above which a parameter belongs to it."""
 DOUBTFUL = 0.05
-"""Relative standard deviation above which it is asked what the excitation alone determines."""
-LOUD = 25.0
-"""Power of free motion over what noise alone brings, five standard deviations, from which on it determines anything."""
+"""Relative standard deviation above which it counts what the excitation alone determines."""
 SEVERAL = 10.0
 """Lines that share the power of an excitation, beyond which it is more than a sine that falls between lines."""
 RESOLVED = 0.01
@@ -68,24 +61,26 @@ class Identifiability(NamedTuple):
 
 
 def identifiability(comparison: Comparison, free: Sequence[int]) -> Identifiability:
-    """Combinations of the free parameters that the records do not determine.
+    """Combinations of the free parameters that the excitation of the records does not determine.
 
-    Judged by the noise alone, whatever the misfit. Free motion counts as far as it exceeds what noise that goes round
-    the loop brings; in a record that is the free response of the loop, all of it.
+    Judged by the noise alone, whatever the misfit. Where a record is the free response of the loop, all of it counts.
     """
     model, scale = comparison.model, sizes(comparison.model, free)
-    own = _covariance(comparison.noise.quadratic(model, free).hessian * np.outer(scale, scale))
+    by_all = _covariance(comparison.noise.quadratic(model, free).hessian * np.outer(scale, scale))
+    worst = float(np.sqrt(np.diag(by_all).max(initial=0.0)))
     is_driven = not any(isinstance(record, Record) and record.is_free_response for record in comparison.noise.records)
-    free_motion = list[Finding]()
-    if is_driven and np.sqrt(np.diag(own).max(initial=0.0)) > DOUBTFUL:
-        by_excitation, everything = _by_excitation(comparison, free), own
-        own = _covariance(by_excitation)
-        missed = undetermined(own * np.outer(scale, scale), model, free)
-        if missed and not undetermined(everything * np.outer(scale, scale), model, free):
-            own = _covariance(by_excitation + _by_free_motion(comparison, free))
-            free_motion = _found_by_free_motion(missed, undetermined(own * np.outer(scale, scale), model, free))
-    found = judged(own * np.outer(scale, scale), model, free)
-    return found._replace(findings=[*free_motion, *found.findings])
+    if not is_driven or worst <= DOUBTFUL / NEAR:
+        return judged(by_all * np.outer(scale, scale), model, free)
+    by_excitation = _covariance(_by_excitation(comparison, free))
+    decides = by_excitation if worst > DOUBTFUL else by_all
+    found = judged(decides * np.outer(scale, scale), model, free)
+    if worst < DOUBTFUL * NEAR:
+        missed = undetermined(by_excitation * np.outer(scale, scale), model, free)
+        names = [own.name for own in model.parameters if any(own.name in direction for direction in missed)]
+        if names:
+            near = NEAR_FREE_MOTION(NOWHERE, parameters=names, relative_std_error=worst, limit=DOUBTFUL)
+            found.findings.append(near)
+    return found
 
 
 def judged(covariance: FloatArray, model: Model, free: Sequence[int]) -> Identifiability:
@@ -165,13 +160,6 @@ def _near_limit(covariance: FloatArray, model: Model, free: Sequence[int]) -> li
     ]
 
 
-def _found_by_free_motion(before: list[dict[str, float]], after: list[dict[str, float]]) -> list[Finding]:
-    """Of parameters that the excitation does not determine, and free motion does."""
-    left = {name for direction in after for name in direction}
-    names = [name for name in dict.fromkeys(name for direction in before for name in direction) if name not in left]
-    return [BY_FREE_MOTION(NOWHERE, parameters=names)] if names else []
-
-
 def _covariance(hessian: FloatArray) -> FloatArray:
     inverse, unseen = inverted(hessian)
     return inverse + UNSEEN_VARIANCE * unseen @ unseen.T
@@ -182,35 +170,6 @@ def _by_excitation(comparison: Comparison, free: Sequence[int]) -> FloatArray:
     parts = zip(*_driven(comparison, free), strict=True)
     slopes = np.vstack([freed(columns, basis) for columns, basis in parts])
     return slopes.T @ slopes
-
-
-def _by_free_motion(comparison: Comparison, free: Sequence[int]) -> FloatArray:
-    """What free motion adds to J'J beyond what noise alone might, by the scaled parameters."""
-    model, scale = comparison.model, sizes(comparison.model, free)
-    total = np.zeros((len(free), len(free)))
-    for part in comparison.noise.parts:
-        if isinstance(part, RecordLines) and part.at(model).is_linear:
-            own = _of_transients(part, part.at(model), list(free))
-            total += own * np.outer(scale, scale)
-    values, vectors = np.linalg.eigh(total)
-    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
-
-
-def _of_transients(part: RecordLines, here: Model, free: list[int]) -> FloatArray:
-    """What the derivatives of the transient of one record add to J'J, less `LOUD` times what those of noise would."""
-    core, theta, data = here.loop.core, here.theta, part.data(here)
-    shapes = data.rows(core, theta, [], None, True)[:, :-1]
-    basis = orthonormal(shapes)
-
-    def slopes(transient: FloatArray | None) -> FloatArray:
-        return freed(data.rows(core, theta, free, transient, False)[:, :-1], basis)
-
-    settled, found = slopes(None), slopes(part.transient(here)[0])
-    total = found.T @ found - settled.T @ settled
-    for unit in independent(shapes).T:
-        of_noise = slopes(np.ascontiguousarray(unit)) - settled
-        total -= LOUD * of_noise.T @ of_noise
-    return total
 
 
 def _driven(comparison: Comparison, free: Sequence[int]) -> tuple[list[FloatArray], list[FloatArray]]:

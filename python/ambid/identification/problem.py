@@ -110,9 +110,8 @@ class LeastSquares(ABC):
         return self._last[1:]
 
     def is_stuck(self, theta: FloatArray) -> bool:
-        """Whether a step that a quadratic form promises much of is barred: the loop is unstable further on."""
-        hessian, gradient, cost = self.normal_equations(theta[self.free] / self.scale)
-        return bool(gradient @ np.linalg.lstsq(hessian, gradient, rcond=1e-12)[0] > STUCK * cost)
+        """See `is_barred`."""
+        return is_barred(*self.normal_equations(theta[self.free] / self.scale))
 
     def descend(self, x: FloatArray, limits: Limits, max_evaluations: int, step: float = EXACTLY) -> End:
         """Go downhill from x with SciPy's trust-region method; a step into an unstable loop is rejected."""
@@ -208,6 +207,11 @@ class Problem(LeastSquares):
             rms = (z - at.response(record)).std(axis=0)
             found.append(np.where(rms > 0.0, rms, 1.0))
         return found
+
+
+def is_barred(hessian: FloatArray, gradient: FloatArray, cost: float) -> bool:
+    """Whether a step that a quadratic form promises much of was not gone: the loop is unstable further on."""
+    return bool(gradient @ np.linalg.lstsq(hessian, gradient, rcond=1e-12)[0] > STUCK * cost)
 
 
 def padded_outputs(record: Record) -> FloatArray:

@@ -26,6 +26,7 @@ from ambid.threads import with_one_blas_thread
 __all__ = ["StaticEstimate", "static_load"]
 
 _LEAST_SHARE = 0.02  # an axis that carries less than this part of the most loaded one was not loaded
+_ROUNDING = 1e-12  # part of the most loaded axis below which a load is what sums were rounded by
 _WIDEST = 0.5  # relative half width of the 95 % interval of 1/K_i beyond which the data do not tell K_i
 _COMPARABLE = 2.5  # effective number of loadings from which their scatter gives the intervals
 _FULL_LEVERAGE = 0.999  # above it one step alone decides the slope
@@ -311,6 +312,7 @@ def _fit_line(force: FloatArray, current: FloatArray, of: IntArray) -> _Line:
 
 def _require_loaded(rig: Rig, loadings: Sequence[StaticLoading], load: FloatArray) -> None:
     """Refuse loads that leave an axis out; `load` is the rms change of each axis [N]."""
+    load = np.where(load > _ROUNDING * load.max(), load, 0.0)
     least = _LEAST_SHARE * load.max()
     idle = [j for j in range(len(load)) if load[j] <= least]
     if not idle:

@@ -9,6 +9,9 @@ use crate::stop::go_on;
 type C64 = Complex<f64>;
 
 const ZERO: C64 = C64::new(0.0, 0.0);
+/// Part of the power of a channel, beside what follows from other channels, below which it is what sums were rounded by:
+/// whether any is left would differ from processor to processor.
+const ROUNDING: f64 = 1e-12;
 /// Lines between two questions whether to go on.
 const UNASKED: usize = 1024;
 
@@ -90,13 +93,13 @@ fn triangle(e: &[C64]) -> impl Iterator<Item = C64> {
 /// The lower Cholesky factor in place of a Hermitian matrix, whose upper part stays as it was.
 ///
 /// # Errors
-/// [`Error::Singular`] where it is not positive definite.
+/// [`Error::Singular`] where it is not positive definite, but for rounding.
 pub(crate) fn cholesky(a: &mut [C64], n: usize) -> Result<()> {
     for j in 0..n {
         let (before, rest) = a.split_at_mut((j + 1) * n);
         let row = &mut before[j * n..];
         let pivot = row[j].re - row[..j].iter().map(C64::norm_sqr).sum::<f64>();
-        if pivot.is_nan() || pivot <= 0.0 {
+        if pivot.is_nan() || pivot <= ROUNDING * row[j].re {
             return Err(Error::Singular { what: "a covariance that is not positive definite" });
         }
         let root = pivot.sqrt();
