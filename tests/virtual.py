@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from ambid.record import Record
-from ambid.rig import Actuator, Amplifier, Bearing, ModalRotor, PidController, Rig
+from ambid.rig import Actuator, Amplifier, Bearing, ModalRotor, PidController, Rig, Tolerance
 
 AXES = ("A_zeta", "A_eta", "B_zeta", "B_eta")
 NAMES = (*(f"K_i.{axis}" for axis in AXES), *(f"K_s.{axis}" for axis in AXES), "tau_e")
@@ -91,6 +91,7 @@ class VirtualBench:
             amplifier=Amplifier(time_constant=self.tau_a),
             actuator=Actuator(time_constant=nominal[8]),
             controller=controller,
+            tolerance=Tolerance(exact=True),
         )
 
     def respond(self, i_e: np.ndarray, noise: np.ndarray | None = None) -> np.ndarray:

@@ -130,6 +130,7 @@ class Fit(Records):
     upper: _Vector
     x: _Vector
     prior: NotRequired[_Vector]
+    enough: NotRequired[float]
     most: int
     step: float
 

@@ -66,6 +66,7 @@ def machine(theta: np.ndarray) -> Rig:
                 "shapes": [shape.tolist() for shape in shapes],
             },
             "bearing": bearings,
+            "tolerance": {"exact": True},
             "amplifier": {"time_constant": problem.TAU_A},
             "actuator": {"time_constant": theta[8]},
             "controller": {

@@ -15,7 +15,7 @@ from ambid import Model
 from ambid.errors import UnstableLoopError
 from ambid.excitation import prbs
 from ambid.record import Record
-from ambid.rig import Actuator, Amplifier, Bearing, PidController, PointMassRotor, Rig
+from ambid.rig import Actuator, Amplifier, Bearing, PidController, PointMassRotor, Rig, Tolerance
 
 from .bench import simulate
 
@@ -174,6 +174,7 @@ def _drawn(random: np.random.Generator) -> Levitator:
         amplifier=Amplifier(time_constant=coil),
         actuator=Actuator(time_constant=float(f"{tau_e * between(0.6, 1.6):.3g}")),
         controller=controller,
+        tolerance=Tolerance(exact=True),
     )  # fmt: skip
     drive = str(random.choice(DRIVES))
     size = between(0.02, 0.1) * gap

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ambid.rig import Actuator, Amplifier, Bearing, Disk, FiniteElementRotor, Material, PidController, Rig, Section
+from ambid.rig import Actuator, Amplifier, Bearing, Disk, FiniteElementRotor, Material, PidController, Rig, Section, Tolerance
 
 from .families import Bench
 
@@ -42,6 +42,7 @@ def long_rig(bearings: int, K_i: np.ndarray, K_s: np.ndarray, tau_e: float) -> R
             )
             for k in range(bearings)
         ],
+        tolerance=Tolerance(exact=True),
         amplifier=Amplifier(time_constant=5e-5),
         actuator=Actuator(time_constant=tau_e),
         controller=PidController(

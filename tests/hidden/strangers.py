@@ -16,6 +16,7 @@ from ambid.rig import (
     PidController,
     Rig,
     Section,
+    Tolerance,
 )
 
 from .families import SPEED, Bench
@@ -99,6 +100,7 @@ def _drawn(random: np.random.Generator) -> Bench:
     amplifier, tau_e = between(2e-5, 1.5e-4), between(5e-5, 3e-4)
     rig = Rig(
         name="stranger",
+        tolerance=Tolerance(exact=True),
         sample_rate=rate,
         rotor=FiniteElementRotor(
             flexible_modes=int(random.integers(1, 4)), modal_damping=between(0.002, 0.01),

@@ -71,6 +71,9 @@ bias_current = 3.0
 air_gap = 5e-4
 force_current = 150.0
 force_displacement = 9e5
+[tolerance]
+exact = true
+
 [amplifier]
 time_constant = 0.0001
 [actuator]

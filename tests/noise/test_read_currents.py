@@ -39,6 +39,7 @@ def rig(**law) -> Rig:
         amplifier={"time_constant": TAU, "resistance": 3.2},
         actuator={"has_lag": False},
         controller=LAW | law,
+        tolerance={"exact": True},
     )
 
 

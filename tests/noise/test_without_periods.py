@@ -34,6 +34,9 @@ bias_current = 0.02
 air_gap = 0.014
 force_current = 0.25
 force_displacement = 2.5
+[tolerance]
+exact = true
+
 [amplifier]
 time_constant = 1e-5
 resistance = 200.0

@@ -52,6 +52,7 @@ class Levitator:
             amplifier={"time_constant": self.tau},
             actuator={"has_lag": False},
             controller=controller,
+            tolerance={"exact": True},
         )
 
     def force(self, i: float, s: float) -> float:

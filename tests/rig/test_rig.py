@@ -19,6 +19,7 @@ from ambid.rig import (
     PointMassRotor,
     Rig,
     Section,
+    Tolerance,
     StateSpaceController,
     TransferFunctionController,
 )
@@ -62,6 +63,7 @@ def levitator(**changes) -> Rig:
         "sample_rate": 2000.0,
         "rotor": PointMassRotor(mass=0.5),
         "bearings": [bearing],
+        "tolerance": Tolerance(exact=True),
         "amplifier": Amplifier(time_constant=0.0),
         "actuator": Actuator(time_constant=1e-3),
         "controller": PidController(

@@ -298,6 +298,7 @@ def fit_for_core(descent: Descent) -> _core.Fit | None:
         "upper": upper,
         "x": np.ascontiguousarray(descent.x),
         "prior": problem.prior,
+        "enough": problem.enough,
         "most": descent.most,
         "step": descent.step,
     }

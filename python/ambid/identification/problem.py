@@ -20,6 +20,9 @@ STUCK = 0.1
 """Part of the cost whose promised fall says that a descent has not ended at an optimum."""
 EXACTLY = 1e-8
 """Relative step at which a descent ends."""
+ENOUGH = 1e-3
+"""Fall of J, in units of noise, that moves no parameter by more than 3 % of its standard error: below it there is
+nothing to be gained where values are known to a tolerance, whose derivatives make an evaluation costly."""
 
 
 class End(NamedTuple):
@@ -78,6 +81,11 @@ class LeastSquares(ABC):
     def prior(self) -> FloatArray:
         """One over the variance to which each free parameter is known beforehand, shape (free,); 0 of none."""
         return np.zeros(len(self.free))
+
+    @property
+    def enough(self) -> float:
+        """Fall of J below which no further step is gone; 0 where the relative step alone ends a descent."""
+        return ENOUGH if self.prior.any() else 0.0
 
     def for_core(self) -> _core.Records | None:
         """The records as `_core.fit_all` takes them; None where it cannot."""
@@ -144,7 +152,7 @@ class LeastSquares(ABC):
     def _jacobian(self, x: FloatArray) -> FloatArray:
         short, jacobian = self._short(x)
         cost = float(short @ short)
-        if short[:-1] @ short[:-1] < self._gain * cost:  # what a step would still gain, bounds or not
+        if short[:-1] @ short[:-1] < max(self._gain * cost, self.enough):  # what a step would still gain, bounds or not
             raise _Arrived(End(self.theta(x), cost, "converged"))
         return jacobian
 

@@ -18,6 +18,7 @@ from ambid.rig.rotor import (
     Rotor,
     Section,
 )
+from ambid.rig.tolerance import Tolerance
 
 __all__ = [
     "Actuator",
@@ -35,6 +36,7 @@ __all__ = [
     "Rotor",
     "Section",
     "StateSpaceController",
+    "Tolerance",
     "TransferFunctionController",
     "as_rig",
 ]

@@ -51,6 +51,8 @@ pub struct Fit<'a> {
     pub most: usize,
     /// Relative step at which the descent ends.
     pub step: f64,
+    /// Fall of the sum of squares below which no further step is gone; 0 where only `step` ends the descent.
+    pub enough: f64,
     /// Of the parameters in `free` one over the variance that each is known to, about 0, before any record; 0 for
     /// nothing. What the values take of it is part of the sum of squares.
     pub prior: Vec<f64>,
@@ -87,6 +89,7 @@ impl Fit<'_> {
             prior: &self.prior,
             most: self.most,
             step: self.step,
+            enough: self.enough,
         };
         let start = from.as_ref().map_or_else(|| DVector::from_column_slice(&self.x), |from| from.x.clone());
         let mut known = from;

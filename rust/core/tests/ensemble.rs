@@ -43,6 +43,7 @@ fn fit<'a>(p: &Problem, system: &'a ClosedLoop, records: Records<'a>, off: f64) 
         x: vec![off; free.len()],
         free,
         most: 100,
+        enough: 0.0,
         prior: vec![0.0; p.free().len()],
         step: 1e-8,
     }

@@ -40,6 +40,8 @@ pub struct Fit<'py> {
     #[pyo3(item)]
     step: f64,
     #[pyo3(item, default)]
+    enough: f64,
+    #[pyo3(item, default)]
     prior: Option<PyReadonlyArray1<'py, f64>>,
 }
 
@@ -60,6 +62,7 @@ impl Fit<'_> {
             x: self.x.as_slice()?.to_vec(),
             most: self.most,
             step: self.step,
+            enough: self.enough,
             prior: match &self.prior {
                 Some(prior) => prior.as_slice()?.to_vec(),
                 None => vec![0.0; self.free.len()],

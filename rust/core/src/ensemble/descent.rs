@@ -38,6 +38,7 @@ pub struct Settings<'a> {
     pub prior: &'a [f64],
     pub most: usize,
     pub step: f64,
+    pub enough: f64,
 }
 
 pub struct Ended {
@@ -73,7 +74,7 @@ pub fn descend(
     let mut damping = 0.0;
     let mut done = false;
     loop {
-        if at.explained.norm_squared() < least * 2.0 * at.half {
+        if at.explained.norm_squared() < settings.enough.max(least * 2.0 * at.half) {
             // what a step would still gain, bounds or not
             return Ok(Ended { x: at.x, status: Status::Converged, evaluations, normal: at.normal });
         }
