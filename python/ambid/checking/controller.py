@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
+from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.optimize import least_squares
 
 from ambid.arrays import ComplexArray, FloatArray
-from ambid.checking.equations import commanded, controller_terms
-from ambid.checking.nominal import Lines, NominalLoop
+from ambid.checking.equations import commanded
+from ambid.checking.nominal import AROUND, CLEAR, HIGHEST_FREQUENCY, Lines, NominalLoop
 from ambid.rig import PidController
 
 __all__ = ["ControllerFit", "Late", "current_late", "fit_controller", "read_late"]
@@ -29,14 +29,14 @@ MOST_HELD = 8
 TURN = 1e-4
 """Part of a unit of time by which derivatives of the paths are differenced."""
 SURE = 100.0
-"""Fall of the sum of squares, in units of what is left, by an instant of y: ten standard errors."""
+"""Fall of the sum of squares, in units of what is left, by an instant of y or i_c: ten standard errors."""
 BY_CHANCE = 6.0
 """Times the root of that fall, by which an instant must do better than what motion induces in the coil: scores of two
 rivals differ by no more than twice the root of either at one standard error."""
 DELAYS = (0.0, -0.5, 0.5, 1.0, 1.5)
 """Delays in samples from which the equation is solved before y is said to be late: what is held has a kink at each."""
 FEWEST = 30
-"""Lines clear of noise that tell when y was read."""
+"""Lines clear of noise that an equation is fitted to at least."""
 ALONE = 30.0
 """Power that is missed on a line over the median beside it; noise exceeds it once in 2^30 lines."""
 BESIDE = 41
@@ -45,8 +45,8 @@ SPILLED = 3
 """Lines to each side that hold some of a wave, under a Hann window."""
 FOLLOWS = 0.1
 """Part of i_c, by rms, up to which an equation holds that is to tell when i_c was read."""
-CURRENT_LATE, CURRENT_ERRORS = 0.25, 10.0
-"""Part of a sample, and standard errors, by which i_c must be off to be told; less is ranked as an effect."""
+CURRENT_LATE = 0.25
+"""Part of a sample by which i_c must be off to be told; less is ranked as an effect."""
 LEAST_LATE = 0.05
 """Part of a sample by which y must be late to be told; an amplifier that the equation only knows nearly brings 0.03."""
 
@@ -94,21 +94,18 @@ class Late:
 def fit_controller(loop: NominalLoop, lines: Lines) -> ControllerFit:
     """Scale i_e and the gains of the controller so that i_c follows, axis by axis; see the head of this file.
 
-    Of a record without periods what stands alone on a line, as a hum does that joins i_c, is left out.
+    Of a record without periods what stands alone on a line, as a hum does that joins i_c, is left out. An axis that
+    does not show its controller's equation clear of noise on enough lines has factors of 1 with infinite errors.
     """
     if not lines.whole_periods:
         lines = lines.some(~_alone(loop, lines))
-    excited, fed_back = controller_terms(loop, lines)
-    scale, error, share, missed = [], [], [], []
-    for equation in _equations(loop, lines):
+    parts = 1 + len(gains := list(commanded(loop, lines)))
+    scale, error, share = (np.full((loop.axes, parts), of_none) for of_none in (1.0, np.inf, 0.0))
+    missed = np.full(loop.axes, np.nan)
+    for k, equation in _equations(loop, lines).items():
         x, spread, left = equation.solved()
-        k, parts = equation.axis, 1 + len(fed_back)
-        terms = np.column_stack([excited[:, k], *(own[:, k] for own in fed_back.values())])
-        scale.append(x[:parts])
-        error.append(spread[:parts])
-        share.append(np.linalg.norm(terms, axis=0) / equation.size)
-        missed.append(np.sqrt(left))
-    return ControllerFit(("i_e", *fed_back), *(np.array(rows) for rows in (scale, error, share, missed)))
+        scale[k], error[k], share[k], missed[k] = x[:parts], spread[:parts], equation.shares, np.sqrt(left)
+    return ControllerFit(("i_e", *gains), scale, error, share, missed)
 
 
 def read_late(loop: NominalLoop, lines: Lines) -> Late | None:
@@ -123,8 +120,8 @@ def read_late(loop: NominalLoop, lines: Lines) -> Late | None:
         return None
     lines = lines.some(clear)
     seconds, errors, current = np.zeros((3, loop.axes))
-    for k, equation in enumerate(_equations(loop, lines)):
-        numbers = 2 * len(lines.frequency_hz)
+    for k, equation in _equations(loop, lines).items():
+        numbers = 2 * len(equation.i_c)
         timed = replace(equation, has_factors=False, has_instant=True)
         still = replace(timed, has_instant=False)
         x, spread, left = timed.solved()
@@ -164,14 +161,16 @@ def current_late(loop: NominalLoop, lines: Lines) -> FloatArray | None:
     if clear is None or np.count_nonzero(clear) < FEWEST:
         return None
     found = np.zeros(loop.axes)
-    for k, equation in enumerate(_equations(loop, lines.some(clear))):
+    for k, equation in _equations(loop, lines.some(clear)).items():
         moved = replace(equation, has_factors=False, induces=True)
         sample = 1.0 / (loop.rig.sample_rate * equation.step)
         end = min((moved.solved(part * sample) for part in (0.0, -1.0)), key=lambda end: end[2])
         if abs(end[0][-4]) > CURRENT_LATE * sample:  # each delay may lead to an end of its own
             end = min((end, *(moved.solved(part * sample) for part in DELAYS)), key=lambda end: end[2])
-        x, errors, left = end
-        if left < FOLLOWS**2 and abs(x[-4]) > max(CURRENT_LATE * sample, CURRENT_ERRORS * errors[-4]):
+        x, _, left = end
+        in_time = replace(moved, has_delay=False, has_lag=x[-4] < 0.0).solved()[2]  # a slow amplifier is late, too
+        is_sure = (in_time / left - 1.0) * 2 * len(equation.i_c) > SURE
+        if left < FOLLOWS**2 and abs(x[-4]) > CURRENT_LATE * sample and is_sure:
             found[k] = x[-4] * equation.step
     return found
 
@@ -179,7 +178,7 @@ def current_late(loop: NominalLoop, lines: Lines) -> FloatArray | None:
 def _alone(loop: NominalLoop, lines: Lines) -> NDArray[np.bool_]:
     """Lines next to one that the rig's own equation misses by far more than those around, unless it is excited so."""
     found = np.zeros(len(lines.frequency_hz), dtype=bool)
-    for equation in _equations(loop, lines):
+    for equation in _on_lines(loop, lines):
         missed, driven = (np.abs(own) ** 2 for own in (equation.missed_by_rig, equation.i_e))
         is_driven = driven > ALONE * median_filter(driven, BESIDE, mode="nearest")
         found |= (missed > ALONE * median_filter(missed, BESIDE, mode="nearest")) & ~is_driven
@@ -187,18 +186,40 @@ def _alone(loop: NominalLoop, lines: Lines) -> NDArray[np.bool_]:
     return np.asarray(near.any(axis=1))
 
 
-def _equations(loop: NominalLoop, lines: Lines) -> list[_Equation]:
-    """That of every axis."""
+def _equations(loop: NominalLoop, lines: Lines) -> dict[int, _Equation]:
+    """That of every axis that shows it clear of noise on enough lines, on these.
+
+    What the equation, fitted to all lines, misses where nothing is excited is its noise, whatever the noise is from:
+    what a controller hears passes the equation, what only a recorder has does not. Lines of y that hold little else
+    would bias the factors (errors in variables).
+    """
+    whole = dict(enumerate(_on_lines(loop, lines)))
+    if lines.quiet is None or not len(lines.quiet.index):
+        return whole
+    here = np.minimum(np.searchsorted(lines.quiet.frequency_hz, lines.frequency_hz), len(lines.quiet.index) - 1)
+    found = {}
+    for (k, own), still in zip(whole.items(), _on_lines(loop, lines.quiet), strict=True):
+        x, *_ = own.solved()
+        noise = uniform_filter1d(np.abs(sum(still.followed(x)) - still.i_c) ** 2, AROUND, mode="nearest")
+        clear = np.abs(own.followed(x)[1]) ** 2 > CLEAR * noise[here]
+        if clear.all():
+            found[k] = own
+        elif np.count_nonzero(clear) >= FEWEST:
+            found[k] = _on_lines(loop, lines.some(clear))[k]
+    return found
+
+
+def _on_lines(loop: NominalLoop, lines: Lines) -> list[_Equation]:
+    """That of every axis, on all of some lines."""
     f, of_y = lines.frequency_hz, commanded(loop, lines)
     held, i_c = _held_by_controller(loop, lines), np.asarray(lines.i_c)
-    step = 1.0 / (2.0 * np.pi * f.max())
+    step = 1.0 / (2.0 * np.pi * HIGHEST_FREQUENCY * loop.rig.sample_rate)
 
     def paths(delay: float, lag: float) -> tuple[ComplexArray, ComplexArray]:
         return loop.paths(f, more_delay=delay * step, more_lag=lag * step)
 
     return [
         _Equation(
-            axis=k,
             i_e=lines.i_e[:, k],
             of_y=-np.column_stack([own[:, k] for own in of_y.values()]),
             motion=2j * np.pi * f * lines.y[:, k] * np.linalg.norm(i_c[:, k]) / np.linalg.norm(f * lines.y[:, k]),
@@ -219,10 +240,9 @@ class _Equation:
 
     Unknowns are the factors of i_e and of what the gains make of y, that of what motion induces, what was held; then
     delay, lag, the second coefficient of the amplifier, and how late y was read, in units of `step`, the shortest time
-    that the lines show.
+    that lines may show.
     """
 
-    axis: int
     i_e: ComplexArray
     of_y: ComplexArray
     motion: ComplexArray
@@ -233,6 +253,8 @@ class _Equation:
     s: ComplexArray
     tau: float
     has_factors: bool = True
+    has_delay: bool = True
+    has_lag: bool = True
     has_instant: bool = False
     induces: bool = False
 
@@ -247,6 +269,13 @@ class _Equation:
         excited, fed_back = self.paths(0.0, 0.0)
         return excited * self.i_e + fed_back * self.of_y.sum(axis=1) - self.i_c
 
+    @property
+    def shares(self) -> FloatArray:
+        """Rms of i_e and of what each gain makes of y over that of i_c."""
+        excited, fed_back = self.paths(0.0, 0.0)
+        parts = np.column_stack([excited * self.i_e, fed_back[:, None] * self.of_y])
+        return np.asarray(np.linalg.norm(parts, axis=0) / self.size)
+
     def solved(self, delay: float = 0.0) -> tuple[FloatArray, FloatArray, float]:
         """Unknowns, their standard errors, and the square of the part of i_c that is left, from a delay on."""
         first = np.concatenate([np.ones(1 + self.of_y.shape[1]), np.zeros(1 + self.held.shape[1] + 4)])
@@ -257,7 +286,7 @@ class _Equation:
                     np.full(1 + self.of_y.shape[1], self.has_factors),
                     [self.induces],
                     np.full(self.held.shape[1], True),
-                    [True, True, True, self.has_instant],
+                    [self.has_delay, self.has_lag, self.has_lag, self.has_instant],
                 ]
             )
         )
@@ -295,6 +324,11 @@ class _Equation:
     def _residual(self, x: FloatArray) -> FloatArray:
         """What i_c is missed by, relative to it; real parts, then imaginary ones."""
         return _stacked(sum(self._parts(x, self.paths(x[-4], x[-3]))) - self.i_c) / self.size
+
+    def followed(self, x: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """i_c by i_e and by y, nothing having been held."""
+        by_i_e, by_y, _ = self._parts(x, self.paths(x[-4], x[-3]))
+        return by_i_e, by_y
 
     def _parts(self, x: FloatArray, paths: tuple[ComplexArray, ComplexArray]) -> tuple[ComplexArray, ...]:
         """i_c by i_e, by y, and by what was held."""

@@ -80,8 +80,8 @@ def slips_of_controller(record: Record, loop: NominalLoop, lines: Lines) -> list
         }
         return [CHANNELS_EXCHANGED(Where(record=record.name, channel=signal), **values)]
     fit = fit_controller(loop, lines)
-    moving = moves(np.asarray(lines.i_c))
-    unexplained = float(np.median(fit.missed[moving]))
+    moving = moves(np.asarray(lines.i_c)) & np.isfinite(fit.missed)
+    unexplained = float(np.median(fit.missed[moving])) if moving.any() else 0.0
     if unexplained > UNEXPLAINED:
         if opposite := turned(record, loop, lines, unexplained):
             return opposite

@@ -58,6 +58,8 @@ class Lines:
     whole_periods : bool
     clear : ndarray of bool, shape (lines,), or None
         Which of them y fills by far more than noise on every axis that moves; None where there are no periods to tell.
+    quiet : Lines, or None
+        Those that are not excited, of as many samples; None where there are no periods.
     """
 
     frequency_hz: FloatArray
@@ -69,12 +71,13 @@ class Lines:
     window: int
     whole_periods: bool
     clear: NDArray[np.bool_] | None = None
+    quiet: Lines | None = None
 
     def some(self, kept: NDArray[np.bool_]) -> Lines:
         """Some of the lines."""
         i_c = None if self.i_c is None else self.i_c[kept]
         own = (self.frequency_hz[kept], self.i_e[kept], self.y[kept], i_c, self.r[kept], self.index[kept])
-        return Lines(*own, self.window, self.whole_periods, None if self.clear is None else self.clear[kept])
+        return Lines(*own, self.window, self.whole_periods, None if self.clear is None else self.clear[kept], self.quiet)
 
     @classmethod
     def of(cls, record: Record) -> Lines:
@@ -103,7 +106,22 @@ class Lines:
         i_c = None if record.i_c is None else spectrum(record.i_c)[kept]
         y = spectrum(record.y)[kept]
         clear = None if window is None else _clear_of_noise(window, record.y, y, kept)
-        return cls(frequency[kept], i_e[kept], y, i_c, r[kept], index[kept], length, window is not None, clear)
+        quiet = None if window is None else cls._not_excited(record, window)
+        return cls(frequency[kept], i_e[kept], y, i_c, r[kept], index[kept], length, window is not None, clear, quiet)
+
+    @classmethod
+    def _not_excited(cls, record: Record, window: Window) -> Lines:
+        """Those between the excited lines, up to as high a frequency."""
+        index = window.between(1)
+        frequency = index * record.sample_rate / window.samples
+        kept = frequency < HIGHEST_FREQUENCY * record.sample_rate
+        of_i_e, of_y, of_i_c, of_r = (
+            None if signal is None else window.lines(np.asarray(signal))[index][kept]
+            for signal in (record.i_e, record.y, record.i_c, record.r)
+        )
+        none = np.zeros_like(of_y)
+        i_e, r = (none if own is None else own for own in (of_i_e, of_r))
+        return cls(frequency[kept], i_e, of_y, of_i_c, r, index[kept], window.samples, whole_periods=True)
 
 
 def _clear_of_noise(

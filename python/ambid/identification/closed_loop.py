@@ -353,7 +353,7 @@ def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:
 def _of_tolerances(rig: Rig, tolerances: Mapping[str, KnownValue]) -> Iterator[Finding]:
     """Which tolerances are typical ones, and which values of the rig file the records move."""
     known = {name.partition(".")[0] for name in tolerances}
-    if rig.tolerance is not None and (keys := [key for key in rig.tolerance.typical_keys if key in known]):
+    if keys := [key for key in rig.tolerance.typical_keys if key in known]:
         where = Where(file=str(rig.path or ""), key="tolerance")
         yield TYPICAL(where, keys=keys, values=[f"{key} = {rig.known_to(key):g}" for key in keys])
     for name, own in tolerances.items():

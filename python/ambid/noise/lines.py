@@ -215,7 +215,8 @@ class RecordLines(JudgedLines):
         free : sequence of int
         roughly : bool
             Of a nonlinear model take the derivatives by all but its nonlinear effects' parameters from the model
-            without those: near enough to lead a descent, several times as fast.
+            without those: near enough to lead a descent, several times as fast. Those by errors of values that are
+            known to a tolerance are taken so wherever that model is stable.
         """
         core, theta, own = here.loop.core, here.theta, list(free)
         if here.is_linear:
@@ -224,8 +225,9 @@ class RecordLines(JudgedLines):
             basis, slopes, residual = np.split(rows, [rows.shape[1] - 1 - len(own), rows.shape[1] - 1], axis=1)
             basis = orthonormal(basis)
             return White(-residual[:, 0], freed(slopes, basis), fitted, basis)
-        linear = here.without_nonlinear() if roughly else here
-        shared = [k for k, i in enumerate(own) if roughly and here.names[i] in linear.names]
+        linear = here.without_nonlinear()
+        some = roughly or linear.is_stable
+        shared = [k for k, i in enumerate(own) if some and self._is_near_enough(here, linear, i, roughly=roughly)]
         exact = [k for k in range(len(own)) if k not in shared]
         response, derivatives = self._simulated(here, [own[k] for k in exact])
         basis, left = self._own_transients, self.whiten(self.measured_lines - response)
@@ -235,6 +237,12 @@ class RecordLines(JudgedLines):
         if shared:
             columns[:, shared] = self.slopes(linear, [linear.names.index(here.names[own[k]]) for k in shared])
         return White(freed(left, basis), freed(columns, basis), basis.shape[1], basis)
+
+    @staticmethod
+    def _is_near_enough(here: Model, linear: Model, i: int, *, roughly: bool) -> bool:
+        """Whether the derivative by a parameter may be that of the linear part: of an error that is small, always."""
+        own = here.parameters[i]
+        return own.name in linear.names and (roughly or own.prior is not None)
 
     def slopes(self, here: Model, free: Sequence[int]) -> FloatArray:
         """Whitened derivatives of the settled response by the parameters in `free`, shape (numbers, free)."""

@@ -212,7 +212,7 @@ class Rig(Spec):
     controller : PidController, StateSpaceController or TransferFunctionController
         From the displacements to the commands of the amplifiers.
     tolerance : Tolerance, optional
-        How well all these are known; without it every value is taken for exact.
+        How well all these are known; without it, typical standard deviations are assumed.
 
     Raises
     ------
@@ -235,8 +235,8 @@ class Rig(Spec):
     controller: AnyController = Field(
         description="a table [controller] with kind = 'pid', 'state_space' or 'transfer_function'"
     )
-    tolerance: Tolerance | None = Field(
-        None, description="a table [tolerance] with standard deviations, or exact = true"
+    tolerance: Tolerance = Field(
+        default_factory=Tolerance, description="a table [tolerance] with standard deviations, or exact = true"
     )
     _path: Path | None = PrivateAttr(None)
     _provenance: Provenance | None = PrivateAttr(None)
@@ -295,8 +295,6 @@ class Rig(Spec):
 
     def known_to(self, key: str) -> float:
         """Standard deviation to which a value is known, see `Tolerance`: the stated one, or what is typical here."""
-        if self.tolerance is None:
-            return 0.0
         stated = self.tolerance.stated(key)
         if stated is not None:
             return stated
