@@ -214,23 +214,24 @@ class _Row:
 
     @classmethod
     def of(cls, found: Found | FoundInKnownNoise) -> _Row:
-        problem = found.problem
-        own = [problem.model.parameters[i] for i in problem.free]
-        names = tuple(p.name for p in own)
+        model, free = found.problem.model, found.problem.free
+        own = [k for k, i in enumerate(free) if model.parameters[i].prior is None]
+        parameters = [model.parameters[free[k]] for k in own]
+        names = tuple(p.name for p in parameters)
         lost = [k for k, name in enumerate(names) if name in found.unknown]
-        values, covariance = found.end.theta[problem.free], found.covariance.copy()
+        values, covariance = found.end.theta[[free[k] for k in own]], found.covariance[np.ix_(own, own)]
         values[lost] = covariance[lost, :] = covariance[:, lost] = np.nan
         return cls(
             status=found.status,
             reason=f"not determined: {', '.join(names[k] for k in lost)}" if lost else "",
             names=names,
-            units=tuple(p.unit for p in own),
+            units=tuple(p.unit for p in parameters),
             values=values,
             covariance=covariance,
             misfit=found.misfit,
             bound=found.bound,
             adequate=found.is_adequate,
-            evaluations=problem.evaluations,
+            evaluations=found.problem.evaluations,
         )
 
 
