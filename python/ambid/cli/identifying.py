@@ -10,10 +10,11 @@ import typer
 
 import ambid
 from ambid.cli.commands import command_of, with_command
-from ambid.cli.files import in_time, load_model, load_records, require_first_point
+from ambid.cli.files import in_time, load_model, load_records, load_rig, require_first_point
 from ambid.cli.options import (
     Allow,
     Columns,
+    Exact,
     JsonFile,
     ModelFile,
     Period,
@@ -59,6 +60,7 @@ def identify_command(
     columns: Columns = [],  # noqa: B006
     sample_rate: SampleRate = None,
     allow: Allow = [],  # noqa: B006
+    exact: Exact = False,
     json_file: JsonFile = None,
     save: Annotated[Path | None, typer.Option(metavar="MODEL", help="Write the identified model.")] = None,
     plot: PlotFile = None,
@@ -68,7 +70,7 @@ def identify_command(
     outputs = {"--json": json_file, "--save": save, "--plot": pictures(plot, records)}
     require_outputs({"RIG": rig, "RECORD": records, "--model": model}, outputs)
     require_first_point(rig, records)
-    machine = ambid.Rig.load(rig)
+    machine = load_rig(rig, exact)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
     for text in share:
         name, members = assignment("--share", text, "K_i.A=K_i.A_zeta,K_i.A_eta")
@@ -172,12 +174,13 @@ def static_load_command(
     rig: RigFile,
     loads: Annotated[list[Path], typer.Argument(metavar="LOADS...", help="Static loadings (.csv).")],
     deflection: Deflection = False,
+    exact: Exact = False,
     json_file: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
     """Find K_i by static loading: equilibrium of known forces and recorded currents."""
     require_outputs({"RIG": rig, "LOADS": loads}, {"--json": json_file})
-    machine = ambid.Rig.load(rig)
+    machine = load_rig(rig, exact)
     loaded = [ambid.StaticLoading.load(path, machine) for path in loads]
     with stoppable():
         estimate = ambid.static_load(machine, loaded, deflection=deflection)
@@ -191,6 +194,7 @@ def campaign_command(
         typer.Argument(metavar="DIR", help="One folder per bias current: rig.toml, <kind>_<N>.mat, static_<N>.csv."),
     ],
     deflection: Deflection = False,
+    exact: Exact = False,
     json_file: JsonFile = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw K_i, K_s and tau_e against bias current, a file each.")
@@ -212,6 +216,7 @@ def campaign_command(
             ambid.campaign,
             folder,
             deflection=deflection,
+            exact=exact,
             progress=lambda done, total, where: report(f"{done} of {total} done, now {where}"),
         )
         found, is_stopped = done_of(measuring, ambid.Campaign)

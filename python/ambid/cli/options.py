@@ -30,6 +30,9 @@ Before = Annotated[
     typer.Option(metavar="MODEL", help="Another saved model to draw beside, such as the one without an effect."),
 ]
 PlotFile = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw measured against simulated.")]
+Exact = Annotated[
+    bool, typer.Option("--exact", help="Take every value of the rig file for exact, whatever its [tolerance].")
+]
 Period = Annotated[int | None, typer.Option(help="Samples per period of the excitation; default: found from i_e.")]
 Columns = Annotated[
     list[str],

@@ -391,6 +391,15 @@ class Rig(Spec):
         rig._path, rig._provenance = self._path, self._provenance
         return rig
 
+    @property
+    def is_exact(self) -> bool:
+        """Whether its [tolerance] says that every value is exact."""
+        return self.tolerance is not None and self.tolerance.exact
+
+    def exact(self) -> "Rig":
+        """Return the rig with every value taken for exact, whatever its [tolerance] says."""
+        return self if self.is_exact else self.replace(tolerance={"exact": True})
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Rig) and self._values() == other._values()
 
