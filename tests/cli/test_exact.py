@@ -1,4 +1,4 @@
-"""``--exact``: every value of the rig file is taken for exact, by every command that takes one, whatever its table says."""
+"""``--exact``: every command that takes a rig file takes its values for exact, whatever its table says."""
 
 import inspect
 import json

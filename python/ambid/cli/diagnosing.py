@@ -27,14 +27,24 @@ from ambid.cli.options import (
     RecordFiles,
     RigFile,
     SampleRate,
+    SaveRig,
     Validation,
     known_effects,
     names,
     span,
 )
-from ambid.cli.outputs import Files, conclude, drawn, pictures, reported, require_outputs, saved
+from ambid.cli.outputs import (
+    Files,
+    conclude,
+    drawn,
+    pictures,
+    reported,
+    require_outputs,
+    saved,
+)
 from ambid.cli.signals import came, done_of, droppable, exit_code, stoppable, stopped
 from ambid.cli.terminal import choose, progress, require_terminal, say, with_time_left
+from ambid.cli.updating import require_rig, updated
 from ambid.errors import InputError, RecordError
 from ambid.results import band_text
 
@@ -182,6 +192,7 @@ def diagnose_command(
     exact: Exact = False,
     json_file: JsonFile = None,
     save: Annotated[Path | None, typer.Option(metavar="MODEL", help="Write the last model.")] = None,
+    save_rig: SaveRig = None,
     plot: PlotFile = None,
     report: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write a report to read and print.")] = None,
     pdf: Annotated[
@@ -197,7 +208,14 @@ def diagnose_command(
 
     require_outputs(
         {"RIG": rig, "RECORD": records, "--validate": validate, "--model": model},
-        {"--json": json_file, "--save": save, "--plot": pictures(plot, records), "--report": report, "--pdf": pdf},
+        {
+            "--json": json_file,
+            "--save": save,
+            "--save-rig": save_rig,
+            "--plot": pictures(plot, records),
+            "--report": report,
+            "--pdf": pdf,
+        },
     )
     for option, path, suffixes in (("--report", report, (".html", ".htm")), ("--pdf", pdf, (".pdf",))):
         if path is None:
@@ -216,6 +234,7 @@ def diagnose_command(
     require_first_point(rig, records)
     machine = load_rig(rig, exact)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
+    require_rig(save_rig, start)
     kept = load_records(machine, validate, period, columns, sample_rate, allow)
     with stoppable(), progress(quiet or ask, "diagnosing") as told:
         diagnosing = partial(
@@ -237,14 +256,17 @@ def diagnose_command(
             if is_stopped := came():
                 text, further = f"\n{stopped()} when the diagnosis was finished; no experiment was foreseen", {}
     command = command_of(found.next_steps)
+    update = updated(found, save_rig)
     conclude(
-        f"{with_command(repr(found), command)}{text}",
-        lambda: found.to_json() | {"next_command": command} | further | {"stopped": is_stopped},
+        f"{with_command(repr(found), command)}{text}{update.text}",
+        lambda: found.to_json() | {"next_command": command} | further | update.data | {"stopped": is_stopped},
         json_file,
         quiet,
         lambda: saved(found, save),
+        update.write,
         lambda: drawn(found.model, loaded, plot),
         lambda: reported(found, reports),
+        findings=update.findings,
         is_stopped=is_stopped,
     )
     if is_stopped:

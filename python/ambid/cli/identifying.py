@@ -23,6 +23,7 @@ from ambid.cli.options import (
     RecordFiles,
     RigFile,
     SampleRate,
+    SaveRig,
     assignment,
     bound,
     names,
@@ -31,6 +32,7 @@ from ambid.cli.options import (
 from ambid.cli.outputs import conclude, drawn, pictures, require_outputs, saved
 from ambid.cli.signals import done_of, exit_code, stoppable
 from ambid.cli.terminal import progress
+from ambid.cli.updating import require_rig, updated
 from ambid.errors import IdentificationError, InputError, ModelError, UnstableLoopError
 from ambid.findings import Finding, has
 from ambid.results import of_unit
@@ -63,11 +65,12 @@ def identify_command(
     exact: Exact = False,
     json_file: JsonFile = None,
     save: Annotated[Path | None, typer.Option(metavar="MODEL", help="Write the identified model.")] = None,
+    save_rig: SaveRig = None,
     plot: PlotFile = None,
     quiet: Quiet = False,
 ) -> None:
     """Find K_i, K_s and tau_e by closed-loop identification."""
-    outputs = {"--json": json_file, "--save": save, "--plot": pictures(plot, records)}
+    outputs = {"--json": json_file, "--save": save, "--save-rig": save_rig, "--plot": pictures(plot, records)}
     require_outputs({"RIG": rig, "RECORD": records, "--model": model}, outputs)
     require_first_point(rig, records)
     machine = load_rig(rig, exact)
@@ -77,6 +80,7 @@ def identify_command(
         start = start.share(name, members.split(","))
     for name in per_axis:
         start = start.per_axis(name)
+    require_rig(save_rig, start)
     free_start, start = start, _held(start, fix)
     with stoppable(), progress(quiet, "identifying") as report:
         identified = partial(
@@ -105,14 +109,17 @@ def identify_command(
     slips = _slips(machine, in_time(loaded), estimate)
     lines = [f"{slip.severity}: {slip.line(advises=not estimate.is_adequate)}" for slip in slips]
     command = command_of([estimate.next_step])
+    update = updated(estimate, save_rig)
+    text = "\n".join([with_command(repr(estimate), command), *(f"check: {line}" for line in lines), *_first(slips)])
     conclude(
-        "\n".join([with_command(repr(estimate), command), *(f"check: {line}" for line in lines), *_first(slips)]),
-        {**estimate.to_json(), "next_command": command, "check": lines},
+        f"{text}{update.text}",
+        {**estimate.to_json(), "next_command": command, "check": lines, **update.data},
         json_file,
         quiet,
         lambda: saved(estimate, save),
+        update.write,
         lambda: drawn(estimate.model, loaded, plot),
-        findings=slips,
+        findings=(*slips, *update.findings),
         is_stopped=estimate.status == "stopped",
     )
     if estimate.status == "stopped":

@@ -33,6 +33,14 @@ PlotFile = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="D
 Exact = Annotated[
     bool, typer.Option("--exact", help="Take every value of the rig file for exact, whatever its [tolerance].")
 ]
+SaveRig = Annotated[
+    Path | None,
+    typer.Option(
+        "--save-rig",
+        metavar="RIG",
+        help="Write the rig file (.toml) with its values that are known to a tolerance updated by the records.",
+    ),
+]
 Period = Annotated[int | None, typer.Option(help="Samples per period of the excitation; default: found from i_e.")]
 Columns = Annotated[
     list[str],
