@@ -23,6 +23,7 @@ __all__ = [
     "known_values",
     "lines",
     "percent",
+    "share_text",
     "shares",
 ]
 
