@@ -119,3 +119,15 @@ def test_a_value_that_is_moved_far_is_told_with_how_to_take_it(here, command):
     codes = [own["code"] for own in json.loads(Path("i.json").read_text())["findings"]]
     assert "rig_value_moved" in codes
     assert "--save-rig" in made.out
+
+
+def test_where_physics_is_missing_the_update_is_in_doubt(here, command):
+    rig = ambid.Rig.load("rig.toml")
+    late = ambid.Model(rig).add("loop_delay", {"delay": 1e-4})
+    late.virtual_experiment(ambid.prbs(8, amplitude=0.1, hold=2, axes=1, periods=4), seed=1).save("late.csv")
+    assert command("identify", "rig.toml", "late.csv", "--save-rig", "new.toml", "--json", "i.json").code == 0
+    found = json.loads(Path("i.json").read_text())
+    (doubt,) = (own for own in found["findings"] if own["code"] == "rig_update_doubtful")
+    assert not found["adequate"]
+    assert f"# {doubt['message']}" in Path("new.toml").read_text()
+    assert ambid.Rig.load("new.toml") != rig

@@ -8,10 +8,16 @@ from typing import Any, NamedTuple
 
 import ambid
 from ambid.errors import InputError
-from ambid.findings import Finding, has
+from ambid.findings import Finding, Kind, Where, has
 
 __all__ = ["Updated", "require_rig", "updated"]
 
+DOUBTFUL = Kind(
+    "rig_update_doubtful",
+    "warning",
+    "physics is missing, and the values in the updated rig file may have taken up a part of it",
+    "find what is missing first",
+)
 HINT = "--save-rig RIG writes the rig file with these values"
 
 
@@ -41,14 +47,19 @@ def updated(result: ambid.Estimate | ambid.Diagnosis, path: Path | None) -> Upda
     """The update where it is asked for; else how to ask, where records move a value beyond what is usual."""
     from ambid.identification.tolerances import VALUE_MOVED  # not at the top: --help need not open that room
 
+    fit = result.comparison if isinstance(result, ambid.Estimate) else result.fit
+    is_adequate = fit is not None and fit.is_adequate
     if path is None:
-        return Updated(f"\n  {HINT}" if has(result.findings, VALUE_MOVED) else "", {}, (), lambda: ())
+        is_asked = is_adequate and has(result.findings, VALUE_MOVED)
+        return Updated(f"\n  {HINT}" if is_asked else "", {}, (), lambda: ())
     update = result.model.updated_rig()
+    doubts = () if is_adequate else (DOUBTFUL(Where(file=str(path))),)
+    findings = (*doubts, *update.findings)
     held = [f"  {own.line()}" for own in update.values if not own.why]
-    lines = ["", "", f"updated in {path}:", *held, *(f"{own.severity}: {own.line()}" for own in update.findings)]
+    lines = ["", "", f"updated in {path}:", *held, *(f"{own.severity}: {own.line()}" for own in findings)]
 
     def write() -> Sequence[Path]:
-        update.save(path)
+        update.save(path, more=[own.message for own in doubts])
         return [path]
 
-    return Updated("\n".join(lines), {"rig_update": update.to_json()}, update.findings, write)
+    return Updated("\n".join(lines), {"rig_update": update.to_json()}, findings, write)

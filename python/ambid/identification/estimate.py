@@ -13,7 +13,7 @@ from ambid.effects.magnet import ForceNonlinearity
 from ambid.errors import ModelError, did_you_mean
 from ambid.findings import NOWHERE, Finding, Kind, WithFindings
 from ambid.identification.curvature import Curvature
-from ambid.identification.tolerances import Budget, KnownValue, lines
+from ambid.identification.tolerances import Budget, KnownValue, lines, percent
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.record import Measurement
@@ -327,7 +327,7 @@ class Estimate(WithFindings, Tabular):
             share = float(np.median(shares)) if shares else np.nan
             told += [
                 f"intervals include {len(self.tolerances)} tolerances of the rig file; noise alone makes "
-                f"{100 * share:.2g} % of the median standard error"
+                f"{percent(share)} % of the median standard error"
             ]
         told += ["", f"{'channel':14s} {'fit %':>8s} {'noise ceiling %':>16s}", "-" * 40]
         for channel, fit in self.fit_percent.items():

@@ -141,6 +141,8 @@ def share_text(variances: Mapping[str, float]) -> str:
 
 def percent(part: float) -> str:
     """A part from 0 to 1 in percent, with two digits."""
+    if np.isnan(part):
+        return "-"
     if part < LEAST_PERCENT / 100.0:
         return f"< {LEAST_PERCENT:g}"
     return f"{100.0 * part:.0f}" if part >= 0.0995 else f"{100.0 * part:.2g}"

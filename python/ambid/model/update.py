@@ -105,8 +105,8 @@ class RigUpdate:
         where = str(self.rig.path or "")
         return tuple(NO_KEY(Where(file=where), name=key, errors=errors, why=why) for (key, why), errors in left.items())
 
-    def to_toml(self) -> str:
-        """Text of a rig file, whose first lines say what was updated, and what is not in it."""
+    def to_toml(self, more: Sequence[str] = ()) -> str:
+        """Text of a rig file, whose first lines say what was updated, what is not in it, and `more`."""
         held = [f"#   {own.line()}" for own in self.values if not own.why]
         lines = ["# Values that were known to a tolerance, with the errors that records gave them:", *held]
         left = [own for own in self.values if own.why]
@@ -115,10 +115,10 @@ class RigUpdate:
             for own in left:
                 rest = "" if own.left == own.error else f", of which is left {readable(own.left, own.unit)}"
                 lines += [f"#   {own.line()}{rest}", f"#     {own.why}"]
-        return "\n".join([*lines, "", self.rig.to_toml()])
+        return "\n".join([*lines, *(f"# {line}" for line in more), "", self.rig.to_toml()])
 
-    def save(self, path: str | Path) -> None:
-        """Write the rig file.
+    def save(self, path: str | Path, more: Sequence[str] = ()) -> None:
+        """Write the rig file, with the comments that `to_toml` has.
 
         Raises
         ------
@@ -126,7 +126,7 @@ class RigUpdate:
             If it cannot be written there.
         """
         with whole_file(Path(path)) as stream:
-            stream.write(self.to_toml().encode())
+            stream.write(self.to_toml(more).encode())
 
     def to_json(self) -> dict[str, Any]:
         """Plain data, by name."""
