@@ -1,5 +1,6 @@
 """``--save-rig``: what records say of the rig file, as a rig file."""
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -93,6 +94,22 @@ def test_what_is_exact_has_none_of_that(here, command):
     assert (found["tolerances"], found["budget"]) == ({}, {})
     assert all(p["std_error"] == p["std_error_statistical"] for p in found["parameters"].values())
     assert "amplifier_time_constant" not in made.out
+
+
+def test_eq_9_updates_nothing(here, command, refused):
+    refused(command("identify", "rig.toml", "run.csv", "--weight", "eq9", "--save-rig", "new.toml"), "new.toml")
+
+
+def test_a_diagnosis_that_cannot_begin_updates_nothing(here, command):
+    record = ambid.Record.load("run.csv", ambid.Rig.load("rig.toml"))
+    dataclasses.replace(record, y=-record.y).save("turned.csv")
+    made = command("diagnose", "rig.toml", "turned.csv", "--save-rig", "new.toml", "--json", "d.json")
+    found = json.loads(Path("d.json").read_text())
+    assert found["verdict"] == "not_informative"
+    assert found["rig_update"] == {}
+    assert "rig_not_updated" in [own["code"] for own in found["findings"]]
+    assert "new.toml" in made.out
+    assert not Path("new.toml").exists()
 
 
 @pytest.mark.parametrize(

@@ -81,6 +81,10 @@ def identify_command(
     for name in per_axis:
         start = start.per_axis(name)
     require_rig(save_rig, start)
+    if save_rig is not None and _weights(weight) != "likelihood":
+        raise InputError(
+            f"--save-rig {save_rig}: the weights of eq. 9 estimate no errors of the rig file; leave --weight out"
+        )
     free_start, start = start, _held(start, fix)
     with stoppable(), progress(quiet, "identifying") as report:
         identified = partial(

@@ -18,6 +18,11 @@ DOUBTFUL = Kind(
     "physics is missing, and the values in the updated rig file may have taken up a part of it",
     "find what is missing first",
 )
+NOT_UPDATED = Kind(
+    "rig_not_updated",
+    "warning",
+    "not written: the records were not fitted with the errors of the rig file's values",
+)
 HINT = "--save-rig RIG writes the rig file with these values"
 
 
@@ -52,6 +57,9 @@ def updated(result: ambid.Estimate | ambid.Diagnosis, path: Path | None) -> Upda
     if path is None:
         is_asked = is_adequate and has(result.findings, VALUE_MOVED)
         return Updated(f"\n  {HINT}" if is_asked else "", {}, (), lambda: ())
+    if not result.tolerances:
+        none = NOT_UPDATED(Where(file=str(path)))
+        return Updated(f"\n{none.severity}: {none.line()}", {"rig_update": {}}, (none,), lambda: ())
     update = result.model.updated_rig()
     doubts = () if is_adequate else (DOUBTFUL(Where(file=str(path))),)
     findings = (*doubts, *update.findings)

@@ -24,6 +24,7 @@ from ambid.effects.updates import (
     with_inertia,
     with_slower,
 )
+from ambid.errors import RigError
 from ambid.loop.assembly import combine
 from ambid.loop.effect import Effect, EffectParameter
 from ambid.loop.geometry import rotor_of
@@ -82,8 +83,8 @@ class Known(Effect):
 
     why_not = Effect.why_not
 
-    def updated(self, rig: Rig, errors: Mapping[str, float]) -> tuple[Rig, dict[str, float]]:
-        """The rig whose keys hold these errors, and what of each they do not hold.
+    def updated(self, rig: Rig, errors: Mapping[str, float]) -> tuple[Rig, dict[str, tuple[float, str]]]:
+        """The rig whose keys hold these errors, and what of each they do not hold, with the reason.
 
         A model of it without errors responds as one of `rig` with them; along the shaft to first order in the offset.
 
@@ -93,10 +94,15 @@ class Known(Effect):
         errors : mapping of str to float
             By the name of the parameter.
         """
-        left: dict[str, float] = {}
+        left: dict[str, tuple[float, str]] = {}
         for name, error in errors.items():
-            new = self._with(rig, name, error)
-            rig, left = (rig, left | {name: error}) if new is None else (new, left)
+            try:
+                new, why = self._with(rig, name, error), self.no_key
+            except RigError as refused:  # such as a place off the shaft
+                new, why = None, _last_line(refused)
+            if new is None:
+                left[name] = error, why
+            rig = rig if new is None else new
         return rig, left
 
     def _with(self, rig: Rig, parameter: str, error: float) -> Rig | None:
@@ -106,6 +112,11 @@ class Known(Effect):
     def slot(self, parameter: str) -> str:
         """Such as ``sensor_gain.A_zeta``, or ``mass`` alone."""
         return f"{self.key}.{parameter}" if parameter else self.key
+
+
+def _last_line(error: RigError) -> str:
+    """What is wrong, of an error that may begin with how many problems there are."""
+    return str(error).splitlines()[-1].strip()
 
 
 class _OfRotor(Known, RotorInertiaError):
@@ -366,11 +377,15 @@ class KnownAmplifier(Known):
             plant.inject(f"i_a_free.{axis}", -slower)
             plant.set_rate(f"i_a.{axis}", rate + plant.cut(axis))
 
-    def updated(self, rig: Rig, errors: Mapping[str, float]) -> tuple[Rig, dict[str, float]]:
+    def updated(self, rig: Rig, errors: Mapping[str, float]) -> tuple[Rig, dict[str, tuple[float, str]]]:
         """All axes have one time constant, which takes the mean of their errors; what sets axes apart has no key."""
         common = sum(errors.values()) / len(errors)
-        apart = {name: (1.0 + error) / (1.0 + common) - 1.0 for name, error in errors.items()}
-        return with_slower(rig, common), apart if len(errors) > 1 else {}
+        try:
+            slower = with_slower(rig, common)
+        except RigError as refused:
+            return rig, {name: (error, _last_line(refused)) for name, error in errors.items()}
+        apart = {name: ((1.0 + error) / (1.0 + common) - 1.0, self.no_key) for name, error in errors.items()}
+        return slower, apart if len(errors) > 1 else {}
 
 
 @dataclass(frozen=True)

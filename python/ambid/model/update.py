@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.effects.known import KNOWN, Known
-from ambid.errors import RigError
+from ambid.effects.known import KNOWN
 from ambid.findings import Finding, Kind, Where
 from ambid.model.parameter import Parameter
 from ambid.results import readable
@@ -141,23 +140,15 @@ def update_of(rig: Rig, parameters: Sequence[Parameter], covariance: FloatArray 
     for effect in KNOWN:
         own = {p.name: effect.slot(p.name) for p in effect.parameters(rig) if effect.slot(p.name) in known}
         errors = {name: known[slot].value for name, slot in own.items()}
-        new, left, why = _updated(effect, new, errors) if any(errors.values()) else (new, {}, "")
+        new, left = effect.updated(new, errors) if any(errors.values()) else (new, {})
         for name, slot in own.items():
-            p, rest = known[slot], left.get(name, 0.0)
+            p, (rest, why) = known[slot], left.get(name, (0.0, ""))
             variance = np.nan if covariance is None else float(covariance[index[slot], index[slot]])
             std = float(np.sqrt(variance)) if np.isfinite(variance) else None
             prior = float(p.prior or 0.0)
             is_left = abs(rest) > ROUNDING
             values.append(UpdatedValue(slot, p.unit, prior, p.value, std, rest * is_left, why * is_left))
     return RigUpdate(_as_well_known(new, rig), tuple(values))
-
-
-def _updated(effect: Known, rig: Rig, errors: dict[str, float]) -> tuple[Rig, dict[str, float], str]:
-    """The rig with errors in its keys, what of each they do not hold, and why."""
-    try:
-        return *effect.updated(rig, errors), effect.no_key
-    except RigError as error:  # such as a place that is off the shaft
-        return rig, errors, str(error).splitlines()[-1].strip()
 
 
 def _as_well_known(new: Rig, rig: Rig) -> Rig:
