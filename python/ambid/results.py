@@ -11,6 +11,9 @@ from typing import Any
 
 from ambid.errors import InputError
 
+READABLE = {"1": (100.0, "%"), "m": (1e3, "mm"), "rad": (180.0 / pi, "degrees"), "s": (1e6, "us")}
+"""Factor and unit of small numbers by their SI unit."""
+
 
 class Tabular(ABC):
     """A result that has rows and columns."""
@@ -68,6 +71,12 @@ def _cell(value: Any) -> str:
 def of_unit(unit: str) -> str:
     """What stands behind a number: a space and its unit, nothing behind a ratio."""
     return "" if unit == "1" else f" {unit}"
+
+
+def readable(value: float, unit: str, *, digits: int = 3) -> str:
+    """A length, an angle, an instant or a ratio in the unit that is read most easily, with its sign: ``+0.31 mm``."""
+    factor, name = READABLE.get(unit, (1.0, unit))
+    return f"{factor * value:+.{digits}g} {name}"
 
 
 def band_text(low: float, high: float, between: str = " .. ") -> str:

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 import ambid
-from ambid.rig.template import KINDS
+from ambid.rig.template import KINDS, OF_SHAFTS, rig_template
+from ambid.rig.tolerance import SOURCES, TYPICAL
 
 
 @pytest.fixture(autouse=True)
@@ -26,6 +27,19 @@ def test_every_kind_loads_is_sound_and_is_commented(kind, command):
     text = Path("own.toml").read_text()
     for unit in ("# Hz", "# m", "# A", "# s", "# N/A", "# N/m"):
         assert unit in text.replace("N/A, nominal", "N/A"), unit
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_its_tolerances_are_the_typical_ones_with_their_sources(kind):
+    rig = ambid.Rig.from_toml(rig_template(kind))
+    stated = {key: value for key in TYPICAL if (value := rig.tolerance.stated(key)) is not None}
+    assert stated.items() <= TYPICAL.items()
+    without = OF_SHAFTS if kind == "levitator" else ()
+    assert set(stated) == set(TYPICAL) - set(without)
+    words = " ".join(line.lstrip("# ") for line in rig_template(kind).splitlines())
+    assert all(SOURCES[key] in words for key in stated)
+    names = {p.name.partition(".")[0] for p in ambid.Model(rig).with_tolerances().tolerances}
+    assert names <= set(stated)
 
 
 def test_what_it_writes_can_be_simulated_and_identified(command):

@@ -24,7 +24,7 @@ def truth():
 def one_axis(folder: Path) -> Path:
     """The same files as those of the demo, of a mass on one axis: a record, two with a late loop, and loadings."""
     own, names = ONE_AXIS, ("K_i.A_zeta", "K_s.A_zeta", "tau_e")
-    own.rig.save(folder / "rig.toml")
+    own.rig.exact().save(folder / "rig.toml")
     late = {"loop_delay": {"seconds": DELAY}}
     records = {"prbs": ({}, 1.0, 1), "hidden_train": (late, 1.0, 2), "hidden_validate": (late, 0.5, 3)}
     for name, (hidden, share, seed) in records.items():
@@ -77,7 +77,7 @@ def test_it_shows_what_it_found(told):
     assert tuple(result["identify"]["parameters"]) == names
     assert tuple(result["static_load"]["parameters"]) == tuple(name for name in names if name.startswith("K_i"))
     assert all(name in text for name in (*names, *result["diagnose"]["effects"]))
-    assert all(text.index(f"{n}. ") < text.index(f"{n + 1}. ") for n in range(1, 5))
+    assert all(text.index(f"{n}. ") < text.index(f"{n + 1}. ") for n in range(1, 6))
 
 
 def test_the_fit_looks_well_and_is_wrong(told):
@@ -98,6 +98,16 @@ def test_the_hidden_effect_is_found_and_the_parameters_come_right(told):
     assert last["validation_misfit"] == pytest.approx(1.0, abs=0.1)
     for name, p in found["parameters"].items():
         assert p["value"] == pytest.approx(truth[name], rel=0.01)
+
+
+def test_tolerances_make_more_of_the_interval_than_noise(told):
+    _, result, text, _ = told
+    exact, known = result["closed_loop"], result["with_tolerances"]
+    name = next(iter(known["parameters"]))
+    assert (exact["tolerances"], "mass" in known["tolerances"]) == ({}, True)
+    assert known["parameters"][name]["std_error"] > 3.0 * exact["parameters"][name]["std_error"]
+    parts = known["budget"][name]
+    assert max(parts, key=parts.get) in text
 
 
 def test_it_names_the_folder_and_everything_in_it(told):

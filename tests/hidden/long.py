@@ -4,7 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from ambid.rig import Actuator, Amplifier, Bearing, Disk, FiniteElementRotor, Material, PidController, Rig, Section, Tolerance
+from ambid.rig import (
+    Actuator,
+    Amplifier,
+    Bearing,
+    Disk,
+    FiniteElementRotor,
+    Material,
+    PidController,
+    Rig,
+    Section,
+    Tolerance,
+)
 
 from .families import Bench
 

@@ -19,8 +19,8 @@ from ambid.rig import (
     PointMassRotor,
     Rig,
     Section,
-    Tolerance,
     StateSpaceController,
+    Tolerance,
     TransferFunctionController,
 )
 from places import BENCH, SHARED

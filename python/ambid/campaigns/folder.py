@@ -29,15 +29,15 @@ class Content:
     loadings: list[StaticLoading]
 
 
-def read_folder(folder: Path) -> tuple[list[Content], tuple[Finding, ...]]:
-    """Contents of all folders by rising bias current, and what was not used."""
+def read_folder(folder: Path, *, exact: bool = False) -> tuple[list[Content], tuple[Finding, ...]]:
+    """Contents of all folders by rising bias current, and what was not used; their values are exact if so asked."""
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder; {LAYOUT}")
     contents, findings = [], []
     for path in _visible(folder):
         if path.is_file() and path.suffix.lower() in SUFFIXES:
             findings.append(OUTSIDE(Where(file=str(path))))
-        elif path.is_dir() and (content := _content(path)) is not None:
+        elif path.is_dir() and (content := _content(path, exact)) is not None:
             contents.append(content)
         elif path.is_dir():
             findings.append(EMPTY(Where(file=str(path)), rig_file=RIG_FILE))
@@ -54,7 +54,7 @@ def read_folder(folder: Path) -> tuple[list[Content], tuple[Finding, ...]]:
     return contents, tuple(findings)
 
 
-def _content(folder: Path) -> Content | None:
+def _content(folder: Path, exact: bool) -> Content | None:
     """Load a bias current's folder; None where nothing in it belongs to a campaign."""
     files = [path for path in _visible(folder) if path.is_file() and path.suffix.lower() in SUFFIXES]
     loadings = [path for path in files if path.stem.startswith(STATIC)]
@@ -67,6 +67,7 @@ def _content(folder: Path) -> Content | None:
     if not records:
         raise RecordError(f"{folder}: no records beside {RIG_FILE}; {LAYOUT}")
     rig = Rig.load(rig_file)
+    rig = rig.exact() if exact else rig
     kinds: dict[str, list[Record]] = {}
     for path in records:
         kinds.setdefault(_kind_and_number(path)[0], []).append(Record.load(path, rig))

@@ -25,7 +25,11 @@ STOPPED = Kind(
 
 @with_one_blas_thread
 def campaign(
-    folder: str | Path, *, deflection: bool = False, progress: Callable[[int, int, str], None] | None = None
+    folder: str | Path,
+    *,
+    deflection: bool = False,
+    exact: bool = False,
+    progress: Callable[[int, int, str], None] | None = None,
 ) -> Campaign:
     """Identify the bench at every bias current, and hold K_i against static loading (Fig. 4, Tables 2 and 3).
 
@@ -40,6 +44,8 @@ def campaign(
         files, and those with other suffixes, are not looked at.
     deflection : bool
         Whether static loading takes in K_s s of the bent rotor, as `static_load` does.
+    exact : bool
+        Whether every value of the rig files is taken for exact, whatever their [tolerance].
     progress : callable, optional
         Called before each step with the number of steps done, their total, and what is next.
 
@@ -57,7 +63,7 @@ def campaign(
         At Ctrl-C, with the fits that were done, if any; it is a KeyboardInterrupt.
     """
     folder = Path(folder)
-    contents, findings = read_folder(folder)
+    contents, findings = read_folder(folder, exact=exact)
     total = sum(len(runs) + 1 for content in contents for runs in content.records.values())
     done = 0
     points: list[BiasPoint] = []

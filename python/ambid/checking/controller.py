@@ -227,7 +227,7 @@ def _on_lines(loop: NominalLoop, lines: Lines) -> list[_Equation]:
             i_c=i_c[:, k],
             paths=paths,
             step=step,
-            s=2j * np.pi * f * step,
+            s=np.asarray(2j * np.pi * f * step, np.complex128),
             tau=loop.rig.amplifier.time_constant / step,
         )
         for k in range(loop.axes)

@@ -77,7 +77,9 @@ class Lines:
         """Some of the lines."""
         i_c = None if self.i_c is None else self.i_c[kept]
         own = (self.frequency_hz[kept], self.i_e[kept], self.y[kept], i_c, self.r[kept], self.index[kept])
-        return Lines(*own, self.window, self.whole_periods, None if self.clear is None else self.clear[kept], self.quiet)
+        return Lines(
+            *own, self.window, self.whole_periods, None if self.clear is None else self.clear[kept], self.quiet
+        )
 
     @classmethod
     def of(cls, record: Record) -> Lines:
@@ -115,13 +117,13 @@ class Lines:
         index = window.between(1)
         frequency = index * record.sample_rate / window.samples
         kept = frequency < HIGHEST_FREQUENCY * record.sample_rate
-        of_i_e, of_y, of_i_c, of_r = (
-            None if signal is None else window.lines(np.asarray(signal))[index][kept]
-            for signal in (record.i_e, record.y, record.i_c, record.r)
-        )
-        none = np.zeros_like(of_y)
-        i_e, r = (none if own is None else own for own in (of_i_e, of_r))
-        return cls(frequency[kept], i_e, of_y, of_i_c, r, index[kept], window.samples, whole_periods=True)
+
+        def spectrum(signal: FloatArray | None) -> ComplexArray:
+            return window.lines(np.zeros_like(record.y) if signal is None else signal)[index][kept]
+
+        i_c = None if record.i_c is None else spectrum(record.i_c)
+        own = (spectrum(record.i_e), spectrum(record.y), i_c, spectrum(record.r))
+        return cls(frequency[kept], *own, index[kept], window.samples, whole_periods=True)
 
 
 def _clear_of_noise(

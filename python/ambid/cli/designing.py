@@ -11,8 +11,19 @@ import typer
 import ambid
 from ambid.cli.effect_option import with_effects
 from ambid.cli.experiments import LONGEST_SIMULATION
-from ambid.cli.files import load_model, load_records, naming_unstable
-from ambid.cli.options import Force, JsonFile, ModelFile, Quiet, RigFile, assignment, known_effects, names, number
+from ambid.cli.files import load_model, load_records, load_rig, naming_unstable
+from ambid.cli.options import (
+    Exact,
+    Force,
+    JsonFile,
+    ModelFile,
+    Quiet,
+    RigFile,
+    assignment,
+    known_effects,
+    names,
+    number,
+)
 from ambid.cli.outputs import Files, conclude, require_outputs
 from ambid.cli.signals import stoppable
 from ambid.errors import InputError
@@ -56,12 +67,13 @@ def excitation_command(
     full_scale: FullScale = None,
     model: ModelFile = None,
     force: Force = False,
+    exact: Exact = False,
     json_file: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
     """Write what to play on the machine, and tell what it would do there."""
     _require_out({"RIG": rig, "--model": model}, out, json_file, force)
-    machine = ambid.Rig.load(rig)
+    machine = load_rig(rig, exact)
     limits = ambid.Limits(travel=travel, current=current, slew_rate=slew_rate)
     chosen = _columns(machine, axes)
     if signal == PRBS:
@@ -130,6 +142,7 @@ def design_command(
     full_scale: FullScale = None,
     model: ModelFile = None,
     force: Force = False,
+    exact: Exact = False,
     json_file: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
@@ -142,7 +155,7 @@ def design_command(
 
     if record and (sensor_noise is not None or current_noise is not None):
         raise InputError("--record tells the noise; leave --sensor-noise and --current-noise out, or the record")
-    machine = ambid.Rig.load(rig)
+    machine = load_rig(rig, exact)
     start = load_model(machine, model)
     wanted = dict(assignment("--accuracy", text, "K_i=1%") for text in accuracy)
     limits = ambid.Limits(travel=travel, current=current, excitation=peak, slew_rate=slew_rate)

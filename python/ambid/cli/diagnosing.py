@@ -13,11 +13,12 @@ import typer
 
 import ambid
 from ambid.cli.commands import command_of, with_command
-from ambid.cli.files import in_time, load_model, load_records, naming_unstable, require_first_point
+from ambid.cli.files import in_time, load_model, load_records, load_rig, naming_unstable, require_first_point
 from ambid.cli.options import (
     Allow,
     Before,
     Columns,
+    Exact,
     JsonFile,
     ModelFile,
     Period,
@@ -26,14 +27,24 @@ from ambid.cli.options import (
     RecordFiles,
     RigFile,
     SampleRate,
+    SaveRig,
     Validation,
     known_effects,
     names,
     span,
 )
-from ambid.cli.outputs import Files, conclude, drawn, pictures, reported, require_outputs, saved
+from ambid.cli.outputs import (
+    Files,
+    conclude,
+    drawn,
+    pictures,
+    reported,
+    require_outputs,
+    saved,
+)
 from ambid.cli.signals import came, done_of, droppable, exit_code, stoppable, stopped
 from ambid.cli.terminal import choose, progress, require_terminal, say, with_time_left
+from ambid.cli.updating import require_rig, updated
 from ambid.errors import InputError, RecordError
 from ambid.results import band_text
 
@@ -50,12 +61,13 @@ def check_command(
     columns: Columns = [],  # noqa: B006
     sample_rate: SampleRate = None,
     allow: Allow = [],  # noqa: B006
+    exact: Exact = False,
     json_file: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
     """Check rig and records for mistakes, such as units, signs and columns, before any fit; exit 2 for an error."""
     require_outputs({"RIG": rig, "RECORD": records}, {"--json": json_file})
-    machine = ambid.Rig.load(rig)
+    machine = load_rig(rig, exact)
     loaded = load_records(machine, records, period, columns, sample_rate, allow)
     with stoppable():
         found = ambid.check(machine, in_time(loaded))
@@ -78,6 +90,7 @@ def compare_command(
     stretch: Annotated[
         str | None, typer.Option(metavar="FROM:TO", help="What to draw [s]; default: where the model misses most.")
     ] = None,
+    exact: Exact = False,
     json_file: JsonFile = None,
     plot: PlotFile = None,
     quiet: Quiet = False,
@@ -88,7 +101,7 @@ def compare_command(
         if value is not None and plot is None:
             raise InputError(f"{option} {value}: says what is drawn, and nothing is; add --plot FILE, or leave it out")
     shown = None if stretch is None else span("--stretch", stretch, "0.5:0.56")
-    start, loaded = _opened(rig, records, model, period, columns, sample_rate, allow, outputs, before)
+    start, loaded = _opened(rig, exact, records, model, period, columns, sample_rate, allow, outputs, before)
     earlier = None if before is None else load_model(start.rig, before).covering(loaded)
     with stoppable(), naming_unstable(rig, start, model):
         comparison = ambid.compare(start, loaded)
@@ -125,6 +138,7 @@ def rank_command(
             autocompletion=known_effects,
         ),
     ] = None,
+    exact: Exact = False,
     json_file: JsonFile = None,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw the ranking.")] = None,
     quiet: Quiet = False,
@@ -137,7 +151,7 @@ def rank_command(
         ambid.effects.find(predict)  # refuses a name that is none
     outputs = {"--json": json_file, "--plot": plot}
     require_first_point(rig, records)
-    start, loaded = _opened(rig, records, model, period, columns, sample_rate, allow, outputs)
+    start, loaded = _opened(rig, exact, records, model, period, columns, sample_rate, allow, outputs)
     with stoppable(), progress(quiet, "ranking") as told:
         comparison = ambid.identify(start, loaded).comparison
         ranking = ambid.rank(comparison, progress=with_time_left(told))
@@ -175,8 +189,10 @@ def diagnose_command(
     columns: Columns = [],  # noqa: B006
     sample_rate: SampleRate = None,
     allow: Allow = [],  # noqa: B006
+    exact: Exact = False,
     json_file: JsonFile = None,
     save: Annotated[Path | None, typer.Option(metavar="MODEL", help="Write the last model.")] = None,
+    save_rig: SaveRig = None,
     plot: PlotFile = None,
     report: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write a report to read and print.")] = None,
     pdf: Annotated[
@@ -192,7 +208,14 @@ def diagnose_command(
 
     require_outputs(
         {"RIG": rig, "RECORD": records, "--validate": validate, "--model": model},
-        {"--json": json_file, "--save": save, "--plot": pictures(plot, records), "--report": report, "--pdf": pdf},
+        {
+            "--json": json_file,
+            "--save": save,
+            "--save-rig": save_rig,
+            "--plot": pictures(plot, records),
+            "--report": report,
+            "--pdf": pdf,
+        },
     )
     for option, path, suffixes in (("--report", report, (".html", ".htm")), ("--pdf", pdf, (".pdf",))):
         if path is None:
@@ -209,8 +232,9 @@ def diagnose_command(
             raise InputError(f"--ask and {'--quiet' if quiet else '--effects'} exclude each other; keep one")
         require_terminal("--ask")
     require_first_point(rig, records)
-    machine = ambid.Rig.load(rig)
+    machine = load_rig(rig, exact)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
+    require_rig(save_rig, start)
     kept = load_records(machine, validate, period, columns, sample_rate, allow)
     with stoppable(), progress(quiet or ask, "diagnosing") as told:
         diagnosing = partial(
@@ -232,14 +256,17 @@ def diagnose_command(
             if is_stopped := came():
                 text, further = f"\n{stopped()} when the diagnosis was finished; no experiment was foreseen", {}
     command = command_of(found.next_steps)
+    update = updated(found, save_rig)
     conclude(
-        f"{with_command(repr(found), command)}{text}",
-        lambda: found.to_json() | {"next_command": command} | further | {"stopped": is_stopped},
+        f"{with_command(repr(found), command)}{text}{update.text}",
+        lambda: found.to_json() | {"next_command": command} | further | update.data | {"stopped": is_stopped},
         json_file,
         quiet,
         lambda: saved(found, save),
+        update.write,
         lambda: drawn(found.model, loaded, plot),
         lambda: reported(found, reports),
+        findings=update.findings,
         is_stopped=is_stopped,
     )
     if is_stopped:
@@ -257,6 +284,7 @@ def _with_next(found: ambid.Diagnosis) -> tuple[str, dict[str, Any]]:
 
 def _opened(
     rig: Path,
+    exact: bool,
     records: list[Path],
     model: Path | None,
     period: int | None,
@@ -268,7 +296,7 @@ def _opened(
 ) -> tuple[ambid.Model, list[ambid.Record | ambid.FrequencyResponse]]:
     """Model and records of a command, once it is known that its outputs can be written."""
     require_outputs({"RIG": rig, "RECORD": records, "--model": model, "--before": before}, outputs)
-    machine = ambid.Rig.load(rig)
+    machine = load_rig(rig, exact)
     return load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
 
 

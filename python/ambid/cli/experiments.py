@@ -10,8 +10,8 @@ import typer
 
 import ambid
 from ambid.cli.effect_option import with_effects
-from ambid.cli.files import load_model, naming_unstable
-from ambid.cli.options import Force, JsonFile, ModelFile, Quiet, RigFile, known_effects
+from ambid.cli.files import load_model, load_rig, naming_unstable
+from ambid.cli.options import Exact, Force, JsonFile, ModelFile, Quiet, RigFile, known_effects
 from ambid.cli.outputs import conclude, require_outputs
 from ambid.cli.signals import stoppable
 from ambid.errors import InputError, WrongUnit
@@ -84,6 +84,7 @@ def simulate_command(
     seed: Annotated[int, typer.Option(help="Of the noise.")] = 0,
     model: ModelFile = None,
     force: Force = False,
+    exact: Exact = False,
     json_file: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
@@ -96,7 +97,7 @@ def simulate_command(
         raise InputError(f"--out {out}: is no regular file, from which the record could be read back; give one")
     if out.exists() and not force:
         raise InputError(f"--out {out}: is there already; give another file, or replace it with --force")
-    machine = ambid.Rig.load(rig)
+    machine = load_rig(rig, exact)
     start = with_effects(load_model(machine, model), effect)
     excitation = excitation_of(machine, seconds, amplitude)
     with stoppable(), naming_unstable(rig, start, model):

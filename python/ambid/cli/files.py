@@ -25,10 +25,24 @@ MODEL_OF_ANOTHER_RIG = Kind(
     "give the rig that it was fitted on, unless that is meant",
 )
 
+ERRORS_NOT_TAKEN = Kind(
+    "model_errors_not_taken",
+    "warning",
+    "the model was saved with errors of values of the rig file that are exact here: {errors}; without them it does not "
+    "respond as it did",
+    "take it with the tolerances of the rig file, or fit it again",
+)
+
 MOST_KEYS = 5
 """Keys of another rig that are told one by one."""
 NOMINAL = ("force_current", "force_displacement", "actuator.time_constant")
 """Keys that a saved model has values of its own for: they matter least, and are told last."""
+
+
+def load_rig(path: Path, exact: bool) -> ambid.Rig:
+    """The rig of a file; every value of it exact where that is asked for."""
+    rig = ambid.Rig.load(path)
+    return rig.exact() if exact else rig
 
 
 def load_model(rig: ambid.Rig, path: Path | None) -> ambid.Model:
@@ -36,9 +50,20 @@ def load_model(rig: ambid.Rig, path: Path | None) -> ambid.Model:
     if path is None:
         return ambid.Model(rig)
     model = ambid.Model.load(path, rig)
-    for finding in _of_another_rig(rig, path):
+    for finding in (*_of_another_rig(rig, path), *_of_errors(model, path)):
         note(finding)
     return model
+
+
+def _of_errors(model: ambid.Model, path: Path) -> list[Finding]:
+    """Of a model that has errors of the rig file which are exact here."""
+    from ambid.model.file import errors_of_model  # not at the top: --help need not open that room
+
+    lost = {name: value for name, value in errors_of_model(path).items() if name not in model.names}
+    if not lost:
+        return []
+    errors = [f"{name} {value:.3g}" for name, value in sorted(lost.items(), key=lambda own: own[0])]
+    return [ERRORS_NOT_TAKEN(Where(file=str(path)), errors=errors)]
 
 
 def _of_another_rig(rig: ambid.Rig, path: Path) -> list[Finding]:
@@ -120,7 +145,8 @@ def load_records(
 ) -> list[ambid.Record | ambid.FrequencyResponse]:
     """Records and frequency responses of a rig; `columns` are options as `ChannelMap.parse` reads them.
 
-    A rig file among them opens another operating point of the machine: the records after it were recorded there.
+    A rig file among them opens another operating point of the machine: the records after it were recorded there. Its
+    values are exact where those of the rig are.
     """
     if sample_rate is not None and not (np.isfinite(sample_rate) and sample_rate > 0.0):
         raise InputError(f"--sample-rate {sample_rate:g}: expected a positive number of Hz")
@@ -129,7 +155,7 @@ def load_records(
     point = rig
     for path, after in pairwise([*paths, Path()]):
         if path.suffix.lower() == ".toml":
-            point = ambid.Rig.load(path)
+            point = load_rig(path, rig.is_exact)
             if after.suffix.lower() in (".toml", ""):
                 raise InputError(f"{path}: {NO_RECORD}")
             continue

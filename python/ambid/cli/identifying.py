@@ -10,10 +10,11 @@ import typer
 
 import ambid
 from ambid.cli.commands import command_of, with_command
-from ambid.cli.files import in_time, load_model, load_records, require_first_point
+from ambid.cli.files import in_time, load_model, load_records, load_rig, require_first_point
 from ambid.cli.options import (
     Allow,
     Columns,
+    Exact,
     JsonFile,
     ModelFile,
     Period,
@@ -22,6 +23,7 @@ from ambid.cli.options import (
     RecordFiles,
     RigFile,
     SampleRate,
+    SaveRig,
     assignment,
     bound,
     names,
@@ -30,6 +32,7 @@ from ambid.cli.options import (
 from ambid.cli.outputs import conclude, drawn, pictures, require_outputs, saved
 from ambid.cli.signals import done_of, exit_code, stoppable
 from ambid.cli.terminal import progress
+from ambid.cli.updating import require_rig, updated
 from ambid.errors import IdentificationError, InputError, ModelError, UnstableLoopError
 from ambid.findings import Finding, has
 from ambid.results import of_unit
@@ -59,22 +62,29 @@ def identify_command(
     columns: Columns = [],  # noqa: B006
     sample_rate: SampleRate = None,
     allow: Allow = [],  # noqa: B006
+    exact: Exact = False,
     json_file: JsonFile = None,
     save: Annotated[Path | None, typer.Option(metavar="MODEL", help="Write the identified model.")] = None,
+    save_rig: SaveRig = None,
     plot: PlotFile = None,
     quiet: Quiet = False,
 ) -> None:
     """Find K_i, K_s and tau_e by closed-loop identification."""
-    outputs = {"--json": json_file, "--save": save, "--plot": pictures(plot, records)}
+    outputs = {"--json": json_file, "--save": save, "--save-rig": save_rig, "--plot": pictures(plot, records)}
     require_outputs({"RIG": rig, "RECORD": records, "--model": model}, outputs)
     require_first_point(rig, records)
-    machine = ambid.Rig.load(rig)
+    machine = load_rig(rig, exact)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
     for text in share:
         name, members = assignment("--share", text, "K_i.A=K_i.A_zeta,K_i.A_eta")
         start = start.share(name, members.split(","))
     for name in per_axis:
         start = start.per_axis(name)
+    require_rig(save_rig, start)
+    if save_rig is not None and _weights(weight) != "likelihood":
+        raise InputError(
+            f"--save-rig {save_rig}: the weights of eq. 9 estimate no errors of the rig file; leave --weight out"
+        )
     free_start, start = start, _held(start, fix)
     with stoppable(), progress(quiet, "identifying") as report:
         identified = partial(
@@ -103,14 +113,17 @@ def identify_command(
     slips = _slips(machine, in_time(loaded), estimate)
     lines = [f"{slip.severity}: {slip.line(advises=not estimate.is_adequate)}" for slip in slips]
     command = command_of([estimate.next_step])
+    update = updated(estimate, save_rig)
+    text = "\n".join([with_command(repr(estimate), command), *(f"check: {line}" for line in lines), *_first(slips)])
     conclude(
-        "\n".join([with_command(repr(estimate), command), *(f"check: {line}" for line in lines), *_first(slips)]),
-        {**estimate.to_json(), "next_command": command, "check": lines},
+        f"{text}{update.text}",
+        {**estimate.to_json(), "next_command": command, "check": lines, **update.data},
         json_file,
         quiet,
         lambda: saved(estimate, save),
+        update.write,
         lambda: drawn(estimate.model, loaded, plot),
-        findings=slips,
+        findings=(*slips, *update.findings),
         is_stopped=estimate.status == "stopped",
     )
     if estimate.status == "stopped":
@@ -172,12 +185,13 @@ def static_load_command(
     rig: RigFile,
     loads: Annotated[list[Path], typer.Argument(metavar="LOADS...", help="Static loadings (.csv).")],
     deflection: Deflection = False,
+    exact: Exact = False,
     json_file: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
     """Find K_i by static loading: equilibrium of known forces and recorded currents."""
     require_outputs({"RIG": rig, "LOADS": loads}, {"--json": json_file})
-    machine = ambid.Rig.load(rig)
+    machine = load_rig(rig, exact)
     loaded = [ambid.StaticLoading.load(path, machine) for path in loads]
     with stoppable():
         estimate = ambid.static_load(machine, loaded, deflection=deflection)
@@ -191,6 +205,7 @@ def campaign_command(
         typer.Argument(metavar="DIR", help="One folder per bias current: rig.toml, <kind>_<N>.mat, static_<N>.csv."),
     ],
     deflection: Deflection = False,
+    exact: Exact = False,
     json_file: JsonFile = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw K_i, K_s and tau_e against bias current, a file each.")
@@ -212,6 +227,7 @@ def campaign_command(
             ambid.campaign,
             folder,
             deflection=deflection,
+            exact=exact,
             progress=lambda done, total, where: report(f"{done} of {total} done, now {where}"),
         )
         found, is_stopped = done_of(measuring, ambid.Campaign)

@@ -30,6 +30,17 @@ Before = Annotated[
     typer.Option(metavar="MODEL", help="Another saved model to draw beside, such as the one without an effect."),
 ]
 PlotFile = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw measured against simulated.")]
+Exact = Annotated[
+    bool, typer.Option("--exact", help="Take every value of the rig file for exact, whatever its [tolerance].")
+]
+SaveRig = Annotated[
+    Path | None,
+    typer.Option(
+        "--save-rig",
+        metavar="RIG",
+        help="Write the rig file (.toml) with its values that are known to a tolerance updated by the records.",
+    ),
+]
 Period = Annotated[int | None, typer.Option(help="Samples per period of the excitation; default: found from i_e.")]
 Columns = Annotated[
     list[str],

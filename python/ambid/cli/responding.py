@@ -9,10 +9,11 @@ from typing import Annotated
 import typer
 
 import ambid
-from ambid.cli.files import load_model, load_records
+from ambid.cli.files import load_model, load_records, load_rig
 from ambid.cli.options import (
     Before,
     Columns,
+    Exact,
     Force,
     JsonFile,
     ModelFile,
@@ -41,6 +42,7 @@ def frequency_response_command(
     columns: Columns = [],  # noqa: B006
     sample_rate: SampleRate = None,
     force: Force = False,
+    exact: Exact = False,
     json_file: JsonFile = None,
     plot: PlotFile = None,
     quiet: Quiet = False,
@@ -61,7 +63,7 @@ def frequency_response_command(
     outputs = {"--out": written, "--json": json_file, "--plot": drawn}
     inputs: Files = {"RIG": rig, "RECORD": records, "--model": model, "--before": before}
     require_outputs(inputs, outputs, replaced=["--out"])
-    machine = ambid.Rig.load(rig)
+    machine = load_rig(rig, exact)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate)
     with stoppable():
         measured = [own.frequency_response() if isinstance(own, ambid.Record) else own for own in loaded]

@@ -9,8 +9,8 @@ import numpy as np
 import typer
 
 import ambid
-from ambid.cli.files import load_model
-from ambid.cli.options import Before, JsonFile, Quiet, RigFile, span
+from ambid.cli.files import load_model, load_rig
+from ambid.cli.options import Before, Exact, JsonFile, Quiet, RigFile, span
 from ambid.cli.outputs import Files, conclude, require_outputs
 from ambid.cli.signals import stoppable
 from ambid.cli.terminal import progress, with_time_left
@@ -27,6 +27,7 @@ def margins_command(
     at: Annotated[str, typer.Option(metavar="controller|sensor", help="Where the loop is broken.")] = "controller",
     draws: Annotated[int | None, typer.Option(help="Of the parameters; default: 500.")] = None,
     seed: Annotated[int, typer.Option(help="Of the draws.")] = 0,
+    exact: Exact = False,
     json_file: JsonFile = None,
     plot: Annotated[
         Path | None, typer.Option("--plot", metavar="FILE", help="Draw the sensitivity over frequency.")
@@ -38,7 +39,7 @@ def margins_command(
 
     ambid.plot.check_format(plot)
     require_outputs({"RIG": rig, "--model": model}, {"--json": json_file, "--plot": plot})
-    start = load_model(ambid.Rig.load(rig), model)
+    start = load_model(load_rig(rig, exact), model)
     with stoppable(), progress(quiet, "margins") as told:
         tell = with_time_left(told)
         found = ambid.margins(
@@ -61,6 +62,7 @@ def poles_command(
     rig: RigFile,
     model: Uncertain = None,
     before: Before = None,
+    exact: Exact = False,
     json_file: JsonFile = None,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw the map of the poles.")] = None,
     quiet: Quiet = False,
@@ -68,7 +70,7 @@ def poles_command(
     """Tell the poles of the closed loop with their uncertainty, and those of the plant alone."""
     ambid.plot.check_format(plot)
     require_outputs({"RIG": rig, "--model": model, "--before": before}, {"--json": json_file, "--plot": plot})
-    machine = ambid.Rig.load(rig)
+    machine = load_rig(rig, exact)
     start = load_model(machine, model)
     with stoppable():
         found = ambid.pole_map(start)
@@ -99,6 +101,7 @@ def campbell_command(
         str | None,
         typer.Option(metavar="FROM:TO", help="[rad/s]; default: from rest to a quarter beyond what was measured."),
     ] = None,
+    exact: Exact = False,
     json_file: JsonFile = None,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw the Campbell diagram.")] = None,
     quiet: Quiet = False,
@@ -110,7 +113,7 @@ def campbell_command(
     inputs: Files = {"RIG": rig, "--model": model, "--measured": measured}
     require_outputs(inputs, {"--json": json_file, "--plot": plot})
     over = None if speeds is None else np.linspace(*_speeds(speeds), SPEEDS).tolist()
-    start = load_model(ambid.Rig.load(rig), model)
+    start = load_model(load_rig(rig, exact), model)
     known = [ambid.Model.load(path) for path in measured] if measured else None
     with stoppable():
         found = ambid.campbell(start, over, measured=known)

@@ -11,8 +11,8 @@ import typer
 import ambid
 from ambid.cli.effect_option import with_effects
 from ambid.cli.experiments import excitation_of
-from ambid.cli.files import load_model
-from ambid.cli.options import JsonFile, ModelFile, Quiet, RigFile, known_effects
+from ambid.cli.files import load_model, load_rig
+from ambid.cli.options import Exact, JsonFile, ModelFile, Quiet, RigFile, known_effects
 from ambid.cli.outputs import conclude, require_outputs
 from ambid.cli.signals import done_of, exit_code, stoppable
 from ambid.cli.terminal import progress, with_time_left
@@ -57,12 +57,13 @@ def monte_carlo_command(
         ),
     ] = None,
     model: ModelFile = None,
+    exact: Exact = False,
     json_file: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
     """Find out what an experiment is worth: simulate it many times, and identify or diagnose every record."""
     require_outputs({"RIG": rig, "--model": model}, {"--json": json_file})
-    machine = ambid.Rig.load(rig)
+    machine = load_rig(rig, exact)
     plan = ambid.Plan(
         rig=machine,
         excitation=excitation_of(machine, seconds, amplitude),

@@ -7,11 +7,11 @@ from typing import Annotated, Any
 
 import typer
 
-import ambid
-from ambid.cli.files import load_model, load_records, require_first_point
+from ambid.cli.files import load_model, load_records, load_rig, require_first_point
 from ambid.cli.options import (
     Allow,
     Columns,
+    Exact,
     JsonFile,
     ModelFile,
     Period,
@@ -39,6 +39,7 @@ def workbench_command(
     columns: Columns = [],  # noqa: B006
     sample_rate: SampleRate = None,
     allow: Allow = [],  # noqa: B006
+    exact: Exact = False,
     json_file: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
@@ -49,7 +50,7 @@ def workbench_command(
     inputs: Files = {"RIG": rig, "RECORD": records, "--validate": validate, "--model": model}
     require_outputs(inputs, {"--json": json_file})
     require_first_point(rig, records)
-    machine = ambid.Rig.load(rig)
+    machine = load_rig(rig, exact)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
     kept = load_records(machine, validate, period, columns, sample_rate, allow)
     options = {

@@ -27,9 +27,11 @@ from ambid.effects import CATALOGUE, Effect, find
 from ambid.errors import RigError, Stopped
 from ambid.findings import NOWHERE, Finding, Kind, has
 from ambid.identification import Estimate, ParameterEstimate, identify
-from ambid.identification.covariance import covariance
+from ambid.identification.covariance import budget, covariance
 from ambid.identification.identifiability import lost, only_frequency, weakest
 from ambid.identification.minimum import refit
+from ambid.identification.tolerances import NOISE, budget_by_name, known_values
+from ambid.identification.tolerances import findings_of as findings_of_tolerances
 from ambid.model import Given, Model, as_model
 from ambid.model.parameter import nominal
 from ambid.noise import Comparison
@@ -167,8 +169,11 @@ def _told(
     begun: float,
 ) -> Diagnosis:
     """What a search has found, with the words for it."""
-    spread = covariance(verdict.fit, range(len(verdict.fit.model.names)))
+    every = range(len(verdict.fit.model.names))
+    spread = covariance(verdict.fit, every)
     model = verdict.fit.model.with_substeps(None).with_covariance(spread)
+    tolerances = known_values(model, spread, every)
+    variances = budget_by_name(model.names, tolerances, budget(verdict.fit, every)) if tolerances else {}
     unnamed = verdict.word == "none_of_the_candidates"
     instants = [finding for finding in findings if unnamed and has([finding], CURRENT_AHEAD, CURRENT_BEHIND)]
     slips = [finding for finding in instants if has([finding], CURRENT_AHEAD)]
@@ -182,10 +187,14 @@ def _told(
         fit=verdict.fit,
         kept_back=state.validation,
         parameters={
-            p.name: ParameterEstimate.normal(p.value, float(error), p.unit)
+            p.name: ParameterEstimate.normal(
+                p.value, float(error), p.unit, float(np.sqrt(variances[p.name][NOISE])) if tolerances else None
+            )
             for p, error in zip(model.parameters, np.sqrt(np.diag(spread)), strict=True)
             if p.prior is None
         },
+        tolerances=tolerances,
+        variances=variances,
         covariance=spread,
         explained_percent=100.0 * verdict.share if verdict.effects or verdict.tried else np.nan,
         families={name: near[name] for name in verdict.effects if name in near},
@@ -198,6 +207,7 @@ def _told(
             *findings_of_validation(records, task.validate),
             *_undetermined(start, verdict.fit),
             *findings_of(verdict, state.fit.noise, state.history),
+            *findings_of_tolerances(start.rig, tolerances),
             *(finding for finding in findings if has([finding], OPERATING_POINT_DRIFT, FORCE_TOO_SMALL)),
             *instants,
         ),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,8 @@ from ambid.diagnosis.moves import TOLD, Moved
 from ambid.effects import Effect
 from ambid.findings import NOWHERE, Finding, Kind, WithFindings
 from ambid.identification import ParameterEstimate
+from ambid.identification.tolerances import Budget, KnownValue
+from ambid.identification.tolerances import lines as tolerance_lines
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.window import findings_of
@@ -194,6 +196,10 @@ class Diagnosis(WithFindings, Tabular):
         Of the last model, with standard errors and 95 % intervals as `identify` gives them.
     covariance : ndarray
         Of all its parameters.
+    tolerances : dict of str to KnownValue
+        Values of the rig file that are known to a tolerance, as `identify` gives them.
+    variances : dict of str to dict of str to float
+        See `budget`.
     explained_percent : float
         Part of the excess misfit of the base model over noise that the effects explain, 0 to 100, both judged in one
         noise; 100 where the base model has no excess; NaN where nothing was named.
@@ -226,6 +232,8 @@ class Diagnosis(WithFindings, Tabular):
     next_steps: tuple[Finding, ...]
     seconds: float
     findings: tuple[Finding, ...] = ()
+    tolerances: dict[str, KnownValue] = field(default_factory=dict)
+    variances: Budget = field(default_factory=dict)
 
     @classmethod
     def uninformative(
@@ -241,7 +249,9 @@ class Diagnosis(WithFindings, Tabular):
             model=model,
             fit=None,
             kept_back=None,
-            parameters={p.name: ParameterEstimate(p.value, None, None, p.unit) for p in model.parameters},
+            parameters={
+                p.name: ParameterEstimate(p.value, None, None, p.unit) for p in model.parameters if p.prior is None
+            },
             covariance=np.full((len(model.names), len(model.names)), np.nan),
             explained_percent=np.nan,
             families={},
@@ -253,6 +263,10 @@ class Diagnosis(WithFindings, Tabular):
         )
 
     plot = picture("plot_staircase")
+
+    def budget(self) -> Budget:
+        """Variance of every parameter of the last model by what it comes from, as `Estimate.budget` has it."""
+        return self.variances
 
     @property
     def meaning(self) -> str:
@@ -308,6 +322,8 @@ class Diagnosis(WithFindings, Tabular):
                 ],
                 "left": [own.as_dict() for own in self.left],
                 "parameters": {name: p.as_dict() for name, p in self.parameters.items()},
+                "tolerances": {name: known.as_dict() for name, known in self.tolerances.items()},
+                "budget": self.variances,
                 "misfit": np.nan if self.fit is None else self.fit.misfit,
                 "misfit_bound": np.nan if self.fit is None else self.fit.bound,
                 "explained_percent": self.explained_percent,
@@ -369,6 +385,8 @@ class Diagnosis(WithFindings, Tabular):
             lines += ["", "parameters of the last model, 95 % intervals:"]
             lines += [f"  {name:34s} {p.line()}{of_effects.get(name, '')}" for name, p in self.parameters.items()]
             lines += [line for effect in here.effects for line in _settings(effect, here.rig)]
+        if self.tolerances:
+            lines += ["", *tolerance_lines(self.tolerances, self.variances)]
         worst = [cell for cell in self.where[:3] if np.isfinite(cell.misfit)]
         if worst and self.verdict != "adequate":
             lines += ["", "largest misfit of the model at the start:"]

@@ -6,7 +6,7 @@ Each is an effect like those of the catalogue, whose parameters have a standard 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import pi
 from typing import ClassVar
@@ -16,11 +16,20 @@ import numpy as np
 from ambid.effects.rotor import RotorInertiaError, kept_modes
 from ambid.effects.sensor import SamplingSkew, SensorMisalignment, SensorPositionError
 from ambid.effects.slips import ControllerGainError
+from ambid.effects.updates import (
+    with_bearing,
+    with_controller_gain,
+    with_damping,
+    with_frequency,
+    with_inertia,
+    with_slower,
+)
+from ambid.errors import RigError
 from ambid.loop.assembly import combine
 from ambid.loop.effect import Effect, EffectParameter
 from ambid.loop.geometry import rotor_of
 from ambid.loop.plant import Plant
-from ambid.rig import PointMassRotor, Rig
+from ambid.rig import MatrixRotor, PointMassRotor, Rig
 
 __all__ = ["KNOWN", "Known"]
 
@@ -44,11 +53,14 @@ class Known(Effect):
         Of the error: ``1`` for a relative one.
     factor : float
         From the unit of the key to that of the error.
+    no_key : str
+        Why no key of the rig file holds an error of it, and what to correct instead; empty where one does.
     """
 
     key: ClassVar[str]
     unit: ClassVar[str] = "1"
     factor: ClassVar[float] = 1.0
+    no_key: ClassVar[str] = ""
     signature = "none of its own: it is a value that the rig file gives"
     source = "JCGM 100:2008 (GUM), 4.3"
 
@@ -71,13 +83,46 @@ class Known(Effect):
 
     why_not = Effect.why_not
 
+    def updated(self, rig: Rig, errors: Mapping[str, float]) -> tuple[Rig, dict[str, tuple[float, str]]]:
+        """The rig whose keys hold these errors, and what of each they do not hold, with the reason.
+
+        A model of it without errors responds as one of `rig` with them; along the shaft to first order in the offset.
+
+        Parameters
+        ----------
+        rig : Rig
+        errors : mapping of str to float
+            By the name of the parameter.
+        """
+        left: dict[str, tuple[float, str]] = {}
+        for name, error in errors.items():
+            try:
+                new, why = self._with(rig, name, error), self.no_key
+            except RigError as refused:  # such as a place off the shaft
+                new, why = None, _last_line(refused)
+            if new is None:
+                left[name] = error, why
+            rig = rig if new is None else new
+        return rig, left
+
+    def _with(self, rig: Rig, parameter: str, error: float) -> Rig | None:
+        """The rig whose keys hold one error; None where none does."""
+        return None
+
     def slot(self, parameter: str) -> str:
         """Such as ``sensor_gain.A_zeta``, or ``mass`` alone."""
         return f"{self.key}.{parameter}" if parameter else self.key
 
 
+def _last_line(error: RigError) -> str:
+    """What is wrong, of an error that may begin with how many problems there are."""
+    return str(error).splitlines()[-1].strip()
+
+
 class _OfRotor(Known, RotorInertiaError):
     """Mass or inertia of a rigid rotor: also where K_i and K_s absorb it."""
+
+    no_key = "that of a shaft is the sum of its sections and disks: correct their sizes, density or masses"
 
     def members(self, rig: Rig) -> Sequence[str]:
         """The rotor, where its rigid modes are translation and rotation; a point mass has a mass."""
@@ -97,6 +142,9 @@ class _OfRotor(Known, RotorInertiaError):
             heavier = plant.port(self.slot(""), combine(motion, [plant[force] for force in forces]))
             for force, share in zip(forces, motion, strict=True):
                 plant.inject(force, -share * heavier)
+
+    def _with(self, rig: Rig, parameter: str, error: float) -> Rig | None:
+        return with_inertia(rig, self.key, error)
 
 
 @dataclass(frozen=True)
@@ -119,10 +167,14 @@ class _AlongShaft(Known):
     """A place of each bearing along the shaft."""
 
     unit = "m"
+    no_key = "a rotor given by its matrices is known at its nodes alone: give it one there"
 
     def members(self, rig: Rig) -> Sequence[str]:
         """Every bearing; a point mass is the same everywhere."""
         return [] if isinstance(rig.rotor, PointMassRotor) else [b.name for b in rig.bearings]
+
+    def _with(self, rig: Rig, parameter: str, error: float) -> Rig | None:
+        return None if isinstance(rig.rotor, MatrixRotor) else with_bearing(rig, parameter, self.key, error)
 
 
 @dataclass(frozen=True)
@@ -174,6 +226,7 @@ class KnownSensorAngle(Known, SensorMisalignment):
     """Angles of the sensors against the magnets."""
 
     name = key = "sensor_angle"
+    no_key = "the sensors of a bearing are aligned with its magnets: turn them, or the recorded y"
     unit, factor = "rad", pi / 180.0
 
     def members(self, rig: Rig) -> Sequence[str]:
@@ -190,6 +243,7 @@ class KnownSensorGain(Known):
     """Gains of all sensors, those too that K_i absorbs."""
 
     name = key = "sensor_gain"
+    no_key = "y is as it was recorded: correct the calibration of the channel"
     physics = "the gains of the displacement sensors"
     equation = "y = (1 + g) y_true"
 
@@ -204,6 +258,7 @@ class KnownCurrentGain(Known):
     """Gains of the current readings."""
 
     name = key = "current_gain"
+    no_key = "i_c is as it was recorded: correct the calibration of the channel"
     physics = "the gains of the current readings"
     equation = "i_c = (1 + g) i_a"
 
@@ -218,6 +273,7 @@ class KnownExcitationGain(Known):
     """Scale of the excitation."""
 
     name = key = "excitation_gain"
+    no_key = "i_e is as it was recorded: correct its scale"
     physics = "the scale of the excitation"
     equation = "i_ref = -K y + (1 + e) i_e"
 
@@ -235,6 +291,7 @@ class KnownInstant(Known, SamplingSkew):
     """Instants of currents against displacements."""
 
     name = key = "instant"
+    no_key = "i_c is as it was recorded: move the channel in time"
     unit = "s"
 
     def members(self, rig: Rig) -> Sequence[str]:
@@ -267,6 +324,9 @@ class KnownBendingFrequency(Known):
             stiffer = plant.port(self.slot(str(mode)), plant[f"eta.{k}"], scale=2.0 * w**2)
             plant.inject(f"modal_force.{k}", -stiffer)
 
+    def _with(self, rig: Rig, parameter: str, error: float) -> Rig:
+        return with_frequency(rig, int(parameter), error)
+
 
 @dataclass(frozen=True)
 class KnownModalDamping(Known):
@@ -290,12 +350,16 @@ class KnownModalDamping(Known):
                 damped = plant.port(self.slot(str(mode)), plant[f"eta_rate.{k}"], scale=2.0 * w * zeta)
                 plant.inject(f"modal_force.{k}", -damped)
 
+    def _with(self, rig: Rig, parameter: str, error: float) -> Rig:
+        return with_damping(rig, int(parameter), error)
+
 
 @dataclass(frozen=True)
 class KnownAmplifier(Known):
     """Time constants of the amplifiers."""
 
     name = key = "amplifier_time_constant"
+    no_key = "all axes have one time constant, which has the mean of their errors"
     physics = "the time constants of the amplifiers"
     equation = "(1 + d) tau_a i_a' = i_set - i_a"
 
@@ -313,6 +377,16 @@ class KnownAmplifier(Known):
             plant.inject(f"i_a_free.{axis}", -slower)
             plant.set_rate(f"i_a.{axis}", rate + plant.cut(axis))
 
+    def updated(self, rig: Rig, errors: Mapping[str, float]) -> tuple[Rig, dict[str, tuple[float, str]]]:
+        """All axes have one time constant, which takes the mean of their errors; what sets axes apart has no key."""
+        common = sum(errors.values()) / len(errors)
+        try:
+            slower = with_slower(rig, common)
+        except RigError as refused:
+            return rig, {name: (error, _last_line(refused)) for name, error in errors.items()}
+        apart = {name: ((1.0 + error) / (1.0 + common) - 1.0, self.no_key) for name, error in errors.items()}
+        return slower, apart if len(errors) > 1 else {}
+
 
 @dataclass(frozen=True)
 class KnownControllerGain(Known, ControllerGainError):
@@ -323,6 +397,9 @@ class KnownControllerGain(Known, ControllerGainError):
     def members(self, rig: Rig) -> Sequence[str]:
         """Every gain of a PID, or the whole of any other controller."""
         return rig.controller.gains
+
+    def _with(self, rig: Rig, parameter: str, error: float) -> Rig:
+        return with_controller_gain(rig, parameter, error)
 
 
 KNOWN: tuple[Known, ...] = (

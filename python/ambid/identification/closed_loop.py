@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ambid.arrays import FloatArray
 from ambid.errors import ModelError, RecordError, Stopped
-from ambid.findings import NOWHERE, Finding, Kind, Where
+from ambid.findings import NOWHERE, Finding, Kind
 from ambid.identification.covariance import budget, covariance, sandwich
 from ambid.identification.curvature import Curvature, curvature
 from ambid.identification.damped import NearStart, damped_start
 from ambid.identification.edge import findings_at_edge, is_at_edge
-from ambid.identification.estimate import TYPICAL, VALUE_MOVED, Estimate, KnownValue, ParameterEstimate
+from ambid.identification.estimate import Estimate, ParameterEstimate
 from ambid.identification.identifiability import identifiability, judged
 from ambid.identification.minimum import ROUGHLY, WhitenedProblem
 from ambid.identification.preparation import prepare
 from ambid.identification.problem import Descent, End, LeastSquares, Limits, Problem, noise_levels
 from ambid.identification.starts import best_of, stable_model
+from ambid.identification.tolerances import budget_by_name, findings_of, known_values
 from ambid.model import Given, Model
 from ambid.noise import Comparison, Noise, compare
 from ambid.record import Measurement, Record, Source
-from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["LIKELIHOOD", "Found", "Steps", "identify", "steps"]
@@ -49,9 +49,6 @@ MOST_RENEWALS = 3
 """So often is the noise of a record without periods taken from the residual again, at the most."""
 LARGEST_WEIGHT = 1e6
 """Of a channel; its square still leaves digits to a channel of weight 1."""
-MOVED = 1.5
-"""Standard deviations of its tolerance by which a value of the rig file is moved that is told: one in eight is, by
-chance."""
 RENEWED = 0.01
 """Relative change of J by that which is small enough."""
 
@@ -63,7 +60,7 @@ class Found(NamedTuple):
     end: End
     limits: Limits
     covariance: FloatArray
-    statistical: FloatArray
+    budget: FloatArray
     directions: list[dict[str, float]]
     comparison: Comparison
     findings: list[Finding]
@@ -257,7 +254,8 @@ def _in_time(
     found, at_end = sandwich(problem, best.theta), model.with_theta(best.theta)
     directions, determined = judged(found, at_end, free)
     comparison, findings = compare(at_end, records), [*known, *findings, *determined]
-    return Found(problem, best, limits, found, np.diag(found), directions, comparison, findings).curved()
+    by_noise = np.pad(np.diag(found)[:, None], ((0, 0), (0, len(free))))
+    return Found(problem, best, limits, found, by_noise, directions, comparison, findings).curved()
 
 
 def _likeliest(
@@ -311,8 +309,8 @@ def _likeliest(
         return (yield from _in_time(given, in_time, exact, sides, origins, factors, max_evaluations, progress, why))
     directions, determined = identifiability(comparison, exact)
     findings = [*moved, *more, *determined, *findings_at_edge(comparison, problem, best)]
-    total, statistical = covariance(comparison, free), budget(comparison, free)[:, 0]
-    return Found(problem, best, limits, total, statistical, directions, comparison, findings).curved()
+    total, parts = covariance(comparison, free), budget(comparison, free)
+    return Found(problem, best, limits, total, parts, directions, comparison, findings).curved()
 
 
 def _way_around(
@@ -350,37 +348,19 @@ def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:
     return factors
 
 
-def _of_tolerances(rig: Rig, tolerances: Mapping[str, KnownValue]) -> Iterator[Finding]:
-    """Which tolerances are typical ones, and which values of the rig file the records move."""
-    known = {name.partition(".")[0] for name in tolerances}
-    if keys := [key for key in rig.tolerance.typical_keys if key in known]:
-        where = Where(file=str(rig.path or ""), key="tolerance")
-        yield TYPICAL(where, keys=keys, values=[f"{key} = {rig.known_to(key):g}" for key in keys])
-    for name, own in tolerances.items():
-        if abs(own.posterior_value) > MOVED * own.std:
-            yield VALUE_MOVED(
-                Where(file=str(rig.path or ""), key=name),
-                name=name,
-                error=own.posterior_value,
-                unit="(relative)" if own.unit == "1" else own.unit,
-                posterior_std=own.posterior_std,
-                std=own.std,
-            )
-
-
 def _estimate(found: Found, begun: float) -> Estimate:
     problem, end, limits, covariance, _, directions, comparison, findings, curved = found
     model, free, unknown = problem.model, problem.free, found.unknown
-    parameters, tolerances = {}, {}
+    parameters = {}
     for k, i in enumerate(free):
-        name, unit, prior = model.names[i], model.parameters[i].unit, model.parameters[i].prior
-        if prior is not None:
-            tolerances[name] = KnownValue(float(prior), float(end.theta[i]), float(np.sqrt(covariance[k, k])), unit)
-        elif name in unknown:
+        name, unit = model.names[i], model.parameters[i].unit
+        if model.parameters[i].prior is not None:
+            continue
+        if name in unknown:
             parameters[name] = ParameterEstimate(None, None, None, unit)
             covariance[k, :] = covariance[:, k] = np.nan
         else:
-            errors = float(np.sqrt(covariance[k, k])), float(np.sqrt(found.statistical[k]))
+            errors = float(np.sqrt(covariance[k, k])), float(np.sqrt(found.budget[k, 0]))
             parameters[name] = ParameterEstimate.normal(float(end.theta[i]), errors[0], unit, errors[1])
     if end.status == "at_bound":
         x = end.theta[free] / problem.scale
@@ -393,9 +373,10 @@ def _estimate(found: Found, begun: float) -> Estimate:
     if curved is not None:
         findings = [*findings, curved.finding()]
     own = [k for k, i in enumerate(free) if model.parameters[i].prior is None]
-    findings = [*findings, *_of_tolerances(model.rig, tolerances)]
     whole = np.full((len(model.names),) * 2, np.nan)
     whole[np.ix_(free, free)] = covariance
+    tolerances = known_values(comparison.model, whole, free)
+    findings = [*findings, *findings_of(model.rig, tolerances)]
     estimate = Estimate(
         model=comparison.model.with_covariance(whole),
         parameters=parameters,
@@ -407,6 +388,7 @@ def _estimate(found: Found, begun: float) -> Estimate:
         directions=directions,
         curvature=curved,
         tolerances=tolerances,
+        variances=budget_by_name([model.names[i] for i in free], tolerances, found.budget),
         findings=(*(finding for own in comparison.records for finding in own.findings), *findings),
     )
     if end.status == "stopped":

@@ -12,8 +12,8 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.effects.magnet import ForceNonlinearity
 from ambid.errors import ModelError, did_you_mean
 from ambid.findings import NOWHERE, Finding, Kind, WithFindings
-from ambid.identification.covariance import budget
 from ambid.identification.curvature import Curvature
+from ambid.identification.tolerances import Budget, KnownValue, lines, percent
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.record import Measurement
@@ -34,18 +34,6 @@ CURVED = Kind(
     "warning",
     "the model is inconsistent with the data: misfit {misfit:{limit}|against}, limit {limit:{misfit}|against} (J/dof), "
     "but the curved force of a single magnet is seen: K_i and K_s change during the motion",
-)
-TYPICAL = Kind(
-    "typical_tolerances",
-    "note",
-    "[tolerance] of the rig file has no {keys}: typical standard deviations are assumed, {values}",
-    "state them in [tolerance], or write exact = true there",
-)
-VALUE_MOVED = Kind(
-    "rig_value_moved",
-    "note",
-    "the data move {name} by {error:.3g} {unit} (standard deviation {posterior_std:.2g}; tolerance {std:.3g})",
-    "check the value in the rig file; within three tolerances it is an ordinary error of it",
 )
 RECORD_PERIODS = Kind(
     "next_record_periods",
@@ -121,36 +109,6 @@ class ParameterEstimate:
         }
 
 
-@dataclass(frozen=True)
-class KnownValue:
-    """A value of the rig file that is known to a tolerance, as its error from the rig file.
-
-    Attributes
-    ----------
-    std : float
-        Standard deviation before the records, from the rig file.
-    posterior_value, posterior_std : float
-        Error from the rig file that the records and the tolerance together give, and its standard deviation.
-    unit : str
-        ``1`` for a relative error.
-    """
-
-    std: float
-    posterior_value: float
-    posterior_std: float
-    unit: str
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain data, as in JSON; `value` is the error before the records."""
-        return {
-            "value": 0.0,
-            "std": self.std,
-            "posterior_value": self.posterior_value,
-            "posterior_std": self.posterior_std,
-            "unit": self.unit,
-        }
-
-
 @dataclass(frozen=True, repr=False)
 class Estimate(WithFindings, Tabular):
     """Result of `identify`.
@@ -175,6 +133,10 @@ class Estimate(WithFindings, Tabular):
         The model against its records, in the noise that it was fitted in.
     curvature : Curvature or None
         What the law of a single magnet would move, where it counts beside the noise.
+    tolerances : dict of str to KnownValue
+        Values of the rig file that are known to a tolerance, and what the records make of them.
+    variances : dict of str to dict of str to float
+        See `budget`.
     findings : tuple of Finding
         Of the records, and of the fit.
     """
@@ -189,6 +151,7 @@ class Estimate(WithFindings, Tabular):
     directions: list[dict[str, float]] = field(default_factory=list)
     curvature: Curvature | None = None
     tolerances: dict[str, KnownValue] = field(default_factory=dict)
+    variances: Budget = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
 
     def __getitem__(self, name: str) -> ParameterEstimate:
@@ -205,7 +168,7 @@ class Estimate(WithFindings, Tabular):
             raise ModelError(f"{held}; {hint}fitted were {', '.join(self.parameters)}")
         return self.parameters[name]
 
-    def budget(self) -> dict[str, dict[str, float]]:
+    def budget(self) -> Budget:
         """Variance of every parameter by what it comes from, in its unit squared (GUM, JCGM 100:2008, 5.1).
 
         Returns
@@ -213,14 +176,7 @@ class Estimate(WithFindings, Tabular):
         dict of str to dict of str to float
             Of each parameter that of ``noise``, which is its statistical part, and of each tolerance by name.
         """
-        places = [*self.model.index(self.parameters), *self.model.index(self.tolerances)]
-        names, rows = [self.model.names[i] for i in places], budget(self.comparison, places)
-        return {
-            name: {"noise": float(rows[k, 0])}
-            | {other: float(rows[k, 1 + j]) for j, other in enumerate(names) if other in self.tolerances}
-            for k, name in enumerate(names)
-            if name in self.parameters
-        }
+        return self.variances
 
     @property
     def records(self) -> tuple[Measurement, ...]:
@@ -314,6 +270,7 @@ class Estimate(WithFindings, Tabular):
             "next": self.next,
             "next_step": self.next_step.as_dict(),
             "tolerances": {name: known.as_dict() for name, known in self.tolerances.items()},
+            "budget": plain(self.variances) if self.tolerances else {},
             "correlation": {a: {b: plain(correlation[i, j]) for j, b in enumerate(names)} for i, a in enumerate(names)},
             "status": self.status,
             "status_meaning": STATUS[self.status],
@@ -335,6 +292,7 @@ class Estimate(WithFindings, Tabular):
             "parameter": list(self.parameters),
             "value": [p.value for p in found],
             "std_error": [p.std_error for p in found],
+            "std_error_statistical": [p.std_error_statistical for p in found],
             "ci95_low": [None if p.ci95 is None else p.ci95[0] for p in found],
             "ci95_high": [None if p.ci95 is None else p.ci95[1] for p in found],
             "unit": [p.unit for p in found],
@@ -351,28 +309,32 @@ class Estimate(WithFindings, Tabular):
         ]
 
     def __repr__(self) -> str:
-        lines = [] if self.is_adequate or not self.comparison.is_judged else [self.verdict, ""]
-        lines += [f"{'parameter':14s} {'value':>13s} {'std error':>11s}   95 % interval", "-" * 70]
+        told = [] if self.is_adequate or not self.comparison.is_judged else [self.verdict, ""]
+        by_noise = f" {'by noise':>11s}" if self.tolerances else ""
+        told += [f"{'parameter':14s} {'value':>13s} {'std error':>11s}{by_noise}   95 % interval"]
+        told += ["-" * (70 + len(by_noise))]
         for name, p in self.parameters.items():
             if p.value is None or p.ci95 is None:
-                lines.append(f"{name:14s} {'not identifiable from these records':>40s}")
+                told.append(f"{name:14s} {'not identifiable from these records':>40s}")
                 continue
-            lines.append(
-                f"{name:14s} {p.value:13.6g} {p.std_error:11.3g}   {p.ci95[0]:.6g} .. {p.ci95[1]:.6g}{of_unit(p.unit)}"
-            )
-        lines += ["forces: f = K_i i + K_s s, K_s > 0 destabilises"]
+            part = f" {p.std_error_statistical:11.3g}" if by_noise else ""
+            interval = f"{p.ci95[0]:.6g} .. {p.ci95[1]:.6g}{of_unit(p.unit)}"
+            told.append(f"{name:14s} {p.value:13.6g} {p.std_error:11.3g}{part}   {interval}")
+        told += ["forces: f = K_i i + K_s s, K_s > 0 destabilises"]
         if self.tolerances:
             pairs = [(p.std_error_statistical, p.std_error) for p in self.parameters.values()]
             shares = [by_noise / total for by_noise, total in pairs if by_noise is not None and total]
             share = float(np.median(shares)) if shares else np.nan
-            lines += [
+            told += [
                 f"intervals include {len(self.tolerances)} tolerances of the rig file; noise alone makes "
-                f"{100 * share:.2g} % of the median standard error"
+                f"{percent(share)} % of the median standard error"
             ]
-        lines += ["", f"{'channel':14s} {'fit %':>8s} {'noise ceiling %':>16s}", "-" * 40]
+        told += ["", f"{'channel':14s} {'fit %':>8s} {'noise ceiling %':>16s}", "-" * 40]
         for channel, fit in self.fit_percent.items():
             name = "average of y" if channel == "average" else channel
-            lines.append(f"{name:14s} {fit:8.2f} {self.noise_ceiling_percent.get(channel, np.nan):16.2f}")
-        lines += ["", self.verdict]
-        lines += [f"{self.status}: {STATUS[self.status]} ({self.evaluations} evaluations, {self.seconds:.2f} s)"]
-        return "\n".join([*lines, *self.finding_lines(), f"next: {self.next}"])
+            told.append(f"{name:14s} {fit:8.2f} {self.noise_ceiling_percent.get(channel, np.nan):16.2f}")
+        if self.tolerances:
+            told += ["", *lines(self.tolerances, self.variances)]
+        told += ["", self.verdict]
+        told += [f"{self.status}: {STATUS[self.status]} ({self.evaluations} evaluations, {self.seconds:.2f} s)"]
+        return "\n".join([*told, *self.finding_lines(), f"next: {self.next}"])

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import block_diag
 
 from ambid.arrays import FloatArray
 from ambid.effects import Effect, find
@@ -21,7 +22,7 @@ from ambid.reading import reading
 from ambid.rig import Rig
 from ambid.writing import whole_file
 
-__all__ = ["read_model", "rigs_of_model", "write_model"]
+__all__ = ["errors_of_model", "read_model", "rigs_of_model", "write_model"]
 
 FORMAT = "ambid model 1"
 LONGEST_FILE = 1 << 25
@@ -114,10 +115,11 @@ def _model_of(
         found = tuple(find(name, settings, catalogue) for name, settings in effects)
         known = tuple(effect for effect in KNOWN if text.get("tolerances") and not effect.why_not(machine))
         structure = Structure(machine, found, points, machine, known=known)
+        if covariance is not None:
+            _require_covariance(covariance, len(stored))
+        stored, covariance = _known_here(stored, covariance, structure.usual_parameters())
         parameters = _with_limits(stored, structure.usual_parameters())
         structure.require_filled(parameters)
-        if covariance is not None:
-            _require_covariance(covariance, len(parameters))
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from None
     return structure, parameters, covariance
@@ -156,6 +158,42 @@ def _require_covariance(matrix: FloatArray, count: int) -> None:
         raise ModelError("covariance is not symmetric, or not finite where its diagonal is; identify again")
     if known.size and np.linalg.eigvalsh(scaled).min() < -ROUNDING:
         raise ModelError("covariance gives a sum of parameters a negative variance; identify again")
+
+
+def errors_of_model(path: Path) -> dict[str, float]:
+    """Errors of values of the rig file that are not 0 in a saved model, by name.
+
+    Raises
+    ------
+    ModelError
+        If the file is none of ours or has been broken.
+    """
+    with reading(path, ModelError, "a model", "give the file of a saved model"):
+        entries = {name: entry["value"] for name, entry in _content(path)["parameters"].items()}
+        return {name: value for name, value in entries.items() if _is_error(name) and value != 0.0}
+
+
+def _is_error(name: str) -> bool:
+    """Whether a parameter is the error of a value of the rig file."""
+    return name.partition(".")[0] in {effect.name for effect in KNOWN}
+
+
+def _known_here(
+    stored: list[Parameter], covariance: FloatArray | None, usual: Sequence[Parameter]
+) -> tuple[list[Parameter], FloatArray | None]:
+    """What was stored without errors of values that are exact on this rig, and with those of values that only it knows.
+
+    The latter are 0, as well known as the rig says, and independent of the rest.
+    """
+    names = {p.name for p in usual}
+    kept = [i for i, p in enumerate(stored) if p.name in names or not _is_error(p.name)]
+    there = {p.name for p in stored}
+    more = [p for p in usual if p.prior is not None and p.name not in there]
+    if covariance is not None:
+        covariance = block_diag(covariance[np.ix_(kept, kept)], np.diag([float(p.prior or 0.0) ** 2 for p in more]))
+        fixed = np.isnan(np.diag(covariance))
+        covariance[fixed] = covariance[:, fixed] = np.nan
+    return [*(stored[i] for i in kept), *more], covariance
 
 
 def _with_limits(stored: Sequence[Parameter], usual: Sequence[Parameter]) -> list[Parameter]:

@@ -18,6 +18,7 @@ from ambid.model.file import read_model, write_model
 from ambid.model.operating_point import further_points, nominal_of_points, parameters_at
 from ambid.model.parameter import Parameter, of_effect, selected, shared, split, to_rig
 from ambid.model.structure import Structure, is_nonlinear, require_allowed
+from ambid.model.update import RigUpdate, update_of
 from ambid.record import Measurement, Record
 from ambid.results import of_unit
 from ambid.rig import Rig
@@ -439,6 +440,13 @@ class Model:
     def to_rig(self) -> Rig:
         """Return the rig with the model's K_i, K_s, R and tau_e as its nominal values; of R and tau_e their means."""
         return to_rig(self.rig, self.parameters)
+
+    def updated_rig(self) -> RigUpdate:
+        """The rig with the errors of its values in their keys: what records say of the rig file.
+
+        Values that are known to a tolerance are updated, and nominal K_i, K_s, R and tau_e stay; see `to_rig`.
+        """
+        return update_of(self.rig, self.parameters, self._covariance)
 
     @property
     def decay_rate(self) -> float:

@@ -82,7 +82,7 @@ def _parameters(ax: Axes, diagnosis: Diagnosis) -> None:
     """What the parameters of the base model are now, in percent of what they were, beside the rig file's values."""
     before = {p.name: p.value for p in diagnosis.history[0].model.parameters if p.value}
     told = {p.name: p.value for p in nominal(diagnosis.model.rig)}
-    shared = [p for p in diagnosis.model.parameters if p.name in before]
+    shared = [p for p in diagnosis.model.parameters if p.name in before and p.prior is None]
     shared = sorted(shared, key=lambda p: -abs(p.value / before[p.name] - 1.0))[:MOST]
     shared.sort(key=lambda p: diagnosis.model.names.index(p.name))
     widest = 0.0

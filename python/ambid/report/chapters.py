@@ -14,6 +14,7 @@ from ambid.diagnosis.moves import Moved, moved
 from ambid.effects import Effect
 from ambid.errors import RecordError
 from ambid.findings import worst_first
+from ambid.identification.tolerances import NOISE, percent, shares
 from ambid.model.parameter import nominal
 from ambid.report import numbers, pictures, words
 from ambid.report.before_after import DRAWN, before_and_after
@@ -25,6 +26,8 @@ from ambid.rig import Rig
 WORST = 6
 RANKED = 10
 MOST_MOVED = 3
+TOLD_SHARE = 0.02
+"""Of the variance of some parameter: a tolerance that makes less of all is no row of the budget."""
 
 
 def story(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -62,6 +65,8 @@ def story(diagnosis: Diagnosis) -> dict[str, Any]:
         "rankings": [],
         "ledger": None,
         "parameters": [],
+        "tolerances": [],
+        "budget": None,
         "left": None,
         "standing": None,
     }
@@ -90,6 +95,8 @@ def _chapters(diagnosis: Diagnosis) -> dict[str, Any]:
         "rankings": _rankings(diagnosis, last, base.rig),
         "ledger": _ledger(diagnosis) if len(diagnosis.history) > 1 else None,
         "parameters": _parameters(diagnosis, first, changes),
+        "tolerances": [(name, *own.texts()) for name, own in diagnosis.tolerances.items()],
+        "budget": _budget(diagnosis) if diagnosis.tolerances else None,
         "most_moved": words.most_moved(changes[:MOST_MOVED]),
         "left": _left(diagnosis, last) if is_moved else None,
         "standing": standing(diagnosis.model, base if is_moved else None),
@@ -193,7 +200,18 @@ def _parameters(diagnosis: Diagnosis, first: Step, changes: Sequence[Moved]) -> 
     return [
         words.Row.of(p.name, diagnosis.parameters[p.name], told.get(p.name), before.get(p.name), by_name.get(p.name))
         for p in diagnosis.model.parameters
+        if p.prior is None
     ]
+
+
+def _budget(diagnosis: Diagnosis) -> dict[str, Any]:
+    """What makes the variance of each parameter [%]: noise, and every tolerance that makes much of one of them."""
+    parts = {name: dict(shares(own)) for name, own in diagnosis.budget().items()}
+    much = [name for name in diagnosis.tolerances if any(own[name] >= TOLD_SHARE for own in parts.values())]
+    rows = {source: [own[source] for own in parts.values()] for source in (NOISE, *much)}
+    rest = [max(0.0, 1.0 - sum(own)) for own in zip(*rows.values(), strict=True)]
+    told = rows | {"all others": rest}
+    return {"parameters": list(parts), "rows": {source: list(map(percent, own)) for source, own in told.items()}}
 
 
 def _left(diagnosis: Diagnosis, last: Step) -> dict[str, Any]:

@@ -14,7 +14,9 @@ MISSING = "nothing"
 
 
 def differences(one: Rig, other: Rig) -> list[tuple[str, str, str]]:
-    """Keys of the rig file in which two rigs differ, each with the value of either as text; their names do not count.
+    """Keys of the rig file in which two rigs differ, each with the value of either as text.
+
+    Their names and tolerances do not count: they change nothing of what a model of the rig does.
 
     Parameters
     ----------
@@ -25,7 +27,8 @@ def differences(one: Rig, other: Rig) -> list[tuple[str, str, str]]:
     list of (str, str, str)
         Such as ``("bearing[0] (A).bias_current", "10", "6")``, in the order of the file.
     """
-    first, second = (rig.model_dump(by_alias=True, exclude_none=True, exclude={"name"}) for rig in (one, other))
+    beside = {"name", "tolerance"}
+    first, second = (rig.model_dump(by_alias=True, exclude_none=True, exclude=beside) for rig in (one, other))
     return list(_apart("", first, second))
 
 

@@ -236,7 +236,7 @@ class Rig(Spec):
         description="a table [controller] with kind = 'pid', 'state_space' or 'transfer_function'"
     )
     tolerance: Tolerance = Field(
-        default_factory=Tolerance, description="a table [tolerance] with standard deviations, or exact = true"
+        Tolerance(exact=False), description="a table [tolerance] with standard deviations, or exact = true"
     )
     _path: Path | None = PrivateAttr(None)
     _provenance: Provenance | None = PrivateAttr(None)
@@ -388,6 +388,15 @@ class Rig(Spec):
         rig = type(self)(**{key: getattr(self, key) for key in type(self).model_fields} | changes)
         rig._path, rig._provenance = self._path, self._provenance
         return rig
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether its [tolerance] says that every value is exact."""
+        return self.tolerance.exact
+
+    def exact(self) -> "Rig":
+        """Return the rig with every value taken for exact, whatever its [tolerance] says."""
+        return self if self.is_exact else self.replace(tolerance={"exact": True})
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Rig) and self._values() == other._values()

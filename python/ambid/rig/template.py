@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from textwrap import wrap
 
 from ambid.errors import RigError, did_you_mean
+from ambid.rig.tolerance import SOURCES, TYPICAL, UNITS
 
 TEMPLATES = Path(__file__).with_name("templates")
 KINDS = {
@@ -14,6 +17,11 @@ KINDS = {
     "modal_rotor": "a rotor given by its modes",
 }
 """What `rig_template` has."""
+
+
+OF_SHAFTS = ("inertia", "position", "sensor_position", "sensor_angle", "bending_frequency", "modal_damping")
+"""Keys of [tolerance] that a mass on one axis has no values for."""
+WIDTH = 100
 
 
 def rig_template(kind: str) -> str:
@@ -31,4 +39,19 @@ def rig_template(kind: str) -> str:
     """
     if kind not in KINDS:
         raise RigError(f"{kind}: no such kind of rig file; {did_you_mean(kind, KINDS)}expected {', '.join(KINDS)}")
-    return (TEMPLATES / f"{kind}.toml").read_text(encoding="utf-8")
+    text = (TEMPLATES / f"{kind}.toml").read_text(encoding="utf-8")
+    return f"{text}\n{_tolerances(OF_SHAFTS if kind == 'levitator' else ())}"
+
+
+def _tolerances(without: Sequence[str]) -> str:
+    """The table of typical tolerances, each with where it is from."""
+    lines = [
+        "[tolerance]                    # how well the values are known: one standard deviation, here typical ones",
+        "# exact = true                 # every value is exact, as in a simulation; then without the others",
+    ]
+    for key, value in TYPICAL.items():
+        if key not in without:
+            unit = f"{UNITS[key]}" if key in UNITS else "relative"
+            lines += wrap(SOURCES[key], WIDTH, initial_indent="# ", subsequent_indent="# ")
+            lines.append(f"{f'{key} = {value:g}':30s} # {unit}")
+    return "\n".join(lines) + "\n"

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from ambid.rig.fields import MICROMETRES, MICROSECONDS, MILLIMETRES, MILLISECONDS, Range, Spec
 
-__all__ = ["SOURCES", "TYPICAL", "Tolerance"]
+__all__ = ["SOURCES", "TYPICAL", "UNITS", "Tolerance"]
 
 PART = Range(0.0, 1.0, "", (("percent", 0.01),), "relative, one standard deviation; 0 is exact")
 LENGTH = Range(0.0, 0.1, "m", (MILLIMETRES, MICROMETRES), "one standard deviation; 0 is exact", 1e-9)
@@ -38,6 +38,9 @@ TYPICAL: Mapping[str, float] = {
     "air_gap": 0.05,
 }
 """One standard deviation by key: absolute for places [m], angles [degrees] and instants [s], relative for the rest."""
+
+UNITS: Mapping[str, str] = {"position": "m", "sensor_position": "m", "sensor_angle": "degrees", "instant": "s"}
+"""Of the keys that are absolute; the others are relative."""
 
 MEASURED_FREQUENCY = 0.002
 """Relative, of a bending frequency that was measured: the resolution of an impact test, Ewins, Modal Testing, 2000."""

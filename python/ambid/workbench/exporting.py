@@ -9,6 +9,7 @@ from ambid.diagnosis import diagnose
 from ambid.errors import ModelError
 from ambid.record import Measurement
 from ambid.report import write_report
+from ambid.rig import Rig
 from ambid.workbench.session import Bench, Session, Tell, silent
 
 __all__ = ["as_model_file", "as_python", "as_report"]
@@ -26,7 +27,7 @@ def tell(step):
     print(line)
 
 
-rig = ambid.Rig.load({rig})
+rig = {rig}
 records = {records}
 validate = {validate}
 model = {start}
@@ -46,7 +47,7 @@ def as_python(session: Session) -> str:
     bench, rig = session.bench, session.bench.start.rig
     start = "ambid.Model(rig)" if bench.model_file is None else f"ambid.Model.load({_path(bench.model_file)}, rig)"
     return SCRIPT.format(
-        rig=_path(rig.path),
+        rig=_rig(rig),
         records=_loaded(bench, bench.records),
         validate=_loaded(bench, bench.validate),
         start=start,
@@ -77,11 +78,16 @@ def _loaded(bench: Bench, records: tuple[Measurement, ...]) -> str:
     rig, calls = bench.start.rig, []
     for record in records:
         elsewhere = None if record.point == rig else record.point
-        point = "rig" if elsewhere is None else f"ambid.Rig.load({_path(elsewhere.path)})"
+        point = "rig" if elsewhere is None else _rig(elsewhere)
         read_with = f", {bench.read_with}" if bench.read_with else ""
         call = f"ambid.load_measurement({_path(record.path)}, {point}{read_with})"
         calls.append(call if point == "rig" else f"{call}.at({point})")
     return "[{}]".format("".join(f"\n    {call}," for call in calls) + "\n" if calls else "")
+
+
+def _rig(rig: Rig) -> str:
+    """The call that reads a rig as it was taken here."""
+    return f"ambid.Rig.load({_path(rig.path)})" + (".exact()" if rig.is_exact else "")
 
 
 def _path(path: Path | None) -> str:

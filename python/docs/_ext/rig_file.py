@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from ambid.rig import Rig
+from ambid.rig import Rig, Tolerance
 from words import meanings, paragraphs, table
 
 HEAD = ("key", "value", "unit", "allowed", "default", "meaning")
@@ -131,6 +131,6 @@ def _value(annotation: Any) -> str:
 def _default(field: FieldInfo) -> str:
     if field.is_required():
         return "**needed**"
-    if field.default is None or field.default == ():
+    if field.default in (None, (), Tolerance(exact=False)):
         return "left out"
     return f"`{json.dumps(field.default)}`"  # as TOML has it too

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ambid.rig.tolerance import SOURCES, TYPICAL, Tolerance
+from ambid.rig.tolerance import SOURCES, TYPICAL, UNITS, Tolerance
 from words import table
 
 
 def generate(drawn: Path) -> str:
     """A row of each key."""
-    units = {"position": "m", "sensor_position": "m", "sensor_angle": "degrees", "instant": "s"}
-    rows = [[f"`{key}`", f"{TYPICAL[key]:g}", units.get(key, "relative"), SOURCES[key]] for key in TYPICAL]
+    rows = [[f"`{key}`", f"{TYPICAL[key]:g}", UNITS.get(key, "relative"), SOURCES[key]] for key in TYPICAL]
     assert {row[0].strip("`") for row in rows} | {"exact"} == set(Tolerance.model_fields)
     return table(("key", "typical", "unit", "source"), rows)

@@ -1,0 +1,73 @@
+"""``--save-rig``: the rig file with its values that are known to a tolerance updated by records."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import ambid
+from ambid.errors import InputError
+from ambid.findings import Finding, Kind, Where, has
+
+__all__ = ["Updated", "require_rig", "updated"]
+
+DOUBTFUL = Kind(
+    "rig_update_doubtful",
+    "warning",
+    "physics is missing, and the values in the updated rig file may have taken up a part of it",
+    "find what is missing first",
+)
+NOT_UPDATED = Kind(
+    "rig_not_updated",
+    "warning",
+    "not written: the records were not fitted with the errors of the rig file's values",
+)
+HINT = "--save-rig RIG writes the rig file with these values"
+
+
+class Updated(NamedTuple):
+    """What is printed of an updated rig file, its JSON, what the file cannot hold, and what writes it."""
+
+    text: str
+    data: dict[str, Any]
+    findings: Sequence[Finding]
+    write: Callable[[], Sequence[Path]]
+
+
+def require_rig(path: Path | None, start: ambid.Model) -> None:
+    """Refuse to write a rig file that would be no update, or under a name that is none, before any work is done."""
+    if path is None:
+        return
+    if path.suffix.lower() != ".toml":
+        raise InputError(f"--save-rig {path}: the suffix is {path.suffix or 'missing'}; expected .toml")
+    if not start.with_tolerances().tolerances:
+        raise InputError(
+            f"--save-rig {path}: every value of the rig file is exact, and records update none; state in its "
+            "[tolerance] how well they are known"
+        )
+
+
+def updated(result: ambid.Estimate | ambid.Diagnosis, path: Path | None) -> Updated:
+    """The update where it is asked for; else how to ask, where records move a value beyond what is usual."""
+    from ambid.identification.tolerances import VALUE_MOVED  # not at the top: --help need not open that room
+
+    fit = result.comparison if isinstance(result, ambid.Estimate) else result.fit
+    is_adequate = fit is not None and fit.is_adequate
+    if path is None:
+        is_asked = is_adequate and has(result.findings, VALUE_MOVED)
+        return Updated(f"\n  {HINT}" if is_asked else "", {}, (), lambda: ())
+    if not result.tolerances:
+        none = NOT_UPDATED(Where(file=str(path)))
+        return Updated(f"\n{none.severity}: {none.line()}", {"rig_update": {}}, (none,), lambda: ())
+    update = result.model.updated_rig()
+    doubts = () if is_adequate else (DOUBTFUL(Where(file=str(path))),)
+    findings = (*doubts, *update.findings)
+    held = [f"  {own.line()}" for own in update.values if not own.why]
+    lines = ["", "", f"updated in {path}:", *held, *(f"{own.severity}: {own.line()}" for own in findings)]
+
+    def write() -> Sequence[Path]:
+        update.save(path, more=[own.message for own in doubts])
+        return [path]
+
+    return Updated("\n".join(lines), {"rig_update": update.to_json()}, findings, write)
