@@ -59,7 +59,11 @@ BEFORE: Options = {"--before": MODEL["--model"]}
 PLOT: Options = {
     "--plot": ("out.svg", "out.png", "out.xyz", "out", "none/out.svg", "rig.toml", "out.json", "/dev/full")
 }
-SAVE: Options = {"--save": ("saved.json", "model.json", "rig.toml", "out.json", "none/x.json", ".", "/dev/full", "")}
+SAVE: Options = {
+    "--save": ("saved.json", "model.json", "rig.toml", "out.json", "none/x.json", ".", "/dev/full", ""),
+    "--save-rig": ("new.toml", "new.toml", "rig.toml", "new.json", "out.json", "none/x.toml", ".", "/dev/full", ""),
+}
+EXACT: Options = {"--exact": ()}
 READ: Options = {
     "--period": ("1", "3", "4", "5", "126", "126", "630", "-1", "315", "252", "100"),
     "--map": (
@@ -192,35 +196,35 @@ COMMANDS = {
         "": ("pid", "state_space", "levitator", "modal_rotor", "x", ""),
         "--out": ("new.toml", "rig.toml", "new.json", "out.json", "none/new.toml", "/dev/full", ".", "x.toml/y.toml"),
     }),
-    "check": Command(("rig.toml", "RECORD"), QUIET | RECORDS | ALLOW),
-    "compare": Command(("rig.toml", "RECORD"), QUIET | RECORDS | ALLOW | MODEL | BEFORE | PLOT | {
+    "check": Command(("rig.toml", "RECORD"), QUIET | EXACT | RECORDS | ALLOW),
+    "compare": Command(("rig.toml", "RECORD"), QUIET | EXACT | RECORDS | ALLOW | MODEL | BEFORE | PLOT | {
         "--stretch": ("0:0.01", "0.01:0", "nan:nan", "0:inf", "-1:-2", "1e300:1e308", "0:1e-300", "x"),
     }),
-    "identify": Command(("rig.toml", "RECORD"), QUIET | RECORDS | ALLOW | MODEL | OF_IDENTIFY | SAVE | PLOT),
-    "static-load": Command(("bench.toml", "load.csv"), QUIET | {
+    "identify": Command(("rig.toml", "RECORD"), QUIET | EXACT | RECORDS | ALLOW | MODEL | OF_IDENTIFY | SAVE | PLOT),
+    "static-load": Command(("bench.toml", "load.csv"), QUIET | EXACT | {
         "": ("load.csv", "run.csv", "none.csv", "bench.toml"),
         "--deflection": (),
     }),
-    "campaign": Command(("bench_run",), QUIET | {
+    "campaign": Command(("bench_run",), QUIET | EXACT | {
         "--deflection": (),
         "--plot": PLOT["--plot"],
         "--table": ("out.csv", "out.tex", "out.xyz", "none/out.csv", "rig.toml", "out.json", "/dev/full"),
     }, often=3),
-    "rank": Command(("rig.toml", "RECORD"), QUIET | RECORDS | ALLOW | MODEL | PLOT | {
+    "rank": Command(("rig.toml", "RECORD"), QUIET | EXACT | RECORDS | ALLOW | MODEL | PLOT | {
         "--predict": ("loop_delay", "sensor_lag", "flux_saturation", "x", ""),
     }, often=2),
     "diagnose": Command(
-        ("rig.toml", "RECORD"), QUIET | RECORDS | ALLOW | MODEL | SAVE | PLOT | VALIDATE | OF_DIAGNOSE, often=2
+        ("rig.toml", "RECORD"), QUIET | EXACT | RECORDS | ALLOW | MODEL | SAVE | PLOT | VALIDATE | OF_DIAGNOSE, often=2
     ),
-    "frequency-response": Command(("rig.toml", "RECORD"), QUIET | FORCE | RECORDS | MODEL | BEFORE | PLOT | {
+    "frequency-response": Command(("rig.toml", "RECORD"), QUIET | EXACT | FORCE | RECORDS | MODEL | BEFORE | PLOT | {
         "--out": ("frf.csv", "frf.mat", "frf.uff", "response.csv", "run.csv", "rig.toml", "none/frf.csv", "/dev/full"),
     }),
-    "margins": Command(("rig.toml",), QUIET | MODEL | SEED | PLOT | {
+    "margins": Command(("rig.toml",), QUIET | EXACT | MODEL | SEED | PLOT | {
         "--at": ("controller", "sensor", "sensor", "x", ""),
         "--draws": ("1", "40", "100", "0", "-1", "39", "1000000000"),
     }),
-    "poles": Command(("rig.toml",), QUIET | MODEL | BEFORE | PLOT),
-    "campbell": Command(("bench.toml",), QUIET | MODEL | PLOT | {
+    "poles": Command(("rig.toml",), QUIET | EXACT | MODEL | BEFORE | PLOT),
+    "campbell": Command(("bench.toml",), QUIET | EXACT | MODEL | PLOT | {
         "--measured": MODEL["--model"],
         "--speeds": ("0:1000", "1000:0", "0:0", "-1:1", "nan:1", "0:1e300", "0:1e-300", "x", ":"),
     }, often=4),
@@ -231,7 +235,7 @@ COMMANDS = {
         "--fmu": ("out.fmu", "out.fmu", "out.zip", "none/x.fmu", "9 %.fmu", "out.json", "/dev/full"),
         "--fmi": ("2", "3", "3", "1", "-1"),
     }),
-    "workbench": Command(("--no-browser", "rig.toml", "RECORD"), QUIET | RECORDS | ALLOW | MODEL | VALIDATE | {
+    "workbench": Command(("--no-browser", "rig.toml", "RECORD"), QUIET | EXACT | RECORDS | ALLOW | MODEL | VALIDATE | {
         "--port": ("0", "-1", "1", "65535", "65536", "9999999999"),
         "--no-browser": (),
     }, often=2),
@@ -239,15 +243,17 @@ COMMANDS = {
         "": ("loop_delay", "x", "loop"),
         "--rig": ("rig.toml", "bench.toml", "modes.toml", "none", "model.json"),
     }, often=4),
-    "excitation": Command(("rig.toml", "--out", "out.csv"), QUIET | FORCE | MODEL | LIMITS | OF_EXCITATION),
+    "excitation": Command(("rig.toml", "--out", "out.csv"), QUIET | EXACT | FORCE | MODEL | LIMITS | OF_EXCITATION),
     "design": Command(
-        ("rig.toml", "--accuracy", "K_i=5%", "--seconds", "2"), QUIET | FORCE | MODEL | LIMITS | OF_DESIGN, often=4
+        ("rig.toml", "--accuracy", "K_i=5%", "--seconds", "2"),
+        QUIET | EXACT | FORCE | MODEL | LIMITS | OF_DESIGN,
+        often=4,
     ),
-    "simulate": Command(("rig.toml", "--out", "out.csv"), QUIET | FORCE | MODEL | EXPERIMENT | {
+    "simulate": Command(("rig.toml", "--out", "out.csv"), QUIET | EXACT | FORCE | MODEL | EXPERIMENT | {
         "--out": ("out.mat", "out.h5", "out.parquet", "run.csv", "rig.toml", "out.json", "none/x.csv", "/dev/full"),
     }),
     "monte-carlo": Command(
-        ("rig.toml", "--runs", "2", *SHORT), QUIET | MODEL | EXPERIMENT | OF_MONTE_CARLO, often=4
+        ("rig.toml", "--runs", "2", *SHORT), QUIET | EXACT | MODEL | EXPERIMENT | OF_MONTE_CARLO, often=4
     ),
     "demo": Command((), QUIET | FORCE | {
         "--out": ("rig.toml", "none/story", ".", "/dev/full", "x" * 300, "out.json"),
