@@ -98,13 +98,23 @@ def _descended(comparison: Comparison, most: int, step: float) -> Comparison:
     coarse, roughly = model.with_substeps(1), step >= ROUGHLY and not model.is_linear
     is_coarse = roughly and _is_hidden(comparison.noise, model, coarse)
     roughly = roughly and model.without_nonlinear().is_stable
-    problem = WhitenedProblem(coarse if is_coarse else model, comparison.noise, roughly=roughly)
-    lower = np.array([p.lower for p in model.parameters]) / problem.scale
-    upper = np.array([p.upper for p in model.parameters]) / problem.scale
-    end = problem.descend(model.theta / problem.scale, (lower, upper), most, step)
+    held, near = coarse if is_coarse else model, max(step, ROUGHLY)
+    if model.tolerances and (exact := held.without_errors()).is_stable:
+        # many derivatives, and errors that a model without the effect drove off: both are met near the optimum alone
+        begun = WhitenedProblem(exact, comparison.noise, model.free, roughly=roughly)
+        held = held.with_theta(_gone(begun, most, near))
+    end = _gone(WhitenedProblem(held, comparison.noise, roughly=roughly), most, step)
+    return comparison.of(model.with_theta(end))
+
+
+def _gone(problem: WhitenedProblem, most: int, step: float) -> FloatArray:
+    """All parameters where a descent from those of the problem's model ends."""
+    parameters = [problem.model.parameters[i] for i in problem.free]
+    lower, upper, at = np.array([(p.lower, p.upper, p.value) for p in parameters]).T / problem.scale
+    end = problem.descend(at, (lower, upper), most, step)
     if end.status == "stopped":
         raise KeyboardInterrupt from None
-    return comparison.of(model.with_theta(end.theta))
+    return end.theta
 
 
 def _is_hidden(noise: Noise, model: Model, other: Model) -> bool:

@@ -140,6 +140,10 @@ class Model:
         """The parameters that are known to a tolerance; their values are errors of the rig file."""
         return tuple(p for p in self.parameters if p.prior is not None)
 
+    def without_errors(self) -> Model:
+        """Return the model with the values of the rig file, whatever errors of them it had."""
+        return self.with_values({p.name: 0.0 for p in self.tolerances})
+
     def opened(self) -> Model:
         """Return the model whose loop has ports for all errors of known values, to be derived by them."""
         return Model._made_of(replace(self.structure, is_open=True), self.parameters)
