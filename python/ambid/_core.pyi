@@ -131,6 +131,8 @@ class Fit(Records):
     x: _Vector
     prior: NotRequired[_Vector]
     enough: NotRequired[float]
+    numbers: NotRequired[float]
+    witnesses: NotRequired[float]
     most: int
     step: float
 

@@ -189,10 +189,11 @@ class Point:
         every = list(range(len(model.names)))
         own = self.noise.white(model, every)
         self.transients = [white.transients for white in own]
-        known = np.vstack([*(white.slopes for white in own), known_slopes(model, every)])
+        sure = np.sqrt(comparison.noise.size.variance(comparison.cost))  # of what is known beforehand
+        known = np.vstack([*(white.slopes for white in own), sure * known_slopes(model, every)])
         self.spreads = np.append(self.noise.spreads, np.ones(len(known) - len(self.noise.spreads)))
         self.basis, _ = np.linalg.qr(known / _nonzero(np.linalg.norm(known, axis=0)))
-        residual = np.concatenate([*(white.residual for white in own), known_residual(model)])
+        residual = np.concatenate([*(white.residual for white in own), sure * known_residual(model)])
         self.residual = self.freed(residual[None])[0]
         self.cost = float(self.residual @ self.residual)
         self.dof = comparison.dof

@@ -35,7 +35,7 @@ from ambid.model import Model
 from ambid.model.parameter import nominal
 from ambid.noise import Comparison
 from ambid.noise.colour import loop_noise
-from ambid.noise.known import known_weights
+from ambid.noise.known import BANDS, known_weights
 
 __all__ = [
     "UNSEEN_VARIANCE",
@@ -50,8 +50,6 @@ __all__ = [
 
 UNSEEN_VARIANCE = 1e6
 """Relative variance that stands for infinity, for a combination that moves no output."""
-BANDS = 40
-"""Bands of lines of each record whose scores count as independent where misfit is left."""
 
 BAND = 21
 """Neighbouring lines over which the spectrum of the residual is averaged."""
@@ -85,18 +83,25 @@ def budget(comparison: Comparison, free: Sequence[int]) -> FloatArray:
 def _by_noise(
     comparison: Comparison, free: Sequence[int], scale: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Inverse of half the Hessian of J, the directions that move no output, and the covariance by noise and misfit."""
+    """Inverse of half the Hessian of J, the directions that move no output, and the covariance by noise and misfit.
+
+    Beside what is known beforehand, residuals that are larger than noise count as little as in the fit, see `tempered`.
+    """
     hessian = comparison.noise.quadratic(comparison.model, free).hessian * np.outer(scale, scale)
-    inverse, unseen = inverted(hessian)
     known = known_weights(comparison.model, free) * scale**2
+    left = 1.0
+    if known.any() and not comparison.is_adequate:
+        left = comparison.noise.size.variance(comparison.cost)
+        hessian = hessian / left + np.diag((1.0 - 1.0 / left) * known)
+    inverse, unseen = inverted(hessian)
     by_noise = inverse * float(np.mean(comparison.noise.spreads))
     if known.any():  # what is known beforehand is no part of what the records measure
         values, vectors = np.linalg.eigh(hessian - np.diag(known))
         root = inverse @ vectors * np.sqrt(np.maximum(values, 0.0))
         by_noise = root @ root.T * float(np.mean(comparison.noise.spreads))
     if not comparison.is_adequate:
-        banded = inverse @ _banded(comparison, free, scale) @ inverse
-        by_noise = _larger(banded, by_noise * comparison.misfit)
+        banded = inverse @ (_banded(comparison, free, scale) / left**2) @ inverse
+        by_noise = _larger(banded, by_noise * (comparison.misfit / left))
     return inverse, unseen, by_noise
 
 

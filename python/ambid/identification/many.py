@@ -300,6 +300,8 @@ def fit_for_core(descent: Descent) -> _core.Fit | None:
         "x": np.ascontiguousarray(descent.x),
         "prior": problem.prior,
         "enough": problem.enough,
+        "numbers": problem.size.numbers,
+        "witnesses": problem.size.witnesses,
         "most": descent.most,
         "step": descent.step,
     }

@@ -12,7 +12,7 @@ from ambid.errors import UnstableLoopError
 from ambid.identification.problem import EXACTLY, End, LeastSquares
 from ambid.model import Model
 from ambid.noise import Comparison, Noise, Quadratic
-from ambid.noise.known import known_weights
+from ambid.noise.known import Size, known_weights
 
 __all__ = ["ROUGHLY", "SUBSTEPS", "WhitenedProblem", "criterion", "refit"]
 
@@ -57,6 +57,11 @@ class WhitenedProblem(LeastSquares):
     def prior(self) -> FloatArray:
         """See `LeastSquares.prior`."""
         return known_weights(self.model, self.free)
+
+    @property
+    def size(self) -> Size:
+        """See `LeastSquares.size`."""
+        return self.noise.size if self.prior.any() else Size()
 
     def for_core(self) -> _core.Records | None:
         """All judged lines, by operating point, where all models of them are linear."""

@@ -14,6 +14,7 @@ from ambid.arrays import FloatArray
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.model import Model
 from ambid.noise import noise_ceiling
+from ambid.noise.known import Size, tempered
 from ambid.record import Record
 
 STUCK = 0.1
@@ -87,6 +88,11 @@ class LeastSquares(ABC):
         """Fall of J below which no further step is gone; 0 where the relative step alone ends a descent."""
         return ENOUGH if self.prior.any() else 0.0
 
+    @property
+    def size(self) -> Size:
+        """Of what is judged, where something is known beforehand; see `tempered`."""
+        return Size()
+
     def for_core(self) -> _core.Records | None:
         """The records as `_core.fit_all` takes them; None where it cannot."""
         return None
@@ -140,7 +146,8 @@ class LeastSquares(ABC):
             return End(self.theta(x), cost, "stopped")
         status = "max_evaluations" if result.status == 0 else "converged"
         at_bound = (result.active_mask != 0) & (np.abs(result.x) > 10 * tiny) & (self.prior == 0.0)
-        return End(self.theta(result.x), 2.0 * result.cost, "at_bound" if at_bound.any() else status)
+        cost = self.normal_equations(result.x)[2]
+        return End(self.theta(result.x), cost, "at_bound" if at_bound.any() else status)
 
     def _residual(self, x: FloatArray) -> FloatArray:
         """The short residual; infinite, which SciPy rejects as a step, where the loop is unstable."""
@@ -153,11 +160,12 @@ class LeastSquares(ABC):
         short, jacobian = self._short(x)
         cost = float(short @ short)
         if short[:-1] @ short[:-1] < max(self._gain * cost, self.enough):  # what a step would still gain, bounds or not
-            raise _Arrived(End(self.theta(x), cost, "converged"))
+            raise _Arrived(End(self.theta(x), self.normal_equations(x)[2], "converged"))
         return jacobian
 
     def _short(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        hessian, gradient, cost = self.normal_equations(x)
+        weights = self.prior * self.scale**2
+        hessian, gradient, cost = tempered(*self.normal_equations(x), weights, x, self.size)
         values, vectors = np.linalg.eigh(hessian)
         roots = np.sqrt(np.maximum(values, values[-1] * 1e-15))
         explained = vectors.T @ gradient / roots

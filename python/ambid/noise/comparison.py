@@ -23,6 +23,7 @@ from ambid.noise.chance import ADEQUATE, misfit_bound
 from ambid.noise.compared import ChannelComparison, RecordComparison, record_against, unjudged
 from ambid.noise.fit import with_average
 from ambid.noise.halves import uneven
+from ambid.noise.known import known_weights, tempered
 from ambid.noise.lines import RecordLines
 from ambid.noise.noise import Noise
 from ambid.noise.response_lines import ResponseLines
@@ -396,8 +397,9 @@ def _with_known_values(comparison: Comparison) -> Comparison:
     for _ in range(MOST_STEPS if places else 0):
         here, form = best.model, best.noise.quadratic(best.model, places)
         own = [here.parameters[i] for i in places]
-        theta = here.theta
-        theta[places] -= np.linalg.solve(form.hessian, form.gradient)
+        theta, weights = here.theta, known_weights(here, places)
+        hessian, gradient, _ = tempered(form.hessian, form.gradient, form.cost, weights, theta[places], best.noise.size)
+        theta[places] -= np.linalg.solve(hessian, gradient)
         theta[places] = np.clip(theta[places], [p.lower for p in own], [p.upper for p in own])
         trial = best.of(here.with_theta(theta))
         try:

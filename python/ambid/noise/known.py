@@ -4,18 +4,23 @@ A value that is known to a tolerance is a measurement of its own: its error d fr
 s, adds the whitened number ``0 - d/s`` to the residual, and to J the square of it. A fit that moves d with the other
 parameters minimises ``J = r'r + sum (d/s)^2``, which is the maximum a posteriori; with the response linear in d, J
 there is that of a residual whose covariance ``I + psi s^2 psi'`` the errors are part of: they are marginalised.
+
+Where a model leaves more than noise, what is left is no evidence of so many errors of the rig file: it is smooth over
+bands of lines, so that N numbers are only W witnesses of it, and its size is fitted beside the parameters. In place of
+J comes ``N + W ln V + sum (d/s)^2`` with ``V = 1 + (r'r - N)/W`` where ``r'r > N``, which has the gradient of ``r'r/V``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from ambid.arrays import FloatArray
 from ambid.model import Model
 
-__all__ = ["known_residual", "known_slopes", "known_weights"]
+__all__ = ["BANDS", "Size", "known_residual", "known_slopes", "known_weights", "tempered"]
 
 
 def known_residual(model: Model) -> FloatArray:
@@ -33,3 +38,32 @@ def known_weights(model: Model, free: Sequence[int]) -> FloatArray:
     """One over the variance to which each parameter in `free` is known beforehand, 0 of one that is not, (free,)."""
     stds = [model.parameters[i].prior for i in free]
     return np.array([0.0 if std is None else std**-2 for std in stds])
+
+
+BANDS = 40
+"""Bands of lines of each record that count as independent where misfit is left."""
+
+
+class Size(NamedTuple):
+    """Judged numbers, and how many of them count as independent where more than noise is left; none: not asked for."""
+
+    numbers: float = 0.0
+    witnesses: float = 0.0
+
+    def variance(self, measured: float) -> float:
+        """V of a sum of squares."""
+        excess = measured - self.numbers
+        return 1.0 + excess / self.witnesses if excess > 0.0 and self.witnesses > 0.0 else 1.0
+
+
+def tempered(
+    hessian: FloatArray, gradient: FloatArray, cost: float, weights: FloatArray, theta: FloatArray, size: Size
+) -> tuple[FloatArray, FloatArray, float]:
+    """J'J, J'r and r'r, in which each of the parameters `theta` is known with a weight, with V of what is left."""
+    known = float(weights @ theta**2)
+    left = size.variance(cost - known)
+    if left == 1.0:
+        return hessian, gradient, cost
+    rest = (1.0 - 1.0 / left) * weights
+    cost = size.numbers + size.witnesses * float(np.log(left)) + known
+    return hessian / left + np.diag(rest), gradient / left + rest * theta, cost

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from ambid import _core
 from ambid.arrays import FloatArray
 from ambid.loop.effect import Tone
 from ambid.model import Model
-from ambid.noise.known import known_residual, known_slopes
+from ambid.noise.known import BANDS, Size, known_residual, known_slopes
 from ambid.noise.lines import REMEMBERED, RecordLines, White
 from ambid.noise.measured import Measured
 from ambid.noise.response_lines import ResponseLines
@@ -142,6 +143,14 @@ class Noise:
     def by_record(self, white: FloatArray) -> list[FloatArray]:
         """Whitened numbers of all records, record by record, without those that are known beforehand."""
         return np.split(white, np.cumsum([part.numbers for part in self.parts]))[:-1]
+
+    @cached_property
+    def size(self) -> Size:
+        """Of all records."""
+        lines = [len(part.by_line(np.zeros((part.numbers, 1)))) for part in self.parts]
+        channels = [part.judged / (2 * own) for part, own in zip(self.parts, lines, strict=True)]
+        witnesses = sum(min(BANDS, own) * each for own, each in zip(lines, channels, strict=True))
+        return Size(float(self.lines), witnesses)
 
     def residual(self, model: Model) -> FloatArray:
         """Whitened measured minus simulated, all records in a row, then what is known beforehand; J is its square."""

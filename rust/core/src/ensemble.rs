@@ -53,6 +53,9 @@ pub struct Fit<'a> {
     pub step: f64,
     /// Fall of the sum of squares below which no further step is gone; 0 where only `step` ends the descent.
     pub enough: f64,
+    /// Judged numbers, and how many of them miss independently where more than noise is left; weighs beside the prior.
+    pub numbers: f64,
+    pub witnesses: f64,
     /// Of the parameters in `free` one over the variance that each is known to, about 0, before any record; 0 for
     /// nothing. What the values take of it is part of the sum of squares.
     pub prior: Vec<f64>,
@@ -90,6 +93,8 @@ impl Fit<'_> {
             most: self.most,
             step: self.step,
             enough: self.enough,
+            numbers: self.numbers,
+            witnesses: self.witnesses,
         };
         let start = from.as_ref().map_or_else(|| DVector::from_column_slice(&self.x), |from| from.x.clone());
         let mut known = from;

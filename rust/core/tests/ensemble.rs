@@ -44,6 +44,8 @@ fn fit<'a>(p: &Problem, system: &'a ClosedLoop, records: Records<'a>, off: f64) 
         free,
         most: 100,
         enough: 0.0,
+        numbers: 0.0,
+        witnesses: 0.0,
         prior: vec![0.0; p.free().len()],
         step: 1e-8,
     }

@@ -42,6 +42,10 @@ pub struct Fit<'py> {
     #[pyo3(item, default)]
     enough: f64,
     #[pyo3(item, default)]
+    numbers: f64,
+    #[pyo3(item, default)]
+    witnesses: f64,
+    #[pyo3(item, default)]
     prior: Option<PyReadonlyArray1<'py, f64>>,
 }
 
@@ -63,6 +67,8 @@ impl Fit<'_> {
             most: self.most,
             step: self.step,
             enough: self.enough,
+            numbers: self.numbers,
+            witnesses: self.witnesses,
             prior: match &self.prior {
                 Some(prior) => prior.as_slice()?.to_vec(),
                 None => vec![0.0; self.free.len()],

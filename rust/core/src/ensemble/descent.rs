@@ -39,6 +39,8 @@ pub struct Settings<'a> {
     pub most: usize,
     pub step: f64,
     pub enough: f64,
+    pub numbers: f64,
+    pub witnesses: f64,
 }
 
 pub struct Ended {
@@ -64,7 +66,7 @@ pub fn descend(
     let start = feasible(&inside, &lower, &upper, OFF_BOUND);
     let (small, least) = (settings.step.powf(1.25), settings.step.powf(1.5));
     let first = evaluate(&start)?;
-    let mut at = Point::new(start, first, settings.scale).ok_or(Error::NotFinite { what: "sum of squares" })?;
+    let mut at = Point::new(start, first, settings).ok_or(Error::NotFinite { what: "sum of squares" })?;
     let mut evaluations = 1;
     let (v, _) = at.to_bounds(&lower, &upper);
     let mut radius = at.x.zip_map(&v, |x, v| x / v.sqrt()).norm();
@@ -95,7 +97,7 @@ pub fn descend(
             evaluations += 1;
             let found = match evaluate(&trial) {
                 Err(Error::Stopped) => return Err(Error::Stopped),
-                found => found.ok().and_then(|normal| Point::new(trial, normal, settings.scale)),
+                found => found.ok().and_then(|normal| Point::new(trial, normal, settings)),
             };
             let size = scaled.norm();
             let Some(found) = found else {
@@ -156,11 +158,28 @@ struct Point {
 
 impl Point {
     /// Nothing where a number is not finite.
-    fn new(x: DVector<f64>, normal: LineNormal, scale: &[f64]) -> Option<Self> {
-        let scale = DVector::from_column_slice(scale);
-        let hessian = DMatrix::from_fn(x.len(), x.len(), |i, j| normal.hessian[(i, j)] * scale[i] * scale[j]);
-        let slope = normal.gradient.component_mul(&scale);
-        if !(normal.cost.is_finite() && slope.iter().chain(hessian.iter()).all(|number| number.is_finite())) {
+    ///
+    /// Beside a prior, what is left above noise is a misfit that W witnesses share of N numbers: with its size that is
+    /// likeliest, `N + W ln V + prior`, `V = 1 + (r'r - N) / W`, takes the place of the sum of squares where `r'r > N`.
+    fn new(x: DVector<f64>, normal: LineNormal, settings: &Settings<'_>) -> Option<Self> {
+        let scale = DVector::from_column_slice(settings.scale);
+        let prior = DVector::from_column_slice(settings.prior).component_mul(&scale).component_mul(&scale);
+        let by_prior = prior.component_mul(&x);
+        let known = by_prior.dot(&x);
+        let measured = normal.cost - known;
+        let excess = if settings.witnesses > 0.0 { (measured - settings.numbers).max(0.0) } else { 0.0 };
+        let variance = 1.0 + if excess > 0.0 { excess / settings.witnesses } else { 0.0 };
+        let cost = normal.cost - excess + if excess > 0.0 { settings.witnesses * variance.ln() } else { 0.0 };
+        let rest = 1.0 - 1.0 / variance;
+        let mut hessian = DMatrix::from_fn(x.len(), x.len(), |i, j| normal.hessian[(i, j)] * scale[i] * scale[j]);
+        let mut slope = normal.gradient.component_mul(&scale);
+        if variance > 1.0 {
+            hessian.unscale_mut(variance);
+            slope.unscale_mut(variance);
+            (0..x.len()).for_each(|i| hessian[(i, i)] += rest * prior[i]);
+            slope.axpy(rest, &by_prior, 1.0);
+        }
+        if !(cost.is_finite() && slope.iter().chain(hessian.iter()).all(|number| number.is_finite())) {
             return None;
         }
         let SymmetricEigen { eigenvectors, eigenvalues } = SymmetricEigen::new(hessian);
@@ -169,7 +188,7 @@ impl Point {
         let explained = eigenvectors.tr_mul(&slope).component_div(&roots);
         let jacobian = DMatrix::from_diagonal(&roots) * eigenvectors.transpose();
         let gradient = jacobian.tr_mul(&explained);
-        let half = 0.5 * normal.cost.max(explained.norm_squared());
+        let half = 0.5 * cost.max(explained.norm_squared());
         half.is_finite().then_some(Self { x, jacobian, explained, gradient, half, normal })
     }
 
