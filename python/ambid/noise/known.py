@@ -6,8 +6,9 @@ parameters minimises ``J = r'r + sum (d/s)^2``, which is the maximum a posterior
 there is that of a residual whose covariance ``I + psi s^2 psi'`` the errors are part of: they are marginalised.
 
 Where a model leaves more than noise, what is left is no evidence of so many errors of the rig file: it is smooth over
-bands of lines, so that N numbers are only W witnesses of it, and its size is fitted beside the parameters. In place of
-J comes ``N + W ln V + sum (d/s)^2`` with ``V = 1 + (r'r - N)/W`` where ``r'r > N``, which has the gradient of ``r'r/V``.
+bands of lines, so that N numbers are only W witnesses of it, and its size is fitted beside the parameters. Where
+``r'r > N``, ``N + W ln V + sum (d/s)^2`` with ``V = 1 + (r'r - N)/W`` takes the place of J; it has the gradient of
+``r'r/V``.
 """
 
 from __future__ import annotations
