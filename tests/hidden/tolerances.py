@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
+from ambid.loop.geometry import rotor_of
 from ambid.record import Record
 from ambid.rig import Rig
 
 from .bench import simulate
 
-__all__ = ["TABLE", "measured_off"]
+__all__ = ["TABLE", "Machine", "machine_off", "measured_off"]
 
 TABLE = {
     "mass": 0.005,
@@ -31,14 +34,48 @@ TABLE = {
 """[tolerance] of the rig files."""
 
 
-def measured_off(rig: Rig, i_e: np.ndarray, seed: int, **machine: object) -> tuple[Rig, Record]:
-    """The rig file, with its tolerances, and a record of a machine that is off from it; `machine` as of `simulate`."""
+class Machine(NamedTuple):
+    """A machine that is off from its rig file.
+
+    Attributes
+    ----------
+    known : Rig
+        The rig file, with its tolerances.
+    true : Rig
+        With what a rig file can hold of the errors.
+    hidden : dict
+        The other errors, as `simulate` takes them.
+    louder : float
+        By which the excitation exceeds what is recorded of it.
+    read : ndarray, shape (axes,)
+        Factors of the reading of the currents.
+    """
+
+    known: Rig
+    true: Rig
+    hidden: dict
+    louder: float
+    read: np.ndarray
+
+    def record(self, i_e: np.ndarray, seed: int, beside: Mapping[str, dict] | None = None, **machine: object) -> Record:
+        """A record of it, with further effects `beside`; `machine` as of `simulate`."""
+        record = simulate(self.true, self.louder * i_e, self.hidden | dict(beside or {}), seed=seed, **machine)
+        assert record.i_c is not None
+        return replace(record, i_e=i_e, i_c=record.i_c * self.read)
+
+
+def machine_off(rig: Rig, seed: int) -> Machine:
+    """A machine whose every value has an error of its own."""
     draw = np.random.default_rng([seed, 38])
 
     def off(key: str, size: int | None = None) -> np.ndarray:
         return TABLE[key] * draw.standard_normal(size)
 
     hidden = {"sensor_gain_error": {"gain": list(1.0 + off("sensor_gain", len(rig.axes)))}}
+    if getattr(rig.rotor, "mass", None) is None and rig.rotor.bending_frequencies_hz is None:
+        computed = rotor_of(rig).frequencies_rad_s / (2.0 * np.pi)
+        measured = {"bending_frequencies_hz": tuple(computed[computed > 0.0].tolist())}
+        rig = rig.replace(rotor=rig.rotor.model_copy(update=measured))
     if getattr(rig.rotor, "mass", None) is not None:
         rotor = rig.rotor.model_copy(update={"mass": rig.rotor.mass * (1.0 + off("mass"))})
     else:
@@ -61,7 +98,10 @@ def measured_off(rig: Rig, i_e: np.ndarray, seed: int, **machine: object) -> tup
         controller=own.model_copy(update=gains),
     )
     louder = 1.0 if own.is_digital else 1.0 + off("excitation_gain")
-    record = simulate(true, louder * i_e, hidden, seed=seed, **machine)
-    assert record.i_c is not None
-    read = record.i_c * (1.0 + off("current_gain", len(rig.axes)))
-    return rig.replace(tolerance=TABLE), replace(record, i_e=i_e, i_c=read)
+    return Machine(rig.replace(tolerance=TABLE), true, hidden, louder, 1.0 + off("current_gain", len(rig.axes)))
+
+
+def measured_off(rig: Rig, i_e: np.ndarray, seed: int, **machine: object) -> tuple[Rig, Record]:
+    """The rig file, with its tolerances, and a record of a machine that is off from it; `machine` as of `simulate`."""
+    own = machine_off(rig, seed)
+    return own.known, own.record(i_e, seed, **machine)
