@@ -112,9 +112,7 @@ def report(rows: list[Row]) -> None:
         alone = [abs(z) < 1.96 for row in own for z in row["statistical"]]
         ratio = np.median([row["seconds"]["tolerances"] / row["seconds"]["exact"] for row in own])
         print(f"{name:12s} adequate {rate_text(sum(row['adequate'] for row in own), len(own))}")
-        print(
-            f"{'':12s} intervals hold {rate_text(sum(inside), len(inside))}; by noise alone {100 * np.mean(alone):.1f} %"
-        )
+        print(f"{'':12s} intervals hold {rate_text(sum(inside), len(inside))}; by noise {100 * np.mean(alone):.1f} %")
         print(f"{'':12s} mean J/dof {np.mean([row['misfit'] for row in own]):.4f}; time over an exact fit {ratio:.2f}")
     for effect in ("", *TIMES, *CLEAR):
         own = [row for row in rows if row["key"][0] == "diagnose" and row["key"][2] == effect]
