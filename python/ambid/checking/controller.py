@@ -35,6 +35,8 @@ BY_CHANCE = 6.0
 rivals differ by no more than twice the root of either at one standard error."""
 DELAYS = (0.0, -0.5, 0.5, 1.0, 1.5)
 """Delays in samples from which the equation is solved before y is said to be late: what is held has a kink at each."""
+RECORDED = 5.0
+"""Standard deviations by which noise of y that only the recorder has must show to be heeded."""
 FEWEST = 30
 """Lines clear of noise that an equation is fitted to at least."""
 ALONE = 30.0
@@ -189,9 +191,9 @@ def _alone(loop: NominalLoop, lines: Lines) -> NDArray[np.bool_]:
 def _equations(loop: NominalLoop, lines: Lines) -> dict[int, _Equation]:
     """That of every axis that shows it clear of noise on enough lines, on these.
 
-    What the equation, fitted to all lines, misses where nothing is excited is its noise, whatever the noise is from:
-    what a controller hears passes the equation, what only a recorder has does not. Lines of y that hold little else
-    would bias the factors (errors in variables).
+    Noise of y that only a recorder has biases the factors on lines that hold little else (errors in variables). Where
+    nothing is excited, what the equation misses goes with what it makes of y by the power of just that noise: what a
+    controller hears passes the equation, and noise of i_c does not go with y.
     """
     whole = dict(enumerate(_on_lines(loop, lines)))
     if lines.quiet is None or not len(lines.quiet.index):
@@ -200,11 +202,15 @@ def _equations(loop: NominalLoop, lines: Lines) -> dict[int, _Equation]:
     found = {}
     for (k, own), still in zip(whole.items(), _on_lines(loop, lines.quiet), strict=True):
         x, *_ = own.solved()
-        noise = uniform_filter1d(np.abs(sum(still.followed(x)) - still.i_c) ** 2, AROUND, mode="nearest")
-        clear = np.abs(own.followed(x)[1]) ** 2 > CLEAR * noise[here]
-        if clear.all():
+        by_i_e, by_y = still.followed(x)
+        missed = by_i_e + by_y - still.i_c
+        together = np.real(missed * by_y.conj())
+        if together.sum() <= RECORDED * np.sqrt(0.5 * np.sum(np.abs(missed * by_y) ** 2)):
             found[k] = own
-        elif np.count_nonzero(clear) >= FEWEST:
+            continue
+        noise = uniform_filter1d(together, AROUND, mode="nearest")
+        clear = np.abs(own.followed(x)[1]) ** 2 > CLEAR * noise[here]
+        if np.count_nonzero(clear) >= FEWEST:
             found[k] = _on_lines(loop, lines.some(clear))[k]
     return found
 
