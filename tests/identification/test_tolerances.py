@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from ambid import Rig, identify, prbs
+from ambid import Rig, diagnose, identify, prbs
+from ambid._core import fit_all
+from ambid.diagnosis import compare
+from ambid.identification.covariance import covariance
+from ambid.identification.many import fit_for_core
+from ambid.identification.minimum import WhitenedProblem
+from ambid.identification.problem import Descent
 from hidden.bench import simulate
 from hidden.families import BENCHES
 from hidden.tolerances import TABLE, measured_off
@@ -64,7 +70,7 @@ def test_a_tolerance_that_the_record_feels_is_found():
 
 
 def test_an_exact_rig_file_is_fitted_as_before(rig, run):
-    exact, without = identify(rig.replace(tolerance={"exact": True}), run), identify(rig, run)
+    exact, without = identify(rig.replace(tolerance={"mass": 0.01}).exact(), run), identify(rig, run)
     assert exact.to_json()["parameters"] == without.to_json()["parameters"]
     assert not exact.tolerances
 
@@ -75,3 +81,33 @@ def test_variances_are_the_sum_of_their_budget(rig, run):
     for name, p in estimate.parameters.items():
         assert sum(budget[name].values()) == pytest.approx(p.std_error**2, rel=1e-6)
         assert budget[name]["noise"] == pytest.approx(p.std_error_statistical**2, rel=1e-9)
+
+
+def test_what_an_effect_leaves_is_no_evidence_of_errors_of_the_rig_file():
+    """The effect is named alone, and the values of the rig file stay what they are known to be until it is added."""
+    rig = Rig.load(LEVITATOR).replace(tolerance={})
+    i_e = prbs(8, amplitude=0.2, hold=2, axes=1, periods=8)
+    late = {"loop_delay": {"seconds": 8e-5}}
+    own = {**ONE_AXIS, "sensor_noise": 30e-9, "current_noise": 2e-3}
+    train, validate = (simulate(rig, level * i_e, late, seed=seed, **own) for seed, level in ((1, 1.0), (2, 0.8)))
+    without = identify(rig, train)
+    assert without.misfit > 20.0
+    assert all(abs(known.posterior_value) < 2.5 * known.std for known in without.tolerances.values())
+    found = diagnose(rig, train, validate=validate)
+    assert (found.verdict, found.effects) == ("explained", ("loop_delay",))
+    assert found.parameters["loop_delay.delay"].ci95[0] < 8e-5 < found.parameters["loop_delay.delay"].ci95[1]
+
+
+def test_the_core_goes_down_as_scipy_does():
+    rig = Rig.load(LEVITATOR).replace(tolerance={})
+    i_e = prbs(8, amplitude=0.2, hold=2, axes=1, periods=8)
+    record = simulate(rig, i_e, {"loop_delay": {"seconds": 2e-5}}, seed=1, **ONE_AXIS)
+    comparison = compare(rig, record)
+    problem = WhitenedProblem(comparison.model, comparison.noise)
+    limits = tuple(np.array([getattr(p, side) for p in comparison.model.parameters]) for side in ("lower", "upper"))
+    descent = Descent(problem, problem.model.theta / problem.scale, tuple(own / problem.scale for own in limits), 50)
+    (ended,) = fit_all([fit_for_core(descent)])
+    alone = descent.alone()
+    spread = np.sqrt(np.diag(covariance(comparison.of(comparison.model.with_theta(alone.theta)), problem.free)))
+    assert ended["cost"] > 1.5 * comparison.dof
+    assert np.abs((ended["theta"] - alone.theta) / spread).max() < 0.1
