@@ -74,6 +74,20 @@ def test_spreads_are_drawn_and_told():
     assert len(set(mass)) == 40
 
 
+@pytest.mark.parametrize("runs", [60, pytest.param(400, marks=pytest.mark.slow)])
+def test_values_that_are_known_to_a_tolerance_are_off_in_every_run(runs):
+    own = plan(rig=RIG.replace(tolerance={}))
+    found = run_monte_carlo(own, runs)
+    rows = found.rows
+    for name, std in (("mass", 0.005), ("sensor_gain.A_zeta", 0.01)):
+        drawn = np.array([row[f"drawn.{name}"] for row in rows])
+        assert drawn.std() == pytest.approx(std, rel=4.0 / np.sqrt(2.0 * runs))
+    assert found.adequate > 0.93
+    for accuracy in found.parameters.values():
+        assert accuracy.coverage > 0.95 - 4.0 * np.sqrt(0.05 * 0.95 / runs)
+        assert accuracy.spread == pytest.approx(accuracy.std_error, rel=6.0 / np.sqrt(2.0 * runs))
+
+
 def test_a_value_of_the_rig_that_is_drawn_is_the_truth():
     own = plan(spreads=(Spread.parse("actuator.time_constant=normal:3%"),))
     truth = own.of_run(2)

@@ -50,6 +50,8 @@ class Truth:
 class Plan:
     """Many virtual experiments on a machine, whose owner knows its rig.
 
+    A value of the rig file that is known to a tolerance is off by an error of its own in every run.
+
     Attributes
     ----------
     rig : Rig
@@ -143,6 +145,7 @@ class Plan:
                 names += [f"{spread.key}.{k}" for k in range(len(at))]
             else:
                 names += [self.machine.names[i] for i in self.machine.index([spread.key])]
+        names += [p.name for p in self.machine.with_tolerances().tolerances]
         return tuple(dict.fromkeys(name for name in names if name not in self.start.names))
 
     @property
@@ -177,7 +180,15 @@ class Plan:
             at_run = {p.name: spread.draw(p.value, random) for p in model.parameters if p.name in own}
             drawn |= at_run
             model = model.with_values(at_run)
-        return Truth(model, amplitude, drawn, seed)
+        errors = self._errors(model.with_tolerances(), run)
+        model = model.with_tolerances().with_values(errors)
+        return Truth(model, amplitude, drawn | errors, seed)
+
+    def _errors(self, model: Model, run: int) -> dict[str, float]:
+        """What the rig file is off by in a run: values that are known to a tolerance have an error of their own."""
+        random = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(run, 1)))
+        errors = {p.name: float(p.prior or 0.0) * float(random.standard_normal()) for p in model.tolerances}
+        return {p.name: min(max(errors[p.name], p.lower), p.upper) for p in model.tolerances}
 
     def record(self, run: int, truth: Truth) -> Record:
         """What the instruments of a run record."""
