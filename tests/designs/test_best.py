@@ -8,10 +8,11 @@ from scipy.optimize import minimize
 
 import ambid
 from ambid.designs import Instruments, Limits, design, forecast, prospect
-from ambid.designs.best import NOT_ACCURATE, SENSITIVE, TOO_SHORT
+from ambid.designs.best import NOT_ACCURATE, OUT_OF_REACH, SENSITIVE, TOO_SHORT
 from ambid.designs.lines import PoweredLines
 from ambid.designs.powers import best_powers, criterion
 from ambid.errors import InputError, ModelError, UnstableLoopError
+from ambid.rig.tolerance import TYPICAL
 from places import BENCH, LEVITATOR
 
 RIG = ambid.Rig.load(LEVITATOR)
@@ -174,3 +175,29 @@ def test_a_pole_at_zero_has_no_width_to_choose_a_period_by():
     rig = ambid.Rig.load(LEVITATOR)
     with pytest.raises(UnstableLoopError):
         design(rig.replace(controller=cancelled), Instruments.stated(1, 2e-7, 0.01), seconds=1.0)
+
+
+def test_an_accuracy_that_tolerances_forbid_is_out_of_reach():
+    """With a sensor known to 1 %, no record says K_i to 0.1 %."""
+    known = RIG.replace(tolerance={"exact": False, **dict.fromkeys(TYPICAL, 0.0), "sensor_gain": 0.01, "mass": 0.002})
+    found = design(known, STATED, accuracy={"K_i": "0.1%"})
+    (finding,) = (own for own in found.findings if own.kind is OUT_OF_REACH)
+    assert finding.values["parameter"] == "K_i.A_zeta"
+    assert finding.values["tolerance"] == "sensor_gain.A_zeta"
+    assert finding.values["by_tolerances"] > 5.0 * finding.values["wanted"]
+    own = found.prospect.parameters["K_i.A_zeta"]
+    assert 1.96 * own.std_error == pytest.approx(finding.values["by_tolerances"], rel=0.1)
+    reached, exact = (design(rig, STATED, accuracy={"K_i": "5%"}) for rig in (known, RIG))
+    assert not [own for own in reached.findings if own.kind in (OUT_OF_REACH, NOT_ACCURATE)]
+    assert reached.forecast.seconds >= exact.forecast.seconds
+
+
+def test_what_is_foreseen_with_tolerances_is_what_a_fit_says():
+    known = ambid.Model(RIG.replace(tolerance={"mass": 0.005, "sensor_gain": 0.01}))
+    i_e = ambid.prbs(8, amplitude=0.3, hold=2, axes=1, periods=8)
+    told = prospect(known, i_e, period=510, instruments=STATED).parameters
+    record = replace(MODEL.virtual_experiment(i_e, seed=1, sensor_noise=50e-9, current_noise=0.01), period=510)
+    found = ambid.identify(known, record).parameters
+    for name, p in found.items():
+        assert told[name].std_error == pytest.approx(p.std_error, rel=0.1)
+        assert told[name].std_error_statistical == pytest.approx(p.std_error_statistical, rel=0.2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +17,7 @@ from ambid.designs.peaks import Forecast, Limits, forecast
 from ambid.designs.sight import Visibility, visible
 from ambid.effects import Effect, find
 from ambid.errors import InputError, ModelError
-from ambid.findings import Finding, Kind, Where, WithFindings
+from ambid.findings import NOWHERE, Finding, Kind, Where, WithFindings
 from ambid.model import Given, Model, as_model
 from ambid.noise.foreseen import Instruments
 from ambid.results import Tabular, plain
@@ -51,6 +51,13 @@ NOT_ACCURATE = Kind(
     "accuracy_not_reached",
     "warning",
     "{parameter}: a 95 % interval of +- {predicted:.3g} {unit} is predicted, +- {wanted:.3g} {unit} is wanted",
+)
+OUT_OF_REACH = Kind(
+    "accuracy_out_of_reach",
+    "warning",
+    "{parameter}: tolerances of the rig file alone make a 95 % interval of +- {by_tolerances:.3g} {unit}, and +- "
+    "{wanted:.3g} {unit} is wanted: no record reaches that; {tolerance} makes {share:.0f|%} of it",
+    "measure {tolerance} better, and state its tolerance in [tolerance]",
 )
 SENSITIVE = Kind(
     "peaks_uncertain",
@@ -198,7 +205,8 @@ def design(
     base = as_model(model)
     limits = limits or Limits()
     _require(signal, spread, seconds)
-    full, free = _with_sizes(base, effects)
+    full, free = _with_sizes(base.exact(), effects)  # powers are a matter of what noise makes uncertain
+    known = Model(base.rig, full.parameters, full.effects)
     wanted = _half_widths(full, accuracy or {})
     weights = _weights(full, base, free, wanted)
     scale = np.array([full.parameters[k].scale for k in free])
@@ -209,13 +217,13 @@ def design(
         options += list(sequences(task))
     options.sort(key=lambda own: own.cost)
     chosen = options[0]
-    periods, findings = _periods(task, chosen, wanted, seconds)
+    periods, findings = _periods(task, chosen, known, wanted, seconds)
     i_e = np.tile(chosen.wave, (periods, 1))
     period = len(chosen.wave)
     i_e /= max(
         1.0, forecast(base, i_e, period=period, limits=limits).load
     )  # a start may last longer than was looked at
-    told = prospect(full, i_e, period=period, instruments=instruments)
+    told = prospect(known, i_e, period=period, instruments=instruments)
     shown = visible(prospect(base, i_e, period=period, instruments=instruments).comparison)
     return Design(
         i_e=i_e,
@@ -226,7 +234,7 @@ def design(
         prospect=told,
         wanted=wanted,
         visibility=shown,
-        findings=(*findings, *_missed(told, wanted), *_sensitive(base, limits)),
+        findings=(*findings, *_missed(told, wanted, findings), *_sensitive(base, limits)),
     )
 
 
@@ -318,31 +326,60 @@ def _period(model: Model, seconds: float | None) -> int:
 
 
 def _periods(
-    task: Task, option: Option, wanted: Mapping[str, float], seconds: float | None
+    task: Task, option: Option, known: Model, wanted: Mapping[str, float], seconds: float | None
 ) -> tuple[int, tuple[Finding, ...]]:
     """How many are played, and whether more would be needed."""
     period, rate = len(option.wave), task.model.rig.sample_rate
     most = int((LONGEST if seconds is None else seconds) * rate / period)
     if not wanted:
         return max(FEWEST, USUAL_PERIODS if seconds is None else most), ()
-    told = prospect(task.model, np.tile(option.wave, (FEWEST, 1)), period=period, instruments=task.instruments)
-    errors = {name: p.std_error or 0.0 for name, p in told.parameters.items()}
-    ratio = max(NORMAL_95 * errors[name] / half for name, half in wanted.items())
-    needed = max(FEWEST, int(np.ceil(FEWEST * ratio**2 * (1.0 + SPARE))))
+    told = prospect(known, np.tile(option.wave, (FEWEST, 1)), period=period, instruments=task.instruments)
+    beyond = tuple(_out_of_reach(told, wanted))
+    lost = {finding.values["parameter"] for finding in beyond}
+    reached = {name: half for name, half in wanted.items() if name not in lost}
+    needed = max(FEWEST, *(int(np.ceil(FEWEST * (1.0 + SPARE) * _ratio(told, *own))) for own in reached.items()), 0)
     if needed <= max(most, FEWEST):
-        return needed, ()
+        return needed, beyond
     played = max(most, FEWEST)
-    return played, (TOO_SHORT(needed_s=needed * period / rate, seconds_s=played * period / rate),)
+    return played, (
+        *beyond,
+        TOO_SHORT(needed_s=needed * period / rate, seconds_s=played * period / rate),
+    )
 
 
-def _missed(told: Prospect, wanted: Mapping[str, float]) -> tuple[Finding, ...]:
-    """Parameters whose interval is wider than wanted."""
+def _ratio(told: Prospect, name: str, half: float) -> float:
+    """Variance by noise over that which tolerances leave of a wanted half width of an interval."""
+    own = told.budget[name]
+    return own["noise"] / ((half / NORMAL_95) ** 2 - sum(own.values()) + own["noise"])
+
+
+def _out_of_reach(told: Prospect, wanted: Mapping[str, float]) -> Iterator[Finding]:
+    """Parameters whose interval is wider than wanted whatever is recorded, and the tolerance that makes most of it."""
+    for name, half in wanted.items():
+        own = {key: variance for key, variance in told.budget[name].items() if key != "noise"}
+        total = sum(own.values())
+        if NORMAL_95 * np.sqrt(total) >= half:
+            largest = max(own, key=lambda key: own[key])
+            yield OUT_OF_REACH(
+                NOWHERE,
+                parameter=name,
+                by_tolerances=NORMAL_95 * float(np.sqrt(total)),
+                wanted=half,
+                unit=told.parameters[name].unit,
+                tolerance=largest,
+                share=own[largest] / total,
+            )
+
+
+def _missed(told: Prospect, wanted: Mapping[str, float], known: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Parameters whose interval is wider than wanted, but those that findings say it of."""
+    lost = {finding.values.get("parameter") for finding in known}
     parameters = told.parameters
     wide = {name: NORMAL_95 * (parameters[name].std_error or 0.0) for name in wanted}
     return tuple(
         NOT_ACCURATE(parameter=name, predicted=wide[name], wanted=half, unit=parameters[name].unit)
         for name, half in wanted.items()
-        if wide[name] > half
+        if wide[name] > half and name not in lost
     )
 
 

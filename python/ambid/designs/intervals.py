@@ -11,7 +11,7 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.errors import InputError
 from ambid.identification import ParameterEstimate
-from ambid.identification.covariance import covariance
+from ambid.identification.covariance import budget, covariance
 from ambid.model import Given, Model, as_model
 from ambid.noise import Comparison
 from ambid.noise.foreseen import Instruments, foreseen
@@ -50,15 +50,27 @@ class Prospect(Tabular):
     @cached_property
     def covariance(self) -> FloatArray:
         """Covariance of all parameters, shape (parameters, parameters)."""
-        return covariance(self.comparison, range(len(self.model.names)))
+        every = covariance(self.comparison, range(len(self.model.names)))
+        return every[np.ix_(self.model.free, self.model.free)]
+
+    @cached_property
+    def budget(self) -> dict[str, dict[str, float]]:
+        """Variance of every parameter by what it comes from: ``noise``, and each tolerance of the rig file."""
+        rows = budget(self.comparison, range(len(self.model.names)))
+        known = [(i, p.name) for i, p in enumerate(self.model.parameters) if p.prior is not None]
+        return {
+            self.model.names[i]: {"noise": float(rows[i, 0])} | {name: float(rows[i, 1 + k]) for k, name in known}
+            for i in self.model.free
+        }
 
     @property
     def parameters(self) -> dict[str, ParameterEstimate]:
         """The parameters with the intervals that a fit would give."""
+        own = [self.model.parameters[i] for i in self.model.free]
         errors = np.sqrt(np.diag(self.covariance))
         return {
-            p.name: ParameterEstimate.normal(p.value, float(error), p.unit)
-            for p, error in zip(self.model.parameters, errors, strict=True)
+            p.name: ParameterEstimate.normal(p.value, float(error), p.unit, np.sqrt(self.budget[p.name]["noise"]))
+            for p, error in zip(own, errors, strict=True)
         }
 
     def _scale(self, name: str) -> float:
@@ -119,7 +131,8 @@ def prospect(model: Given, i_e: FloatArray, *, period: int, instruments: Instrum
     """
     model = as_model(model)
     record = planned(model, i_e, period, instruments)
-    return Prospect(foreseen(model, [record], [instruments]), record.seconds)
+    known = model.with_tolerances()
+    return Prospect(foreseen(known.opened() if known.tolerances else model, [record], [instruments]), record.seconds)
 
 
 def planned(model: Model, i_e: FloatArray, period: int, instruments: Instruments) -> Record:

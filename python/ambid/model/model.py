@@ -140,6 +140,10 @@ class Model:
         """The parameters that are known to a tolerance; their values are errors of the rig file."""
         return tuple(p for p in self.parameters if p.prior is not None)
 
+    def exact(self) -> Model:
+        """Return the model on its rig taken for exact, without the parameters that are known to a tolerance."""
+        return Model(self.rig.exact(), [self.parameters[i] for i in self.free], self.effects)
+
     def without_errors(self) -> Model:
         """Return the model with the values of the rig file, whatever errors of them it had."""
         return self.with_values({p.name: 0.0 for p in self.tolerances})
