@@ -189,7 +189,8 @@ class Point:
         every = list(range(len(model.names)))
         own = self.noise.white(model, every)
         self.transients = [white.transients for white in own]
-        sure = np.sqrt(comparison.noise.size.variance(comparison.cost))  # of what is known beforehand
+        # where more than noise is left, no error of the rig file takes over more than one deviation of it would
+        sure = np.sqrt(1.0 + max(0.0, comparison.cost - comparison.noise.size.numbers))
         known = np.vstack([*(white.slopes for white in own), sure * known_slopes(model, every)])
         self.spreads = np.append(self.noise.spreads, np.ones(len(known) - len(self.noise.spreads)))
         self.basis, _ = np.linalg.qr(known / _nonzero(np.linalg.norm(known, axis=0)))

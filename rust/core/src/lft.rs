@@ -154,7 +154,9 @@ impl Lft {
                     m[(i, j)] -= d_zw[(i, j)] * g;
                 }
             }
-            let f = m.try_inverse().ok_or(Error::Singular { what: "I - D_zw Delta" })?;
+            let mut f = m.try_inverse().ok_or(Error::Singular { what: "I - D_zw Delta" })?;
+            let follows = reached(&d_zw.into_owned());
+            f.iter_mut().zip(follows.iter()).filter(|(_, follows)| !**follows).for_each(|(f, _)| *f = 0.0); // rounding
             c_z = &f * c_z;
             d_zu = &f * d_zu;
             loop_w += scale_rows(&(&f * d_zw), &delta);
@@ -212,6 +214,20 @@ impl Lft {
             d_zu: DMatrix::zeros(0, nu),
         })
     }
+}
+
+/// Which row follows which column at once, directly or by way of others; every one follows itself.
+fn reached(m: &DMatrix<f64>) -> DMatrix<bool> {
+    let k = m.nrows();
+    let mut found = DMatrix::from_fn(k, k, |i, j| i == j || m[(i, j)] != 0.0);
+    for by in 0..k {
+        for j in (0..k).filter(|j| *j != by) {
+            if found[(by, j)] {
+                (0..k).for_each(|i| found[(i, j)] |= found[(i, by)]);
+            }
+        }
+    }
+    found
 }
 
 fn scale_rows(m: &DMatrix<f64>, factors: &[f64]) -> DMatrix<f64> {
