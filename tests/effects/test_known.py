@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from ambid import Model, prbs
+from ambid.effects import CATALOGUE
 from ambid.effects.known import KNOWN
+from ambid.errors import ModelError, UnstableLoopError
 from ambid.rig import Rig
 from hidden.bench import simulate
 from hidden.families import BENCHES
@@ -134,3 +136,20 @@ def test_digital_controllers_have_no_error_of_gain_nor_of_what_they_add():
     names = {p.name for p in Model(digital).with_tolerances().tolerances}
     assert not {name for name in names if name.startswith(("controller_gain", "excitation_gain"))}
     assert "mass" in names
+
+
+@pytest.mark.parametrize("effect", [own.name for own in CATALOGUE])
+@pytest.mark.parametrize("path", [BENCH, LEVITATOR], ids=["four axes", "one axis"])
+def test_every_effect_acts_beside_errors_as_without_them(path, effect):
+    """Errors of nearly nothing change nearly nothing, and no loop is closed at once by what they are rounded by."""
+    rig = Rig.load(path).replace(tolerance={}, speed=100.0)
+    try:
+        alone = Model(rig).add(effect)
+        right = alone.simulate(prbs(6, amplitude=0.01, axes=len(rig.axes)))
+    except (ModelError, UnstableLoopError) as error:
+        pytest.skip(str(error))
+    known = Model(rig).with_tolerances()
+    off = known.with_values({p.name: 1e-9 * p.prior for p in known.tolerances}).add(effect)
+    found = off.simulate(prbs(6, amplitude=0.01, axes=len(rig.axes)))
+    np.testing.assert_allclose(found.y, right.y, atol=1e-6 * np.abs(right.y).max())
+    np.testing.assert_allclose(found.i_c, right.i_c, atol=1e-6 * np.abs(right.i_c).max())
