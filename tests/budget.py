@@ -37,7 +37,7 @@ class Budget:
 
 
 BUDGETS = {
-    EVALUATIONS: Budget(10_000, 280_000),
+    EVALUATIONS: Budget(10_000, 320_000),
     PROCESSES: Budget(10, 100),
     PICTURES: Budget(30, 100),
     LONG: Budget(1, 140),
