@@ -33,8 +33,6 @@ JOBS = {
     "compare": ("compare", "rig.toml", "run.csv", "--json", "c.json", "--plot", "c.png"),
     "identify": ("identify", "rig.toml", "run.csv", "--json", "i.json", "--save", "m.json", "--plot", "i.svg"),
     "diagnose": (*DIAGNOSE, "--json", "d.json", "--save", "m.json"),
-    "update": ("identify", "off.toml", "run.csv", "--json", "u.json", "--save-rig", "new.toml"),
-    "diagnosed update": ("diagnose", "off.toml", "run.csv", "--json", "u.json", "--save-rig", "new.toml"),
     "campaign": ("campaign", "bench", "--json", "k.json", "--plot", "k.svg", "--table", "k.tex"),
     "init": ("init", "--out", "new.toml", "--force", "--json", "n.json"),
     "check": ("check", "rig.toml", "run.csv", "--json", "q.json"),
@@ -64,19 +62,7 @@ IN_THE_JOB = ("simulate", "monte-carlo")
 """Jobs that need what they write before they have a result to print."""
 ONE_BY_ONE = ("demo", "monte-carlo")
 """Jobs whose files are there as soon as each is made."""
-OPTIONS = (
-    "--out",
-    "--json",
-    "--plot",
-    "--save",
-    "--save-rig",
-    "--report",
-    "--pdf",
-    "--table",
-    "--uss",
-    "--stepper",
-    "--fmu",
-)
+OPTIONS = ("--out", "--json", "--plot", "--save", "--report", "--pdf", "--table", "--uss", "--stepper", "--fmu")
 """That name a file to be written."""
 
 
@@ -90,7 +76,6 @@ def prepare(folder: Path) -> Path:
     model.virtual_experiment(i_e, seed=3).save(folder / "run.csv")
     model.save(folder / "model.json", np.diag([1.0, 1e6, 1e-9, 1e-12]))
     shutil.copy(LEVITATOR, folder / "rig.toml")
-    (folder / "off.toml").write_text(LEVITATOR.read_text().replace("exact = true", "mass = 0.005"))
     shutil.copy(DATA / "rig.toml", folder / "bench.toml")
     shutil.copy(DATA / "static_1.csv", folder / "load.csv")
     for current in (4, 5):
