@@ -45,7 +45,7 @@ def of_bench(seed):
     [
         pytest.param(of_levitator, range(16), id="one axis"),
         pytest.param(of_levitator, range(100, 180), id="one axis, many", marks=pytest.mark.slow),
-        pytest.param(of_bench, range(12), id="four axes", marks=pytest.mark.slow),
+        pytest.param(of_bench, range(8), id="four axes", marks=pytest.mark.slow),
     ],
 )
 def test_total_intervals_hold_the_truth_and_the_model_is_adequate(drawn, seeds):
