@@ -18,6 +18,7 @@ from ambid.designs.sight import Visibility, visible
 from ambid.effects import Effect, find
 from ambid.errors import InputError, ModelError
 from ambid.findings import NOWHERE, Finding, Kind, Where, WithFindings
+from ambid.identification.tolerances import NOISE
 from ambid.model import Given, Model, as_model
 from ambid.noise.foreseen import Instruments
 from ambid.results import Tabular, plain
@@ -350,13 +351,13 @@ def _periods(
 def _ratio(told: Prospect, name: str, half: float) -> float:
     """Variance by noise over that which tolerances leave of a wanted half width of an interval."""
     own = told.budget[name]
-    return own["noise"] / ((half / NORMAL_95) ** 2 - sum(own.values()) + own["noise"])
+    return own[NOISE] / ((half / NORMAL_95) ** 2 - sum(own.values()) + own[NOISE])
 
 
 def _out_of_reach(told: Prospect, wanted: Mapping[str, float]) -> Iterator[Finding]:
     """Parameters whose interval is wider than wanted whatever is recorded, and the tolerance that makes most of it."""
     for name, half in wanted.items():
-        own = {key: variance for key, variance in told.budget[name].items() if key != "noise"}
+        own = {key: variance for key, variance in told.budget[name].items() if key != NOISE}
         total = sum(own.values())
         if NORMAL_95 * np.sqrt(total) >= half:
             largest = max(own, key=lambda key: own[key])

@@ -12,6 +12,7 @@ from ambid.arrays import FloatArray
 from ambid.errors import InputError
 from ambid.identification import ParameterEstimate
 from ambid.identification.covariance import budget, covariance
+from ambid.identification.tolerances import NOISE, Budget, budget_by_name
 from ambid.model import Given, Model, as_model
 from ambid.noise import Comparison
 from ambid.noise.foreseen import Instruments, foreseen
@@ -54,14 +55,10 @@ class Prospect(Tabular):
         return every[np.ix_(self.model.free, self.model.free)]
 
     @cached_property
-    def budget(self) -> dict[str, dict[str, float]]:
+    def budget(self) -> Budget:
         """Variance of every parameter by what it comes from: ``noise``, and each tolerance of the rig file."""
         rows = budget(self.comparison, range(len(self.model.names)))
-        known = [(i, p.name) for i, p in enumerate(self.model.parameters) if p.prior is not None]
-        return {
-            self.model.names[i]: {"noise": float(rows[i, 0])} | {name: float(rows[i, 1 + k]) for k, name in known}
-            for i in self.model.free
-        }
+        return budget_by_name(self.model.names, {p.name for p in self.model.tolerances}, rows)
 
     @property
     def parameters(self) -> dict[str, ParameterEstimate]:
@@ -69,7 +66,7 @@ class Prospect(Tabular):
         own = [self.model.parameters[i] for i in self.model.free]
         errors = np.sqrt(np.diag(self.covariance))
         return {
-            p.name: ParameterEstimate.normal(p.value, float(error), p.unit, np.sqrt(self.budget[p.name]["noise"]))
+            p.name: ParameterEstimate.normal(p.value, float(error), p.unit, np.sqrt(self.budget[p.name][NOISE]))
             for p, error in zip(own, errors, strict=True)
         }
 

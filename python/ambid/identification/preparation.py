@@ -33,6 +33,8 @@ class Prepared(NamedTuple):
         Bounds of x = theta / scale.
     origins : list of ndarray
         Where descents start.
+    known : list of int
+        Indices of the errors of the rig file's values that are fitted beside them.
     """
 
     model: Model

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -99,7 +99,7 @@ def known_values(model: Model, covariance: FloatArray, fitted: Iterable[int]) ->
     }
 
 
-def budget_by_name(names: Sequence[str], known: Mapping[str, KnownValue], rows: FloatArray) -> Budget:
+def budget_by_name(names: Sequence[str], known: Collection[str], rows: FloatArray) -> Budget:
     """What `covariance.budget` has, of each parameter that is not known to a tolerance itself."""
     return {
         name: {NOISE: float(row[0])}
