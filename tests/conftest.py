@@ -4,7 +4,7 @@ import os
 import signal
 import sys
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from io import StringIO
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: threads of several workers only wait for each other
@@ -18,6 +18,7 @@ from ambid.demo import DATA
 from ambid.excitation import prbs
 from golden import FILE, Golden
 from places import BENCH, LEVITATOR
+from undrawn import undraw
 from virtual import NAMES, VirtualBench
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # what a job in the background inherits
@@ -142,12 +143,7 @@ def explained(tmp_path_factory):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Reports without the work of drawing their pictures, and with few draws for their margins."""
-    from ambid.report import pictures, standing  # not at the top: few tests need those rooms
-    from ambid.robustness.procedure import FEWEST_DRAWS
-
-    empty = pictures.Picture("data:image/gif;base64,R0lGODlhAQABAAAAACw=", "", 1.0)
-    monkeypatch.setattr(pictures, "as_picture", lambda figure, caption: replace(empty, caption=caption))
-    monkeypatch.setattr(standing, "DRAWS", FEWEST_DRAWS)
+    undraw(monkeypatch)
 
 
 @pytest.fixture(scope="session")

@@ -125,6 +125,7 @@ def test_what_it_finds_is_true(claim, demo_truth, tmp_path, monkeypatch, capsys)
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_one_runs_in_a_process_of_its_own(tmp_path):
     ended = subprocess.run(
         [sys.executable, "-W", "error::RuntimeWarning", str(FOLDER / "embedded_simulator.py")],

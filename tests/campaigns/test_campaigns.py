@@ -152,6 +152,7 @@ def test_pictures_of_two_methods_a_panel_for_each_axis(found, golden):
     assert len(styles) == 3
 
 
+@pytest.mark.slow
 def test_other_quantities_are_drawn_and_the_axes_that_are_given_are_used(found, tmp_path, golden):
     (given,) = Figure().subplots(1, 1, squeeze=False).ravel()
     assert list(plot_campaign(found, "tau_e", [given])) == [given]
@@ -185,6 +186,7 @@ def test_tables_as_csv_and_for_latex(found, tmp_path, golden):
         found.save_tables(tmp_path / "bench.xls")
 
 
+@pytest.mark.slow
 def test_deflection_is_taken_in_by_static_loading(found, template):
     bent = campaign(template, deflection=True)
     for own, other in zip(found.points, bent.points, strict=True):
@@ -213,6 +215,7 @@ def test_what_is_missing_is_said(broken):
     assert "prbs_small" in repr(found)
 
 
+@pytest.mark.slow
 def test_runs_are_ordered_by_number(broken):
     shutil.rmtree(broken / "10A")
     for number in (9, 10):
@@ -261,6 +264,7 @@ def test_another_machine(broken, golden):
 
 
 def test_an_identification_that_fails_names_its_record(broken):
+    shutil.rmtree(broken / "6A")
     path = broken / "10A" / "rig.toml"
     text = path.read_text()
     assert "proportional = 28000.0" in text

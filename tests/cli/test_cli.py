@@ -273,6 +273,7 @@ def test_campaign(here, bench, command):
     assert imread("K_i.png").shape[0] > 300
 
 
+@pytest.mark.slow
 def test_a_campaign_replaces_its_own_tables_but_no_record(bench, short, command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     again = ("campaign", bench, "--quiet", "--table", "c.csv")
@@ -387,7 +388,9 @@ def test_the_commands_of_the_readme_do_their_work(here, one_axis, bench, command
         files |= {f"run_{k}.mat": [run] for k in (1, 2, 3)}
         files |= {f"{point}/rig.toml": [rig] for point in ("6A", "10A")}
         files |= {f"{point}/run.mat": [run] for point in ("6A", "10A")}
+        files |= {"64": ["8"]}  # runs
         words = [value for word in line[1:] for value in files.get(word, [word])]
+        words += ["--draws", "100"] if line[1] == "margins" else []
         result = command(*words, "--json", "result.json", "--quiet")
         assert result.code == 0, result.err
         for finding in read("result.json")["findings"]:

@@ -114,6 +114,7 @@ def test_design_takes_values_and_noise_from_a_record(rig, tmp_path):
     assert data["parameters"]["K_i.A_zeta"]["value"] != 180.0
 
 
+@pytest.mark.slow
 def test_diagnose_proposes_what_settles_an_ambiguous_verdict(rig, tmp_path):
     record, told = tmp_path / "run.csv", tmp_path / "told.json"
     late = ("--amplitude", 0.5, "--effect", "loop_delay:delay=3e-5")

@@ -99,6 +99,7 @@ def test_ctrl_c_while_files_are_written_is_told_and_keeps_the_diagnosis_whole(mo
     assert Path("m.json").exists()
 
 
+@pytest.mark.slow
 def test_a_second_ctrl_c_ends_the_report_and_what_is_finished_is_printed(here, command, monkeypatch):
     def twice(*_):
         signal.raise_signal(signal.SIGINT)

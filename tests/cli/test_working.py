@@ -30,9 +30,8 @@ def started(*options, **environment):
     return process, process.stdout.readline().strip()
 
 
-@pytest.mark.parametrize(
-    ("number", "code"), [(signal.SIGTERM, 143), pytest.param(signal.SIGINT, 130, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
 def test_it_serves_until_a_signal_ends_it(number, code, tmp_path):
     """The address is opened in the browser."""
     opened = tmp_path / "opened"

@@ -120,12 +120,14 @@ def test_a_wanted_accuracy_is_met_and_no_more_is_played_than_it_takes():
     assert all(own.line() in repr(short) for own in short.findings)
 
 
+@pytest.mark.slow
 def test_aiming_at_an_effect_shows_less_of_it():
     at_all = design(RIG, STATED, seconds=1.0).visibility.find("sensor_lag").size
     at_it = design(RIG, STATED, seconds=1.0, effects=["sensor_lag"]).visibility.find("sensor_lag").size
     assert at_it < 0.7 * at_all
 
 
+@pytest.mark.slow
 def test_axes_share_the_lines_and_all_are_played():
     rig = ambid.Rig.load(BENCH)
     found = design(rig, Instruments.stated(4, 50e-9, 0.01), seconds=0.5)
@@ -177,6 +179,7 @@ def test_a_pole_at_zero_has_no_width_to_choose_a_period_by():
         design(rig.replace(controller=cancelled), Instruments.stated(1, 2e-7, 0.01), seconds=1.0)
 
 
+@pytest.mark.slow
 def test_an_accuracy_that_tolerances_forbid_is_out_of_reach():
     """With a sensor known to 1 %, no record says K_i to 0.1 %."""
     known = RIG.replace(tolerance={"exact": False, **dict.fromkeys(TYPICAL, 0.0), "sensor_gain": 0.01, "mass": 0.002})

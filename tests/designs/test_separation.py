@@ -49,6 +49,7 @@ def test_evidence_grows_with_the_power_and_what_is_needed_is_enough():
     assert [own.cost for own in found.experiments] == sorted(own.cost for own in found.experiments)
 
 
+@pytest.mark.slow
 def test_evidence_is_what_fits_find():
     """The mean rise of J from the right hypothesis to the wrong one, of 20 pairs of records."""
     i_e = np.tile(I_E, (8, 1))
@@ -73,6 +74,7 @@ def test_evidence_is_what_fits_find():
     assert abs(min(means) - evidence) < 3.0 * 2.0 * np.sqrt(evidence / 20.0) + 0.15 * evidence
 
 
+@pytest.mark.slow
 def test_recording_the_currents_tells_lags_apart_that_y_alone_does_not():
     alone = STATED.without_currents()
     found = tell_apart(LAGS, I_E, 510, alone, more_instruments=STATED)
@@ -88,6 +90,7 @@ def test_louder_is_tried_up_to_the_limit_and_no_further(golden):
     golden.holds(quiet.not_tried["2 times the amplitude"])
 
 
+@pytest.mark.slow
 def test_after_an_ambiguous_verdict_the_set_is_told_apart():
     truth = MODEL.add("controller_gain_error", {"proportional": 0.0, "integral": 0.0, "derivative": 0.006})
     record = made(truth, 1.5 * I_E, 1)
@@ -99,6 +102,7 @@ def test_after_an_ambiguous_verdict_the_set_is_told_apart():
     assert found.best.change.what in str(found)
 
 
+@pytest.mark.slow
 def test_what_was_not_recorded_is_proposed_and_what_was_is_not():
     truth = MODEL.add("loop_delay", {"delay": 3e-5})
     record = made(truth, 2.0 * I_E, 1)

@@ -35,6 +35,7 @@ def test_what_changes_between_points_is_told_beside_what_is_missing():
     assert (found.next_step.code, found.next_step.values["parameter"]) == ("next_find_what_changes", "tau_e")
 
 
+@pytest.mark.slow
 def test_points_that_share_everything_are_told_nothing():
     records = at_two_points(DELAY, (2.85e-4, 2.85e-4))
     found = diagnose(records[0].point, records, catalogue=FEW)

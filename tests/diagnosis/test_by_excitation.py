@@ -55,7 +55,7 @@ def test_with_the_seal_in_the_model_no_cell_is_told(sealed):
 
 
 def test_nothing_hidden_is_told_of_no_seed(bench, i_e):
-    records = bench.records(i_e, range(8), period=510)
+    records = bench.records(i_e, range(4), period=510)
     model = ambid.Model(bench.rig())
     assert not any(own.is_told.any() for r in records for own in ambid.misfit_matrix(ambid.compare(model, r)))
 

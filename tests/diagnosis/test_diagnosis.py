@@ -29,7 +29,7 @@ def record(rig, i_e, hidden, seed):
     return measured(rig, i_e, hidden, seed=seed, **TRUTH)
 
 
-@pytest.mark.parametrize("name", first_fast(HIDDEN))
+@pytest.mark.parametrize("name", first_fast(HIDDEN, 0))
 def test_hidden_effect_is_named_and_the_misfit_falls(rig, i_e, name):
     train, other = (record(rig, factor * i_e, {name: HIDDEN[name]}, seed) for factor, seed in ((1.0, 1), (0.6, 2)))
     found = diagnose(rig, train, validate=[other])
@@ -45,7 +45,7 @@ def test_hidden_effect_is_named_and_the_misfit_falls(rig, i_e, name):
         assert values[f"K_i.{axis}"] == pytest.approx(k_i, rel=0.02)
 
 
-@pytest.mark.parametrize("seed", first_fast(range(2)))
+@pytest.mark.parametrize("seed", first_fast(range(2), 0))
 def test_nothing_hidden_is_adequate(rig, i_e, seed):
     found = diagnose(rig, record(rig, i_e, {}, seed))
     assert found.verdict == "adequate"

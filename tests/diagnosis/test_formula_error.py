@@ -28,6 +28,7 @@ def test_another_law_of_hysteresis_is_hysteresis_alone():
     assert found.history[-1].misfit < found.history[0].misfit
 
 
+@pytest.mark.slow
 def test_what_is_more_than_that_is_still_named():
     lag = {"sensor_lag": {"tau": 6e-5}}
     found = diagnose(ONE_AXIS.rig, of_plays(lag, 1), validate=of_plays(lag, 2), catalogue=FEW)

@@ -45,6 +45,7 @@ def test_too_few_periods(rig, measured):
     assert "one_period" in refusal(rig, replace(record, period=short))
 
 
+@pytest.mark.slow
 def test_controller_of_another_day_is_no_refusal(rig, measured):
     pid = rig.controller
     other = rig.replace(controller=pid.model_copy(update={"proportional": 1.3 * np.asarray(pid.proportional)}))

@@ -19,14 +19,15 @@ def test_nothing_is_named_where_nothing_is_hidden(number):
     assert own.verdict == "adequate", own
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "effect", "size"),
     [
         (14, "periodic_disturbance", 1.0),  # three periods, the hum on an excited line
-        pytest.param(3, "periodic_disturbance", 1.0, marks=pytest.mark.slow),  # driven by noise
-        pytest.param(13, "foundation_resonance", 0.2, marks=pytest.mark.slow),  # at 2 Hz
-        pytest.param(9, "sampling_skew", 1.0, marks=pytest.mark.slow),  # nine tenths of a sample
-        pytest.param(11, "magnetic_hysteresis", 0.3, marks=pytest.mark.slow),
+        (3, "periodic_disturbance", 1.0),  # driven by noise
+        (13, "foundation_resonance", 0.2),  # at 2 Hz
+        (9, "sampling_skew", 1.0),  # nine tenths of a sample
+        (11, "magnetic_hysteresis", 0.3),
     ],
 )
 def test_what_is_hidden_is_named_and_nothing_else(number, effect, size):

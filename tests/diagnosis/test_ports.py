@@ -18,7 +18,6 @@ from tiers import first_fast
             ("flux_saturation", "force", {"current", "reading"}),
             ("back_emf", "current", {"force", "sensor", "reading"}),
         ],
-        2,
     ),
 )
 def test_the_port_of_a_large_effect_leaves_noise_and_is_named(effect, port, not_at):

@@ -11,6 +11,7 @@ from ambid.effects.support import SealForces
 from hidden.bench import measured
 from hidden.families import BENCHES
 
+pytestmark = pytest.mark.slow
 BENCH = replace(BENCHES["small"], order=8)
 """A period of a quarter of its own: enough for what is large."""
 

@@ -99,6 +99,7 @@ def bench_record(frequencies_hz, bench: VirtualBench) -> Record:
     return bench.records(i_e, [3], period=400)[0]
 
 
+@pytest.mark.slow
 def test_one_sine_on_four_axes_determines_what_is_known_of_and_tells_no_effect():
     """Forces that reach an axis from the others turn current against displacement: 16 numbers for nine parameters."""
     rig = BENCH.rig(0.05)
@@ -113,7 +114,7 @@ def test_one_sine_on_four_axes_determines_what_is_known_of_and_tells_no_effect()
     assert wrong.findings[-1].values["frequency_hz"] == pytest.approx(75.0)
 
 
-@pytest.mark.parametrize(("lag", "verdicts"), first_fast([(2.0, {"explained", "ambiguous"}), (1.0, {"adequate"})]))
+@pytest.mark.parametrize(("lag", "verdicts"), first_fast([(2.0, {"explained", "ambiguous"}), (1.0, {"adequate"})], 0))
 def test_three_sines_on_four_axes(lag, verdicts):
     found = diagnose(BENCH.rig(0.05), bench_record([75.0, 225.0, 450.0], replace(BENCH, tau_a=lag * BENCH.tau_a)))
     assert found.verdict in verdicts

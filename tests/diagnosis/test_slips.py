@@ -73,6 +73,7 @@ def test_a_controller_given_by_its_matrices():
     assert found.findings[0].values["factor"] == pytest.approx(1.0 / 1.2, rel=2e-4)
 
 
+@pytest.mark.slow
 def test_a_digital_controller_at_twice_the_rate():
     digital = {"implementation": "digital", "delay_samples": 1.0, "sample_rate": 2e4}
     rig = ONE_AXIS.rig.replace(controller=ONE_AXIS.rig.controller.model_copy(update=digital))
@@ -83,6 +84,7 @@ def test_a_digital_controller_at_twice_the_rate():
     assert found.findings[0].values == {"in_file": [pytest.approx(31.5)], "by_data": [pytest.approx(45.0, rel=0.01)]}
 
 
+@pytest.mark.slow
 def test_a_slip_beside_physics_and_both_slips_at_once():
     rig = with_gains(ONE_AXIS.rig, derivative=0.8)
     found = diagnose(rig, record({"loop_delay": {"seconds": 5e-5}}, 1))
@@ -104,6 +106,7 @@ def test_a_wrong_scale_of_the_excitation_is_named(machine, factor):
     assert found.findings[0].values["factor"] == pytest.approx(1.0 / factor, rel=0.01)
 
 
+@pytest.mark.slow
 def test_without_i_c_the_two_slips_are_one():
     """A common factor on the controller and its inverse on all K_i are a scale of i_e, as far as y goes."""
     right = nothing_hidden("two bearings")

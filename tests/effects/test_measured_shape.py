@@ -42,14 +42,16 @@ def found(records):
 
 
 @pytest.fixture(scope="module")
-def force(found):
-    return next(port for port in found.localisation.ports if port.name == "force")
+def force(records):
+    where = ambid.localise(ambid.identify(RIG, records[0]).comparison)
+    return next(port for port in where.ports if port.name == "force")
 
 
 def misfit_of(model, one):
     return ambid.compare(model, one).misfit
 
 
+@pytest.mark.slow
 def test_none_is_the_first_answer_and_the_note_has_the_shape(found):
     assert found.verdict == "none_of_the_candidates", found
     assert the(found, "missing_shape").values["shape"] == "sign ds/dt"
@@ -63,6 +65,7 @@ def test_the_measured_shape_is_that_of_friction(force):
     assert 0.6 < ratio.mean() < 1.4
 
 
+@pytest.mark.slow
 def test_the_measured_shape_holds_on_another_record(found, force, records):
     train, other = records
     model = found.fit.model
@@ -78,6 +81,7 @@ def test_the_measured_shape_holds_on_another_record(found, force, records):
         assert misfit_of(model, one) < most < 8.0 < misfit_of(found.fit.model, one)
 
 
+@pytest.mark.slow
 def test_an_effect_of_ones_own_takes_the_error_to_the_noise(found, records):
     train, other = records
     again = ambid.diagnose(RIG, train, validate=[other], catalogue=(*CATALOGUE, Friction()))

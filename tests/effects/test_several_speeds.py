@@ -28,7 +28,8 @@ def test_unbalance_turns_with_each_of_the_speeds():
     assert {effect.frequency_hz for effect in hums} == {50.0}, "a tone at another of the speeds is no hum"
 
 
-@pytest.mark.parametrize("order", [7, pytest.param(BENCH.order, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("order", [7, BENCH.order])
 def test_unbalance_is_named_from_two_speeds_together(order):
     """From records of half a second, and of the bench's four."""
     hidden = {"unbalance": {"mass_eccentricity": 2e-6, "z": BENCH.middle, "phase": 0.7}}

@@ -26,7 +26,7 @@ MARGINS = ("margins", "rig.toml", "--model", "model.json", "--draws", "100")
 EXCITATION = ("excitation", "rig.toml", "--order", "7")
 DESIGN = ("design", "rig.toml", "--accuracy", "K_i=5%", "--seconds", "1")
 RUNS = ("--runs", "130", "--seconds", "0.1")
-FEW = ("simulate", "export", "init")
+FEW = ("init",)
 """Jobs that are tried in the fast tier too."""
 JOBS = {
     "simulate": (*SIMULATE, "--out", "v.csv", "--force", "--json", "v.json"),

@@ -20,8 +20,8 @@ from ambid.cli.app import app
 from faults.jobs import HANGS, JOBS, ONE_BY_ONE, OPTIONS, STORY, disturbed, ended, prepare, start
 from faults.promises import CODES, check
 
-FAST = {"SIGKILL": 6, "SIGINT": 3, "SIGTERM": 3}
-MANY = {"SIGKILL": 8, "SIGINT": 3, "SIGTERM": 3}
+FAST = {"SIGKILL": 4, "SIGINT": 2, "SIGTERM": 2}
+MANY = {"SIGKILL": 6, "SIGINT": 2, "SIGTERM": 2}
 SOME = {"SIGKILL": 3, "SIGINT": 1, "SIGTERM": 1}
 """Of a command that takes seconds."""
 READY = "from ambid.cli import main, signals; signals.watch(); import os; os.write(1, b'.'); main()"
@@ -131,14 +131,13 @@ def shell_code(process):
     return process.returncode if process.returncode >= 0 else 128 - process.returncode
 
 
-@pytest.mark.parametrize(
-    ("name", "count"), [("SIGINT", 2), *(pytest.param(name, 12, marks=pytest.mark.slow) for name in CODES)]
-)
-def test_from_the_first_import_on(name, count, folder):
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CODES)
+def test_from_the_first_import_on(name, folder):
     begun = time.perf_counter()
     assert ended("identify", "rig.toml", "run.csv", "-q", cwd=folder)[0] == 0
     seconds = time.perf_counter() - begun
-    for moment in moments(count, seconds):
+    for moment in moments(12, seconds):
         code, err = stop(folder, signal.Signals[name], moment)
         assert code in (0, CODES[name]), err
         assert "Traceback" not in err
@@ -163,6 +162,7 @@ def test_what_is_done_is_saved_and_says_that_it_was_stopped(folder):
     assert ambid.Model.load(folder / "s_model.json").names
 
 
+@pytest.mark.slow
 def test_a_job_in_the_background_is_not_stopped_by_ctrl_c(folder):
     process = start("identify", "rig.toml", "run.csv", "-q", cwd=folder, program="import signal\n" + IGNORING)
     assert process.stdout.read(1) == "."
@@ -174,6 +174,7 @@ def test_a_job_in_the_background_is_not_stopped_by_ctrl_c(folder):
 IGNORING = f"signal.signal(signal.SIGINT, signal.SIG_IGN)\n{READY}"
 
 
+@pytest.mark.slow
 @watched
 def test_the_second_ctrl_c_ends_what_the_first_waits_for(folder, golden):
     """A pipe that nobody reads holds the command while it writes."""

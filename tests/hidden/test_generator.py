@@ -249,6 +249,7 @@ def test_sizes_grow_from_barely_to_large_and_exist_for_every_effect():
             assert all(a.score < b.score for a, b in pairwise(found)), effect
 
 
+@pytest.mark.slow
 def test_stored_scores_are_those_of_the_machine():
     for effect in ("loop_delay", "cubic_bearing_force"):
         stored = sized(effect, "clear")

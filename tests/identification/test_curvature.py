@@ -73,6 +73,7 @@ def test_intervals_hold_the_truth_at_any_size_of_the_step(rate, part):
     assert found.is_adequate or found.next_step.code == "next_fit_force_law"
 
 
+@pytest.mark.slow
 def test_what_moves_no_parameter_is_not_said():
     found = identify(*one_step(magnet(250.0), 250.0, 0.001, (1e-5, 5e-3)))
     assert found.is_adequate

@@ -49,6 +49,7 @@ def begun(bench, push, seed=5):
     return identify(Model(bench.rig(off=0.03)), replace(record, period=PERIOD, **signals))
 
 
+@pytest.mark.slow
 def test_the_limit_of_free_motion_is_reported_from_both_sides(bench):
     fits = [begun(bench, push) for push in np.geomspace(0.03, 0.3, 10)]
     near = [[own.values["relative_std_error"] for own in of_code(found, NEAR_FREE_MOTION)] for found in fits]

@@ -36,10 +36,11 @@ def cut(record, first, samples):
     return replace(record, i_e=record.i_e[part], y=record.y[part], i_c=i_c)
 
 
-@pytest.mark.parametrize("with_i_c", first_fast([True, False]), ids=["y and i_c", "y alone"])
+@pytest.mark.slow
+@pytest.mark.parametrize("with_i_c", [True, False], ids=["y and i_c", "y alone"])
 @pytest.mark.parametrize(
     ("cut_at", "weights"),
-    first_fast([(777, "likelihood"), (None, "eq9"), (None, "likelihood")]),
+    [(777, "likelihood"), (None, "eq9"), (None, "likelihood")],
     ids=["cut", "whole by eq. 9", "whole"],
 )
 def test_estimates_scatter_as_their_standard_errors_say(bench, i_e, with_i_c, cut_at, weights):

@@ -64,6 +64,7 @@ def test_parameters_lie_within_their_intervals(name, kind):
         assert own.std_error < 0.1 * value
 
 
+@pytest.mark.slow
 def test_a_hidden_induced_voltage_is_among_those_named():
     name = "slow coil, 1 kHz"
     truth = Levitator(MASS, K_I, K_S, MACHINES[name][1], back_emf=2.0)

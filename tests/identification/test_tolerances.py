@@ -43,7 +43,7 @@ def of_bench(seed):
 @pytest.mark.parametrize(
     ("drawn", "seeds"),
     [
-        pytest.param(of_levitator, range(16), id="one axis"),
+        pytest.param(of_levitator, range(8), id="one axis"),
         pytest.param(of_levitator, range(100, 180), id="one axis, many", marks=pytest.mark.slow),
         pytest.param(of_bench, range(8), id="four axes", marks=pytest.mark.slow),
     ],
@@ -83,6 +83,7 @@ def test_variances_are_the_sum_of_their_budget(rig, run):
         assert budget[name]["noise"] == pytest.approx(p.std_error_statistical**2, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_what_an_effect_leaves_is_no_evidence_of_errors_of_the_rig_file():
     """The effect is named alone, and the values of the rig file stay what they are known to be until it is added."""
     rig = Rig.load(LEVITATOR).replace(tolerance={})

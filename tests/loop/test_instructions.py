@@ -54,7 +54,7 @@ def plain() -> dict:
 
 @pytest.fixture(scope="module")
 def usual() -> dict:
-    return of_process("")
+    return results() if SWITCH not in os.environ else of_process("")
 
 
 def test_the_switch_turns_them_off(plain, usual):

@@ -100,7 +100,7 @@ def test_derivative_by_a_parameter_that_points_share(rig, i_e):
 @pytest.mark.parametrize(
     ("machine", "amplitude"),
     [
-        pytest.param(ONE_AXIS, 1.0, id="one axis"),
+        pytest.param(ONE_AXIS, 1.0, id="one axis", marks=pytest.mark.slow),
         pytest.param(BENCHES["bench"], 2.0, id="bench", marks=pytest.mark.slow),
     ],
 )

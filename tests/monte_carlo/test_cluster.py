@@ -94,6 +94,7 @@ def test_a_worker_killed_midway(client, whole, tmp_path):
     assert content(folder) == whole[1]
 
 
+@pytest.mark.slow
 def test_a_worker_that_joins(whole, tmp_path):
     """There is none when the runs are sent."""
     with (

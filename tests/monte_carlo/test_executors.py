@@ -95,6 +95,7 @@ def test_a_plan_that_is_held_is_not_sent_again(rows):
     assert sum(executor.sizes) < size
 
 
+@pytest.mark.slow
 def test_processes_that_hold_the_plan(rows):
     own = plan()
     with ProcessPoolExecutor(2, get_context("spawn"), ambid.hold_plan, (own,)) as executor:

@@ -108,13 +108,10 @@ def is_there(number):
     return False
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "code"),
-    [
-        ("SIGKILL", -9),
-        pytest.param("SIGTERM", 143, marks=pytest.mark.slow),
-        pytest.param("SIGINT", 130, marks=pytest.mark.slow),
-    ],
+    [("SIGKILL", -9), ("SIGTERM", 143), ("SIGINT", 130)],
 )
 def test_a_signal_midway(name, code, place, again, whole, tmp_path):
     out = tmp_path / "runs.parquet"
@@ -179,6 +176,7 @@ def small(tmp_path):
         subprocess.run(["umount", path], check=True)
 
 
+@pytest.mark.slow
 def test_a_full_disk(again, whole, small):
     out = small / "runs.parquet"
     done = again(out)

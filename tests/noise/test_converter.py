@@ -31,7 +31,7 @@ def test_the_part_that_repeats_is_what_two_periods_share(noise):
     assert repeated_rounding(np.rint(periods[0]), own) == pytest.approx(shared, abs=0.004)
 
 
-@pytest.mark.parametrize("bits", first_fast([8, 12, 10, 14], 2))
+@pytest.mark.parametrize("bits", first_fast([8, 12, 10, 14]))
 def test_coarse_converters_are_no_missing_physics(bits):
     for seed in range(3):
         clean = record({}, seed)

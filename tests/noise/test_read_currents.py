@@ -102,7 +102,7 @@ def test_an_analog_controller_reads_noise_as_well():
 @pytest.mark.parametrize(
     ("is_read", "period"),
     [
-        pytest.param(True, PERIOD, id="read"),
+        pytest.param(True, PERIOD, id="read", marks=pytest.mark.slow),
         pytest.param(False, PERIOD, id="not read", marks=pytest.mark.slow),
         pytest.param(True, None, id="without periods", marks=pytest.mark.slow),
     ],

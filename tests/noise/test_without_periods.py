@@ -87,7 +87,7 @@ SEAL = {"seal_forces": {"z": 0.43, "direct": 8e5, "cross": 6e5, "damping": 300.0
     ("machine", "hidden"),
     [
         pytest.param(ONE_AXIS, {}, id="one axis-nothing"),
-        pytest.param(ONE_AXIS, DELAY, id="one axis-loop_delay"),
+        pytest.param(ONE_AXIS, DELAY, id="one axis-loop_delay", marks=pytest.mark.slow),
         pytest.param(BENCHES["bench"], {}, id="bench-nothing", marks=pytest.mark.slow),
         pytest.param(BENCHES["bench"], DELAY, id="bench-loop_delay", marks=pytest.mark.slow),
         pytest.param(BENCHES["bench"], SEAL, id="bench-seal_forces", marks=pytest.mark.slow),

@@ -52,6 +52,7 @@ def test_the_axes_that_are_given_are_used_and_two_leave_the_phase_out(comparison
         plot_frequency_response(comparison, "y.C_zeta", "i_e.A_zeta")
 
 
+@pytest.mark.slow
 def test_all_pairs_are_drawn(comparison):
     assert len(draw_responses(ambid.frequency_responses(comparison)).axes) == 2 * 8 * 4
 

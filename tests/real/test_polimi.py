@@ -47,6 +47,7 @@ def found(run):
     return diagnose(*run)
 
 
+@pytest.mark.slow
 def test_a_step_that_the_model_misses_is_not_adequate(found):
     """Behind that filter K_i is 0.7 of what the holding current says; over the whole record the misfit is of noise."""
     assert found.verdict == "none_of_the_candidates"
@@ -56,6 +57,7 @@ def test_a_step_that_the_model_misses_is_not_adequate(found):
     assert "residual_higher_in_motion" in codes(found)
 
 
+@pytest.mark.slow
 def test_resistance_and_inductance_are_those_measured_at_rest(run, found):
     rig, record = run
     assert found.parameters["R.A_zeta"].value == pytest.approx(4.17, rel=0.02)

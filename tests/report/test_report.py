@@ -4,12 +4,13 @@ import json
 import re
 
 import pytest
+from matplotlib.figure import Figure
 
 import ambid
 from ambid.errors import InputError
-from ambid.report import numbers, pdf, words, write_report
-from ambid.report.standing import DRAWS
-from report.page import hash_of
+from ambid.report import numbers, pdf, pictures, words, write_report
+from ambid.robustness.procedure import FEWEST_DRAWS
+from report.page import Page, hash_of
 
 CHAPTERS = 10
 
@@ -43,6 +44,20 @@ def test_figures_and_tables_are_numbered_in_order_and_all_referred_to(whole):
     assert len(whole.sources) == len([place for place in whole.places if place.startswith("figure")])
     captions = re.findall(r"<b>(Figure|Table) (\d+)\.</b>", whole.html)
     assert [f"{word.lower()}-{number}" for word, number in captions] == whole.places
+
+
+def test_a_picture_is_drawn_into_the_page():
+    picture = pictures.as_picture(Figure(figsize=(2.0, 1.0)), "Drawn.")
+    assert picture.source.startswith("data:image/svg+xml;base64,")
+    assert picture.caption == "Drawn."
+
+
+@pytest.mark.slow
+def test_all_pictures_are_drawn(written, whole):
+    drawn = Page(written.read_text(encoding="utf-8"))
+    assert (drawn.outline, drawn.images, drawn.places) == (whole.outline, whole.images, whole.places)
+    assert all(source.startswith("data:image/svg+xml") for source in drawn.sources)
+    assert len(set(drawn.sources)) == len(drawn.sources)
 
 
 def test_files_are_told_with_their_hashes(explained, whole):
@@ -91,7 +106,7 @@ def test_every_record_is_drawn_before_and_after(whole):
 
 
 def test_margins_are_those_of_the_command(explained, whole):
-    told = ambid.margins(explained.model, draws=DRAWS).to_json()
+    told = ambid.margins(explained.model, draws=FEWEST_DRAWS).to_json()
     own = told["axes"]["A_zeta"]
     row = whole.tables["margins"][0]
     assert row[1] == words.peak(own["sensitivity"]["value"])

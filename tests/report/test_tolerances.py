@@ -41,7 +41,7 @@ def test_parameters_are_those_that_are_fitted_without_prior_knowledge(known, pag
     assert not set(known.parameters) & set(known.tolerances)
 
 
-def test_an_exact_rig_has_neither_table(explained, page):
-    exact = page(ambid.diagnose(explained.history[0].model.rig.exact(), explained.records))
-    assert "tolerances" not in exact.tables
-    assert "budget" not in exact.tables
+def test_an_exact_rig_has_neither_table(explained, whole):
+    assert not explained.tolerances
+    assert "tolerances" not in whole.tables
+    assert "budget" not in whole.tables

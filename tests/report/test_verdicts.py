@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import ambid
 from ambid.diagnosis import Diagnosis
@@ -35,6 +36,7 @@ def test_what_is_in_no_file_has_no_hash(explained, page):
     assert not re.fullmatch(r"[0-9a-f]+", sha256)
 
 
+@pytest.mark.slow
 def test_of_many_records_the_worst_three_are_drawn_and_a_table_has_all(explained, page):
     base, record, other = explained.history[0].model, explained.records[0], explained.validation[0]
     records = [replace(other if k == 1 else record, name=f"run {k}") for k in range(4)]
@@ -75,6 +77,7 @@ def test_ambiguous_shows_the_set_and_the_next_experiment(explained, page, golden
     assert [row[0] for row in found.tables["choices-1"]] == names
 
 
+@pytest.mark.slow
 def test_none_says_where_and_adds_nothing(explained, page, golden):
     model = numbers.base_model(explained)
     none = replace(explained, verdict="none_of_the_candidates", effects=(), model=model, history=explained.history[:1])

@@ -229,9 +229,9 @@ def test_without_a_covariance_margins_are_nominal_and_say_so(levitator):
 def test_draws_slope_and_ellipsoid_agree_where_the_uncertainty_is_small(levitator):
     model = Model(levitator)
     own = model.with_covariance(np.diag((1e-3 * model.theta) ** 2))
-    found = ambid.margins(own, draws=1000).axes[0].sensitivity
+    found = ambid.margins(own, draws=250).axes[0].sensitivity
     half = 0.5 * (found.ci95[1] - found.ci95[0])
-    assert half == pytest.approx(1.96 * found.std_error, rel=0.08)
+    assert half == pytest.approx(1.96 * found.std_error, rel=0.16)
     radius = np.sqrt(scipy.stats.chi2.ppf(0.95, 3))
     assert found.worst - found.value == pytest.approx(radius * found.std_error, rel=0.05)
     z = (np.array(list(found.worst_at.values())) - model.theta) / (1e-3 * model.theta)
@@ -239,9 +239,9 @@ def test_draws_slope_and_ellipsoid_agree_where_the_uncertainty_is_small(levitato
 
 
 def test_no_draw_within_the_ellipsoid_is_worse_than_the_worst(spread):
-    found = ambid.margins(spread, draws=300).axes[0]
+    found = ambid.margins(spread, draws=100).axes[0]
     loop, worst = BrokenLoop(spread, "controller"), found.sensitivity.worst
-    z = np.random.default_rng(5).standard_normal((150, 3))
+    z = np.random.default_rng(5).standard_normal((60, 3))
     z *= np.sqrt(scipy.stats.chi2.ppf(0.95, 3)) / np.linalg.norm(z, axis=1)[:, None]
     values = [peaks_of(loop, spread.theta * (1.0 + 0.05 * each)).values for each in z]
     assert max(value[0] for value in values) <= worst * (1.0 + 1e-9)

@@ -103,6 +103,7 @@ def test_two_windows_do_not_disturb_each_other(browser, address):
     assert one.wrong == other.wrong == []
 
 
+@pytest.mark.slow
 def test_the_keyboard_alone_reaches_the_map_and_the_buttons(browser, address):
     person = Person(browser, address)
     page = person.page

@@ -6,6 +6,7 @@ import pytest
 
 from workbench.person import number
 
+pytestmark = pytest.mark.slow
 CHARTS = ("training-responses", "validation-responses", "training-lines", "validation-lines")
 """Over frequency."""
 

@@ -123,6 +123,7 @@ def test_the_model_file_is_read_again(added, tmp_path):
     np.testing.assert_array_equal(ambid.Model.load(tmp_path / "model.json").theta, added.model.theta)
 
 
+@pytest.mark.slow
 def test_the_report_tells_of_what_was_added(added, undrawn):
     page = as_report(added).decode()
     assert "loop_delay" in page
