@@ -91,8 +91,8 @@ def rotor_from_elsewhere(names, truth):
     assert tested.fit_percent["average"] == pytest.approx(drawn.fit_percent["average"], abs=0.1)
 
 
-FAST = [controller_from_control, effect_of_your_own, embedded_simulator, identify_a_rig, rotor_from_elsewhere]
-SLOW = [diagnose_step_by_step, dry_friction, monte_carlo, two_operating_points]
+FAST = [controller_from_control, embedded_simulator, identify_a_rig, rotor_from_elsewhere]
+SLOW = [diagnose_step_by_step, dry_friction, effect_of_your_own, monte_carlo, two_operating_points]
 
 
 def test_all_are_known_here():

@@ -201,6 +201,7 @@ def test_a_gain_beyond_all_degrees_stops():
     assert error.values["factors"] == {"i_e": pytest.approx(20.0, rel=0.02)}
 
 
+@pytest.mark.slow
 def test_a_current_without_the_excitation():
     """The controller's command, before i_e joins it and before the amplifier."""
     rig, record = bench_experiment()

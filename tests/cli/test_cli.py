@@ -186,6 +186,7 @@ def test_static_load(here, command):
     assert "residual_newton" in content
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("here")
 def test_several_records_and_pictures(one_axis, command):
     rig, run = one_axis

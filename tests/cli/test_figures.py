@@ -30,6 +30,7 @@ def here(files, tmp_path, monkeypatch):
     return {name: files / name for name in ("rig.toml", "run.csv", "first.json", "last.json")}
 
 
+@pytest.mark.slow
 def test_a_response_before_and_after_with_its_matrix(here, command):
     models = ["--model", here["last.json"], "--before", here["first.json"]]
     made = command(

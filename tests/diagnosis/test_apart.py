@@ -23,6 +23,7 @@ def at_two_points(hidden, tau_e):
     return found
 
 
+@pytest.mark.slow
 def test_what_changes_between_points_is_told_beside_what_is_missing():
     records = at_two_points(DELAY, (2.85e-4, 3.1e-4))
     found = diagnose(records[0].point, records, catalogue=FEW)

@@ -81,6 +81,7 @@ class DriveEndDamper(Effect):
             plant.push(0.0, plane, -force)
 
 
+@pytest.mark.slow
 def test_an_effect_of_ones_own_is_ranked_first_and_takes_the_error_to_the_ceiling(rig, i_e):
     data = record(rig, i_e, {"coupling_stiffness": {"stiffness": 0.0, "damping": 80.0, "z": 0.0}}, 5)
     estimate = ambid.identify(rig, data)

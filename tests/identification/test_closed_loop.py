@@ -56,7 +56,7 @@ def test_noise_free_data_give_the_truth(bench, start, i_e):
     assert found.fit_percent["average"] > 99.9999
 
 
-@pytest.fixture(scope="module", params=[24, pytest.param(150, marks=pytest.mark.slow)], ids="{} seeds".format)
+@pytest.fixture(scope="module", params=[pytest.param(150, marks=pytest.mark.slow)], ids="{} seeds".format)
 def many(bench, request):
     """Estimates from independent noise, and the standard errors that sigma^2 (J'J)^-1 would give some of them."""
     i_e = prbs(8, amplitude=0.15, hold=2, axes=4, periods=6)
@@ -183,6 +183,7 @@ def test_bounds_that_do_not_bite_change_nothing(start, run, estimate):
     assert_allclose(values(wide), values(estimate), rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_several_records_are_pooled(bench, start, i_e):
     one, other = bench.records(i_e, [11, 12], period=510)
     first, second = identify(start, one), identify(start, other)

@@ -161,6 +161,7 @@ def test_what_does_not_belong_together_is_refused(rig, i_e, golden):
         own.at(renamed)
 
 
+@pytest.mark.slow
 def test_a_rig_file_among_the_records_opens_another_point(rig, i_e, command, tmp_path, golden):
     point = higher(rig)
     both = at_both(rig, i_e, {})

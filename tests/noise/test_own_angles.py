@@ -15,6 +15,7 @@ from tiers import first_fast
 BENCH = replace(BENCHES["small"], order=7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency", first_fast([63.37, 50.0]))
 def test_a_loud_wave_keeps_the_angle_that_fits(frequency):
     """A thousand times the noise: a thousandth of a radian beside the best is seen, and J is no cosine over it."""

@@ -60,6 +60,7 @@ def test_an_unstable_model_has_no_margins_and_a_report(explained, page):
     assert "margins" not in found.tables
 
 
+@pytest.mark.slow
 def test_findings_are_shown_worst_first(explained, page):
     model = explained.model
     unsure = model.with_covariance(np.diag((0.3 * model.theta) ** 2))
