@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ambid.errors import InputError, RecordError
 from ambid.findings import Finding, Kind
-from ambid.record.content import COLUMNS_NOT_USED, TRANSPOSED, Content, Stored, unused
+from ambid.record.content import COLUMNS_NOT_USED, TRANSPOSED, Content, NotNumbers, Stored, unused
 from ambid.record.raw import SIGNALS, RawRecord, numbers, require_agreement
 
 __all__ = ["ChannelMap"]
@@ -169,7 +169,7 @@ def _source(channel: str, text: str) -> _Source:
 class _Column:
     """A column of numbers: an array, or one column of a matrix, or one row of a matrix that is wider than long."""
 
-    array: NDArray[Any] | Stored
+    array: NDArray[Any] | Stored | NotNumbers
     index: int | None = None
     is_row: bool = False
 
@@ -179,9 +179,12 @@ class _Column:
 
 
 def _columns(content: Content) -> dict[str, _Column]:
-    """All columns of numbers by name, matrices column by column."""
+    """All columns of numbers by name, matrices column by column; of a table those of text too, which count."""
     columns: dict[str, _Column] = {}
     for name, value in content.arrays.items():
+        if isinstance(value, NotNumbers):
+            columns[name] = _Column(value)
+            continue
         array = value if isinstance(value, Stored) else np.asarray(value)
         if array.dtype.kind not in "iufb" or len(array.shape) > 2 or 0 in array.shape:
             continue

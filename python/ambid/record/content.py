@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 from warnings import warn
 
 import numpy as np
@@ -16,7 +16,7 @@ from ambid.errors import RecordError
 from ambid.findings import REMARK, Finding, Kind
 from ambid.reading import MOST_COLUMNS, Provenance
 
-__all__ = ["Content", "Stored", "remarks", "require_columns", "unused"]
+__all__ = ["Content", "NotNumbers", "Stored", "remarks", "require_columns", "unused"]
 
 COLUMNS_NOT_USED = Kind("columns_not_used", "note", "columns not used: {names}")
 VARIABLES_NOT_USED = Kind("variables_not_used", "note", "variables not used: {names}")
@@ -49,13 +49,31 @@ class Stored:
         return np.asarray(self.values, dtype=dtype)
 
 
+@dataclass(frozen=True)
+class NotNumbers:
+    """A column of a table with a cell that is no number: text, the time of day, or nothing.
+
+    Attributes
+    ----------
+    shape : tuple of int
+    row : int
+        Of the first such cell, counted from 1.
+    cell : str
+    """
+
+    shape: tuple[int, ...]
+    row: int
+    cell: str
+    dtype: ClassVar[np.dtype[Any]] = np.dtype(object)
+
+
 @dataclass
 class Content:
     """What a file holds, before anything is made of it.
 
     Attributes
     ----------
-    arrays : dict of str to array or Stored
+    arrays : dict of str to array, Stored or NotNumbers
         By name, in the file's order: columns of a table, variables, datasets. Members of groups and structures have
         names such as ``scope/y`` (HDF5, TDMS) or ``scope.y`` (.mat).
     is_table : bool

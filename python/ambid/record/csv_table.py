@@ -1,4 +1,4 @@
-"""Tables of text: quotes, comments and units above them, decimal commas, and the first cell that is no number."""
+"""Tables of text: quotes, comments and units above them, decimal commas, and columns that hold no numbers."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -13,11 +14,12 @@ from typing import TextIO
 
 import numpy as np
 
+from ambid.arrays import FloatArray
 from ambid.errors import RecordError
 from ambid.findings import Finding, Kind
-from ambid.record.content import Content, require_columns
+from ambid.record.content import Content, NotNumbers, require_columns
 
-__all__ = ["read_table"]
+__all__ = ["read_cells", "read_table"]
 
 DECIMAL_COMMAS = Kind("decimal_commas", "note", "decimal commas were read as decimal points")
 EMPTY_LAST_COLUMN = Kind(
@@ -39,7 +41,7 @@ UNIT = re.compile(r"[\[(]?[A-Za-zµμΩ°%][\w/*^·.µμΩ° -]{0,11}[\])]?")
 
 @dataclass
 class _Sheet:
-    """Names of the columns, lines of numbers below them with decimal points, and what was noticed.
+    """Names of the columns, the lines below them, and what was noticed.
 
     The separator is None where white space parts the cells; `ends_empty` tells of rows that end with a separator.
     """
@@ -48,9 +50,10 @@ class _Sheet:
     has_names: bool
     separator: str | None
     ends_empty: bool = False
-    rows: Iterator[str] = field(default_factory=lambda: iter(()))
+    lines: Iterator[str] = field(default_factory=lambda: iter(()))
     findings: list[Finding] = field(default_factory=list)
     marks: set[str] = field(default_factory=set)
+    units: list[str] = field(default_factory=list)
 
     def trimmed(self, lines: Iterator[str]) -> Iterator[str]:
         """The lines without the separator that each ends with, where the first one has an empty last cell too many."""
@@ -67,6 +70,20 @@ class _Sheet:
             self.separator is not None and own.endswith(self.separator) and own.count(self.separator) == len(self.names)
         )
 
+    @property
+    def all_findings(self) -> list[Finding]:
+        """Also those that are known when all rows are read."""
+        return [
+            *self.findings,
+            *([DECIMAL_COMMAS()] if "," in self.marks else []),
+            *([EMPTY_LAST_COLUMN()] if self.ends_empty else []),
+        ]
+
+    def pointed(self, cell: str) -> str:
+        """A number with a decimal point for a comma; its mark is kept."""
+        self.marks.update({".", ","} & set(cell))
+        return cell.replace(",", ".")
+
     def with_points(self, lines: Iterable[str]) -> Iterator[str]:
         """The lines with decimal points for commas, where commas part no cells; both marks of a file are kept."""
         for line in lines:
@@ -80,38 +97,90 @@ def read_table(path: Path) -> Content:
 
     A column without a name whose cells are all empty, as rows that end with a separator make it, is left out. Lines
     above the header that begin with ``#`` are passed over, and so is a line of units below it; decimal commas are read
-    where no commas part the cells. Findings say so.
+    where no commas part the cells. Findings say so. A column with a cell that is no number, such as the time of day, is
+    a `NotNumbers`.
 
     Raises
     ------
     RecordError
-        For a missing header, a duplicated column, a header without rows, or a cell that is not a number (with its row,
+        For a missing header, a duplicated column, a header without rows, or a row of another length (with its number,
         counted from 1).
     """
+    with _opened(path) as sheet:
+        try:
+            first = next(sheet.lines)
+            # row by row: the text of a long record is several times as large as its numbers
+            rows = sheet.with_points(chain([first], sheet.lines))
+            table = np.loadtxt(rows, delimiter=sheet.separator, comments=None, ndmin=2, quotechar='"')
+            is_whole = table.shape[1] == len(sheet.names)
+        except ValueError as error:
+            if isinstance(error, UnicodeDecodeError):
+                raise
+            is_whole = False
+    columns: dict[str, FloatArray | NotNumbers]
+    if is_whole:
+        columns = dict(zip(sheet.names, table.T, strict=True))
+    else:
+        sheet, columns = _without_words(path)
+    if sheet.marks == {".", ","}:
+        raise RecordError(f"{path}: decimal commas and decimal points in one file; write all numbers with points")
+    return Content(columns, is_table=True, has_names=sheet.has_names, findings=sheet.all_findings)
+
+
+def read_cells(path: Path) -> tuple[list[str], list[list[str]], list[Finding]]:
+    """The names of the columns, the cells of every row as text with decimal points, and what was noticed.
+
+    Raises
+    ------
+    RecordError
+        As `read_table`, and for numbers where names are expected.
+    """
+    with _opened(path) as sheet:
+        if not sheet.has_names:
+            raise RecordError(f"{path}: the first line holds numbers; put the names of the columns above them")
+        rows = list(_rows(path, sheet))
+        words = {k for row in rows for k, own in enumerate(row) if own and not _is_number(own.replace(",", "."))}
+        cells = [[cell if k in words else sheet.pointed(cell) for k, cell in enumerate(row)] for row in rows]
+        return sheet.names, cells, sheet.all_findings
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[_Sheet]:
+    """What a file begins with, rows to be read on from there; at least one."""
     try:
         with path.open(encoding="utf-8-sig") as file:
             sheet = _sheet(path, file)
-            names = sheet.names
-            twice = [name for name, count in Counter(names).items() if count > 1]
+            twice = [name for name, count in Counter(sheet.names).items() if count > 1]
             if twice:
-                raise RecordError(f"{path}: column {twice[0]!r} is there {Counter(names)[twice[0]]} times; keep one")
-            first = next(sheet.rows, None)
+                count = sheet.names.count(twice[0])
+                raise RecordError(f"{path}: column {twice[0]!r} is there {count} times; keep one")
+            first = next(sheet.lines, None)
             if first is None:
                 raise RecordError(f"{path}: a header without rows; record it again")
-            # row by row: the text of a long record is several times as large as its numbers
-            rows = chain([first], sheet.rows)
-            table = np.loadtxt(rows, delimiter=sheet.separator, comments=None, ndmin=2, quotechar='"')
+            sheet.lines = chain([first], sheet.lines)
+            yield sheet
     except UnicodeDecodeError:
         raise RecordError(f"{path}: not a text file; give comma-separated text in UTF-8") from None
-    except ValueError as error:
-        raise RecordError(f"{path}: {_first_bad_cell(path) or error}") from None
-    if table.shape[1] != len(names):
-        unequal = f"{len(names)} names in the header, {table.shape[1]} columns below; make them equal"
-        raise RecordError(f"{path}: {_first_bad_cell(path) or unequal}")
-    if sheet.marks == {".", ","}:
-        raise RecordError(f"{path}: decimal commas and decimal points in one file; write all numbers with points")
-    findings = sheet.findings + [DECIMAL_COMMAS()] * ("," in sheet.marks) + [EMPTY_LAST_COLUMN()] * sheet.ends_empty
-    return Content(dict(zip(names, table.T, strict=True)), is_table=True, has_names=sheet.has_names, findings=findings)
+
+
+def _without_words(path: Path) -> tuple[_Sheet, dict[str, FloatArray | NotNumbers]]:
+    """Read a table some of whose cells are no numbers: their columns have no values."""
+    with _opened(path) as sheet:
+        wrong: dict[int, tuple[int, str]] = {}
+        count = 0
+        for count, cells in enumerate(_rows(path, sheet), start=1):
+            for k, cell in enumerate(cells):
+                if k not in wrong and not _is_number(cell.replace(",", ".")):
+                    wrong[k] = count, cell
+    kept = [k for k in range(len(sheet.names)) if k not in wrong]
+    with _opened(path) as sheet:
+        lines = (" ".join(sheet.pointed(cells[k]) for k in kept) for cells in _rows(path, sheet))
+        try:
+            table = np.loadtxt(lines, comments=None, ndmin=2) if kept else np.empty((count, 0))
+        except ValueError as error:
+            raise RecordError(f"{path}: {error}") from None
+    columns = {k: NotNumbers((count,), *wrong[k]) for k in wrong} | dict(zip(kept, table.T, strict=True))
+    return sheet, {name: columns[k] for k, name in enumerate(sheet.names)}
 
 
 def _sheet(path: Path, file: TextIO) -> _Sheet:
@@ -129,54 +198,77 @@ def _sheet(path: Path, file: TextIO) -> _Sheet:
     require_columns(path, len(cells))
     sheet = _Sheet(cells, True, separator)
     lines: Iterator[str] = filter(str.strip, file)
-    if all(_is_number(cell.replace(",", ".")) for cell in cells):
-        lines = chain([head], lines)
+    below = next(lines, None)
+    if _is_row(head, below, separator):
+        lines = chain([head], [] if below is None else [below], lines)
         above = _names(comments[-1], separator) if comments else []
         sheet.has_names = len(above) == len(cells)
         sheet.names = above if sheet.has_names else [str(k + 1) for k in range(len(cells))]
         comments = comments[:-1] if sheet.has_names else comments
-    elif (below := next(lines, None)) is not None:
-        units = _names(below, separator)
-        if len(units) == len(cells) > 1 and all(UNIT.fullmatch(unit) and not _is_number(unit) for unit in units):
-            sheet.findings.append(UNITS_NOT_READ(units=units))
+    elif below is not None:
+        units = _split(below.rstrip("\r\n"), separator)[: len(cells)]
+        if len(units) == len(cells) > 1 and any(units) and all(_is_unit(unit) for unit in units):
+            sheet.units = units
+            sheet.findings.append(UNITS_NOT_READ(units=[unit for unit in units if unit]))
         else:
             lines = chain([below], lines)
     if comments:
         sheet.findings.append(COMMENT_LINES(count=len(comments)))
     if separator is None:
         sheet.findings.append(WHITE_SPACE())
-    sheet.rows = sheet.with_points(sheet.trimmed(lines))
+    sheet.lines = sheet.trimmed(lines)
     return sheet
 
 
-def _names(line: str, separator: str | None) -> list[str]:
-    """Cells of a line without quotes and the white space around them; without an empty last one."""
+def _split(line: str, separator: str | None) -> list[str]:
+    """Cells of a line without quotes and the white space around them."""
     parted = next(csv.reader([line], delimiter=separator), []) if '"' in line and separator else line.split(separator)
-    cells = [cell.strip().strip('"') for cell in parted]
-    return cells[:-1] if len(cells) > 1 and not cells[-1] else cells
+    return [cell.strip().strip('"') for cell in parted]
 
 
-def _first_bad_cell(path: Path) -> str | None:
-    """Name the first cell that is no number, or the first row of a wrong length."""
-    with path.open(encoding="utf-8-sig") as file:
-        sheet = _sheet(path, file)
-        for row, line in enumerate(sheet.rows, start=1):
-            cells = line.rstrip("\n").split(sheet.separator)
-            told = f"row {row} has {len(cells)} cells, the header {len(sheet.names)}"
-            if sheet.separator == "," and len(cells) > len(sheet.names) and "." not in line and _all_whole(cells):
-                return (
-                    f"{told}, and no number has a decimal point: decimal commas between commas cannot be told from "
-                    "separators; export with decimal points, or with semicolons or tabs between the cells"
-                )
-            if row == 1 and len(cells) == len(sheet.names) + 1 and sheet.separator is not None:
-                return f"{told}: the last one is {cells[-1].strip()!r}; name its column in the header, or remove it"
-            if len(cells) != len(sheet.names):
-                return f"{told}; complete or remove the row"
-            for k, (name, cell) in enumerate(zip(sheet.names, cells, strict=True), start=1):
-                if not _is_number(cell.strip().strip('"')):
-                    of = name or f"column {k}, without a name"
-                    return f"{of}, row {row}: {cell.strip()!r} is not a number; correct the cell"
-    return None
+def _names(line: str, separator: str | None) -> list[str]:
+    """Cells of a header, without an empty last one; what has no name is called by its place."""
+    cells = _split(line, separator)
+    cells = cells[:-1] if len(cells) > 1 and not cells[-1] else cells
+    return [cell or f"column {k}" for k, cell in enumerate(cells, start=1)]
+
+
+def _has_numbers(line: str, separator: str | None) -> list[bool]:
+    return [_is_number(cell.replace(",", ".")) for cell in _split(line, separator)]
+
+
+def _rows(path: Path, sheet: _Sheet) -> Iterator[list[str]]:
+    """Cells of every row, without quotes; refuses one of another length than the header."""
+    for row, line in enumerate(sheet.lines, start=1):
+        cells = _split(line.rstrip("\n"), sheet.separator)
+        if len(cells) == len(sheet.names):
+            yield cells
+            continue
+        told = f"row {row} has {len(cells)} cells, the header {len(sheet.names)}"
+        if sheet.separator == "," and len(cells) > len(sheet.names) and "." not in line and _all_whole(cells):
+            told += (
+                ", and no number has a decimal point: decimal commas between commas cannot be told from "
+                "separators; export with decimal points, or with semicolons or tabs between the cells"
+            )
+        elif row == 1 and len(cells) == len(sheet.names) + 1 and sheet.separator is not None:
+            told += f": the last one is {cells[-1]!r}; name its column in the header, or remove it"
+        else:
+            told += "; complete or remove the row"
+        raise RecordError(f"{path}: {told}")
+
+
+def _is_row(head: str, below: str | None, separator: str | None) -> bool:
+    """Whether a first line is no header: it holds numbers, one a decimal fraction, where the line below does."""
+    has_numbers = _has_numbers(head, separator)
+    if all(has_numbers) or below is None or not any(has_numbers):
+        return all(has_numbers)
+    fractions = [cell for cell in _split(head, separator) if _is_number(cell.replace(",", ".")) and not cell.isdecimal()]
+    return bool(fractions) and has_numbers == _has_numbers(below, separator)
+
+
+def _is_unit(cell: str) -> bool:
+    """Whether a cell may be of a line of units, where those without one are empty."""
+    return not cell or cell == "-" or (UNIT.fullmatch(cell) is not None and not _is_number(cell))
 
 
 def _all_whole(cells: Iterable[str]) -> bool:

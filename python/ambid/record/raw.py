@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ambid.errors import RecordError
 from ambid.findings import Finding
-from ambid.record.content import COLUMNS_NOT_USED, TRANSPOSED, VARIABLES_NOT_USED, Content, Stored, unused
+from ambid.record.content import COLUMNS_NOT_USED, TRANSPOSED, VARIABLES_NOT_USED, Content, NotNumbers, Stored, unused
 from ambid.record.readers import require_names
 
 SIGNALS = ("i_e", "r", "y", "i_c", "i_ref")
@@ -69,6 +69,8 @@ def require_agreement(path: Path, in_file: float | None, given: float | None) ->
 
 def numbers(path: Path, name: str, value: Any) -> NDArray[np.float64]:
     """An array of real numbers; RecordError where it is none, or empty."""
+    if isinstance(value, NotNumbers):
+        raise RecordError(f"{path}: {name}, row {value.row}: {value.cell!r} is not a number; correct the cell")
     array = value if isinstance(value, Stored) else np.asarray(value)
     if array.dtype.kind not in "iufb" or 0 in array.shape:
         raise RecordError(f"{path}: {name} holds {array.dtype} of shape {array.shape}; give real numbers")
@@ -81,6 +83,8 @@ def _from_columns(path: Path, content: Content, sample_rate: float | None) -> Ra
     columns = content.arrays
     raw = RawRecord({}, sample_rate=content.sample_rate)
     used = {"t", "fs"}
+    if "t" in columns:
+        raw.t = numbers(path, "t", columns["t"]).ravel()
     for signal in SIGNALS:
         own = [name for name in columns if name.startswith(f"{signal}.")]
         if own:
@@ -88,9 +92,7 @@ def _from_columns(path: Path, content: Content, sample_rate: float | None) -> Ra
             raw.signals[signal] = (axes, np.stack([numbers(path, name, columns[name]).ravel() for name in own], axis=1))
             used.update(own)
     present = ", ".join(columns)
-    if "t" in columns:
-        raw.t = numbers(path, "t", columns["t"]).ravel()
-    elif content.sample_rate is None and sample_rate is None:
+    if raw.t is None and content.sample_rate is None and sample_rate is None:
         raise RecordError(f"{path}: column 't' [s] is missing; the columns are {present}; {NAMES}")
     if "y" not in raw.signals:
         raise RecordError(f"{path}: no column 'y.<axis>' (displacement [m]); the columns are {present}; {NAMES}")

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ambid.errors import InputError, RecordError
 from ambid.findings import Finding, Kind
 from ambid.reading import load_mat, reading, require_size, variables_of, watched
-from ambid.record.content import Content, Stored, require_columns
+from ambid.record.content import Content, NotNumbers, Stored, require_columns
 from ambid.record.csv_table import read_table
 from ambid.record.hdf5 import read_hdf5
 
@@ -88,14 +88,13 @@ def extra(module: str, path: Path) -> ModuleType:
         raise InputError(f"{path}: this format needs the package {package}: pip install 'ambid[io]'") from None
 
 
-def read_csv_columns(path: Path) -> dict[str, NDArray[np.float64]]:
+def read_csv_columns(path: Path) -> dict[str, NDArray[np.float64] | NotNumbers]:
     """Read a table with one header line into its columns, by name; commas, semicolons or tabs separate the cells.
 
     Raises
     ------
     RecordError
-        For a missing header, a duplicated column, a header without rows, or a cell that is not a number (with its row,
-        counted from 1).
+        For a missing header, a duplicated column, or a header without rows.
     """
     with opened(path) as content:
         require_names(path, content)

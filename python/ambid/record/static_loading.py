@@ -12,6 +12,7 @@ from ambid.errors import RecordError
 from ambid.findings import Finding, WithFindings
 from ambid.record import checks
 from ambid.record.content import COLUMNS_NOT_USED, unused
+from ambid.record.raw import numbers
 from ambid.record.readers import read_csv_columns, require_content
 from ambid.rig import Rig
 
@@ -69,15 +70,17 @@ class StaticLoading(WithFindings):
         if path.suffix.lower() != ".csv":
             raise RecordError(f"{where}: suffix {path.suffix!r} is not that of a static loading; use .csv")
         require_content(path)
-        columns = read_csv_columns(path)
-        missing = [name for name in ("step", "z", "F_x", "F_y") if name not in columns]
-        axes = tuple(name.removeprefix("i_c.") for name in columns if name.startswith("i_c."))
+        read = read_csv_columns(path)
+        known = ("step", "z", "F_x", "F_y")
+        missing = [name for name in known if name not in read]
+        axes = tuple(name.removeprefix("i_c.") for name in read if name.startswith("i_c."))
         if missing or not axes:
             missing += [] if axes else ["i_c.<axis>"]
-            raise RecordError(f"{where}: no column {', '.join(missing)}; the columns are {', '.join(columns)}")
+            raise RecordError(f"{where}: no column {', '.join(missing)}; the columns are {', '.join(read)}")
+        used = (*known, *(f"i_c.{axis}" for axis in axes))
+        columns = {name: numbers(path, name, values) for name, values in read.items() if name in used}
         checks.require_finite(where, columns.items())
-        known = ("step", "z", "F_x", "F_y")
-        findings = unused(COLUMNS_NOT_USED, (n for n in columns if n not in known and not n.startswith("i_c.")))
+        findings = unused(COLUMNS_NOT_USED, (name for name in read if name not in used))
         if rig is not None:
             checks.order_of_axes(where, axes, tuple(rig.axes), "the rig")
             if axes != tuple(rig.axes):
