@@ -14,6 +14,7 @@ from ambid.errors import InputError, RecordError
 from ambid.findings import Finding, Kind
 from ambid.record.content import COLUMNS_NOT_USED, TRANSPOSED, Content, NotNumbers, Stored, unused
 from ambid.record.raw import SIGNALS, RawRecord, numbers, require_agreement
+from ambid.record.timing import aligned
 
 __all__ = ["ChannelMap"]
 
@@ -98,12 +99,15 @@ class ChannelMap:
             If a column is missing or holds no numbers, the lengths differ, or nothing tells the sample rate.
         """
         columns = _columns(content)
-        names = {channel: self._name(path, channel, columns) for channel in self._sources}
+        names = {channel: self._name(path, channel, columns, content.aliases) for channel in self._sources}
         values = {
             channel: columns[names[channel]].numbers(path, names[channel]) * source.factor
             for channel, source in self._sources.items()
         }
-        raw = RawRecord({}, values.get("t"), content.sample_rate)
+        timing = {channel: content.timing[name] for channel, name in names.items() if name in content.timing}
+        found = aligned(path, {channel: own for channel, own in values.items() if channel != "fs"}, timing)
+        values |= found.values
+        raw = RawRecord({}, values.get("t"), found.sample_rate)
         if "fs" in values:
             if values["fs"].size != 1:
                 raise RecordError(f"{path}: fs={names['fs']} has {values['fs'].size} values; give one sample rate [Hz]")
@@ -121,14 +125,16 @@ class ChannelMap:
             if own:
                 axes = tuple(channel.removeprefix(f"{signal}.") for channel in own)
                 raw.signals[signal] = (axes, np.stack([values[channel] for channel in own], axis=1))
-        raw.findings = [*self._findings(names, columns), *content.findings]
+        raw.findings = [*self._findings(names, columns), *found.findings, *content.findings]
         return raw
 
-    def _name(self, path: Path, channel: str, columns: Mapping[str, object]) -> str:
+    def _name(self, path: Path, channel: str, columns: Mapping[str, object], aliases: Mapping[str, str]) -> str:
         """Name of the column that a channel is read from."""
         wanted, names = self._sources[channel].column, list(columns)
         if wanted in columns:
             return wanted
+        if aliases.get(wanted) in columns:
+            return aliases[wanted]
         if wanted.isdecimal() and 1 <= int(wanted) <= len(names):
             return names[int(wanted) - 1]
         present = ", ".join(f"{k} {name}" if name != str(k) else name for k, name in enumerate(names, start=1))
@@ -182,7 +188,7 @@ def _columns(content: Content) -> dict[str, _Column]:
     """All columns of numbers by name, matrices column by column; of a table those of text too, which count."""
     columns: dict[str, _Column] = {}
     for name, value in content.arrays.items():
-        if isinstance(value, NotNumbers):
+        if isinstance(value, NotNumbers) or content.is_table and isinstance(value, Stored):
             columns[name] = _Column(value)
             continue
         array = value if isinstance(value, Stored) else np.asarray(value)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ambid.errors import RecordError
 from ambid.findings import REMARK, Finding, Kind
 from ambid.reading import MOST_COLUMNS, Provenance
+from ambid.record.timing import Timing
 
 __all__ = ["Content", "NotNumbers", "Stored", "remarks", "require_columns", "unused"]
 
@@ -80,8 +81,10 @@ class Content:
         Whether the format has columns only.
     axes : list, optional
         Entries of a variable ``axes``.
-    sample_rate : float, optional
-        What the format itself states [Hz], as TDMS does.
+    aliases : dict of str to str
+        Further names of arrays, such as those of TDMS channels without their group where that is unique.
+    timing : dict of str to Timing
+        Of the arrays for which the format itself states it, as TDMS does.
     has_names : bool
         False where the columns have no names and are called 1, 2, ...
     findings : list of Finding
@@ -93,7 +96,8 @@ class Content:
     arrays: dict[str, Any]
     is_table: bool = False
     axes: list[Any] | None = None
-    sample_rate: float | None = None
+    aliases: dict[str, str] = field(default_factory=dict)
+    timing: dict[str, Timing] = field(default_factory=dict)
     has_names: bool = True
     findings: list[Finding] = field(default_factory=list)
     provenance: Provenance | None = None

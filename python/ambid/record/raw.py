@@ -13,8 +13,11 @@ from ambid.errors import RecordError
 from ambid.findings import Finding
 from ambid.record.content import COLUMNS_NOT_USED, TRANSPOSED, VARIABLES_NOT_USED, Content, NotNumbers, Stored, unused
 from ambid.record.readers import require_names
+from ambid.record.timing import aligned
 
 SIGNALS = ("i_e", "r", "y", "i_c", "i_ref")
+OF_AXES = tuple(f"{signal}." for signal in SIGNALS)
+"""What the names of columns begin with."""
 NAMES = "rename them, or give a map of them: t=COLUMN, y.A_zeta=COLUMN:FACTOR, ..."
 """What to do about a file with names of its own."""
 
@@ -51,7 +54,7 @@ def raw_record(path: Path, content: Content, sample_rate: float | None = None) -
     RecordError
         If y, or both t and the sample rate, are missing, or something is not an array of numbers of the right shape.
     """
-    has_columns = any(name.startswith(tuple(f"{signal}." for signal in SIGNALS)) for name in content.arrays)
+    has_columns = any(name.startswith(OF_AXES) for name in content.arrays)
     gather = _from_columns if content.is_table or has_columns else _from_matrices
     raw = gather(path, content, sample_rate)
     raw.findings += content.findings
@@ -80,19 +83,25 @@ def numbers(path: Path, name: str, value: Any) -> NDArray[np.float64]:
 def _from_columns(path: Path, content: Content, sample_rate: float | None) -> RawRecord:
     """Gather columns t, i_e.<axis>, y.<axis>, ... into signals."""
     require_names(path, content)
-    columns = content.arrays
-    raw = RawRecord({}, sample_rate=content.sample_rate)
-    used = {"t", "fs"}
-    if "t" in columns:
-        raw.t = numbers(path, "t", columns["t"]).ravel()
+    named = {name: name for name in content.arrays} | content.aliases
+    own = {name: at for name, at in named.items() if name == "t" or name.startswith(OF_AXES)}
+    own = {name: own[name] for name in sorted(own, key=lambda name: name != "t")}
+    values = {name: numbers(path, name, content.arrays[at]).ravel() for name, at in own.items()}
+    timing = {name: content.timing[at] for name, at in own.items() if at in content.timing}
+    found = aligned(path, values, timing)
+    lengths = {name: len(array) for name, array in found.values.items() if name != "t"}
+    if len(set(lengths.values())) > 1:
+        told = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise RecordError(f"{path}: the columns have different lengths ({told}); give one value a sample")
+    raw = RawRecord({}, found.values.get("t"), found.sample_rate, found.findings)
     for signal in SIGNALS:
-        own = [name for name in columns if name.startswith(f"{signal}.")]
-        if own:
-            axes = tuple(name.removeprefix(f"{signal}.") for name in own)
-            raw.signals[signal] = (axes, np.stack([numbers(path, name, columns[name]).ravel() for name in own], axis=1))
-            used.update(own)
+        mine = [name for name in found.values if name.startswith(f"{signal}.")]
+        if mine:
+            axes = tuple(name.removeprefix(f"{signal}.") for name in mine)
+            raw.signals[signal] = (axes, np.stack([found.values[name] for name in mine], axis=1))
+    columns, used = content.arrays, {"t", "fs", *own.values()}
     present = ", ".join(columns)
-    if raw.t is None and content.sample_rate is None and sample_rate is None:
+    if raw.t is None and raw.sample_rate is None and sample_rate is None:
         raise RecordError(f"{path}: column 't' [s] is missing; the columns are {present}; {NAMES}")
     if "y" not in raw.signals:
         raise RecordError(f"{path}: no column 'y.<axis>' (displacement [m]); the columns are {present}; {NAMES}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import logging
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
@@ -20,6 +21,7 @@ from ambid.reading import load_mat, reading, require_size, variables_of, watched
 from ambid.record.content import Content, NotNumbers, Stored, require_columns
 from ambid.record.csv_table import read_table
 from ambid.record.hdf5 import read_hdf5
+from ambid.record.tdms import timing_of
 
 NPTDMS = Kind("tdms_reader", "warning", "npTDMS: {text}")
 """What the package for TDMS says of a file, such as that it was cut."""
@@ -186,13 +188,14 @@ def _numpy_type(kind: Any) -> np.dtype[Any]:
 def _read_tdms(path: Path) -> Iterator[Content]:
     nptdms = extra("nptdms", path)
     stored, heard = path.stat().st_size, _Heard()
-    with _heard_by(heard), nptdms.TdmsFile.open(path) as file:
-        groups = file.groups()
-        channels = {
-            f"{group.name}/{channel.name}" if len(groups) > 1 else channel.name: channel
-            for group in groups
-            for channel in group.channels()
-        }
+    with _heard_by(heard), nptdms.TdmsFile.open(path, raw_timestamps=True) as file:
+        found = [(group.name, channel) for group in file.groups() for channel in group.channels()]
+        is_grouped = len({group for group, _ in found}) > 1
+        channels = {f"{group}/{own.name}" if is_grouped else own.name: own for group, own in found}
+        counts = Counter(own.name for _, own in found)
+        aliases = {own.name: f"{group}/{own.name}" for group, own in found if counts[own.name] == 1}
+        if not is_grouped:
+            aliases = {full: name for name, full in aliases.items()}
 
         def values(name: str, channel: Any) -> Stored:
             def read() -> NDArray[Any]:
@@ -201,10 +204,13 @@ def _read_tdms(path: Path) -> Iterator[Content]:
 
             return Stored((len(channel),), channel.dtype, read)
 
-        rates = {rate for channel in channels.values() if (rate := _rate(channel)) is not None}
-        arrays = {name: values(name, channel) for name, channel in channels.items()}
-        rate = rates.pop() if len(rates) == 1 else None
-        yield Content(arrays, is_table=True, sample_rate=rate, findings=heard.findings)
+        yield Content(
+            {name: values(name, channel) for name, channel in channels.items()},
+            is_table=True,
+            aliases=aliases,
+            timing=timing_of({name: channel.properties for name, channel in channels.items()}),
+            findings=heard.findings,
+        )
 
 
 class _Heard(logging.Handler):
@@ -234,14 +240,6 @@ def _heard_by(handler: _Heard) -> Iterator[None]:
     finally:
         for logger, handlers in zip(loggers, before, strict=True):
             logger.handlers, logger.propagate = handlers, True
-
-
-def _rate(channel: Any) -> float | None:
-    """Sample rate that a channel states [Hz]; None where ``wf_increment`` is no step in time."""
-    step = channel.properties.get("wf_increment")
-    if isinstance(step, bool) or not isinstance(step, int | float) or not (0.0 < step < np.inf and 1.0 / step < np.inf):
-        return None
-    return 1.0 / step
 
 
 _READERS: dict[str, Callable[[Path], AbstractContextManager[Content]]] = {

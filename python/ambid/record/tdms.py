@@ -1,0 +1,56 @@
+"""What TDMS files state of the instants of their channels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from ambid.record.timing import Timing
+
+__all__ = ["timing_of"]
+
+FRACTIONS = 1 << 64
+"""Parts of a second that a time stamp counts."""
+
+
+def timing_of(properties: Mapping[str, Mapping[str, Any]]) -> dict[str, Timing]:
+    """Timing of the channels of a file, by name, with the earliest start as the origin.
+
+    Parameters
+    ----------
+    properties : mapping of str to mapping
+        Of each channel; ``wf_increment`` [s], ``wf_start_time`` as it is stored, and ``wf_start_offset`` [s] from there
+        to the first sample (NI, "TDMS File Format Internal Structure"; NI, waveform properties).
+    """
+    starts = {name: _instant(own) for name, own in properties.items()}
+    origin = min((start for start in starts.values() if start is not None), default=Fraction(0))
+    return {
+        name: Timing(_increment(own), None if (start := starts[name]) is None else float(start - origin))
+        for name, own in properties.items()
+    }
+
+
+def _instant(own: Mapping[str, Any]) -> Fraction | None:
+    """Of the first sample [s]; None where it is not stated, as a time of 0 is what nobody has set."""
+    stamp, offset = own.get("wf_start_time"), own.get("wf_start_offset")
+    seconds = getattr(stamp, "seconds", 0)
+    has_offset = _is_number(offset) and bool(np.isfinite(offset))
+    if not seconds and not (has_offset and offset):
+        return None
+    absolute = Fraction(seconds) + Fraction(getattr(stamp, "second_fractions", 0), FRACTIONS)
+    return absolute + (Fraction(offset) if has_offset else 0)
+
+
+def _increment(own: Mapping[str, Any]) -> float | None:
+    """Sample time that a channel states [s]; None where ``wf_increment`` is no step in time."""
+    step = own.get("wf_increment")
+    if not _is_number(step) or not (0.0 < step < np.inf and 1.0 / step < np.inf):
+        return None
+    return float(step)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -1,0 +1,131 @@
+"""Channels of a file that states when each of them began, put side by side at common instants."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ambid.arrays import FloatArray
+from ambid.errors import RecordError
+from ambid.findings import Finding, Kind
+
+__all__ = ["Aligned", "Timing", "aligned"]
+
+CHANNELS_ALIGNED = Kind(
+    "channels_aligned",
+    "note",
+    "channels aligned by their start times ({start_s:.9g} s after the first): {samples} samples are common to all",
+)
+CHANNELS_APART = Kind(
+    "channels_apart",
+    "warning",
+    "by their start times channels are sampled between the samples of {reference}: {late_s:.4g|us} "
+    "({late_samples:.3g} of a sample); they are aligned to the nearest sample, and not interpolated",
+    "sample all channels at one instant, or see whether channel_delay or sampling_skew explains the misfit",
+)
+SAME_INCREMENT = 1e-9
+"""Relative difference of two sample times that is rounding: a sample over a billion."""
+SAME_INSTANT = 0.01
+"""Part of a sample by which channels may differ that are sampled at one instant: files state whole microseconds."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What a file states of the instants of one channel.
+
+    Attributes
+    ----------
+    increment : float or None
+        Sample time [s].
+    start : float or None
+        Instant of the first sample, after an origin that the channels of a file share [s].
+    """
+
+    increment: float | None = None
+    start: float | None = None
+
+
+@dataclass(frozen=True)
+class Aligned:
+    """Channels at common instants, their sample rate [Hz] if it is stated, and what was noticed."""
+
+    values: dict[str, FloatArray]
+    sample_rate: float | None
+    findings: list[Finding]
+
+
+def aligned(path: Path, values: Mapping[str, FloatArray], timing: Mapping[str, Timing]) -> Aligned:
+    """Put channels side by side: sample k of each is taken at the same instant, to half a sample.
+
+    Channels that begin at other instants lose what is not common to all. Fractions of a sample stay, with a warning:
+    interpolation would change the response of the loop.
+
+    Parameters
+    ----------
+    path : Path
+        For the messages.
+    values : mapping of str to ndarray
+        By channel, such as ``y.A_zeta``.
+    timing : mapping of str to Timing
+        Of those channels for which the file states it.
+
+    Raises
+    ------
+    RecordError
+        If the channels have several sample times, share no instant, or some state their start and others do not.
+    """
+    own = {name: timing[name] for name in values if name in timing}
+    rate = _common_rate(path, own)
+    starts = {name: at.start for name, at in own.items() if at.start is not None}
+    if rate is None or not starts:
+        return Aligned(dict(values), rate, [])
+    reference = next((name for name in starts if name.startswith("y.")), next(iter(starts)))
+    after = {name: (start - starts[reference]) * rate for name, start in starts.items()}
+    whole = {name: round(samples) for name, samples in after.items()}
+    unknown = [name for name in values if name not in starts]
+    if unknown and any(whole.values()):
+        other = next(name for name, samples in whole.items() if samples)
+        raise RecordError(
+            f"{path}: {other} starts {after[other] / rate:.6g} s after {reference}, and {unknown[0]} states no start "
+            "time (wf_start_time); state it for every channel, or for none"
+        )
+    findings: list[Finding] = []
+    late = {name: after[name] - whole[name] for name in starts if abs(after[name] - whole[name]) > SAME_INSTANT}
+    if late:
+        seconds = {name: samples / rate for name, samples in late.items()}
+        findings.append(CHANNELS_APART(reference=reference, channels=list(late), late_s=seconds, late_samples=late))
+    lengths = {name: len(array) for name, array in values.items()}
+    if not any(whole.values()) and (unknown or len(set(lengths.values())) == 1):
+        return Aligned(dict(values), rate, findings)
+    first = max(whole.values())
+    last = min(whole[name] + lengths[name] for name in whole)
+    if last <= first:
+        latest = max(whole, key=whole.__getitem__)
+        ends = min(whole, key=lambda name: whole[name] + lengths[name])
+        raise RecordError(
+            f"{path}: {latest} starts {(whole[latest] - whole[ends]) / rate:.6g} s after {ends}, which has "
+            f"{lengths[ends]} samples: no instant is common to all channels; export channels that were recorded together"
+        )
+    earliest = min(starts.values())
+    since = {name: start - earliest for name, start in starts.items()}
+    findings.append(CHANNELS_ALIGNED(start_s=since, samples=last - first))
+    kept = {name: array[first - whole[name] : last - whole[name]] for name, array in values.items()}
+    return Aligned(kept, rate, findings)
+
+
+def _common_rate(path: Path, timing: Mapping[str, Timing]) -> float | None:
+    """Sample rate of all channels that state one [Hz]."""
+    steps = {name: at.increment for name, at in timing.items() if at.increment is not None}
+    if not steps:
+        return None
+    one = next(iter(steps.values()))
+    if any(abs(step / one - 1.0) > SAME_INCREMENT for step in steps.values()):
+        told = ", ".join(f"{name} {step:.9g} s" for name, step in steps.items())
+        raise RecordError(
+            f"{path}: the channels have different sample times, wf_increment: {told}; export them at one rate, or map "
+            "channels of one"
+        )
+    return float(np.float64(1.0) / one)
