@@ -19,6 +19,11 @@ from ambid.record.timing import aligned
 __all__ = ["ChannelMap"]
 
 EXAMPLE = "y.A_zeta=ch3:1e-6"
+RESPONSE_COLUMNS = (
+    *("frequency_hz", "frequency_rad_s", "frequency_rpm", "output", "input", "re", "im"),
+    *("magnitude", "magnitude_db", "phase_deg", "phase_rad", "std", "coherence", "averages"),
+)
+"""Of a table of frequency responses: a map may say which columns they are."""
 COLUMNS_MAPPED = Kind("columns_mapped", "note", "column mapping applied ({count} columns)")
 
 
@@ -28,6 +33,8 @@ class _Source:
 
     column: str
     factor: float
+    is_stated: bool = False
+    """Whether the factor is."""
 
 
 class ChannelMap:
@@ -41,6 +48,8 @@ class ChannelMap:
         A column is meant by its name, or, where none has that name, by its number, counted from 1; column k of a
         matrix ``data`` is ``data[k]``. A number behind the last colon is the factor that makes SI units of it, 1 if
         there is none; a name that itself ends like that needs ``:1`` behind it.
+        Of a table of frequency responses, columns such as ``frequency_hz``, ``magnitude_db`` or ``phase_deg`` may be
+        mapped too; ``output`` and ``input`` are columns, or, of a table of one response, channels such as ``y.A_zeta``.
 
     Raises
     ------
@@ -49,8 +58,10 @@ class ChannelMap:
     """
 
     def __init__(self, channels: Mapping[str, str]) -> None:
-        self._sources = {channel: _source(channel, text) for channel, text in channels.items()}
-        if not any(channel.startswith("y.") for channel in channels):
+        sources = {channel: _source(channel, text) for channel, text in channels.items()}
+        self._sources = {channel: own for channel, own in sources.items() if channel not in RESPONSE_COLUMNS}
+        self._columns = {channel: own for channel, own in sources.items() if channel in RESPONSE_COLUMNS}
+        if not self._columns and not any(channel.startswith("y.") for channel in channels):
             raise InputError(f"map: no y.<axis> in {', '.join(channels) or 'it'}; name one per axis, such as {EXAMPLE}")
 
     @classmethod
@@ -77,6 +88,15 @@ class ChannelMap:
         """The channels that are mapped."""
         return list(self._sources)
 
+    @property
+    def response_columns(self) -> dict[str, tuple[str, float]]:
+        """Column and factor of what is mapped of a table of frequency responses, such as ``frequency_hz``."""
+        return {name: (source.column, source.factor) for name, source in self._columns.items()}
+
+    def has_factor(self, column: str) -> bool:
+        """Whether a factor stands beside a column that is a channel."""
+        return any(source.is_stated for source in self._sources.values() if source.column == column)
+
     def channel_of(self, column: str) -> tuple[str, float] | None:
         """Channel that a column is read as, and the factor that makes SI units of it; None for one that is not used."""
         own = ((c, source.factor) for c, source in self._sources.items() if source.column == column)
@@ -98,6 +118,12 @@ class ChannelMap:
         RecordError
             If a column is missing or holds no numbers, the lengths differ, or nothing tells the sample rate.
         """
+        if self._columns:
+            first = next(iter(self._columns))
+            raise RecordError(
+                f"{path}: map {first}: {first} is a column of frequency responses, and this file holds signals over "
+                "time; leave it out of the map"
+            )
         columns = _columns(content)
         names = {channel: self._name(path, channel, columns, content.aliases) for channel in self._sources}
         values = {
@@ -151,12 +177,12 @@ class ChannelMap:
         return [mapped, *turned, *unused(COLUMNS_NOT_USED, (name for name in columns if name not in names.values()))]
 
     def __repr__(self) -> str:
-        return f"ChannelMap({', '.join(f'{c}={s.column}:{s.factor:g}' for c, s in self._sources.items())})"
+        return f"ChannelMap({', '.join(f'{c}={s.column}:{s.factor:g}' for c, s in (self._sources | self._columns).items())})"
 
 
 def _source(channel: str, text: str) -> _Source:
     signal, dot, axis = channel.partition(".")
-    if channel not in ("t", "fs") and not (signal in SIGNALS and dot and axis):
+    if channel not in ("t", "fs", *RESPONSE_COLUMNS) and not (signal in SIGNALS and dot and axis):
         raise InputError(
             f"map {channel}={text}: {channel!r} is no channel; expected t, fs, or one of {', '.join(SIGNALS)} with an "
             f"axis, such as {EXAMPLE}"
@@ -168,7 +194,7 @@ def _source(channel: str, text: str) -> _Source:
         return _Source(text, 1.0)
     if not np.isfinite(factor) or factor == 0.0:
         raise InputError(f"map {channel}={text}: the factor {tail} makes no SI units; expected a number such as 1e-6")
-    return _Source(column if colon and column else text, factor)
+    return _Source(column, factor, is_stated=True) if colon and column else _Source(text, 1.0)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -19,7 +19,7 @@ from ambid.errors import RecordError
 from ambid.findings import Finding, Kind
 from ambid.record.content import Content, NotNumbers, require_columns
 
-__all__ = ["read_cells", "read_table"]
+__all__ = ["UNITS_NOT_READ", "Cells", "header_of", "read_cells", "read_table"]
 
 DECIMAL_COMMAS = Kind("decimal_commas", "note", "decimal commas were read as decimal points")
 EMPTY_LAST_COLUMN = Kind(
@@ -127,8 +127,29 @@ def read_table(path: Path) -> Content:
     return Content(columns, is_table=True, has_names=sheet.has_names, findings=sheet.all_findings)
 
 
-def read_cells(path: Path) -> tuple[list[str], list[list[str]], list[Finding]]:
-    """The names of the columns, the cells of every row as text with decimal points, and what was noticed.
+@dataclass(frozen=True)
+class Cells:
+    """A table as text: names of the columns, their units where a line below the header states them, and rows.
+
+    Numbers have decimal points; a cell is empty where it says nothing.
+    """
+
+    names: list[str]
+    units: list[str]
+    rows: list[list[str]]
+    findings: list[Finding]
+
+
+def header_of(path: Path) -> list[str]:
+    """The names of the columns; none where the file is no such table."""
+    with suppress(RecordError), path.open(encoding="utf-8-sig", errors="replace") as file:
+        sheet = _sheet(path, file)
+        return sheet.names if sheet.has_names else []
+    return []
+
+
+def read_cells(path: Path) -> Cells:
+    """Read a table as text.
 
     Raises
     ------
@@ -141,7 +162,7 @@ def read_cells(path: Path) -> tuple[list[str], list[list[str]], list[Finding]]:
         rows = list(_rows(path, sheet))
         words = {k for row in rows for k, own in enumerate(row) if own and not _is_number(own.replace(",", "."))}
         cells = [[cell if k in words else sheet.pointed(cell) for k, cell in enumerate(row)] for row in rows]
-        return sheet.names, cells, sheet.all_findings
+        return Cells(sheet.names, sheet.units or [""] * len(sheet.names), cells, sheet.all_findings)
 
 
 @contextmanager

@@ -26,6 +26,7 @@ from ambid.record.frequency_gates import (
 )
 from ambid.record.frequency_readers import read_response
 from ambid.record.frequency_writers import write_response
+from ambid.record.passed_over import Lines, informative
 from ambid.record.scatter import std_of
 from ambid.rig import Rig
 
@@ -120,13 +121,15 @@ class FrequencyResponse(WithFindings):
             A ``.csv`` file has the columns ``frequency_hz, output, input, re, im``, a row a frequency and pair, and may
             have ``std``, ``coherence`` and ``averages``, or covariances and their ``spread``; a ``.mat`` file has
             ``frequency_hz`` (F), ``response`` (F x outputs x inputs), ``outputs``, ``inputs``, and may have ``std``,
-            ``coherence`` and ``averages``, or ``covariance`` and its ``spread``. Of ``.uff`` and ``.unv`` files the
-            sets 58 are read that hold frequency responses, and coherences for their std.
+            ``coherence`` and ``averages``, or ``covariance`` and its ``spread``. In place of ``frequency_hz`` there may
+            be ``frequency_rad_s`` or ``frequency_rpm``, and in place of complex values ``magnitude`` or
+            ``magnitude_db`` with ``phase_deg`` or ``phase_rad``. Of ``.uff`` and ``.unv`` files the sets 58 are read
+            that hold frequency responses, in the units that the file states, and coherences for their std.
         rig : Rig, optional
             Its axes and sample rate are held against the file.
         mapping : ChannelMap or mapping of str to str, optional
             Names and factors of a file that has not our names and units, such as ``{"y.A_zeta": "12+X:1e-6", ...}``;
-            a node of a .uff file that has no name is called so.
+            a node of a .uff file that has no name is called so. A factor replaces the unit that the file states.
 
         Returns
         -------
@@ -141,9 +144,9 @@ class FrequencyResponse(WithFindings):
             If the format needs a package that is not installed.
         """
         path = Path(path)
-        raw = read_response(path)
-        if mapping is not None:
-            raw = raw.mapped(path, mapping if isinstance(mapping, ChannelMap) else ChannelMap(mapping))
+        if mapping is not None and not isinstance(mapping, ChannelMap):
+            mapping = ChannelMap(mapping)
+        raw = read_response(path, mapping, () if rig is None else rig.axes)
         return cls.from_arrays(
             raw.frequency_hz,
             raw.response,
@@ -210,7 +213,27 @@ class FrequencyResponse(WithFindings):
         shape = (len(np.atleast_1d(f)), len(outputs), len(inputs))
         unknown = np.full(shape, np.nan)
         names = tuple(outputs), tuple(inputs)
-        own = cls(name, f, h, unknown, *names, findings=(*findings, *remarks(notes)), path=path, provenance=provenance)
+        cls(name, f, h, unknown, *names, path=path)  # refuses other shapes
+        given = {"std": std, "coherence": coherence}
+        tables = {key: unknown if values is None else np.asarray(values, dtype=float) for key, values in given.items()}
+        for key, table in tables.items():
+            if table.shape != shape:
+                raise RecordError(f"{where}: {key} has the shape {table.shape}; the response has {shape}")
+        if covariance is not None:
+            covariance = np.asarray(covariance, dtype=np.complex128)
+            cls(name, f, h, unknown, *names, covariance, path=path)
+        pairs = [f"{output} / {inlet}" for output in names[0] for inlet in names[1]]
+        lines, passed = informative(Lines(f, h, tables["std"], tables["coherence"], covariance), pairs)
+        own = cls(
+            name,
+            lines.frequency_hz,
+            lines.response,
+            np.full(lines.response.shape, np.nan),
+            *names,
+            findings=(*findings, *remarks(notes), *passed),
+            path=path,
+            provenance=provenance,
+        )
         require_names(where, own.outputs, own.inputs, rig)
         require_frequencies(where, own.frequency_hz, rig)
         require_values(where, own.frequency_hz, own.response, own.pairs)
@@ -218,18 +241,11 @@ class FrequencyResponse(WithFindings):
         if rig is not None:
             require_si_units(where, own.frequency_hz, own.response, own.outputs, own.inputs, rig)
         require_spread(where, spread, covariance is not None)
-        if covariance is not None:
-            own = replace(own, spread=1.0 if spread is None else spread, covariance=np.asarray(covariance))
+        if lines.covariance is not None:
+            own = replace(own, spread=1.0 if spread is None else spread, covariance=lines.covariance)
             own = replace(own, std=require_covariance(where, own.frequency_hz, own.response, own.covariance, own.pairs))
             return own
-        given = {"std": std, "coherence": coherence}
-        tables = {key: unknown if values is None else np.asarray(values, dtype=float) for key, values in given.items()}
-        for key, table in tables.items():
-            if table.shape != shape:
-                raise RecordError(f"{where}: {key} has the shape {table.shape}; the response has {shape}")
-        found, more = std_of(
-            where, own.frequency_hz, own.response, tables["std"], tables["coherence"], averages, own.pairs
-        )
+        found, more = std_of(where, own.frequency_hz, own.response, lines.std, lines.coherence, averages, own.pairs)
         return replace(own, std=found, findings=(*own.findings, *more))
 
     def at(self, rig: Rig) -> FrequencyResponse:

@@ -10,7 +10,7 @@ import scipy.io
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
-from ambid.record.frequency_readers import COVARIANCE
+from ambid.record.raw_response import COVARIANCE
 from ambid.writing import whole_file
 
 __all__ = ["require_response_format", "write_response"]

@@ -40,6 +40,8 @@ def load_measurement(
     Frequency responses are .uff and .unv files, .csv with a column and .mat with a variable ``frequency_hz``; `period`,
     `sample_rate` and `allow` say nothing of them.
     """
-    if holds_response(Path(path)):
+    if mapping is not None and not isinstance(mapping, ChannelMap):
+        mapping = ChannelMap(mapping)
+    if holds_response(Path(path), mapping):
         return FrequencyResponse.load(path, rig, mapping=mapping)
     return Record.load(path, rig, period=period, mapping=mapping, sample_rate=sample_rate, allow=allow)

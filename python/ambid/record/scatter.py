@@ -14,9 +14,11 @@ __all__ = ["scatter", "std_of"]
 
 WIDTH, DEGREE = 9, 2
 """Neighbouring frequencies, and degree of the polynomial through them, that the scatter of a response is taken from."""
-MOST_COHERENT = 0.9999
-"""Coherence that is believed at the most: files hold four digits of it."""
+DIGITS = (4, 6)
+"""Decimal digits of a coherence that are believed: files hold at least four, and errors of its own are in the sixth."""
 SMOOTH = "from its scatter about a smooth curve over neighbouring frequencies, which is too large at sharp modes"
+ROUNDING = 1e-6
+"""Part by which a coherence may exceed 1: analysers compute in single precision."""
 STD_FROM_COHERENCE = Kind(
     "std_from_coherence", "note", "std of {first}[ and {more} more pairs] from the coherence and {averages:g} averages"
 )
@@ -26,6 +28,12 @@ AVERAGES_ESTIMATED = Kind(
     "std of {first}[ and {more} more pairs] from the coherence; the number of averages was not given, and is estimated "
     f"{SMOOTH}",
     "give the number of averages",
+)
+COHERENCE_ONE = Kind(
+    "coherence_one",
+    "note",
+    "the coherence of {pairs} is 1 at every frequency, as of a single average, and says nothing of the noise; not used",
+    "average several segments, or give the std",
 )
 STD_FROM_SCATTER = Kind(
     "std_from_scatter", "note", "std of {first}[ and {more} more pairs] " + SMOOTH, "give std or coherence"
@@ -45,7 +53,8 @@ def std_of(
 
     Of n averages with coherence g the variance is ``|H|^2 (1 - g) / (g n)`` (Bendat and Piersol, Random Data, 4th ed.,
     chapter 9, g being the squared one). It is an estimate itself, of n - 1 degrees of freedom, and raised by
-    n / (n - 2), so that the mean square of what is whitened by it is 1.
+    n / (n - 2), so that the mean square of what is whitened by it is 1. Where n is not given, the coherence gives the
+    weights of the frequencies relative to each other. A coherence of 1 at every frequency is that of a single average.
 
     Raises
     ------
@@ -55,7 +64,7 @@ def std_of(
     shape = response.shape
     h, given, shared = (table.reshape(len(response), -1) for table in (response, std, coherence))
     found = np.full(h.shape, np.nan)
-    from_coherence, from_scatter = [], []
+    from_coherence, from_scatter, always_one = [], [], []
     if averages is not None and not averages >= 1.0:
         raise RecordError(f"{where}: averages = {averages}; give 1 or more, or leave it out")
     for k, pair in enumerate(pairs):
@@ -68,7 +77,13 @@ def std_of(
             found[own, k] = given[own, k]
         elif _is_whole(where, "coherence", pair, f, shared[own, k]):
             _require(where, "coherence", pair, f, shared[own, k], 1.0)
-            g = np.minimum(shared[own, k], MOST_COHERENT)
+            most = _most_coherent(shared[own, k])
+            if (shared[own, k] > most).all():
+                always_one.append(pair)
+                found[own, k] = scatter(where, pair, f, values)
+                from_scatter.append(pair)
+                continue
+            g = np.minimum(shared[own, k], most)
             of_one = np.abs(values) * np.sqrt((1.0 - g) / g)
             if averages is None:
                 seen = scatter(where, pair, f, values)
@@ -81,12 +96,19 @@ def std_of(
         if not (found[own, k] > 0.0).all():
             raise RecordError(f"{where}: {pair} has no noise at {f[np.argmin(found[own, k])]:g} Hz; give its std")
     of_coherence = AVERAGES_ESTIMATED if averages is None else STD_FROM_COHERENCE
-    findings = [
+    findings = [COHERENCE_ONE(pairs=always_one)] if always_one else []
+    findings += [
         kind(first=own[0], more=len(own) - 1 or None, pairs=own, averages=averages)
         for kind, own in ((of_coherence, from_coherence), (STD_FROM_SCATTER, from_scatter))
         if own
     ]
     return found.reshape(shape), findings
+
+
+def _most_coherent(coherence: FloatArray) -> float:
+    """Largest coherence that is believed: half of the last digit that the values have below 1."""
+    digits = next((d for d in range(*DIGITS) if np.allclose(coherence, coherence.round(d), rtol=0.0, atol=1e-9)), 6)
+    return 1.0 - 0.5 * 10.0**-digits
 
 
 def scatter(where: str, pair: str, frequency_hz: FloatArray, values: ComplexArray) -> FloatArray:
@@ -124,7 +146,7 @@ def _is_whole(where: str, key: str, pair: str, frequency_hz: FloatArray, values:
 
 
 def _require(where: str, key: str, pair: str, frequency_hz: FloatArray, values: FloatArray, most: float) -> None:
-    wrong = np.flatnonzero(~(np.isfinite(values) & (values > 0.0) & (values <= most)))
+    wrong = np.flatnonzero(~(np.isfinite(values) & (values > 0.0) & (values <= most * (1.0 + ROUNDING))))
     if len(wrong):
         upper = "" if most == np.inf else f", up to {most:g}"
         raise RecordError(

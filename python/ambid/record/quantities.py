@@ -1,0 +1,211 @@
+"""What the columns of a frequency response table hold, by their names, and complex values in Hz from it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ambid.arrays import ComplexArray, FloatArray
+from ambid.errors import RecordError
+from ambid.findings import Kind
+from ambid.record.units import Unit, frequency_unit, ratio_of
+
+__all__ = ["UNITS_ASSUMED", "Quantity", "holds_quantities", "hz_of", "quantity_of", "values_of"]
+
+UNITS_ASSUMED = Kind(
+    "units_assumed",
+    "note",
+    "no unit is stated, by the values taken as: {units}",
+    "name the columns with their units, such as frequency_hz, magnitude_db, phase_deg, or map them",
+)
+DECIBEL = "db"
+WORDS = {
+    "frequency": ("frequency", "freq", "f", "omega"),
+    "magnitude": ("magnitude", "mag", "gain", "amplitude", "abs", "modulus", "ampl"),
+    "phase": ("phase", "angle", "arg"),
+    "re": ("re", "real"),
+    "im": ("im", "imag", "imaginary"),
+    "coherence": ("coherence", "coh"),
+    "averages": ("averages", "average count", "n_avg"),
+    "std": ("std",),
+    "spread": ("spread",),
+    "output": ("output", "response"),
+    "input": ("input", "reference", "excitation"),
+}
+"""Names of columns without their units, in small letters; the first one is ours."""
+PHASES = {
+    **dict.fromkeys(("deg", "degree", "degrees", "°", "grad"), np.pi / 180.0),
+    **dict.fromkeys(("rad", "radian", "radians"), 1.0),
+}
+PLAIN = ("abs", "lin", "linear", "1", "-", "ratio")
+"""Units of a magnitude that is no level and states none."""
+SURELY_DEGREES = 45.0
+"""A phase beyond it is in degrees: in radians it would be seven turns."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a column holds.
+
+    Attributes
+    ----------
+    name : str
+        A key of `WORDS`.
+    unit : str
+        As it is written, empty where none is.
+    is_ours : bool
+        Whether the column has a name of ours, which says its unit.
+    """
+
+    name: str
+    unit: str = ""
+    is_ours: bool = False
+
+
+_OURS = {
+    "frequency_hz": Quantity("frequency", "hz", True),
+    "frequency_rad_s": Quantity("frequency", "rad/s", True),
+    "frequency_rpm": Quantity("frequency", "rpm", True),
+    "magnitude": Quantity("magnitude", "abs", True),
+    "magnitude_db": Quantity("magnitude", DECIBEL, True),
+    "phase_deg": Quantity("phase", "deg", True),
+    "phase_rad": Quantity("phase", "rad", True),
+    **{name: Quantity(name, is_ours=True) for name in ("output", "input", "re", "im", "std", "coherence", "averages")},
+    "spread": Quantity("spread", is_ours=True),
+}
+
+
+def quantity_of(header: str) -> Quantity | None:
+    """What a column holds by its name, such as ``phase_rad``, ``Magnitude (dB)`` or ``Freq [Hz]``; None for another."""
+    if header in _OURS:
+        return _OURS[header]
+    text = header.rpartition(": ")[2].strip().lower()
+    if text in _OURS:
+        return _OURS[text]
+    in_brackets = re.fullmatch(r"(.*?)[\s_]*[\[(](.*)[\])]", text)
+    base, unit = in_brackets.groups() if in_brackets else (text, "")
+    if (found := _named(base)) is None and not in_brackets:
+        base, unit = re.fullmatch(r"([^\s_]*)[\s_,]*(.*)", text).groups()  # type: ignore[union-attr]
+        unit = unit.replace("_", "/")
+        found = _named(base) if _is_unit(unit) else None
+    if found is None:
+        return None
+    return Quantity(found, "rad/s" if base == "omega" and not unit else unit.strip())
+
+
+def holds_quantities(headers: Iterable[str]) -> bool:
+    """Whether columns of these names are a table of frequency responses."""
+    found = [quantity for header in headers if (quantity := quantity_of(header)) is not None]
+    frequencies = [own for own in found if own.name == "frequency"]
+    has_values = any(own.name in ("re", "magnitude", "phase") for own in found)
+    return any(own.is_ours for own in frequencies) or bool(frequencies) and has_values
+
+
+def hz_of(path: Path, column: str, quantity: Quantity, values: FloatArray) -> tuple[FloatArray, list[str]]:
+    """Frequencies [Hz] of a column, and in words its unit where that is assumed."""
+    factor = frequency_unit(quantity.unit or "Hz")
+    if factor is None:
+        raise RecordError(f"{path}: {column}: the unit {quantity.unit!r} is unknown; expected Hz, rad/s or rpm")
+    return values * factor, [] if quantity.unit else [f"{column} in Hz"]
+
+
+def values_of(
+    path: Path, columns: Mapping[str, tuple[str, Quantity]], values: Mapping[str, FloatArray], outputs: Iterable[str]
+) -> tuple[ComplexArray, list[str]]:
+    """Complex values from real and imaginary part, or from magnitude and phase, and in words units that are assumed.
+
+    Parameters
+    ----------
+    path : Path
+        For the messages.
+    columns : mapping
+        Column and quantity of re and im, or of magnitude and phase.
+    values : mapping
+        The same in numbers, as they are stored.
+    outputs : iterable of str
+        Whose unit a magnitude may state.
+    """
+    if "re" in columns:
+        return values["re"] + 1j * values["im"], []
+    assumed = []
+    column, quantity = columns["magnitude"]
+    unit, size = quantity.unit.lower(), values["magnitude"]
+    if not unit:
+        unit = _unit_of_gain(path, column, size)
+        assumed.append(f"{column} {'in dB' if unit == DECIBEL else 'as a ratio in SI units'}")
+    level = re.fullmatch(r"db[\s(\[/]*(?:re)?[\s1]*(.*?)[)\]]?", unit)
+    reference = level.group(1) if level else unit
+    if level:
+        size = 10.0 ** (size / 20.0)
+    if reference and reference not in PLAIN:
+        size = size * _si(path, column, reference, outputs)
+    if (size < 0.0).any():
+        row = int(np.argmax(size < 0.0))
+        raise RecordError(
+            f"{path}: {column}, row {row + 1}: {size[row]:g}; a magnitude is not below 0: name the column magnitude_db "
+            "if it is in dB"
+        )
+    column, quantity = columns["phase"]
+    unit = quantity.unit.lower()
+    if not unit:
+        unit = _unit_of_phase(path, column, values["phase"])
+        assumed.append(f"{column} in {unit}")
+    if unit not in PHASES:
+        raise RecordError(f"{path}: {column}: the unit {quantity.unit!r} is unknown; expected deg or rad")
+    return size * np.exp(1j * PHASES[unit] * values["phase"]), assumed
+
+
+def _named(base: str) -> str | None:
+    return next((name for name, words in WORDS.items() if base.strip() in words), None)
+
+
+def _is_unit(text: str) -> bool:
+    return (
+        text == ""
+        or text.startswith(DECIBEL)
+        or text in (*PHASES, *PLAIN)
+        or frequency_unit(text) is not None
+        or ratio_of(text) is not None
+    )
+
+
+def _unit_of_gain(path: Path, column: str, values: FloatArray) -> str:
+    """A level is below 0 somewhere, or, if it is not, beyond 1: a ratio in SI units may be either."""
+    known = values[np.isfinite(values)]
+    if (known < 0.0).any():
+        return DECIBEL
+    if known.max(initial=0.0) < 1.0:
+        return "abs"
+    raise RecordError(
+        f"{path}: {column}: is it a ratio or in dB? Its values, from {known.min():g} to {known.max():g}, may be either; "
+        "name it magnitude or magnitude_db, or map it"
+    )
+
+
+def _unit_of_phase(path: Path, column: str, values: FloatArray) -> str:
+    most = np.abs(values[np.isfinite(values)]).max(initial=0.0)
+    if most > SURELY_DEGREES:
+        return "deg"
+    if most <= 1.001 * np.pi:
+        return "rad"
+    raise RecordError(
+        f"{path}: {column}: is it in degrees or radians? Its values, up to {most:g}, may be either; name it phase_deg "
+        "or phase_rad, or map it"
+    )
+
+
+def _si(path: Path, column: str, text: str, outputs: Iterable[str]) -> float:
+    """Factor that makes m/A or A/A of a unit such as ``um/A``."""
+    found = ratio_of(text)
+    wanted = {"y": "displacement", "i_c": "current"}
+    for output in outputs:
+        kind = wanted.get(output.partition(".")[0], "displacement")
+        if found is None or found[0].kind != kind:
+            example = "m/A, mm/A or um/A" if kind == "displacement" else "A/A or mA/A"
+            raise RecordError(f"{path}: {column}: the unit {text!r} is none of {output}; expected dB, {example}")
+    upper, lower = found or (Unit("displacement", 1.0), None)
+    return upper.factor / (1.0 if lower is None else lower.factor)

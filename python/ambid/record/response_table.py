@@ -1,0 +1,162 @@
+"""Tables of frequency responses in text: real and imaginary part, or magnitude and phase, as analysers write them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ambid.arrays import FloatArray
+from ambid.errors import RecordError
+from ambid.findings import Kind
+from ambid.record.channel_map import ChannelMap
+from ambid.record.content import COLUMNS_NOT_USED, unused
+from ambid.record.csv_table import UNITS_NOT_READ, Cells, header_of, read_cells
+from ambid.record.quantities import PLAIN, UNITS_ASSUMED, Quantity, holds_quantities, hz_of, quantity_of, values_of
+from ambid.record.raw import OF_AXES
+from ambid.record.raw_response import COVARIANCE, FURTHER, RawResponse, tabled
+
+__all__ = ["is_response_table", "read_response_table"]
+
+PAIR_ASSUMED = Kind(
+    "pair_assumed",
+    "warning",
+    "no column names the measured pair: taken as {output} by {input}",
+    "name it with --map output={output} --map input={input}",
+)
+UNNAMED = {"output": "y", "input": "i_e"}
+"""Signals of a pair that nothing names."""
+FORMS = (("re", "im"), ("magnitude", "phase"))
+
+
+def is_response_table(path: Path) -> bool:
+    """Whether a table of text holds frequency responses rather than signals over time, by the names of its columns."""
+    names = header_of(path)
+    return "t" not in names and not any(name.startswith(OF_AXES) for name in names) and holds_quantities(names)
+
+
+def read_response_table(path: Path, mapping: ChannelMap | None = None, axes: Sequence[str] = ()) -> RawResponse:
+    """Read a table, a row a frequency and pair.
+
+    Parameters
+    ----------
+    path : Path
+    mapping : ChannelMap, optional
+        Names of its columns, if they are none that `quantity_of` knows.
+    axes : sequence of str
+        Of the rig: the one axis of a table that names no pair.
+
+    Raises
+    ------
+    RecordError
+        If columns are missing or named twice, a cell is no number, or a pair has two values at one frequency.
+    """
+    table = read_cells(path)
+    header, rows = table.names, table.rows
+    columns, factors, constants = _columns(path, table, mapping)
+    missing = [name for name in UNNAMED if name not in columns and name not in constants]
+    if missing and len(axes) == 1:
+        constants |= {name: f"{UNNAMED[name]}.{axes[0]}" for name in missing}
+    form = next((form for form in FORMS if set(form) <= columns.keys()), None)
+    absent = [] if "frequency" in columns else [_example("frequency")]
+    absent += [name for name in missing if name not in constants]
+    if form is None:
+        begun = next((form for form in FORMS if set(form) & columns.keys()), FORMS[0])
+        absent += [_example(name) for name in begun if name not in columns]
+    if form is None or absent:
+        raise RecordError(
+            f"{path}: no column {', '.join(absent)}; the columns are {', '.join(header)}; rename them, or map them, such "
+            "as frequency_hz=COLUMN, magnitude_db=COLUMN, phase_deg=COLUMN, output=y.A_zeta, input=i_e.A_zeta"
+        )
+    own = {name: columns[name] for name in form}
+    takes_units = any(columns[name][1].unit != (quantity_of(columns[name][0]) or columns[name][1]).unit for name in columns)
+    numeric = {"frequency": columns["frequency"], **own} | {name: columns[name] for name in FURTHER if name in columns}
+    at = {name: header.index(column) for name, (column, _) in columns.items()}
+    covariances = {name: k for k, name in enumerate(header) if name.startswith(COVARIANCE)}
+    numbers = {name: _numbers(path, table, at[name]) * factors.get(name, 1.0) for name in numeric}
+    numbers |= {name: _numbers(path, table, k) for name, k in covariances.items()}
+    wrong = np.flatnonzero(~np.isfinite(numbers["frequency"]))
+    if len(wrong):
+        column, value = columns["frequency"][0], numbers["frequency"][wrong[0]]
+        raise RecordError(f"{path}: {column} is {value} in row {wrong[0] + 1}; give a frequency above 0")
+    hz, unstated = hz_of(path, *columns["frequency"], numbers["frequency"])
+    pairs = [tuple(constants.get(name) or row[at[name]] for name in UNNAMED) for row in rows]
+    values, more = values_of(path, own, numbers, dict.fromkeys(output for output, _ in pairs))
+    places: dict[tuple[float, str, str], dict[str, float]] = {}
+    for k, (frequency, (output, inlet)) in enumerate(zip(hz.tolist(), pairs, strict=True)):
+        if (frequency, output, inlet) in places:
+            what = f"{output} / {inlet} at {frequency:g} Hz"
+            raise RecordError(f"{path}: row {k + 1}: {what} is there already; keep one of the two")
+        further = {name: float(numbers[name][k]) for name in (*FURTHER, *covariances) if name in numbers}
+        places[frequency, output, inlet] = {"re": values[k].real, "im": values[k].imag, **further}
+    raw = tabled(places)
+    known = {f"{part} {output} / {inlet}" for part in COVARIANCE for output in raw.outputs for inlet in raw.inputs}
+    used = {columns[name][0] for name in (*numeric, *UNNAMED) if name in columns} | known
+    raw.findings = [
+        *(own for own in table.findings if own.kind != UNITS_NOT_READ or not takes_units),
+        *([UNITS_ASSUMED(units=[*unstated, *more])] if unstated or more else []),
+        *([PAIR_ASSUMED(output=pairs[0][0], input=pairs[0][1])] if missing else []),
+        *unused(COLUMNS_NOT_USED, (name for name in header if name not in used)),
+    ]
+    return raw
+
+
+def _columns(
+    path: Path, table: Cells, mapping: ChannelMap | None
+) -> tuple[dict[str, tuple[str, Quantity]], dict[str, float], dict[str, str]]:
+    """Column and quantity by the name of the quantity, factors, and channels of the only pair."""
+    columns: dict[str, tuple[str, Quantity]] = {}
+    factors: dict[str, float] = {}
+    constants: dict[str, str] = {}
+    for name, (column, factor) in ({} if mapping is None else mapping.response_columns).items():
+        quantity = quantity_of(name)
+        assert quantity is not None
+        if column in table.names:
+            columns[quantity.name] = column, quantity
+        elif column.isdecimal() and 1 <= int(column) <= len(table.names):
+            columns[quantity.name] = table.names[int(column) - 1], quantity
+        elif name in UNNAMED:
+            constants[name] = column
+        else:
+            present = ", ".join(table.names)
+            raise RecordError(f"{path}: map {name}={column}: there is no such column; the columns are {present}")
+        factors[quantity.name] = factor
+    found: dict[str, list[tuple[str, Quantity]]] = {}
+    for header, unit in zip(table.names, table.units, strict=True):
+        own = quantity_of(header)
+        if own is not None and own.name not in columns and own.name not in constants:
+            found.setdefault(own.name, []).append((header, replace(own, unit=_unit(own, unit))))
+    for name, several in found.items():
+        chosen = [one for one in several if one[1].is_ours][:1] or several
+        if len(chosen) > 1:
+            told = " and ".join(header for header, _ in chosen)
+            raise RecordError(f"{path}: {told} are both a {name}; map one of them, such as {_example(name)}={chosen[0][0]}")
+        columns[name] = chosen[0]
+    return columns, factors, constants
+
+
+def _unit(quantity: Quantity, below: str) -> str:
+    """That of a column: from its name, or else from the line of units below."""
+    stated = below.strip("[]()- ").lower()
+    return stated or quantity.unit if quantity.unit in ("", *PLAIN) else quantity.unit
+
+
+def _example(name: str) -> str:
+    """A name of ours for a quantity."""
+    return {"frequency": "frequency_hz", "magnitude": "magnitude_db", "phase": "phase_deg"}.get(name, name)
+
+
+def _numbers(path: Path, table: Cells, column: int) -> FloatArray:
+    """Values of a column; NaN where a cell is empty."""
+    values = np.full(len(table.rows), np.nan)
+    for k, row in enumerate(table.rows):
+        cell = row[column]
+        try:
+            values[k] = float(cell or "nan")
+        except ValueError:
+            raise RecordError(
+                f"{path}: {table.names[column]}, row {k + 1}: {cell!r} is not a number; correct the cell"
+            ) from None
+    return values
