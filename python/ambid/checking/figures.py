@@ -8,11 +8,11 @@ import numpy as np
 
 from ambid.checking.nominal import NominalLoop
 from ambid.noise import noise_ceiling
-from ambid.record import Record
+from ambid.record import FrequencyResponse, Record
 from ambid.rig import Rig
 from ambid.robustness import sensitivity_peaks, zone_of
 
-__all__ = ["LoopFigures", "RecordFigures"]
+__all__ = ["LoopFigures", "RecordFigures", "ResponseFigures"]
 
 
 @dataclass(frozen=True)
@@ -155,3 +155,50 @@ class RecordFigures:
         text += f"y {1e6 * max(self.y_rms):.3g} um rms (peak {100 * self.share_of_gap:.2g} % of the gap), {i_c}"
         ceiling = [value for name, value in self.noise_ceiling_percent.items() if name.startswith("y.")]
         return text if np.isnan(ceiling).any() else f"{text}; noise ceiling of y {min(ceiling):.1f} %"
+
+
+@dataclass(frozen=True)
+class ResponseFigures:
+    """Frequency responses in figures.
+
+    Attributes
+    ----------
+    name : str
+    frequencies : int
+    band_hz : tuple of (float, float)
+        Lowest and highest of them.
+    outputs, inputs : tuple of str
+    relative_std : dict of str to float
+        Median of the std over the magnitude, by pair; NaN of one that was not measured.
+    """
+
+    name: str
+    frequencies: int
+    band_hz: tuple[float, float]
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    relative_std: dict[str, float]
+
+    @classmethod
+    def of(cls, response: FrequencyResponse) -> ResponseFigures:
+        """Take the figures of measured responses."""
+        known = response.measured.reshape(len(response.frequency_hz), -1)
+        h, std = (np.abs(table).reshape(known.shape) for table in (response.response, response.std))
+        ratios = [std[own, k] / h[own, k] for k, own in enumerate(known.T)]
+        relative = [float(np.median(own)) if len(own) else np.nan for own in ratios]
+        return cls(
+            name=response.name,
+            frequencies=len(response.frequency_hz),
+            band_hz=(float(response.frequency_hz[0]), float(response.frequency_hz[-1])),
+            outputs=response.outputs,
+            inputs=response.inputs,
+            relative_std=dict(zip(response.pairs, relative, strict=True)),
+        )
+
+    def line(self) -> str:
+        """One line of text."""
+        low, high = self.band_hz
+        text = f"  {self.name}: frequency response, {self.frequencies} frequencies from {low:.4g} to {high:.4g} Hz; "
+        worst = max((std, pair) for pair, std in self.relative_std.items() if not np.isnan(std))
+        text += f"{', '.join(self.outputs)} by {', '.join(self.inputs)}; "
+        return text + f"median std {100.0 * worst[0]:.2g} % of {worst[1]}"

@@ -24,11 +24,11 @@ from ambid.checking.path import path
 from ambid.checking.ranges import slips_of_periods, slips_of_ranges
 from ambid.checking.rig_slips import slips_of_rig
 from ambid.checking.signs import opposite_sign
-from ambid.checking.soundness import LoopFigures, RecordFigures, Soundness
+from ambid.checking.soundness import LoopFigures, RecordFigures, ResponseFigures, Soundness
 from ambid.checking.stopping import stops_diagnosis
 from ambid.errors import RecordError
 from ambid.findings import SEVERITIES, Finding, Kind, Where
-from ambid.record import Record
+from ambid.record import Record, Source, load_measurement
 from ambid.results import speed_text
 from ambid.rig import Rig, as_rig
 from ambid.threads import with_one_blas_thread
@@ -50,14 +50,15 @@ FEW_LINES = Kind(
 
 
 @with_one_blas_thread
-def check(rig: Rig | str | Path, records: Record | str | Path | Sequence[Record | str | Path] = ()) -> Soundness:
+def check(rig: Rig | str | Path, records: Source | Sequence[Source] = ()) -> Soundness:
     """Hold a rig against itself, and records against the rig; nothing is fitted to be kept.
 
     Parameters
     ----------
     rig : Rig, or path of its file
-    records : Record, path of its file, or sequence of them
-        Loaded with this rig, or with that of the operating point that they state.
+    records : Record, FrequencyResponse, path of a file, or sequence of them
+        Loaded with this rig, or with that of the operating point that they state. Frequency responses are listed with
+        the findings of their own.
 
     Returns
     -------
@@ -65,8 +66,10 @@ def check(rig: Rig | str | Path, records: Record | str | Path | Sequence[Record 
         Findings, worst first, and the machine and the records in figures.
     """
     rig = as_rig(rig)
-    several = (records,) if isinstance(records, Record | str | Path) else records
-    loaded = [own if isinstance(own, Record) else Record.load(own, rig) for own in several]
+    several = (records,) if isinstance(records, Source) else tuple(records)
+    given = [load_measurement(own, rig) if isinstance(own, str | Path) else own for own in several]
+    loaded = [own for own in given if isinstance(own, Record)]
+    responses = [own for own in given if not isinstance(own, Record)]
     points = dict.fromkeys(record.point for record in loaded if record.point not in (None, rig))
     loops = {own: NominalLoop(own) for own in (rig, *(point for point in points if point is not None))}
     figures = {own: LoopFigures.of(loop) for own, loop in loops.items()}
@@ -88,12 +91,14 @@ def check(rig: Rig | str | Path, records: Record | str | Path | Sequence[Record 
                 findings += [] if stops else slips_of_laws(record.name, found)
             elif not stops:
                 findings += _turned_reference(record, own)
+    listed = tuple(map(ResponseFigures.of, responses))
     implementation = f"{rig.controller.implementation} {rig.controller.kind}"
     machine = (
         f"axes {', '.join(rig.axes)} at {rig.sample_rate:g} Hz, {speed_text(rig.speed)}, {implementation} controller"
     )
+    findings += [own.at(record=response.name) for response in responses for own in response.findings]
     ordered = sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
-    return Soundness(rig.name, machine, figures[rig], tuple(described), tuple(ordered), laws)
+    return Soundness(rig.name, machine, figures[rig], tuple(described), tuple(ordered), laws, listed)
 
 
 def _laws(record: Record, rig: Rig) -> tuple[Law, ...]:

@@ -6,12 +6,12 @@ import warnings
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from ambid.checking.figures import LoopFigures, RecordFigures
+from ambid.checking.figures import LoopFigures, RecordFigures, ResponseFigures
 from ambid.checking.law import Law
 from ambid.findings import SEVERITIES, Finding, WithFindings
 from ambid.results import plain
 
-__all__ = ["LoopFigures", "RecordFigures", "Soundness"]
+__all__ = ["LoopFigures", "RecordFigures", "ResponseFigures", "Soundness"]
 
 MOST_LISTED = 15
 """Findings that are printed, at most."""
@@ -33,6 +33,8 @@ class Soundness(WithFindings):
         Worst first.
     laws : dict of str to tuple of Law
         By record whose command was recorded: the law that its controller runs.
+    responses : tuple of ResponseFigures
+        Of frequency responses, which are listed with their own findings.
     """
 
     rig: str
@@ -41,6 +43,7 @@ class Soundness(WithFindings):
     records: tuple[RecordFigures, ...]
     findings: tuple[Finding, ...]
     laws: dict[str, tuple[Law, ...]] = field(default_factory=dict)
+    responses: tuple[ResponseFigures, ...] = ()
 
     @property
     def errors(self) -> tuple[Finding, ...]:
@@ -85,6 +88,7 @@ class Soundness(WithFindings):
                 f"{loop.peak_sensitivity_axis}: zone {loop.zone} of ISO 14839-3; bandwidth {loop.bandwidth_hz:.3g} Hz"
             )
         lines += [record.line() for record in self.records]
+        lines += [response.line() for response in self.responses]
         lines += [f"  {name}: law of {law.line()}" for name, laws in self.laws.items() for law in laws]
         counts = [(sum(f.severity == s for f in self.findings), s) for s in SEVERITIES]
         total = ", ".join(f"{n} {s}{'' if n == 1 else 's'}" for n, s in counts if n) or "nothing found"

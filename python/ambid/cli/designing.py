@@ -13,12 +13,14 @@ from ambid.cli.effect_option import with_effects
 from ambid.cli.experiments import LONGEST_SIMULATION
 from ambid.cli.files import load_model, load_records, load_rig, naming_unstable
 from ambid.cli.options import (
+    Columns,
     Exact,
     Force,
     JsonFile,
     ModelFile,
     Quiet,
     RigFile,
+    SampleRate,
     assignment,
     known_effects,
     names,
@@ -106,6 +108,8 @@ def design_command(
         list[Path],
         typer.Option("--record", metavar="RECORD", help="Fitted first: its values and its noise count; repeatable."),
     ] = [],  # noqa: B006
+    columns: Columns = [],  # noqa: B006
+    sample_rate: SampleRate = None,
     accuracy: Annotated[
         list[str],
         typer.Option(
@@ -155,13 +159,17 @@ def design_command(
 
     if record and (sensor_noise is not None or current_noise is not None):
         raise InputError("--record tells the noise; leave --sensor-noise and --current-noise out, or the record")
+    if not record and (columns or sample_rate is not None):
+        raise InputError(
+            f"{'--map' if columns else '--sample-rate'} is of a record; name it with --record, or leave it out"
+        )
     machine = load_rig(rig, exact)
     start = load_model(machine, model)
     wanted = dict(assignment("--accuracy", text, "K_i=1%") for text in accuracy)
     limits = ambid.Limits(travel=travel, current=current, excitation=peak, slew_rate=slew_rate)
     with stoppable(), naming_unstable(rig, start, model):
         if record:
-            fit = ambid.identify(start, load_records(machine, record, None, [], None))
+            fit = ambid.identify(start, load_records(machine, record, None, columns, sample_rate))
             start, instruments = fit.model, ambid.Instruments.of(fit.comparison)
         else:
             instruments = ambid.Instruments.stated(

@@ -13,7 +13,7 @@ import typer
 
 import ambid
 from ambid.cli.commands import command_of, with_command
-from ambid.cli.files import in_time, load_model, load_records, load_rig, naming_unstable, require_first_point
+from ambid.cli.files import load_model, load_records, load_rig, naming_unstable, require_first_point
 from ambid.cli.options import (
     Allow,
     Before,
@@ -56,7 +56,9 @@ MOST_CELLS, MOST_PRINTED = 20, 5
 
 def check_command(
     rig: RigFile,
-    records: Annotated[list[Path], typer.Argument(metavar="[RECORD...]", help="Records of this rig.")] = [],  # noqa: B006
+    records: Annotated[
+        list[Path], typer.Argument(metavar="[RECORD...]", help="Records and frequency responses of this rig.")
+    ] = [],  # noqa: B006
     period: Period = None,
     columns: Columns = [],  # noqa: B006
     sample_rate: SampleRate = None,
@@ -70,7 +72,7 @@ def check_command(
     machine = load_rig(rig, exact)
     loaded = load_records(machine, records, period, columns, sample_rate, allow)
     with stoppable():
-        found = ambid.check(machine, in_time(loaded))
+        found = ambid.check(machine, loaded)
     conclude(found, found.to_json(), json_file, quiet)
     if not found.is_sound and quiet:
         raise InputError(f"{rig}: {len(found.errors)} error(s), first {found.errors[0].line()}")

@@ -135,6 +135,22 @@ def require_first_point(rig: Path, paths: Sequence[Path]) -> None:
         )
 
 
+def map_options(columns: Sequence[str]) -> list[str]:
+    """Options of ``--map``, each ``CHANNEL=COLUMN`` or a text file of these."""
+    options: list[str] = []
+    for text in columns:
+        if "=" in text:
+            options.append(text)
+            continue
+        if not Path(text).is_file():
+            raise InputError(
+                f"--map {text}: there is no such file; expected CHANNEL=COLUMN or CHANNEL=COLUMN:FACTOR, such as "
+                "y.A_zeta=ch3:1e-6, or a text file of such arguments"
+            )
+        options += ambid.ChannelMap.options_of(text)
+    return options
+
+
 def load_records(
     rig: ambid.Rig,
     paths: list[Path],
@@ -143,14 +159,14 @@ def load_records(
     sample_rate: float | None,
     allow: Sequence[str] = (),
 ) -> list[ambid.Record | ambid.FrequencyResponse]:
-    """Records and frequency responses of a rig; `columns` are options as `ChannelMap.parse` reads them.
+    """Records and frequency responses of a rig; `columns` are options as `map_options` reads them.
 
     A rig file among them opens another operating point of the machine: the records after it were recorded there. Its
     values are exact where those of the rig are.
     """
     if sample_rate is not None and not (np.isfinite(sample_rate) and sample_rate > 0.0):
         raise InputError(f"--sample-rate {sample_rate:g}: expected a positive number of Hz")
-    mapping = ambid.ChannelMap.parse(columns) if columns else None
+    mapping = ambid.ChannelMap.parse(map_options(columns)) if columns else None
     found: list[ambid.Record | ambid.FrequencyResponse] = []
     point = rig
     for path, after in pairwise([*paths, Path()]):

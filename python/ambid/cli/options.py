@@ -46,8 +46,9 @@ Columns = Annotated[
     list[str],
     typer.Option(
         "--map",
-        metavar="CHANNEL=COLUMN[:FACTOR]",
-        help="Column of a foreign file, and what makes SI units of it, such as y.A_zeta=ch3:1e-6; repeatable.",
+        metavar="CHANNEL=COLUMN[:FACTOR]|FILE",
+        help="Column of a foreign file, and what makes SI units of it, such as y.A_zeta=ch3:1e-6, or a text file of "
+        "these; repeatable.",
     ),
 ]
 SampleRate = Annotated[float | None, typer.Option(metavar="HZ", help="Of records whose files state none.")]

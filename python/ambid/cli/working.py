@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ambid.cli.files import load_model, load_records, load_rig, require_first_point
+from ambid.cli.files import load_model, load_records, load_rig, map_options, require_first_point
 from ambid.cli.options import (
     Allow,
     Columns,
@@ -50,7 +50,7 @@ def workbench_command(
     inputs: Files = {"RIG": rig, "RECORD": records, "--validate": validate, "--model": model}
     require_outputs(inputs, {"--json": json_file})
     require_first_point(rig, records)
-    machine = load_rig(rig, exact)
+    machine, columns = load_rig(rig, exact), map_options(columns)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
     kept = load_records(machine, validate, period, columns, sample_rate, allow)
     options = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -83,6 +84,43 @@ class ChannelMap:
             channels[channel] = column
         return cls(channels)
 
+    @classmethod
+    def load(cls, path: str | Path) -> ChannelMap:
+        """Read a text file of options, as `options_of` does.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read, and as for `parse`.
+        """
+        return cls.parse(cls.options_of(path))
+
+    @staticmethod
+    def options_of(path: str | Path) -> list[str]:
+        """Options such as ``y.A_zeta=ch3:1e-6`` of a text file: words as a shell reads them, on one line or several.
+
+        ``--map`` may stand before each of them, and lines that begin with ``#`` are comments.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read, has a quote without an end, or a word that is no such option.
+        """
+        try:
+            lines = Path(path).read_text(encoding="utf-8-sig").replace("\\\n", " ").splitlines()
+            words = [word for line in lines if not line.lstrip().startswith("#") for word in shlex.split(line)]
+        except (OSError, ValueError) as error:  # a quote without an end, or what is no text
+            why = error.strerror if isinstance(error, OSError) else str(error)
+            raise InputError(f"map {path}: cannot be read ({why}); expected a text file of {EXAMPLE} ...") from None
+        options = [word.removeprefix("--map=") for word in words if word != "--map"]
+        for option in options:
+            if "=" not in option or option.startswith("--"):
+                raise InputError(
+                    f"map {path}: {option!r}: expected CHANNEL=COLUMN or CHANNEL=COLUMN:FACTOR, such as {EXAMPLE}; "
+                    "give other arguments to the command itself"
+                )
+        return options
+
     @property
     def channels(self) -> list[str]:
         """The channels that are mapped."""
@@ -118,7 +156,7 @@ class ChannelMap:
         RecordError
             If a column is missing or holds no numbers, the lengths differ, or nothing tells the sample rate.
         """
-        if self._columns:
+        if not self._sources:
             first = next(iter(self._columns))
             raise RecordError(
                 f"{path}: map {first}: {first} is a column of frequency responses, and this file holds signals over "
@@ -131,9 +169,9 @@ class ChannelMap:
             for channel, source in self._sources.items()
         }
         timing = {channel: content.timing[name] for channel, name in names.items() if name in content.timing}
-        found = aligned(path, {channel: own for channel, own in values.items() if channel != "fs"}, timing)
-        values |= found.values
-        raw = RawRecord({}, values.get("t"), found.sample_rate)
+        side_by_side = aligned(path, {channel: own for channel, own in values.items() if channel != "fs"}, timing)
+        values |= side_by_side.values
+        raw = RawRecord({}, values.get("t"), side_by_side.sample_rate)
         if "fs" in values:
             if values["fs"].size != 1:
                 raise RecordError(f"{path}: fs={names['fs']} has {values['fs'].size} values; give one sample rate [Hz]")
@@ -151,7 +189,7 @@ class ChannelMap:
             if own:
                 axes = tuple(channel.removeprefix(f"{signal}.") for channel in own)
                 raw.signals[signal] = (axes, np.stack([values[channel] for channel in own], axis=1))
-        raw.findings = [*self._findings(names, columns), *found.findings, *content.findings]
+        raw.findings = [*self._findings(names, columns), *side_by_side.findings, *content.findings]
         return raw
 
     def _name(self, path: Path, channel: str, columns: Mapping[str, object], aliases: Mapping[str, str]) -> str:
@@ -177,7 +215,8 @@ class ChannelMap:
         return [mapped, *turned, *unused(COLUMNS_NOT_USED, (name for name in columns if name not in names.values()))]
 
     def __repr__(self) -> str:
-        return f"ChannelMap({', '.join(f'{c}={s.column}:{s.factor:g}' for c, s in (self._sources | self._columns).items())})"
+        sources = self._sources | self._columns
+        return f"ChannelMap({', '.join(f'{c}={s.column}:{s.factor:g}' for c, s in sources.items())})"
 
 
 def _source(channel: str, text: str) -> _Source:

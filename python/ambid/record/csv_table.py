@@ -283,7 +283,9 @@ def _is_row(head: str, below: str | None, separator: str | None) -> bool:
     has_numbers = _has_numbers(head, separator)
     if all(has_numbers) or below is None or not any(has_numbers):
         return all(has_numbers)
-    fractions = [cell for cell in _split(head, separator) if _is_number(cell.replace(",", ".")) and not cell.isdecimal()]
+    fractions = [
+        cell for cell in _split(head, separator) if _is_number(cell.replace(",", ".")) and not cell.isdecimal()
+    ]
     return bool(fractions) and has_numbers == _has_numbers(below, separator)
 
 

@@ -33,7 +33,7 @@ def holds_response(path: Path, mapping: ChannelMap | None = None) -> bool:
     if not path.is_file():
         return False
     if suffix == ".csv":
-        return (mapping is not None and bool(mapping.response_columns)) or is_response_table(path)
+        return is_response_table(path, mapping)
     if suffix == ".mat":
         with reading(path, RecordError, "a readable .mat file", "save it again"):
             return any(variable.name in FREQUENCIES for variable in variables_of(path) or [])

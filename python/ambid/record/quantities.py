@@ -181,8 +181,8 @@ def _unit_of_gain(path: Path, column: str, values: FloatArray) -> str:
     if known.max(initial=0.0) < 1.0:
         return "abs"
     raise RecordError(
-        f"{path}: {column}: is it a ratio or in dB? Its values, from {known.min():g} to {known.max():g}, may be either; "
-        "name it magnitude or magnitude_db, or map it"
+        f"{path}: {column}: is it a ratio or in dB? Its values, from {known.min():g} to {known.max():g}, may be "
+        "either; name it magnitude or magnitude_db, or map it"
     )
 
 

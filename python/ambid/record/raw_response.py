@@ -57,7 +57,8 @@ class RawResponse:
             told = [channel for name in own if (channel := found[name]) is not None]
             names[kind], factors[kind] = [name for name, _ in told], np.array([factor for _, factor in told])
             left_out += [name for name in own if found[name] is None]
-        missing = [c for c in mapping.channels if c not in (*names["outputs"], *names["inputs"])]
+        there = ("t", "fs", *names["outputs"], *names["inputs"])
+        missing = [channel for channel in mapping.channels if channel not in there]
         if missing:
             present = ", ".join((*self.outputs, *self.inputs))
             raise RecordError(f"{path}: map {missing[0]}: there is no such channel; the channels are {present}")

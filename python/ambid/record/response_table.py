@@ -31,9 +31,12 @@ UNNAMED = {"output": "y", "input": "i_e"}
 FORMS = (("re", "im"), ("magnitude", "phase"))
 
 
-def is_response_table(path: Path) -> bool:
+def is_response_table(path: Path, mapping: ChannelMap | None = None) -> bool:
     """Whether a table of text holds frequency responses rather than signals over time, by the names of its columns."""
-    names = header_of(path)
+    names, mapped = header_of(path), {} if mapping is None else mapping.response_columns
+    frequency = next((column for name, (column, _) in mapped.items() if name.startswith("frequency")), None)
+    if frequency is not None and (frequency in names or mapping is not None and not mapping.channels):
+        return True
     return "t" not in names and not any(name.startswith(OF_AXES) for name in names) and holds_quantities(names)
 
 
@@ -67,11 +70,13 @@ def read_response_table(path: Path, mapping: ChannelMap | None = None, axes: Seq
         absent += [_example(name) for name in begun if name not in columns]
     if form is None or absent:
         raise RecordError(
-            f"{path}: no column {', '.join(absent)}; the columns are {', '.join(header)}; rename them, or map them, such "
-            "as frequency_hz=COLUMN, magnitude_db=COLUMN, phase_deg=COLUMN, output=y.A_zeta, input=i_e.A_zeta"
+            f"{path}: no column {', '.join(absent)}; the columns are {', '.join(header)}; rename them, or map them, "
+            "such as frequency_hz=COLUMN, magnitude_db=COLUMN, phase_deg=COLUMN, output=y.A_zeta, input=i_e.A_zeta"
         )
     own = {name: columns[name] for name in form}
-    takes_units = any(columns[name][1].unit != (quantity_of(columns[name][0]) or columns[name][1]).unit for name in columns)
+    takes_units = any(
+        columns[name][1].unit != (quantity_of(columns[name][0]) or columns[name][1]).unit for name in columns
+    )
     numeric = {"frequency": columns["frequency"], **own} | {name: columns[name] for name in FURTHER if name in columns}
     at = {name: header.index(column) for name, (column, _) in columns.items()}
     covariances = {name: k for k, name in enumerate(header) if name.startswith(COVARIANCE)}
@@ -132,7 +137,9 @@ def _columns(
         chosen = [one for one in several if one[1].is_ours][:1] or several
         if len(chosen) > 1:
             told = " and ".join(header for header, _ in chosen)
-            raise RecordError(f"{path}: {told} are both a {name}; map one of them, such as {_example(name)}={chosen[0][0]}")
+            raise RecordError(
+                f"{path}: {told} are both a {name}; map one of them, such as {_example(name)}={chosen[0][0]}"
+            )
         columns[name] = chosen[0]
     return columns, factors, constants
 

@@ -35,22 +35,20 @@ def timing_of(properties: Mapping[str, Mapping[str, Any]]) -> dict[str, Timing]:
 
 def _instant(own: Mapping[str, Any]) -> Fraction | None:
     """Of the first sample [s]; None where it is not stated, as a time of 0 is what nobody has set."""
-    stamp, offset = own.get("wf_start_time"), own.get("wf_start_offset")
+    stamp, offset = own.get("wf_start_time"), _number(own.get("wf_start_offset")) or 0.0
     seconds = getattr(stamp, "seconds", 0)
-    has_offset = _is_number(offset) and bool(np.isfinite(offset))
-    if not seconds and not (has_offset and offset):
+    if not seconds and not offset:
         return None
-    absolute = Fraction(seconds) + Fraction(getattr(stamp, "second_fractions", 0), FRACTIONS)
-    return absolute + (Fraction(offset) if has_offset else 0)
+    return Fraction(seconds) + Fraction(getattr(stamp, "second_fractions", 0), FRACTIONS) + Fraction(offset)
 
 
 def _increment(own: Mapping[str, Any]) -> float | None:
     """Sample time that a channel states [s]; None where ``wf_increment`` is no step in time."""
-    step = own.get("wf_increment")
-    if not _is_number(step) or not (0.0 < step < np.inf and 1.0 / step < np.inf):
-        return None
-    return float(step)
+    step = _number(own.get("wf_increment"))
+    return step if step is not None and step > 0.0 and 1.0 / step < np.inf else None
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+def _number(value: Any) -> float | None:
+    """A finite number, or None."""
+    is_number = isinstance(value, int | float) and not isinstance(value, bool) and np.isfinite(value)
+    return float(value) if is_number else None

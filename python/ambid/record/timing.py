@@ -107,7 +107,7 @@ def aligned(path: Path, values: Mapping[str, FloatArray], timing: Mapping[str, T
         ends = min(whole, key=lambda name: whole[name] + lengths[name])
         raise RecordError(
             f"{path}: {latest} starts {(whole[latest] - whole[ends]) / rate:.6g} s after {ends}, which has "
-            f"{lengths[ends]} samples: no instant is common to all channels; export channels that were recorded together"
+            f"{lengths[ends]} samples: no instant is common to all channels; export channels of one recording"
         )
     earliest = min(starts.values())
     since = {name: start - earliest for name, start in starts.items()}

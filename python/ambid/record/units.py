@@ -25,7 +25,7 @@ _UNITS = {
         for length, factor in _LENGTHS.items()
     },
     "ips": ("velocity", INCH),
-    **{name: ("acceleration", GRAVITY) for name in ("g", "gn", "g's")},
+    **dict.fromkeys(("g", "gn", "g's"), ("acceleration", GRAVITY)),
     "mg": ("acceleration", 1e-3 * GRAVITY),
     "gal": ("acceleration", 1e-2),
     **{"a": ("current", 1.0), "amp": ("current", 1.0), "ma": ("current", 1e-3), "ua": ("current", 1e-6)},

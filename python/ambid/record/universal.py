@@ -158,8 +158,8 @@ def _in_si(
     found = ratio_of(label) if label else None
     if label and found is None:
         raise RecordError(
-            f"{where}: the unit of the ordinate is {label!r}; expected one of length, velocity or acceleration, such as "
-            "m, mm, um, mil, mm/s, m/s^2, g, or of current, A or mA"
+            f"{where}: the unit of the ordinate is {label!r}; expected that of a length, velocity or acceleration, "
+            "such as m, mm, um, mil, mm/s, m/s^2, g, or of current, A or mA"
         )
     upper, lower = found or (None, None)
     below = _label(own, "orddenom")
@@ -193,7 +193,9 @@ def _side(
     if signal not in ("y", "r"):
         return 1.0, 0  # not used, or refused by its name
     if unit is not None and unit.kind not in INTEGRATIONS:
-        raise RecordError(f"{where}: {name} is in {label}, a {unit.kind}; {channel} is a displacement: expected m or mm")
+        raise RecordError(
+            f"{where}: {name} is in {label}, a {unit.kind}; {channel} is a displacement: expected m or mm"
+        )
     motion = MOTIONS.get(kind)
     if motion is None and kind in UNSTATED:
         motion = unit.kind if unit is not None else "displacement" if is_mapped else None
