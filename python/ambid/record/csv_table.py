@@ -35,6 +35,8 @@ WHITE_SPACE = Kind(
 
 LONGEST_LINE = 1 << 20
 """Characters of a header: 100 for each of as many columns as are allowed."""
+COMMENTS = ("#", "%", "!")
+"""What lines above the header begin with that are none of the table."""
 UNIT = re.compile(r"[\[(]?[A-Za-zµμΩ°%][\w/*^·.µμΩ° -]{0,11}[\])]?")
 """What a cell of a line of units looks like."""
 
@@ -96,8 +98,8 @@ def read_table(path: Path) -> Content:
     """Read a table with a header; commas, semicolons, tabs or white space separate the cells, names may be in quotes.
 
     A column without a name whose cells are all empty, as rows that end with a separator make it, is left out. Lines
-    above the header that begin with ``#`` are passed over, and so is a line of units below it; decimal commas are read
-    where no commas part the cells. Findings say so. A column with a cell that is no number, such as the time of day, is
+    above the header that begin with ``#``, ``%`` or ``!`` are passed over, and so is a line of units below it; decimal
+    commas are read where no commas part the cells. Findings say so. A column with a cell that is no number, such as the time of day, is
     a `NotNumbers`.
 
     Raises
@@ -207,7 +209,7 @@ def _without_words(path: Path) -> tuple[_Sheet, dict[str, FloatArray | NotNumber
 def _sheet(path: Path, file: TextIO) -> _Sheet:
     """What a file begins with; its rows are read on from there."""
     comments, head = [], file.readline(LONGEST_LINE)
-    while head and len(head) < LONGEST_LINE and (not head.strip() or head.startswith("#")):
+    while head and len(head) < LONGEST_LINE and (not head.strip() or head.startswith(COMMENTS)):
         comments += [head[1:].strip()] if head.strip() else []
         head = file.readline(LONGEST_LINE)
     if len(head) == LONGEST_LINE:

@@ -86,6 +86,13 @@ def quantity_of(header: str) -> Quantity | None:
     text = header.rpartition(": ")[2].strip().lower()
     if text in _OURS:
         return _OURS[text]
+    for name, is_named in (
+        ("frequency", frequency_unit(text)),
+        ("magnitude", text == DECIBEL),
+        ("phase", text in PHASES),
+    ):
+        if is_named:
+            return Quantity(name, text)  # by its unit alone
     in_brackets = re.fullmatch(r"(.*?)[\s_]*[\[(](.*)[\])]", text)
     base, unit = in_brackets.groups() if in_brackets else (text, "")
     if (found := _named(base)) is None and not in_brackets:

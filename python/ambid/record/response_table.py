@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from ambid.arrays import FloatArray
+from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
 from ambid.findings import Kind
 from ambid.record.channel_map import ChannelMap
@@ -74,11 +74,12 @@ def read_response_table(path: Path, mapping: ChannelMap | None = None, axes: Seq
             "such as frequency_hz=COLUMN, magnitude_db=COLUMN, phase_deg=COLUMN, output=y.A_zeta, input=i_e.A_zeta"
         )
     own = {name: columns[name] for name in form}
-    takes_units = any(
-        columns[name][1].unit != (quantity_of(columns[name][0]) or columns[name][1]).unit for name in columns
-    )
     numeric = {"frequency": columns["frequency"], **own} | {name: columns[name] for name in FURTHER if name in columns}
     at = {name: header.index(column) for name, (column, _) in columns.items()}
+    takes_units = any(
+        table.units[at[name]] and own.unit == _plain(table.units[at[name]])
+        for name, own in ((n, q) for n, (_, q) in columns.items())
+    )
     covariances = {name: k for k, name in enumerate(header) if name.startswith(COVARIANCE)}
     numbers = {name: _numbers(path, table, at[name]) * factors.get(name, 1.0) for name in numeric}
     numbers |= {name: _numbers(path, table, k) for name, k in covariances.items()}
@@ -87,25 +88,33 @@ def read_response_table(path: Path, mapping: ChannelMap | None = None, axes: Seq
         column, value = columns["frequency"][0], numbers["frequency"][wrong[0]]
         raise RecordError(f"{path}: {column} is {value} in row {wrong[0] + 1}; give a frequency above 0")
     hz, unstated = hz_of(path, *columns["frequency"], numbers["frequency"])
-    pairs = [tuple(constants.get(name) or row[at[name]] for name in UNNAMED) for row in rows]
-    values, more = values_of(path, own, numbers, dict.fromkeys(output for output, _ in pairs))
-    places: dict[tuple[float, str, str], dict[str, float]] = {}
-    for k, (frequency, (output, inlet)) in enumerate(zip(hz.tolist(), pairs, strict=True)):
-        if (frequency, output, inlet) in places:
-            what = f"{output} / {inlet} at {frequency:g} Hz"
-            raise RecordError(f"{path}: row {k + 1}: {what} is there already; keep one of the two")
-        further = {name: float(numbers[name][k]) for name in (*FURTHER, *covariances) if name in numbers}
-        places[frequency, output, inlet] = {"re": values[k].real, "im": values[k].imag, **further}
-    raw = tabled(places)
+    outputs, inputs = ([constants.get(name) or row[at[name]] for row in rows] for name in UNNAMED)
+    values, more = values_of(path, own, numbers, dict.fromkeys(outputs))
+    further = {name: numbers[name] for name in (*FURTHER, *covariances) if name in numbers}
+    raw = tabled(_places(path, list(zip(hz.tolist(), outputs, inputs, strict=True)), values, further))
     known = {f"{part} {output} / {inlet}" for part in COVARIANCE for output in raw.outputs for inlet in raw.inputs}
     used = {columns[name][0] for name in (*numeric, *UNNAMED) if name in columns} | known
     raw.findings = [
         *(own for own in table.findings if own.kind != UNITS_NOT_READ or not takes_units),
         *([UNITS_ASSUMED(units=[*unstated, *more])] if unstated or more else []),
-        *([PAIR_ASSUMED(output=pairs[0][0], input=pairs[0][1])] if missing else []),
+        *([PAIR_ASSUMED(output=outputs[0], input=inputs[0])] if missing else []),
         *unused(COLUMNS_NOT_USED, (name for name in header if name not in used)),
     ]
     return raw
+
+
+def _places(
+    path: Path, keys: Sequence[tuple[float, str, str]], values: ComplexArray, further: Mapping[str, FloatArray]
+) -> dict[tuple[float, str, str], dict[str, float]]:
+    """Values of every row by frequency, output and input; refuses two of one place."""
+    places: dict[tuple[float, str, str], dict[str, float]] = {}
+    for k, key in enumerate(keys):
+        if key in places:
+            what = f"{key[1]} / {key[2]} at {key[0]:g} Hz"
+            raise RecordError(f"{path}: row {k + 1}: {what} is there already; keep one of the two")
+        own = {name: float(column[k]) for name, column in further.items()}
+        places[key] = {"re": values[k].real, "im": values[k].imag, **own}
+    return places
 
 
 def _columns(
@@ -146,8 +155,11 @@ def _columns(
 
 def _unit(quantity: Quantity, below: str) -> str:
     """That of a column: from its name, or else from the line of units below."""
-    stated = below.strip("[]()- ").lower()
-    return stated or quantity.unit if quantity.unit in ("", *PLAIN) else quantity.unit
+    return _plain(below) or quantity.unit if quantity.unit in ("", *PLAIN) else quantity.unit
+
+
+def _plain(unit: str) -> str:
+    return unit.strip("[]()- ").lower()
 
 
 def _example(name: str) -> str:

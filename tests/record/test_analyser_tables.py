@@ -1,0 +1,228 @@
+"""Tables of frequency responses as analysers write them, against the closed form of a resonance."""
+
+import numpy as np
+import pytest
+import scipy.io
+
+from ambid import ChannelMap, FrequencyResponse, Rig, load_measurement
+from ambid.errors import InputError, RecordError
+from found import codes, the
+from places import LEVITATOR
+
+RIG = Rig.load(LEVITATOR)
+AXIS = RIG.axes[0]
+PAIR = {"output": f"y.{AXIS}", "input": f"i_e.{AXIS}"}
+F = np.geomspace(5.0, 900.0, 40)
+S = 2j * np.pi * F
+H = 30.0 / (S**2 + 120.0 * S + 4e5)
+"""A response of y to i_e [m/A]."""
+DECIBELS, DEGREES = 20.0 * np.log10(np.abs(H)), np.degrees(np.angle(H))
+STD = 0.02 * np.abs(H)
+
+
+def write(path, header, *columns, separator=",", below=()):
+    rows = [
+        separator.join(own if isinstance(own, str) else f"{own:.15g}" for own in row)
+        for row in zip(*columns, strict=True)
+    ]
+    path.write_text("\n".join([header, *below, *rows]) + "\n")
+    return path
+
+
+def table(path, names, *columns, **options):
+    """A table of the one pair."""
+    pair = [[own] * len(columns[0]) for own in PAIR.values()]
+    return write(path, f"output,input,{names}", *pair, *columns, **options)
+
+
+def h_of(response):
+    return response.response[:, 0, 0]
+
+
+FORMS = {
+    "re,im": (H.real, H.imag),
+    "magnitude,phase_deg": (np.abs(H), DEGREES),
+    "magnitude,phase_rad": (np.abs(H), np.angle(H)),
+    "magnitude_db,phase_deg": (DECIBELS, DEGREES),
+    "magnitude_db,phase_rad": (DECIBELS, np.unwrap(np.angle(H)) + 4.0 * np.pi),
+    "Magnitude (dB),Phase [deg]": (DECIBELS, DEGREES),
+    "Mag [um/A],Phase (°)": (1e6 * np.abs(H), DEGREES),
+    "Gain [dB re 1 mm/A],Phase (rad)": (DECIBELS + 60.0, np.angle(H)),
+    "dB,deg": (DECIBELS, DEGREES),
+    "Trace 1: Gain: Magnitude (dB),Trace 1: Gain: Phase (°)": (DECIBELS, DEGREES),
+}
+
+
+@pytest.mark.parametrize("names", FORMS)
+def test_values_are_read_in_every_form(tmp_path, names):
+    path = table(tmp_path / "frf.csv", f"frequency_hz,{names},std", F, *FORMS[names], STD)
+    found = load_measurement(path, RIG)
+    np.testing.assert_allclose(h_of(found), H, rtol=1e-12)
+    assert found.findings == ()
+
+
+ABSCISSAS = {
+    "frequency_hz": F,
+    "frequency_rad_s": 2.0 * np.pi * F,
+    "frequency_rpm": 60.0 * F,
+    "Frequency (kHz)": 1e-3 * F,
+    "Hz": F,
+    "omega [rad/s]": 2.0 * np.pi * F,
+}
+
+
+@pytest.mark.parametrize("name", ABSCISSAS)
+def test_frequencies_are_read_in_every_unit(tmp_path, name):
+    path = table(tmp_path / "frf.csv", f"{name},magnitude,phase_deg,std", ABSCISSAS[name], np.abs(H), DEGREES, STD)
+    found = load_measurement(path, RIG)
+    np.testing.assert_allclose(found.frequency_hz, F, rtol=1e-13)
+    np.testing.assert_allclose(h_of(found), H, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["frequency_hz", "frequency_rad_s", "frequency_rpm"])
+def test_the_same_of_matlab(tmp_path, name):
+    names = {
+        key: np.array([[own]], dtype=object) for key, own in (("outputs", PAIR["output"]), ("inputs", PAIR["input"]))
+    }
+    scipy.io.savemat(
+        tmp_path / "frf.mat",
+        {name: ABSCISSAS[name], "magnitude_db": DECIBELS, "phase_deg": DEGREES, "std": STD, **names},
+    )
+    found = load_measurement(tmp_path / "frf.mat", RIG)
+    np.testing.assert_allclose(found.frequency_hz, F, rtol=1e-13)
+    np.testing.assert_allclose(h_of(found), H, rtol=1e-12)
+
+
+def test_a_table_without_units_or_pair_says_what_was_assumed(tmp_path):
+    path = write(tmp_path / "bode.csv", "Frequency\tPhase\tGain", F, DEGREES, DECIBELS, separator="\t")
+    found = load_measurement(path, RIG)
+    np.testing.assert_allclose(h_of(found), H, rtol=1e-12)
+    assert codes(found) == ["units_assumed", "pair_assumed", "std_from_scatter"]
+    assert the(found, "units_assumed").values["units"] == ["Frequency in Hz", "Gain in dB", "Phase in deg"]
+    assert dict(the(found, "pair_assumed").values) == PAIR
+    assert the(found, "pair_assumed").severity == "warning"
+
+
+def test_a_map_names_columns_and_pair(tmp_path):
+    path = write(tmp_path / "bode.csv", "F / kHz;A;B", 1e-3 * F, 1e6 * np.abs(H), DEGREES, separator=";")
+    options = ["frequency_hz=F / kHz:1e3", "magnitude=2:1e-6", "phase_deg=B"]
+    mapping = ChannelMap.parse([*options, *(f"{name}={channel}" for name, channel in PAIR.items())])
+    found = load_measurement(path, RIG, mapping=mapping)
+    np.testing.assert_allclose(found.frequency_hz, F, rtol=1e-13)
+    np.testing.assert_allclose(h_of(found), H, rtol=1e-12)
+    assert codes(found) == ["std_from_scatter"]
+
+
+def test_a_line_of_units_below_the_header_is_used(tmp_path):
+    path = write(tmp_path / "bode.csv", "Frequency,Gain,Phase", 1e-3 * F, DECIBELS, DEGREES, below=["kHz,dB,deg"])
+    found = load_measurement(path, RIG)
+    np.testing.assert_allclose(found.frequency_hz, F, rtol=1e-13)
+    np.testing.assert_allclose(h_of(found), H, rtol=1e-12)
+    assert codes(found) == ["pair_assumed", "std_from_scatter"]
+
+
+REFUSED = {
+    "no phase": ("frequency_hz,magnitude", (F, np.abs(H))),
+    "no frequency": ("number,magnitude,phase_deg", (F, np.abs(H), DEGREES)),
+    "negative magnitude": ("frequency_hz,magnitude,phase_deg", (F, DECIBELS, DEGREES)),
+    "gain of no unit": ("frequency_hz,gain,phase_deg", (F, 1e6 * np.abs(H), DEGREES)),
+    "phase of no unit": ("frequency_hz,magnitude,phase", (F, np.abs(H), DEGREES / 10.0)),
+    "two magnitudes": ("frequency_hz,gain (db),mag (db),phase_deg", (F, DECIBELS, DECIBELS, DEGREES)),
+    "a velocity": ("frequency_hz,magnitude (mm/s),phase_deg", (F, np.abs(H), DEGREES)),
+    "a word": ("frequency_hz,magnitude,phase_deg", (F, [*np.abs(H[:-1]), "over"], DEGREES)),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_wrong_table_is_refused_in_its_own_words(tmp_path, name, golden):
+    names, columns = REFUSED[name]
+    path = table(tmp_path / "frf.csv", names, *columns)
+    with golden.raises(RecordError):
+        FrequencyResponse.load(path, RIG)
+
+
+def test_a_pair_of_several_axes_is_not_assumed(tmp_path, golden):
+    path = write(tmp_path / "bode.csv", "frequency_hz,magnitude_db,phase_deg", F, DECIBELS, DEGREES)
+    with golden.raises(RecordError):
+        FrequencyResponse.load(path)
+
+
+@pytest.mark.parametrize("option", ["frequency_hz=nowhere", "phase_deg=9"])
+def test_a_map_of_no_column_is_refused(tmp_path, option, golden):
+    path = write(tmp_path / "bode.csv", "frequency_hz,magnitude_db,phase_deg", F, DECIBELS, DEGREES)
+    with golden.raises(InputError):
+        FrequencyResponse.load(path, RIG, mapping=ChannelMap.parse([option]))
+
+
+def test_signals_over_time_have_no_columns_of_responses(tmp_path, golden):
+    path = write(tmp_path / "run.csv", f"t,y.{AXIS}", F, F)
+    with golden.raises(RecordError):
+        load_measurement(path, RIG, mapping={"magnitude": f"y.{AXIS}"})
+
+
+def with_coherence(path, coherence, averages=None, f=F, h=H):
+    names = "frequency_hz,re,im,coherence" + ("" if averages is None else ",averages")
+    columns = (f, h.real, h.imag, coherence, *([] if averages is None else [np.full(len(f), averages)]))
+    return load_measurement(table(path / "frf.csv", names, *columns), RIG)
+
+
+def test_coherence_gives_the_std(tmp_path):
+    """Bendat and Piersol: the variance is |H|^2 (1 - g) / (g n); it is raised by n / (n - 2), being an estimate."""
+    coherence = np.linspace(0.5, 0.99999, len(F))
+    found = with_coherence(tmp_path, coherence, averages=12)
+    wanted = np.abs(H) * np.sqrt((1.0 - coherence) / coherence / 10.0)
+    np.testing.assert_allclose(found.std[:, 0, 0], wanted, rtol=1e-9)
+    assert codes(found) == ["std_from_coherence"]
+
+
+def test_coherence_without_averages_gives_relative_weights(tmp_path):
+    coherence = np.linspace(0.5, 0.99, len(F))
+    found = with_coherence(tmp_path, coherence)
+    ratio = found.std[:, 0, 0] / (np.abs(H) * np.sqrt((1.0 - coherence) / coherence))
+    assert np.ptp(ratio) / ratio[0] == pytest.approx(0.0, abs=1e-9)
+    assert codes(found) == ["averages_estimated"]
+
+
+@pytest.mark.parametrize("one", [1.0, 0.9999999])
+def test_coherence_of_one_everywhere_is_passed_over(tmp_path, one):
+    found = with_coherence(tmp_path, np.full(len(F), one), averages=8)
+    without = load_measurement(table(tmp_path / "none.csv", "frequency_hz,re,im", F, H.real, H.imag), RIG)
+    np.testing.assert_array_equal(found.std, without.std)
+    assert codes(found) == ["coherence_one", "std_from_scatter"]
+    assert the(found, "coherence_one").values["pairs"] == [" / ".join(PAIR.values())]
+
+
+def test_coherence_that_is_one_at_some_lines_counts(tmp_path):
+    coherence = np.where(np.arange(len(F)) % 2, 1.0, 0.9)
+    found = with_coherence(tmp_path, coherence, averages=12)
+    assert codes(found) == ["std_from_coherence"]
+    largest = 1.0 - 0.5e-4  # four digits are believed
+    np.testing.assert_allclose(found.std[1, 0, 0], np.abs(H[1]) * np.sqrt((1.0 - largest) / largest / 10.0))
+
+
+def test_a_line_at_zero_is_passed_over(tmp_path):
+    f, h = np.insert(F, 0, 0.0), np.insert(H, 0, H[0])
+    found = with_coherence(tmp_path, np.full(len(f), 0.9), averages=8, f=f, h=h)
+    np.testing.assert_allclose(found.frequency_hz, F)
+    assert codes(found) == ["zero_frequency_not_used", "std_from_coherence"]
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        ({"h": 0.0}, "zero_values_not_used"),
+        ({"h": np.nan}, "frequencies_missing"),
+        ({"coherence": 0.0}, "coherence_missing"),
+        ({"coherence": np.nan}, "coherence_missing"),
+    ],
+    ids=["zero", "nan", "no coherence", "coherence nan"],
+)
+def test_single_lines_that_say_nothing_are_passed_over(tmp_path, change, code):
+    own = {"h": H.copy(), "coherence": np.full(len(F), 0.9)}
+    for name, value in change.items():
+        own[name][7] = value
+    found = with_coherence(tmp_path, own["coherence"], averages=8, h=own["h"])
+    assert np.flatnonzero(~found.measured[:, 0, 0]).tolist() == [7]
+    assert code in codes(found)
+    assert np.ravel(the(found, code).values["frequencies_hz"]) == pytest.approx(F[7])
+    assert np.isfinite(found.std[found.measured]).all()
