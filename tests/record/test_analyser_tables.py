@@ -84,10 +84,9 @@ def test_the_same_of_matlab(tmp_path, name):
     names = {
         key: np.array([[own]], dtype=object) for key, own in (("outputs", PAIR["output"]), ("inputs", PAIR["input"]))
     }
-    scipy.io.savemat(
-        tmp_path / "frf.mat",
-        {name: ABSCISSAS[name], "magnitude_db": DECIBELS, "phase_deg": DEGREES, "std": STD, **names},
-    )
+    tables = {"magnitude_db": DECIBELS, "phase_deg": DEGREES, "std": STD}
+    content = {name: ABSCISSAS[name], **{key: own[:, None] for key, own in tables.items()}, **names}
+    scipy.io.savemat(tmp_path / "frf.mat", content)
     found = load_measurement(tmp_path / "frf.mat", RIG)
     np.testing.assert_allclose(found.frequency_hz, F, rtol=1e-13)
     np.testing.assert_allclose(h_of(found), H, rtol=1e-12)

@@ -99,8 +99,8 @@ def read_table(path: Path) -> Content:
 
     A column without a name whose cells are all empty, as rows that end with a separator make it, is left out. Lines
     above the header that begin with ``#``, ``%`` or ``!`` are passed over, and so is a line of units below it; decimal
-    commas are read where no commas part the cells. Findings say so. A column with a cell that is no number, such as the time of day, is
-    a `NotNumbers`.
+    commas are read where no commas part the cells. Findings say so. A column with a cell that is no number, such as the
+    time of day, is a `NotNumbers`.
 
     Raises
     ------

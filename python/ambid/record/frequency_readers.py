@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from ambid.record.raw_response import RawResponse
 from ambid.record.readers import flatten_cells, opened, require_content
 from ambid.record.response_table import is_response_table, read_response_table
 from ambid.record.universal import UNIVERSAL, read_universal
+from ambid.rig import Rig
 
 __all__ = ["UNIVERSAL", "RawResponse", "holds_response", "read_response"]
 
@@ -40,7 +40,7 @@ def holds_response(path: Path, mapping: ChannelMap | None = None) -> bool:
     return False
 
 
-def read_response(path: Path, mapping: ChannelMap | None = None, axes: Sequence[str] = ()) -> RawResponse:
+def read_response(path: Path, mapping: ChannelMap | None = None, rig: Rig | None = None) -> RawResponse:
     """Read a file in the format that its suffix names.
 
     Parameters
@@ -48,8 +48,8 @@ def read_response(path: Path, mapping: ChannelMap | None = None, axes: Sequence[
     path : Path
     mapping : ChannelMap, optional
         Names and factors of channels, and columns of a table.
-    axes : sequence of str
-        Of the rig.
+    rig : Rig, optional
+        Its one axis is that of a table without names, and its command is in A or V.
 
     Raises
     ------
@@ -67,9 +67,9 @@ def read_response(path: Path, mapping: ChannelMap | None = None, axes: Sequence[
     require_content(path)
     with reading(path, RecordError, f"a readable {suffix} file", "save it again"), watched(path, RecordError) as found:
         if suffix == ".csv":
-            raw = read_response_table(path, mapping, axes)
+            raw = read_response_table(path, mapping, () if rig is None else rig.axes)
         else:
-            raw = _from_mat(path) if suffix == ".mat" else read_universal(path, mapping)
+            raw = _from_mat(path) if suffix == ".mat" else read_universal(path, mapping, rig)
         raw = replace(raw, provenance=found)
     return raw if mapping is None else raw.mapped(path, mapping)
 

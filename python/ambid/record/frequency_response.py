@@ -146,7 +146,7 @@ class FrequencyResponse(WithFindings):
         path = Path(path)
         if mapping is not None and not isinstance(mapping, ChannelMap):
             mapping = ChannelMap(mapping)
-        raw = read_response(path, mapping, () if rig is None else rig.axes)
+        raw = read_response(path, mapping, rig)
         return cls.from_arrays(
             raw.frequency_hz,
             raw.response,

@@ -17,6 +17,7 @@ from ambid.record.channel_map import ChannelMap
 from ambid.record.raw_response import RawResponse, tabled
 from ambid.record.readers import extra
 from ambid.record.units import Unit, frequency_unit, ratio_of, unit_of
+from ambid.rig import Rig
 
 __all__ = ["UNIVERSAL", "read_universal"]
 
@@ -31,7 +32,7 @@ UNSTATED = (0, 1)
 MOTIONS = {8: "displacement", 11: "velocity", 12: "acceleration"}
 INTEGRATIONS = {"displacement": 0, "velocity": 1, "acceleration": 2}
 CURRENTS = {"i_e": ("current", "voltage"), "i_c": ("current",), "i_ref": ("current", "voltage")}
-"""What signals without a motion may be measured in."""
+"""What signals without a motion may be measured in; the command of a voltage-driven coil is one of voltage."""
 DIRECTIONS = {0: "", 1: "+X", -1: "-X", 2: "+Y", -2: "-Y", 3: "+Z", -3: "-Z"}
 SETS_NOT_READ = Kind("sets_not_read", "note", "{count} sets are no frequency responses, and were not read")
 UNITS_CONVERTED = Kind("units_converted", "note", "{channels}: {found} converted to {unit}")
@@ -53,6 +54,7 @@ class _File:
 
     path: Path
     mapping: ChannelMap | None
+    rig: Rig | None
     findings: list[Finding] = field(default_factory=list)
 
     def note(self, finding: Finding) -> None:
@@ -66,7 +68,7 @@ class _File:
         return (name, False) if mapped is None or self.mapping is None else (mapped[0], self.mapping.has_factor(name))
 
 
-def read_universal(path: Path, mapping: ChannelMap | None = None) -> RawResponse:
+def read_universal(path: Path, mapping: ChannelMap | None = None, rig: Rig | None = None) -> RawResponse:
     """Read the sets 58 that hold frequency responses, and those with their coherences.
 
     The ordinate of y and r is made a displacement in m: by the unit of its axis label, or else by its specific data
@@ -85,7 +87,7 @@ def read_universal(path: Path, mapping: ChannelMap | None = None) -> RawResponse
         file = pyuff.UFF(str(path))
         kinds = np.atleast_1d(file.get_set_types()).astype(int)
         sets = {int(k) + 1: file.read_sets(int(k)) for k in np.flatnonzero(np.isin(kinds, (RESPONSE, UNITS)))}
-    state = _File(path, mapping)
+    state = _File(path, mapping, rig)
     places: dict[tuple[float, str, str], dict[str, float]] = {}
     others = len(kinds) - len(sets)
     length = next((_length(path, k, own) for k, own in sets.items() if int(own["type"]) == UNITS), None)
@@ -181,8 +183,14 @@ def _side(
     channel, is_mapped = state.channel(name)
     signal = channel.partition(".")[0]
     if signal in CURRENTS:
-        if unit is not None and unit.kind not in CURRENTS[signal]:
-            raise RecordError(f"{where}: {name} is in {label}, a {unit.kind}; {channel} is a current: expected A or mA")
+        wanted = CURRENTS[signal]
+        if state.rig is not None and signal != "i_c":
+            wanted = ("voltage",) if state.rig.amplifier.command_unit == "V" else ("current",)
+        if unit is not None and unit.kind not in wanted:
+            units = "V or mV" if wanted == ("voltage",) else "A or mA"
+            raise RecordError(
+                f"{where}: {name} is in {label}, a {unit.kind}; {channel} is a {wanted[0]}: expected {units}"
+            )
         factor = 1.0 if unit is None else unit.factor
         if unit is None and kind in MOTIONS and kind != 8:
             raise RecordError(
