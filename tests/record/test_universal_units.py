@@ -14,7 +14,7 @@ pyuff = pytest.importorskip("pyuff")
 RIG = Rig.load(LEVITATOR)
 AXIS = RIG.axes[0]
 Y, I_C, I_E = f"y.{AXIS}", f"i_c.{AXIS}", f"i_e.{AXIS}"
-F = np.linspace(10.0, 900.0, 40)
+F = np.arange(20.0, 820.0, 20.0)
 S = 2j * np.pi * F
 H = 30.0 / (S**2 + 120.0 * S + 4e5)
 """y by i_e [m/A]."""

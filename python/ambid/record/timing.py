@@ -87,9 +87,9 @@ def aligned(path: Path, values: Mapping[str, FloatArray], timing: Mapping[str, T
     whole = {name: round(samples) for name, samples in after.items()}
     unknown = [name for name in values if name not in starts]
     if unknown and any(whole.values()):
-        other = next(name for name, samples in whole.items() if samples)
+        latest, earliest = max(after, key=after.__getitem__), min(after, key=after.__getitem__)
         raise RecordError(
-            f"{path}: {other} starts {after[other] / rate:.6g} s after {reference}, and {unknown[0]} states no start "
+            f"{path}: {latest} starts {starts[latest] - starts[earliest]:.6g} s after {earliest}, and {unknown[0]} states no start "
             "time (wf_start_time); state it for every channel, or for none"
         )
     findings: list[Finding] = []
@@ -109,8 +109,8 @@ def aligned(path: Path, values: Mapping[str, FloatArray], timing: Mapping[str, T
             f"{path}: {latest} starts {(whole[latest] - whole[ends]) / rate:.6g} s after {ends}, which has "
             f"{lengths[ends]} samples: no instant is common to all channels; export channels of one recording"
         )
-    earliest = min(starts.values())
-    since = {name: start - earliest for name, start in starts.items()}
+    begin = min(starts.values())
+    since = {name: start - begin for name, start in starts.items()}
     findings.append(CHANNELS_ALIGNED(start_s=since, samples=last - first))
     kept = {name: array[first - whole[name] : last - whole[name]] for name, array in values.items()}
     return Aligned(kept, rate, findings)

@@ -168,12 +168,11 @@ def _in_si(
     if below and lower is None and (lower := unit_of(below)) is None:
         raise RecordError(f"{where}: the unit of the ordinate's denominator is {below!r}; expected A, mA, V or m")
     above_type, below_type = (int(own[f"{side}_spec_data_type"]) for side in ("ordinate", "orddenom"))
-    at_zero = hz == 0.0
-    s = 2j * np.pi * np.where(at_zero, np.nan, hz)
+    s = 2j * np.pi * np.where(hz == 0.0, 1.0, hz)  # a line at 0 Hz is not used
     factor, order = _side(state, where, names[0], upper, label, above_type, length)
     by, its = _side(state, where, names[1], lower, below or label, below_type, length)
     scaled = values * (factor / by)
-    return scaled if order == its else np.where(at_zero, values, scaled * s ** (its - order))
+    return np.asarray(scaled * s ** float(its - order))
 
 
 def _side(
