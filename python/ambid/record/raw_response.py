@@ -14,6 +14,7 @@ from ambid.findings import Finding
 from ambid.reading import Provenance
 from ambid.record.channel_map import ChannelMap
 from ambid.record.content import CHANNELS_NOT_USED, unused
+from ambid.record.raw import OF_AXES
 
 __all__ = ["COVARIANCE", "FURTHER", "Places", "RawResponse", "tabled"]
 
@@ -43,12 +44,16 @@ class RawResponse:
     def mapped(self, path: Path, mapping: ChannelMap) -> RawResponse:
         """The same with the names and units of a map; channels that it does not name are left out, with a finding.
 
+        Responses whose channels all have names of ours stay as they are: the map is of another file.
+
         Raises
         ------
         RecordError
             If a channel of the map is not there.
         """
-        if not mapping.channels:
+        own_names = (*self.outputs, *self.inputs)
+        is_ours = all(name.startswith(OF_AXES) and mapping.channel_of(name) is None for name in own_names)
+        if not mapping.channels or is_ours:
             return self
         kept, names, factors, left_out = {}, {}, {}, []
         for kind, own in (("outputs", self.outputs), ("inputs", self.inputs)):

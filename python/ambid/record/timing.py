@@ -88,9 +88,10 @@ def aligned(path: Path, values: Mapping[str, FloatArray], timing: Mapping[str, T
     unknown = [name for name in values if name not in starts]
     if unknown and any(whole.values()):
         latest, earliest = max(after, key=after.__getitem__), min(after, key=after.__getitem__)
+        apart = starts[latest] - starts[earliest]
         raise RecordError(
-            f"{path}: {latest} starts {starts[latest] - starts[earliest]:.6g} s after {earliest}, and {unknown[0]} states no start "
-            "time (wf_start_time); state it for every channel, or for none"
+            f"{path}: {latest} starts {apart:.6g} s after {earliest}, and {unknown[0]} states no start time "
+            "(wf_start_time); state it for every channel, or for none"
         )
     findings: list[Finding] = []
     late = {name: after[name] - whole[name] for name in starts if abs(after[name] - whole[name]) > SAME_INSTANT}
