@@ -246,7 +246,7 @@ COMMANDS = {
     "excitation": Command(("rig.toml", "--out", "out.csv"), QUIET | EXACT | FORCE | MODEL | LIMITS | OF_EXCITATION),
     "design": Command(
         ("rig.toml", "--accuracy", "K_i=5%", "--seconds", "2"),
-        QUIET | EXACT | FORCE | MODEL | LIMITS | OF_DESIGN,
+        QUIET | EXACT | FORCE | MODEL | LIMITS | READ | OF_DESIGN,
         often=4,
     ),
     "simulate": Command(("rig.toml", "--out", "out.csv"), QUIET | EXACT | FORCE | MODEL | EXPERIMENT | {

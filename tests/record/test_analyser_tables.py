@@ -97,7 +97,7 @@ def test_a_table_without_units_or_pair_says_what_was_assumed(tmp_path):
     found = load_measurement(path, RIG)
     np.testing.assert_allclose(h_of(found), H, rtol=1e-12)
     assert codes(found) == ["units_assumed", "pair_assumed", "std_from_scatter"]
-    assert the(found, "units_assumed").values["units"] == ["Frequency in Hz", "Gain in dB", "Phase in deg"]
+    assert the(found, "units_assumed").values["units"] == {"Frequency": "Hz", "Gain": "dB", "Phase": "deg"}
     assert dict(the(found, "pair_assumed").values) == PAIR
     assert the(found, "pair_assumed").severity == "warning"
 

@@ -4,7 +4,7 @@ from ambid.checking.instants import CURRENT_AHEAD, CURRENT_BEHIND
 from ambid.checking.machine import FORCE_TOO_SMALL
 from ambid.checking.path import OPERATING_POINT_DRIFT
 from ambid.checking.slips import check
-from ambid.checking.soundness import LoopFigures, RecordFigures, Soundness
+from ambid.checking.soundness import LoopFigures, RecordFigures, ResponseFigures, Soundness
 from ambid.checking.stopping import stops_diagnosis
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "OPERATING_POINT_DRIFT",
     "LoopFigures",
     "RecordFigures",
+    "ResponseFigures",
     "Soundness",
     "check",
     "stops_diagnosis",

@@ -18,6 +18,7 @@ from ambid.cli.options import (
     Force,
     JsonFile,
     ModelFile,
+    Period,
     Quiet,
     RigFile,
     SampleRate,
@@ -108,6 +109,7 @@ def design_command(
         list[Path],
         typer.Option("--record", metavar="RECORD", help="Fitted first: its values and its noise count; repeatable."),
     ] = [],  # noqa: B006
+    period: Period = None,
     columns: Columns = [],  # noqa: B006
     sample_rate: SampleRate = None,
     accuracy: Annotated[
@@ -159,17 +161,16 @@ def design_command(
 
     if record and (sensor_noise is not None or current_noise is not None):
         raise InputError("--record tells the noise; leave --sensor-noise and --current-noise out, or the record")
-    if not record and (columns or sample_rate is not None):
-        raise InputError(
-            f"{'--map' if columns else '--sample-rate'} is of a record; name it with --record, or leave it out"
-        )
+    of_record = {"--period": period, "--map": columns or None, "--sample-rate": sample_rate}
+    if not record and (given := [option for option, value in of_record.items() if value is not None]):
+        raise InputError(f"{given[0]} is of a record; name it with --record, or leave it out")
     machine = load_rig(rig, exact)
     start = load_model(machine, model)
     wanted = dict(assignment("--accuracy", text, "K_i=1%") for text in accuracy)
     limits = ambid.Limits(travel=travel, current=current, excitation=peak, slew_rate=slew_rate)
     with stoppable(), naming_unstable(rig, start, model):
         if record:
-            fit = ambid.identify(start, load_records(machine, record, None, columns, sample_rate))
+            fit = ambid.identify(start, load_records(machine, record, period, columns, sample_rate))
             start, instruments = fit.model, ambid.Instruments.of(fit.comparison)
         else:
             instruments = ambid.Instruments.stated(

@@ -19,7 +19,7 @@ __all__ = ["UNITS_ASSUMED", "Quantity", "holds_quantities", "hz_of", "quantity_o
 UNITS_ASSUMED = Kind(
     "units_assumed",
     "note",
-    "no unit is stated, by the values taken as: {units}",
+    "units are not stated and taken by the values: {units}",
     "name the columns with their units, such as frequency_hz, magnitude_db, phase_deg, or map them",
 )
 DECIBEL = "db"
@@ -112,18 +112,18 @@ def holds_quantities(headers: Iterable[str]) -> bool:
     return any(own.is_ours for own in frequencies) or bool(frequencies) and has_values
 
 
-def hz_of(path: Path, column: str, quantity: Quantity, values: FloatArray) -> tuple[FloatArray, list[str]]:
-    """Frequencies [Hz] of a column, and in words its unit where that is assumed."""
+def hz_of(path: Path, column: str, quantity: Quantity, values: FloatArray) -> tuple[FloatArray, dict[str, str]]:
+    """Frequencies [Hz] of a column, and its unit by column where that is assumed."""
     factor = frequency_unit(quantity.unit or "Hz")
     if factor is None:
         raise RecordError(f"{path}: {column}: the unit {quantity.unit!r} is unknown; expected Hz, rad/s or rpm")
-    return values * factor, [] if quantity.unit else [f"{column} in Hz"]
+    return values * factor, {} if quantity.unit else {column: "Hz"}
 
 
 def values_of(
     path: Path, columns: Mapping[str, tuple[str, Quantity]], values: Mapping[str, FloatArray], outputs: Iterable[str]
-) -> tuple[ComplexArray, list[str]]:
-    """Complex values from real and imaginary part, or from magnitude and phase, and in words units that are assumed.
+) -> tuple[ComplexArray, dict[str, str]]:
+    """Complex values from real and imaginary part, or from magnitude and phase, and by column units that are assumed.
 
     Parameters
     ----------
@@ -137,13 +137,13 @@ def values_of(
         Whose unit a magnitude may state.
     """
     if "re" in columns:
-        return values["re"] + 1j * values["im"], []
-    assumed = []
+        return values["re"] + 1j * values["im"], {}
+    assumed: dict[str, str] = {}
     column, quantity = columns["magnitude"]
     unit, size = quantity.unit.lower(), values["magnitude"]
     if not unit:
         unit = _unit_of_gain(path, column, size)
-        assumed.append(f"{column} {'in dB' if unit == DECIBEL else 'as a ratio in SI units'}")
+        assumed[column] = "dB" if unit == DECIBEL else "1"
     level = re.fullmatch(r"db[\s(\[/]*(?:re)?[\s1]*(.*?)[)\]]?", unit)
     reference = level.group(1) if level else unit
     if level:
@@ -160,7 +160,7 @@ def values_of(
     unit = quantity.unit.lower()
     if not unit:
         unit = _unit_of_phase(path, column, values["phase"])
-        assumed.append(f"{column} in {unit}")
+        assumed[column] = unit
     if unit not in PHASES:
         raise RecordError(f"{path}: {column}: the unit {quantity.unit!r} is unknown; expected deg or rad")
     return size * np.exp(1j * PHASES[unit] * values["phase"]), assumed

@@ -96,7 +96,7 @@ def read_response_table(path: Path, mapping: ChannelMap | None = None, axes: Seq
     used = {columns[name][0] for name in (*numeric, *UNNAMED) if name in columns} | known
     raw.findings = [
         *(own for own in table.findings if own.kind != UNITS_NOT_READ or not takes_units),
-        *([UNITS_ASSUMED(units=[*unstated, *more])] if unstated or more else []),
+        *([UNITS_ASSUMED(units=unstated | more)] if unstated or more else []),
         *([PAIR_ASSUMED(output=outputs[0], input=inputs[0])] if missing else []),
         *unused(COLUMNS_NOT_USED, (name for name in header if name not in used)),
     ]

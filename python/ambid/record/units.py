@@ -12,6 +12,7 @@ __all__ = ["GRAVITY", "Unit", "frequency_unit", "ratio_of", "unit_of"]
 GRAVITY = 9.80665
 """Standard acceleration of free fall [m/s^2] (ISO 80000-3)."""
 INCH, FOOT = 0.0254, 0.3048
+"""[m] (international yard and pound agreement of 1959)."""
 _LENGTHS = {
     **{"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "micron": 1e-6, "microns": 1e-6, "nm": 1e-9},
     **{"in": INCH, "inch": INCH, "ft": FOOT, "mil": 1e-3 * INCH, "mils": 1e-3 * INCH, "thou": 1e-3 * INCH},

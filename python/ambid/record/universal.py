@@ -27,6 +27,7 @@ RESPONSE, UNITS = 58, 164
 FRF, COHERENCE = 4, 6
 """Types of functions of the sets 58."""
 FREQUENCY, SPEED = 18, 19
+"""Specific data types of an abscissa."""
 UNSTATED = (0, 1)
 """Specific data types, unknown and general, which say nothing of what is measured."""
 MOTIONS = {8: "displacement", 11: "velocity", 12: "acceleration"}
