@@ -25,7 +25,7 @@ def write(path, header, *columns, separator=",", below=()):
         separator.join(own if isinstance(own, str) else f"{own:.15g}" for own in row)
         for row in zip(*columns, strict=True)
     ]
-    path.write_text("\n".join([header, *below, *rows]) + "\n")
+    path.write_text("\n".join([header, *below, *rows]) + "\n", encoding="utf-8")
     return path
 
 
@@ -118,6 +118,23 @@ def test_a_line_of_units_below_the_header_is_used(tmp_path):
     np.testing.assert_allclose(found.frequency_hz, F, rtol=1e-13)
     np.testing.assert_allclose(h_of(found), H, rtol=1e-12)
     assert codes(found) == ["pair_assumed", "std_from_scatter"]
+
+
+@pytest.mark.parametrize(
+    ("encoding", "findings"), [("cp1252", ["read_as_windows_1252"]), ("utf-16", []), ("utf-8-sig", [])]
+)
+def test_a_table_in_another_encoding(tmp_path, encoding, findings):
+    path = table(tmp_path / "frf.csv", "Freq (Hz),Mag (dB),Phase (°),std", F, DECIBELS, DEGREES, STD)
+    path.write_bytes(path.read_text(encoding="utf-8").encode(encoding))
+    found = load_measurement(path, RIG)
+    np.testing.assert_allclose(h_of(found), H, rtol=1e-12)
+    assert codes(found) == findings
+
+
+def test_what_analysers_write_above_the_header_is_passed_over(tmp_path):
+    path = table(tmp_path / "frf.csv", "frequency_hz,magnitude_db,phase_deg,std", F, DECIBELS, DEGREES, STD)
+    path.write_text("sep=,\n! sweep, 10 mA\n% bench 3\n" + path.read_text())
+    assert codes(load_measurement(path, RIG)) == ["comment_lines"]
 
 
 REFUSED = {

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 from typing import TextIO
 
@@ -29,14 +30,18 @@ UNITS_NOT_READ = Kind(
     "units_not_read", "note", "the line of units ({units}) is not read: values are in s, m, A, or as a map says"
 )
 COMMENT_LINES = Kind("comment_lines", "note", "comment lines above the header are skipped: {count}")
+NOT_UTF_8 = Kind("read_as_windows_1252", "note", "the text is not in UTF-8, and was read as Windows-1252")
 WHITE_SPACE = Kind(
     "separated_by_white_space", "note", "no comma, semicolon or tab in the header: white space separates the cells"
 )
 
 LONGEST_LINE = 1 << 20
 """Characters of a header: 100 for each of as many columns as are allowed."""
-COMMENTS = ("#", "%", "!")
-"""What lines above the header begin with that are none of the table."""
+COMMENTS = ("#", "%", "!", "sep=")
+"""What lines above the header begin with that are none of the table; the last one is of spreadsheets."""
+HEAD = 1 << 16
+"""Bytes that tell the encoding of a file."""
+WINDOWS = "cp1252"
 UNIT = re.compile(r"[\[(]?[A-Za-zµμΩ°%][\w/*^·.µμΩ° -]{0,11}[\])]?")
 """What a cell of a line of units looks like."""
 
@@ -83,7 +88,11 @@ class _Sheet:
 
     def pointed(self, cell: str) -> str:
         """A number with a decimal point for a comma; its mark is kept."""
-        self.marks.update({".", ","} & set(cell))
+        if "." in cell:
+            self.marks.add(".")
+        if "," not in cell:
+            return cell
+        self.marks.add(",")
         return cell.replace(",", ".")
 
     def with_points(self, lines: Iterable[str]) -> Iterator[str]:
@@ -144,7 +153,7 @@ class Cells:
 
 def header_of(path: Path) -> list[str]:
     """The names of the columns; none where the file is no such table."""
-    with suppress(RecordError), path.open(encoding="utf-8-sig", errors="replace") as file:
+    with suppress(RecordError), path.open(encoding=_encoding(path), errors="replace") as file:
         sheet = _sheet(path, file)
         return sheet.names if sheet.has_names else []
     return []
@@ -171,8 +180,10 @@ def read_cells(path: Path) -> Cells:
 def _opened(path: Path) -> Iterator[_Sheet]:
     """What a file begins with, rows to be read on from there; at least one."""
     try:
-        with path.open(encoding="utf-8-sig") as file:
+        encoding = _encoding(path)
+        with path.open(encoding=encoding) as file:
             sheet = _sheet(path, file)
+            sheet.findings += [NOT_UTF_8()] if encoding == WINDOWS else []
             twice = [name for name, count in Counter(sheet.names).items() if count > 1]
             if twice:
                 count = sheet.names.count(twice[0])
@@ -186,23 +197,48 @@ def _opened(path: Path) -> Iterator[_Sheet]:
         raise RecordError(f"{path}: not a text file; give comma-separated text in UTF-8") from None
 
 
+def _encoding(path: Path) -> str:
+    """UTF-8, or UTF-16 with its mark, or, of text that is neither, that of Windows."""
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)
+    except UnicodeDecodeError:
+        is_text = all(byte >= 0x20 or byte in b"\t\r\n" for byte in head)
+        return WINDOWS if is_text else "utf-8-sig"
+    return "utf-8-sig"
+
+
 def _without_words(path: Path) -> tuple[_Sheet, dict[str, FloatArray | NotNumbers]]:
     """Read a table some of whose cells are no numbers: their columns have no values."""
+    with suppress(ValueError):  # most have them in every row, so that the first one tells
+        return _without(path, _words(path, 1))
+    try:
+        return _without(path, _words(path, None))
+    except ValueError as error:
+        raise RecordError(f"{path}: {error}") from None
+
+
+def _words(path: Path, rows: int | None) -> dict[int, tuple[int, str]]:
+    """Columns with a cell that is no number in the first rows, with the first such row and the cell."""
+    wrong: dict[int, tuple[int, str]] = {}
     with _opened(path) as sheet:
-        wrong: dict[int, tuple[int, str]] = {}
-        count = 0
-        for count, cells in enumerate(_rows(path, sheet), start=1):
+        for row, cells in enumerate(islice(_rows(path, sheet), rows), start=1):
             for k, cell in enumerate(cells):
                 if k not in wrong and not _is_number(cell.replace(",", ".")):
-                    wrong[k] = count, cell
-    kept = [k for k in range(len(sheet.names)) if k not in wrong]
+                    wrong[k] = row, cell
+    return wrong
+
+
+def _without(path: Path, wrong: dict[int, tuple[int, str]]) -> tuple[_Sheet, dict[str, FloatArray | NotNumbers]]:
+    """Read the other columns of a table; ValueError where one has a cell that is no number."""
     with _opened(path) as sheet:
-        lines = (" ".join(sheet.pointed(cells[k]) for k in kept) for cells in _rows(path, sheet))
-        try:
-            table = np.loadtxt(lines, comments=None, ndmin=2) if kept else np.empty((count, 0))
-        except ValueError as error:
-            raise RecordError(f"{path}: {error}") from None
-    columns = {k: NotNumbers((count,), *wrong[k]) for k in wrong} | dict(zip(kept, table.T, strict=True))
+        kept = [k for k in range(len(sheet.names)) if k not in wrong]
+        lines = (" ".join(sheet.pointed(cells[k] or "?") for k in kept) for cells in _rows(path, sheet))
+        table = np.loadtxt(lines, comments=None, ndmin=2) if kept else np.empty((sum(1 for _ in lines), 0))
+    columns = {k: NotNumbers((len(table),), *wrong[k]) for k in wrong} | dict(zip(kept, table.T, strict=True))
     return sheet, {name: columns[k] for k, name in enumerate(sheet.names)}
 
 
