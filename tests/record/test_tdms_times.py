@@ -64,6 +64,16 @@ def test_start_and_offset_add_up(tmp_path):
     np.testing.assert_array_equal(Record.load(write(tmp_path / "run.tdms", channels), RIG).y[:, 0], SAMPLES[Y][30:])
 
 
+def test_offsets_alone_are_from_one_start(tmp_path):
+    channels = late(30, offset_s=30 * STEP)
+    for _, properties in channels.values():
+        del properties["wf_start_time"]
+    del channels[I_C][1]["wf_start_offset"]
+    record = Record.load(write(tmp_path / "run.tdms", channels), RIG)
+    np.testing.assert_array_equal(record.y[:, 0], SAMPLES[Y][30:])
+    np.testing.assert_array_equal(record.i_c[:, 0], SAMPLES[I_C][30:])
+
+
 def test_a_map_aligns_them_too(tmp_path):
     path = write(tmp_path / "run.tdms", late(30, start_s=30 * STEP))
     mapping = {I_E: I_E, Y: Y}

@@ -25,7 +25,13 @@ def timing_of(properties: Mapping[str, Mapping[str, Any]]) -> dict[str, Timing]:
         Of each channel; ``wf_increment`` [s], ``wf_start_time`` as it is stored, and ``wf_start_offset`` [s] from there
         to the first sample (NI, "TDMS File Format Internal Structure"; NI, waveform properties).
     """
-    starts = {name: _instant(own) for name, own in properties.items()}
+    stamps = {name: _stamp(own) for name, own in properties.items()}
+    if not any(stamps.values()) and any("wf_start_offset" in own for own in properties.values()):
+        stamps = dict.fromkeys(properties, Fraction(0))  # offsets from an instant that all share
+    starts = {
+        name: None if (stamp := stamps[name]) is None else stamp + Fraction(_number(own.get("wf_start_offset")) or 0.0)
+        for name, own in properties.items()
+    }
     origin = min((start for start in starts.values() if start is not None), default=Fraction(0))
     return {
         name: Timing(_increment(own), None if (start := starts[name]) is None else float(start - origin))
@@ -33,13 +39,12 @@ def timing_of(properties: Mapping[str, Mapping[str, Any]]) -> dict[str, Timing]:
     }
 
 
-def _instant(own: Mapping[str, Any]) -> Fraction | None:
-    """Of the first sample [s]; None where it is not stated, as a time of 0 is what nobody has set."""
-    stamp, offset = own.get("wf_start_time"), _number(own.get("wf_start_offset")) or 0.0
-    seconds = getattr(stamp, "seconds", 0)
-    if not seconds and not offset:
+def _stamp(own: Mapping[str, Any]) -> Fraction | None:
+    """Start time [s]; None where it is not stated, as a time of 0 is what nobody has set."""
+    stamp = own.get("wf_start_time")
+    if not (seconds := getattr(stamp, "seconds", 0)):
         return None
-    return Fraction(seconds) + Fraction(getattr(stamp, "second_fractions", 0), FRACTIONS) + Fraction(offset)
+    return Fraction(seconds) + Fraction(getattr(stamp, "second_fractions", 0), FRACTIONS)
 
 
 def _increment(own: Mapping[str, Any]) -> float | None:

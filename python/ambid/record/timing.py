@@ -22,8 +22,8 @@ CHANNELS_ALIGNED = Kind(
 CHANNELS_APART = Kind(
     "channels_apart",
     "warning",
-    "by their start times channels are sampled between the samples of {reference}: {late_s:.4g|us} "
-    "({late_samples:.3g} of a sample); they are aligned to the nearest sample, and not interpolated",
+    "start times put channels between the samples of {reference}: {late_s:.4g|us}, in samples {late_samples:.3g}; "
+    "they are aligned to the nearest sample, and not interpolated",
     "sample all channels at one instant, or see whether channel_delay or sampling_skew explains the misfit",
 )
 SAME_INCREMENT = 1e-9

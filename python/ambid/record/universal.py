@@ -32,6 +32,7 @@ UNSTATED = (0, 1)
 """Specific data types, unknown and general, which say nothing of what is measured."""
 MOTIONS = {8: "displacement", 11: "velocity", 12: "acceleration"}
 INTEGRATIONS = {"displacement": 0, "velocity": 1, "acceleration": 2}
+SI = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 CURRENTS = {"i_e": ("current", "voltage"), "i_c": ("current",), "i_ref": ("current", "voltage")}
 """What signals without a motion may be measured in; the command of a voltage-driven coil is one of voltage."""
 DIRECTIONS = {0: "", 1: "+X", -1: "-X", 2: "+Y", -2: "-Y", 3: "+Z", -3: "-Z"}
@@ -223,7 +224,7 @@ def _side(
     factor = of_file if unit is None else unit.factor
     if unit is not None and length is not None and not np.isclose(factor, of_file, rtol=1e-3) and not is_mapped:
         state.note(UNITS_CONTRADICT(channels=[name], label=label, factor=factor, of_164=of_file))
-    said = f"{motion} in {label or ('m' if of_file == 1.0 else f'{of_file:g} m')}"
+    said = f"{motion} in {label or ('' if of_file == 1.0 else f'{of_file:g} ') + SI[motion]}"
     taken = _taken(state, name, factor, is_mapped, said, "m", is_changed=motion != "displacement")
     return taken, INTEGRATIONS[motion]
 
