@@ -202,7 +202,7 @@ def _encoding(path: Path) -> str:
     with path.open("rb") as file:
         head = file.read(HEAD)
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return "utf-16"
+        return "utf-16" if 4 * head.count(0) >= len(head) else "utf-8-sig"  # numbers have a zero in every character
     try:
         codecs.getincrementaldecoder("utf-8")().decode(head)
     except UnicodeDecodeError:
