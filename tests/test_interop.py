@@ -8,12 +8,12 @@ import scipy.io
 import scipy.signal
 from numpy.testing import assert_allclose
 
-from ambid import interop
+from ambid import check, interop
 from ambid.errors import InputError, ModelError, RigError
 from ambid.excitation import prbs
 from ambid.interop import controller_from, controller_from_mat, rotor_from_ross, to_control, to_mat, to_scipy
 from ambid.model import Model
-from ambid.rig import PidController, Rig, StateSpaceController
+from ambid.rig import FiniteElementRotor, PidController, Rig, StateSpaceController
 from ambid.rotor import assemble, reduced_rotor
 from places import BENCH as BENCH_FILE
 
@@ -172,6 +172,12 @@ class LikeRoss:
     stiffness: np.ndarray
     gyroscopic: np.ndarray
     nodes_pos: list[float]
+    damping: np.ndarray | None = None
+    bearing_elements: tuple = ()
+
+    def C(self, frequency):
+        """Damping matrix at a frequency."""
+        return np.zeros_like(self.mass) if self.damping is None else self.damping
 
     def M(self, frequency=None):
         """Mass matrix."""
@@ -234,6 +240,114 @@ def test_rotor_of_ross_itself():
     one, other = (reduced_rotor(rotor, [0.0, 0.3, 0.8]) for rotor in (theirs, ours))
     assert_allclose(one.frequencies_rad_s, other.frequencies_rad_s, rtol=5e-3, atol=1e-3)
     assert_allclose(one.gyroscopic, other.gyroscopic, atol=5e-3 * np.abs(other.gyroscopic).max())
+
+
+@dataclass(frozen=True)
+class BearingLikeRoss:
+    """What of a bearing element of ROSS is read."""
+
+    n: int
+    stiffness: tuple
+    damping: tuple = ((0.0, 0.0), (0.0, 0.0))
+    mass: float = 0.0
+    kxx: tuple = (0.0,)
+    tag: str = "Brg"
+
+    def M(self, frequency):
+        """Mass matrix."""
+        return np.diag([self.mass, self.mass, 0.0])
+
+    def K(self, frequency):
+        """Stiffness matrix at a frequency."""
+        return np.pad(self.stiffness, (0, 1))
+
+    def C(self, frequency):
+        """Damping matrix at a frequency."""
+        return np.pad(self.damping, (0, 1))
+
+
+def held_like_ross(bearings, alpha=0.0, beta=0.0, uneven=0.0):
+    """A rotor of our finite elements as ROSS has it, with bearings, and damping in proportion to M and K."""
+    free = like_ross(6)
+    stiffness, mass = free.stiffness.copy(), free.mass.copy()
+    damping = alpha * free.mass + beta * free.stiffness
+    damping[0, 0] += uneven
+    for own in bearings:
+        places = np.ix_(*[6 * own.n + np.array([0, 1, 2])] * 2)
+        for matrix, part in ((mass, own.M(0.0)), (stiffness, own.K(0.0)), (damping, own.C(0.0))):
+            matrix[places] += part
+    return LikeRoss(mass, stiffness, free.gyroscopic, free.nodes_pos, damping, tuple(bearings))
+
+
+PLAIN = BearingLikeRoss(3, ((2e5, 0.0), (0.0, 2e5)), ((30.0, 0.0), (0.0, 30.0)))
+
+
+def test_damping_and_plain_bearings_of_ross_are_taken_over():
+    """As supports, a rate of the whole rotor, and the ratio beta w / 2 of each mode."""
+    taken = rotor_from_ross(held_like_ross([PLAIN], alpha=2.5, beta=1e-6), flexible_modes=2)
+    plain = rotor_from_ross(like_ross(6), flexible_modes=2)
+    assert not taken.findings
+    assert taken.mass_damping == pytest.approx(2.5, rel=1e-9)
+    (support,) = taken.support
+    assert (support.position, support.stiffness, support.damping) == (plain.node_positions[3], 2e5, 30.0)
+    w = reduced_rotor(plain, []).frequencies_rad_s[2:]
+    assert_allclose(taken.modal_damping, 1e-6 * w / 2.0, rtol=1e-6)
+    assert_allclose(taken.K, plain.K, atol=1e-6 * np.abs(plain.K).max())
+    assert rotor_from_ross(held_like_ross([], beta=1e-6), flexible_modes=2, modal_damping=0.01).modal_damping == 0.01
+
+
+LEFT_OUT = {
+    "not alike": BearingLikeRoss(3, ((2e5, 0.0), (0.0, 1e5))),
+    "cross-coupling": BearingLikeRoss(3, ((2e5, 3e4), (-3e4, 2e5))),
+    "inertia": BearingLikeRoss(3, PLAIN.stiffness, mass=2.0),
+    "frequency": BearingLikeRoss(3, PLAIN.stiffness, kxx=(2e5, 3e5)),
+    "negative damping": BearingLikeRoss(3, PLAIN.stiffness, ((-3.0, 0.0), (0.0, -3.0))),
+}
+
+
+@pytest.mark.parametrize("name", LEFT_OUT)
+def test_what_is_left_out_of_ross_is_a_finding(name, golden):
+    rotor = rotor_from_ross(held_like_ross([LEFT_OUT[name]]), flexible_modes=2)
+    assert not rotor.support
+    plain = rotor_from_ross(like_ross(6), flexible_modes=2)
+    assert_allclose(rotor.M, plain.M, atol=1e-12 * np.abs(plain.M).max())
+    assert_allclose(rotor.K, plain.K, atol=1e-12 * np.abs(plain.K).max())
+    (finding,) = rotor.findings
+    assert finding.code == "ross_bearing_left_out"
+    golden.holds(finding.line())
+    assert finding in check(RIG.replace(rotor=rotor)).findings
+
+
+def test_damping_of_ross_that_no_mode_has_is_a_finding():
+    rotor = rotor_from_ross(held_like_ross([], alpha=2.5, uneven=50.0), flexible_modes=2)
+    (finding,) = rotor.findings
+    assert finding.code == "ross_damping_simplified"
+    assert 0.0 < finding.values["share"] < 1.0
+
+
+def test_a_damped_and_held_cone_of_ross_itself():
+    """Poles on springs without magnets: our cones on their supports against a ross.Rotor that was taken over."""
+    ross = pytest.importorskip("ross")
+    steel = ross.Material(name="steel", rho=7850.0, E=2.06e11, Poisson=0.3)
+    ends = np.linspace(0.08, 0.05, 33)
+    shaft = [
+        ross.ShaftElement(L=0.025, idl=0.0, odl=a, idr=0.0, odr=b, material=steel, alpha=3.0)
+        for a, b in zip(ends[:-1], ends[1:], strict=True)
+    ]
+    plain, seal = (ross.BearingElement(n=n, kxx=3e5, kyy=k, cxx=40.0) for n, k in ((8, 3e5), (16, 4e5)))
+    bearings = [plain, seal]
+    theirs = rotor_from_ross(ross.Rotor(shaft, [], bearings), flexible_modes=2)
+    (finding,) = theirs.findings
+    assert finding.code == "ross_bearing_left_out"
+    (support,) = theirs.support
+    assert (support.position, support.stiffness, support.damping) == (pytest.approx(0.2), 3e5, 40.0)
+    assert theirs.mass_damping == pytest.approx(3.0, rel=1e-9)
+    section = {"length": 0.8, "outer_diameter": 0.08, "outer_diameter_end": 0.05}
+    material = {"density": 7850.0, "youngs_modulus": 2.06e11, "poisson_ratio": 0.3}
+    ours = FiniteElementRotor(flexible_modes=2, material=material, section=[section])
+    one, other = (reduced_rotor(rotor, [0.0, 0.2, 0.8]) for rotor in (theirs, ours))
+    assert_allclose(one.frequencies_rad_s, other.frequencies_rad_s, rtol=1e-3, atol=1e-3)
+    assert_allclose([one.shape(z) for z in (0.0, 0.2, 0.8)], [other.shape(z) for z in (0.0, 0.2, 0.8)], rtol=1e-3)
 
 
 ROTORS = {

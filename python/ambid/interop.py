@@ -12,11 +12,13 @@ import scipy.io
 
 from ambid.arrays import FloatArray
 from ambid.errors import InputError, ModelError, RigError
+from ambid.findings import Kind
 from ambid.loop.delay import with_late_commands
 from ambid.loop.loop import open_plant
 from ambid.model import Model
 from ambid.reading import load_mat, reading
-from ambid.rig import Controller, MatrixRotor, StateSpaceController, TransferFunctionController
+from ambid.rig import Controller, MatrixRotor, StateSpaceController, Support, TransferFunctionController
+from ambid.rotor import reduced_rotor
 from ambid.writing import whole_file
 
 if TYPE_CHECKING:
@@ -27,7 +29,19 @@ __all__ = ["controller_from", "controller_from_mat", "rotor_from_ross", "to_cont
 LATERAL = {4: (0, 1, 2, 3), 6: (0, 1, 3, 4)}
 """Places of [u_x, u_y, theta_x, theta_y] among four freedoms of a node, or among six with axial motion and torsion."""
 RIGID = 1e-9
-"""Part of the stiffness that a rigid motion of a free rotor may meet: rounding."""
+"""Part of the stiffness that a rigid motion of a free rotor meets, or of the damping that no mode has: rounding."""
+ROSS_BEARING = Kind(
+    "ross_bearing_left_out",
+    "warning",
+    "the bearing element {element} of ROSS at z = {position_m:.4g} m is left out: {why}",
+    "give it in the rig if it is known, as a magnet or as a plain rotor.support",
+)
+ROSS_DAMPING = Kind(
+    "ross_damping_simplified",
+    "warning",
+    "{share:.2g} of the damping matrix of ROSS couples modes or damps rigid motions unlike each other, and is left out",
+    "give known dampers as rotor.support",
+)
 
 
 @dataclass(frozen=True)
@@ -84,24 +98,33 @@ def rotor_from_ross(
     rotor: Any,
     *,
     flexible_modes: int = 0,
-    modal_damping: float | tuple[float, ...] = 0.0,
+    modal_damping: float | tuple[float, ...] | None = None,
     bending_frequencies_hz: tuple[float, ...] | None = None,
 ) -> MatrixRotor:
-    """Take over the shaft and the disks of a ROSS rotor.
+    """Take over a ROSS rotor: its shaft, cones and disks, its damping, and bearings that are plain springs and dampers.
 
     Parameters
     ----------
     rotor : ross.Rotor
-        Made without bearings and seals; ``M()``, ``K(0)``, ``G()`` and ``nodes_pos`` are read. It needs a node at
-        every magnet and sensor. Of six freedoms a node, axial motion and torsion are left out.
-    flexible_modes, modal_damping, bending_frequencies_hz
+        ``M(0)``, ``K(0)``, ``C(0)``, ``G()``, ``nodes_pos`` and ``bearing_elements`` are read. It needs a node at every
+        magnet and sensor. Of six freedoms a node, axial motion and torsion are left out. A bearing to ground that is
+        alike in both directions, without cross-coupling and the same at every frequency, becomes a `Support`; others,
+        magnetic ones among them, are left out: the magnets are given in the rig.
+    flexible_modes, bending_frequencies_hz
         As for `MatrixRotor`.
+    modal_damping : float or tuple of float, optional
+        As for `MatrixRotor`; default: that of ROSS's damping matrix in each kept mode.
+
+    Returns
+    -------
+    MatrixRotor
+        What was left out, and why, is in its `findings`.
 
     Raises
     ------
     RigError
-        If the object has not these members, its freedoms per node are not 4 or 6, or something holds the rotor; and
-        as for `MatrixRotor`.
+        If the object has not these members, its freedoms per node are not 4 or 6, or something beside its bearings
+        holds the rotor; and as for `MatrixRotor`.
 
     References
     ----------
@@ -109,7 +132,8 @@ def rotor_from_ross(
     """
     try:
         z = np.array(rotor.nodes_pos, dtype=float)
-        M, K, G = (np.asarray(matrix, dtype=float) for matrix in (rotor.M(), rotor.K(0.0), rotor.G()))
+        M, K, G, C = (np.asarray(own, dtype=float) for own in (rotor.M(0.0), rotor.K(0.0), rotor.G(), rotor.C(0.0)))
+        bearings = list(rotor.bearing_elements)
     except (AttributeError, TypeError) as error:
         raise RigError(f"rotor: {type(rotor).__name__} object ({error}): expected a ross.Rotor") from None
     freedoms, rest = divmod(len(M), len(z))
@@ -119,22 +143,72 @@ def rotor_from_ross(
             "than those of the shaft, such as n_link of a bearing"
         )
     kept = (freedoms * np.arange(len(z))[:, None] + np.array(LATERAL[freedoms])).ravel()
-    M, K, G = (matrix[np.ix_(kept, kept)] for matrix in (M, K, G))
+    M, K, G, C = (matrix[np.ix_(kept, kept)] for matrix in (M, K, G, C))
+    supports, findings = [], []
+    for bearing in bearings:
+        M_b, K_b, C_b = (np.asarray(of(0.0), dtype=float)[:2, :2] for of in (bearing.M, bearing.K, bearing.C))
+        own = slice(4 * bearing.n, 4 * bearing.n + 2)
+        for matrix, part in ((M, M_b), (K, K_b), (C, C_b)):
+            matrix[own, own] -= part
+        why = _why_no_support(bearing, M_b, K_b, C_b)
+        if why:
+            findings.append(
+                ROSS_BEARING(element=bearing.tag or type(bearing).__name__, position_m=z[bearing.n], why=why)
+            )
+        elif K_b.any() or C_b.any():
+            supports.append(Support(position=z[bearing.n], stiffness=K_b[0, 0], damping=C_b[0, 0]))
     held = _holding(K, z)
     if held > RIGID:
         raise RigError(
             f"rotor: its stiffness matrix holds it against the ground ({held:.2g} of its largest entry in a rigid "
-            "motion); make the ross.Rotor without bearing_elements: the magnets are given in the rig"
+            "motion) beside its bearing_elements; make the ross.Rotor without what holds it"
         )
-    return MatrixRotor(
+    free = MatrixRotor(
         node_positions=z.tolist(),
         M=M.tolist(),
         K=K.tolist(),
         G=G.tolist(),
         flexible_modes=flexible_modes,
-        modal_damping=modal_damping,
+        modal_damping=modal_damping or 0.0,
         bending_frequencies_hz=bending_frequencies_hz,
+        support=tuple(supports),
     )
+    mass_damping, ratios, left = _modal_damping(free, C)
+    if modal_damping is not None or not any(ratios):
+        ratios = ()
+    if left > RIGID:
+        findings.append(ROSS_DAMPING(share=left))
+    damped = {"mass_damping": mass_damping, "modal_damping": ratios or free.modal_damping}
+    return free.model_copy(update=damped).with_findings(findings)
+
+
+def _why_no_support(bearing: Any, M: FloatArray, K: FloatArray, C: FloatArray) -> str:
+    """Why a bearing of ROSS is no spring and damper to ground, alike in both directions; empty if it is one."""
+    if "Magnetic" in type(bearing).__name__:
+        return "the magnets are given in the rig"
+    if M.any():
+        return "it has inertia"
+    if any(own[0, 1] or own[1, 0] for own in (K, C)):
+        return "it has cross-coupling"
+    if any(own[0, 0] != own[1, 1] for own in (K, C)):
+        return "it is not alike in both directions"
+    if any(np.ptp(np.atleast_1d(getattr(bearing, name, 0.0))) for name in ("kxx", "kyy", "cxx", "cyy")):
+        return "it changes with the frequency"
+    return "it damps negatively" if C[0, 0] < 0.0 else ""
+
+
+def _modal_damping(rotor: MatrixRotor, C: FloatArray) -> tuple[float, tuple[float, ...], float]:
+    """Damping of the whole rotor over its mass [1/s], ratio of each kept mode, and the part of C that is neither."""
+    reduced = reduced_rotor(rotor, ())
+    modal = reduced.T_R.T @ C @ reduced.T_R
+    n, rigid, w = len(reduced.frequencies_rad_s), reduced.rigid_modes, reduced.frequencies_rad_s
+    of_modes = (np.diag(modal)[:n] + np.diag(modal)[n:]) / 2.0
+    mass_damping = max(0.0, float(of_modes[:rigid].mean()))
+    ratios = np.maximum(0.0, (of_modes[rigid:] - mass_damping) / (2.0 * w[rigid:]))
+    taken = np.concatenate([np.full(rigid, mass_damping), mass_damping + 2.0 * ratios * w[rigid:]])
+    size = float(np.abs(modal).max())
+    left = float(np.abs(modal - np.diag(np.tile(taken, 2))).max()) / size if size else 0.0
+    return mass_damping, tuple(ratios.tolist()), left
 
 
 def to_scipy(model: Model) -> scipy.signal.StateSpace:

@@ -272,6 +272,8 @@ class _Builder:
         hidden, rotor = self.hidden, self.rotor
         across = np.array([[0.0, -1.0], [1.0, 0.0]]) if self.planes == 2 else np.zeros((1, 1))
         eye = np.eye(self.planes)
+        for support in self.rig.rotor.support:
+            self._spring(support.position, -support.stiffness * eye, -support.damping * eye)
         if "seal_forces" in hidden:
             seal = hidden["seal_forces"]
             self._spring(

@@ -16,7 +16,7 @@ class TrueRotor:
     ----------
     planes : int
     squares, damping : ndarray, shape (m,)
-        omega^2 and 2 zeta omega of all modes.
+        omega^2, and 2 zeta omega and what the rotor has to ground, of all modes.
     gyroscopic : ndarray, shape (m, m)
         Per rad/s.
     drive_end : float
@@ -25,6 +25,7 @@ class TrueRotor:
 
     def __init__(self, rig: Rig, hidden: dict[str, dict], flexible_modes: int | None) -> None:
         places = [z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)]
+        places += [support.position for support in rig.rotor.support]
         rotor, known = rig.rotor, reduced_rotor(rig.rotor, places)
         extra = hidden.get("rotor_bending_mode", {"count": 0, "participation": 1.0})
         if isinstance(rotor, ModalRotor | PointMassRotor):
@@ -53,7 +54,8 @@ class TrueRotor:
         every = np.tile(frequencies, self.planes)
         if "rotor_anisotropy" in hidden:
             every[len(frequencies) :] *= hidden["rotor_anisotropy"]["frequency_factor"]
-        self.squares, self.damping = every**2, 2.0 * np.tile(damping, self.planes) * every
+        self.squares = every**2
+        self.damping = rig.rotor.mass_damping + 2.0 * np.tile(damping, self.planes) * every
         scales = np.tile(scale, self.planes)
         factor = hidden.get("gyroscopic_coupling", {"factor": 1.0})["factor"]
         self.gyroscopic = factor * scales[:, None] * modes.gyroscopic * scales

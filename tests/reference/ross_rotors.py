@@ -33,6 +33,15 @@ DISKS = [
     (5, 1.2, 0.002, 0.0035),
 ]  # section end, mass, transverse, polar
 SPEEDS_RAD_S = [800.0, 3000.0]
+CONES = [(0.10, 0.030, 0.055, 0.012), (0.25, 0.055, 0.040, 0.012), (0.08, 0.040, 0.025, 0.0)]
+"""Length, outer diameter at either end, inner diameter [m]."""
+HELD = {
+    "cones": CONES,
+    "disks": [(0.10, 2.5, 0.008, 0.014)],  # z, mass, transverse, polar
+    "supports": [(0.0, 3e5, 40.0), (0.35, 5e5, 90.0)],  # z, N/m, N s/m
+    "mass_damping": 2.5,
+    "speeds_rad_s": [0.0, 900.0],
+}
 ELEMENT = {"length": 0.08, "outer_diameter": 0.07, "inner_diameter": 0.03}
 
 
@@ -85,6 +94,41 @@ def rotor() -> dict:
     }
 
 
+def held_rotor() -> dict:
+    """Conical shaft on springs and dampers, all of it damped to ground in proportion to its mass."""
+    material = rs.Material(
+        "steel", rho=MATERIAL["density"], E=MATERIAL["youngs_modulus"], Poisson=MATERIAL["poisson_ratio"]
+    )
+    shaft = []
+    for length, first, last, inner in CONES:
+        ends = np.linspace(first, last, PIECES + 1)
+        shaft += [
+            rs.ShaftElement(length / PIECES, inner, a, inner, b, material=material, shear_method_calc="cowper")
+            for a, b in zip(ends[:-1], ends[1:], strict=True)
+        ]
+    z = np.concatenate([[0.0], np.cumsum([element.L for element in shaft])])
+    node = {place: int(np.argmin(np.abs(z - place))) for place, *_ in (*HELD["disks"], *HELD["supports"])}
+    disks = [rs.DiskElement(n=node[at], m=m, Id=transverse, Ip=polar) for at, m, transverse, polar in HELD["disks"]]
+    springs = [rs.BearingElement(n=node[at], kxx=k, cxx=c) for at, k, c in HELD["supports"]]
+    model = rs.Rotor(shaft, disks, springs)
+    M, K, G, C = (lateral(matrix) for matrix in (model.M(0), model.K(0), model.G(), model.C(0)))
+    C = C + HELD["mass_damping"] * M
+    poles = []
+    for speed in HELD["speeds_rad_s"]:
+        inverse = np.linalg.inv(M)
+        state = np.block([[np.zeros_like(M), np.eye(len(M))], [-inverse @ K, -inverse @ (C + speed * G)]])
+        found = eigvals(state)
+        found = found[found.imag > 0.0]
+        slowest = found[np.argsort(np.abs(found))][:8]
+        poles.append([[float(p.real), float(p.imag)] for p in slowest])
+    return HELD | {
+        "mass_kg": model.m,
+        "centre_m": model.CG,
+        "transverse_inertia_kg_m2": transverse_inertia(M, z),
+        "poles_per_s": poles,
+    }
+
+
 def transverse_inertia(M: np.ndarray, z: np.ndarray) -> float:
     shift = np.tile([1.0, 0.0, 0.0, 0.0], len(z))
     tilt = np.column_stack([z, 0.0 * z, 0.0 * z, np.ones_like(z)]).ravel()
@@ -98,4 +142,6 @@ def element() -> dict:
 
 if __name__ == "__main__":
     target = Path(__file__).with_name("ross_rotors.json")
-    target.write_text(json.dumps({"ross": "2.3.0", "element": element(), "rotor": rotor()}, indent=1) + "\n")
+    target.write_text(
+        json.dumps({"ross": "2.3.0", "element": element(), "rotor": rotor(), "held": held_rotor()}, indent=1) + "\n"
+    )

@@ -64,7 +64,7 @@ class LoopFigures:
             (float(f"{swinging[k].imag / (2 * np.pi):.4g}"), float(f"{damping[k]:.2g}")) for k in np.argsort(damping)
         )
         open_poles = loop.open_poles[loop.open_poles.real > 1e-6 * np.abs(loop.open_poles).max()]
-        f = np.union1d(np.geomspace(1.0, 0.4 * rate, 500), swinging.imag / (2.0 * np.pi))
+        f = np.union1d(np.geomspace(min(1.0, 0.01 * rate), 0.4 * rate, 500), swinging.imag / (2.0 * np.pi))
         f = f[f <= 0.4 * rate]
         follows = f[(np.abs(1.0 - np.einsum("ljj->lj", loop.sensitivity(f))) > 0.7).any(axis=1)]
         stable = loop.gain_factor is not None

@@ -44,6 +44,12 @@ MAGNETS_INCONSISTENT = Kind(
     "K_s s0 / (K_i i0) = {ratio:.2g}, expected 1 for ideal magnets",
     "check air_gap, bias_current, force_current and force_displacement",
 )
+MAGNETS_CENTRE = Kind(
+    "magnets_centre",
+    "note",
+    "K_s = {k_s:.4g} N/m is negative: the magnet centres the rotor, as passive and repelling ones do",
+    "an attracting magnet has K_s > 0 (f = K_i i + K_s s): correct the sign if it is one",
+)
 ONE_PLANE = Kind(
     "one_plane",
     "note",
@@ -83,6 +89,7 @@ def slips_of_rig(loop: NominalLoop, figures: LoopFigures) -> list[Finding]:
     return [
         *_stability(loop),
         *_controller_alone(own),
+        *getattr(own.rotor, "findings", ()),
         *_magnets(own),
         *_planes(loop),
         *_nodes(loop),
@@ -124,13 +131,16 @@ def _controller_alone(rig: Rig) -> list[Finding]:
 
 
 def _magnets(rig: Rig) -> list[Finding]:
-    """K_s s0 = K_i i0 for a pair of ideal magnets."""
+    """K_s s0 = K_i i0 for a pair of ideal magnets that attract."""
     found = []
     for bearing in rig.bearings:
         for axis, k_i, k_s in zip(bearing.axis_names, bearing.force_current, bearing.force_displacement, strict=True):
+            where = Where(key=f"bearing.{bearing.name}", axis=axis)
             ratio = k_s * bearing.air_gap / (k_i * bearing.bias_current)
-            if not 0.5 <= ratio <= 2.0:
-                found.append(MAGNETS_INCONSISTENT(Where(key=f"bearing.{bearing.name}", axis=axis), ratio=ratio))
+            if k_s < 0.0:
+                found.append(MAGNETS_CENTRE(where, k_s=k_s))
+            elif not 0.5 <= ratio <= 2.0:
+                found.append(MAGNETS_INCONSISTENT(where, ratio=ratio))
     return found
 
 

@@ -21,6 +21,7 @@ it so, the lower one were all but off."""
 ABOUT_REST = 0.02
 """Part of the bias within which a mean current says nothing of a weight: it may be stated about that which holds it."""
 
+CENTRES = "K_s is negative, and the law is that of attracting magnets"
 BIAS_RATIO = "nu: bias current of the rig file over the effective one"
 
 
@@ -51,6 +52,10 @@ class ForceNonlinearity(Effect):
     def variants(self, seen: Seen) -> Sequence[ForceNonlinearity]:
         """About the currents that hold the weight; of one magnet where it may be that, see `_magnets`."""
         return [ForceNonlinearity(held, single) for held, single in _magnets(seen)]
+
+    def why_not(self, rig: Rig) -> str:
+        """Magnets that centre: the law is that of attracting ones."""
+        return CENTRES if any(k_s < 0.0 for b in rig.bearings for k_s in b.force_displacement) else ""
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Bias current of the rig file over the effective one: 1 for the law as it stands, 0 for the linear one."""
@@ -97,6 +102,10 @@ class FluxSaturation(Effect):
     def variants(self, seen: Seen) -> Sequence[Effect]:
         """About the currents that hold the weight; of one magnet where it may be that, see `_magnets`."""
         return [FluxSaturation(held, single) for held, single in _magnets(seen)]
+
+    def why_not(self, rig: Rig) -> str:
+        """Magnets that centre: the law is that of attracting ones."""
+        return CENTRES if any(k_s < 0.0 for b in rig.bearings for k_s in b.force_displacement) else ""
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Linear flux density at bias over that of saturation, sharpness of the knee, bias ratio of the square law."""

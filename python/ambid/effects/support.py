@@ -15,18 +15,22 @@ from ambid.loop.plant import Plant
 from ambid.rig import PointMassRotor, Rig
 
 UNBOUNDED = float("inf")
-SLOWEST_HZ, OF_FALL = 10.0, 0.25
-"""From there on a mode of the housing is looked for; of a levitator, from this part of the rate at which it falls."""
+SLOWEST_HZ, OF_RATE, OF_FALL = 10.0, 0.1, 0.25
+"""From there on a mode of the housing is looked for, or from this part of the sample rate; of a levitator, from this
+part of the rate at which it falls."""
 
 
 def _slowest_hz(rig: Rig) -> float:
     if not isinstance(rig.rotor, PointMassRotor):
-        return SLOWEST_HZ
-    return min(SLOWEST_HZ, OF_FALL * float(np.sqrt(abs(_stiffness(rig)) / rig.rotor.mass)) / (2.0 * pi))
+        return min(SLOWEST_HZ, OF_RATE * rig.sample_rate)
+    return min(
+        SLOWEST_HZ, OF_RATE * rig.sample_rate, OF_FALL * float(np.sqrt(_stiffness(rig) / rig.rotor.mass)) / (2.0 * pi)
+    )
 
 
 def _stiffness(rig: Rig) -> float:
-    return float(np.mean([k for b in rig.bearings for k in b.force_displacement]))
+    """Mean size of K_s [N/m]."""
+    return float(np.mean([abs(k) for b in rig.bearings for k in b.force_displacement]))
 
 
 @dataclass(frozen=True)

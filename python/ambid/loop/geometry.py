@@ -31,7 +31,7 @@ class Geometry:
 
 
 def rotor_of(rig: Rig, more: int = 0, places: Iterable[float] = ()) -> ReducedRotor:
-    """The rotor of a rig, known at its magnets, sensors and `places`, with `more` bending modes than its model keeps.
+    """The rotor of a rig, known at magnets, sensors, supports and `places`, with `more` bending modes than it keeps.
 
     Where all axes lie in one plane, something else guides the rotor across it, and only that plane is modelled.
 
@@ -41,6 +41,7 @@ def rotor_of(rig: Rig, more: int = 0, places: Iterable[float] = ()) -> ReducedRo
         What the rig file gives cannot be a free rotor, or is not known there.
     """
     own = [z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)]
+    own += [support.position for support in rig.rotor.support]
     try:
         rotor = reduced_rotor(with_more_modes(rig.rotor, more) if more else rig.rotor, [*own, *places])
     except RigError as error:

@@ -25,6 +25,7 @@ class Plant(Assembly):
     ``tau_a i_a' = i_set - i_a``, ``tau_e i_f' = i_a - i_f``, ``f = K_i i_f + K_s s``. K_i, K_s and 1/tau_e are entries
     of Delta (B_Delta, C_Delta of eqs. 4-7). ``i_set`` is the command i_ref; of a voltage-driven coil it is i_ref / R,
     where i_ref is in V and 1/R is an entry of Delta. An ideal amplifier, or an actuator without lag, has no state.
+    Supports of the rig push at their places.
 
     Signals of each axis: ``i_ref`` [A or V] that leaves the controller, ``i_set`` [A] that it asks for, ``i_a`` [A]
     behind the amplifier, its rate ``i_a_free`` [A/s] before and ``i_a_rate`` behind what limits it, and the rate of
@@ -90,8 +91,13 @@ class Plant(Assembly):
             force = self.signal(f"modal_force.{k}", combine(onto[:, k], forces))
             turning = combine(-rig.speed * rotor.gyroscopic[k], rates)
             self.set_rate(f"eta.{k}", rates[k])
-            held_back = -(omega[k] ** 2) * eta[k] - 2.0 * zeta[k] * omega[k] * rates[k]
+            damping = rotor.mass_damping + 2.0 * zeta[k] * omega[k]
+            held_back = -(omega[k] ** 2) * eta[k] - damping * rates[k]
             self.set_rate(f"eta_rate.{k}", self.signal(f"eta_bend.{k}", force + turning + held_back))
+        for support in rig.rotor.support:
+            for plane in np.eye(rotor.planes):
+                u, rate = (self.at(support.position, plane, of) for of in ("eta", "eta_rate"))
+                self.push(support.position, plane, -support.stiffness * u - support.damping * rate)
 
     def shape(self, z: float, direction: np.ndarray) -> np.ndarray:
         """Displacement of every modal coordinate at `z` in a direction of the planes, shape (coordinates,)."""

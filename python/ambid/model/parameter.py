@@ -54,7 +54,7 @@ class Parameter:
     @property
     def scale(self) -> float:
         """A positive number of the parameter's own size."""
-        return self.value if self.typical is None else max(abs(self.value), self.typical)
+        return max(abs(self.value), self.typical or 0.0)
 
     @property
     def is_at_limit(self) -> bool:
@@ -98,7 +98,7 @@ def nominal(rig: Rig) -> list[Parameter]:
     if rig.amplifier.resistance is not None:
         of_axes["R"] = [rig.amplifier.resistance] * len(rig.axes)
     parameters = [
-        Parameter(f"{kind}.{axis}", value, UNITS[kind], (f"{kind}.{axis}",))
+        Parameter(f"{kind}.{axis}", value, UNITS[kind], (f"{kind}.{axis}",), *_one_sign(value))
         for kind, values in of_axes.items()
         for axis, value in zip(rig.axes, values, strict=True)
     ]
@@ -107,6 +107,11 @@ def nominal(rig: Rig) -> list[Parameter]:
         least = min(SHORTEST_LAG / rig.sample_rate, value)
         parameters.append(Parameter("tau_e", value, UNITS["tau_e"], slots, least))
     return parameters
+
+
+def _one_sign(value: float) -> tuple[float, float]:
+    """Limits that keep the sign of a value: that of K_s is the kind of magnet."""
+    return (0.0, np.inf) if value > 0.0 else (-np.inf, 0.0)
 
 
 def selected(parameters: Sequence[Parameter], patterns: Iterable[str]) -> list[int]:

@@ -7,17 +7,9 @@ from ambid.rig.controller import (
     TransferFunctionController,
 )
 from ambid.rig.given import as_rig
+from ambid.rig.parts import Disk, Material, Section, Support
 from ambid.rig.rig import Actuator, Amplifier, Bearing, Rig
-from ambid.rig.rotor import (
-    Disk,
-    FiniteElementRotor,
-    Material,
-    MatrixRotor,
-    ModalRotor,
-    PointMassRotor,
-    Rotor,
-    Section,
-)
+from ambid.rig.rotor import FiniteElementRotor, MatrixRotor, ModalRotor, PointMassRotor, Rotor
 from ambid.rig.tolerance import Tolerance
 
 __all__ = [
@@ -36,6 +28,7 @@ __all__ = [
     "Rotor",
     "Section",
     "StateSpaceController",
+    "Support",
     "Tolerance",
     "TransferFunctionController",
     "as_rig",

@@ -20,7 +20,7 @@ from ambid.rig.lti import as_state_space, per_axis_polynomials
 from ambid.rig.realisation import StateSpace, added, companion, pid, stack, tustin
 from ambid.rig.shapes import Matrix, has_shape, sizes, wrong_counts
 
-SAMPLE_RATE = Range(100.0, 1e6, "Hz", (("kilohertz", 1e3),))
+SAMPLE_RATE = Range(1.0, 1e6, "Hz", (("kilohertz", 1e3),))
 DELAY_SAMPLES = Range(0.0, 100.0, "samples")
 _SIGN = "the loop applies the minus: i_ref = -(K y) + i_e"
 PROPORTIONAL = Range(0.0, 1e9, "A/m, or V/m with amplifier.resistance", (), _SIGN)

@@ -30,7 +30,8 @@ from ambid.rig.fields import (
     refuse,
     rig_error,
 )
-from ambid.rig.rotor import PointMassRotor, Position, Rotor, off_the_shaft
+from ambid.rig.parts import Position
+from ambid.rig.rotor import PointMassRotor, Rotor, off_the_shaft
 from ambid.rig.tolerance import MEASURED_FREQUENCY, TYPICAL, Tolerance
 from ambid.rig.toml import toml_text
 from ambid.writing import whole_file
@@ -45,7 +46,9 @@ LONGEST_FILE = 1 << 23
 """Characters of a rig file: three matrices of 200 freedoms take a third, and reading as much takes seconds."""
 _CONVENTION = "f = K_i i + K_s s"
 FORCE_CURRENT = Range(1e-4, 1e5, "N/A", (), f"{_CONVENTION}, K_i > 0: current pulls towards +s")
-FORCE_DISPLACEMENT = Range(1e-2, 1e10, "N/m", (), f"{_CONVENTION}, K_s > 0 destabilises")
+FORCE_DISPLACEMENT = Range(-1e10, 1e10, "N/m", (), f"{_CONVENTION}, K_s > 0 destabilises")
+LEAST_STIFFNESS = 1e-2
+"""Smallest size of K_s [N/m]; a magnet has some, and parameters are scaled by it."""
 STIFFNESS_SLIPS = (("N/mm", 1e3), ("N/um", 1e6))
 SLIPPED = 5.0
 """Factor within which K_s in another unit is that of a magnet: then the unit is wrong, and not the machine another."""
@@ -78,7 +81,8 @@ class Bearing(Spec):
     force_current : float or sequence of float
         Nominal K_i of each axis [N/A]; a number stands for all. Kept as one value per axis.
     force_displacement : float or sequence of float
-        Nominal K_s of each axis [N/m]; a number stands for all. Kept as one value per axis.
+        Nominal K_s of each axis [N/m]; a number stands for all. Kept as one value per axis. Negative of passive or
+        repelling magnets, which centre the rotor.
     """
 
     name: str = Field(description="a name such as A: letters, digits and _, no dots")
@@ -122,6 +126,13 @@ class Bearing(Spec):
         values = value if isinstance(value, tuple) else (value,) * n_axes
         if len(values) != n_axes:
             refuse(problem(f"expected a number, or {n_axes} numbers, one per axis; found {len(values)}.", values))
+        return values
+
+    @field_validator("force_displacement")
+    @classmethod
+    def _some_stiffness(cls, values: tuple[float, ...]) -> tuple[float, ...]:
+        text = f"expected at least {LEAST_STIFFNESS:g} N/m in size ({FORCE_DISPLACEMENT.note}); check the value."
+        refuse(*(problem(text, value, k) for k, value in enumerate(values) if abs(value) < LEAST_STIFFNESS))
         return values
 
     @model_validator(mode="after")

@@ -1,31 +1,27 @@
 """The rotor as the rig file describes it: finite elements, matrices, measured or computed modes, or a plain mass."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, ValidationInfo, model_validator
+from pydantic import Discriminator, Field, PrivateAttr, Tag, ValidationInfo, model_validator
 from pydantic_core import InitErrorDetails
 
-from ambid.rig.bodies import polar_over_transverse, too_polar, too_polar_disk
+from ambid.findings import Finding
+from ambid.rig.bodies import polar_over_transverse, too_polar
 from ambid.rig.fields import FINITE, MILLIMETRES, NOTHING, Range, Spec, per_axis, problem, refuse
+from ambid.rig.parts import MASS, Disk, Material, Position, Section, Support
 from ambid.rig.rotor_files import MATRIX_KEYS, matrices_of_file
 
 Finite = Annotated[float, FINITE]
-Position = Annotated[float, Range(unit="m")]
 Matrix = tuple[tuple[Finite, ...], ...]
 
-DENSITY = Range(500.0, 23000.0, "kg/m^3", (("g/cm^3", 1e3),))
-YOUNGS_MODULUS = Range(1e9, 2e12, "Pa", (("GPa", 1e9), ("MPa", 1e6)))
-LENGTH = Range(1e-5, 5.0, "m", (MILLIMETRES,))
-OUTER_DIAMETER = Range(1e-4, 3.0, "m", (MILLIMETRES,))
-INNER_DIAMETER = Range(0.0, 3.0, "m", (MILLIMETRES,))
-MASS = Range(1e-6, 1e5, "kg")
-INERTIA = Range(0.0, 1e5, "kg m^2", (("kg mm^2", 1e-6),))
 DAMPING = Range(0.0, 0.5, "", (("percent", 1e-2),), "a damping ratio")
 FREQUENCY = Range(0.1, 1e5, "Hz")
 MODE_FREQUENCY = Range(0.0, 1e5, "Hz", (), "0 for a rigid mode")
+MASS_DAMPING = Range(0.0, 1e5, "1/s", (), "damping to ground over mass")
 
 SAME_PLACE = 1e-6
 """Axial positions closer than this [m] are one place."""
@@ -34,83 +30,28 @@ FAR_OFF = 10.0
 FREEDOMS_PER_NODE = 4
 MOST_SECTIONS = 1000
 """Sections, or disks, of a rotor: its bending modes then take two seconds and half a gigabyte."""
+MOST_SUPPORTS = 100
+"""Supports of a rotor; more are a bed, which mass_damping or the shaft's matrices describe."""
 MOST_NODES = 400
 """Nodes of a rotor given as matrices: the three then hold eight million numbers, a quarter of a gigabyte to read."""
 
 
-class Material(Spec):
-    """Isotropic material.
+class _AnyRotor(Spec):
+    """What holds every rotor beside its magnets, as far as it is known."""
 
-    Parameters
-    ----------
-    density : float
-        Mass per volume [kg/m^3].
-    youngs_modulus : float
-        Stress per strain [Pa]; scales all bending frequencies.
-    poisson_ratio : float
-        Shares out shear and bending in short sections.
-    """
+    mass_damping: Annotated[float, MASS_DAMPING] = 0.0
+    support: tuple[Support, ...] = Field((), max_length=MOST_SUPPORTS, description="[[rotor.support]] tables")
 
-    density: Annotated[float, DENSITY]
-    youngs_modulus: Annotated[float, YOUNGS_MODULUS]
-    poisson_ratio: Annotated[float, Range(0.0, 0.5)]
+    def supports_off_the_shaft(self, span: tuple[float, float]) -> list[InitErrorDetails]:
+        """Problems of the supports that are not on a shaft that reaches over `span` [m]."""
+        return [
+            problem(text, support.position, "support", k, "position")
+            for k, support in enumerate(self.support)
+            if (text := off_the_shaft(span, support.position))
+        ]
 
 
-class Section(Spec):
-    """Cylindrical piece of shaft; the sections lie end to end from z = 0 on.
-
-    Parameters
-    ----------
-    length : float
-        Along z [m].
-    outer_diameter : float
-        Of the cylinder [m].
-    inner_diameter : float
-        Of a hollow shaft [m], less than the outer one.
-    material : Material, optional
-        Of this section; that of the rotor if left out.
-    """
-
-    length: Annotated[float, LENGTH]
-    outer_diameter: Annotated[float, OUTER_DIAMETER]
-    inner_diameter: Annotated[float, INNER_DIAMETER] = 0.0
-    material: Material | None = Field(None, description="a table with density, youngs_modulus, poisson_ratio")
-
-    @model_validator(mode="after")
-    def _hollow_inside(self) -> "Section":
-        if self.inner_diameter >= self.outer_diameter:
-            allowed = f"expected less than outer_diameter = {self.outer_diameter:g} m; write 0 for a solid shaft."
-            refuse(problem(allowed, self.inner_diameter, "inner_diameter"))
-        return self
-
-
-class Disk(Spec):
-    """Rigid body on the shaft.
-
-    Parameters
-    ----------
-    position : float
-        z of its centre [m].
-    mass : float
-        Of the disk alone [kg].
-    transverse_inertia : float
-        About a diameter through its own centre [kg m^2].
-    polar_inertia : float
-        About the axis of the shaft [kg m^2]; brings gyroscopic moments where the rotor turns.
-    """
-
-    position: Position
-    mass: Annotated[float, MASS]
-    transverse_inertia: Annotated[float, INERTIA]
-    polar_inertia: Annotated[float, INERTIA]
-
-    @model_validator(mode="after")
-    def _of_a_body(self) -> "Disk":
-        refuse(*too_polar_disk(self.transverse_inertia, self.polar_inertia))
-        return self
-
-
-class _FlexibleRotor(Spec):
+class _FlexibleRotor(_AnyRotor):
     """What the rotors that are reduced to modes have in common."""
 
     flexible_modes: int = Field(0, ge=0, le=100, strict=True, description="a whole number of bending modes, 0 to 100")
@@ -166,6 +107,10 @@ class FiniteElementRotor(_FlexibleRotor):
         The shaft, end to end from z = 0 on.
     disk : sequence of Disk
         What sits on the shaft.
+    mass_damping : float
+        Viscous damping to ground of the whole rotor over its mass [1/s], such as that of air: C = mass_damping M.
+    support : sequence of Support
+        Known springs and dampers to ground, beside the magnets.
     """
 
     kind: Literal["finite_elements"] = "finite_elements"
@@ -187,6 +132,7 @@ class FiniteElementRotor(_FlexibleRotor):
             for k, disk in enumerate(self.disk)
             if (text := off_the_shaft(self.span, disk.position))
         ]
+        problems += self.supports_off_the_shaft(self.span)
         bare = [k for k, section in enumerate(self.section) if section.material is None]
         if bare and self.material is None:
             text = f"section[{bare[0]}] names no material of its own; add a table [rotor.material]."
@@ -211,7 +157,7 @@ class MatrixRotor(_FlexibleRotor):
     file : path, optional
         `.npz` or `.mat` with these four instead, relative to the rig file. It is read at once: the rotor
         keeps the matrices, not the path.
-    flexible_modes, modal_damping, bending_frequencies_hz
+    flexible_modes, modal_damping, bending_frequencies_hz, mass_damping, support
         As for `FiniteElementRotor`.
     """
 
@@ -223,9 +169,26 @@ class MatrixRotor(_FlexibleRotor):
     K: Matrix = Field(description="a square matrix, 4 rows per node")
     G: Matrix | None = Field(None, description="a square matrix, 4 rows per node")
 
+    _findings: tuple[Finding, ...] = PrivateAttr(())
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was left out where it was taken over from another program; no part of its equality."""
+        return self._findings
+
+    def with_findings(self, findings: Sequence[Finding]) -> "MatrixRotor":
+        """The same rotor with what is to be known of where it is from."""
+        told = self.model_copy()
+        told._findings = tuple(findings)
+        return told
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, MatrixRotor) and vars(self) == vars(other)
+
     def __hash__(self) -> int:
         """Of all but the matrices, which are large; equality compares them too."""
-        return hash((self.node_positions, self.flexible_modes, self.modal_damping, self.bending_frequencies_hz))
+        own = (self.node_positions, self.flexible_modes, self.modal_damping, self.bending_frequencies_hz)
+        return hash((*own, self.mass_damping, self.support))
 
     @property
     def span(self) -> tuple[float, float]:
@@ -252,7 +215,7 @@ class MatrixRotor(_FlexibleRotor):
             refuse(problem("expected ascending positions; sort the nodes.", self.node_positions, "node_positions"))
         size = FREEDOMS_PER_NODE * len(self.node_positions)
         shape_problems = _wrong_shapes({"M": self.M, "K": self.K, "G": self.G}, size)
-        refuse(*shape_problems)
+        refuse(*shape_problems, *self.supports_off_the_shaft(self.span))
         for key, matrix in (("M", np.array(self.M)), ("K", np.array(self.K))):
             gap = float(np.abs(matrix - matrix.T).max())
             if gap > 1e-6 * float(np.abs(matrix).max()):
@@ -268,7 +231,7 @@ class MatrixRotor(_FlexibleRotor):
         return self
 
 
-class ModalRotor(Spec):
+class ModalRotor(_AnyRotor):
     """Free rotor by its mass-normalised modes of one plane; the other plane has the same.
 
     Parameters
@@ -286,6 +249,8 @@ class ModalRotor(Spec):
         Coupling of plane x to plane y, per rad/s of speed.
     flexible_modes : int, optional
         Bending modes kept per plane, lowest first, of those listed; all if left out.
+    mass_damping, support
+        As for `FiniteElementRotor`; a support lies at one of `positions`, or between them as magnets may.
     """
 
     kind: Literal["modes"] = "modes"
@@ -337,17 +302,20 @@ class ModalRotor(Spec):
         if self.bending_modes > self.listed_bending_modes:
             text = f"expected at most {self.listed_bending_modes}, the modes of frequencies_hz above 0 Hz."
             problems.append(problem(text, self.flexible_modes, "flexible_modes"))
+        problems += self.supports_off_the_shaft(self.span)
         refuse(*problems)
         return self
 
 
-class PointMassRotor(Spec):
+class PointMassRotor(_AnyRotor):
     """A plain mass on one axis: a single-axis levitator.
 
     Parameters
     ----------
     mass : float
         That levitates [kg].
+    mass_damping, support
+        As for `FiniteElementRotor`.
     """
 
     kind: Literal["mass"] = "mass"

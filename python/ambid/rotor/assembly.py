@@ -14,9 +14,9 @@ from scipy.sparse.linalg import eigsh
 
 from ambid.arrays import FloatArray
 from ambid.errors import RigError
-from ambid.rig import FiniteElementRotor
+from ambid.rig import FiniteElementRotor, Material, Section
 from ambid.rig.rotor import SAME_PLACE
-from ambid.rotor.beam import PlaneMatrices, beam_element, both_planes
+from ambid.rotor.beam import PlaneMatrices, beam_element, both_planes, conical_element
 
 _CONVERGED = 1e-4  # largest relative change of a kept frequency when the elements are halved
 _TOLERABLE = 5e-4  # the same where more nodes would be too many
@@ -217,7 +217,8 @@ def _mesh(
     section_of = np.searchsorted(ends, (z[:-1] + z[1:]) / 2.0) - 1
     for first, index in enumerate(section_of):
         here = slice(2 * first, 2 * first + 4)
-        for whole, part in zip(plane, _section_element(rotor, index, z[first + 1] - z[first]), strict=True):
+        along = z[first : first + 2] - ends[index]
+        for whole, part in zip(plane, _section_element(rotor.section[index], rotor.material, along), strict=True):
             whole[here, here] += part
     for disk in rotor.disk:
         node = 2 * place_of(disk.position, z)
@@ -227,18 +228,17 @@ def _mesh(
     return z, plane
 
 
-def _section_element(rotor: FiniteElementRotor, index: int, length: float) -> PlaneMatrices:
-    section = rotor.section[index]
-    material = section.material or rotor.material
+def _section_element(section: Section, of_rotor: Material | None, along: FloatArray) -> PlaneMatrices:
+    """Element between two places of a section, counted from where it begins [m]."""
+    material = section.material or of_rotor
     assert material is not None  # the rotor was refused otherwise
-    return beam_element(
-        length,
-        section.outer_diameter,
-        section.inner_diameter,
-        material.density,
-        material.youngs_modulus,
-        material.poisson_ratio,
-    )
+    of_material = material.density, material.youngs_modulus, material.poisson_ratio
+    length = float(along[1] - along[0])
+    if section.outer_diameter_end is None:
+        return beam_element(length, section.outer_diameter, section.inner_diameter, *of_material)
+    steeper = (section.outer_diameter_end - section.outer_diameter) / section.length
+    first, last = (section.outer_diameter + steeper * along).tolist()
+    return conical_element(length, (first, last), section.inner_diameter, *of_material)
 
 
 def _bending_frequencies(z: FloatArray, plane: PlaneMatrices, count: int) -> FloatArray:

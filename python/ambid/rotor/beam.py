@@ -1,4 +1,4 @@
-"""Timoshenko beam element of a round shaft, and how its two bending planes fill four freedoms a node.
+"""Timoshenko beam elements of a round shaft, and how its two bending planes fill four freedoms a node.
 
 The shaft is isotropic, so the element is written for one plane with the freedoms [u, psi], psi = du/dz less shear,
 and laid into both. Source: Friswell, Penny, Garvey and Lees, "Dynamics of Rotating Machines" (2010), chapter 5;
@@ -12,6 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ambid.arrays import FloatArray, IndexArray
+
+_GAUSS = 8
+"""Points of an integral along a cone: exact for its mass, of degree 8, and to 1e-8 for its flexibility where one end is
+twice as wide as the other."""
 
 
 class PlaneMatrices(NamedTuple):
@@ -112,6 +116,93 @@ def beam_element(
 
     # A round section turns about its axis with twice the inertia that it tilts with.
     return PlaneMatrices(mass=translation + rotary, stiffness=stiffness, polar=2.0 * rotary)
+
+
+def conical_element(
+    length: float,
+    outer_diameters: tuple[float, float],
+    inner_diameter: float,
+    density: float,
+    youngs_modulus: float,
+    poisson_ratio: float,
+) -> PlaneMatrices:
+    """Timoshenko element of one bending plane whose outer diameter changes in proportion to z.
+
+    Its stiffness is the inverse of the flexibility of all sections, and exact. The shape functions of its mass are
+    those of a cylinder with the section half-way: mass and inertias of rigid motions are exact.
+
+    Parameters
+    ----------
+    length : float
+        Of the element [m].
+    outer_diameters : (float, float)
+        Where it begins and ends [m].
+    inner_diameter : float
+        Of the bore [m], the same all along.
+    density, youngs_modulus, poisson_ratio : float
+        As for `beam_element`.
+
+    Returns
+    -------
+    PlaneMatrices
+        Mass, stiffness and polar inertia, each (4, 4), freedoms [u_1, psi_1, u_2, psi_2].
+
+    References
+    ----------
+    Friswell et al. (2010), chapter 5: shape functions; Przemieniecki, Theory of Matrix Structural Analysis (1968),
+    chapter 5: stiffness by the flexibility of a clamped element.
+    """
+    first, last = outer_diameters
+    points, weights = np.polynomial.legendre.leggauss(_GAUSS)
+    x, weights = (points + 1.0) / 2.0, weights * length / 2.0
+    outer = first + (last - first) * x
+    area, second_moment = _section(outer, inner_diameter)
+    middle = (first + last) / 2.0
+    middle_area, middle_moment = _section(np.array(middle), inner_diameter)
+    shear_modulus = youngs_modulus / (2.0 * (1.0 + poisson_ratio))
+    shear = np.array([shear_coefficient(d, inner_diameter, poisson_ratio) for d in outer]) * shear_modulus
+    middle_shear = shear_coefficient(middle, inner_diameter, poisson_ratio) * shear_modulus * float(middle_area)
+    phi = 12.0 * youngs_modulus * float(middle_moment) / (middle_shear * length**2)
+
+    cubic = 3.0 * x**2 - 2.0 * x**3
+    u = np.array(
+        [
+            1.0 + phi - phi * x - cubic,
+            length / 2.0 * ((2.0 + phi) * x - (4.0 + phi) * x**2 + 2.0 * x**3),
+            phi * x + cubic,
+            length / 2.0 * (-phi * x - (2.0 - phi) * x**2 + 2.0 * x**3),
+        ]
+    ) / (1.0 + phi)
+    psi = np.array(
+        [
+            6.0 / length * (x**2 - x),
+            1.0 + phi - (4.0 + phi) * x + 3.0 * x**2,
+            6.0 / length * (x - x**2),
+            -(2.0 - phi) * x + 3.0 * x**2,
+        ]
+    ) / (1.0 + phi)
+    # A force and a moment at the end bend the element, clamped where it begins.
+    lever, per_bending, per_shear = (1.0 - x) * length, 1.0 / (youngs_modulus * second_moment), 1.0 / (shear * area)
+    loads = np.array([lever, np.ones_like(x)])
+    flexibility = _integral(loads, weights * per_bending)
+    flexibility[0, 0] += weights @ per_shear
+    bent = np.array([[-1.0, -length, 1.0, 0.0], [0.0, -1.0, 0.0, 1.0]])  # what is left of a motion less a rigid one
+    rotary = _integral(psi, weights * density * second_moment)
+    return PlaneMatrices(
+        mass=_integral(u, weights * density * area) + rotary,
+        stiffness=bent.T @ np.linalg.solve(flexibility, bent),
+        polar=2.0 * rotary,
+    )
+
+
+def _section(outer: FloatArray, inner: float) -> tuple[FloatArray, FloatArray]:
+    """Area [m^2] and second moment [m^4] of round sections."""
+    return np.pi / 4.0 * (outer**2 - inner**2), np.pi / 64.0 * (outer**4 - inner**4)
+
+
+def _integral(shapes: FloatArray, weights: FloatArray) -> FloatArray:
+    """Products of functions, (n, points), summed with weights, (n, n)."""
+    return np.asarray((shapes * weights) @ shapes.T)
 
 
 def plane_bases(nodes: int) -> tuple[FloatArray, FloatArray]:

@@ -27,8 +27,9 @@ _CLOSE = 0.3  # part of a half-wave of a bending mode between positions: a cubic
 class ReducedRotor:
     """Rotor in mass-normalised modal coordinates eta, the n modes of plane x before the same n modes of plane y.
 
-    eta'' + diag(2 damping frequencies) eta' + speed * gyroscopic eta' + diag(frequencies^2) eta = T_R^T f, speed in
-    rad/s, f the forces on the full freedoms q = T_R eta. Rigid modes come first, their frequency is exactly zero.
+    eta'' + (mass_damping + diag(2 damping frequencies)) eta' + speed * gyroscopic eta' + diag(frequencies^2) eta =
+    T_R^T f, speed in rad/s, f the forces on the full freedoms q = T_R eta, those of supports among them. Rigid modes
+    come first, their frequency is exactly zero.
 
     Attributes
     ----------
@@ -52,6 +53,8 @@ class ReducedRotor:
         finite elements; else three of ten of a half-wave of the highest bending mode, or closer.
     planes : int
         2, or 1 for a point mass on one axis and for a rotor that is looked at in one plane.
+    mass_damping : float
+        Viscous damping to ground over mass [1/s], the same of every mode, of the rigid ones too.
     """
 
     frequencies_rad_s: FloatArray
@@ -63,6 +66,7 @@ class ReducedRotor:
     shapes: FloatArray
     between: bool = False
     planes: int = 2
+    mass_damping: float = 0.0
 
     @property
     def rigid_modes(self) -> int:
@@ -200,7 +204,7 @@ def _reduced(
     if reduced.planes == 2:
         for z in nodes_at:
             place_of(z, reduced.positions)
-    return reduced
+    return replace(reduced, mass_damping=rotor.mass_damping) if rotor.mass_damping else reduced
 
 
 def _lie_close(positions: Sequence[float], bending_modes: int) -> bool:

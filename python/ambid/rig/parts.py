@@ -1,0 +1,117 @@
+"""What a rotor is made of and held by: sections of a shaft, disks, and known springs and dampers to ground."""
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from ambid.rig.bodies import too_polar_disk
+from ambid.rig.fields import MILLIMETRES, Range, Spec, problem, refuse
+
+__all__ = ["MASS", "Disk", "Material", "Position", "Section", "Support"]
+
+Position = Annotated[float, Range(unit="m")]
+
+DENSITY = Range(500.0, 23000.0, "kg/m^3", (("g/cm^3", 1e3),))
+YOUNGS_MODULUS = Range(1e9, 2e12, "Pa", (("GPa", 1e9), ("MPa", 1e6)))
+LENGTH = Range(1e-5, 5.0, "m", (MILLIMETRES,))
+OUTER_DIAMETER = Range(1e-4, 3.0, "m", (MILLIMETRES,))
+INNER_DIAMETER = Range(0.0, 3.0, "m", (MILLIMETRES,))
+MASS = Range(1e-6, 1e5, "kg")
+INERTIA = Range(0.0, 1e5, "kg m^2", (("kg mm^2", 1e-6),))
+SUPPORT_STIFFNESS = Range(-1e10, 1e10, "N/m", (), "K > 0 centres")
+SUPPORT_DAMPING = Range(0.0, 1e8, "N s/m")
+
+
+class Material(Spec):
+    """Isotropic material.
+
+    Parameters
+    ----------
+    density : float
+        Mass per volume [kg/m^3].
+    youngs_modulus : float
+        Stress per strain [Pa]; scales all bending frequencies.
+    poisson_ratio : float
+        Shares out shear and bending in short sections.
+    """
+
+    density: Annotated[float, DENSITY]
+    youngs_modulus: Annotated[float, YOUNGS_MODULUS]
+    poisson_ratio: Annotated[float, Range(0.0, 0.5)]
+
+
+class Section(Spec):
+    """Cylindrical or conical piece of shaft; the sections lie end to end from z = 0 on.
+
+    Parameters
+    ----------
+    length : float
+        Along z [m].
+    outer_diameter : float
+        Of the cylinder, or of a cone where it begins [m].
+    outer_diameter_end : float, optional
+        Of a cone where it ends [m]; between them the diameter changes in proportion to z. A cylinder if left out.
+    inner_diameter : float
+        Of a hollow shaft [m], less than the outer one.
+    material : Material, optional
+        Of this section; that of the rotor if left out.
+    """
+
+    length: Annotated[float, LENGTH]
+    outer_diameter: Annotated[float, OUTER_DIAMETER]
+    outer_diameter_end: Annotated[float, OUTER_DIAMETER] | None = None
+    inner_diameter: Annotated[float, INNER_DIAMETER] = 0.0
+    material: Material | None = Field(None, description="a table with density, youngs_modulus, poisson_ratio")
+
+    @model_validator(mode="after")
+    def _hollow_inside(self) -> "Section":
+        outer = {"outer_diameter": self.outer_diameter, "outer_diameter_end": self.outer_diameter_end}
+        key, least = min(((key, own) for key, own in outer.items() if own is not None), key=lambda own: own[1])
+        if self.inner_diameter >= least:
+            allowed = f"expected less than {key} = {least:g} m; write 0 for a solid shaft."
+            refuse(problem(allowed, self.inner_diameter, "inner_diameter"))
+        return self
+
+
+class Disk(Spec):
+    """Rigid body on the shaft.
+
+    Parameters
+    ----------
+    position : float
+        z of its centre [m].
+    mass : float
+        Of the disk alone [kg].
+    transverse_inertia : float
+        About a diameter through its own centre [kg m^2].
+    polar_inertia : float
+        About the axis of the shaft [kg m^2]; brings gyroscopic moments where the rotor turns.
+    """
+
+    position: Position
+    mass: Annotated[float, MASS]
+    transverse_inertia: Annotated[float, INERTIA]
+    polar_inertia: Annotated[float, INERTIA]
+
+    @model_validator(mode="after")
+    def _of_a_body(self) -> "Disk":
+        refuse(*too_polar_disk(self.transverse_inertia, self.polar_inertia))
+        return self
+
+
+class Support(Spec):
+    """Spring and damper from the rotor to ground at one place, alike in every direction: F = -K u - C u'.
+
+    Parameters
+    ----------
+    position : float
+        z [m]; of a plain mass it means nothing.
+    stiffness : float
+        K [N/m]; negative where it pulls the rotor away from the centre, as permanent magnets do.
+    damping : float
+        C [N s/m].
+    """
+
+    position: Position
+    stiffness: Annotated[float, SUPPORT_STIFFNESS] = 0.0
+    damping: Annotated[float, SUPPORT_DAMPING] = 0.0
