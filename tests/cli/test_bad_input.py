@@ -165,7 +165,7 @@ RIGS = {
     "rig, no actuator": (without_table("actuator"), IDENTIFY, "actuator"),
     "rig, no controller": (without_table("controller"), IDENTIFY, "controller"),
     "rig, no material": (without_table("rotor.material"), IDENTIFY, "material"),
-    "rig, K_s of the other sign": (rig("[2200000.0, 2200000.0]", "[-2200000.0, 2200000.0]"), IDENTIFY, "-2200000.0"),
+    "rig, K_s zero": (rig("[2200000.0, 2200000.0]", "[0.0, 2200000.0]"), IDENTIFY, "force_displacement[0]"),
     "rig, K_s in N/um": (rig("[2200000.0, 2200000.0]", "[2.2, 2.2]"), IDENTIFY, "force_displacement"),
     "rig, three K_i": (rig("[200.0, 200.0]", "[200.0, 200.0, 200.0]"), IDENTIFY, "force_current"),
     "rig, K_i zero": (rig("[250.0, 250.0]", "[250.0, 0.0]"), IDENTIFY, "force_current[1]"),

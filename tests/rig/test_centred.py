@@ -52,6 +52,7 @@ def test_a_slow_machine_with_a_centring_magnet_is_identified(record, tmp_path):
         own = found[name]
         assert abs(own.value - value) < 4.0 * own.std_error
         assert own.std_error < 0.1 * abs(value)
+    assert "magnets_centre" in {finding.code for finding in found.findings}
     model = found.model
     model.save(tmp_path / "model.json")
     assert ambid.Model.load(tmp_path / "model.json").parameters == model.parameters

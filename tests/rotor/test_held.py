@@ -170,12 +170,7 @@ def test_a_rigid_rotor_falls_as_slowly_as_its_damping_says():
 def test_the_loop_of_a_held_rotor_is_that_of_the_independent_simulator():
     support = (Support(position=0.31, stiffness=3e5, damping=200.0), Support(position=0.86, stiffness=-1e5))
     held = RIG.rotor.model_copy(update={"mass_damping": 4.0, "support": support})
-    rig = RIG.replace(
-        rotor=RIG.rotor.model_copy(
-            update={"mass_damping": 4.0, "support": tuple(map(Support.model_validate, support))}
-        ),
-        speed=300.0,
-    )
+    rig = RIG.replace(rotor=held, speed=300.0)
     truth, i_e = BENCHES["bench"].truth, prbs(7, amplitude=1.0, hold=3, axes=4)
     expected, free = (simulate(own, i_e, seed=None, **truth) for own in (rig, RIG.replace(speed=300.0)))
     values = {f"{kind}.{axis}": v for kind in ("K_i", "K_s") for axis, v in zip(rig.axes, truth[kind], strict=True)}

@@ -10,6 +10,7 @@ from ambid.checking.figures import LoopFigures
 from ambid.checking.nominal import GAIN_FACTORS, NominalLoop
 from ambid.findings import Finding, Kind, Where
 from ambid.rig import Rig
+from ambid.rig.notes import notes_of
 
 __all__ = ["UNSTABLE_LOOP", "slips_of_rig"]
 
@@ -43,12 +44,6 @@ MAGNETS_INCONSISTENT = Kind(
     "warning",
     "K_s s0 / (K_i i0) = {ratio:.2g}, expected 1 for ideal magnets",
     "check air_gap, bias_current, force_current and force_displacement",
-)
-MAGNETS_CENTRE = Kind(
-    "magnets_centre",
-    "note",
-    "K_s = {k_s:.4g} N/m is negative: the magnet centres the rotor, as passive and repelling ones do",
-    "an attracting magnet has K_s > 0 (f = K_i i + K_s s): correct the sign if it is one",
 )
 ONE_PLANE = Kind(
     "one_plane",
@@ -89,7 +84,7 @@ def slips_of_rig(loop: NominalLoop, figures: LoopFigures) -> list[Finding]:
     return [
         *_stability(loop),
         *_controller_alone(own),
-        *getattr(own.rotor, "findings", ()),
+        *notes_of(own),
         *_magnets(own),
         *_planes(loop),
         *_nodes(loop),
@@ -135,12 +130,9 @@ def _magnets(rig: Rig) -> list[Finding]:
     found = []
     for bearing in rig.bearings:
         for axis, k_i, k_s in zip(bearing.axis_names, bearing.force_current, bearing.force_displacement, strict=True):
-            where = Where(key=f"bearing.{bearing.name}", axis=axis)
             ratio = k_s * bearing.air_gap / (k_i * bearing.bias_current)
-            if k_s < 0.0:
-                found.append(MAGNETS_CENTRE(where, k_s=k_s))
-            elif not 0.5 <= ratio <= 2.0:
-                found.append(MAGNETS_INCONSISTENT(where, ratio=ratio))
+            if k_s > 0.0 and not 0.5 <= ratio <= 2.0:
+                found.append(MAGNETS_INCONSISTENT(Where(key=f"bearing.{bearing.name}", axis=axis), ratio=ratio))
     return found
 
 

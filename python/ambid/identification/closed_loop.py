@@ -25,6 +25,7 @@ from ambid.identification.tolerances import budget_by_name, findings_of, known_v
 from ambid.model import Given, Model
 from ambid.noise import Comparison, Noise, compare
 from ambid.record import Measurement, Record, Source
+from ambid.rig.notes import notes_of
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["LIKELIHOOD", "Found", "Steps", "identify", "steps"]
@@ -376,7 +377,7 @@ def _estimate(found: Found, begun: float) -> Estimate:
     whole = np.full((len(model.names),) * 2, np.nan)
     whole[np.ix_(free, free)] = covariance
     tolerances = known_values(comparison.model, whole, free)
-    findings = [*findings, *findings_of(model.rig, tolerances)]
+    findings = [*findings, *notes_of(model.rig), *findings_of(model.rig, tolerances)]
     estimate = Estimate(
         model=comparison.model.with_covariance(whole),
         parameters=parameters,
