@@ -39,11 +39,11 @@ def made(name: str, seed: int, effect: str = "") -> tuple[Machine, list[Record],
     """A machine, two records of it, and its true parameters."""
     if name == "levitator":
         rig, truth = Rig.load(LEVITATOR), LEVITATORS
-        noise = {"sensor_noise": 30e-9, "current_noise": 2e-3}
+        noise = {"sensor_noise": 30e-9, "current_noise": 2e-3, "period": 2 * (2**8 - 1)}
         i_e = [prbs(8, amplitude=0.2, hold=2, axes=1, periods=8, seed=2 * seed + k) for k in range(2)]
     else:
         bench = BENCHES[name]
-        rig, truth, noise = bench.rig, bench.truth, bench.noise
+        rig, truth, noise = bench.rig, bench.truth, {**bench.noise, "period": bench.period}
         i_e = [bench.excitation(bench.amplitude, 2 * seed + k) for k in range(2)]
     off, beside = machine_off(rig, seed), {}
     if effect in CLEAR:
