@@ -21,8 +21,13 @@ it so, the lower one were all but off."""
 ABOUT_REST = 0.02
 """Part of the bias within which a mean current says nothing of a weight: it may be stated about that which holds it."""
 
-CENTRES = "K_s is negative, and the law is that of attracting magnets"
 BIAS_RATIO = "nu: bias current of the rig file over the effective one"
+
+
+def _unless_attracting(rig: Rig) -> str:
+    """Why a law of attracting magnets is not tried; empty where all attract."""
+    centres = any(k_s < 0.0 for bearing in rig.bearings for k_s in bearing.force_displacement)
+    return "K_s is negative, and the law is that of attracting magnets" if centres else ""
 
 
 @dataclass(frozen=True)
@@ -55,7 +60,7 @@ class ForceNonlinearity(Effect):
 
     def why_not(self, rig: Rig) -> str:
         """Magnets that centre: the law is that of attracting ones."""
-        return CENTRES if any(k_s < 0.0 for b in rig.bearings for k_s in b.force_displacement) else ""
+        return _unless_attracting(rig)
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Bias current of the rig file over the effective one: 1 for the law as it stands, 0 for the linear one."""
@@ -105,7 +110,7 @@ class FluxSaturation(Effect):
 
     def why_not(self, rig: Rig) -> str:
         """Magnets that centre: the law is that of attracting ones."""
-        return CENTRES if any(k_s < 0.0 for b in rig.bearings for k_s in b.force_displacement) else ""
+        return _unless_attracting(rig)
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Linear flux density at bias over that of saturation, sharpness of the knee, bias ratio of the square law."""

@@ -21,11 +21,10 @@ part of the rate at which it falls."""
 
 
 def _slowest_hz(rig: Rig) -> float:
-    if not isinstance(rig.rotor, PointMassRotor):
-        return min(SLOWEST_HZ, OF_RATE * rig.sample_rate)
-    return min(
-        SLOWEST_HZ, OF_RATE * rig.sample_rate, OF_FALL * float(np.sqrt(_stiffness(rig) / rig.rotor.mass)) / (2.0 * pi)
-    )
+    slowest = min(SLOWEST_HZ, OF_RATE * rig.sample_rate)
+    if isinstance(rig.rotor, PointMassRotor):
+        slowest = min(slowest, OF_FALL * float(np.sqrt(_stiffness(rig) / rig.rotor.mass)) / (2.0 * pi))
+    return slowest
 
 
 def _stiffness(rig: Rig) -> float:

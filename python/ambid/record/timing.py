@@ -24,7 +24,7 @@ CHANNELS_APART = Kind(
     "warning",
     "start times put channels between the samples of {reference}: {late_s:.4g|us}, in samples {late_samples:.3g}; "
     "they are aligned to the nearest sample, and not interpolated",
-    "sample all channels at one instant, or see whether channel_delay or sampling_skew explains the misfit",
+    "sample all channels at one instant, or see whether sampling_skew explains the misfit",
 )
 SAME_INCREMENT = 1e-9
 """Relative difference of two sample times that is rounding: a sample over a billion."""
