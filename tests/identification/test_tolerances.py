@@ -12,7 +12,7 @@ from ambid.identification.minimum import WhitenedProblem
 from ambid.identification.problem import Descent
 from hidden.bench import simulate
 from hidden.families import BENCHES
-from hidden.tolerances import TABLE, measured_off
+from hidden.tolerances import TABLE, machine_off, measured_off
 from places import LEVITATOR
 
 ONE_AXIS = {"K_i": [165.0], "K_s": [1.1e6], "tau_e": 2.4e-4}
@@ -112,3 +112,27 @@ def test_the_core_goes_down_as_scipy_does():
     spread = np.sqrt(np.diag(covariance(comparison.of(comparison.model.with_theta(alone.theta)), problem.free)))
     assert ended["cost"] > 1.5 * comparison.dof
     assert np.abs((ended["theta"] - alone.theta) / spread).max() < 0.1
+
+
+def test_tolerances_stay_where_physics_is_missing_and_the_noise_is_not_measured():
+    rig = Rig.load(LEVITATOR).replace(tolerance={})
+    i_e = prbs(7, amplitude=0.2, hold=2, axes=1, periods=4)
+    own = {**ONE_AXIS, "sensor_noise": 30e-9, "current_noise": 2e-3}
+    estimate = identify(rig, simulate(rig, i_e, {"loop_delay": {"seconds": 8e-5}}, seed=1, **own))
+    assert {"noise_not_separable", "intervals_widened"} <= {finding.code for finding in estimate.findings}
+    assert {name.partition(".")[0] for name in estimate.tolerances} >= {"mass", "sensor_gain", "current_gain"}
+    for name, p in estimate.parameters.items():
+        assert sum(estimate.budget()[name].values()) == pytest.approx(p.std_error**2, rel=1e-6)
+        assert p.std_error > p.std_error_statistical
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [46, 50])
+def test_records_without_periods_lead_to_the_optimum_of_a_rig_file_that_is_off(seed):
+    bench = BENCHES["small"]
+    off = machine_off(bench.rig, seed)
+    record = off.record(bench.excitation(bench.amplitude, 2 * seed), 2 * seed, **bench.truth, **bench.noise)
+    assert record.period is None
+    estimate = identify(off.known, record)
+    assert estimate.is_adequate
+    assert estimate.tolerances

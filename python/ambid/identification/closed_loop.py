@@ -43,7 +43,9 @@ WITHOUT_NOISE = Kind(
 WITHOUT_PERIODS = Kind(
     "noise_not_separable",
     "warning",
-    "weights of eq. 9: physics is missing, and without periods the noise cannot be separated from what is missing",
+    "physics is missing, and without periods the noise cannot be separated from what is missing: the misfit "
+    "{misfit:.3g} (J/dof) is a lower limit",
+    "excite periodically",
 )
 AT_BOUND = Kind("parameter_at_bound", "warning", "at a bound: {parameters}")
 MOST_RENEWALS = 3
@@ -279,11 +281,10 @@ def _likeliest(
         rough, origins if not moved else [stable.theta[free]], limits, max_evaluations, ROUGHLY
     )
     in_time = tuple(record for record in records if isinstance(record, Record))
-    has_eq_9 = len(in_time) == len(records) and not any(record.is_free_response for record in in_time)
     if in_time and best.status in ("converged", "at_bound"):
         best = yield from _way_around(rough, best, stable, in_time, limits, max_evaluations)
     problem: WhitenedProblem = rough
-    given, exact, sides, free = model, free, limits, [*free, *known]
+    exact, sides, free = free, limits, [*free, *known]
     model = model.opened() if known else model
     reach = [(p.lower / p.scale, p.upper / p.scale) for p in (model.parameters[i] for i in known)]
     limits = np.append(sides[0], [low for low, _ in reach]), np.append(sides[1], [high for _, high in reach])
@@ -305,11 +306,10 @@ def _likeliest(
             break
         if again and abs(best.cost / before - 1.0) < RENEWED:
             break
-    if not is_known and has_eq_9 and best.status != "stopped" and comparison.misfit > comparison.bound:
-        why, factors = [WITHOUT_PERIODS(NOWHERE)], _factors(model, None)
-        return (yield from _in_time(given, in_time, exact, sides, origins, factors, max_evaluations, progress, why))
     directions, determined = identifiability(comparison, exact)
     findings = [*moved, *more, *determined, *findings_at_edge(comparison, problem, best)]
+    if not is_known and comparison.misfit > comparison.bound:
+        findings.append(WITHOUT_PERIODS(NOWHERE, misfit=comparison.misfit))
     total, parts = covariance(comparison, free), budget(comparison, free)
     return Found(problem, best, limits, total, parts, directions, comparison, findings).curved()
 

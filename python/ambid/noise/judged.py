@@ -83,10 +83,14 @@ class JudgedLines:
     @cached_property
     def drive(self) -> ComplexArray:
         """What drives each axis that is not still, as one excitation: r acts by way of the controller."""
-        i_e, r = np.split(self._driven, [len(self.record.axes)], axis=1)
+        return self._as_one(self._driven, self.points)
+
+    def _as_one(self, driven: ComplexArray, points: ComplexArray) -> ComplexArray:
+        """The same of i_e and r on other lines."""
+        i_e, r = np.split(driven, [len(self.record.axes)], axis=1)
         both = i_e if r.shape[1] == 0 else r
         if i_e.any() and r.any():
-            both = i_e + (of_reference(self._base.rig, self.points) @ r[..., None])[..., 0]
+            both = i_e + (of_reference(self._base.rig, points) @ r[..., None])[..., 0]
         elif i_e.any():
             both = i_e
         return both[:, np.any(both, axis=0)]

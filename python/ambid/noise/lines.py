@@ -28,7 +28,7 @@ from ambid.noise.chance import SPREAD
 from ambid.noise.colour import back_through_loop
 from ambid.noise.in_time import NEUTRAL, InTime
 from ambid.noise.judged import FEW, JudgedLines
-from ambid.noise.local import likelier_beside_excitation
+from ambid.noise.local import beside_excitation, likelier_beside_excitation
 from ambid.noise.measured import Measured
 from ambid.noise.shape import Loop, Shape, Split, heard
 from ambid.noise.still import Louder, louder_in_motion
@@ -374,19 +374,33 @@ class RecordLines(JudgedLines):
         return self.whiten(np.concatenate([lines, 1j * lines], axis=2))
 
     def _rough(self) -> Spectrum:
-        """The noise of each sensor and reading by itself; without periods that of each channel as recorded."""
+        """The noise of each sensor and reading by itself."""
         window, p, here = self.window.settled, self.measured.channels, self._base
         if window.is_periodic:
             index = window.between(-(-FEW // len(self.window.excited)))
             lines = _core.through(back_through_loop(here, window.points(index), p), self.measured.quiet[index])
             back = back_through_loop(here, self.points, p)
         else:
-            index, lines = self.window.excited, self.measured.excited
-            back = np.tile(np.eye(p, dtype=complex), (len(self.points), 1, 1))
+            return Spectrum.of(*self._beside_excitation())
         power = uniform_filter1d(np.abs(lines) ** 2, 2 * HALF_WIDTH + 1, axis=0, mode="nearest")
         place, judged = index / window.periods, self.index / self.window.periods
         own = np.stack([np.interp(judged, place, channel) for channel in power.T], axis=1)
         return Spectrum.of((own[:, :, None] * np.eye(p)).astype(complex), back, np.ones(len(own)))
+
+    def _beside_excitation(self) -> tuple[ComplexArray, ComplexArray, FloatArray]:
+        """The noise of each channel by itself, from what follows neither the model nor, smoothly, the excitation."""
+        window, p, here = self.window, self.measured.channels, self._base
+        points, excitation = window.points(window.excited), here.excitation(self.record)
+        inputs = np.ascontiguousarray(window.excited_lines(excitation))
+        several = [self.measured.excited]
+        if here.is_linear:
+            response, _, _ = here.loop.core.lines(here.theta, [], points, inputs, None, False)
+            several.append(self.measured.excited - response[:, :p])
+        tries = beside_excitation(several, self._as_one(inputs[:, : here.loop.driven], points))
+        found = min(tries, key=lambda own: own.log_determinant)
+        power = np.diagonal(found.spectrum, axis1=1, axis2=2).real[:: self._every]
+        as_recorded = np.tile(np.eye(p, dtype=complex), (len(power), 1, 1))
+        return (power[:, :, None] * np.eye(p)).astype(complex), as_recorded, np.ones(len(power))
 
     @cached_property
     def _basis(self) -> ComplexArray:
