@@ -145,6 +145,8 @@ def test_axes_share_the_lines_and_all_are_played():
         ({"seconds": 1e-3}, InputError),
         ({"accuracy": {"K_i": "x"}}, InputError),
         ({"accuracy": {"K_x": "1%"}}, ModelError),
+        ({"accuracy": {"K_s": 1e300}}, InputError),
+        ({"accuracy": {"K_s": "1e300%"}}, InputError),
         ({"accuracy": {"loop_delay": "1%"}, "effects": ["loop_delay"]}, InputError),
         ({"effects": ["flux_saturation"]}, ModelError),
         ({"effects": ["unbalance"]}, ModelError),

@@ -273,7 +273,7 @@ class _Builder:
         across = np.array([[0.0, -1.0], [1.0, 0.0]]) if self.planes == 2 else np.zeros((1, 1))
         eye = np.eye(self.planes)
         for support in self.rig.rotor.support:
-            self._spring(support.position, -support.stiffness * eye, -support.damping * eye)
+            self._spring(support.z, -support.stiffness * eye, -support.damping * eye)
         if "seal_forces" in hidden:
             seal = hidden["seal_forces"]
             self._spring(

@@ -25,7 +25,7 @@ class TrueRotor:
 
     def __init__(self, rig: Rig, hidden: dict[str, dict], flexible_modes: int | None) -> None:
         places = [z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)]
-        places += [support.position for support in rig.rotor.support]
+        places += [support.z for support in rig.rotor.support]
         rotor, known = rig.rotor, reduced_rotor(rig.rotor, places)
         extra = hidden.get("rotor_bending_mode", {"count": 0, "participation": 1.0})
         if isinstance(rotor, ModalRotor | PointMassRotor):

@@ -9,7 +9,17 @@ from numpy.testing import assert_allclose
 from ambid.errors import IdentificationError, RecordError, RigError
 from ambid.identification import static_load
 from ambid.record import StaticLoading
-from ambid.rig import Bearing, FiniteElementRotor, Material, ModalRotor, PidController, PointMassRotor, Rig, Section
+from ambid.rig import (
+    Bearing,
+    FiniteElementRotor,
+    Material,
+    ModalRotor,
+    PidController,
+    PointMassRotor,
+    Rig,
+    Section,
+    Support,
+)
 from places import BENCH as BENCH_FILE
 from places import SHARED
 from reference.static_loads import CROSS, reactions
@@ -153,6 +163,27 @@ def test_deflection_between_sensors_and_magnets():
     for estimate, code in ((classic, "deflection_left_out"), (corrected, "deflection_included")):
         (bent,) = found(estimate, code)
         assert_allclose(bent.values["most"], (values(corrected) / TRUE).max() - 1.0, rtol=0.02)
+
+
+def test_a_support_carries_its_part_of_the_load_where_the_rotor_bends():
+    """In the middle u = c F, c = (L^3/48 + a L^2/16)/EI, sensors a beyond the magnets: k takes k c/(1 + k c) of F."""
+    rig, k = uniform_shaft(8), 2e5
+    held = rig.replace(rotor=rig.rotor.model_copy(update={"support": (Support(position=0.43, stiffness=k),)}))
+    loading = loaded(held, force=CROSS / 10, noise=0.0)
+    free, supported, classic = (
+        static_load(own, loading, deflection=on) for own, on in ((rig, 1), (held, 1), (held, 0))
+    )
+    c = (0.46**3 / 48 + 0.06 * 0.46**2 / 16) / (2.06e11 * np.pi * 0.03**4 / 64)
+    assert_allclose(values(supported) / values(free), 1.0 / (1.0 + k * c), rtol=2e-3)
+    assert_allclose(values(classic), TRUE, rtol=1e-12)
+    assert found(supported, "deflection_included")[0].values["supports"] == 1
+
+
+def test_a_support_of_a_rigid_rotor_carries_nothing():
+    held = RIGID.rotor.model_copy(update={"support": (Support(position=0.3, stiffness=1e6),)})
+    estimate = static_load(RIGID.replace(rotor=held), loaded(), deflection=True)
+    assert_allclose(values(estimate), values(static_load(RIGID, loaded())))
+    assert not found(estimate, "deflection_included")
 
 
 def test_a_rigid_rotor_has_no_deflection():

@@ -144,7 +144,7 @@ def test_a_held_rotor_has_the_poles_of_ross(index):
 def test_a_mass_on_a_spring_and_a_damper():
     """m s^2 + (m mass_damping + C) s + K = 0."""
     mass, rate, stiffness, damping = 12.0, 2.5, 4e5, 80.0
-    support = [{"position": 0.0, "stiffness": stiffness, "damping": damping}]
+    support = [{"stiffness": stiffness, "damping": damping}]
     rig = ONE_AXIS.rig.replace(rotor=PointMassRotor(mass=mass, mass_damping=rate, support=support))
     expected = np.roots([mass, mass * rate + damping, stiffness])
     assert_allclose(poles_without_magnets(rig), expected[expected.imag > 0.0], rtol=1e-12)
@@ -198,6 +198,7 @@ WRONG = {
     "negative mass damping": {"mass_damping": -1.0},
     "support off the shaft": {"support": [{"position": 1.2, "stiffness": 1e5}]},
     "support in millimetres": {"support": [{"position": 430.0, "stiffness": 1e5}]},
+    "support without a place": {"support": [{"stiffness": 1e5}]},
     "negative damping": {"support": [{"position": 0.2, "damping": -3.0}]},
     "misspelt": {"support": [{"position": 0.2, "stifness": 1e5}]},
     "bore wider than the thin end": {

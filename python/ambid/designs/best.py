@@ -38,8 +38,8 @@ NORMAL_95 = 1.96
 """Standard errors on either side that a 95 % interval reaches."""
 SPARE = 0.02
 """Part that is played beyond what is needed: transients take more of few periods than of many."""
-FINEST = 1e-15
-"""Of a parameter's scale: half of the narrowest interval that can be wanted."""
+FINEST, COARSEST = 1e-15, 1e15
+"""Of a parameter's scale: half of the narrowest and of the widest interval that can be wanted."""
 LONGEST = 3600.0
 """Seconds that an experiment may last: no machine stays the same for longer."""
 TOO_SHORT = Kind(
@@ -292,11 +292,10 @@ def _half_widths(model: Model, accuracy: Mapping[str, float | str]) -> dict[str,
             if share and parameter.name.split(".")[0] in {own.name for own in model.effects}:
                 raise InputError(f"accuracy of {parameter.name} = {text!r}: an effect has no value; give SI units")
             half = number / 100.0 * abs(parameter.value) if share else number
-            if half < FINEST * parameter.scale:
-                raise InputError(
-                    f"accuracy of {parameter.name} = {text!r}: expected at least {FINEST * parameter.scale:.3g}; no "
-                    "number holds more digits"
-                )
+            least, most = FINEST * parameter.scale, COARSEST * parameter.scale
+            if not least <= half <= most:
+                allowed = f"{least:.3g} to {most:.3g} {parameter.unit}, half the width of its 95 % interval"
+                raise InputError(f"accuracy of {parameter.name} = {text!r}: expected {allowed}")
             found[parameter.name] = half
     return found
 

@@ -133,7 +133,8 @@ def static_load(
         Steps at one operating point of this rig.
     deflection : bool
         False takes the rotor as centred in the magnets, the classic method. True takes K_s s from f, where the kept
-        bending modes give the displacement s at the magnets while the sensors read zero, and the rig its nominal K_s.
+        bending modes give the displacement s at the magnets while the sensors read zero, and the rig its nominal K_s;
+        supports of the rotor carry their part where it bends (a rotor that does not stays centred in them).
         Both s and f are proportional to the load, so that no residual shows which is right; a finding has how much it
         changes. Leaving out higher modes overestimates s where the sensors lie outboard (two modes by 12 % on the
         test bench); a rigid rotor has s = 0.
@@ -185,7 +186,8 @@ def _solved(rig: Rig, loadings: tuple[StaticLoading, ...], deflection: bool) -> 
             raise
         found.append(_UNKNOWN(NOWHERE, reason=str(error)))
     else:
-        found += of_deflection(centred(force, of), centred(bent, of), deflection)
+        held = len([own for own in rig.rotor.support if own.stiffness])
+        found += of_deflection(centred(force, of), centred(bent, of), held, deflection)
         force = force - bent if deflection else force
 
     lines = [_fit_line(force[:, j], current[:, j], of) for j in range(len(rig.axes))]
@@ -253,20 +255,41 @@ def _planes(rig: Rig) -> FloatArray:
 
 
 def _deflection_forces(rig: Rig, z: FloatArray, loads: FloatArray, magnet_forces: FloatArray) -> FloatArray:
-    """K_s s of each axis while the sensors read zero, shape (M, n) [N], by the kept modes and the nominal K_s."""
+    """What the bent rotor takes off the force that each current makes while the sensors read zero, shape (M, n) [N].
+
+    K_s s by the nominal K_s, and what the supports carry, by the kept modes.
+    """
     rotor = rotor_of(rig, places=np.unique(z))
     where = modal_geometry(rig, rotor)
-    shapes = np.array([rotor.shape(at) for at in z])
-    modal_forces = np.hstack([load[:, None] * shapes for load in _planes(rig) @ loads.T])
-    modal_forces += magnet_forces @ where.force.T
-
     omega = np.tile(rotor.frequencies_rad_s, rotor.planes)
     bends = omega > 0.0
-    bending = modal_forces[:, bends] / omega[bends] ** 2
-    read = bending @ where.sensor[:, bends].T
-    rigid = -np.linalg.lstsq(where.sensor[:, ~bends], read.T, rcond=None)[0].T
-    s = bending @ where.force[bends] + rigid @ where.force[~bends]
-    return s * np.array([k_s for bearing in rig.bearings for k_s in bearing.force_displacement])
+
+    def bent(at: FloatArray, loads: FloatArray, magnet_forces: FloatArray) -> FloatArray:
+        """Modal coordinates under loads (M, 2) at positions (M,) that magnets balance."""
+        shapes = np.array([rotor.shape(place) for place in at])
+        modal_forces = np.hstack([load[:, None] * shapes for load in _planes(rig) @ loads.T])
+        modal_forces += magnet_forces @ where.force.T
+        found = np.zeros(modal_forces.shape)
+        found[:, bends] = modal_forces[:, bends] / omega[bends] ** 2
+        read = found @ where.sensor.T
+        found[:, ~bends] = -np.linalg.lstsq(where.sensor[:, ~bends], read.T, rcond=None)[0].T
+        return found
+
+    under_load = bent(z, loads, magnet_forces)
+    k_s = np.array([k_s for bearing in rig.bearings for k_s in bearing.force_displacement])
+    if not (supports := [own for own in rig.rotor.support if own.stiffness]):
+        return np.asarray(under_load @ where.force * k_s)
+    planes = _planes(rig)
+    at = np.repeat([own.z for own in supports], len(planes))
+    stiffness = np.repeat([own.stiffness for own in supports], len(planes))
+    unit = np.tile(planes, (len(supports), 1))
+    carried = _magnet_forces(rig, at, unit)
+    by_unit = bent(at, unit, carried)
+    shapes = np.vstack([np.kron(plane, rotor.shape(own.z)) for own in supports for plane in np.eye(len(planes))])
+    # forces p = -K u of the supports, which move by u = (under_load + p by_unit) shapes'
+    system = np.eye(len(at)) + by_unit @ shapes.T * stiffness
+    p = np.linalg.solve(system.T, -(under_load @ shapes.T * stiffness).T).T
+    return np.asarray((under_load + p @ by_unit) @ where.force * k_s - p @ carried)
 
 
 class _Line(NamedTuple):

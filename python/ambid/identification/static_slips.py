@@ -50,13 +50,14 @@ EXCHANGED_BY_NOMINAL = Kind(
 BENT = Kind(
     "deflection_included",
     "note",
-    "K_i includes {least:+.2%} to {most:+.2%} for K_s s as the rotor bends; it rests on the nominal K_s, and is in no "
-    "interval",
+    "K_i includes {least:+.2%} to {most:+.2%} for K_s s[ and what {supports} supports carry] as the rotor bends; it "
+    "rests on the nominal K_s, and is in no interval",
 )
 NOT_BENT = Kind(
     "deflection_left_out",
     "note",
-    "K_s s as the rotor bends was left out; by the nominal K_s it changes K_i by {least:+.2%} to {most:+.2%}",
+    "K_s s[ and what {supports} supports carry] as the rotor bends was left out; by the nominal K_s it changes K_i by "
+    "{least:+.2%} to {most:+.2%}",
     "include the deflection of the rotor",
 )
 
@@ -125,9 +126,10 @@ def _nominal(rig: Rig) -> FloatArray:
     return np.array([k_i for bearing in rig.bearings for k_i in bearing.force_current])
 
 
-def of_deflection(force: FloatArray, bent: FloatArray, included: bool) -> Iterator[Finding]:
-    """Find by how much K_s s changes K_i; both arguments without their constants."""
+def of_deflection(force: FloatArray, bent: FloatArray, supports: int, included: bool) -> Iterator[Finding]:
+    """Find by how much the bent rotor changes K_i; both arrays without their constants."""
     change = -np.sum(force * bent, axis=0) / np.sum(force**2, axis=0)
     if np.abs(change).max() < NOTICEABLE:
         return
-    yield (BENT if included else NOT_BENT)(NOWHERE, least=float(change.min()), most=float(change.max()))
+    sizes: dict[str, Any] = {"least": float(change.min()), "most": float(change.max()), "supports": supports or None}
+    yield (BENT if included else NOT_BENT)(NOWHERE, **sizes)

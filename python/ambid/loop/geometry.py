@@ -41,7 +41,7 @@ def rotor_of(rig: Rig, more: int = 0, places: Iterable[float] = ()) -> ReducedRo
         What the rig file gives cannot be a free rotor, or is not known there.
     """
     own = [z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)]
-    own += [support.position for support in rig.rotor.support]
+    own += [support.z for support in rig.rotor.support]
     try:
         rotor = reduced_rotor(with_more_modes(rig.rotor, more) if more else rig.rotor, [*own, *places])
     except RigError as error:

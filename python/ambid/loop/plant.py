@@ -96,8 +96,8 @@ class Plant(Assembly):
             self.set_rate(f"eta_rate.{k}", self.signal(f"eta_bend.{k}", force + turning + held_back))
         for support in rig.rotor.support:
             for plane in np.eye(rotor.planes):
-                u, rate = (self.at(support.position, plane, of) for of in ("eta", "eta_rate"))
-                self.push(support.position, plane, -support.stiffness * u - support.damping * rate)
+                u, rate = (self.at(support.z, plane, of) for of in ("eta", "eta_rate"))
+                self.push(support.z, plane, -support.stiffness * u - support.damping * rate)
 
     def shape(self, z: float, direction: np.ndarray) -> np.ndarray:
         """Displacement of every modal coordinate at `z` in a direction of the planes, shape (coordinates,)."""

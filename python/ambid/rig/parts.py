@@ -104,14 +104,19 @@ class Support(Spec):
 
     Parameters
     ----------
-    position : float
-        z [m]; of a plain mass it means nothing.
+    position : float, optional
+        z [m]; a plain mass has no places.
     stiffness : float
         K [N/m]; negative where it pulls the rotor away from the centre, as permanent magnets do.
     damping : float
         C [N s/m].
     """
 
-    position: Position
+    position: Position | None = None
     stiffness: Annotated[float, SUPPORT_STIFFNESS] = 0.0
     damping: Annotated[float, SUPPORT_DAMPING] = 0.0
+
+    @property
+    def z(self) -> float:
+        """The position [m]; 0 of a plain mass, which moves alike wherever it is asked."""
+        return self.position or 0.0

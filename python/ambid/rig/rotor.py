@@ -44,10 +44,11 @@ class _AnyRotor(Spec):
 
     def supports_off_the_shaft(self, span: tuple[float, float]) -> list[InitErrorDetails]:
         """Problems of the supports that are not on a shaft that reaches over `span` [m]."""
+        required = "expected the support's place on the shaft; add it, in m."
         return [
-            problem(text, support.position, "support", k, "position")
+            problem(text, NOTHING if support.position is None else support.position, "support", k, "position")
             for k, support in enumerate(self.support)
-            if (text := off_the_shaft(span, support.position))
+            if (text := required if support.position is None else off_the_shaft(span, support.position))
         ]
 
 
@@ -315,7 +316,7 @@ class PointMassRotor(_AnyRotor):
     mass : float
         That levitates [kg].
     mass_damping, support
-        As for `FiniteElementRotor`.
+        As for `FiniteElementRotor`; supports need no position.
     """
 
     kind: Literal["mass"] = "mass"
