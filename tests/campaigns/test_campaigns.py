@@ -99,6 +99,21 @@ def test_scatter_over_the_runs(found):
     assert [len(estimate.records) for estimate in (small.joint, *small.single)] == [2, 1, 1]
 
 
+def test_errors_of_the_rig_file_are_those_of_one_machine(broken):
+    for point in (broken / name for name in K_I):
+        rig = Rig.load(point / "rig.toml").replace(tolerance={"sensor_gain": 0.01})
+        (point / "rig.toml").write_text(rig.to_toml())
+        for path in {*point.glob("prbs_large*"), *point.glob("static*"), *point.glob("*_2.mat")}:
+            path.unlink()
+    low, high = (point.runs[0] for point in campaign(broken).points)
+    assert low.joint.tolerances
+    for name, known in low.joint.tolerances.items():
+        assert high.joint.tolerances[name].posterior_value == pytest.approx(known.posterior_value, abs=1e-9)
+        assert high.joint.tolerances[name].posterior_std == pytest.approx(known.posterior_std)
+    for runs in (low, high):
+        assert all(p.std_error < runs.single[0][name].std_error for name, p in runs.joint.parameters.items())
+
+
 def test_json_and_tables(found, template):
     content = json.loads(json.dumps(found.to_json(), allow_nan=False))
     assert len(content["K_i"]) == 2 * 4 * 3

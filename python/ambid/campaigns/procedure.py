@@ -10,7 +10,7 @@ from ambid.campaigns.folder import Content, read_folder
 from ambid.campaigns.result import BiasPoint, Campaign, Runs
 from ambid.errors import AmbidError, Stopped
 from ambid.findings import Kind
-from ambid.identification import Estimate, identify, static_load
+from ambid.identification import Estimate, identify, static_load, with_common_tolerances
 from ambid.model import Model
 from ambid.record import Record
 from ambid.rig import Rig
@@ -34,7 +34,9 @@ def campaign(
     """Identify the bench at every bias current, and hold K_i against static loading (Fig. 4, Tables 2 and 3).
 
     Every record is identified by itself, for the scatter over the runs, and all records of one kind jointly, for the
-    values and their 95 % intervals. All files are read and checked before the first identification.
+    values and their 95 % intervals. Where the rig files are of one machine, the errors of its values that are known to
+    a tolerance are those of all joint fits together, see `with_common_tolerances`. All files are read and checked
+    before the first identification.
 
     Parameters
     ----------
@@ -91,7 +93,7 @@ def campaign(
     try:
         for content in contents:
             add(content)
-        return Campaign(folder, tuple(points), findings)
+        return Campaign(folder, _of_one_machine(points), findings)
     except KeyboardInterrupt:
         whole = tuple(point for point in points if point.runs or point.begun)
     if not whole:
@@ -100,6 +102,14 @@ def campaign(
     left = [own.folder.name for own in contents if kinds.get(own.folder, 0) < len(own.records)]
     stopped = STOPPED(done=done, total=total, folders=left or None)
     raise Stopped(Campaign(folder, whole, (*findings, stopped), is_stopped=True))
+
+
+def _of_one_machine(points: list[BiasPoint]) -> tuple[BiasPoint, ...]:
+    """The points with what all of their joint fits make of the values of the rig file."""
+    joint = iter(with_common_tolerances([runs.joint for point in points for runs in point.runs]))
+    return tuple(
+        replace(point, runs=tuple(replace(runs, joint=next(joint)) for runs in point.runs)) for point in points
+    )
 
 
 def _identify(start: Model | Rig, records: list[Record], where: Path) -> Estimate:

@@ -44,7 +44,8 @@ class Runs(WithFindings):
     kind : str
         What their names have in common, such as ``prbs_small``.
     joint : Estimate
-        One identification on all runs; gives values and 95 % intervals.
+        One identification on all runs; gives values and 95 % intervals. What is known to a tolerance of the machine
+        is as the joint fits of all bias currents have it.
     single : tuple of Estimate
         Each run by itself; their scatter is what repeating the experiment changes.
     """
