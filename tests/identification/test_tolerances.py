@@ -126,6 +126,23 @@ def test_tolerances_stay_where_physics_is_missing_and_the_noise_is_not_measured(
         assert p.std_error > p.std_error_statistical
 
 
+def test_tolerances_stay_where_the_noise_is_not_known():
+    """Eq. 9 moves with an error of the rig file by what its intervals are widened by."""
+    rig = Rig.load(LEVITATOR).replace(tolerance={})
+    i_e = prbs(7, amplitude=0.2, hold=2, axes=1, periods=1)
+    record = simulate(rig, i_e, seed=1, **ONE_AXIS, sensor_noise=30e-9, current_noise=2e-3, period=len(i_e))
+    estimate = identify(rig, record)
+    assert "noise_unknown" in {finding.code for finding in estimate.findings}
+    budget = estimate.budget()
+    heavier = rig.replace(rotor=rig.rotor.model_copy(update={"mass": rig.rotor.mass * (1.0 + 1e-4)}))
+    other = identify(heavier, record)
+    for name, p in estimate.parameters.items():
+        assert sum(budget[name].values()) == pytest.approx(p.std_error**2, rel=1e-6)
+        assert budget[name]["noise"] == pytest.approx(p.std_error_statistical**2, rel=1e-6)
+        by_mass = abs(other[name].value - p.value) / 1e-4 * estimate.tolerances["mass"].std
+        assert np.sqrt(budget[name]["mass"]) == pytest.approx(by_mass, rel=0.05, abs=0.01 * p.std_error)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [46, 50])
 def test_records_without_periods_lead_to_the_optimum_of_a_rig_file_that_is_off(seed):

@@ -11,14 +11,14 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.errors import ModelError, RecordError, Stopped
 from ambid.findings import NOWHERE, Finding, Kind
-from ambid.identification.covariance import budget, covariance, sandwich
+from ambid.identification.covariance import budget, covariance, propagated, sandwich
 from ambid.identification.curvature import Curvature, curvature
 from ambid.identification.damped import NearStart, damped_start
 from ambid.identification.edge import findings_at_edge, is_at_edge
 from ambid.identification.estimate import Estimate, ParameterEstimate
 from ambid.identification.identifiability import identifiability, judged
 from ambid.identification.minimum import ROUGHLY, WhitenedProblem
-from ambid.identification.preparation import prepare
+from ambid.identification.preparation import beside_known, prepare
 from ambid.identification.problem import Descent, End, LeastSquares, Limits, Problem, noise_levels
 from ambid.identification.starts import best_of, stable_model
 from ambid.identification.tolerances import budget_by_name, findings_of, known_values
@@ -231,7 +231,9 @@ def steps(
         )
     factors = _factors(model, None if isinstance(weights, str) else weights)
     return (
-        yield from _in_time(model, in_time, free_indices, limits, origins, factors, max_evaluations, progress, found)
+        yield from _in_time(
+            model, in_time, free_indices, tolerated, limits, origins, factors, max_evaluations, progress, found
+        )
     )
 
 
@@ -239,14 +241,15 @@ def _in_time(
     model: Model,
     records: tuple[Record, ...],
     free: list[int],
+    known: list[int],
     limits: Limits,
     origins: list[FloatArray],
     factors: FloatArray,
     max_evaluations: int,
     progress: Callable[[int, float], None] | None,
-    known: list[Finding],
+    before: list[Finding],
 ) -> Steps:
-    """The fit of eq. 9."""
+    """The fit of eq. 9, as if the values that are known to a tolerance were exact; their errors widen its intervals."""
     problem = Problem(model, records, free, noise_levels(records), factors, progress)
     best, findings = yield from best_of(problem, origins, limits, max_evaluations)
     if not all(record.periods >= 3 for record in records):
@@ -256,9 +259,10 @@ def _in_time(
         findings += more
     found, at_end = sandwich(problem, best.theta), model.with_theta(best.theta)
     directions, determined = judged(found, at_end, free)
-    comparison, findings = compare(at_end, records), [*known, *findings, *determined]
-    by_noise = np.pad(np.diag(found)[:, None], ((0, 0), (0, len(free))))
-    return Found(problem, best, limits, found, by_noise, directions, comparison, findings).curved()
+    comparison, findings = compare(at_end, records), [*before, *findings, *determined]
+    problem, limits = problem.beside(known), beside_known(limits, model, known)
+    total, parts = propagated(problem, best.theta, found)
+    return Found(problem, best, limits, total, parts, directions, comparison, findings).curved()
 
 
 def _likeliest(
@@ -284,10 +288,8 @@ def _likeliest(
     if in_time and best.status in ("converged", "at_bound"):
         best = yield from _way_around(rough, best, stable, in_time, limits, max_evaluations)
     problem: WhitenedProblem = rough
-    exact, sides, free = free, limits, [*free, *known]
+    exact, free, limits = free, [*free, *known], beside_known(limits, model, known)
     model = model.opened() if known else model
-    reach = [(p.lower / p.scale, p.upper / p.scale) for p in (model.parameters[i] for i in known)]
-    limits = np.append(sides[0], [low for low, _ in reach]), np.append(sides[1], [high for _, high in reach])
     at = model.with_theta(best.theta)
     comparison = Comparison(at, records, rough.noise.renewed(at))
     # without periods the noise is known no better than the model: it is taken from the residual once more;

@@ -43,6 +43,7 @@ __all__ = [
     "covariance",
     "inverted",
     "of_hessian",
+    "propagated",
     "sandwich",
     "score_covariance",
     "sizes",
@@ -134,6 +135,39 @@ def sandwich(problem: Problem, theta: FloatArray) -> FloatArray:
     inverse, unseen = inverted(hessian)
     relative = inverse @ score @ inverse + UNSEEN_VARIANCE * unseen @ unseen.T
     return np.asarray(relative * np.outer(problem.scale, problem.scale))
+
+
+def propagated(problem: Problem, theta: FloatArray, statistical: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Covariance of a minimum of eq. 9 and its parts, where the last free parameters are known to a tolerance.
+
+    An error of such a value moves the minimum by ``-H^-1 H_known``; its variance is propagated (GUM, JCGM 100:2008, 5).
+
+    Parameters
+    ----------
+    problem : Problem
+        With m parameters and k values that are known.
+    theta : ndarray
+        All parameters.
+    statistical : ndarray, shape (m, m)
+        Covariance by noise.
+
+    Returns
+    -------
+    (m + k, m + k) ndarray
+        Of all.
+    (m + k, 1 + m + k) ndarray
+        As of `budget`.
+    """
+    size, total = len(statistical), len(problem.free)
+    spread = np.array([problem.model.parameters[i].prior or 0.0 for i in problem.free[size:]])
+    moves = np.vstack([np.zeros((size, total - size)), np.eye(total - size)])
+    if total > size:
+        hessian = problem.normal_equations(theta[problem.free] / problem.scale)[0]
+        slopes = -inverted(hessian[:size, :size])[0] @ hessian[:size, size:]
+        moves[:size] = slopes * problem.scale[:size, None] / problem.scale[size:]
+    by_noise = np.pad(statistical, (0, total - size))
+    parts = np.hstack([np.diag(by_noise)[:, None], np.zeros((total, size)), (moves * spread) ** 2])
+    return by_noise + (moves * spread**2) @ moves.T, parts
 
 
 def of_hessian(problem: Problem, theta: FloatArray) -> FloatArray:

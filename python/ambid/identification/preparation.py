@@ -14,7 +14,7 @@ from ambid.identification.starts import spread_starts
 from ambid.model import Given, Model, as_model
 from ambid.record import FrequencyResponse, Measurement, Record, Source, measured
 
-__all__ = ["Prepared", "prepare", "several"]
+__all__ = ["Prepared", "beside_known", "prepare", "several"]
 
 
 class Prepared(NamedTuple):
@@ -84,6 +84,13 @@ def prepare(
     origins = spread_starts(model.theta, indices, limits, starts, seed)
     known = [i for i, p in enumerate(model.parameters) if p.prior is not None and i not in held]
     return Prepared(model, records, in_time, indices, limits, origins, known)
+
+
+def beside_known(limits: Limits, model: Model, known: Sequence[int]) -> Limits:
+    """Bounds of x with those of the errors of the rig file's values behind them."""
+    own = [model.parameters[i] for i in known]
+    lower, upper = ([getattr(p, side) / p.scale for p in own] for side in ("lower", "upper"))
+    return np.append(limits[0], lower), np.append(limits[1], upper)
 
 
 def several(names: str | Iterable[str]) -> tuple[str, ...]:

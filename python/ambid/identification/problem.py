@@ -186,7 +186,7 @@ class Problem(LeastSquares):
         progress: Callable[[int, float], None] | None,
     ) -> None:
         super().__init__(model, free, progress)
-        self.records, self.factors = records, factors
+        self.records, self.factors, self.noise = records, factors, noise
         self.weights = [
             np.where(np.isin(model.loop.outputs, record.channels), factors / rms, 0.0)
             for record, rms in zip(records, noise, strict=True)
@@ -212,6 +212,15 @@ class Problem(LeastSquares):
     def with_noise(self, noise: list[FloatArray]) -> Problem:
         """The same problem with other noise levels."""
         other = Problem(self.model, self.records, self.free, noise, self.factors, self.progress)
+        other.evaluations = self.evaluations
+        return other
+
+    def beside(self, known: Sequence[int]) -> Problem:
+        """The same problem with further parameters, values of the rig file that are known to a tolerance."""
+        if not known:
+            return self
+        model, free = self.model.opened(), [*self.free, *known]
+        other = Problem(model, self.records, free, self.noise, self.factors, self.progress)
         other.evaluations = self.evaluations
         return other
 
