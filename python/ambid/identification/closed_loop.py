@@ -13,13 +13,13 @@ from ambid.errors import ModelError, RecordError, Stopped
 from ambid.findings import NOWHERE, Finding, Kind
 from ambid.identification.covariance import budget, covariance, propagated, sandwich
 from ambid.identification.curvature import Curvature, curvature
-from ambid.identification.damped import NearStart, damped_start
-from ambid.identification.edge import findings_at_edge, is_at_edge
+from ambid.identification.edge import findings_at_edge
 from ambid.identification.estimate import Estimate, ParameterEstimate
 from ambid.identification.identifiability import identifiability, judged
 from ambid.identification.minimum import ROUGHLY, WhitenedProblem
 from ambid.identification.preparation import beside_known, prepare
 from ambid.identification.problem import Descent, End, LeastSquares, Limits, Problem, noise_levels
+from ambid.identification.renewal import improbability, renewed, way_around
 from ambid.identification.starts import best_of, stable_model
 from ambid.identification.tolerances import budget_by_name, findings_of, known_values
 from ambid.model import Given, Model
@@ -43,17 +43,13 @@ WITHOUT_NOISE = Kind(
 WITHOUT_PERIODS = Kind(
     "noise_not_separable",
     "warning",
-    "physics is missing, and without periods the noise cannot be separated from what is missing: the misfit "
-    "{misfit:.3g} (J/dof) is a lower limit",
+    "[weights of {weights}: ]physics is missing, and without periods the noise cannot be separated from what is "
+    "missing: the misfit {misfit:.3g} (J/dof) is a lower limit",
     "excite periodically",
 )
 AT_BOUND = Kind("parameter_at_bound", "warning", "at a bound: {parameters}")
-MOST_RENEWALS = 3
-"""So often is the noise of a record without periods taken from the residual again, at the most."""
 LARGEST_WEIGHT = 1e6
 """Of a channel; its square still leaves digits to a channel of weight 1."""
-RENEWED = 0.01
-"""Relative change of J by that which is small enough."""
 
 
 class Found(NamedTuple):
@@ -285,51 +281,33 @@ def _likeliest(
         rough, origins if not moved else [stable.theta[free]], limits, max_evaluations, ROUGHLY
     )
     in_time = tuple(record for record in records if isinstance(record, Record))
+    has_eq_9 = len(in_time) == len(records) and not any(record.is_free_response for record in in_time)
     if in_time and best.status in ("converged", "at_bound"):
-        best = yield from _way_around(rough, best, stable, in_time, limits, max_evaluations)
-    problem: WhitenedProblem = rough
-    exact, free, limits = free, [*free, *known], beside_known(limits, model, known)
+        best = yield from way_around(rough, best, stable, in_time, limits, max_evaluations)
+    given, exact, sides = model, free, limits
+    free, limits = [*free, *known], beside_known(limits, model, known)
     model = model.opened() if known else model
-    at = model.with_theta(best.theta)
-    comparison = Comparison(at, records, rough.noise.renewed(at))
-    # without periods the noise is known no better than the model: it is taken from the residual once more;
-    # with them a tone may have been lost among what the rough fit left
+    problem, best, comparison = yield from renewed(rough, best, model, free, limits, max_evaluations)
     is_known = all(part.noise_is_measured for part in comparison.noise.parts)
-    for again in range(1 + MOST_RENEWALS):
-        if best.status == "stopped":
-            break
-        comparison = comparison.renewed() if again else comparison
-        evaluations, before = problem.evaluations, best.cost
-        problem = WhitenedProblem(model, comparison.noise, free, progress)
-        problem.evaluations = evaluations
-        best = yield Descent(problem, best.theta[free] / problem.scale, limits, max_evaluations)
-        comparison = comparison.of(model.with_theta(best.theta))
-        if is_known and not comparison.noise.misses_tone(comparison.model):
-            break
-        if again and abs(best.cost / before - 1.0) < RENEWED:
-            break
+    missing = not is_known and comparison.misfit > comparison.bound
+    if missing and has_eq_9 and best.status != "stopped":
+        factors = _factors(given, None)
+        other = yield from _in_time(
+            given, in_time, exact, known, sides, origins, factors, max_evaluations, progress, []
+        )
+        again = yield from renewed(rough, other.end, model, free, limits, max_evaluations)
+        problem, best, comparison = min(
+            (problem, best, comparison), again, key=lambda own: improbability(own[2].renewed())
+        )
+        if other.end.status == "stopped" or improbability(other.comparison) < improbability(comparison.renewed()):
+            why = WITHOUT_PERIODS(NOWHERE, misfit=other.misfit, weights="eq. 9")
+            return other._replace(findings=[why, *other.findings])
     directions, determined = identifiability(comparison, exact)
     findings = [*moved, *more, *determined, *findings_at_edge(comparison, problem, best)]
-    if not is_known and comparison.misfit > comparison.bound:
-        findings.append(WITHOUT_PERIODS(NOWHERE, misfit=comparison.misfit))
+    if missing and comparison.misfit > comparison.bound:
+        findings.append(WITHOUT_PERIODS(NOWHERE, misfit=comparison.misfit, weights=None))
     total, parts = covariance(comparison, free), budget(comparison, free)
     return Found(problem, best, limits, total, parts, directions, comparison, findings).curved()
-
-
-def _way_around(
-    rough: WhitenedProblem, best: End, stable: Model, records: tuple[Record, ...], limits: Limits, most: int
-) -> Generator[Descent, End, End]:
-    """A better end of a rough fit that a bound or the edge of stability kept away: where all is damped more."""
-    at_edge = is_at_edge(rough, best)
-    if not at_edge and best.status != "at_bound":
-        return best
-    x, spent = damped_start(stable, records, rough.free, limits, NearStart if at_edge else WhitenedProblem)
-    rough.evaluations += spent
-    near = NearStart(stable, rough.noise, rough.free, rough.progress) if at_edge else rough
-    second = yield Descent(near, x, limits, most, ROUGHLY)
-    if near is not rough:
-        rough.evaluations += near.evaluations
-    return min(best, second, key=lambda end: end.cost)
 
 
 def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:

@@ -1,0 +1,83 @@
+"""Fits in the noise of their own residual: ways around obstacles, renewal of the noise, which end is likelier."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+
+from ambid.identification.damped import NearStart, damped_start
+from ambid.identification.edge import is_at_edge
+from ambid.identification.minimum import ROUGHLY, WhitenedProblem
+from ambid.identification.problem import Descent, End, Limits
+from ambid.model import Model
+from ambid.noise import Comparison
+from ambid.noise.known import known_residual
+from ambid.record import Record
+
+__all__ = ["improbability", "renewed", "way_around"]
+
+MOST_RENEWALS = 3
+"""So often is the noise of a record without periods taken from the residual again, at the most."""
+RENEWED = 0.01
+"""Relative change of J by that which is small enough."""
+Renewed = tuple[WhitenedProblem, End, Comparison]
+
+
+def renewed(
+    rough: WhitenedProblem, best: End, model: Model, free: list[int], limits: Limits, most: int
+) -> Generator[Descent, End, Renewed]:
+    """The optimum of J near an end, in the noise of its own residual.
+
+    Without periods the noise is known no better than the model: it is taken from the residual once more; with them a
+    tone may have been lost among what the rough fit left.
+    """
+    at, problem = model.with_theta(best.theta), rough
+    comparison = Comparison(at, rough.noise.records, rough.noise.renewed(at))
+    is_known = all(part.noise_is_measured for part in comparison.noise.parts)
+    for again in range(1 + MOST_RENEWALS):
+        if best.status == "stopped":
+            break
+        comparison = comparison.renewed() if again else comparison
+        evaluations, before = problem.evaluations, best.cost
+        problem = WhitenedProblem(model, comparison.noise, free, rough.progress)
+        problem.evaluations = evaluations
+        best = yield Descent(problem, best.theta[free] / problem.scale, limits, most)
+        comparison = comparison.of(model.with_theta(best.theta))
+        if is_known and not comparison.noise.misses_tone(comparison.model):
+            break
+        if again and abs(best.cost / before - 1.0) < RENEWED:
+            break
+    return problem, best, comparison
+
+
+def improbability(comparison: Comparison) -> float:
+    """Minus twice the logarithm of the likelihood of a model with the noise of its own residual, but for a constant.
+
+    Beside J it has the determinants of S, which models with noise of their own do not share; what is left above the
+    noise counts by its witnesses, see `noise.known`.
+    """
+    noise, known = comparison.noise, known_residual(comparison.model)
+    gain = sum(float(np.linalg.slogdet(part.spectrum.whitening)[1].sum()) for part in noise.in_time)
+    beforehand = float(known @ known)
+    left = comparison.cost - beforehand
+    size = noise.size
+    if left > size.numbers:
+        left = size.numbers + size.witnesses * float(np.log(size.variance(left)))
+    return left + beforehand - 4.0 * gain
+
+
+def way_around(
+    rough: WhitenedProblem, best: End, stable: Model, records: tuple[Record, ...], limits: Limits, most: int
+) -> Generator[Descent, End, End]:
+    """A better end of a rough fit that a bound or the edge of stability kept away: where all is damped more."""
+    at_edge = is_at_edge(rough, best)
+    if not at_edge and best.status != "at_bound":
+        return best
+    x, spent = damped_start(stable, records, rough.free, limits, NearStart if at_edge else WhitenedProblem)
+    rough.evaluations += spent
+    near = NearStart(stable, rough.noise, rough.free, rough.progress) if at_edge else rough
+    second = yield Descent(near, x, limits, most, ROUGHLY)
+    if near is not rough:
+        rough.evaluations += near.evaluations
+    return min(best, second, key=lambda end: end.cost)
