@@ -69,7 +69,8 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
     record, window = part.record, part.window.settled
     here, rate = part.at(model), record.sample_rate
     per_line, turning = rate / window.samples, here.rig.speed / (2.0 * np.pi)
-    suspects = [f for f in (turning, *MAINS) if 2.0 * per_line < f < 0.45 * rate]
+    own = {f for effect in here.acting for f in effect.frequencies_hz(here.rig)} - {turning}
+    suspects = [f for f in (turning, *sorted(own), *MAINS) if 2.0 * per_line < f < 0.45 * rate]
     if not window.is_periodic:
         return _without_periods(here, part, suspects)
     looked_at = np.concatenate([_outstanding(part), [int(f / per_line) for f in suspects]]).astype(np.intp)

@@ -20,7 +20,7 @@ from ambid.noise.measured import Measured
 from ambid.noise.shape import Loop, Recorder, Shape, Split, heard
 from ambid.noise.split import ROUGHLY, SplitNoise
 from ambid.noise.transients import orthonormal
-from ambid.noise.wave import OUTSTANDING, waves_between
+from ambid.noise.wave import NEAR, OUTSTANDING, waves_between
 from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, likelier_shape
 
 __all__ = ["Unexcited"]
@@ -146,11 +146,11 @@ class Unexcited:
         self, index: NDArray[np.intp], tones: Sequence[Tone], back: ComplexArray, *, is_heard: bool
     ) -> ComplexArray:
         """The same by some way back, with or without a response to what i_e holds beside its period."""
-        window, p, here = self.window, self.measured.channels, self.base
-        points, z = window.points(index), np.ascontiguousarray(self.measured.quiet[index])
+        window, p = self.window, self.measured.channels
         # what a weak one spills is less than what fitting it to noise would
         loud = [tone.frequency_hz for tone in tones if tone.power > OUTSTANDING]
-        places = [frequency * window.samples / self.measured.record.sample_rate for frequency in loud]
+        here, places = self._silenced(loud), [f * window.samples / self.measured.record.sample_rate for f in loud]
+        points, z = window.points(index), np.ascontiguousarray(self.measured.quiet[index])
         z = z - waves_between(self.measured.quiet, window, places, index)
         size = np.sqrt(np.median(np.abs(_core.through(back, z)) ** 2, axis=0))
         size[size == 0.0] = 1.0
@@ -167,6 +167,20 @@ class Unexcited:
         basis = orthonormal(chosen.rows(core, here.theta, [], None, True)[:, :-1])
         taken = np.sum(basis**2, axis=1).reshape(-1, p, 2).mean(axis=2)
         return np.asarray(left / np.sqrt(np.maximum(1.0 - taken, LEFT)))
+
+    def _silenced(self, loud: Sequence[float]) -> Model:
+        """The base model without waves of its effects at these frequencies [Hz].
+
+        Beside a loud tone a wave of the model, such as that of an unbalance, is off, maybe by far.
+        """
+        here, near = self.base, NEAR * self.measured.record.sample_rate / self.window.samples
+        off = [
+            effect
+            for effect in here.acting
+            if any(abs(own - tone) < near for own in effect.frequencies_hz(here.rig) for tone in loud)
+        ]
+        waves = (effect.slot(name) for effect in off for pair in effect.quarters(here.rig) for name in pair)
+        return here.with_values(dict.fromkeys(waves, 0.0)) if off else here
 
     def _inputs(self, index: NDArray[np.intp]) -> ComplexArray:
         """Inputs on unexcited lines of the settled periods; nothing where they repeat to the last bit."""
