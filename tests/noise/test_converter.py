@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from ambid import diagnose, identify
-from ambid.noise.converter import repeated_rounding, step_of
+from ambid.noise.converter import repeated_rounding
 from ambid.record import Record
+from ambid.record.rounding import step_of
 from hidden.bench import measured
 from hidden.one_axis import ONE_AXIS, record
 from tiers import first_fast

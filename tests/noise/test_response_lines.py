@@ -203,3 +203,14 @@ def test_one_axis_without_periods():
         record = Record("noise", own.sample_rate, own.axes, own.i_e, own.y, own.i_c)
         estimates.append(identify(RIG, record.frequency_response()))
     assert coverage(estimates, dict(zip(model.names, model.theta, strict=True))) > 0.9
+
+
+def test_a_value_that_is_noise_alone_does_not_hide_the_fit_of_all_others(truth):
+    """Where hardly anything was excited the response is noise, ten times larger than anywhere else."""
+    whole = response_of(truth, F)
+    h, std = whole.response.copy(), whole.std.copy()
+    std[-1] = 10.0 * np.abs(h).max(axis=0)
+    h[-1] = std[-1]
+    some, found = compare(truth, whole), compare(truth, replace(whole, response=h, std=std))
+    for name in ("fit_percent", "noise_ceiling_percent"):
+        assert getattr(found, name) == pytest.approx(getattr(some, name), abs=0.5)

@@ -43,3 +43,19 @@ def test_a_parameter_has_as_many_decimals_as_its_interval_tells():
 @pytest.mark.parametrize(("chance", "text"), [(-1.0, "0.37"), (-230.2585, "10⁻¹⁰⁰"), (-1e6, "< 10⁻³⁰⁰")])
 def test_p_values(chance, text):
     assert words.p_value(chance) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "unit", "shown", "now"),
+    [
+        (-5.41374e-7, 3.96e-9, "kg m", "g mm", "−0.5414"),
+        (3.1e-7, 2e-9, "1", "10⁻⁹", "310.0"),
+        (-2.4e-5, 3e-8, "kg m^2", "10⁻⁶ kg m^2", "−24.000"),
+        (2.5e-10, 1e-12, "s", "ns", "0.2500"),
+        (0.47, 0.012, "1", "", "0.470"),
+    ],
+)
+def test_small_values_keep_their_digits(value, error, unit, shown, now):
+    """An unbalance was -0.000001 kg m."""
+    row = words.Row.of("x", ParameterEstimate.normal(value, error, unit), None, None, None)
+    assert (row.unit, row.now) == (shown, now)

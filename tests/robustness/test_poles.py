@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 import ambid
 from ambid.errors import InputError
 from ambid.model import Model
+from ambid.robustness.eigenvalues import growing
 from ambid.robustness.procedure import NOT_LINEAR
 from ambid.robustness.whirl import whirl_of
 from places import BENCH, LEVITATOR
@@ -237,3 +238,15 @@ def test_poles_of_a_delay_are_no_natural_frequencies(rigid):
     found = ambid.campbell(late, speeds=np.linspace(0.0, 300.0, 7), measured=[late])
     assert np.nanmax(found.frequency_hz) < beyond
     assert all(own.frequency_hz < beyond for own in found.measured)
+
+
+def test_rounding_is_no_growth():
+    """The bending modes of an undamped rotor neither grow nor decay: real parts of 1e-12 beside 5 krad/s."""
+    bench = VirtualBench(bending_damping=0.0)
+    found = ambid.pole_map(Model(bench.rig()))
+    bending = np.abs(found.open.imag - 2.0 * np.pi * bench.bending_hz) < 0.2 * 2.0 * np.pi * bench.bending_hz
+    assert bending.sum() == 2
+    assert_allclose(found.open[bending].real, 0.0, atol=1e-6)
+    assert growing(found.open).sum() == 4
+    rounded = np.array([1e-13 + 5e3j, -1e-12 + 5e3j, 2e-14 + 0j, 1e-3 + 0j, 0.1 + 5e3j, -30.0 + 0j])
+    assert growing(rounded).tolist() == [False, False, False, True, True, False]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -342,7 +343,8 @@ def _estimate(found: Found, begun: float) -> Estimate:
             covariance[k, :] = covariance[:, k] = np.nan
         else:
             errors = float(np.sqrt(covariance[k, k])), float(np.sqrt(found.budget[k, 0]))
-            parameters[name] = ParameterEstimate.normal(float(end.theta[i]), errors[0], unit, errors[1])
+            at_end = replace(model.parameters[i], value=float(end.theta[i]))
+            parameters[name] = ParameterEstimate.of(at_end, *errors)
     if end.status == "at_bound":
         x = end.theta[free] / problem.scale
         touches = (np.abs(x - limits[0]) < 1e-3) | (np.abs(x - limits[1]) < 1e-3)

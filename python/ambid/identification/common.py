@@ -123,7 +123,7 @@ def _moved(estimate: Estimate, names: Sequence[str], std: FloatArray, common: _C
         total = float(whole[i, i])
         variances[name] = _budget(estimate.variances[name], dict(zip(names, row.tolist(), strict=True)), total)
         by_noise = float(np.sqrt(variances[name][NOISE]))
-        parameters[name] = ParameterEstimate.normal(float(theta[i]), float(np.sqrt(total)), p.unit, by_noise)
+        parameters[name] = ParameterEstimate.of(model.parameters[i], float(np.sqrt(total)), by_noise)
     fitted = [index[name] for name in parameters]
     tolerances = known_values(model, whole, [index[name] for name in estimate.tolerances])
     findings = [own for own in estimate.findings if own.kind not in (TYPICAL, VALUE_MOVED)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from ambid.errors import ModelError, did_you_mean
 from ambid.findings import NOWHERE, Finding, Kind, WithFindings
 from ambid.identification.curvature import Curvature
 from ambid.identification.tolerances import Budget, KnownValue, lines, percent
-from ambid.model import Model
+from ambid.model import Model, Parameter
 from ambid.noise import Comparison
 from ambid.record import Measurement
 from ambid.results import Tabular, of_unit, plain
@@ -72,7 +72,7 @@ class ParameterEstimate:
     std_error : float or None
         Standard error; None for a parameter that was held fixed.
     ci95 : tuple of float or None
-        95 % confidence interval.
+        95 % confidence interval; it ends at 0 where physics allows one sign alone, as of a lag.
     unit : str
     std_error_statistical : float or None
         Part of the standard error by noise alone, as if the rig file were exact where it states a tolerance.
@@ -89,6 +89,17 @@ class ParameterEstimate:
         """With the 95 % interval of the normal distribution."""
         ci95 = (value - NORMAL_95 * std_error, value + NORMAL_95 * std_error)
         return cls(value, std_error, ci95, unit, std_error if statistical is None else statistical)
+
+    @classmethod
+    def of(cls, parameter: Parameter, std_error: float, statistical: float | None = None) -> ParameterEstimate:
+        """Of a parameter of a model, at its value; an interval holds no value of a sign that physics excludes."""
+        own = cls.normal(parameter.value, std_error, parameter.unit, statistical)
+        low, high = own.ci95 or (np.nan, np.nan)
+        if parameter.lower >= 0.0 and low < 0.0:
+            return replace(own, ci95=(0.0, high))
+        if parameter.upper <= 0.0 and high > 0.0:
+            return replace(own, ci95=(low, 0.0))
+        return own
 
     def line(self) -> str:
         """Value, 95 % interval and unit, as far as they are known."""
@@ -179,6 +190,11 @@ class Estimate(WithFindings, Tabular):
         return self.variances
 
     @property
+    def settings(self) -> dict[str, tuple[float, str]]:
+        """Places and frequencies of effects in the model, such as ``seal_forces.z``, with their units; not fitted."""
+        return {name: own for effect in self.model.effects for name, own in effect.fine_settings().items()}
+
+    @property
     def records(self) -> tuple[Measurement, ...]:
         """That were fitted."""
         return tuple(own.record for own in self.comparison.records)
@@ -262,6 +278,7 @@ class Estimate(WithFindings, Tabular):
         correlation = self.correlation
         return {
             "parameters": {name: p.as_dict() for name, p in self.parameters.items()},
+            "settings": {name: {"value": value, "unit": unit} for name, (value, unit) in self.settings.items()},
             "fit_percent": plain(self.fit_percent),
             "noise_ceiling_percent": plain(self.noise_ceiling_percent),
             "misfit": plain(self.misfit),
@@ -320,6 +337,7 @@ class Estimate(WithFindings, Tabular):
             part = f" {p.std_error_statistical:11.3g}" if by_noise else ""
             interval = f"{p.ci95[0]:.6g} .. {p.ci95[1]:.6g}{of_unit(p.unit)}"
             told.append(f"{name:14s} {p.value:13.6g} {p.std_error:11.3g}{part}   {interval}")
+        told += [f"{name:14s} {own:13.6g}{of_unit(unit)}, as it was set" for name, (own, unit) in self.settings.items()]
         told += ["forces: f = K_i i + K_s s, K_s > 0 destabilises"]
         if self.tolerances:
             pairs = [(p.std_error_statistical, p.std_error) for p in self.parameters.values()]

@@ -98,6 +98,10 @@ class EffectParameter:
     std: float | None = None
 
 
+SETTING_UNITS = {"z": "m", "frequency_hz": "Hz"}
+"""Of settings that a diagnosis estimates."""
+
+
 @dataclass(frozen=True)
 class Trait:
     """A number that the effects of a family share, such as the lag between two signals.
@@ -230,6 +234,11 @@ class Effect(ABC):
         """Arguments of the constructor that make this variant, as saved with a model: fields that are not default."""
         own: tuple[Field[Any], ...] = fields(self) if is_dataclass(self) else ()
         return {field.name: value for field in own if (value := getattr(self, field.name)) != field.default}
+
+    def fine_settings(self) -> dict[str, tuple[float, str]]:
+        """Value and unit of each of its `fine` settings that has one, by names such as ``seal_forces.z``."""
+        own = {name: getattr(self, name) for name in self.fine if getattr(self, name) is not None}
+        return {self.slot(name): (float(value), SETTING_UNITS.get(name, "1")) for name, value in own.items()}
 
     def without_probe(self) -> Effect:
         """The variant with the same loop and no settings that only its probe has: so that it is compiled once."""

@@ -30,7 +30,8 @@ class ChannelComparison:
     unit : str
         Of a frequency response m/A or A/A; then all figures are of the complex response, over all its inputs.
     fit_percent, noise_ceiling_percent : float
-        Reached, and reachable by the exact model; NaN without enough periods.
+        Reached, and reachable by the exact model; NaN without enough periods. Of a frequency response every value
+        counts in units of its noise: where the loop hardly answers, one that is noise alone would hide all others.
     measured_rms, residual_rms, noise_rms : float
         In `unit`, means over time removed; NaN where the noise is not known.
     misfit : float
@@ -145,22 +146,29 @@ def _of_response(here: Model, part: ResponseLines) -> RecordComparison:
     of = "m" if all(name.startswith("r.") for name in record.inputs) else "A"
     rows = []
     for k, channel in enumerate(record.outputs):
-        tables = (record.response, left, record.std)
-        measured, residual, noise = (float(np.sqrt(np.nanmean(np.abs(own[:, k]) ** 2))) for own in tables)
+        std = record.std[:, k]
+        tables = np.abs(record.response[:, k]), np.abs(left[:, k]), std
+        measured, residual, noise = (_rms(own) for own in tables)
+        in_noise, missed, _ = (_rms(own / std) for own in tables)
         rows.append(
             ChannelComparison(
                 channel=channel,
                 unit=f"{'m' if channel.startswith('y.') else 'A'}/{of}",
-                fit_percent=100.0 * (1.0 - residual / measured),
-                noise_ceiling_percent=100.0 * (1.0 - noise / measured),
+                fit_percent=100.0 * (1.0 - missed / in_noise),
+                noise_ceiling_percent=100.0 * (1.0 - 1.0 / in_noise),
                 measured_rms=measured,
                 residual_rms=residual,
                 noise_rms=noise,
-                misfit=float(np.nanmean((np.abs(left[:, k]) / record.std[:, k]) ** 2)),
+                misfit=missed**2,
             )
         )
     joint = float(white @ white) / part.judged
     return RecordComparison(record, simulated, tuple(rows), joint, float(np.maximum(0.0, 1.0 - 1.0 / joint)))
+
+
+def _rms(values: FloatArray) -> float:
+    """Root of the mean square of those that are known."""
+    return float(np.sqrt(np.nanmean(values**2)))
 
 
 def unjudged(model: Model, record: Measurement) -> RecordComparison:

@@ -284,14 +284,14 @@ class Comparison(WithFindings, Tabular):
 
         Of records in time; where there are none, of the frequency responses.
         """
-        return self._pooled("residual_rms")
+        return self._pooled("fit_percent")
 
     @cached_property
     def noise_ceiling_percent(self) -> dict[str, float]:
         """Fit that the exact model would reach, likewise; NaN where the noise is not known."""
-        return self._pooled("noise_rms")
+        return self._pooled("noise_ceiling_percent")
 
-    def _pooled(self, missed: str) -> dict[str, float]:
+    def _pooled(self, which: str) -> dict[str, float]:
         pooled = [own for own in self.records if isinstance(own.record, Record)] or self.records
         names = [c for c in pooled[0].record.channels if all(c in own.record.channels for own in pooled)]
         power, total = np.zeros(len(names)), np.zeros(len(names))
@@ -299,8 +299,9 @@ class Comparison(WithFindings, Tabular):
             rows = [row for row in own.channels if row.channel in names]
             rows.sort(key=lambda row: names.index(row.channel))
             length = own.record.samples if isinstance(own.record, Record) else own.record.measured.sum() / len(rows)
-            power += length * np.array([getattr(row, missed) for row in rows]) ** 2
-            total += length * np.array([row.measured_rms for row in rows]) ** 2
+            measured = length * np.array([row.measured_rms for row in rows]) ** 2
+            power += measured * (1.0 - np.array([getattr(row, which) for row in rows]) / 100.0) ** 2
+            total += measured
         percent = 100.0 * (1.0 - np.sqrt(power / total))
         return with_average(dict(zip(names, percent.tolist(), strict=True)))
 

@@ -15,26 +15,12 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ambid.arrays import FloatArray
+from ambid.record.rounding import step_of
 
-__all__ = ["repeated_rounding", "step_of"]
+__all__ = ["repeated_rounding"]
 
 BITS = 16
 """Of the converters of measuring cards; the better ones have noise of their own above that."""
-LOOKED_AT = 4096
-"""Samples of a channel that are looked at for the step of its converter."""
-EVEN = 0.02
-"""Part of a step by which values may be off its multiples: factors and offsets are applied to what is converted."""
-
-
-def step_of(x: FloatArray) -> float:
-    """Step of the converter that a channel of shape (N,) came through; 0 where its values are not in steps."""
-    few = np.unique(x[:: 1 + len(x) // LOOKED_AT])
-    apart = np.diff(few)
-    if not len(apart) or len(few) > 0.9 * min(len(x), LOOKED_AT):
-        return 0.0
-    step = float(apart[apart > 1e-9 * apart.max()].min())
-    counts = apart / step
-    return step if np.abs(counts - np.rint(counts)).max() < EVEN * max(1.0, float(counts.max()) ** 0.5) else 0.0
 
 
 def repeated_rounding(x: FloatArray, power: float) -> float:

@@ -26,6 +26,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
 from ambid.record.frequency_response import FrequencyResponse
 from ambid.record.local_bands import DEGREE, FREE, NODES, Bands, fitted_bands, lowest_band, lowest_nodes, nodes
+from ambid.record.rounding import rounding_power
 
 __all__ = ["LocalResponse", "local_response", "noise_of", "response_of_signals"]
 
@@ -36,6 +37,10 @@ LEAST_EXCITED = 1e-6
 
 LEAST_ON_A_LINE = 1e-10
 """Power of an axis on a line over that on its loudest below which it is rounding, as of a converter of 16 bits."""
+
+OVER_ROUNDING = 30.0
+"""Power of an axis on a line over that of the rounding to its steps, below which it may be rounding: by chance one line
+in 1e13 has as much."""
 
 
 class LocalResponse(NamedTuple):
@@ -132,7 +137,8 @@ def local_response(
     length, longer = divmod(len(index), count)
     split = longer * (length + 1)  # so many lines are in bands that are longer by one
     lowest = length + (longer > 0)
-    moving = np.abs(u) ** 2 > LEAST_ON_A_LINE * (np.abs(u) ** 2).max(axis=0)
+    rounding = periods * np.array([rounding_power(own) for own in drives[:, excited].T])
+    moving = np.abs(u) ** 2 > np.maximum(LEAST_ON_A_LINE * (np.abs(u) ** 2).max(axis=0), OVER_ROUNDING * rounding)
     groups, places = [lowest_band(u[:lowest], z[:lowest])], [index[lowest_nodes(lowest)]]
     known = [_is_known(moving[None, :lowest], lowest_nodes(lowest))]
     for rows, size in ((np.arange(lowest, split), length + 1), (np.arange(max(split, lowest), len(index)), length)):

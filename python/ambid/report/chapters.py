@@ -193,15 +193,17 @@ def _ledger(diagnosis: Diagnosis) -> dict[str, Any]:
 
 
 def _parameters(diagnosis: Diagnosis, first: Step, changes: Sequence[Moved]) -> list[words.Row]:
-    """Every parameter of the last model: rig file, before, now, interval, and by how much it moved."""
+    """Every parameter of the last model, then settings of its effects: rig file, before, now, interval, move."""
     told = {p.name: p.value for p in nominal(diagnosis.model.rig)}
     before = {p.name: p.value for p in first.model.parameters}
     by_name = {own.name: own for own in changes}
-    return [
+    settings = [own for effect in diagnosis.model.effects for own in effect.fine_settings().items()]
+    rows = [
         words.Row.of(p.name, diagnosis.parameters[p.name], told.get(p.name), before.get(p.name), by_name.get(p.name))
         for p in diagnosis.model.parameters
         if p.prior is None
     ]
+    return [*rows, *(words.Row.of_setting(name, *own) for name, own in settings)]
 
 
 def _budget(diagnosis: Diagnosis) -> dict[str, Any]:

@@ -17,6 +17,10 @@ from ambid.plot.style import misfit_text
 
 PREFIXED = re.compile(r"(s|m|N|A|Hz|rad)(?=$|[ /])")
 """A unit that may carry a prefix: its first symbol to the power of one."""
+OWN_UNITS = {"kg m": (-6, "g mm")}
+"""Units that balancing machines and their standards use, and their powers of ten."""
+SMALL = 1e-3
+"""Below, a value whose unit carries no prefix is written with a power of ten."""
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -71,6 +75,8 @@ def percent(value: float | None, digits: int = 2) -> str:
 
 def prefixed(value: float, unit: str) -> tuple[int, str]:
     """Power of ten and unit with its prefix in which a value reads well; no unit of a ratio."""
+    if unit in OWN_UNITS:
+        return OWN_UNITS[unit]
     power = 0
     if PREFIXED.match(unit) and value != 0.0 and np.isfinite(value):
         power = int(np.clip(3 * np.floor(np.log10(abs(value)) / 3.0), -9, 9))
@@ -92,7 +98,7 @@ def values(start: Mapping[str, float], units: Mapping[str, str]) -> str:
 
 @dataclass(frozen=True)
 class Row:
-    """A parameter as texts, all in one unit and with as many decimals as its interval tells.
+    """A parameter, or a setting of an effect, as texts, in one unit and with as many decimals as its interval tells.
 
     Attributes
     ----------
@@ -114,8 +120,8 @@ class Row:
         cls, name: str, own: ParameterEstimate, told: float | None, before: float | None, moved: Moved | None
     ) -> Row:
         """Of a parameter; None for what is not known of it."""
-        power, unit = prefixed(own.value or 0.0, own.unit)
         half = own.std_error or np.nan
+        power, unit = _with_power(own.value or float(np.nan_to_num(half)), own.unit)
 
         def shown(value: float | None) -> str:
             if value is None or not np.isfinite(value):
@@ -123,7 +129,7 @@ class Row:
             scaled, error = value / 10.0**power, half / 10.0**power
             if not np.isfinite(error) or error <= 0.0:
                 return number(scaled)
-            text = f"{scaled:.{int(np.clip(1 - np.floor(np.log10(error)), 0, 6))}f}"
+            text = f"{scaled:.{int(np.clip(1 - np.floor(np.log10(error)), 0, 9))}f}"
             return text.replace("-", "−")
 
         percent, errors = (None, None) if moved is None else (moved.percent, moved.errors)
@@ -137,6 +143,20 @@ class Row:
             signed(percent),
             signed(errors),
         )
+
+    @classmethod
+    def of_setting(cls, name: str, value: float, unit: str) -> Row:
+        """Of a place or a frequency of an effect, which has no interval."""
+        return cls(name, unit, "–", "–", number(value, 6), "–", "–", "–")
+
+
+def _with_power(value: float, unit: str) -> tuple[int, str]:
+    """As `prefixed`; small values whose unit carries no prefix have a power of ten before it."""
+    power, name = prefixed(value, unit)
+    if power or not 0.0 < abs(value) < SMALL:
+        return power, name
+    power = int(3 * np.floor(np.log10(abs(value)) / 3.0))
+    return power, f"10{str(power).translate(SUPERSCRIPT)} {name}".rstrip()
 
 
 def most_moved(changes: Sequence[Moved]) -> str:

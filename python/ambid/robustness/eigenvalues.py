@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.findings import Finding, WithFindings
@@ -14,6 +15,11 @@ from ambid.model import Model
 from ambid.results import Tabular, picture, plain
 from ambid.robustness.procedure import of_small_motion
 from ambid.robustness.uncertainty import Uncertainty
+
+ROUNDING = 1e-8
+"""Part of a pole, the root of what numbers are rounded to, up to which its real part may be rounding."""
+FLOOR = 1e-13
+"""The same of the largest pole, of those near zero."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -74,8 +80,9 @@ class PoleMap(Tabular, WithFindings):
 
     def summary(self) -> list[str]:
         """Whether the loop is stable, with and without its controller, and the findings."""
-        grows = int(np.sum(self.open.real > 0.0))
-        state = "stable" if self.closed.real.max() < 0.0 else "unstable"
+        grows = int(np.sum(growing(self.open)))
+        state = "stable" if growing(-self.closed).all() else "neutral: a pole neither grows nor decays"
+        state = "unstable" if growing(self.closed).any() else state
         lines = [f"the closed loop is {state}; with the controller off {grows} poles grow"]
         return [*lines, *self.finding_lines()]
 
@@ -139,6 +146,13 @@ def pole_map(model: Model) -> PoleMap:
         parts = np.stack([slopes.real, slopes.imag], axis=1) @ uncertainty.root
         covariance = parts @ parts.transpose(0, 2, 1)
     return PoleMap(model, poles, covariance, _of_plant(linear), tuple(findings))
+
+
+def growing(poles: ComplexArray) -> NDArray[np.bool_]:
+    """Which of the poles of one system have a positive real part beyond rounding."""
+    size = np.abs(poles)
+    rounding = np.where(poles.imag == 0.0, 0.0, ROUNDING * size) + FLOOR * size.max(initial=0.0)
+    return np.asarray(poles.real > rounding)
 
 
 def damping_ratio(poles: ComplexArray) -> FloatArray:
