@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from html import escape
 from math import isfinite, pi
 from typing import Any
@@ -34,29 +34,56 @@ class Tabular(ABC):
         InputError
             If pandas is not installed.
         """
-        try:
-            pandas = importlib.import_module("pandas")
-        except ImportError:
-            raise InputError("to_pandas needs the package pandas: pip install pandas") from None
-        return pandas.DataFrame(self.table())
+        return data_frame(self.table())
 
     def _repr_html_(self) -> str:
         columns = self.table()
-        head = "".join(f"<th>{escape(name)}</th>" for name in columns)
-        rows = (
-            "".join(f"<td>{escape(_cell(value))}</td>" for value in row) for row in zip(*columns.values(), strict=True)
-        )
-        body = "".join(f"<tr>{row}</tr>" for row in rows)
-        said = "".join(f"<p>{escape(line)}</p>" for line in self.summary())
-        return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{said}"
+        return html_table(list(columns), zip(*columns.values(), strict=True), self.summary())
+
+
+def html_table(head: Sequence[str], rows: Iterable[Sequence[Any]], said: Sequence[str] = ()) -> str:
+    """A table of a notebook, with sentences under it."""
+    columns = "".join(f"<th>{escape(name)}</th>" for name in head)
+    cells = ("".join(f"<td>{escape(_cell(value))}</td>" for value in row) for row in rows)
+    body = "".join(f"<tr>{row}</tr>" for row in cells)
+    below = "".join(f"<p>{escape(line)}</p>" for line in said)
+    return f"<table><thead><tr>{columns}</tr></thead><tbody>{body}</tbody></table>{below}"
+
+
+def data_frame(columns: Mapping[str, Any]) -> Any:
+    """A pandas.DataFrame of columns of equal length by name.
+
+    Raises
+    ------
+    InputError
+        If pandas is not installed.
+    """
+    try:
+        pandas = importlib.import_module("pandas")
+    except ImportError:
+        raise InputError("to_pandas needs the package pandas: pip install pandas") from None
+    return pandas.DataFrame(columns)
+
+
+Opener = Callable[[], Any]
+"""Opens the room of the pictures."""
+_DOOR: list[Opener] = []
+PICTURES: set[str] = set()
+"""Functions of the room of the pictures that results are drawn by."""
+
+
+def pictures_by(opener: Opener) -> None:
+    """Register what opens the room of the pictures: `ambid` does, which stands above all rooms."""
+    _DOOR[:] = [opener]
 
 
 def picture(name: str) -> Callable[..., Any]:
     """A method that draws a result by the function of this name in `ambid.plot`, which is opened when it is called."""
 
     def draw(result: object, *args: Any, **kwargs: Any) -> Any:
-        return getattr(importlib.import_module("ambid.plot"), name)(result, *args, **kwargs)
+        return getattr(_DOOR[0](), name)(result, *args, **kwargs)
 
+    PICTURES.add(name)
     draw.__name__ = draw.__qualname__ = name
     draw.__doc__ = f"Draw it: `ambid.plot.{name}`, with the same arguments."
     return draw

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from ambid.arrays import ComplexArray, FloatArray
+from ambid.arrays import ByValue, ComplexArray, FloatArray
 from ambid.effects.magnet import ForceNonlinearity
 from ambid.errors import ModelError, did_you_mean
 from ambid.findings import NOWHERE, Finding, Kind, WithFindings
@@ -120,8 +120,8 @@ class ParameterEstimate:
         }
 
 
-@dataclass(frozen=True, repr=False)
-class Estimate(WithFindings, Tabular):
+@dataclass(frozen=True, repr=False, eq=False)
+class Estimate(ByValue, WithFindings, Tabular):
     """Result of `identify`.
 
     Attributes
@@ -164,6 +164,7 @@ class Estimate(WithFindings, Tabular):
     tolerances: dict[str, KnownValue] = field(default_factory=dict)
     variances: Budget = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
+    incidental: ClassVar[tuple[str, ...]] = ("seconds",)
 
     def __getitem__(self, name: str) -> ParameterEstimate:
         """What was found of a parameter, such as ``estimate["K_i.A_zeta"]``.

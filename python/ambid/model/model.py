@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambid.arrays import is_same
 from ambid.effects import CATALOGUE, Effect, find
 from ambid.effects.known import KNOWN
 from ambid.errors import ModelError
@@ -16,11 +18,11 @@ from ambid.loop.loop import Loop, Simulator
 from ambid.model.experiment import inputs_of, simulated, virtual_experiment
 from ambid.model.file import read_model, write_model
 from ambid.model.operating_point import further_points, nominal_of_points, parameters_at
-from ambid.model.parameter import Parameter, of_effect, selected, shared, split, to_rig
+from ambid.model.parameter import Parameter, Parameters, of_effect, selected, shared, split, to_rig
 from ambid.model.structure import Structure, is_nonlinear, require_allowed
 from ambid.model.update import RigUpdate, update_of
 from ambid.record import Measurement, Record
-from ambid.results import of_unit
+from ambid.results import html_table, of_unit
 from ambid.rig import Rig
 
 __all__ = ["Model"]
@@ -71,7 +73,7 @@ class Model:
         self._take(structure, parameters)
 
     def _take(self, structure: Structure, parameters: tuple[Parameter, ...]) -> None:
-        self.structure, self.parameters = structure, parameters
+        self.structure, self.parameters = structure, Parameters(parameters)
         self._covariance: NDArray[np.float64] | None = None
         self._loops: dict[Rig | None, Loop] = {}  # of other operating points, and of this one: None
         self._noisy: list[Loop] = []  # the one with noise inputs, once it is compiled
@@ -498,6 +500,46 @@ class Model:
         structure, parameters, covariance = read_model(Path(path), rig, catalogue)
         model = cls._of(structure, parameters)
         return model if covariance is None else model.with_covariance(covariance)
+
+    def __getitem__(self, name: str) -> Parameter:
+        """A parameter, such as ``model["tau_e"]``.
+
+        Raises
+        ------
+        ModelError
+            If there is none of this name.
+        """
+        found: Parameter = self.parameters[str(name)]
+        return found
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.parameters
+
+    __iter__ = None  # by its names alone
+
+    def __eq__(self, other: object) -> bool:
+        """Whether rig, effects, parameters and their covariance are the same."""
+        if not isinstance(other, Model):
+            return NotImplemented
+        same = self.structure == other.structure and self.parameters == other.parameters
+        return same and is_same(self._covariance, other._covariance)
+
+    def __hash__(self) -> int:
+        return hash((self.structure, self.parameters))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the compiled loops."""
+        return {"structure": self.structure, "parameters": self.parameters, "covariance": self._covariance}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        self._take(state["structure"], state["parameters"])
+        self._covariance = state["covariance"]
+
+    def _repr_html_(self) -> str:
+        rows = [[p.name, p.value, p.unit] for p in self.parameters if p.prior is None]
+        effects = ", ".join(effect.name for effect in self.effects) or "no effects added"
+        said = f"Model of {self.rig.name!r}, {len(self.rig.axes)} axes, {effects}"
+        return html_table(["parameter", "value", "unit"], rows, [said])
 
     def __repr__(self) -> str:
         rows = [f"  {p.name:12s} {p.value:12.6g}{of_unit(p.unit)}" for p in self.parameters if p.prior is None]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from ambid.errors import ModelError, did_you_mean
 from ambid.loop.effect import Effect
 from ambid.rig import Rig
 
-__all__ = ["UNITS", "Parameter", "nominal", "of_effect", "selected", "shared", "split", "to_rig"]
+__all__ = ["UNITS", "Parameter", "Parameters", "nominal", "of_effect", "selected", "shared", "split", "to_rig"]
 
 SHORTEST_LAG = 5e-5
 """Samples that tau_e lasts at least: less is no lag in any record, and overflows."""
@@ -63,6 +64,44 @@ class Parameter:
             return False
         limit = self.upper if self.value > 0.0 else self.lower
         return bool(self.value != 0.0 and np.isfinite(limit) and abs(self.value) >= NEARLY * abs(limit))
+
+
+class Parameters(tuple[Parameter, ...]):
+    """The parameters of a model in order, and by their names as in a dict."""
+
+    def __getitem__(self, which: Any) -> Any:
+        """A parameter by its name or place; a tuple of a slice.
+
+        Raises
+        ------
+        ModelError
+            If there is none of this name.
+        """
+        if not isinstance(which, str):
+            return super().__getitem__(which)
+        if (found := self.get(which)) is None:
+            near = did_you_mean(which, self.keys())
+            raise ModelError(f"{which}: no such parameter; {near}the model has {', '.join(self.keys())}")
+        return found
+
+    def __contains__(self, which: object) -> bool:
+        return self.get(which) is not None if isinstance(which, str) else super().__contains__(which)
+
+    def get(self, name: str, default: Parameter | None = None) -> Parameter | None:
+        """That of a name, if there is one."""
+        return next((p for p in self if p.name == name), default)
+
+    def keys(self) -> tuple[str, ...]:
+        """Names."""
+        return tuple(p.name for p in self)
+
+    def values(self) -> tuple[Parameter, ...]:
+        """The parameters."""
+        return tuple(self)
+
+    def items(self) -> tuple[tuple[str, Parameter], ...]:
+        """Both."""
+        return tuple((p.name, p) for p in self)
 
 
 def of_effect(rig: Rig, effect: Effect, values: Mapping[str, float]) -> list[Parameter]:

@@ -111,6 +111,20 @@ class Comparison(WithFindings, Tabular):
             raise RecordError(self._why)
         return self._noise
 
+    def __eq__(self, other: object) -> bool:
+        """Whether the same model is held against the same records in the same noise."""
+        if not isinstance(other, Comparison):
+            return NotImplemented
+        same = self.model == other.model and self._records == other._records
+        return same and self._noise == other._noise and self._why == other._why
+
+    def __hash__(self) -> int:
+        return hash((self.model, self._records))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but what is told again."""
+        return {name: self.__dict__[name] for name in ("model", "_records", "_noise", "_why")}
+
     def of(self, model: Model) -> Comparison:
         """Another model against the same records in the same noise."""
         return Comparison(model, self._records, self.noise)

@@ -9,7 +9,7 @@ rest, its first periods are simulated as they were, until they repeat.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -75,6 +75,10 @@ class InTime:
         self._folded: Folded = {} if folded is None else folded
         self.channels = len(record.channels)
         self._known: dict[_Key, ComplexArray] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but what was simulated by compiled loops."""
+        return {**self.__dict__, "_folded": {}, "_known": {}}
 
     def lines(self, here: Model, free: list[int], *, at_rest: bool) -> Lines:
         """Judged lines of the response, from rest or settled, and of its derivatives by the parameters in `free`."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import copy
 from functools import cached_property, partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from scipy.fft import irfft, rfft
 from scipy.ndimage import uniform_filter1d
 
 from ambid import _core
-from ambid.arrays import ComplexArray, FloatArray
+from ambid.arrays import ComplexArray, FloatArray, is_same
 from ambid.loop.effect import Effect, Tone
 from ambid.model import Model
 from ambid.noise.angles import best_angle, undisturbed
@@ -128,6 +128,23 @@ class RecordLines(JudgedLines):
             own = RecordLines(model, self.measured, self.tones, angles=self.angles, shape=shape)
         own.split = split
         return own
+
+    def is_alike(self, other: object) -> bool:
+        """Whether the same numbers are whitened alike, as where one is a copy of the other."""
+        if not isinstance(other, RecordLines) or self.angles != other.angles or self.tones != other.tones:
+            return False
+        pairs = [(own.measured_lines, own.spectrum.whitening) for own in (self, other)]
+        return is_same(*pairs)
+
+    def __copy__(self) -> RecordLines:
+        """With what is known of compiled loops."""
+        other = type(self).__new__(type(self))
+        other.__dict__.update(self.__dict__)
+        return other
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but that."""
+        return {**self.__dict__, "_data": {}, "_transients": {}}
 
     split: Split | None = None
     """Where the noise arises, if that is known."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,10 @@ class Measured:
             self.window = DampedWindow.like(self.window, damping / record.sample_rate)
         self.channels = len(record.channels)
         self.folded: Folded = {}  # what was simulated of it
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but what was simulated by compiled loops, and what is told again."""
+        return {"record": self.record, "window": self.window, "channels": self.channels, "folded": {}}
 
     @cached_property
     def excited(self) -> ComplexArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -100,6 +101,21 @@ class Noise:
         other = cls.__new__(cls)
         other._take(parts)
         return other
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the same lines are whitened alike."""
+        if not isinstance(other, Noise):
+            return NotImplemented
+        if len(self.parts) != len(other.parts):
+            return False
+        return all(own.is_alike(its) for own, its in zip(self.parts, other.parts, strict=True))
+
+    def __hash__(self) -> int:
+        return hash((self.lines, len(self.parts)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but what is known of compiled loops."""
+        return {**self.__dict__, "_known": {}}
 
     def renewed(self, model: Model) -> Noise:
         """The noise of the same records by the residual of another model, with the angles that are known."""

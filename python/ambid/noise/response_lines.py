@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import polygamma
 
-from ambid.arrays import ComplexArray, FloatArray
+from ambid.arrays import ComplexArray, FloatArray, is_same
 from ambid.errors import ModelError, RecordError
 from ambid.loop.effect import Tone
 from ambid.model import Model
@@ -65,6 +65,10 @@ class ResponseLines:
         self._z = np.where(self._known, response.response.reshape(-1, pairs), 0.0)
         self.whitening = _whitening(response, self._known)
         self.numbers, self.judged = 2 * self._known.size, 2 * int(self._known.sum())
+
+    def is_alike(self, other: object) -> bool:
+        """Whether the same numbers are whitened alike."""
+        return isinstance(other, ResponseLines) and is_same((self._z, self.whitening), (other._z, other.whitening))
 
     def at(self, model: Model) -> Model:
         """The model at the operating point of the response."""

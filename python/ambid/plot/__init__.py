@@ -12,6 +12,7 @@ from ambid.plot.needed import plot_needed
 from ambid.plot.poles import plot_poles, save_poles
 from ambid.plot.prediction import plot_prediction, save_prediction
 from ambid.plot.ranking import plot_ranking, save_ranking
+from ambid.plot.record import plot_record
 from ambid.plot.responses import draw_responses, plot_frequency_response, save_responses
 from ambid.plot.sensitivity import plot_sensitivity, save_sensitivity
 from ambid.plot.signals import picture_files, plot_comparison, save_comparison, worst_stretch
@@ -34,6 +35,7 @@ __all__ = [
     "plot_poles",
     "plot_prediction",
     "plot_ranking",
+    "plot_record",
     "plot_sensitivity",
     "plot_staircase",
     "save_campaign",

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambid.arrays import ComplexArray, FloatArray
+from ambid.arrays import ByValue, ComplexArray, FloatArray
 from ambid.errors import RecordError
 from ambid.findings import Finding, WithFindings
 from ambid.reading import Provenance
@@ -28,13 +29,14 @@ from ambid.record.frequency_readers import read_response
 from ambid.record.frequency_writers import write_response
 from ambid.record.passed_over import Lines, informative
 from ambid.record.scatter import std_of
+from ambid.results import data_frame, html_table, picture
 from ambid.rig import Rig
 
 __all__ = ["FrequencyResponse"]
 
 
-@dataclass(frozen=True, repr=False)
-class FrequencyResponse(WithFindings):
+@dataclass(frozen=True, repr=False, eq=False)
+class FrequencyResponse(ByValue, WithFindings):
     """Measured frequency responses of the closed loop, F frequencies, from excitations to y and i_c.
 
     Excitations are held from sample to sample and outputs are read at the samples, as in a record: the response is
@@ -87,6 +89,7 @@ class FrequencyResponse(WithFindings):
     path: Path | None = None
     provenance: Provenance | None = None
     point: Rig | None = None
+    read_only: ClassVar[tuple[str, ...]] = ("frequency_hz", "response", "std", "covariance")
 
     def __post_init__(self) -> None:
         for name in ("outputs", "inputs"):
@@ -299,6 +302,43 @@ class FrequencyResponse(WithFindings):
             self.covariance,
             self.spread,
         )
+
+    plot = picture("plot_frequency_response")
+
+    def to_pandas(self) -> Any:
+        """Convert to a pandas.DataFrame: a row a frequency and pair that was measured, as in a ``.csv`` file.
+
+        Raises
+        ------
+        InputError
+            If pandas is not installed.
+        """
+        k, o, i = np.nonzero(self.measured)
+        values = self.response[k, o, i]
+        return data_frame(
+            {
+                "frequency_hz": self.frequency_hz[k],
+                "output": [self.outputs[one] for one in o],
+                "input": [self.inputs[one] for one in i],
+                "re": values.real,
+                "im": values.imag,
+                "std": self.std[k, o, i],
+            }
+        )
+
+    def _repr_html_(self) -> str:
+        places = [(o, i) for o in range(len(self.outputs)) for i in range(len(self.inputs))]
+        known = {(o, i): self.measured[:, o, i] for o, i in places}
+        rows = [
+            [self.outputs[o], self.inputs[i], int(known[o, i].sum()), *self._sizes(o, i)]
+            for o, i in places
+            if known[o, i].any()
+        ]
+        head = ["output", "input", "frequencies", "median magnitude", "median std"]
+        return html_table(head, rows, [repr(self), *self.notes])
+
+    def _sizes(self, o: int, i: int) -> tuple[float, float]:
+        return float(np.nanmedian(np.abs(self.response[:, o, i]))), float(np.nanmedian(self.std[:, o, i]))
 
     def __repr__(self) -> str:
         return (

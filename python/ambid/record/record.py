@@ -6,11 +6,12 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambid.arrays import ByValue
 from ambid.errors import RecordError
 from ambid.findings import Finding, Kind, WithFindings
 from ambid.reading import Provenance
@@ -24,6 +25,7 @@ from ambid.record.raw import SIGNALS, raw_record
 from ambid.record.readers import opened
 from ambid.record.rebuild import ExcitationSource
 from ambid.record.writers import write
+from ambid.results import data_frame, html_table, picture
 from ambid.rig import Rig
 
 __all__ = ["Record"]
@@ -44,8 +46,8 @@ READ_WITHOUT_I_C = Kind(
 AXES_OF_RIG = Kind("axes_of_rig", "note", "the file names no axes: its columns are taken as {axes}, the rig's order")
 
 
-@dataclass(frozen=True, repr=False)
-class Record(WithFindings):
+@dataclass(frozen=True, repr=False, eq=False)
+class Record(ByValue, WithFindings):
     """One closed-loop experiment, N samples on n axes.
 
     `Record.load` and `Record.from_arrays` check the values; the constructor checks shapes only, and is meant for
@@ -103,6 +105,7 @@ class Record(WithFindings):
     provenance: Provenance | None = None
     point: Rig | None = None
     excitation_source: ExcitationSource = "logged"
+    read_only: ClassVar[tuple[str, ...]] = tuple(SIGNALS)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axes", tuple(self.axes))
@@ -408,6 +411,30 @@ class Record(WithFindings):
             If the format needs a package that is not installed.
         """
         write(Path(path), self.sample_rate, self.axes, self._signals)
+
+    plot = picture("plot_record")
+
+    def columns(self) -> dict[str, NDArray[np.float64]]:
+        """Every recorded channel by its name, such as ``y.A_zeta``, SI units."""
+        return dict(self._columns())
+
+    def to_pandas(self) -> Any:
+        """Convert to a pandas.DataFrame: a column a channel, such as ``y.A_zeta``, SI units, and `t` [s] before them.
+
+        Raises
+        ------
+        InputError
+            If pandas is not installed.
+        """
+        return data_frame({"t": self.t, **self.columns()})
+
+    def _repr_html_(self) -> str:
+        units = {"y": "m", "r": "m"}
+        rows = [
+            [name, units.get(name.partition(".")[0], "A"), *(float(f(x)) for f in (np.mean, np.std, np.min, np.max))]
+            for name, x in self.columns().items()
+        ]
+        return html_table(["channel", "unit", "mean", "deviation", "least", "most"], rows, [repr(self), *self.notes])
 
     def __repr__(self) -> str:
         signals = " ".join(signal for signal in SIGNALS if getattr(self, signal) is not None)

@@ -1,8 +1,9 @@
 """What the models of the rig file share: ranges in SI units, and problems told in the words of the file."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from inspect import Parameter, Signature
 from typing import Any
 
 import numpy as np
@@ -141,6 +142,22 @@ class Spec(BaseModel):
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        """Its signature has the keys alone: what is allowed in each stands in the docstring."""
+        super().__pydantic_init_subclass__(**kwargs)
+        keys = []
+        for name, field in cls.model_fields.items():
+            default = Parameter.empty if field.is_required() else field.get_default(call_default_factory=True)
+            keys.append(Parameter(field.alias or name, Parameter.KEYWORD_ONLY, default=default))
+        cls.__signature__ = Signature(keys)
+
+    def __repr_args__(self) -> Iterator[tuple[str, Any]]:
+        """The keys that are not at their defaults."""
+        for name, field in type(self).model_fields.items():
+            if field.is_required() or getattr(self, name) != field.get_default(call_default_factory=True):
+                yield name, getattr(self, name)
 
     def __init__(self, **data: Any) -> None:
         try:

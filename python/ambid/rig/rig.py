@@ -11,6 +11,7 @@ from pydantic import Field, PrivateAttr, ValidationError, ValidationInfo, field_
 
 from ambid.errors import RigError
 from ambid.reading import Provenance, reading
+from ambid.results import html_table
 from ambid.rig.controller import (
     SAMPLE_RATE,
     AnyController,
@@ -408,6 +409,24 @@ class Rig(Spec):
     def exact(self) -> "Rig":
         """Return the rig with every value taken for exact, whatever its [tolerance] says."""
         return self if self.is_exact else self.replace(tolerance={"exact": True})
+
+    def __repr__(self) -> str:
+        controller = f"{self.controller.implementation} {self.controller.kind}"  # type: ignore[attr-defined]
+        return (
+            f"Rig({self.name!r}: axes {', '.join(self.axes)}; {self.sample_rate:g} Hz, {self.speed:g} rad/s; "
+            f"rotor by {self.rotor.kind}, {controller} controller)"
+        )
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        head = ["bearing", "axes", "position", "sensor_position", "tilt", "bias_current", "air_gap"]
+        rows = [
+            [b.name, ", ".join(b.axes), b.position, b.sensor_position, b.tilt, b.bias_current, b.air_gap, k_i, k_s]
+            for b in self.bearings
+            for k_i, k_s in [(", ".join(f"{v:g}" for v in own) for own in (b.force_current, b.force_displacement))]
+        ]
+        return html_table([*head, "force_current", "force_displacement"], rows, [repr(self)])
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Rig) and self._values() == other._values()

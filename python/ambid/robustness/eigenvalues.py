@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambid.arrays import ComplexArray, FloatArray
+from ambid.arrays import ByValue, ComplexArray, FloatArray
 from ambid.findings import Finding, WithFindings
 from ambid.loop.loop import open_plant
 from ambid.model import Model
@@ -22,8 +22,8 @@ FLOOR = 1e-13
 """The same of the largest pole, of those near zero."""
 
 
-@dataclass(frozen=True, repr=False)
-class PoleMap(Tabular, WithFindings):
+@dataclass(frozen=True, repr=False, eq=False)
+class PoleMap(ByValue, Tabular, WithFindings):
     """Result of `pole_map`. Of each conjugate pair the pole with the positive imaginary part stands for both.
 
     Attributes
