@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import ambid
-from ambid.errors import InputError, ModelError
+from ambid.errors import InputError, UnknownParameterError
 from ambid.plot import plot_record
 from ambid.results import PICTURES
 from ambid.rig import Tolerance
@@ -40,13 +40,14 @@ def all_kinds(record, estimate):
         "estimate": estimate,
         "comparison": estimate.comparison,
         "poles": ambid.pole_map(estimate.model),
+        "one": estimate.comparison.records[0],
     }
 
 
 KINDS = ("rig", "record", "response", "model", "estimate", "comparison", "poles")
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*KINDS, "one"])
 def test_what_is_pickled_or_copied_is_the_same(all_kinds, kind):
     own = all_kinds[kind]
     for again in (pickle.loads(pickle.dumps(own)), copy.copy(own), copy.deepcopy(own)):
@@ -102,9 +103,11 @@ def test_parameters_are_found_by_their_names(estimate):
 
 
 def test_a_name_that_is_none_is_refused_with_the_nearest(estimate, golden):
-    for ask in (lambda: estimate["tau"], lambda: estimate.model["tau"], lambda: estimate.model.parameters["tau"]):
-        with golden.raises(ModelError):
-            ask()
+    for within in (estimate, estimate.model, estimate.model.parameters, estimate.parameters):
+        with golden.raises(UnknownParameterError):
+            within["tau"]
+        with pytest.raises(KeyError):
+            within["tau"]
     with pytest.raises(TypeError):
         iter(estimate.model)
 

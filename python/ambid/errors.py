@@ -78,6 +78,12 @@ class ModelError(InputError):
     """A request on a model is wrong: an unknown parameter, a start outside its bounds, a wrong shape."""
 
 
+class UnknownParameterError(ModelError, KeyError):
+    """A parameter was asked for by a name that is none."""
+
+    __str__ = Exception.__str__  # that of a KeyError has quotes
+
+
 class OutputError(AmbidError):
     """A file could not be written: names it, the reason, such as a full disk, and what to do."""
 

@@ -7,12 +7,27 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from html import escape
 from math import isfinite, pi
-from typing import Any
+from typing import Any, TypeVar
 
-from ambid.errors import InputError
+from ambid.errors import InputError, UnknownParameterError, did_you_mean
 
+T = TypeVar("T")
 READABLE = {"1": (100.0, "%"), "m": (1e3, "mm"), "rad": (180.0 / pi, "degrees"), "s": (1e6, "us")}
 """Factor and unit of small numbers by their SI unit."""
+
+
+class Named(dict[str, T]):
+    """Values by name; a name that is none is refused with what comes nearest.
+
+    Raises
+    ------
+    UnknownParameterError
+        Which is a KeyError, too.
+    """
+
+    def __missing__(self, name: str) -> T:
+        near = did_you_mean(str(name), self)
+        raise UnknownParameterError(f"{name}: no such parameter; {near}there are {', '.join(self)}")
 
 
 class Tabular(ABC):

@@ -10,14 +10,14 @@ import numpy as np
 
 from ambid.arrays import ByValue, ComplexArray, FloatArray
 from ambid.effects.magnet import ForceNonlinearity
-from ambid.errors import ModelError, did_you_mean
+from ambid.errors import UnknownParameterError, did_you_mean
 from ambid.findings import NOWHERE, Finding, Kind, WithFindings
 from ambid.identification.curvature import Curvature
 from ambid.identification.tolerances import Budget, KnownValue, lines, percent
 from ambid.model import Model, Parameter
 from ambid.noise import Comparison
 from ambid.record import Measurement
-from ambid.results import Tabular, of_unit, plain
+from ambid.results import Named, Tabular, of_unit, plain
 
 NORMAL_95 = 1.959964
 """Half width of a 95 % interval of the normal distribution, in standard errors."""
@@ -166,18 +166,21 @@ class Estimate(ByValue, WithFindings, Tabular):
     findings: tuple[Finding, ...] = ()
     incidental: ClassVar[tuple[str, ...]] = ("seconds",)
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", Named(self.parameters))
+
     def __getitem__(self, name: str) -> ParameterEstimate:
         """What was found of a parameter, such as ``estimate["K_i.A_zeta"]``.
 
         Raises
         ------
-        ModelError
+        UnknownParameterError
             If it was not free, or there is none of this name.
         """
         if name not in self.parameters:
             held = f"{name} was not free" if name in self.model.names else f"{name}: no such parameter"
             hint = did_you_mean(name, self.parameters)
-            raise ModelError(f"{held}; {hint}fitted were {', '.join(self.parameters)}")
+            raise UnknownParameterError(f"{held}; {hint}fitted were {', '.join(self.parameters)}")
         return self.parameters[name]
 
     def budget(self) -> Budget:

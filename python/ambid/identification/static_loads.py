@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
-from ambid.arrays import FloatArray
+from ambid.arrays import ByValue, FloatArray
 from ambid.errors import IdentificationError, RigError
 from ambid.findings import NOWHERE, Finding, Kind, WithFindings
 from ambid.identification.estimate import ParameterEstimate
@@ -20,6 +20,7 @@ from ambid.loop.geometry import axis_angles, axis_directions, lies_in_one_plane,
 from ambid.record import StaticLoading
 from ambid.record.checks import order_of_axes
 from ambid.record.twice import findings_of_loadings
+from ambid.results import Named
 from ambid.rig import PointMassRotor, Rig, as_rig
 from ambid.threads import with_one_blas_thread
 
@@ -43,7 +44,7 @@ _STEPS_ONLY = Kind(
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class StaticEstimate(WithFindings):
+class StaticEstimate(ByValue, WithFindings):
     """Result of `static_load`, M steps of all loadings on n axes.
 
     Attributes
@@ -71,6 +72,13 @@ class StaticEstimate(WithFindings):
     axes: tuple[str, ...]
     loadings: tuple[StaticLoading, ...]
     findings: tuple[Finding, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", Named(self.parameters))
+
+    def __getitem__(self, name: str) -> ParameterEstimate:
+        """What was found of a parameter, such as ``estimate["K_i.A_zeta"]``."""
+        return self.parameters[name]
 
     @property
     def residual_newton_by_axis(self) -> dict[str, float]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ambid.errors import ModelError, did_you_mean
+from ambid.errors import ModelError, UnknownParameterError, did_you_mean
 from ambid.loop.effect import Effect
 from ambid.rig import Rig
 
@@ -74,14 +74,14 @@ class Parameters(tuple[Parameter, ...]):
 
         Raises
         ------
-        ModelError
-            If there is none of this name.
+        UnknownParameterError
+            If there is none of this name; it is a KeyError, too.
         """
         if not isinstance(which, str):
             return super().__getitem__(which)
         if (found := self.get(which)) is None:
             near = did_you_mean(which, self.keys())
-            raise ModelError(f"{which}: no such parameter; {near}the model has {', '.join(self.keys())}")
+            raise UnknownParameterError(f"{which}: no such parameter; {near}the model has {', '.join(self.keys())}")
         return found
 
     def __contains__(self, which: object) -> bool:

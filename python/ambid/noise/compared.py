@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ambid.arrays import ComplexArray, FloatArray
+from ambid.arrays import ByValue, ComplexArray, FloatArray
 from ambid.findings import Finding, WithFindings
 from ambid.model import Model
 from ambid.noise.arises import noise_arises
@@ -53,8 +53,8 @@ class ChannelComparison:
         return self.residual_rms / self.noise_rms if self.noise_rms > 0.0 else self.residual_rms
 
 
-@dataclass(frozen=True, repr=False)
-class RecordComparison(WithFindings):
+@dataclass(frozen=True, repr=False, eq=False)
+class RecordComparison(ByValue, WithFindings):
     """One record against the model.
 
     Attributes
@@ -95,6 +95,9 @@ class RecordComparison(WithFindings):
         left -= self.simulated.real
         left -= [float(np.nanmean(channel)) for channel in left.T]
         return left
+
+    def __repr__(self) -> str:
+        return f"RecordComparison({self.record.name!r}: misfit {self.misfit:.2f}, {len(self.channels)} channels)"
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, as in JSON."""

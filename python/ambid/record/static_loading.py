@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ambid.arrays import ByValue
 from ambid.errors import RecordError
 from ambid.findings import Finding, WithFindings
 from ambid.record import checks
@@ -19,8 +20,8 @@ from ambid.rig import Rig
 __all__ = ["StaticLoading"]
 
 
-@dataclass(frozen=True, repr=False)
-class StaticLoading(WithFindings):
+@dataclass(frozen=True, repr=False, eq=False)
+class StaticLoading(ByValue, WithFindings):
     """One static loading, M steps: known forces on the levitated rotor and the currents that carry them.
 
     Attributes
