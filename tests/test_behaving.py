@@ -123,6 +123,19 @@ def test_a_record_becomes_a_table_of_its_channels(record):
     assert len(frame) == record.samples
 
 
+def test_residuals_have_the_names_of_their_channels(estimate, record):
+    one = estimate.comparison.records[0]
+    left = one.residual_by_channel
+    assert list(left) == ["y.A_zeta", "i_c.A_zeta"]
+    np.testing.assert_array_equal(left["i_c.A_zeta"], one.residual[:, 1])
+    response = record.frequency_response()
+    other = ambid.compare(estimate.model, response).records[0].residual_by_channel
+    assert list(other) == ["y.A_zeta / i_e.A_zeta", "i_c.A_zeta / i_e.A_zeta"]
+    pandas = pytest.importorskip("pandas")
+    assert isinstance(one.to_pandas(), pandas.DataFrame)
+    assert list(one.to_pandas().columns) == ["t", *left]
+
+
 def test_a_record_draws_its_signals(record):
     panels = record.plot()
     assert [panel.get_ylabel().split(" ")[0] for panel in panels] == ["i_e", "y", "i_c"]

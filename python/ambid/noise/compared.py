@@ -15,6 +15,7 @@ from ambid.noise.fit import with_average
 from ambid.noise.noise import Part
 from ambid.noise.response_lines import ResponseLines
 from ambid.record import FrequencyResponse, Measurement, Record
+from ambid.results import data_frame
 
 __all__ = ["ChannelComparison", "RecordComparison", "record_against", "unjudged"]
 
@@ -95,6 +96,31 @@ class RecordComparison(ByValue, WithFindings):
         left -= self.simulated.real
         left -= [float(np.nanmean(channel)) for channel in left.T]
         return left
+
+    @property
+    def residual_by_channel(self) -> dict[str, FloatArray | ComplexArray]:
+        """The residual of every channel, such as ``y.A_zeta``; of a frequency response of every ``output / input``."""
+        if not isinstance(self.record, FrequencyResponse):
+            left = self.residual
+            return {own.channel: left[:, k] for k, own in enumerate(self.channels)}
+        left, inputs = self.residual, self.record.inputs
+        return {
+            f"{output} / {inlet}": left[:, o, i]
+            for o, output in enumerate(self.record.outputs)
+            for i, inlet in enumerate(inputs)
+        }
+
+    def to_pandas(self) -> Any:
+        """Convert the residuals to a pandas.DataFrame, `t` [s] or `frequency_hz` before them.
+
+        Raises
+        ------
+        InputError
+            If pandas is not installed.
+        """
+        own = self.record
+        over = {"frequency_hz": own.frequency_hz} if isinstance(own, FrequencyResponse) else {"t": own.t}
+        return data_frame({**over, **self.residual_by_channel})
 
     def __repr__(self) -> str:
         return f"RecordComparison({self.record.name!r}: misfit {self.misfit:.2f}, {len(self.channels)} channels)"
