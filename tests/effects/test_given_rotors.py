@@ -9,6 +9,7 @@ import pytest
 import ambid
 from ambid.diagnosis import diagnose, rank
 from ambid.effects import CATALOGUE, Effect, EffectParameter, Seen, find
+from ambid.effects.damping import ExternalDamping
 from ambid.effects.disturbance import PeriodicDisturbance
 from ambid.effects.rotor import Unbalance
 from ambid.effects.support import CouplingStiffness, SealForces
@@ -23,6 +24,7 @@ from hidden.one_axis import ONE_AXIS, record
 SPEED = 600.0
 CASES = {effect.name: effect for effect in CATALOGUE} | {
     "seal_forces between nodes": SealForces(0.4321),
+    "external_damping between nodes": ExternalDamping(0.4321),
     "coupling_stiffness at z = 0": CouplingStiffness(0),
     "unbalance at the bearings": Unbalance(),
     "unbalance between nodes": Unbalance(0.4321),
@@ -146,7 +148,7 @@ RIGS = {
 }
 DROPPED = {
     "shaft": (),
-    "shaft at rest": ("gyroscopic_coupling", "unbalance"),
+    "shaft at rest": ("gyroscopic_coupling", "internal_damping", "unbalance"),
     "rigid shaft": ("bending_mode_shift",),
     "matrices": (),
     "matrices without G": ("gyroscopic_coupling",),

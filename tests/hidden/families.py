@@ -14,7 +14,7 @@ from places import BENCH
 
 HERE = Path(__file__).parent
 SPEED = 200.0  # rad/s, of experiments on what only acts at speed
-AT_SPEED = ("gyroscopic_coupling", "unbalance")
+AT_SPEED = ("gyroscopic_coupling", "internal_damping", "unbalance")
 
 
 @dataclass(frozen=True)
@@ -157,6 +157,9 @@ FAMILIES: dict[str, Family] = {
     "unbalance": Family(lambda x, b: {"mass_eccentricity": x, "z": b.middle, "phase": 0.7}, 1e-5, on_all_lines=True),
     "seal_forces": Family(lambda x, b: {"z": b.middle, "direct": x, "cross": 0.75 * x, "damping": 4e-4 * x}, 1e3, 2e6),
     "coupling_stiffness": Family(lambda x, b: {"stiffness": x, "damping": 1e-4 * x}, 1e3, 2e6),
+    "external_damping": Family(lambda x, b: {"rate": x}, 0.1, 200.0),
+    "internal_damping": Family(lambda x, b: {"damping": x, "z": b.middle}, 1.0, 2e3),
+    "magnetic_pull": Family(lambda x, b: {"stiffness": x, "z": b.middle}, 1e3, 2e6),
     "foundation_resonance": Family(
         lambda x, b: {"frequency_hz": 170.0, "damping": 0.04, "mass_kg": 1.0 / x}, 1e-4, 0.1
     ),

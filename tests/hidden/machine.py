@@ -281,6 +281,17 @@ class _Builder:
                 -seal["direct"] * eye + seal["cross"] * across,
                 -seal["damping"] * eye + seal["cross_damping"] * across,
             )
+        if "external_damping" in hidden:
+            still = hidden["external_damping"]
+            self.push -= still["rate"] * self.v
+            self._spring(still["z"], 0.0 * eye, -still["damping"] * eye)
+        if "internal_damping" in hidden:
+            turning = hidden["internal_damping"]
+            whirl = turning["damping"] * self.rig.speed
+            self._spring(turning["z"], whirl * across, -turning["damping"] * eye)
+        if "magnetic_pull" in hidden:
+            pull = hidden["magnetic_pull"]
+            self._spring(pull["z"], pull["stiffness"] * eye, 0.0 * eye)
         if "coupling_stiffness" in hidden:
             end = hidden["coupling_stiffness"]
             z = rotor.drive_end if end["z"] is None else end["z"]

@@ -1,4 +1,4 @@
-"""What can hide in a record: the 23 effects of the catalogue and physics outside it, with their parameters."""
+"""What can hide in a record: the effects of the catalogue and physics outside it, with their parameters."""
 
 from __future__ import annotations
 
@@ -39,6 +39,13 @@ CATALOGUE: dict[str, dict[str, tuple[object, str]]] = {
         "damping": (0.0, "N s/m to ground"),
         "z": (None, "m; None: the end of the shaft"),
     },
+    "external_damping": {
+        "rate": (0.0, "1/s, of the whole rotor times its mass matrix"),
+        "damping": (0.0, "N s/m, at z"),
+        "z": (0.0, "m"),
+    },
+    "internal_damping": {"damping": (NEEDED, "N s/m, as seen from the rotor"), "z": (NEEDED, "m")},
+    "magnetic_pull": {"stiffness": (NEEDED, "N/m, away from the centre"), "z": (NEEDED, "m")},
     "foundation_resonance": {
         "frequency_hz": (NEEDED, "of the housing alone on its support"),
         "damping": (0.05, "ratio"),

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from inspect import signature
 from typing import Any
 
-from ambid.effects import amplifier, disturbance, magnet, rotor, sensor, slips, support
+from ambid.effects import amplifier, damping, disturbance, magnet, rotor, sensor, slips, support
 from ambid.effects.measured import MeasuredShape
 from ambid.errors import ModelError, did_you_mean
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
@@ -14,6 +14,7 @@ __all__ = ["CATALOGUE", "Effect", "EffectParameter", "MeasuredShape", "Seen", "T
 CATALOGUE: tuple[Effect, ...] = (
     *rotor.EFFECTS,
     *support.EFFECTS,
+    *damping.EFFECTS,
     *magnet.EFFECTS,
     *amplifier.EFFECTS,
     *sensor.EFFECTS,

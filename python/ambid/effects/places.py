@@ -1,6 +1,8 @@
-"""Where along the shaft something may act that the rig file does not place."""
+"""Where along the shaft something may act that the rig file does not place, and how strongly it is probed."""
 
 from __future__ import annotations
+
+import numpy as np
 
 from ambid.loop.geometry import rotor_of, why_unknown
 from ambid.rig import FiniteElementRotor, Rig
@@ -8,6 +10,11 @@ from ambid.rotor import further_modes
 
 MORE_MODES = 2
 """Bending modes beyond those of the model that may join it beside what acts there."""
+
+
+def size_of_stiffness(rig: Rig) -> float:
+    """Mean size of K_s [N/m], by which forces to ground are probed."""
+    return float(np.mean([abs(k) for b in rig.bearings for k in b.force_displacement]))
 
 
 def half_way(rig: Rig) -> float:

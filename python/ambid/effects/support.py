@@ -8,8 +8,8 @@ from math import pi
 
 import numpy as np
 
-from ambid.effects.places import half_way, likely_places
-from ambid.effects.traits import RESONANCE, STIFFNESS
+from ambid.effects.places import half_way, likely_places, size_of_stiffness
+from ambid.effects.traits import DAMPING, RESONANCE, STIFFNESS
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
 from ambid.loop.plant import Plant
 from ambid.rig import PointMassRotor, Rig
@@ -21,15 +21,13 @@ part of the rate at which it falls."""
 
 
 def _slowest_hz(rig: Rig) -> float:
-    slowest = min(SLOWEST_HZ, OF_RATE * rig.sample_rate)
-    if isinstance(rig.rotor, PointMassRotor):
-        slowest = min(slowest, OF_FALL * float(np.sqrt(_stiffness(rig) / rig.rotor.mass)) / (2.0 * pi))
-    return slowest
-
-
-def _stiffness(rig: Rig) -> float:
-    """Mean size of K_s [N/m]."""
-    return float(np.mean([abs(k) for b in rig.bearings for k in b.force_displacement]))
+    if not isinstance(rig.rotor, PointMassRotor):
+        return min(SLOWEST_HZ, OF_RATE * rig.sample_rate)
+    return min(
+        SLOWEST_HZ,
+        OF_RATE * rig.sample_rate,
+        OF_FALL * float(np.sqrt(size_of_stiffness(rig) / rig.rotor.mass)) / (2.0 * pi),
+    )
 
 
 @dataclass(frozen=True)
@@ -48,6 +46,7 @@ class SealForces(Effect):
     signature = "rigid-body band, both planes, and one plane answering the other with opposite signs"
     source = "Childs, Turbomachinery Rotordynamics, 1993, chapter 4"
     plural = True
+    contains = ("external_damping", "internal_damping", "magnetic_pull")
     across_planes = True
     fine = ("z",)
 
@@ -74,7 +73,7 @@ class SealForces(Effect):
         """Direct and cross stiffness [N/m], damping [N s/m]."""
         if isinstance(rig.rotor, PointMassRotor):
             return []
-        k = _stiffness(rig)
+        k = size_of_stiffness(rig)
         return [
             EffectParameter(
                 "direct_stiffness", "N/m", 0.02 * k, lower=-UNBOUNDED, meaning="stiffness k against motion"
@@ -90,8 +89,8 @@ class SealForces(Effect):
         ]
 
     def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
-        """Its direct stiffness."""
-        return {STIFFNESS: values["direct_stiffness"]}
+        """Its direct stiffness and damping."""
+        return {STIFFNESS: values["direct_stiffness"], DAMPING: values["damping"]}
 
     def attach(self, plant: Plant) -> None:
         """A force at its place in each plane; cross stiffness where there are two."""
@@ -121,6 +120,7 @@ class CouplingStiffness(Effect):
     equation = "F = -k x - c x' at the end, in every plane"
     signature = "rigid-body band, both planes alike, more at the bearing next to the drive; no cross-coupling"
     source = "Friswell, Penny, Garvey, Lees, Dynamics of Rotating Machines, 2010, chapter 5"
+    contains = ("external_damping",)
 
     end: int | None = None
 
@@ -140,15 +140,15 @@ class CouplingStiffness(Effect):
         """Stiffness [N/m] and damping [N s/m] at the drive end."""
         if self.why_not(rig):
             return []
-        k = _stiffness(rig)
+        k = size_of_stiffness(rig)
         return [
             EffectParameter("stiffness", "N/m", 0.01 * k, meaning="stiffness k to ground at the drive end"),
             EffectParameter("damping", "N s/m", 1e-5 * k, meaning="damping c to ground at the drive end"),
         ]
 
     def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
-        """Its stiffness."""
-        return {STIFFNESS: values["stiffness"]}
+        """Its stiffness and damping."""
+        return {STIFFNESS: values["stiffness"], DAMPING: values["damping"]}
 
     def attach(self, plant: Plant) -> None:
         """The same in every plane."""
@@ -157,6 +157,60 @@ class CouplingStiffness(Effect):
             force = plant.port(self.slot("stiffness"), plant.at(z, plane))
             force = force + plant.port(self.slot("damping"), plant.at(z, plane, "eta_rate"))
             plant.push(z, plane, -force)
+
+
+@dataclass(frozen=True)
+class MagneticPull(Effect):
+    """Negative stiffness at one place, as of a motor or of permanent magnets.
+
+    Attributes
+    ----------
+    z : float, optional
+        Its place [m]; default: half-way between the outermost bearings.
+    """
+
+    name = "magnetic_pull"
+    physics = "a motor, or another magnet beside the bearings, pulls the rotor away from its centre"
+    equation = "F = k x at its place, in every plane"
+    signature = "rigid-body band, both planes alike, as if K_s were larger between the bearings; no damping"
+    source = "Früchtenicht, Jordan, Seinsch, Archiv für Elektrotechnik 65 (1982) 271"
+    fine = ("z",)
+
+    z: float | None = None
+
+    def variants(self, seen: Seen) -> Sequence[Effect]:
+        """Half-way between the bearings, and at every disk."""
+        return [MagneticPull(z) for z in likely_places(seen.rig)] if self.z is None else (self,)
+
+    def place(self, rig: Rig) -> float:
+        """Where it acts [m]; by default half-way between the outermost bearings."""
+        return half_way(rig) if self.z is None else self.z
+
+    def positions(self, rig: Rig) -> Sequence[float]:
+        """Its place."""
+        return [] if isinstance(rig.rotor, PointMassRotor) else [self.place(rig)]
+
+    def why_not(self, rig: Rig) -> str:
+        """A mass on one axis, or a rotor that is not known at its place."""
+        point = "a pull at a plain mass is one of K_s"
+        return point if isinstance(rig.rotor, PointMassRotor) else super().why_not(rig)
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Size of the negative stiffness [N/m]."""
+        if isinstance(rig.rotor, PointMassRotor):
+            return []
+        probe = 0.01 * size_of_stiffness(rig)
+        return [EffectParameter("stiffness", "N/m", probe, meaning="size k of the negative stiffness")]
+
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """A stiffness below zero."""
+        return {STIFFNESS: -values["stiffness"]}
+
+    def attach(self, plant: Plant) -> None:
+        """The same in every plane."""
+        z = self.place(plant.rig)
+        for plane in np.eye(plant.rotor.planes):
+            plant.push(z, plane, plant.port(self.slot("stiffness"), plant.at(z, plane)))
 
 
 @dataclass(frozen=True)
@@ -241,5 +295,6 @@ class FoundationResonance(Effect):
 EFFECTS = (
     SealForces(),
     CouplingStiffness(),
+    MagneticPull(),
     FoundationResonance(),
 )
