@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import least_squares
 
 import ambid
 from ambid.effects import Seen, find
-from ambid.effects.damping import ExternalDamping, InternalDamping
+from ambid.effects.damping import ROUNDED_RATE, ROUNDED_STATE, CoulombFriction, ExternalDamping, InternalDamping
 from ambid.effects.support import MagneticPull
 from ambid.rig import PointMassRotor, Support
 from hidden.bench import simulate
@@ -102,3 +104,63 @@ def test_damping_of_the_whole_rotor_is_told_from_that_at_a_place():
     ((trait, size),) = best.traits(BENCH.rig, {"rate": rate}).items()
     assert trait.unit == "N s/m"
     assert size == pytest.approx(rate * 69.0, rel=1e-3)
+
+
+# Dry friction -------------------------------------------------------------------------------------------------------
+
+
+def rounded(value, within):
+    return np.sqrt(value**2 + within**2) - within
+
+
+def levitator_with_friction(i_e, force, width, fastest):
+    """Written out by hand, in the states x, v, i_c, i_f, integral, lagged, drawn; each sample by DOP853."""
+    rig = ONE_AXIS.rig
+    pid, mass, dt = rig.controller, rig.rotor.mass, 1.0 / rig.sample_rate
+    (K_i,), (K_s,), tau = ONE_AXIS.K_i, ONE_AXIS.K_s, ONE_AXIS.tau_e
+    e_rate, e_state = ROUNDED_RATE * fastest, ROUNDED_STATE * width
+
+    def rate(_, state, command):
+        x, v, i_c, i_f, integral, lagged, drawn = state
+        lag = (x - lagged) / pid.derivative_time_constant
+        feedback = pid.proportional * x + pid.integral * integral + pid.derivative * lag
+        pull = K_i * i_f + K_s * x - 2.0 * force / width * drawn
+        slips = (rounded(v, e_rate) * drawn + v * rounded(drawn, e_state)) / width
+        to_coil = (command - feedback - i_c) / rig.amplifier.time_constant
+        return [v, pull / mass, to_coil, (i_c - i_f) / tau, x, lag, v - slips]
+
+    state, rows = np.zeros(7), []
+    for command in i_e[:, 0]:
+        rows.append(state[[0, 2]])
+        state = solve_ivp(rate, (0.0, dt), state, args=(command,), method="DOP853", rtol=1e-11, atol=1e-15).y[:, -1]
+    return np.array(rows)
+
+
+def test_friction_agrees_with_scipy():
+    i_e = ambid.prbs(6, amplitude=1.0, hold=4)
+    force, width, fastest = 30.0, 4e-6, 1e-2
+    base = at_truth(ONE_AXIS.rig, ONE_AXIS)
+    rubbing = base.add(CoulombFriction(None, width, fastest), {"force": force, "inverse_width": 1.0 / width})
+    expected, free = levitator_with_friction(i_e, force, width, fastest), base.simulate(i_e)
+    found = rubbing.with_substeps(64).simulate(i_e)
+    for ours, theirs, without in ((found.y, expected[:, :1], free.y), (found.i_c, expected[:, 1:], free.i_c)):
+        np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-6 * np.abs(theirs).max())
+        assert np.abs(theirs - without).max() > 0.02 * np.abs(theirs).max()
+    absent = base.add(CoulombFriction(None, width, fastest), {"force": 0.0, "inverse_width": 1.0 / width})
+    np.testing.assert_allclose(absent.simulate(i_e).y, free.y, rtol=0.0, atol=1e-9 * np.abs(free.y).max())
+
+
+def test_friction_is_nearly_that_of_a_slider_on_a_spring():
+    """The law of the independent simulator sticks as a spring and slips all at once: a tenth of the power is left."""
+    hidden = {"coulomb_friction": {"force": 20.0, "stiffness": 2e7, "z": 0.43}}
+    expected = simulate(BENCH.rig, I_E, hidden, seed=None, **BENCH.truth)
+    base, peak = at_truth(BENCH.rig, BENCH), np.abs(expected.y).max()
+
+    def left(logarithms):
+        force, width = np.exp(logarithms)
+        model = base.add(CoulombFriction(0.43, width, 5e-3), {"force": force, "inverse_width": 1.0 / width})
+        return ((model.with_substeps(16).simulate(I_E).y - expected.y) / peak).ravel()
+
+    found = least_squares(left, np.log([20.0, 2e-6]))
+    assert np.exp(found.x[0]) == pytest.approx(20.0, rel=0.15)
+    assert np.sum(found.fun**2) < 0.12 * np.sum(((base.simulate(I_E).y - expected.y) / peak) ** 2)

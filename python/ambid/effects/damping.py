@@ -14,6 +14,12 @@ from ambid.loop.geometry import lies_in_one_plane, rotor_of
 from ambid.loop.plant import Plant
 from ambid.rig import PointMassRotor, Rig
 
+WIDTHS = (0.03, 0.3)
+"""Widths of a loop of friction that are tried, as parts of the largest displacement."""
+SMALL = 1e-3
+"""Friction that is probed, over what K_s does at the air gap."""
+ROUNDED_RATE, ROUNDED_STATE = 0.003, 0.01
+"""Parts of the largest rate and of the width of a loop within which absolute values are rounded."""
 OF_STIFFNESS = 2e-5
 """Damping that is probed, over K_s [s]: its force is 1 % of that of K_s at 80 Hz."""
 
@@ -146,7 +152,106 @@ class InternalDamping(Effect):
             plant.push(z, plane, -plant.port(slot, seen))
 
 
+@dataclass(frozen=True)
+class CoulombFriction(Effect):
+    """Dry friction at every magnet, or at one place, which sticks like a spring before it slips.
+
+    Attributes
+    ----------
+    z : float, optional
+        Its place [m]; default: every magnet.
+    width : float
+        Of the loop of force over displacement that the probe has [m].
+    fastest : float
+        Velocity of the rotor, the largest [m/s].
+    """
+
+    name = "coulomb_friction"
+    physics = "something at rest rubs on the rotor: a force against the motion whose size does not grow with velocity"
+    equation = "F = -2 force h/width, h' = u' - (|u'| h + u' |h|)/width, along every axis"
+    signature = "odd; damps small motion more than large, and holds the smallest as a spring"
+    source = "Dahl, Aerospace Corporation TOR-158 (1968); Wen, ASCE J. Eng. Mech. 102 (1976) 249, exponent 1"
+    fine = ("z",)
+    formula_error = (
+        0.15  # of a slider on a spring it leaves 10 % of the power, where it sticks about as often as it slips
+    )
+
+    z: float | None = None
+    width: float = 3e-6
+    fastest: float = 1e-2
+
+    def variants(self, seen: Seen) -> Sequence[Effect]:
+        """At every magnet and half-way between them, with loops narrow and wide against the motion."""
+        rig = seen.rig
+        places = [self.z] if self.z is not None or isinstance(rig.rotor, PointMassRotor) else [None, half_way(rig)]
+        peak = float(seen.peaks["s"])
+        fastest = peak * float(np.sqrt(size_of_stiffness(rig) / _mass_or_one(rig)))
+        return [CoulombFriction(z, share * peak, fastest) for z in places for share in WIDTHS]
+
+    def positions(self, rig: Rig) -> Sequence[float]:
+        """Its place, if it has one."""
+        return [] if self.z is None or isinstance(rig.rotor, PointMassRotor) else [self.z]
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Force that it slips at [N], and one over the width of its loop [1/m]."""
+        gap = float(np.mean([bearing.air_gap for bearing in rig.bearings]))
+        return [
+            EffectParameter(
+                "force", "N", SMALL * size_of_stiffness(rig) * gap, meaning="force at which it slips, along each axis"
+            ),
+            EffectParameter(
+                "inverse_width",
+                "1/m",
+                1.0 / self.width,
+                lower=1e2,
+                upper=1e10,
+                meaning="one over the width of the loop: twice the displacement by which it sticks",
+            ),
+        ]
+
+    def probes(self, rig: Rig) -> Sequence[Mapping[str, float]]:
+        """A small force with the loop of this variant."""
+        return [{p.name: p.probe for p in self.parameters(rig)}]
+
+    def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
+        """Friction only takes energy."""
+        return np.zeros(1), np.full(1, np.inf)
+
+    def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
+        """The loop of the probe, and the force that the residual calls for."""
+        force, inverse_width = self.parameters(rig)
+        wanted = float(np.clip(amplitudes[0], 0.01, 1e3))
+        return {force.name: wanted * force.probe, inverse_width.name: inverse_width.probe}
+
+    def attach(self, plant: Plant) -> None:
+        """A state for each axis or plane that is drawn along until it slips; rounded where the motion turns."""
+        if self.z is None:
+            acting = list(zip(plant.axes, plant.magnets, plant.directions, strict=True))
+        else:
+            acting = [(f"plane.{k}", self.z, plane) for k, plane in enumerate(np.eye(plant.rotor.planes))]
+        slot = self.slot("inverse_width")
+        rounded = {
+            "A": 1.0,
+            "rate_smoothing": ROUNDED_RATE * self.fastest,
+            "state_smoothing": ROUNDED_STATE * self.width,
+        }
+        for what, z, direction in acting:
+            drawn = plant.state(f"drawn.{what}")
+            rate = plant.at(z, direction, "eta_rate")
+            sticks = plant.block("bouc_wen", [rate, drawn], {"beta": slot, "gamma": slot}, rounded)
+            plant.set_rate(f"drawn.{what}", sticks)
+            share = plant.port(slot, drawn, scale=2.0)
+            plant.push(z, direction, -plant.port(self.slot("force"), share))
+
+
+def _mass_or_one(rig: Rig) -> float:
+    """Mass of the rotor [kg]; 1 kg where its modes do not tell."""
+    mass = _mass(rig)
+    return mass if mass > 0.0 else 1.0
+
+
 EFFECTS = (
     ExternalDamping(),
     InternalDamping(),
+    CoulombFriction(),
 )
