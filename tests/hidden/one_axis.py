@@ -24,7 +24,7 @@ ONE_AXIS = Bench(
 )
 NAMED = {
     "external_damping": {"rate": 60.0},
-    "coulomb_friction": {"force": 3.0, "z": ONE_AXIS.middle},
+    "coulomb_friction": {"force": 0.25, "z": ONE_AXIS.middle},
     "foundation_resonance": {"frequency_hz": 170.0, "damping": 0.04, "mass_kg": 100.0},
     "force_nonlinearity": {"share": 1.0},
     "flux_saturation": {"level": 0.75, "curve": "blend"},

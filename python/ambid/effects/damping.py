@@ -181,9 +181,12 @@ class CoulombFriction(Effect):
     fastest: float = 1e-2
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
-        """At every magnet and half-way between them, with loops narrow and wide against the motion."""
+        """At every magnet, half-way between them, and at both ends, with loops narrow and wide against the motion."""
         rig = seen.rig
-        places = [self.z] if self.z is not None or isinstance(rig.rotor, PointMassRotor) else [None, half_way(rig)]
+        if self.z is not None or isinstance(rig.rotor, PointMassRotor):
+            places = [self.z]
+        else:
+            places = [None, half_way(rig), *rig.rotor.span]
         peak = float(seen.peaks["s"])
         fastest = peak * float(np.sqrt(size_of_stiffness(rig) / _mass_or_one(rig)))
         return [CoulombFriction(z, share * peak, fastest) for z in places for share in WIDTHS]
