@@ -1,4 +1,4 @@
-"""Dry friction, which the catalogue has no name for: none first, then its measured shape, then an own effect."""
+"""Dry friction where the catalogue has no name for it: none first, then its measured shape, then an own effect."""
 
 import numpy as np
 import pytest
@@ -11,6 +11,8 @@ from hidden.one_axis import ONE_AXIS
 from reference.friction_loop import FRICTION, K_I, KNEE, record
 
 RIG = ONE_AXIS.rig
+NAMELESS = tuple(effect for effect in CATALOGUE if effect.name != "coulomb_friction")
+"""The catalogue without a name for it."""
 
 
 class Friction(Effect):
@@ -38,7 +40,7 @@ def records():
 
 @pytest.fixture(scope="module")
 def found(records):
-    return ambid.diagnose(RIG, records[0], validate=records[1:])
+    return ambid.diagnose(RIG, records[0], validate=records[1:], catalogue=NAMELESS)
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +51,11 @@ def force(records):
 
 def misfit_of(model, one):
     return ambid.compare(model, one).misfit
+
+
+@pytest.mark.slow
+def test_the_catalogue_names_it(records):
+    assert ambid.diagnose(RIG, records[0], validate=records[1:]).effects == ("coulomb_friction",)
 
 
 @pytest.mark.slow
@@ -84,7 +91,7 @@ def test_the_measured_shape_holds_on_another_record(found, force, records):
 @pytest.mark.slow
 def test_an_effect_of_ones_own_takes_the_error_to_the_noise(found, records):
     train, other = records
-    again = ambid.diagnose(RIG, train, validate=[other], catalogue=(*CATALOGUE, Friction()))
+    again = ambid.diagnose(RIG, train, validate=[other], catalogue=(*NAMELESS, Friction()))
     assert again.verdict == "explained", again
     assert again.effects == ("friction",)
     assert again.history[-1].misfit == pytest.approx(1.0, abs=0.1)
