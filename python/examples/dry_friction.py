@@ -40,7 +40,8 @@ def measured(amplitude, seed):
 
 
 train, other = measured(1.0, 1), measured(0.8, 2)
-found = ambid.diagnose(rig, train, validate=[other])
+nameless = [effect for effect in ambid.CATALOGUE if effect.name != "coulomb_friction"]  # as if nobody had thought of it
+found = ambid.diagnose(rig, train, validate=[other], catalogue=nameless)
 print(f"{found.verdict}: {found.notes[-1]}")
 
 model, shape = found.fit.model, None

@@ -18,6 +18,8 @@ WIDTHS = (0.03, 0.3)
 """Widths of a loop of friction that are tried, as parts of the largest displacement."""
 SMALL = 1e-3
 """Friction that is probed, over what K_s does at the air gap."""
+CREEP = 1e-6
+"""Rate at which what sticks creeps [1/s], over far longer than any record: the loop at rest then has no pole at 0."""
 ROUNDED_RATE, ROUNDED_STATE = 0.003, 0.01
 """Parts of the largest rate and of the width of a loop within which absolute values are rounded."""
 OF_STIFFNESS = 2e-5
@@ -242,7 +244,7 @@ class CoulombFriction(Effect):
             drawn = plant.state(f"drawn.{what}")
             rate = plant.at(z, direction, "eta_rate")
             sticks = plant.block("bouc_wen", [rate, drawn], {"beta": slot, "gamma": slot}, rounded)
-            plant.set_rate(f"drawn.{what}", sticks)
+            plant.set_rate(f"drawn.{what}", sticks - CREEP * drawn)
             share = plant.port(slot, drawn, scale=2.0)
             plant.push(z, direction, -plant.port(self.slot("force"), share))
 
