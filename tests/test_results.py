@@ -9,6 +9,7 @@ import pytest
 import ambid
 from ambid import results as tables
 from ambid.diagnosis import Diagnosis, Step
+from ambid.diagnosis.probabilities import Probabilities, SetProbability
 from ambid.diagnosis.ranking import NOT_APPLICABLE
 from ambid.diagnosis.result import MEND, MOSTLY_EXPLAINED, VERDICTS
 from ambid.errors import InputError
@@ -32,6 +33,7 @@ def diagnosis(demo_estimate, demo_record, ranking):
         verdict="adequate",
         effects=(),
         ambiguous_sets=[],
+        probabilities=Probabilities((SetProbability((), 0.97, 0.03),)),
         history=[step],
         localisation=None,
         model=demo_estimate.model,

@@ -8,6 +8,7 @@ import pytest
 
 import ambid
 from ambid.designs import Instruments, Limits, next_experiments, tell_apart
+from ambid.diagnosis.evidence import TOLD_APART
 from ambid.errors import InputError
 from ambid.identification.minimum import refit
 from hidden.next_experiments import CASES, is_truth_alone, run
@@ -92,9 +93,8 @@ def test_louder_is_tried_up_to_the_limit_and_no_further(golden):
 
 @pytest.mark.slow
 def test_after_an_ambiguous_verdict_the_set_is_told_apart():
-    truth = MODEL.add("controller_gain_error", {"proportional": 0.0, "integral": 0.0, "derivative": 0.006})
-    record = made(truth, 1.5 * I_E, 1)
-    diagnosis = ambid.diagnose(RIG, record)
+    record = made(MODEL.add("loop_delay", {"delay": 3e-5}), 2.0 * I_E, 2)
+    diagnosis = ambid.diagnose(RIG, replace(record, i_c=None))
     assert diagnosis.verdict == "ambiguous"
     found = next_experiments(diagnosis)
     assert found.hypotheses == tuple(diagnosis.ambiguous_sets[0])
@@ -109,25 +109,24 @@ def test_what_was_not_recorded_is_proposed_and_what_was_is_not():
     diagnosis = ambid.diagnose(RIG, replace(record, i_c=None))
     assert {"loop_delay", "sensor_lag"} <= set(diagnosis.ambiguous_sets[0])
     found = next_experiments(diagnosis, current_noise=CURRENT)
-    assert found.best.change.currents
+    assert row(found, "record i_c").evidence > 100.0 * row(found, "the same once more").evidence
     noisy = next_experiments(diagnosis, current_noise=10.0 * CURRENT)
-    assert row(noisy, "record i_c").evidence < 0.1 * row(found, "record i_c").evidence
+    assert row(noisy, "record i_c").evidence < row(found, "record i_c").evidence
 
 
 def test_the_length_that_is_told_brings_the_evidence():
     found = row(tell_apart(PAIR, I_E, 510, STATED), "the same once more")
-    assert found.evidence < 63.0 < found.evidence * (1.0 + found.repeats) / 2.0 < 66.0
+    length = found.evidence * (1.0 + found.repeats) / 2.0
+    assert found.evidence < 0.9 * TOLD_APART < 0.98 * TOLD_APART < length < 1.05 * TOLD_APART
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.effect}-{case.amplitude}-{case.elsewhere}")
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.effect}-{case.amplitude}")
 def test_the_proposed_experiment_names_the_truth_alone(case):
-    """On the independent simulator; 63 of evidence tell in 95 % of records, so 4 of 6 fail by chance once in 30 000."""
+    """On the independent simulator: TOLD_APART tells in 95 % of records, so 4 of 6 fail by chance once in 30 000."""
     ends = [run(case, seed) for seed in range(6)]
-    ambiguous = [(best, after) for _, best, after in ends if best is not None]
-    assert len(ambiguous) >= 4
-    alone = sum(is_truth_alone(case, after) for _, after in ambiguous)
-    assert alone >= len(ambiguous) - 2
+    assert case.with_i_c or sum(best is not None for _, best, _ in ends) >= 4
+    assert sum(is_truth_alone(case, after or before) for before, _, after in ends) >= 4
 
 
 def test_proposals_refuse(golden):

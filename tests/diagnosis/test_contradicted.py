@@ -13,17 +13,22 @@ CURVED = {"sensor_nonlinearity": NAMELESS["sensor_nonlinearity"]}
 
 
 @pytest.mark.parametrize("seed", first_fast(range(3)))
-@pytest.mark.parametrize(
-    "hidden",
-    first_fast(
-        [{"amplifier_dead_band": {"current": 0.002}}, {"coulomb_friction": {"force": 3.0, "z": ONE_AXIS.middle}}]
-    ),
-)
-def test_what_has_no_name_is_not_lost_in_the_noise_without_periods(hidden, seed):
-    i_e = np.repeat(ONE_AXIS.amplitude * np.random.default_rng([seed, 3]).choice([-1.0, 1.0], (1000, 1)), 4, axis=0)
-    found = diagnose(RIG, measured(RIG, i_e, hidden, seed=seed, **ONE_AXIS.truth))
+def test_what_has_no_name_is_not_lost_in_the_noise_without_periods(seed):
+    found = diagnose(RIG, without_periods({"amplifier_dead_band": {"current": 0.002}}, seed))
     assert found.history[0].misfit < 1.1
     assert found.verdict == "none_of_the_candidates", found
+
+
+@pytest.mark.parametrize("seed", first_fast(range(3)))
+def test_nor_is_friction_which_has_one(seed):
+    found = diagnose(RIG, without_periods({"coulomb_friction": {"force": 3.0, "z": ONE_AXIS.middle}}, seed))
+    assert found.history[0].misfit < 1.1
+    assert found.effects == ("coulomb_friction",), found
+
+
+def without_periods(hidden, seed):
+    i_e = np.repeat(ONE_AXIS.amplitude * np.random.default_rng([seed, 3]).choice([-1.0, 1.0], (1000, 1)), 4, axis=0)
+    return measured(RIG, i_e, hidden, seed=seed, **ONE_AXIS.truth)
 
 
 @pytest.mark.parametrize("seed", first_fast(range(3)))

@@ -11,8 +11,8 @@ from ambid.diagnosis.advice import next_steps
 from ambid.diagnosis.localisation import Cell
 from ambid.diagnosis.messages import findings_of
 from ambid.diagnosis.ports import needed_at_ports
-from ambid.diagnosis.state import State
-from ambid.diagnosis.verdict import Verdict
+from ambid.diagnosis.probabilities import Probabilities
+from ambid.diagnosis.verdict import Verdict, share_explained
 from ambid.report.words import left_sentence
 from hidden.bench import measured
 from hidden.one_axis import ONE_AXIS, record
@@ -51,6 +51,7 @@ def verdict(fit, **facts):
     """An explanation by a hum, but for these facts."""
     usual = Verdict(
         word="explained",
+        probabilities=Probabilities(),
         effects=(HUM.name,),
         sets=(),
         fit=fit,
@@ -165,14 +166,14 @@ def test_the_share_that_is_explained_lies_between_none_and_all(hum):
     half, wrong = (hum.of(hum.model.with_values({"K_i.A_zeta": f * TRUE["K_i.A_zeta"]})) for f in (1.03, 1.06))
     assert true.cost < half.cost < wrong.cost
     excess = wrong.cost - true.dof
-    assert State(wrong, wrong, half).explained == pytest.approx((wrong.cost - half.cost) / excess)
-    assert 0.0 < State(wrong, wrong, half).explained < 1.0
-    assert State(half, half, wrong).explained == 0.0
-    assert State(wrong, wrong, wrong).explained == 0.0
+    assert share_explained(wrong, half) == pytest.approx((wrong.cost - half.cost) / excess)
+    assert 0.0 < share_explained(wrong, half) < 1.0
+    assert share_explained(half, wrong) == 0.0
+    assert share_explained(wrong, wrong) == 0.0
     fitted = identify(hum.model, record({}, 1)).comparison
     if fitted.cost < fitted.dof:
-        assert State(fitted, fitted, fitted).explained == 1.0
-    assert State(wrong, wrong, true).explained == pytest.approx(min(1.0, (wrong.cost - true.cost) / excess))
+        assert share_explained(fitted, fitted) == 1.0
+    assert share_explained(wrong, true) == pytest.approx(min(1.0, (wrong.cost - true.cost) / excess))
 
 
 def test_a_current_that_was_not_recorded_is_not_called_misread(demo_estimate, demo_record):

@@ -123,6 +123,7 @@ OF_IDENTIFY: Options = SEED | {
 OF_DIAGNOSE: Options = {
     "--effects": ("loop_delay", "", ",", "x", "loop_delay,sensor_lag", "loop_delay,loop_delay"),
     "--ask": (),
+    "--prior": ("loop_delay=0.5", "loop_delay=0", "loop_delay=1", "x=0.1", "loop_delay", "loop_delay=nan", ""),
     "--tolerance": ("1", "0", "nan", "inf", "1e300"),
     "--report": ("out.html", "out.htm", "out.pdf", "out", "rig.toml", "out.json", "/dev/full"),
     "--pdf": ("out.pdf", "out.pdf", "out.html", "none/out.pdf", "out.json", "/dev/full"),

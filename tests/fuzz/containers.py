@@ -143,13 +143,8 @@ def _odd_hdf5(rng: Rng, file: h5py.File, path: Path, record: ambid.Record) -> No
         del file[name]
     big = pick(rng, ((1 << 40,), (1 << 20, 1 << 20), (1 << 28,)))
     how = int(rng.integers(14))
-    if how == 0:
-        group = file.create_group(name)
-        group["back"] = file["/"]
-    elif how == 1:
-        file[name] = h5py.ExternalLink(pick(rng, ("/etc/passwd", str(path), "none.h5")), "/y")
-    elif how == 2:
-        file[name] = h5py.SoftLink(pick(rng, ("/nowhere", "/", f"/{name}")))
+    if how < 3:
+        _odd_link(rng, file, name, path, how)
     elif how == 3:
         file.create_dataset(name, big, dtype="f8", chunks=True)
     elif how == 4:
@@ -179,6 +174,16 @@ def _odd_hdf5(rng: Rng, file: h5py.File, path: Path, record: ambid.Record) -> No
     else:
         file[name] = record.y
         file[name].attrs["MATLAB_class"] = pick(rng, ("double", b"cell", 5, np.zeros(3)))
+
+
+def _odd_link(rng: Rng, file: h5py.File, name: str, path: Path, how: int) -> None:
+    if how == 0:
+        group = file.create_group(name)
+        group["back"] = file["/"]
+    elif how == 1:
+        file[name] = h5py.ExternalLink(pick(rng, ("/etc/passwd", str(path), "none.h5")), "/y")
+    else:
+        file[name] = h5py.SoftLink(pick(rng, ("/nowhere", "/", f"/{name}")))
 
 
 def parquet(rng: Rng, path: Path, record: ambid.Record) -> None:

@@ -23,22 +23,18 @@ class Case:
         Of the excitation [A].
     with_i_c : bool
         Whether the first record has i_c.
-    elsewhere : bool
-        Whether the cheapest experiment at another operating point is made, and not the cheapest of all.
     """
 
     effect: str
     parameters: dict
     amplitude: float
     with_i_c: bool = True
-    elsewhere: bool = False
 
 
 CASES = (
     Case("loop_delay", {"seconds": 1.5e-5}, 1.0, with_i_c=False),
     Case("loop_delay", {"seconds": 2e-5}, 0.1),
     Case("back_emf", {"coefficient": 0.3}, 0.5),
-    Case("back_emf", {"coefficient": 0.3}, 0.5, elsewhere=True),
 )
 
 
@@ -70,8 +66,6 @@ def run(case, seed):
         return before, None, None
     proposals = ambid.next_experiments(before)
     best = proposals.best
-    if case.elsewhere:
-        best = next(own for own in proposals.experiments if own.change.rig is not None)
     after = ambid.diagnose(ONE_AXIS.rig, [old, made(case, seed, best.change, best.repeats)])
     return before, best, after
 

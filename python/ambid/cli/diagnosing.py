@@ -176,6 +176,28 @@ def rank_command(
     conclude("\n".join(text), data, json_file, quiet, drawing, findings=twice)
 
 
+def priors(given: Sequence[str]) -> dict[str, float]:
+    """Probabilities of effects before any record, as ``--prior`` takes them.
+
+    Raises
+    ------
+    InputError
+        For an unknown effect, or what is no probability.
+    """
+    found = {}
+    for own in given:
+        name, _, text = own.partition("=")
+        ambid.effects.find(name)  # refuses a name that is none
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not 0.0 < value < 1.0:
+            raise InputError(f"--prior {own}: expected NAME=P with a probability P between 0 and 1, such as {name}=0.5")
+        found[name] = value
+    return found
+
+
 def diagnose_command(
     rig: RigFile,
     records: RecordFiles,
@@ -186,6 +208,10 @@ def diagnose_command(
     ] = None,
     ask: Annotated[bool, typer.Option("--ask", help="Show the ranking and ask before an effect is added.")] = False,
     tolerance: Annotated[float | None, typer.Option(help="Misfit J/dof that is good enough; default: 1.1.")] = None,
+    prior: Annotated[
+        list[str],
+        typer.Option(metavar="NAME=P", help="Probability of an effect before any record, such as unbalance=0.5."),
+    ] = [],  # noqa: B006
     model: ModelFile = None,
     period: Period = None,
     columns: Columns = [],  # noqa: B006
@@ -229,6 +255,7 @@ def diagnose_command(
     if tolerance is not None and not tolerance >= 1.0:
         raise InputError(f"--tolerance {tolerance:g}: expected 1, the misfit of noise alone, or more")
     chosen = None if effects is None else [ambid.effects.find(name) for name in names("--effects", effects) or ()]
+    expected = priors(prior)
     if ask:
         if quiet or chosen is not None:
             raise InputError(f"--ask and {'--quiet' if quiet else '--effects'} exclude each other; keep one")
@@ -246,6 +273,7 @@ def diagnose_command(
             validate=kept,
             effects=chosen,
             tolerance=ADEQUATE if tolerance is None else tolerance,
+            prior=expected,
             ask=choose if ask else None,
             say=lambda line: say(line, quiet),
             progress=with_time_left(told),

@@ -20,7 +20,7 @@ from ambid.designs.changes import Change, changes
 from ambid.designs.intervals import planned
 from ambid.designs.peaks import Limits, forecast
 from ambid.diagnosis import Diagnosis
-from ambid.diagnosis.rivals import ENOUGH
+from ambid.diagnosis.evidence import TOLD_APART
 from ambid.errors import InputError, ModelError, UnstableLoopError
 from ambid.identification.minimum import ROUGHLY, refit
 from ambid.model import Model
@@ -257,12 +257,12 @@ class _Pair:
         """So many times as long as the present one must the next record be; infinite where no length would do."""
         before, times, evidence = 0.0, 1.0, self.once
         told = 0.0
-        while evidence < NEARLY * ENOUGH:
+        while evidence < NEARLY * TOLD_APART:
             slope = (evidence - told) / (times - before)
-            if slope * MOST_REPEATS < ENOUGH - evidence:
+            if slope * MOST_REPEATS < TOLD_APART - evidence:
                 return float("inf")
             before, told = times, evidence
-            times += (ENOUGH - evidence) / slope
+            times += (TOLD_APART - evidence) / slope
             evidence = self._evidence(times)
         return times
 

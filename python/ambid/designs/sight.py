@@ -2,9 +2,9 @@
 
 An effect of size a changes the whitened record by a psi, of which the known parameters absorb a part; what is left,
 a psi~, has the score S = a^2 |psi~|^2 in the mean beyond chance. Seen half of the time is the size that half of all
-records name: their scores reach the level of detection of a diagnosis, and each half of the record confirms it. Of the
-effects that it could be taken for, another with the response phi~ explains the part rho^2 of it; the rest,
-lambda = S (1 - rho^2), tells them apart.
+records name: there their scores make the effect as probable as a diagnosis asks for. Of the effects that it could be
+taken for, another with the response phi~ explains the part rho^2 of it; the rest, lambda = S (1 - rho^2), tells them
+apart.
 """
 
 from __future__ import annotations
@@ -16,14 +16,12 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import chdtri
+from scipy.special import chndtr
 
 from ambid.arrays import FloatArray
-from ambid.diagnosis.candidates import ALPHA
-from ambid.diagnosis.chance import independent_tests, log_chance_bounded
-from ambid.diagnosis.confirmation import CHANCE, halves
+from ambid.diagnosis.chance import independent_tests
+from ambid.diagnosis.evidence import TOLD_APART, USUAL, needed
 from ambid.diagnosis.ranking import CONFUSABLE, Point, see
-from ambid.diagnosis.rivals import ENOUGH
 from ambid.effects import CATALOGUE, Effect, EffectParameter, Seen
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.minimum import SUBSTEPS
@@ -37,10 +35,6 @@ FELT = 1e-9
 """Part of a response that is left beside the known parameters, below which an effect moves nothing else."""
 UNFELT = 1e-6
 """Whitened response of a typical size that is as good as none: a million times as much would not show either."""
-LARGEST_SCORE = 1e4
-"""Beyond all levels of detection."""
-DRAWS = 4000
-"""Of the noise of both halves of a record: they tell the level to a per cent."""
 ABSENT = 1e-3
 """Part of its typical size below which a number is as good as zero: a delay may not be zero, but all but."""
 WITHIN = (-3.0, 3.0)
@@ -180,7 +174,9 @@ def visible(comparison: Comparison, catalogue: Sequence[Effect] = CATALOGUE) -> 
         for other, its in felt.items():
             share = max(float(np.sum((one.basis.T @ response) ** 2)) / score for one in its)
             if other != name and share > CONFUSABLE**2:
-                twins[other] = float(np.sqrt(ENOUGH / (1.0 - share) / score)) if 1.0 - share > FELT else float("inf")
+                twins[other] = (
+                    float(np.sqrt(TOLD_APART / (1.0 - share) / score)) if 1.0 - share > FELT else float("inf")
+                )
         size = _size(point, own, parameter)
         settings = own.effect.settings()
         rows.append(Visible(name, parameter.name, parameter.unit, size, parameter.probe, score, settings, twins))
@@ -212,31 +208,14 @@ def _variants(point: Point, seen: Seen, effect: Effect, candidates: int) -> tupl
         return [], why
     bases = np.hstack([own.basis for own in found])
     tests = candidates * independent_tests(bases.T @ bases, len(found))
-    is_split = all(halves(record) for record in point.noise.records)
-    return [replace(own, level=_level(own.basis.shape[1], own.one_sided, tests, is_split)) for own in found], why
+    return [replace(own, level=_level(own.basis.shape[1], own.one_sided, tests)) for own in found], why
 
 
 @lru_cache
-def _level(degrees: int, one_sided: int, tests: float, is_split: bool) -> float:
-    """Mean score beyond chance of an effect that half of all records name.
-
-    Its score is no chance, and where a record can be split each half shows it too, as a diagnosis asks of what is found
-    where no misfit is left.
-    """
-    needed = brentq(
-        lambda score: log_chance_bounded(score, degrees, one_sided) - np.log(ALPHA / tests), 1.0, LARGEST_SCORE
-    )
-    noise = np.random.default_rng(0).standard_normal((2, DRAWS, degrees))
-
-    def excess(score: float) -> float:
-        own = noise.copy()
-        own[:, :, 0] += np.sqrt(score / 2.0)
-        is_named = np.sum(own.sum(axis=0) ** 2, axis=1) / 2.0 > needed
-        if is_split:
-            is_named &= (np.sum(own**2, axis=2) > chdtri(degrees, CHANCE)).all(axis=0)
-        return float(np.mean(is_named)) - 0.5
-
-    return float(brentq(excess, 0.0, LARGEST_SCORE, xtol=0.01))
+def _level(degrees: int, one_sided: int, tests: float) -> float:
+    """Mean score beyond chance of an effect that half of all records name: that whose median is what is needed."""
+    score = needed(degrees, one_sided, float(np.log(tests / USUAL)))
+    return float(brentq(lambda mean: chndtr(score, degrees, mean) - 0.5, 0.0, 2.0 * score, xtol=0.01))
 
 
 def _size_of_probe(effect: Effect, probe: Mapping[str, float], rig: Rig) -> EffectParameter | None:

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from ambid.diagnosis.evidence import TOLD_APART
 from ambid.diagnosis.messages import place
 from ambid.diagnosis.result import Step
-from ambid.diagnosis.rivals import ENOUGH
 from ambid.diagnosis.verdict import Verdict
 from ambid.findings import NOWHERE, Finding, Kind
 
@@ -133,7 +133,7 @@ def _distinguish(names: Sequence[str], history: Sequence[Step]) -> Finding:
             continue
         evidence = min(first.evidence_against(other) for other in others if other is not None)
         if evidence > first.score * (1.0 - TWINS**2):
-            factor = max(1.0, ENOUGH / max(evidence, 1e-9))
+            factor = max(1.0, TOLD_APART / max(evidence, 1e-9))
             own: dict[str, Any] = {"periods_factor": factor, "amplitude_factor": float(np.sqrt(factor))}
             return MORE_PERIODS(NOWHERE, effects=effects, **own)
         return OTHER_EXPERIMENT(NOWHERE, effects=effects)

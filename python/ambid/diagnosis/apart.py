@@ -14,7 +14,6 @@ import numpy as np
 from scipy.special import chdtri
 
 from ambid.diagnosis.candidates import ALPHA
-from ambid.diagnosis.state import State
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.covariance import covariance
 from ambid.identification.estimate import NORMAL_95
@@ -58,32 +57,32 @@ class Changing:
         return found
 
 
-def changing(state: State) -> tuple[Changing, ...]:
+def changing(fit: Comparison) -> tuple[Changing, ...]:
     """What changes from point to point, the clearest first, where its effects explain each point by itself.
 
     Empty where there is one operating point, where one of them is not explained to the noise, and where no value
     differs by more than chance.
     """
-    if not state.fit.model.points or not state.added:
+    if not fit.model.points:
         return ()
     groups: dict[Rig | None, list[int]] = {}
-    for k, record in enumerate(state.fit.noise.records):
+    for k, record in enumerate(fit.noise.records):
         groups.setdefault(record.point, []).append(k)
     fits = []
     for members in groups.values():
-        own = _alone(state, members)
+        own = _alone(fit, members)
         if own is None or not own.is_within:
             return ()
         fits.append(own)
     names = tuple(own.noise.records[0].name for own in fits)
-    found = [_told(k, names, fits) for k in range(len(state.fit.model.names))]
+    found = [_told(k, names, fits) for k in range(len(fit.model.names))]
     return tuple(sorted((own for own in found if own is not None), key=lambda own: -own.power))
 
 
-def _alone(state: State, members: list[int]) -> Comparison | None:
+def _alone(joint: Comparison, members: list[int]) -> Comparison | None:
     """The last model, refitted to the records of one point, in the noise that these tell; None if it is not stable."""
     try:
-        fit = refit(compare(state.fit.model, [state.fit.noise.records[k] for k in members]))
+        fit = refit(compare(joint.model, [joint.noise.records[k] for k in members]))
         return refit(fit.renewed())
     except (UnstableLoopError, ModelError):
         return None

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ambid.arrays import FloatArray
 from ambid.diagnosis.chance import log_chance_bounded
+from ambid.diagnosis.evidence import USUAL, by_score, posterior
 from ambid.effects import Effect
 from ambid.findings import Finding, WithFindings
 from ambid.noise import Comparison
@@ -152,6 +154,23 @@ class Ranking(WithFindings, Tabular):
         """The candidate of that name, if there is one."""
         return next((c for c in self.candidates if c.effect.name == name), None)
 
+    @cached_property
+    def probabilities(self) -> dict[str, float]:
+        """Of each candidate: that it alone is missing, by its score, or it beside something without a name.
+
+        The rest is that nothing of the catalogue is missing, or more than one; a diagnosis refits, and tries sets.
+        """
+        if self.comparison is None or not self.candidates:
+            return {}
+        usual = -float(np.log(USUAL / (len(self.candidates) + len(self.findings))))
+        tried = [by_score(self.comparison, self.misfit, 0.0, 0, 0, 0.0)]
+        for c in self.candidates:
+            prior = usual + float(np.log(c.variants))
+            own = by_score(self.comparison, c.predicted_misfit, c.score, c.degrees, c.one_sided, prior)
+            tried.append(own)
+        names = [c.effect.name for c in self.candidates]
+        return dict(zip(names, posterior(tried)[1:].tolist(), strict=True))
+
     @property
     def significant(self) -> tuple[Candidate, ...]:
         """Candidates whose score is no chance, at `ALPHA` over the whole catalogue."""
@@ -164,6 +183,7 @@ class Ranking(WithFindings, Tabular):
             "effect": [c.effect.name for c in self.candidates],
             "score": [c.score for c in self.candidates],
             "p_value": [c.p_value for c in self.candidates],
+            "probability": [self.probabilities.get(c.effect.name) for c in self.candidates],
             "predicted_misfit": [c.predicted_misfit for c in self.candidates],
             "predicted_value": [", ".join(f"{n} {v:.3g}" for n, v in c.start.items()) for c in self.candidates],
             "confusable_with": [", ".join(c.confusable_with) for c in self.candidates],
@@ -171,7 +191,7 @@ class Ranking(WithFindings, Tabular):
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""
-        rows = [candidate.as_dict() for candidate in self.candidates]
+        rows = [c.as_dict() | {"probability": self.probabilities.get(c.effect.name)} for c in self.candidates]
         return plain(
             {"misfit": self.misfit, "candidates": rows, "not_tried": self.not_tried, **self.findings_as_dict()}
         )
@@ -183,10 +203,12 @@ class Ranking(WithFindings, Tabular):
     def __repr__(self) -> str:
         lines = [
             f"misfit {self.misfit:.3f} (J/dof, 1 when the model is right)",
-            f"{'effect':24s} {'score':>11s} {'p value':>9s} {'misfit then':>12s}  predicted",
+            f"{'effect':24s} {'score':>11s} {'p value':>9s} {'alone':>7s} {'misfit then':>12s}  predicted",
         ]
         for c in self.candidates:
             values = ", ".join(f"{name} {value:.3g}" for name, value in c.start.items())
-            lines.append(f"{c.effect.name:24s} {c.score:11.1f} {c.p_text:>9s} {c.predicted_misfit:12.3f}  {values}")
+            alone = f"{100.0 * p:6.1f}%" if (p := self.probabilities.get(c.effect.name)) is not None else " " * 7
+            numbers = f"{c.score:11.1f} {c.p_text:>9s} {alone} {c.predicted_misfit:12.3f}"
+            lines.append(f"{c.effect.name:24s} {numbers}  {values}")
         lines += [f"{name:24s} not tried: {why}" for name, why in self.not_tried.items()]
         return "\n".join(lines)

@@ -1,118 +1,56 @@
-"""Each named effect with its near twins: what shares a trait with it, and looks like it or does nearly as well."""
+"""Each named effect with its near twins: what shares a trait with it, and does nearly as well in its place."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
-from ambid.diagnosis.candidates import Candidate
+from ambid.diagnosis.hypotheses import Field, Hypothesis, traits_of
 from ambid.diagnosis.result import Family
-from ambid.diagnosis.rivals import is_as_good
-from ambid.diagnosis.state import State
 from ambid.effects import Effect, Trait
-from ambid.errors import ModelError, UnstableLoopError
-from ambid.identification.minimum import ROUGHLY, refit
-from ambid.model import Model
-from ambid.noise import Comparison
 
 __all__ = ["families"]
 
-WORTH_TRYING = 0.1
-"""Part of the named effect's score below which one of its kind is no near twin; scores can err by a factor of two."""
+NEAR = 20.0
+"""Log evidence by which a set with a twin may fall behind, where both reach the noise."""
 AGREED = 1.2
 """Ratio of the largest to the smallest value up to which the members of a family agree upon one number."""
 
 
-@dataclass(frozen=True)
-class _Member:
-    """An effect that does nearly as well, with its traits at its refitted values."""
+def families(field: Field, best: Hypothesis) -> dict[str, Family]:
+    """Each effect of a set with its near twins, and what all of them share.
 
-    name: str
-    traits: Mapping[Trait, float]
-    cost: float
-
-
-def families(state: State) -> dict[str, Family]:
-    """Each effect that a search has added with its near twins, and what all of them share.
-
-    Near twins share a trait with it. They look like it in the ranking, or, refitted in its place, leave no more than
-    chance can make of what it leaves. Where it leaves more than noise its own formula errs by as much, and so may
-    theirs. Where none shares a trait, they are all that cannot be told from it or looks like it.
+    Near twins share a trait with it and, in its place, are little less likely, or leave less than the effect explains.
     """
     found = {}
-    for effect in state.added:
-        own, others = _before(state, effect.name)
-        first = _member(effect, state.fit)
-        near = _near(state, own, others) if own is not None and first.traits else []
-        shared = [trait for trait in first.traits if any(trait in other.traits for other in near)]
-        if shared:
-            # the trait that most of them have; of several the narrowest
-            trait = max(shared, key=lambda trait: sum(trait in other.traits for other in near))
-            members = [first, *sorted((m for m in near if trait in m.traits), key=lambda m: m.cost)]
-            values = tuple(float(m.traits[trait]) for m in members)
-            found[effect.name] = Family(tuple(m.name for m in members), _told(trait, values), values, trait.unit)
-        else:
-            alike = () if own is None else own.confusable_with
-            names = dict.fromkeys((effect.name, *state.sets.get(effect.name, ()), *alike))
-            if len(names) > 1:
-                found[effect.name] = Family(tuple(names), "")
+    for effect in best.added:
+        own = traits_of(effect, best.fit.model)
+        twins = [(other, traits_of(other, there.fit.model)) for other, there in _in_place_of(field, best, effect)]
+        shared = [trait for trait in own if any(trait in traits for _, traits in twins)]
+        if not shared:
+            continue
+        # the trait that most of them have; of several the narrowest
+        trait = max(shared, key=lambda trait: sum(trait in traits for _, traits in twins))
+        members = [(effect, own), *((other, traits) for other, traits in twins if trait in traits)]
+        values = tuple(float(traits[trait]) for _, traits in members)
+        names = tuple(other.name for other, _ in members)
+        found[effect.name] = Family(names, _told(trait, values), values, trait.unit)
     return found
 
 
-def _before(state: State, name: str) -> tuple[Candidate | None, tuple[Candidate, ...]]:
-    """An effect in the last ranking that it stood in, and what else stood there."""
-    for step in reversed(state.history):
-        if (own := step.ranking.find(name)) is not None:
-            return own, tuple(other for other in step.ranking.candidates if other is not own)
-    return None, ()
-
-
-def _near(state: State, own: Candidate, others: Sequence[Candidate]) -> list[_Member]:
-    """What shares a trait with an effect, and looks like it or does nearly as well in its place."""
-    rest = state.fit.model.without(own.effect.name)
-    here = {effect.name for effect in rest.effects}
-    mine = _traits(own.effect, rest, {})
-    found = []
-    for other in others:
-        is_alike = other.effect.name in own.confusable_with
-        if other.effect.name in here or not (is_alike or other.score > WORTH_TRYING * own.score):
-            continue
-        if mine.keys() & _traits(other.effect, rest, {}).keys():
-            fit = _refitted(state, rest, other)
-            if fit is not None and (is_alike or _is_near(state, fit)):
-                found.append(_member(other.effect, fit))
-    return found
-
-
-def _refitted(state: State, rest: Model, candidate: Candidate) -> Comparison | None:
-    """A candidate in the place of an effect, from its predicted values; where these lead nowhere, from typical ones."""
-    ends: list[Comparison] = []
-    for values in (candidate.start, {}):
-        try:
-            ends.append(refit(state.fit.of(rest.add(candidate.effect, values)), step=ROUGHLY))
-        except (UnstableLoopError, ModelError):
-            continue
-        own = (p for p in ends[-1].model.parameters if p.name.startswith(f"{candidate.effect.name}."))
-        if not any(p.is_at_limit for p in own):
-            break
-    return min(ends, key=lambda end: end.cost, default=None)
-
-
-def _is_near(state: State, other: Comparison) -> bool:
-    return is_as_good(other, state.fit) or other.cost - state.fit.cost <= state.fit.cost - state.dof
-
-
-def _member(effect: Effect, fit: Comparison) -> _Member:
-    own = {p.name.split(".", 1)[1]: p.value for p in fit.model.parameters if p.name.startswith(f"{effect.name}.")}
-    return _Member(effect.name, _traits(effect, fit.model, own), fit.cost)
-
-
-def _traits(effect: Effect, model: Model, values: Mapping[str, float]) -> Mapping[Trait, float]:
-    """Traits of an effect at these of its values, the others being typical ones."""
-    rig = model.home_of(effect) or model.rig
-    return effect.traits(rig, {p.name: p.probe for p in effect.parameters(rig)} | dict(values))
+def _in_place_of(field: Field, best: Hypothesis, effect: Effect) -> list[tuple[Effect, Hypothesis]]:
+    """What was tried in the place of an effect and does nearly as well, the best first."""
+    rest = best.names - {effect.name}
+    near = []
+    for names, own in field.tried.items():
+        if len(names) == len(best.names) and rest < names and effect.name not in names:
+            is_near = field.worth(own) > field.worth(best) - NEAR
+            is_better_than_nothing = rest in field.tried and field.left_by(own) < 0.5 * field.left_by(field.tried[rest])
+            if is_near or is_better_than_nothing:
+                (other,) = (each for each in own.added if each.name not in rest)
+                near.append((other, own))
+    return sorted(near, key=lambda pair: field.worth(pair[1]), reverse=True)
 
 
 def _told(trait: Trait, values: Sequence[float]) -> str:

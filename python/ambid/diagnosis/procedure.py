@@ -17,14 +17,15 @@ from ambid.checking import (
 )
 from ambid.diagnosis.advice import next_steps
 from ambid.diagnosis.families import families
+from ambid.diagnosis.hypotheses import Ask, Field, Hypothesis, added, asked, begun, explored, nominal_beside, refined
+from ambid.diagnosis.ledger import steps_to
 from ambid.diagnosis.messages import findings_of, not_determined
-from ambid.diagnosis.ranking import Progress, silent
-from ambid.diagnosis.result import Diagnosis, Family
-from ambid.diagnosis.search import Ask, add_best, add_chosen, begin
-from ambid.diagnosis.state import State, Task
+from ambid.diagnosis.ranking import Progress, rank, silent
+from ambid.diagnosis.result import Diagnosis
+from ambid.diagnosis.task import Task
 from ambid.diagnosis.verdict import Verdict, judged
 from ambid.effects import CATALOGUE, Effect, find
-from ambid.errors import RigError, Stopped
+from ambid.errors import ModelError, RigError, Stopped
 from ambid.findings import NOWHERE, Finding, Kind, has
 from ambid.identification import Estimate, ParameterEstimate, identify
 from ambid.identification.covariance import budget, covariance
@@ -59,6 +60,7 @@ def diagnose(
     effects: Sequence[str | Effect] | None = None,
     catalogue: Sequence[Effect] = CATALOGUE,
     tolerance: float = ADEQUATE,
+    prior: Mapping[str, float] | None = None,
     ask: Ask | None = None,
     say: Callable[[str], None] = lambda _: None,
     progress: Progress = silent,
@@ -81,6 +83,8 @@ def diagnose(
         Candidates; effects of your own may be among them.
     tolerance : float
         Misfit J/dof up to which a model is good enough; on a short record what chance brings, if that is more.
+    prior : mapping of str to float, optional
+        Probability of effects by name before any record; by default all of the catalogue are alike.
     ask : callable, optional
         Shown the ranking and the candidate that is to be added; False ends the search, and another candidate of the
         ranking is added in its place.
@@ -106,7 +110,7 @@ def diagnose(
     UnstableLoopError
         If the base model has no stable start.
     """
-    begun = time.perf_counter()
+    begun_at = time.perf_counter()
     chosen = None
     if effects is not None:
         chosen = [find(effect, catalogue=catalogue) if isinstance(effect, str) else effect for effect in effects]
@@ -123,50 +127,79 @@ def diagnose(
     findings = check(rig, in_time).findings
     stops = [finding for finding in findings if stops_diagnosis(finding)]
     if stops:
-        return Diagnosis.uninformative(start, records, stops, begun)
+        return Diagnosis.uninformative(start, records, stops, begun_at)
     estimate = identify(start, records)
     if why := list(_uninformed(start, estimate)):
-        return Diagnosis.uninformative(estimate.model, records, why, begun)
+        return Diagnosis.uninformative(estimate.model, records, why, begun_at)
     task = Task(
         nominal=_nominal(start),
         validate=tuple(validate),
         catalogue=tuple(catalogue),
         progress=progress,
-        is_chosen=chosen is not None,
         as_given=tuple(effect for effect in chosen or () if effect.settings()),
+        given_prior=dict(prior or {}),
     )
     base = estimate.comparison
     if not base.is_adequate and not all(part.noise_is_measured for part in base.noise.parts):
         base = refit(base)  # `identify` did not trust the weights, as physics is missing
-    state = begin(task, base)
-    near: dict[str, Family] = {}
+    field = begun(task, base)
 
     def told(*, is_stopped: bool) -> Diagnosis:
-        verdict = judged(task, state, tolerance, is_stopped=is_stopped)
-        return _told(verdict, state, task, near, records, start, findings, begun)
+        end = None if chosen is None else max(field.tried.values(), key=lambda own: len(own.added))
+        verdict = judged(task, field, tolerance, is_stopped=is_stopped, chosen=end)
+        return _told(verdict, field, end or field.best, task, records, start, findings, begun_at)
 
     try:
-        say(state.history[-1].line())
-        for further in add_best(task, state, ask) if chosen is None else add_chosen(task, state, chosen):
-            known, state = len(state.history), further  # whatever interrupts what is said of it, the step is done
-            for step in state.history[known:]:
-                say(step.line())
-        near = families(state)
+        say(_line(field.base, field.base))
+        ways = _chosen(task, field, chosen) if chosen is not None else None
+        for further in ways or (explored(task, base) if ask is None else asked(task, base, ask)):
+            before, field = field.foremost, further
+            if field.foremost.names != before.names:
+                say(_line(field.foremost, field.base))
         return told(is_stopped=False)
     except KeyboardInterrupt:
-        pass  # what is told of the steps that are done is no part of the stack that was interrupted
+        pass  # what is told of the sets that were tried is no part of the stack that was interrupted
     raise Stopped(told(is_stopped=True))
+
+
+def _chosen(task: Task, field: Field, effects: Sequence[Effect]) -> Iterator[Field]:
+    """Add a person's own choice, in this order.
+
+    Raises
+    ------
+    ModelError
+        If an effect cannot be judged on this model, or makes no stable loop.
+    """
+    names: frozenset[str] = frozenset()
+    for effect in effects:
+        fit = field.tried[names].fit
+        ranking = rank(fit, [effect], start=nominal_beside(task, fit.model))
+        if not ranking.candidates:
+            why = ranking.not_tried.get(effect.name, "it is in the model already")
+            raise ModelError(f"{effect.name} cannot be added to this model ({why})")
+        field = refined(task, added(task, field, names, ranking.candidates[0]), names | {effect.name})
+        names = names | {effect.name}
+        yield field
+
+
+def _line(own: Hypothesis, base: Hypothesis) -> str:
+    """A set that was tried, in a line of text."""
+    names = " + ".join(own.effects) or "base model"
+    text = f"{names:36s} misfit {own.fit.misfit:10.3f}   fit of y {own.fit.fit_percent['average']:6.2f} %"
+    if own.validation_misfit is not None and own.kept_back is not None:
+        text += f"   validation {own.validation_misfit:.3f}, {own.kept_back.fit_percent['average']:.2f} %"
+    return text
 
 
 def _told(
     verdict: Verdict,
-    state: State,
+    field: Field,
+    best: Hypothesis,
     task: Task,
-    near: Mapping[str, Family],
     records: tuple[Measurement, ...],
     start: Model,
     findings: Sequence[Finding],
-    begun: float,
+    begun_at: float,
 ) -> Diagnosis:
     """What a search has found, with the words for it."""
     every = range(len(verdict.fit.model.names))
@@ -174,6 +207,8 @@ def _told(
     model = verdict.fit.model.with_substeps(None).with_covariance(spread)
     tolerances = known_values(model, spread, every)
     variances = budget_by_name(model.names, tolerances, budget(verdict.fit, every)) if tolerances else {}
+    history = steps_to(task, field, best)
+    near = families(field, best)
     unnamed = verdict.word == "none_of_the_candidates"
     instants = [finding for finding in findings if unnamed and has([finding], CURRENT_AHEAD, CURRENT_BEHIND)]
     slips = [finding for finding in instants if has([finding], CURRENT_AHEAD)]
@@ -181,11 +216,12 @@ def _told(
         verdict=verdict.word,
         effects=verdict.effects,
         ambiguous_sets=[list(names) for names in verdict.sets],
-        history=list(state.history),
+        probabilities=verdict.probabilities,
+        history=history,
         localisation=verdict.where,
         model=model,
         fit=verdict.fit,
-        kept_back=state.validation,
+        kept_back=best.kept_back,
         parameters={
             p.name: ParameterEstimate.normal(
                 p.value, float(error), p.unit, float(np.sqrt(variances[p.name][NOISE])) if tolerances else None
@@ -200,13 +236,13 @@ def _told(
         families={name: near[name] for name in verdict.effects if name in near},
         records=records,
         validation=task.validate,
-        next_steps=tuple(slips[:1]) or next_steps(verdict, state.history),
-        seconds=time.perf_counter() - begun,
+        next_steps=tuple(slips[:1]) or next_steps(verdict, history),
+        seconds=time.perf_counter() - begun_at,
         findings=(
             *findings_of_repeats(records),
             *findings_of_validation(records, task.validate),
             *_undetermined(start, verdict.fit),
-            *findings_of(verdict, state.fit.noise, state.history),
+            *findings_of(verdict, verdict.fit.noise, history),
             *findings_of_tolerances(start.rig, tolerances),
             *(finding for finding in findings if has([finding], OPERATING_POINT_DRIFT, FORCE_TOO_SMALL)),
             *instants,

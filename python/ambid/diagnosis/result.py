@@ -14,6 +14,7 @@ from ambid.arrays import FloatArray
 from ambid.diagnosis.candidates import Ranking
 from ambid.diagnosis.localisation import Cell, Localisation, MisfitMap, misfit_maps
 from ambid.diagnosis.moves import TOLD, Moved
+from ambid.diagnosis.probabilities import Probabilities
 from ambid.effects import Effect
 from ambid.findings import NOWHERE, Finding, Kind, WithFindings
 from ambid.identification import ParameterEstimate
@@ -185,6 +186,8 @@ class Diagnosis(WithFindings, Tabular):
         Added, in order.
     ambiguous_sets : list of list of str
         Effects that these data cannot tell apart.
+    probabilities : Probabilities
+        Of every set that was tried, of effects, of nothing and of something else.
     history : list of Step
     localisation : Localisation or None
         Where the base model fails.
@@ -218,6 +221,7 @@ class Diagnosis(WithFindings, Tabular):
     verdict: str
     effects: tuple[str, ...]
     ambiguous_sets: list[list[str]]
+    probabilities: Probabilities
     history: list[Step]
     localisation: Localisation | None
     model: Model
@@ -244,6 +248,7 @@ class Diagnosis(WithFindings, Tabular):
             verdict="not_informative",
             effects=(),
             ambiguous_sets=[],
+            probabilities=Probabilities(),
             history=[],
             localisation=None,
             model=model,
@@ -309,6 +314,8 @@ class Diagnosis(WithFindings, Tabular):
                 "verdict_meaning": self.meaning,
                 "effects": list(self.effects),
                 "ambiguous_sets": self.ambiguous_sets,
+                "probabilities": self.probabilities.as_dict(),
+                "sets": [own.as_dict() for own in self.probabilities.sets],
                 "history": [step.as_dict() for step in self.history],
                 "where": [
                     {
@@ -359,6 +366,7 @@ class Diagnosis(WithFindings, Tabular):
             verdict,
             *sets,
             *families,
+            *self.probabilities.lines(),
             f"next: {self.next_experiment}",
             *(finding.line() for finding in self._further),
         ]
@@ -376,7 +384,9 @@ class Diagnosis(WithFindings, Tabular):
         named = f": {', '.join(self.effects)}" if self.effects else ""
         lines = [f"verdict: {self.verdict}{named}", f"  {self.meaning}"]
         lines += [f"  cannot be told apart: {', '.join(names)}" for names in self.ambiguous_sets]
-        lines += [f"  {family.line()}" for family in self.families.values()]
+        lines += [
+            f"  {line}" for line in (*(own.line() for own in self.families.values()), *self.probabilities.lines())
+        ]
         lines += ["", *(step.line() for step in self.history)]
         lines += [line for step in self.history for line in step.moves()]
         if self.history:

@@ -1,4 +1,4 @@
-"""What a search came to: one of five verdicts, with the facts that it rests on."""
+"""What a search came to: one of five verdicts, read off the probabilities, with the facts that it rests on."""
 
 from __future__ import annotations
 
@@ -9,29 +9,35 @@ import numpy as np
 from scipy.special import chdtri
 
 from ambid.diagnosis.apart import Changing, changing
+from ambid.diagnosis.confirmation import is_everywhere
 from ambid.diagnosis.drift import Change, largest_change
-from ambid.diagnosis.left import shape_of
+from ambid.diagnosis.evidence import SURE
+from ambid.diagnosis.hypotheses import Field, Hypothesis
 from ambid.diagnosis.localisation import Cell, Localisation, largest_cell, localise
-from ambid.diagnosis.state import State, Task
+from ambid.diagnosis.probabilities import Probabilities, probabilities
+from ambid.diagnosis.task import Task
 from ambid.identification.covariance import covariance
 from ambid.loop.effect import Tone
 from ambid.noise import Comparison
-from ambid.noise.chance import ADEQUATE, RARE
+from ambid.noise.chance import RARE
 from ambid.noise.tones import OUTSTANDING
-from ambid.noise.unseen import ShapeLeft
+from ambid.noise.unseen import ShapeLeft, shape_left
 from ambid.record import Measurement, Record
 
-__all__ = ["Verdict", "judged"]
+__all__ = ["Verdict", "judged", "share_explained"]
 
-MOST_BY_SHARE = 2
-"""So many effects may be called an explanation by the share that they explain; more must reach the noise."""
-EXPLAINED_SHARE = 0.985
-"""Part of the excess misfit that a set of effects must explain where its own formulas are approximations."""
+CREDIBLE = 0.95
+"""Probability of the sets, together, that are reported where no set is sure."""
+LIKELY = 0.5
+"""Probability from which on something else is taken for granted."""
+EXCLUDED = 40.0
+"""Log of the odds that a test has against noise alone whose chance is past all counting."""
 OVERTURNS = 65.0
-"""Power of a change during a record that overturns a verdict: what has none stays below it, and one of half a per cent
-of K_i on four axes has 200. Smaller ones are told beside it."""
-BEYOND_NOISE = 3.0
-"""Standard deviations of J above its degrees of freedom that are more than noise."""
+"""Power of a change during a record that noise alone never has: what has none stays below it, and one of half a per
+cent of K_i on four axes has 200. Smaller ones are stated beside a verdict."""
+SHAPE_OF_FORMULAS = 0.05
+"""Part of what effects explain of records without periods that their formulas may leave as a shape: what stood in for
+friction and dead bands left 17 to 60 % of that, the coil of a levitator that was bought 0.6 to 1.7 %."""
 OTHER_AMPLITUDE = 0.2
 """Relative difference of the excitation's rms that makes it another amplitude."""
 
@@ -44,6 +50,7 @@ class Verdict:
     ----------
     word : str
         One of `result.VERDICTS`.
+    probabilities : Probabilities
     effects : tuple of str
         That explain the misfit, in order.
     sets : tuple of tuple of str
@@ -53,7 +60,7 @@ class Verdict:
     where : Localisation
         Of the base model.
     misfit : float
-        J/dof of the last model that was tried.
+        J/dof of the best set that was tried.
     tolerance : float
         Misfit up to which a model is good enough.
     share : float
@@ -63,7 +70,7 @@ class Verdict:
     change : Change or None
         Parameter that changes in what is left.
     tried : tuple of str
-        Effects of the best model that was tried where nothing leads to an explanation.
+        Effects of the best set that was tried where none explains.
     tried_share : float
         Part of the excess misfit that they explain.
     others : str
@@ -82,6 +89,7 @@ class Verdict:
     """
 
     word: str
+    probabilities: Probabilities
     effects: tuple[str, ...]
     sets: tuple[tuple[str, ...], ...]
     fit: Comparison
@@ -118,122 +126,186 @@ class Verdict:
         return self.word == "adequate" and self.misfit > self.fit.by_chance
 
 
-def judged(task: Task, state: State, tolerance: float, *, is_stopped: bool = False) -> Verdict:
-    """The verdict on the last step of a search.
+@dataclass(frozen=True)
+class _Left:
+    """What a model leaves that J does not see."""
+
+    tones: tuple[Tone, ...]
+    change: Change | None
+    shape: ShapeLeft | None
+    kept_back: float | None
+    loudest: float
+    is_explained: bool
+
+    @property
+    def against(self) -> float:
+        """Log of the odds against noise alone, or what formulas leave: a tone, or a change, is of none."""
+        is_clean = not self.tones and (self.change is None or self.change.power < OVERTURNS)
+        return 0.0 if is_clean and self.shape is None and (self.is_explained or self.loudest <= 1.0) else EXCLUDED
+
+
+def judged(
+    task: Task, field: Field, tolerance: float, *, is_stopped: bool = False, chosen: Hypothesis | None = None
+) -> Verdict:
+    """The verdict on all sets that were tried.
 
     Parameters
     ----------
     task : Task
-    state : State
+    field : Field
     tolerance : float
         Misfit J/dof up to which a model is good enough.
     is_stopped : bool
         Whether a person ended the search before its end.
+    chosen : Hypothesis, optional
+        The set that a person has chosen.
     """
-    misfit, share = state.fit.misfit, state.explained
-    effects = tuple(effect.name for effect in state.added)
-    where = localise(state.base)
-    left = state.fit.renewed() if effects else state.fit
-    change = largest_change(left) if effects else where.change
-    tones = tuple(tone for tone in left.tones if tone.power > OUTSTANDING)
-    is_clean = not tones and (change is None or change.power < OVERTURNS)
-    has_excess = state.reference.cost > state.at_noise  # without periods, what is missing may be within the noise
-    by_share = has_excess and state.explained_by_physics > EXPLAINED_SHARE and len(state.physics) <= MOST_BY_SHARE
-    is_at_noise, shape = _is_at_noise(task, state), None
-    if effects and is_at_noise and not by_share:
-        shape = shape_of(state)
-        is_at_noise = shape is None
-    elif not effects and tolerance <= ADEQUATE:
-        shape = left.shape
-    changes = () if is_at_noise or is_stopped or not is_clean else changing(state)
-    sets = tuple(state.sets[name] for name in effects if len(state.sets.get(name, ())) > 1)
-    fit, tried_share = state.fit, 0.0
-    tried: tuple[str, ...] = ()
-    is_small = misfit <= max(tolerance, state.at_noise / state.dof) and left.loudest <= tolerance
-    kept_back = _beyond_bound(state)
-    is_contradicted = shape is not None or kept_back is not None and kept_back > tolerance
-    if not effects and is_small and is_clean and not is_contradicted:
-        word = "adequate"
-    elif effects and (is_at_noise or by_share or changes) and is_clean and (state.physics or is_small):
-        word = "ambiguous" if sets else "explained"
-    elif is_stopped:
+    best = chosen or field.best
+    base, where = field.base.fit, localise(field.base.fit)
+    left = _left(field, best, where)
+    local = frozenset[str]()
+    if best.added and not task.validate and base.is_within and not is_everywhere(base, best.fit):
+        local = best.names
+    found = probabilities(field, left.against, local)
+    if local:
+        best = field.base
+    changes: tuple[Changing, ...] = ()
+    is_noise = best.fit.is_within and found.something_else < LIKELY
+    if best.added and not is_noise and not is_stopped and not left.against:
+        changes = changing(best.fit)
+    is_small = best.fit.misfit <= max(tolerance, best.fit.by_chance) and left.loudest <= tolerance
+    is_good = not best.added and is_small and not left.against
+    is_good &= left.kept_back is None or left.kept_back <= tolerance
+    is_nameless = found.something_else > LIKELY and not changes
+    word = "adequate" if is_good else _word(found, best, is_nameless=is_nameless, is_chosen=chosen is not None)
+    if is_stopped and word in ("adequate", "none_of_the_candidates") and not (word == "adequate" and is_small):
         word = "not_informative"
-    else:
-        word = "none_of_the_candidates"
-    if word == "none_of_the_candidates" and not task.is_chosen:
-        best = state.fit if state.hopeless is None else state.hopeless
-        tried = tuple(effect.name for effect in best.model.effects[len(state.base.model.effects) :])
-        if tried:
-            tried_share = state.share_of(best)
-        fit, effects, sets = state.base, (), ()
-    others = _others(task, state)
+    effects, fit = best.effects, best.fit
+    sets: tuple[tuple[str, ...], ...] = ()
+    tried: tuple[str, ...] = ()
+    if word == "ambiguous":
+        sets = _told_apart(found, effects)
+    elif word == "adequate" and chosen is None:
+        effects, fit = (), base
+    elif word == "none_of_the_candidates" and chosen is None:
+        tried, effects, fit = effects, (), base
     return Verdict(
         word,
+        found,
         effects,
         sets,
         fit,
         where,
-        misfit,
+        best.fit.misfit,
         tolerance,
-        share,
-        tones,
-        change,
+        share_explained(base, best.fit),
+        left.tones,
+        left.change,
         tried,
-        tried_share,
-        others,
+        share_explained(base, best.fit) if tried else 0.0,
+        _others(task, base),
         is_stopped,
-        task.is_chosen,
+        chosen is not None,
         changes,
-        largest_cell(fit, left, change) if word == "explained" else None,
-        kept_back,
-        shape,
+        largest_cell(fit, best.fit.renewed(), left.change) if word == "explained" else None,
+        left.kept_back,
+        left.shape,
     )
 
 
-def _is_at_noise(task: Task, state: State) -> bool:
-    """Whether nothing but noise is left, or what formulas of the effects are known to leave.
+def _word(found: Probabilities, best: Hypothesis, *, is_nameless: bool, is_chosen: bool) -> str:
+    """The verdict where more than noise is left by the base model, or more is likely than nothing."""
+    if is_nameless:
+        return "none_of_the_candidates"
+    if found.named < SURE and not is_chosen:
+        return "adequate"
+    if not best.added:
+        return "none_of_the_candidates"
+    return "explained" if is_chosen or all(found.effects[name] > SURE for name in best.effects) else "ambiguous"
 
-    A record of the same amplitude that was kept back adds to the evidence.
+
+def _left(field: Field, best: Hypothesis, where: Localisation) -> _Left:
+    """What the best set leaves."""
+    fit = best.fit.renewed() if best.added else best.fit
+    shape = fit.shape
+    if best.added:
+        shape = _shape_left(field, best)
+    return _Left(
+        tones=tuple(tone for tone in fit.tones if tone.power > OUTSTANDING),
+        change=largest_change(fit) if best.added else where.change,
+        shape=shape,
+        kept_back=_beyond_bound(best),
+        loudest=best.fit.loudest,
+        is_explained=bool(best.added),
+    )
+
+
+def _shape_left(field: Field, best: Hypothesis) -> ShapeLeft | None:
+    """The nonlinear shape that a set leaves of a record; None where none is sure, or formulas may leave as much.
+
+    Linear effects can take the place of friction, of a dead band or of a stop at one amplitude, and leave little more
+    than noise in all. A score for one shape sees less than the sum over all lines does.
     """
-    above = (state.fit.cost - state.dof - state.of_formulas) / (state.fit.noise.scatter * np.sqrt(2.0 * state.dof))
-    kept_back = state.history[-1].validation_misfit
-    if kept_back is None or state.validation is None or _validated(task, state):
-        return bool(above < BEYOND_NOISE)
-    other = (kept_back - 1.0 - state.of_formulas / state.dof) * np.sqrt(state.validation.dof / 2.0)
-    other /= state.validation.noise.scatter
-    return bool(above < BEYOND_NOISE and above + other < BEYOND_NOISE * np.sqrt(2.0))
+    if field.is_of_formulas(best) and best.evidence.fitted_beyond > 0.0:
+        return None
+    fall = field.base.fit.cost - best.fit.cost
+    for part in best.fit.noise.in_time:
+        share = max(0.0 if part.noise_is_measured else SHAPE_OF_FORMULAS, best.evidence.formula_error)
+        if shape := shape_left(part, best.fit.model, share * fall):
+            return shape
+    return None
 
 
-def _beyond_bound(state: State) -> float | None:
+def _told_apart(found: Probabilities, effects: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
+    """Of each effect of the best set, what stands in its place in other sets that are credible."""
+    total, credible = 0.0, []
+    for own in found.sets:
+        credible.append(own.effects)
+        total += own.total
+        if total > CREDIBLE:
+            break
+    groups = []
+    for name in effects:
+        others = [n for own in credible if name not in own for n in own if n not in effects]
+        if others:
+            groups.append((name, *dict.fromkeys(others)))
+    further = [n for own in credible if set(effects) < set(own) for n in own if n not in effects]
+    if not groups and further:
+        groups = [tuple(dict.fromkeys(further))]
+    return tuple(groups)
+
+
+def share_explained(base: Comparison, fit: Comparison) -> float:
+    """Part of the excess misfit of the base model that another fit explains, in the same noise, 0 to 1."""
+    excess = base.cost - base.dof
+    return 1.0 if excess <= 0.0 else min(1.0, max(0.0, (base.cost - fit.cost) / excess))
+
+
+def _beyond_bound(best: Hypothesis) -> float | None:
     """Misfit of the records to validate on, where it is above their bound, and what errors of the fit bring to it.
 
     The parameters' covariance C of the fit makes the J of a record with the Hessian H larger by tr(C H) on average:
     the larger, the more a record tells that was kept back. It is bounded as chi-squared with that mean and the variance
     2 tr(C H C H) (Satterthwaite).
     """
-    misfit, kept_back = state.history[-1].validation_misfit, state.validation
+    misfit, kept_back = best.validation_misfit, best.kept_back
     if misfit is None or kept_back is None or not misfit > kept_back.bound:
         return None
     free = range(len(kept_back.model.names))
-    carried = covariance(state.fit, free) @ kept_back.noise.quadratic(kept_back.model, free).hessian
+    carried = covariance(best.fit, free) @ kept_back.noise.quadratic(kept_back.model, free).hessian
     mean, square = float(np.trace(carried)), float(np.trace(carried @ carried))
     brought = square / mean * float(chdtri(mean**2 / square, RARE))
     return misfit if misfit > kept_back.bound + brought / kept_back.dof else None
 
 
-def _others(task: Task, state: State) -> str:
+def _others(task: Task, base: Comparison) -> str:
     """What the model was held against beside one amplitude at one operating point."""
-    if state.base.model.points:
+    if base.model.points:
         return "operating points"
-    amplitudes = _amplitudes(state.fit.noise.records)
-    differ = bool(amplitudes) and max(amplitudes) > (1.0 + OTHER_AMPLITUDE) * min(amplitudes)
-    return "amplitudes" if _validated(task, state) or differ else ""
-
-
-def _validated(task: Task, state: State) -> bool:
-    """Whether a record to validate on has another amplitude than all others."""
-    own, other = _amplitudes(state.fit.noise.records), _amplitudes(task.validate)
-    return bool(own) and any(all(abs(a / b - 1.0) > OTHER_AMPLITUDE for b in own) for a in other)
+    own, other = _amplitudes(base.noise.records), _amplitudes(task.validate)
+    differ = bool(own) and max(own) > (1.0 + OTHER_AMPLITUDE) * min(own)
+    validated = bool(own) and any(all(abs(a / b - 1.0) > OTHER_AMPLITUDE for b in own) for a in other)
+    return "amplitudes" if validated or differ else ""
 
 
 def _amplitudes(records: Sequence[Measurement]) -> list[float]:

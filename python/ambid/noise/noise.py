@@ -11,6 +11,7 @@ import numpy as np
 
 from ambid import _core
 from ambid.arrays import FloatArray
+from ambid.errors import UnstableLoopError
 from ambid.loop.effect import Tone
 from ambid.model import Model
 from ambid.noise.known import BANDS, Size, known_residual, known_slopes
@@ -21,6 +22,9 @@ from ambid.noise.tones import confirmed, find_tones, misses_tone
 from ambid.record import FrequencyResponse, Measurement
 
 __all__ = ["Noise", "Quadratic"]
+
+OVERFLOWS = 1e100
+"""Whitened numbers whose squares no sum can hold."""
 
 
 Part = RecordLines | ResponseLines
@@ -259,6 +263,8 @@ class Noise:
                 own.setdefault((here.loop.core, here.theta.tobytes()), []).append((k, part, here))
                 continue
             residual, columns, states, _ = part.white(here, free, roughly=roughly)
+            if max(np.abs(residual).max(initial=0.0), np.abs(columns).max(initial=0.0)) > OVERFLOWS:
+                raise UnstableLoopError(f"{part.record.name}: the response of the model passes all bounds")
             hessian, gradient = hessian + columns.T @ columns, gradient - columns.T @ residual
             cost, fitted = cost + float(residual @ residual), fitted + states
         for (core, _), members in own.items():

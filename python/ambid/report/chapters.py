@@ -43,6 +43,7 @@ def story(diagnosis: Diagnosis) -> dict[str, Any]:
         "diagnosis": diagnosis,
         "adequate": diagnosis.verdict == "adequate",
         "verdict": words.verdict_sentence(diagnosis, np.nan, np.nan, None),
+        "chances": [],
         "findings": diagnosis.findings,
         "machine": numbers.rig_figures(diagnosis.model.rig, diagnosis.model.points),
         "records": [
@@ -86,6 +87,7 @@ def _chapters(diagnosis: Diagnosis) -> dict[str, Any]:
     return {
         "is_moved": is_moved,
         "verdict": words.verdict_sentence(diagnosis, first.misfit, last.misfit, validation),
+        "chances": [(words.plain(name), share) for name, share in diagnosis.probabilities.listed.items()],
         "findings": [finding for finding in diagnosis.findings if finding not in located],
         "fits": _fits(diagnosis, first, last),
         "choices": [_choices(names, diagnosis.history, base.rig) for names in diagnosis.ambiguous_sets],

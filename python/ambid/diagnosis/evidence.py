@@ -1,0 +1,261 @@
+"""How likely is a set of effects, given the records: alone, or beside something else that has no name?
+
+For a set H with q parameters, at the optimum (Laplace's approximation; MacKay, Information Theory, Inference, and
+Learning Algorithms, 2003, chapters 27 and 28),
+
+    log p(data | H) = -J/2 - price,    price = 1/2 log det(I + P Psi~' Psi~ / V) + q SIZE - log p(H)
+
+Psi~ are the whitened slopes of the parameters of its effects, freed from what all others absorb, and P the square of
+each one's size, or of its probe where that is more: nothing is known of a size but the three decades that it is within
+(Jeffreys' prior), and its sign, where physics allows both. V is 1 where H leaves noise alone.
+
+Something else is smooth over lines and channels and of any power: what is left of it is W numbers at the most, however
+many lines they are seen on. With E what H leaves beyond noise, its power integrated out,
+
+    log p(data | H, something else) = -W/2 log(1 + E/W) - price,    V = 1 + E/W
+
+States that effects add begin each record settled, or nearly so: each further number c, in units of its error, that is
+fitted to how a record begins has a variance of its own before any record, which is found from it. It then lowers J by
+c^2 - 1 - log c^2, where c^2 > 1 (MacKay, Neural Comput. 4 (1992) 415).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import log_ndtr
+
+from ambid.arrays import FloatArray
+from ambid.effects import Effect
+from ambid.errors import UnstableLoopError
+from ambid.noise import Comparison
+
+__all__ = [
+    "OF_FORMULAS",
+    "SURE",
+    "TOLD_APART",
+    "USUAL",
+    "Evidence",
+    "Yardstick",
+    "by_score",
+    "needed",
+    "posterior",
+    "price_of",
+]
+
+DECADES = 3.0
+"""Within so many decades is the size of an effect known before any record."""
+SIZE = float(np.log(2.0 * DECADES * np.log(10.0) / np.sqrt(2.0 * np.pi)))
+"""What a parameter of unknown size costs beside its precision."""
+USUAL = 0.3
+"""Effects that a machine has, on average, that its rig file does not hold."""
+NAMELESS = float(np.log(0.05))
+"""Log of how likely something that the catalogue lacks is before any record."""
+WITNESSES = 20.0
+"""W."""
+LEVEL = 0.03
+"""Relative standard deviation of the level of a noise spectrum, beside what counts its lines."""
+SURE = 0.9
+"""Probability from which on effects are named, and a set is called the explanation."""
+LARGEST_SCORE = 1e4
+"""Beyond all that is needed."""
+TOLD_APART = float((1.645 + np.sqrt(1.645**2 + 2.0 * np.log(SURE / (1.0 - SURE)))) ** 2)
+"""Mean difference lambda of J by which two sets of as many parameters are told apart in 95 % of records, where one is
+to be `SURE`: J1 - J2 has the mean lambda and the standard deviation 2 sqrt(lambda)."""
+OF_FORMULAS = 0.015
+"""Part of what effects explain that their formulas, which are idealised, may leave."""
+BEYOND = 2.0
+"""Standard deviations of J above a right model's from which on something is left."""
+
+
+def deviation(fit: Comparison) -> float:
+    """Standard deviation of the J of a right model."""
+    return float(np.hypot(fit.noise.scatter * np.sqrt(2.0 * fit.dof), LEVEL * fit.dof))
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What tells one set from another.
+
+    Attributes
+    ----------
+    cost : float
+        J of all records, those to validate on included.
+    expected, deviation : float
+        Of a right model, mean and standard deviation of that.
+    fitted_beyond : float
+        By how much J of the fitted records alone is above that of a right model, beyond chance.
+    formula_error : float
+        Part of what it explains that its formulas are known to leave.
+    beginnings : float
+        What the numbers cost that say how records begin, beyond those of the base model.
+    information : ndarray, shape (q, q)
+        Of the parameters of the effects, in units of their size, freed from what all others absorb.
+    one_sided : int
+        How many of them have one sign.
+    prior : float
+        Minus the log of how likely its effects are before any record.
+    """
+
+    cost: float
+    expected: float
+    deviation: float
+    fitted_beyond: float
+    formula_error: float
+    beginnings: float
+    information: FloatArray
+    one_sided: int
+    prior: float
+
+    def price(self, left: float = 1.0) -> float:
+        """What the parameters of the effects and their number cost, where so much variance is left."""
+        q = len(self.information)
+        _, log_det = np.linalg.slogdet(np.eye(q) + self.information / left)
+        return float(0.5 * log_det) + SIZE * q - np.log(2.0) * self.one_sided + self.beginnings / left + self.prior
+
+    @property
+    def alone(self) -> float:
+        """Log evidence where nothing else is missing."""
+        return -0.5 * self.cost - self.price()
+
+    @property
+    def beyond(self) -> float:
+        """By how much J is above that of a right model, beyond chance."""
+        return max(0.0, self.cost - self.expected - BEYOND * self.deviation)
+
+    @property
+    def against(self) -> float:
+        """Log of the odds against noise of this power, at the most (Sellke and others, Am. Stat. 55 (2001) 62)."""
+        log_p = float(log_ndtr((self.expected - self.cost) / self.deviation))
+        return max(0.0, -1.0 - log_p - np.log(-log_p)) if log_p < -1.0 else 0.0
+
+    def beside(self, left: float, least: Evidence) -> float:
+        """Log evidence beside something else, where this set leaves so much of J beyond noise, and that the least.
+
+        Something else has states of its own, too, which begin as those do of the set that leaves least.
+        """
+        variance = 1.0 + left / WITNESSES
+        fall = np.log(variance) - np.log1p(least.beyond / WITNESSES)
+        own = replace(self, beginnings=variance * max(self.beginnings, least.beginnings))
+        return -0.5 * WITNESSES * float(fall) - own.price(variance) + NAMELESS
+
+
+def by_score(fit: Comparison, misfit: float, score: float, degrees: int, one_sided: int, prior: float) -> Evidence:
+    """Of a set with one effect more than a fit has, by its score and the misfit J/dof that it promises."""
+    cost = max(1.0, misfit) * fit.dof
+    return Evidence(
+        cost=cost,
+        expected=float(fit.dof),
+        deviation=deviation(fit),
+        fitted_beyond=max(0.0, cost - fit.dof - BEYOND * deviation(fit)),
+        formula_error=0.0,
+        beginnings=0.0,
+        information=np.eye(degrees) * max(0.0, score) / max(1, degrees),
+        one_sided=one_sided,
+        prior=prior,
+    )
+
+
+def posterior(tried: Sequence[Evidence]) -> FloatArray:
+    """Probability of each of some sets, whatever is beside it."""
+    least = max(tried, key=lambda own: own.alone)
+    left = [least.beyond + max(0.0, own.cost - least.cost) for own in tried]
+    logs = [
+        np.logaddexp(own.alone + 0.5 * least.cost - least.against, own.beside(beyond, least))
+        for own, beyond in zip(tried, left, strict=True)
+    ]
+    weight = np.exp(np.array(logs) - max(logs))
+    return np.asarray(weight / weight.sum())
+
+
+def price_of(score: float, degrees: int, one_sided: int, prior: float) -> float:
+    """What an effect would cost beside a set, by its score."""
+    precision = 0.5 * np.log(1.0 + max(0.0, score) / degrees)
+    return float(degrees * (precision + SIZE) - np.log(2.0) * one_sided + prior)
+
+
+def needed(degrees: int, one_sided: int, prior: float) -> float:
+    """Score from which on an effect is `SURE` where it alone is missing."""
+
+    def odds(score: float) -> float:
+        return 0.5 * score - price_of(score, degrees, one_sided, prior) - np.log(SURE / (1.0 - SURE))
+
+    return float(brentq(odds, 4.0 * degrees, LARGEST_SCORE))
+
+
+class Yardstick:
+    """What the evidence of all sets in one noise is measured with: the transients of the base model.
+
+    Parameters
+    ----------
+    base : Comparison
+        Of the records.
+    kept_back : Comparison or None
+        Of those to validate on.
+    prior : mapping of str to float
+        Expected number of each effect before any record.
+    """
+
+    def __init__(self, base: Comparison, kept_back: Comparison | None, prior: Mapping[str, float]) -> None:
+        self.base, self.kept_back, self.prior = base, kept_back, prior
+        self._transients = {id(own): own.noise.transients(own.model) for own in (base, kept_back) if own is not None}
+
+    def evidence(
+        self, fit: Comparison, kept_back: Comparison | None, added: Sequence[Effect], variants: float
+    ) -> Evidence:
+        """Of a set at its optimum, whose effects are the best of so many independent variants."""
+        cost, expected, variance = fit.cost, float(fit.dof), deviation(fit) ** 2
+        beginnings = self._beginnings(fit, self.base)
+        if kept_back is not None and self.kept_back is not None:
+            try:
+                cost += kept_back.cost
+                beginnings += self._beginnings(kept_back, self.kept_back)
+                expected += kept_back.dof + len(fit.model.free)  # nothing is fitted to them
+            except UnstableLoopError:
+                cost = np.inf  # no such record was made by a loop that leaves all bounds
+            variance += deviation(self.kept_back) ** 2
+        prefixes = tuple(f"{effect.name}." for effect in added)
+        parameters = fit.model.parameters
+        own = [k for k, p in enumerate(parameters) if p.name.startswith(prefixes)] if prefixes else []
+        return Evidence(
+            cost=cost,
+            expected=expected,
+            deviation=float(np.sqrt(variance)),
+            fitted_beyond=max(0.0, fit.cost - fit.dof - BEYOND * deviation(fit)),
+            formula_error=max((effect.formula_error for effect in added), default=0.0),
+            beginnings=beginnings,
+            information=_information(fit, own),
+            one_sided=sum(parameters[k].lower >= 0.0 for k in own),
+            prior=float(np.log(variants)) - sum(float(np.log(self.prior[effect.name])) for effect in added),
+        )
+
+    def _beginnings(self, fit: Comparison, base: Comparison) -> float:
+        """What the numbers cost that say how the states of linear effects begin the records."""
+        fitted, before = (own.noise.quadratic(own.model, []).fitted for own in (fit, base))
+        model = fit.model.without_nonlinear()
+        if fitted <= before or not model.is_stable:
+            return 0.0
+        price = 0.0
+        departures = fit.noise.by_record(fit.noise.departure(model))
+        for left, known, own in zip(departures, self._transients[id(base)], fit.noise.transients(model), strict=True):
+            # of as many directions as the base model has, those nearest to its own; the others are of the effects
+            _, _, turned = np.linalg.svd(known.T @ own)
+            squared = (turned[known.shape[1] :] @ (own.T @ left)) ** 2
+            price += 0.5 * float(np.sum(np.where(squared > 1.0, 1.0 + np.log(np.maximum(squared, 1.0)), squared)))
+        return price
+
+
+def _information(fit: Comparison, own: list[int]) -> FloatArray:
+    """Of some parameters, in units of their size, freed from what all others absorb, shape (own, own)."""
+    if not own:
+        return np.zeros((0, 0))
+    parameters = fit.model.parameters
+    size = np.array([max(abs(p.value), p.scale) for p in parameters])
+    hessian = fit.noise.quadratic(fit.model, list(range(len(size)))).hessian * np.outer(size, size)
+    others = [k for k in range(len(size)) if k not in own]
+    cross = hessian[np.ix_(own, others)]
+    among = hessian[np.ix_(others, others)]
+    return np.asarray(hessian[np.ix_(own, own)] - cross @ np.linalg.pinv(among, hermitian=True) @ cross.T)

@@ -1,0 +1,45 @@
+"""The way from the base model to the best set, a step for each effect, with fit, misfit and what was moved."""
+
+from __future__ import annotations
+
+from ambid.diagnosis.hypotheses import Field, Hypothesis, ranked, without
+from ambid.diagnosis.moves import moved, standard_errors
+from ambid.diagnosis.result import Step
+from ambid.diagnosis.task import Task
+
+__all__ = ["steps_to"]
+
+
+def steps_to(task: Task, field: Field, best: Hypothesis) -> list[Step]:
+    """Every step, the base model first.
+
+    Effects are taken in the order in which the best set got them; what lies between was tried, or is fitted now.
+    """
+    chain = [best]
+    for effect in reversed(best.added):
+        names = chain[0].names - {effect.name}
+        if names not in field.tried:
+            field = without(field, chain[0], effect)
+        if names in field.tried:
+            chain.insert(0, field.tried[names])
+    steps: list[Step] = []
+    for before, own in zip([None, *chain], chain, strict=False):
+        added = [effect for effect in own.added if before is None or effect.name not in before.names]
+        predicted = steps[-1].ranking.find(added[0].name) if steps and added else None
+        ranking = field.rankings.get(own.names) or ranked(task, own.fit)
+        kept_back = own.kept_back
+        steps.append(
+            Step(
+                effects=tuple(effect.name for effect in own.fit.model.effects),
+                fit_percent=own.fit.fit_percent,
+                validation_fit_percent=None if kept_back is None else kept_back.fit_percent,
+                misfit=own.fit.misfit,
+                validation_misfit=own.validation_misfit,
+                predicted_misfit=None if predicted is None else predicted.predicted_misfit,
+                ranking=ranking,
+                model=own.fit.model,
+                moved=moved(steps[-1].model, own.fit.model, standard_errors(own.fit)) if steps else (),
+                added=added[0].name if before is not None and added else None,
+            )
+        )
+    return steps

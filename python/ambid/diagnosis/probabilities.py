@@ -1,0 +1,131 @@
+"""Probabilities of sets, of effects, of nothing and of something else, by the evidence of all sets that were tried."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ambid.diagnosis.hypotheses import Field
+
+__all__ = ["Probabilities", "SetProbability", "probabilities"]
+
+NEGLIGIBLE = 1e-4
+"""Probability below which a set is not listed."""
+TOLD = 0.01
+"""Probability from which on a hypothesis is printed."""
+
+
+@dataclass(frozen=True)
+class SetProbability:
+    """A set of effects with its probability.
+
+    Attributes
+    ----------
+    effects : tuple of str
+        In the order of their adding; none where the set is empty.
+    probability : float
+        Alone, or beside what its formulas leave.
+    with_something_else : float
+        Beside something else that has no name.
+    """
+
+    effects: tuple[str, ...]
+    probability: float
+    with_something_else: float
+
+    @property
+    def total(self) -> float:
+        """Whatever is beside it."""
+        return self.probability + self.with_something_else
+
+    def as_dict(self) -> dict[str, Any]:
+        """As in JSON."""
+        return {
+            "effects": list(self.effects),
+            "probability": self.total,
+            "with_something_else": self.with_something_else,
+        }
+
+
+@dataclass(frozen=True)
+class Probabilities:
+    """What the records say of every hypothesis; sums to one over the sets.
+
+    Attributes
+    ----------
+    sets : tuple of SetProbability
+        Most probable first.
+    """
+
+    sets: tuple[SetProbability, ...] = ()
+
+    @property
+    def effects(self) -> dict[str, float]:
+        """Of each effect, the most probable first."""
+        found: dict[str, float] = {}
+        for own in self.sets:
+            for name in own.effects:
+                found[name] = found.get(name, 0.0) + own.total
+        return dict(sorted(found.items(), key=lambda pair: -pair[1]))
+
+    @property
+    def nothing(self) -> float:
+        """That nothing is missing."""
+        return sum(own.probability for own in self.sets if not own.effects)
+
+    @property
+    def something_else(self) -> float:
+        """That something is missing that has no name."""
+        return sum(own.with_something_else for own in self.sets)
+
+    @property
+    def named(self) -> float:
+        """That effects of the catalogue are missing."""
+        return sum(own.total for own in self.sets if own.effects)
+
+    @property
+    def listed(self) -> dict[str, float]:
+        """Those that are worth showing, by name, the most probable effect first; empty where nothing was tried."""
+        rest = {"nothing missing": self.nothing, "something without a name": self.something_else}
+        return {name: p for name, p in (self.effects | rest).items() if p >= TOLD} if self.sets else {}
+
+    def lines(self) -> list[str]:
+        """In words, such as ``loop_delay 97 %, amplifier_bandwidth 3 %``; none where nothing was tried."""
+        told = ", ".join(f"{name} {100.0 * p:.3g} %" for name, p in self.listed.items())
+        return [f"probabilities: {told}"] if told else []
+
+    def as_dict(self) -> dict[str, float]:
+        """As in JSON."""
+        own = {name: p for name, p in self.effects.items() if p > NEGLIGIBLE}
+        return own | {"nothing": self.nothing, "something_else": self.something_else}
+
+
+def probabilities(field: Field, against: float = 0.0, local: frozenset[str] = frozenset()) -> Probabilities:
+    """Of all sets of a field.
+
+    Parameters
+    ----------
+    field : Field
+    against : float
+        Log of the odds that other tests than J have against noise alone in what the best set leaves.
+    local : frozenset of str
+        Effects that parts of the records do not show: no set that holds one of them is taken for an explanation.
+    """
+    logs, names, elsewhere = [], [], []
+    for own in field.tried.values():
+        if own.names & local:
+            continue
+        effects = tuple(effect.name for effect in own.added)
+        logs += [field.alone(own.evidence) - against, field.beside(own.evidence)]
+        names += [effects, effects]
+        elsewhere += [False, against > 0.0 or not field.is_of_formulas(own)]
+    weight = np.exp(np.array(logs) - max(logs))
+    weight /= weight.sum()
+    found: dict[tuple[str, ...], list[float]] = {}
+    for p, own_names, is_else in zip(weight.tolist(), names, elsewhere, strict=True):
+        found.setdefault(own_names, [0.0, 0.0])[is_else] += p
+    sets = [SetProbability(own_names, *p) for own_names, p in found.items()]
+    kept = [own for own in sets if own.total > NEGLIGIBLE or not own.effects]
+    return Probabilities(tuple(sorted(kept, key=lambda own: -own.total)))
