@@ -172,10 +172,14 @@ class Field:
 
         Those of a disturbance leave nothing, and it has lines of its own.
         """
-        waves = frozenset(e.name for e in hypothesis.added if e.frequencies_hz(hypothesis.fit.model.rig))
-        before = self.tried.get(waves, self.base).evidence.fitted_beyond
+        before = self.without_physics(hypothesis).evidence.fitted_beyond
         share = max(OF_FORMULAS, hypothesis.evidence.formula_error)
         return bool(hypothesis.added) and hypothesis.evidence.fitted_beyond <= share * before
+
+    def without_physics(self, hypothesis: Hypothesis) -> Hypothesis:
+        """The disturbances of a set alone, which have lines of their own; the base model where that was not tried."""
+        waves = frozenset(e.name for e in hypothesis.added if e.frequencies_hz(hypothesis.fit.model.rig))
+        return self.tried.get(waves, self.base)
 
     @cached_property
     def is_explained(self) -> bool:

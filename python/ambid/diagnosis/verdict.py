@@ -11,7 +11,7 @@ from scipy.special import chdtri
 from ambid.diagnosis.apart import Changing, changing
 from ambid.diagnosis.confirmation import is_everywhere
 from ambid.diagnosis.drift import Change, largest_change
-from ambid.diagnosis.evidence import SURE
+from ambid.diagnosis.evidence import OF_FORMULAS, SURE
 from ambid.diagnosis.hypotheses import Field, Hypothesis
 from ambid.diagnosis.localisation import Cell, Localisation, largest_cell, localise
 from ambid.diagnosis.probabilities import Probabilities, probabilities
@@ -248,9 +248,9 @@ def _shape_left(field: Field, best: Hypothesis) -> ShapeLeft | None:
     """
     if field.is_of_formulas(best) and best.evidence.fitted_beyond > 0.0:
         return None
-    fall = field.base.fit.cost - best.fit.cost
+    fall = max(0.0, field.without_physics(best).fit.cost - best.fit.cost)
     for part in best.fit.noise.in_time:
-        share = max(0.0 if part.noise_is_measured else SHAPE_OF_FORMULAS, best.evidence.formula_error)
+        share = max(OF_FORMULAS if part.noise_is_measured else SHAPE_OF_FORMULAS, best.evidence.formula_error)
         if shape := shape_left(part, best.fit.model, share * fall):
             return shape
     return None
