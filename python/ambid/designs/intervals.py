@@ -66,7 +66,7 @@ class Prospect(Tabular):
         own = [self.model.parameters[i] for i in self.model.free]
         errors = np.sqrt(np.diag(self.covariance))
         return {
-            p.name: ParameterEstimate.normal(p.value, float(error), p.unit, np.sqrt(self.budget[p.name][NOISE]))
+            p.name: ParameterEstimate.of(p, float(error), np.sqrt(self.budget[p.name][NOISE]))
             for p, error in zip(own, errors, strict=True)
         }
 

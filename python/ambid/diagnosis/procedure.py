@@ -223,8 +223,8 @@ def _told(
         fit=verdict.fit,
         kept_back=best.kept_back,
         parameters={
-            p.name: ParameterEstimate.normal(
-                p.value, float(error), p.unit, float(np.sqrt(variances[p.name][NOISE])) if tolerances else None
+            p.name: ParameterEstimate.of(
+                p, float(error), float(np.sqrt(variances[p.name][NOISE])) if tolerances else None
             )
             for p, error in zip(model.parameters, np.sqrt(np.diag(spread)), strict=True)
             if p.prior is None

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ambid.arrays import FloatArray
+from ambid.arrays import ByValue, FloatArray
 from ambid.diagnosis.candidates import Ranking
 from ambid.diagnosis.localisation import Cell, Localisation, MisfitMap, misfit_maps
 from ambid.diagnosis.moves import TOLD, Moved
@@ -35,7 +35,6 @@ VERDICTS = {
     "not_informative": "these data cannot decide",
 }
 
-SETTING_UNITS = {"z": "m", "frequency_hz": "Hz"}
 EXPLAINED = (
     "the effects explain {explained:.1f|%} of the excess misfit, but "
     "[misfit {misfit:{limit}|against} remains, limit {limit:{misfit}|against} (J/dof)]"
@@ -174,8 +173,8 @@ class Step:
         }
 
 
-@dataclass(frozen=True, repr=False)
-class Diagnosis(WithFindings, Tabular):
+@dataclass(frozen=True, repr=False, eq=False)
+class Diagnosis(ByValue, WithFindings, Tabular):
     """Result of `diagnose`.
 
     Attributes
@@ -238,6 +237,7 @@ class Diagnosis(WithFindings, Tabular):
     findings: tuple[Finding, ...] = ()
     tolerances: dict[str, KnownValue] = field(default_factory=dict)
     variances: Budget = field(default_factory=dict)
+    incidental = ("seconds",)
 
     @classmethod
     def uninformative(
@@ -409,12 +409,9 @@ class Diagnosis(WithFindings, Tabular):
 
 def _settings(effect: Effect, rig: Rig) -> Iterator[str]:
     """What was found beside the parameters of an effect: its place, its frequency, and what its angle counts from."""
-    own = effect.settings()
-    for name in effect.fine:
-        if own.get(name) is not None:
-            label = f"{effect.name}.{name}"
-            yield f"  {label:34s} {own[name]:.6g} {SETTING_UNITS[name]}   where the misfit is least"
+    for label, (value, unit) in effect.fine_settings().items():
+        yield f"  {label:34s} {value:.6g} {unit}   where the misfit is least"
     if effect.quarters(rig):
         channels = [f"{signal}.{axis}" for signal in ("y", "i_c") for axis in rig.axes]
-        channel = channels[own.get("reference", 0) % len(channels)]
+        channel = channels[effect.settings().get("reference", 0) % len(channels)]
         yield f"  {f'{effect.name}, angle':34s} counted from the wave in {channel}"
