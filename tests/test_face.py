@@ -32,6 +32,6 @@ def test_a_name_that_is_not_there_is_refused():
     ids=["import", "options", "help"],
 )
 def test_what_is_slow_to_load_is_loaded_when_it_is_used(program):
-    told = f"{program}\nimport sys\nprint([name for name in {LATE} if name in sys.modules])"
-    ended = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True)
+    shown = f"{program}\nimport sys\nprint([name for name in {LATE} if name in sys.modules])"
+    ended = subprocess.run([sys.executable, "-c", shown], capture_output=True, text=True, check=True)
     assert ended.stdout.splitlines()[-1] == "[]"

@@ -89,11 +89,11 @@ def test_what_is_shown_is_escaped_and_notes_are_told(diagnosis):
 
 def test_the_parameters_and_what_was_not_tried_are_printed(diagnosis, ranking):
     own = NOT_APPLICABLE(NOWHERE, effect="unbalance", reason="the rotor does not turn")
-    (untold,) = [replace(ranking, findings=(own,))]
-    told = repr(replace(diagnosis, history=[replace(diagnosis.history[0], ranking=untold)]))
+    (unlisted,) = [replace(ranking, findings=(own,))]
+    shown = repr(replace(diagnosis, history=[replace(diagnosis.history[0], ranking=unlisted)]))
     low, high = diagnosis.parameters["tau_e"].ci95
-    assert f"{low:.6g} .. {high:.6g} s" in told
-    assert own.values["reason"] in next(line for line in told.splitlines() if "unbalance" in line)
+    assert f"{low:.6g} .. {high:.6g} s" in shown
+    assert own.values["reason"] in next(line for line in shown.splitlines() if "unbalance" in line)
 
 
 def test_an_explanation_in_the_main_takes_the_place_of_a_whole_one(diagnosis):
@@ -119,3 +119,11 @@ def test_pandas_is_optional(monkeypatch, ranking, golden):
     monkeypatch.setattr(tables.importlib, "import_module", missing)
     with golden.raises(InputError):
         ranking.to_pandas()
+
+
+def test_a_diagnosis_is_equal_to_one_that_found_the_same(explained):
+    """Whatever time it took."""
+    assert replace(explained, seconds=0.0, covariance=explained.covariance.copy()) == explained
+    assert replace(explained, covariance=2.0 * explained.covariance) != explained
+    assert replace(explained, effects=()) != explained
+    assert hash(explained) == hash(replace(explained, seconds=0.0))

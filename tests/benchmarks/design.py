@@ -33,17 +33,17 @@ def errors(runs):
     usual *= best.forecast.axes[0].i_c / forecast(rig, usual, period=1022).axes[0].i_c
     volumes = []
     for name, i_e, period in (("best", best.i_e, len(best.option.wave)), ("usual prbs", usual, 1022)):
-        told = prospect(model, i_e, period=period, instruments=stated)
+        shown = prospect(model, i_e, period=period, instruments=stated)
         values = []
         for seed in range(runs):
             fit = ambid.identify(rig, record_of(model, i_e, period, seed))
             values.append([p.value for p in fit.parameters.values()])
         found = np.cov(np.array(values).T)
-        ratio = np.sqrt(np.diag(found) / np.diag(told.covariance))
-        volumes.append(np.linalg.det(found / np.outer(model.theta, model.theta)) ** (1 / 3) * told.seconds)
+        ratio = np.sqrt(np.diag(found) / np.diag(shown.covariance))
+        volumes.append(np.linalg.det(found / np.outer(model.theta, model.theta)) ** (1 / 3) * shown.seconds)
         axis = forecast(rig, i_e, period=period).axes[0]
         peaks = f"i_c {axis.i_c:.3g} A, y {1e6 * axis.y:.3g} um"
-        print(f"{name}: {told.seconds:.3g} s, peaks {peaks}; found over foreseen", *(f"{r:.3f}" for r in ratio))
+        print(f"{name}: {shown.seconds:.3g} s, peaks {peaks}; found over foreseen", *(f"{r:.3f}" for r in ratio))
     print(f"time of the usual PRBS over that of the best, for equal accuracy: {volumes[1] / volumes[0]:.2f}")
 
 
@@ -104,8 +104,8 @@ def next_experiment(runs):
     i_e = ambid.prbs(8, amplitude=0.2, hold=2, periods=8)
     period, both = len(i_e) // 8, Instruments.stated(1, SENSOR, CURRENT)
     for currents, pair in cases():
-        told = both if currents else both.without_currents()
-        found = tell_apart(pair, i_e, period, told, more_instruments=None if currents else both)
+        shown = both if currents else both.without_currents()
+        found = tell_apart(pair, i_e, period, shown, more_instruments=None if currents else both)
         best = found.best
         longer = np.tile(i_e, (int(np.ceil(best.repeats)), 1))
         before, after, count = 0, 0, 0

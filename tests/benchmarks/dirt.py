@@ -100,7 +100,7 @@ def rows_of(rows: list[Row]) -> list[tuple[object, ...]]:
             if not own:
                 continue
             stopped = [row for row in own if row["verdict"] in ("refused", "not_informative", "error")]
-            told = [row for row in own if row["told"]]
+            shown = [row for row in own if row["told"]]
             off = [row for row in own if row["off"]]
             warned = [row for row in off if row["told"] or not row["is_adequate"]]
             wrong = [row for row in own if _is_wrong(row)]
@@ -111,7 +111,7 @@ def rows_of(rows: list[Row]) -> list[tuple[object, ...]]:
                     "one effect" if is_hidden else "nothing",
                     len(own),
                     len(stopped),
-                    len(told),
+                    len(shown),
                     len(off),
                     f"{len(warned)}/{len(off)}",
                     len(wrong),

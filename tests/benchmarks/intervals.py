@@ -66,10 +66,10 @@ def judged(model: Model, records: Sequence[Record], truth: Mapping[str, float]) 
 
 def misfit_of(estimate: Estimate, records: Sequence[Record]) -> float | None:
     """J/dof of the fitted model, by the estimate itself where it tells it; None where it is not known."""
-    told = getattr(estimate, "misfit", None)
-    if told is None:
-        told = float(np.mean([one.misfit for one in compare(estimate.model, records).records]))
-    return float(told) if np.isfinite(told) else None
+    shown = getattr(estimate, "misfit", None)
+    if shown is None:
+        shown = float(np.mean([one.misfit for one in compare(estimate.model, records).records]))
+    return float(shown) if np.isfinite(shown) else None
 
 
 HEAD = ("of", "parameter", "truth within 95 %", "off: mean", "std", *(f"{100 * q:g} %" for q in QUANTILES), "unknown")

@@ -131,14 +131,14 @@ APART_HEAD = ("test", "found in all records", "where i_e repeats")
 
 def reasons(rows: list[Row]) -> list[list[str]]:
     """What the false verdicts, refusals and errors say."""
-    told: Counter[str] = Counter()
+    shown: Counter[str] = Counter()
     for row in rows:
         if row["verdict"] == "adequate":
             continue
         named = "+".join(row.get("effects") or ["/".join(names) for names in row.get("sets", ())])
         drifting = ", changes during the record" if row.get("drift") else ""
-        told[f"{row['verdict']} {named or row.get('error', '')[:90]}{drifting}".strip()] += 1
-    return [[what, str(count)] for what, count in told.most_common(15)]
+        shown[f"{row['verdict']} {named or row.get('error', '')[:90]}{drifting}".strip()] += 1
+    return [[what, str(count)] for what, count in shown.most_common(15)]
 
 
 def report(rows: list[Row]) -> None:

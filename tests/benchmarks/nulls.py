@@ -41,7 +41,7 @@ def run(index: int) -> Row:
     first = found.history[0] if found.history else None
     candidates = () if first is None else first.ranking.candidates
     p_values = {c.effect.name: _finite(c.p_value) for c in candidates}
-    told = [value for value in p_values.values() if value is not None]
+    shown = [value for value in p_values.values() if value is not None]
     notes = [*found.notes]
     named = {*found.effects, *(name for names in found.ambiguous_sets for name in names)}
     return {
@@ -51,7 +51,7 @@ def run(index: int) -> Row:
         "sets": found.ambiguous_sets,
         "misfit": None if first is None else _finite(first.misfit),
         "dof": _freedom(first, cell, record.samples),
-        "p_value": min(told, default=None),
+        "p_value": min(shown, default=None),
         "candidates": len(candidates),
         "p_values": p_values,
         "tone": "periodic_disturbance" in named or any("a tone at" in note for note in notes),
@@ -67,9 +67,9 @@ def _finite(value: float | None) -> float | None:
 
 def _freedom(first, cell: Row, samples: int) -> float:
     """What the engine says, or channels times samples per period (of all samples, where none repeats)."""
-    told = getattr(first, "dof", None)
-    if told is not None:
-        return float(told)
+    shown = getattr(first, "dof", None)
+    if shown is not None:
+        return float(shown)
     channels = cell["nominal"] / ((2 ** cell["order"] - 1) * cell["hold"])
     return float(cell["nominal"] if cell["periods"] else channels * samples)
 

@@ -155,11 +155,11 @@ def result(index: int, *, fit: bool, periodic: bool) -> dict:
     rig, record, exact = made(index, periodic=periodic)
     begun = time.process_time()
     found = compare(exact, record)
-    told = {"index": index, "misfit": found.misfit, "dof": found.dof, "seconds": time.process_time() - begun}
-    told["spread"] = float(np.mean(found.noise.spreads))
+    shown = {"index": index, "misfit": found.misfit, "dof": found.dof, "seconds": time.process_time() - begun}
+    shown["spread"] = float(np.mean(found.noise.spreads))
     if fit:
-        told["fitted"] = identify(rig, record).misfit
-    return told
+        shown["fitted"] = identify(rig, record).misfit
+    return shown
 
 
 def levels(index: int) -> list[str]:
@@ -223,10 +223,10 @@ def main() -> None:
     with path.open("a") as out:
         for index in (k for k in range(given.count) if k not in done):
             try:
-                told = result(index, fit=given.fit, periodic=not given.without_periods)
+                shown = result(index, fit=given.fit, periodic=not given.without_periods)
             except (ValueError, RuntimeError) as error:
-                told = {"index": index, "error": str(error)[:200]}
-            out.write(json.dumps(told) + "\n")
+                shown = {"index": index, "error": str(error)[:200]}
+            out.write(json.dumps(shown) + "\n")
             out.flush()
 
 

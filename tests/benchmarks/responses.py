@@ -54,13 +54,13 @@ def run(cases: Path | None, source: str, hidden: str, number: int) -> Row:
         _measured(cases, hidden, number) if cases and source == "measured" else simulated(hidden, number)
     )
     in_time = diagnose(rig, beside)
-    row: Row = {"time": _told(in_time, truth, None)}
+    row: Row = {"time": _shown(in_time, truth, None)}
     made = own.frequency_response()
     with tempfile.TemporaryDirectory() as folder:
         for form in FORMS:
             path = Path(folder) / ("frf" + form if form.startswith(".") else "std.csv")
             (made if form.startswith(".") else _with_std_alone(made)).save(path)
-            row[form] = _told(diagnose(rig, FrequencyResponse.load(path, rig)), truth, in_time)
+            row[form] = _shown(diagnose(rig, FrequencyResponse.load(path, rig)), truth, in_time)
     return row
 
 
@@ -101,7 +101,7 @@ def _truth(rig: Rig, k_i: Sequence[float], k_s: Sequence[float], tau_e: float) -
     return dict(zip(names, (*k_i, *k_s, tau_e), strict=True))
 
 
-def _told(found: Diagnosis, truth: dict[str, float], beside: Diagnosis | None) -> Row:
+def _shown(found: Diagnosis, truth: dict[str, float], beside: Diagnosis | None) -> Row:
     """Names, and how far the nine parameters are from the truth and from those of another diagnosis."""
     own = {name: found.parameters[name] for name in truth}
     row: Row = {
@@ -127,23 +127,23 @@ def rows_of(rows: list[Row]) -> list[tuple[object, ...]]:
             if not own:
                 continue
             for form in ("time", *FORMS):
-                told = [row[form] for row in own]
-                away = np.abs([one["away"] for one in told])
-                apart = [abs(z) for one in told for z in one.get("apart", ())]
+                shown = [row[form] for row in own]
+                away = np.abs([one["away"] for one in shown])
+                apart = [abs(z) for one in shown for z in one.get("apart", ())]
                 found.append(
                     (
                         source,
                         hidden or "nothing",
                         form,
                         len(own),
-                        sum(_is_wrong(one, hidden) for one in told),
-                        sum(hidden in one["effects"] for one in told) if hidden else "",
+                        sum(_is_wrong(one, hidden) for one in shown),
+                        sum(hidden in one["effects"] for one in shown) if hidden else "",
                         sum(
                             set(one["effects"]) == set(row["time"]["effects"])
-                            for one, row in zip(told, own, strict=True)
+                            for one, row in zip(shown, own, strict=True)
                         ),
                         rate_text(int(np.sum(away < NORMAL_95)), away.size),
-                        spread_text([one["misfit"] for one in told]),
+                        spread_text([one["misfit"] for one in shown]),
                         f"{away.max():.1f}",
                         f"{max(apart):.1f}" if apart else "",
                     )

@@ -145,10 +145,10 @@ def test_what_the_worst_records_miss_is_to_be_diagnosed(found):
     worse = replace(found, points=(first, replace(point, runs=(large, replace(small, joint=bad)))))
     assert worse.missed == (worse.points[1], worse.points[1].runs[1])
     train, other = str(small.joint.records[0].path), str(large.joint.records[0].path)
-    told = worse.next_step
-    assert told.kind is DIAGNOSE_KIND
+    shown = worse.next_step
+    assert shown.kind is DIAGNOSE_KIND
     files = {"rig": str(point.rig.path), "record": train, "validate": other}
-    assert told.values == {"kind": "prbs_small", "folder": "10A", **files}
+    assert shown.values == {"kind": "prbs_small", "folder": "10A", **files}
 
 
 def test_pictures_of_two_methods_a_panel_for_each_axis(found, golden):
@@ -306,8 +306,8 @@ def test_ctrl_c_hands_back_the_fits_that_are_done(call, template, found, monkeyp
     if call == 0:
         return
     result = stopped.value.result
-    told = [e for point in result.points for own in point.runs for e in (*own.single, own.joint)]
-    assert [*told, *(e for point in result.points for e in point.begun)] == estimates[:call]
+    shown = [e for point in result.points for own in point.runs for e in (*own.single, own.joint)]
+    assert [*shown, *(e for point in result.points for e in point.begun)] == estimates[:call]
     assert result.findings[-1].kind is STOPPED
     left = ["10A"] if call >= 6 else ["6A", "10A"]
     assert result.findings[-1].values == {"done": call, "total": 12, "folders": left}

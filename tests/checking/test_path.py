@@ -25,7 +25,7 @@ def record(seed: int, *, set_point=0.0, load=0.0, **physics):
     return rig, Record.from_arrays(**own, sample_rate=RATE, axes=rig.axes, rig=rig)
 
 
-def told(rig, measured) -> list[Finding]:
+def shown(rig, measured) -> list[Finding]:
     return [found for found in check(rig, [measured]).findings if found.code == "operating_point_drift"]
 
 
@@ -33,7 +33,7 @@ def told(rig, measured) -> list[Finding]:
 def test_a_set_point_that_ramps_is_told_with_its_ends(size):
     """The smaller one is less than the excitation moves the mass, and took half of the misfit with it."""
     rig, measured = record(1, set_point=size * RAMP)
-    (drift,) = told(rig, measured)
+    (drift,) = shown(rig, measured)
     assert drift.values["displacements"] == ["y.A_zeta"]
     (begin,), (end,) = drift.values["displacement_begin_m"], drift.values["displacement_end_m"]
     assert end - begin == pytest.approx(size * (PERIODS - 2) / PERIODS, rel=0.15)
@@ -44,7 +44,7 @@ def test_a_set_point_that_ramps_is_told_with_its_ends(size):
 
 
 def test_a_load_that_ramps_is_told_by_the_current():
-    (drift,) = told(*record(2, load=0.05 * RAMP))
+    (drift,) = shown(*record(2, load=0.05 * RAMP))
     assert drift.values["currents"] == ["i_c.A_zeta"]
     (begin,), (end,) = drift.values["current_begin_a"], drift.values["current_end_a"]
     assert end - begin == pytest.approx(-0.05 * (PERIODS - 2) / PERIODS, rel=0.15)
@@ -53,15 +53,15 @@ def test_a_load_that_ramps_is_told_by_the_current():
 @pytest.mark.parametrize("back_emf", [0.0, 2.0])
 def test_a_start_from_elsewhere_is_no_ramp(back_emf):
     """Whatever the model misses: no model is asked."""
-    assert told(*record(3, set_point=2e-5, back_emf=back_emf)) == []
+    assert shown(*record(3, set_point=2e-5, back_emf=back_emf)) == []
 
 
 @pytest.mark.parametrize("seed", [*range(3), *(pytest.param(own, marks=pytest.mark.slow) for own in range(3, 10))])
 def test_a_record_that_stays_is_not_said_to_move(seed):
-    assert told(*record(seed)) == []
+    assert shown(*record(seed)) == []
 
 
 def test_noise_on_four_axes_is_not_said_to_move():
     bench, i_e = VirtualBench(), prbs(7, amplitude=0.15, hold=2, axes=4, periods=12)
     for run in bench.records(i_e, range(8), period=254):
-        assert told(bench.rig(), run) == []
+        assert shown(bench.rig(), run) == []

@@ -267,15 +267,15 @@ def test_a_force_that_is_too_small_is_physics_or_a_value_where_the_controller_is
     """The bench's rig with twice its K_i; with 0.4 of it, which no physics does."""
     rig, record = bench_experiment()
 
-    def told(own, factor):
+    def shown(own, factor):
         scaled = [{"force_current": tuple(factor * k for k in b.force_current)} for b in own.bearings]
         bearings = [b.model_copy(update=update) for b, update in zip(own.bearings, scaled, strict=True)]
         found = check(own.replace(bearings=bearings), [record]).findings
         (machine,) = [f for f in found if f.values.get("cause") == "i_c"]
         return machine.code, machine.severity, stops_diagnosis(machine)
 
-    assert told(rig, 380.0 / 180.0) == ("force_too_small", "warning", False)
-    assert told(rig, 0.4) == ("other_machine", "error", True)
+    assert shown(rig, 380.0 / 180.0) == ("force_too_small", "warning", False)
+    assert shown(rig, 0.4) == ("other_machine", "error", True)
 
 
 def test_axes_and_rate_of_another_rig():

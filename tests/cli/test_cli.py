@@ -316,8 +316,8 @@ def test_exit_code_1_and_no_numbers_when_a_plane_was_not_excited(here, command):
     assert content["parameters"]["K_i.B_eta"]["value"] is None
     assert content["parameters"]["K_i.A_zeta"]["value"] is not None
     assert content["not_identifiable"]
-    told = {own["where"]["axis"] for own in content["findings"] if own["code"] == "axis_not_excited"}
-    assert told == {"A_eta", "B_zeta", "B_eta"}
+    shown = {own["where"]["axis"] for own in content["findings"] if own["code"] == "axis_not_excited"}
+    assert shown == {"A_eta", "B_zeta", "B_eta"}
 
 
 @pytest.mark.parametrize(

@@ -27,16 +27,16 @@ def test_values_are_in_the_command_as_a_shell_takes_them(validate):
     from ambid.campaigns.result import DIAGNOSE_KIND
 
     files = {"rig": "6A/rig.toml", "record": "6A/run 1.mat", "validate": validate}
-    told = command_of([DIAGNOSE_KIND(kind="run", folder="6A", **files)])
+    shown = command_of([DIAGNOSE_KIND(kind="run", folder="6A", **files)])
     more = ["--validate", validate] if validate else []
-    assert shlex.split(told) == ["ambid", "diagnose", "6A/rig.toml", "6A/run 1.mat", *more]
+    assert shlex.split(shown) == ["ambid", "diagnose", "6A/rig.toml", "6A/run 1.mat", *more]
 
 
 def test_identify_tells_it(command, tmp_path):
     done = command("identify", DATA / "rig.toml", DATA / "prbs.mat", "--json", tmp_path / "found.json")
-    told = json.loads((tmp_path / "found.json").read_text())["next_command"]
-    assert told == COMMANDS["next_validate"]
-    assert f"  {told}\n" in done.out
+    shown = json.loads((tmp_path / "found.json").read_text())["next_command"]
+    assert shown == COMMANDS["next_validate"]
+    assert f"  {shown}\n" in done.out
 
 
 def test_nothing_is_told_where_no_command_does_it():

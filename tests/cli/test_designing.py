@@ -23,10 +23,10 @@ def rig(tmp_path):
 
 @pytest.mark.parametrize("suffix", [".csv", ".mat", ".wav"])
 def test_excitation_writes_and_tells(rig, tmp_path, suffix):
-    out, told = tmp_path / f"i_e{suffix}", tmp_path / "told.json"
-    ended = run("excitation", rig, "--out", out, "--order", 7, "--periods", 4, "--json", told)
+    out, shown = tmp_path / f"i_e{suffix}", tmp_path / "told.json"
+    ended = run("excitation", rig, "--out", out, "--order", 7, "--periods", 4, "--json", shown)
     assert ended.exit_code == 0, ended.output
-    data = json.loads(told.read_text())
+    data = json.loads(shown.read_text())
     assert (data["period"], data["periods"], data["axes"][0]["i_e"]) == (254, 4, 0.1)
     assert ("full_scale" in data) == (suffix == ".wav")
     assert out.stat().st_size > 1000
@@ -89,10 +89,10 @@ def test_excitation_refuses(rig, tmp_path, monkeypatch, arguments, refused_by):
 
 
 def test_design_tells_and_writes_what_it_found(rig, tmp_path):
-    out, told = tmp_path / "i_e.wav", tmp_path / "told.json"
-    ended = run("design", rig, "--accuracy", "K_i=0.02%", "--seconds", 5, "--out", out, "--json", told)
+    out, shown = tmp_path / "i_e.wav", tmp_path / "told.json"
+    ended = run("design", rig, "--accuracy", "K_i=0.02%", "--seconds", 5, "--out", out, "--json", shown)
     assert ended.exit_code == 0, ended.output
-    data = json.loads(told.read_text())
+    data = json.loads(shown.read_text())
     wanted = data["wanted"]["K_i.A_zeta"]
     assert 1.96 * data["parameters"]["K_i.A_zeta"]["std_error"] <= wanted == pytest.approx(0.036)
     assert 0.99 <= data["efficiency"] <= 1.0
@@ -104,11 +104,11 @@ def test_design_tells_and_writes_what_it_found(rig, tmp_path):
 
 
 def test_design_takes_values_and_noise_from_a_record(rig, tmp_path):
-    record, told = tmp_path / "run.csv", tmp_path / "told.json"
+    record, shown = tmp_path / "run.csv", tmp_path / "told.json"
     assert run("simulate", rig, "--out", record, "--seconds", 0.5, "--quiet").exit_code == 0
-    ended = run("design", rig, "--record", record, "--signal", "prbs", "--seconds", 1, "--json", told, "--quiet")
+    ended = run("design", rig, "--record", record, "--signal", "prbs", "--seconds", 1, "--json", shown, "--quiet")
     assert ended.exit_code == 0, ended.output
-    data = json.loads(told.read_text())
+    data = json.loads(shown.read_text())
     assert data["signal"] == "prbs"
     assert data["efficiency"] is None
     assert data["parameters"]["K_i.A_zeta"]["value"] != 180.0
@@ -116,15 +116,15 @@ def test_design_takes_values_and_noise_from_a_record(rig, tmp_path):
 
 @pytest.mark.slow
 def test_diagnose_proposes_what_settles_an_ambiguous_verdict(rig, tmp_path):
-    record, told = tmp_path / "run.csv", tmp_path / "told.json"
+    record, shown = tmp_path / "run.csv", tmp_path / "told.json"
     late = ("--amplitude", 0.5, "--effect", "loop_delay:delay=3e-5")
     assert run("simulate", rig, "--out", record, "--seconds", 0.5, *late, "--quiet").exit_code == 0
     lines = record.read_text().splitlines()
     kept = [k for k, name in enumerate(lines[0].split(",")) if not name.startswith("i_c")]
     record.write_text("\n".join(",".join(np.array(line.split(","))[kept]) for line in lines))
-    ended = run("diagnose", rig, record, "--next", "--json", told)
+    ended = run("diagnose", rig, record, "--next", "--json", shown)
     assert ended.exit_code == 0, ended.output
-    data = json.loads(told.read_text())
+    data = json.loads(shown.read_text())
     assert data["next_experiments"]["hypotheses"] == data["ambiguous_sets"][0]
     best = data["next_experiments"]["experiments"][0]
     assert "record i_c" in [own["change"] for own in data["next_experiments"]["experiments"]]
@@ -132,11 +132,11 @@ def test_diagnose_proposes_what_settles_an_ambiguous_verdict(rig, tmp_path):
 
 
 def test_design_proposes_what_tells_effects_apart(rig, tmp_path):
-    told = tmp_path / "told.json"
+    shown = tmp_path / "told.json"
     apart = ("--apart", "loop_delay:delay=1e-5", "--apart", "sensor_lag:time_constant=1e-5")
-    ended = run("design", rig, "--without-currents", "--seconds", 1, *apart, "--json", told)
+    ended = run("design", rig, "--without-currents", "--seconds", 1, *apart, "--json", shown)
     assert ended.exit_code == 0, ended.output
-    following = json.loads(told.read_text())["next_experiments"]
+    following = json.loads(shown.read_text())["next_experiments"]
     assert following["hypotheses"] == ["loop_delay", "sensor_lag"]
     assert "record i_c" in {own["change"] for own in following["experiments"]}
     assert all(own["change"] in ended.output for own in following["experiments"])

@@ -318,11 +318,11 @@ def test_rank_is_the_ranking_of_the_fitted_model(here, command, tmp_path):
     rig, run = here
     result = command("rank", rig, run, "--json", tmp_path / "rank.json", "--plot", tmp_path / "rank.png")
     assert result.code == 0, result.err
-    told = json.loads((tmp_path / "rank.json").read_text())
+    shown = json.loads((tmp_path / "rank.json").read_text())
     machine = ambid.Rig.load(rig)
     record = ambid.Record.load(run, machine)
     expected = ambid.rank(ambid.identify(machine, record).comparison)
-    assert [row["effect"] for row in told["candidates"]] == [c.effect.name for c in expected.candidates]
-    assert told["not_tried"] == expected.not_tried
-    assert told["candidates"][0]["effect"] in result.out
+    assert [row["effect"] for row in shown["candidates"]] == [c.effect.name for c in expected.candidates]
+    assert shown["not_tried"] == expected.not_tried
+    assert shown["candidates"][0]["effect"] in result.out
     assert (tmp_path / "rank.png").stat().st_size > 1000

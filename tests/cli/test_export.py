@@ -29,8 +29,8 @@ def test_a_saved_model_becomes_a_file_and_a_script(model, command):
     assert list(content["parameters"]) == ["K_i_A_zeta", "K_s_A_zeta", "tau_e"]
     np.testing.assert_allclose(content["nominal"], model.theta)
     assert "load('bench.mat')" in Path("bench_uss.m").read_text()
-    told = json.loads(Path("told.json").read_text())
-    assert told["parameters"]["tau_e"]["ci95"][0] == pytest.approx(model.theta[2] * (1.0 - 0.05 * 1.959964))
+    shown = json.loads(Path("told.json").read_text())
+    assert shown["parameters"]["tau_e"]["ci95"][0] == pytest.approx(model.theta[2] * (1.0 - 0.05 * 1.959964))
     assert command("export", "model.json", "--uss", "bench.mat").code == 2
     assert command("export", "model.json", "--uss", "bench.mat", "--force").code == 0
 

@@ -37,12 +37,12 @@ def test_a_response_before_and_after_with_its_matrix(here, command):
         "frequency-response", here["rig.toml"], here["run.csv"], *models, "--json", "f.json", "--plot", "f.png"
     )
     assert (made.code, made.err) == (0, "")
-    told = json.loads(Path("f.json").read_text())
-    (before,) = told["responses"][0]["before"]
+    shown = json.loads(Path("f.json").read_text())
+    (before,) = shown["responses"][0]["before"]
     assert before["name"] == "base model"
-    assert before["model"] != told["responses"][0]["model"]
-    assert told["matrix"][0]["inputs"] == ["i_e.A_zeta"]
-    assert f"{told['matrix'][0]['record']}, by excitation:" in made.out
+    assert before["model"] != shown["responses"][0]["model"]
+    assert shown["matrix"][0]["inputs"] == ["i_e.A_zeta"]
+    assert f"{shown['matrix'][0]['record']}, by excitation:" in made.out
     assert Path("f.png").stat().st_size > 10_000
 
 

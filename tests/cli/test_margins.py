@@ -22,12 +22,12 @@ def here(tmp_path, monkeypatch):
 def test_a_rig_alone_has_nominal_margins(here, command):
     found = command("margins", "rig.toml", "--json", "margins.json")
     assert (found.code, found.err) == (0, "")
-    told = json.loads(Path("margins.json").read_text())
-    assert [own["code"] for own in told["findings"]] == ["no_covariance"]
-    assert told["findings"][0]["message"] in found.out
-    assert told["axes"]["A_zeta"]["sensitivity"]["value"] == pytest.approx(1.43, abs=0.01)
-    assert told["axes"]["A_zeta"]["sensitivity"]["ci95"] is None
-    assert told["zone"] == "A"
+    shown = json.loads(Path("margins.json").read_text())
+    assert [own["code"] for own in shown["findings"]] == ["no_covariance"]
+    assert shown["findings"][0]["message"] in found.out
+    assert shown["axes"]["A_zeta"]["sensitivity"]["value"] == pytest.approx(1.43, abs=0.01)
+    assert shown["axes"]["A_zeta"]["sensitivity"]["ci95"] is None
+    assert shown["zone"] == "A"
 
 
 def test_a_model_has_intervals_probabilities_and_a_picture(here, command):
@@ -35,9 +35,9 @@ def test_a_model_has_intervals_probabilities_and_a_picture(here, command):
     found = command(*arguments, "--at", "sensor", "--plot", "s.png", "--json", "-")
     assert (found.code, found.err) == (0, "")
     assert Path("s.png").stat().st_size > 10_000
-    told = json.loads(found.out)
-    assert (told["at"], told["draws"], told["seed"]) == ("sensor", 60, 3)
-    own = told["axes"]["A_zeta"]
+    shown = json.loads(found.out)
+    assert (shown["at"], shown["draws"], shown["seed"]) == ("sensor", 60, 3)
+    own = shown["axes"]["A_zeta"]
     low, high = own["sensitivity"]["ci95"]
     assert low < own["sensitivity"]["value"] < high < own["sensitivity"]["worst"]
     assert sum(own["zone_probability"].values()) == pytest.approx(1.0)

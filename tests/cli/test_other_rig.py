@@ -37,14 +37,14 @@ def test_it_is_noted_on_stderr_and_in_json_with_both_values(here, command):
     found = command("margins", "other.toml", "--model", "model.json", "--draws", 50, "--json", "m.json")
     assert found.code == 0
     bias, gain = here.bearings[0].bias_current, here.controller.proportional
-    (told,) = of_another("m.json")
-    assert told["where"]["file"] == "model.json"
-    assert told["values"]["differences"] == {
+    (shown,) = of_another("m.json")
+    assert shown["where"]["file"] == "model.json"
+    assert shown["values"]["differences"] == {
         "bearing[0] (A).bias_current": {"saved": f"{bias:g}", "given": f"{1.1 * bias:g}"},
         "controller.proportional": {"saved": f"{gain:g}", "given": f"{1.05 * gain:g}"},
     }
-    assert found.err == f"warning: model.json: {told['message']}; {told['remedy']}\n"
-    assert f"model.json: {told['message']}; {told['remedy']}" in json.loads(Path("m.json").read_text())["notes"]
+    assert found.err == f"warning: model.json: {shown['message']}; {shown['remedy']}\n"
+    assert f"model.json: {shown['message']}; {shown['remedy']}" in json.loads(Path("m.json").read_text())["notes"]
 
 
 @pytest.mark.parametrize("rig", ["rig.toml", "named.toml"])
@@ -80,10 +80,10 @@ def test_at_most_five_keys_are_told_and_nominal_values_last(here, command):
     changes = {key: 1.01 * getattr(rig.controller, key) for key in ("proportional", "integral", "derivative")}
     rig.replace(bearings=bearings, controller=rig.controller.model_copy(update=changes)).save("changed.toml")
     command("poles", "changed.toml", "--model", "bench.json", "--json", "p.json")
-    (told,) = of_another("p.json")
-    assert len(told["values"]["differences"]) == 5
-    assert told["values"]["further"] == 2
-    assert "force_current" not in told["message"]
+    (shown,) = of_another("p.json")
+    assert len(shown["values"]["differences"]) == 5
+    assert shown["values"]["further"] == 2
+    assert "force_current" not in shown["message"]
 
 
 def test_other_kinds_and_counts_are_told_in_short(here):

@@ -114,15 +114,15 @@ def test_a_pipe_is_no_place_for_a_record_that_is_read_back(files, command, refus
 
 def test_the_demo_replaces_its_own_files_where_nothing_else_is(tmp_path, monkeypatch, command):
     """The story itself, which takes long, is left out."""
-    folder, told = tmp_path / "story", []
-    monkeypatch.setattr("ambid.demo.run", lambda out, say: told.append(out) or {})
+    folder, shown = tmp_path / "story", []
+    monkeypatch.setattr("ambid.demo.run", lambda out, say: shown.append(out) or {})
     folder.mkdir()
     (folder / FILES[0]).write_text("before")
     assert command("demo", "--out", folder).code == 0
     (folder / "notes.txt").write_text("mine")
     assert command("demo", "--out", folder).code == 2
     assert command("demo", "--out", folder, "--force").code == 0
-    assert told == [folder, folder]
+    assert shown == [folder, folder]
 
 
 def test_a_record_in_a_format_whose_package_is_missing(files, command, monkeypatch, refused):

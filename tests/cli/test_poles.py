@@ -27,28 +27,28 @@ def here(tmp_path, monkeypatch):
 def test_poles_are_told_with_their_uncertainty(here, command):
     found = command("poles", "rig.toml", "--model", "at_0.json", "--json", "p.json", "--plot", "p.png")
     assert (found.code, found.err) == (0, "")
-    told = json.loads(Path("p.json").read_text())
+    shown = json.loads(Path("p.json").read_text())
     own = ambid.pole_map(ambid.Model.load("at_0.json"))
-    assert [complex(*entry["pole"]) for entry in told["closed"]] == own.closed.tolist()
-    assert np.array(told["closed"][0]["covariance"]).shape == (2, 2)
+    assert [complex(*entry["pole"]) for entry in shown["closed"]] == own.closed.tolist()
+    assert np.array(shown["closed"][0]["covariance"]).shape == (2, 2)
     assert Path("p.png").stat().st_size > 10_000
 
 
 def test_poles_before_stand_beside(here, command):
     found = command("poles", "rig.toml", "--model", "at_0.json", "--before", "at_0.json", "--json", "-")
-    told = json.loads(found.out)
-    assert told["before"]["closed"] == told["closed"]
+    shown = json.loads(found.out)
+    assert shown["before"]["closed"] == shown["closed"]
 
 
 def test_models_of_single_speeds_are_held_against_the_diagram(here, command):
     measured = ("--measured", "at_0.json", "--measured", "at_400.json")
     found = command("campbell", "rig.toml", *measured, "--json", "c.json", "--plot", "c.png")
     assert (found.code, found.err) == (0, "")
-    told = json.loads(Path("c.json").read_text())
-    assert {own["speed"] for own in told["measured"]} == {0.0, 400.0}
-    assert told["speed"][-1] == pytest.approx(500.0)
-    assert {"forward", "backward"} <= {own["whirl"] for own in told["branches"]}
-    assert all(f"{own['speed']:.4g}" in found.out for own in told["critical"])
+    shown = json.loads(Path("c.json").read_text())
+    assert {own["speed"] for own in shown["measured"]} == {0.0, 400.0}
+    assert shown["speed"][-1] == pytest.approx(500.0)
+    assert {"forward", "backward"} <= {own["whirl"] for own in shown["branches"]}
+    assert all(f"{own['speed']:.4g}" in found.out for own in shown["critical"])
     assert Path("c.png").stat().st_size > 10_000
 
 

@@ -31,12 +31,12 @@ def test_a_response_is_made_written_drawn_and_read_again(here, command):
     made = command("frequency-response", rig, run, "--out", "frf.mat", "--plot", "frf.png", "--json", "frf.json")
     assert (made.code, made.err) == (0, "")
     assert Path("frf.png").stat().st_size > 10_000
-    told = json.loads(Path("frf.json").read_text())
-    (own,) = told["responses"]
+    shown = json.loads(Path("frf.json").read_text())
+    (own,) = shown["responses"]
     assert own["outputs"] == ["y.A_zeta", "i_c.A_zeta"]
     assert len(own["response"]) == len(own["model"]) == len(own["std"]) == len(own["frequency_hz"])
     assert len(own["response"][0][0][0]) == 2
-    assert told["records"][0]["misfit"] == pytest.approx(1.0, abs=0.2)
+    assert shown["records"][0]["misfit"] == pytest.approx(1.0, abs=0.2)
     for name in ("identify", "compare", "diagnose"):
         found = command(name, rig, "frf.mat", run, "--json", f"{name}.json")
         assert (found.code, found.err) == (0, ""), name

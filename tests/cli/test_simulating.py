@@ -9,11 +9,11 @@ import ambid
 def test_an_effect_without_values_is_told_with_those_that_were_used(here, command):
     result = command("simulate", here[0], "--out", "v.csv", "--effect", "loop_delay", "--json", "v.json")
     assert (result.code, result.err) == (0, "")
-    told = json.loads(Path("v.json").read_text())
-    delay = told["parameters"]["loop_delay.delay"]["value"]
+    shown = json.loads(Path("v.json").read_text())
+    delay = shown["parameters"]["loop_delay.delay"]["value"]
     assert f"{delay:.6g} s" in result.out
-    assert told["settings"] == {"loop_delay": {}}
-    assert told["notes"] == []
+    assert shown["settings"] == {"loop_delay": {}}
+    assert shown["notes"] == []
 
 
 def test_notes_are_printed_and_in_json_and_name_the_amplitude(here, command):
@@ -23,10 +23,10 @@ def test_notes_are_printed_and_in_json_and_name_the_amplitude(here, command):
     amplitude = 0.1 * 2.0 * gap / abs(ambid.Record.load("small.csv", rig).y).max()
     result = command("simulate", here[0], "--out", "v.csv", "--amplitude", str(amplitude), "--json", "v.json")
     assert (result.code, result.err) == (0, "")
-    told = json.loads(Path("v.json").read_text())
-    assert told["findings"][0]["code"] == "virtual_travel_beyond_gap"
-    assert told["findings"][0]["where"]["channel"] == "y.A_zeta"
-    for found, note in zip(told["findings"], told["notes"], strict=True):
+    shown = json.loads(Path("v.json").read_text())
+    assert shown["findings"][0]["code"] == "virtual_travel_beyond_gap"
+    assert shown["findings"][0]["where"]["channel"] == "y.A_zeta"
+    for found, note in zip(shown["findings"], shown["notes"], strict=True):
         assert f"{found['severity']}: {note}" in result.out
 
 

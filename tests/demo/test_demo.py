@@ -41,7 +41,7 @@ def one_axis(folder: Path) -> Path:
 
 
 @pytest.fixture(scope="module", params=["one axis", pytest.param("the bench", marks=pytest.mark.slow)])
-def told(request, tmp_path_factory, command_in):
+def shown(request, tmp_path_factory, command_in):
     """The data of the story, what the command wrote and said, and the folder that it was given.
 
     Of one axis the report, whose pictures take longest, is its text alone.
@@ -71,8 +71,8 @@ def test_the_hidden_records_come_from_the_independent_machine(name, truth, demo_
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())
 
 
-def test_it_shows_what_it_found(told):
-    data, result, text, _ = told
+def test_it_shows_what_it_found(shown):
+    data, result, text, _ = shown
     names = ambid.Model(ambid.Rig.load(data / "rig.toml")).names
     assert tuple(result["identify"]["parameters"]) == names
     assert tuple(result["static_load"]["parameters"]) == tuple(name for name in names if name.startswith("K_i"))
@@ -80,8 +80,8 @@ def test_it_shows_what_it_found(told):
     assert all(text.index(f"{n}. ") < text.index(f"{n + 1}. ") for n in range(1, 6))
 
 
-def test_the_fit_looks_well_and_is_wrong(told):
-    data, result, *_ = told
+def test_the_fit_looks_well_and_is_wrong(shown):
+    data, result, *_ = shown
     truth = json.loads((data / "hidden_truth.json").read_text())
     assert result["identify"]["fit_percent"]["average"] > 98.0
     assert result["compare"]["records"][0]["misfit"] > 10.0
@@ -89,8 +89,8 @@ def test_the_fit_looks_well_and_is_wrong(told):
     assert tau_e["ci95"][0] > truth["tau_e"]
 
 
-def test_the_hidden_effect_is_found_and_the_parameters_come_right(told):
-    data, result, *_ = told
+def test_the_hidden_effect_is_found_and_the_parameters_come_right(shown):
+    data, result, *_ = shown
     truth, found = json.loads((data / "hidden_truth.json").read_text()), result["diagnose"]
     assert (found["verdict"], found["effects"]) == ("explained", ["loop_delay"])
     last = found["history"][-1]
@@ -100,8 +100,8 @@ def test_the_hidden_effect_is_found_and_the_parameters_come_right(told):
         assert p["value"] == pytest.approx(truth[name], rel=0.01)
 
 
-def test_tolerances_make_more_of_the_interval_than_noise(told):
-    _, result, text, _ = told
+def test_tolerances_make_more_of_the_interval_than_noise(shown):
+    _, result, text, _ = shown
     exact, known = result["closed_loop"], result["with_tolerances"]
     name = next(iter(known["parameters"]))
     assert (exact["tolerances"], "mass" in known["tolerances"]) == ({}, True)
@@ -110,16 +110,16 @@ def test_tolerances_make_more_of_the_interval_than_noise(told):
     assert max(parts, key=parts.get) in text
 
 
-def test_it_names_the_folder_and_everything_in_it(told):
-    _, result, text, folder = told
+def test_it_names_the_folder_and_everything_in_it(shown):
+    _, result, text, folder = shown
     assert all(str(path) in text for path in (folder, *map(Path, result["files"])))
     assert sorted(result["files"]) == sorted(str(path) for path in folder.iterdir())
     for name in ("report.html", "ranking.png", "misfit_map.png", "measured_and_simulated.png", "model.json"):
         assert (folder / name).stat().st_size > 0
 
 
-def test_the_model_that_it_leaves_can_be_loaded(told):
-    model = ambid.Model.load(told[-1] / "model.json")
+def test_the_model_that_it_leaves_can_be_loaded(shown):
+    model = ambid.Model.load(shown[-1] / "model.json")
     assert [effect.name for effect in model.effects] == ["loop_delay"]
 
 

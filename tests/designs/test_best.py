@@ -64,12 +64,12 @@ def test_information_of_lines_is_that_of_the_whole_record():
     """Per power and sample, but for what the transient takes: seven numbers of those that the lines hold."""
     lines = list(range(5, 60))
     wave = ambid.multisine(1024, rms=0.1, lines=lines)
-    told = prospect(MODEL, np.tile(wave, (64, 1)), period=1024, instruments=STATED)
+    shown = prospect(MODEL, np.tile(wave, (64, 1)), period=1024, instruments=STATED)
     own = PoweredLines.of(MODEL, 1024, STATED, Limits(), [0, 1, 2], MODEL.theta)
     powers = np.where(np.isin(own.lines, lines), 0.01 / len(lines), 0.0)
     information = np.tensordot(powers, own.information, 1) * 64 * 1024
     errors = np.sqrt(np.diag(np.linalg.inv(information))) * MODEL.theta
-    found = np.array([p.std_error for p in told.parameters.values()])
+    found = np.array([p.std_error for p in shown.parameters.values()])
     assert (found > errors).all()
     np.testing.assert_allclose(found, errors, rtol=0.08)
 
@@ -81,25 +81,25 @@ def test_the_best_multisine_beats_sequences_of_the_same_peaks():
     usual = ambid.prbs(10, amplitude=1.0, hold=2, periods=8)
     peaks = forecast(RIG, usual, period=2046)
     usual = usual * found.forecast.axes[0].i_c / peaks.axes[0].i_c
-    told = prospect(MODEL, usual, period=2046, instruments=STATED)
-    volumes = [np.linalg.det(own.covariance) ** (1 / 3) * own.seconds for own in (told, found.prospect)]
+    shown = prospect(MODEL, usual, period=2046, instruments=STATED)
+    volumes = [np.linalg.det(own.covariance) ** (1 / 3) * own.seconds for own in (shown, found.prospect)]
     assert volumes[0] / volumes[1] > 5.0  # in time, against a usual one of the same peak current
 
 
 def test_what_is_designed_is_within_its_limits():
     limits = Limits(travel=0.02, current=0.1, excitation=0.2, slew_rate=1000.0)
     found = design(RIG, STATED, limits=limits, seconds=1.0)
-    told = forecast(RIG, found.i_e, period=len(found.option.wave), limits=limits)
-    assert 0.98 < told.load <= 1.0 + 1e-9
-    assert told.seconds <= 1.0
-    assert not told.findings
+    shown = forecast(RIG, found.i_e, period=len(found.option.wave), limits=limits)
+    assert 0.98 < shown.load <= 1.0 + 1e-9
+    assert shown.seconds <= 1.0
+    assert not shown.findings
 
 
 def test_a_loop_that_is_more_sensitive_than_allowed_is_told():
     assert not design(RIG, STATED, seconds=0.5).findings
-    (told,) = design(RIG, STATED, seconds=0.5, limits=Limits(sensitivity=1.0)).findings
-    assert (told.kind, told.where.axis) == (SENSITIVE, "A_zeta")
-    assert told.values["peak"] > told.values["limit"] == 1.0
+    (shown,) = design(RIG, STATED, seconds=0.5, limits=Limits(sensitivity=1.0)).findings
+    assert (shown.kind, shown.where.axis) == (SENSITIVE, "A_zeta")
+    assert shown.values["peak"] > shown.values["limit"] == 1.0
 
 
 def test_a_wanted_accuracy_is_met_and_no_more_is_played_than_it_takes():
@@ -200,9 +200,9 @@ def test_an_accuracy_that_tolerances_forbid_is_out_of_reach():
 def test_what_is_foreseen_with_tolerances_is_what_a_fit_says():
     known = ambid.Model(RIG.replace(tolerance={"mass": 0.005, "sensor_gain": 0.01}))
     i_e = ambid.prbs(8, amplitude=0.3, hold=2, axes=1, periods=8)
-    told = prospect(known, i_e, period=510, instruments=STATED).parameters
+    shown = prospect(known, i_e, period=510, instruments=STATED).parameters
     record = replace(MODEL.virtual_experiment(i_e, seed=1, sensor_noise=50e-9, current_noise=0.01), period=510)
     found = ambid.identify(known, record).parameters
     for name, p in found.items():
-        assert told[name].std_error == pytest.approx(p.std_error, rel=0.1)
-        assert told[name].std_error_statistical == pytest.approx(p.std_error_statistical, rel=0.2)
+        assert shown[name].std_error == pytest.approx(p.std_error, rel=0.1)
+        assert shown[name].std_error_statistical == pytest.approx(p.std_error_statistical, rel=0.2)

@@ -26,8 +26,8 @@ def experiment(i_e, seed):
     return replace(record, period=len(i_e) // PERIODS)
 
 
-def errors_of(told):
-    return np.array([p.std_error for p in told.parameters.values()])
+def errors_of(shown):
+    return np.array([p.std_error for p in shown.parameters.values()])
 
 
 @pytest.mark.parametrize("runs", [40, pytest.param(400, marks=pytest.mark.slow)])
@@ -43,8 +43,8 @@ def test_noise_of_a_record_foresees_what_its_statement_does():
     i_e = sequence()
     fit = ambid.identify(RIG, experiment(i_e, 1))
     stated = errors_of(prospect(MODEL, i_e, period=508, instruments=STATED))
-    told = errors_of(prospect(MODEL, i_e, period=508, instruments=Instruments.of(fit.comparison)))
-    np.testing.assert_allclose(told, stated, rtol=0.1)
+    shown = errors_of(prospect(MODEL, i_e, period=508, instruments=Instruments.of(fit.comparison)))
+    np.testing.assert_allclose(shown, stated, rtol=0.1)
 
 
 def test_twice_the_amplitude_or_four_times_the_periods_halve_the_errors():

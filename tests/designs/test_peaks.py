@@ -19,15 +19,15 @@ def excitation(axes=1, periods=3):
 
 def test_peaks_are_those_of_the_simulated_response():
     i_e = excitation()
-    told = forecast(RIG, i_e, period=127 * 4)
+    shown = forecast(RIG, i_e, period=127 * 4)
     record = ambid.Model(RIG).simulate(i_e)
-    (axis,) = told.axes
+    (axis,) = shown.axes
     np.testing.assert_allclose(axis.y, np.abs(record.y).max(), rtol=1e-6)
     np.testing.assert_allclose(axis.i_c_over_bias, np.abs(record.i_c).max() / 4.0, rtol=1e-6)
     np.testing.assert_allclose(axis.y_over_gap, np.abs(record.y).max() / 0.6e-3, rtol=1e-6)
     assert axis.i_e == 0.2
-    assert (told.periods, told.seconds) == (3, 3 * 508 / 1e4)
-    np.testing.assert_allclose(told.line_spacing_hz, 1e4 / 508)
+    assert (shown.periods, shown.seconds) == (3, 3 * 508 / 1e4)
+    np.testing.assert_allclose(shown.line_spacing_hz, 1e4 / 508)
 
 
 def test_band_holds_nine_tenths_of_the_power():
@@ -48,14 +48,14 @@ def test_band_holds_nine_tenths_of_the_power():
 )
 def test_a_limit_that_is_exceeded_is_a_finding_and_weighs_more_than_one(limits, channel, limit, unit, golden):
     assert forecast(RIG, excitation()).findings == ()
-    told = forecast(RIG, excitation(), limits=Limits(**limits))
-    above, within = told.findings
+    shown = forecast(RIG, excitation(), limits=Limits(**limits))
+    above, within = shown.findings
     assert (above.kind, above.where.channel, above.values["unit"]) == (ABOVE_LIMIT, channel, unit)
     assert above.values["limit"] == pytest.approx(limit)
-    assert above.values["peak"] / limit == pytest.approx(told.load)
-    assert told.load > 1.0 > forecast(RIG, excitation()).load
-    assert told.to_json()["findings"] == [own.as_dict() for own in told.findings]
-    golden.holds("\n".join(told.notes))
+    assert above.values["peak"] / limit == pytest.approx(shown.load)
+    assert shown.load > 1.0 > forecast(RIG, excitation()).load
+    assert shown.to_json()["findings"] == [own.as_dict() for own in shown.findings]
+    golden.holds("\n".join(shown.notes))
 
 
 def test_the_peak_that_is_advised_stays_within_the_limits():
@@ -68,8 +68,8 @@ def test_the_peak_that_is_advised_stays_within_the_limits():
 
 
 def test_load_is_one_where_the_excitation_is_scaled_to_its_limit():
-    told = forecast(RIG, excitation())
-    np.testing.assert_allclose(forecast(RIG, excitation() / told.load).load, 1.0, rtol=1e-6)
+    shown = forecast(RIG, excitation())
+    np.testing.assert_allclose(forecast(RIG, excitation() / shown.load).load, 1.0, rtol=1e-6)
 
 
 @pytest.mark.parametrize("limits", [{"travel": 0.0}, {"current": np.nan}, {"slew_rate": -1.0}])

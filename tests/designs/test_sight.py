@@ -68,8 +68,8 @@ def test_what_is_not_shown_has_its_reason(golden):
     found = shown(sequence())
     golden.holds(found.not_shown["seal_forces"])
     assert found.find("seal_forces") is None
-    told = shown(sequence(), instruments=STATED.without_currents())
-    golden.holds(told.not_shown["sampling_skew"])
+    output = shown(sequence(), instruments=STATED.without_currents())
+    golden.holds(output.not_shown["sampling_skew"])
     named = {own.effect for own in found.effects} | set(found.not_shown)
     assert named == {effect.name for effect in ambid.CATALOGUE}
 

@@ -30,9 +30,9 @@ def test_what_changes_between_points_is_told_beside_what_is_missing():
     assert found.verdict == "explained", found
     assert found.effects == ("loop_delay",)
     assert not found.fit.is_adequate
-    (told,) = (own.values for own in found.findings if own.code == "changes_with_operating_point")
-    assert told["parameter"] == "tau_e"
-    assert (told["least"], told["most"]) == (pytest.approx(2.85e-4, rel=0.02), pytest.approx(3.1e-4, rel=0.02))
+    (shown,) = (own.values for own in found.findings if own.code == "changes_with_operating_point")
+    assert shown["parameter"] == "tau_e"
+    assert (shown["least"], shown["most"]) == (pytest.approx(2.85e-4, rel=0.02), pytest.approx(3.1e-4, rel=0.02))
     assert (found.next_step.code, found.next_step.values["parameter"]) == ("next_find_what_changes", "tau_e")
 
 

@@ -128,7 +128,7 @@ def test_its_lines_are_readable(sealed, golden):
 
 def test_it_is_plain_data(sealed):
     (matrix,) = ambid.misfit_matrix(sealed.comparison)
-    told = json.loads(json.dumps(matrix.to_json(), allow_nan=False))
-    assert np.shape(told["power"]) == np.shape(told["sign"]) == matrix.power.shape
-    assert np.shape(told["response"]) == (*matrix.power.shape, 2)
-    assert told["crossed"]["A"] == pytest.approx(matrix.crossed["A"])
+    shown = json.loads(json.dumps(matrix.to_json(), allow_nan=False))
+    assert np.shape(shown["power"]) == np.shape(shown["sign"]) == matrix.power.shape
+    assert np.shape(shown["response"]) == (*matrix.power.shape, 2)
+    assert shown["crossed"]["A"] == pytest.approx(matrix.crossed["A"])

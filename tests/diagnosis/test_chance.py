@@ -19,7 +19,7 @@ def test_spread_is_the_variance_of_whitened_noise_on_a_whitened_response():
     window, channels = Window(60, 3, 60), 4
     rng = np.random.default_rng(5)
     responses = np.tile(rng.standard_normal((60, channels, 8)), (4, 1, 1))
-    squares, costs, told = [], [], []
+    squares, costs, shown = [], [], []
     for _ in range(400):
         residual = rng.standard_normal((240, channels))
         whitening = Whitening.between(residual, window)
@@ -27,11 +27,11 @@ def test_spread_is_the_variance_of_whitened_noise_on_a_whitened_response():
         seen /= np.linalg.norm(seen, axis=0)
         squares.append((seen.T @ white) ** 2)
         costs.append(white @ white / white.size)
-        told.append(whitening.spreads @ seen**2)
-    assert 1.05 < np.mean(told) < 1.3
+        shown.append(whitening.spreads @ seen**2)
+    assert 1.05 < np.mean(shown) < 1.3
     assert np.mean(costs) == pytest.approx(1.0, abs=0.02)
     # 3200 squares of one degree of freedom: their mean has a standard error of 2.5 %
-    assert np.mean(squares) == pytest.approx(np.mean(told), rel=0.075)
+    assert np.mean(squares) == pytest.approx(np.mean(shown), rel=0.075)
 
 
 @pytest.mark.parametrize(("degrees", "one_sided"), [(1, 0), (1, 1), (2, 1), (2, 2), (3, 1)])
@@ -98,8 +98,8 @@ def test_the_best_of_many_correlated_directions_is_as_likely_as_said():
     assert 10.0 < count < 30.0
     best = ((rng.standard_normal((6000, 400)) @ columns) ** 2).max(axis=1)
     for score in (9.0, 12.0):
-        told = np.exp(candidate(score, variants=count).chance)
-        assert 0.6 * told < np.mean(best > score) < 1.4 * told
+        shown = np.exp(candidate(score, variants=count).chance)
+        assert 0.6 * shown < np.mean(best > score) < 1.4 * shown
 
 
 @pytest.mark.slow
@@ -114,15 +114,15 @@ def test_noise_with_a_narrow_peak_of_its_own_is_judged_by_the_peak():
     response = np.tile(form, 4)[:, None] * np.array([1.0, 0.5])
     ratios = {}
     for name, colour in (("white", np.ones_like(hz)), ("peak", np.sqrt(peak))):
-        squares, told = [], []
+        squares, shown = [], []
         for _ in range(150):
             residual = np.fft.irfft(np.fft.rfft(rng.standard_normal((6000, 2)), axis=0) * colour[:, None], axis=0)
             whitening = Whitening.between(residual, window)
             seen = whitening.white(response)
             seen /= np.linalg.norm(seen)
             squares.append((seen @ whitening.white(residual)) ** 2)
-            told.append(whitening.spreads @ seen**2)
-        ratios[name] = np.mean(squares) / np.mean(told), np.median(told)
-    for ratio, told in ratios.values():
-        assert 1.0 < told < 1.2
+            shown.append(whitening.spreads @ seen**2)
+        ratios[name] = np.mean(squares) / np.mean(shown), np.median(shown)
+    for ratio, shown in ratios.values():
+        assert 1.0 < shown < 1.2
         assert ratio == pytest.approx(1.0, abs=0.4)  # three standard errors of 150 squares

@@ -93,9 +93,9 @@ def test_what_is_good_enough_is_not_called_nothing(hum):
     """J/dof 1.093 may be many standard deviations above noise alone."""
     own = verdict(hum, word="adequate", effects=(), misfit=1.093)
     assert hum.by_chance < own.misfit < hum.bound
-    told = found(own)["good_enough"]
-    assert (told.values["misfit"], told.values["by_chance"], told.values["tolerance"]) == (1.093, hum.by_chance, 1.1)
-    assert told.values["channel"] == own.where.cells[0].channel
+    shown = found(own)["good_enough"]
+    assert (shown.values["misfit"], shown.values["by_chance"], shown.values["tolerance"]) == (1.093, hum.by_chance, 1.1)
+    assert shown.values["channel"] == own.where.cells[0].channel
     (step,) = next_steps(own, ())
     assert (step.code, step.values["tolerance"]) == ("next_lower_tolerance", hum.by_chance)
     small = replace(own, misfit=1.02)
@@ -155,8 +155,8 @@ def test_the_sentences_are_those_that_were_read(hum, golden):
     none = replace(some, word="none_of_the_candidates", tried=(HUM.name,), tried_share=0.4, is_chosen=True)
     good_enough = verdict(hum, word="adequate", effects=(), misfit=1.093)
     for own in (some, none, replace(good_enough, where=replace(good_enough.where, cells=(CELL,)))):
-        told = (finding for code, finding in found(own).items() if not code.startswith("missing"))  # what is measured
-        golden.holds("\n".join(finding.line() for finding in told))
+        shown = (finding for code, finding in found(own).items() if not code.startswith("missing"))  # what is measured
+        golden.holds("\n".join(finding.line() for finding in shown))
         golden.holds("\n".join(step.message for step in next_steps(replace(own, kept_back=None), ())))
 
 

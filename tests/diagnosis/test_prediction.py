@@ -27,28 +27,28 @@ def ranking(late):
 
 
 def test_the_residual_that_would_be_left_is_that_of_a_refit(ranking):
-    told = ambid.predict(ranking, "loop_delay")
+    shown = ambid.predict(ranking, "loop_delay")
     comparison = ranking.comparison
     (record,) = [own.record for own in comparison.records]
     refitted = ambid.identify(comparison.model.add("loop_delay"), record).model
     (now,), (left,) = misfit_maps(comparison), misfit_maps(comparison.of(refitted))
-    np.testing.assert_allclose(told.now[0].misfit, now.misfit)
-    apart = np.abs(told.then[0].misfit - left.misfit)
+    np.testing.assert_allclose(shown.now[0].misfit, now.misfit)
+    apart = np.abs(shown.then[0].misfit - left.misfit)
     assert np.nanmax(apart) < 0.5 < 5.0 < np.nanmax(now.misfit)  # two lines in the lowest band
     assert np.nanmedian(apart) < 0.02
-    assert told.misfit_now > 1.3
-    assert np.nanmax(told.part()) > 1.0
-    assert told.misfit_then == pytest.approx(comparison.of(refitted).misfit, abs=0.02)
+    assert shown.misfit_now > 1.3
+    assert np.nanmax(shown.part()) > 1.0
+    assert shown.misfit_then == pytest.approx(comparison.of(refitted).misfit, abs=0.02)
 
 
 def test_its_curves_and_sums_agree(ranking):
-    told = ambid.predict(ranking, "loop_delay")
+    shown = ambid.predict(ranking, "loop_delay")
     (candidate,) = ranking.candidates
     left = candidate.residual - candidate.size * candidate.direction
     fall = float(candidate.residual @ candidate.residual - left @ left)
     assert fall == pytest.approx(candidate.score, rel=1e-6)
-    assert len(told.curves[0][0].misfit) > len(told.now[0].misfit)
-    assert "loop_delay" in told.lines()[0]
+    assert len(shown.curves[0][0].misfit) > len(shown.now[0].misfit)
+    assert "loop_delay" in shown.lines()[0]
 
 
 def test_a_name_that_is_no_candidate_is_refused(ranking, golden):
@@ -77,6 +77,6 @@ def test_what_moved_is_told_with_the_last_map(late, golden):
     assert any(own.line() in line for line in repr(found).splitlines())
     (left,) = found.left
     assert np.nanmax(left.misfit) < 3.0  # two lines in the lowest band
-    told = json.loads(json.dumps(found.to_json(), allow_nan=False))
-    assert told["history"][1]["moved"][0]["parameter"] == last.moved[0].name
-    assert np.shape(told["left"][0]["misfit"]) == left.misfit.shape
+    shown = json.loads(json.dumps(found.to_json(), allow_nan=False))
+    assert shown["history"][1]["moved"][0]["parameter"] == last.moved[0].name
+    assert np.shape(shown["left"][0]["misfit"]) == left.misfit.shape

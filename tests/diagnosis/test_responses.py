@@ -62,9 +62,9 @@ def test_a_hidden_effect_is_named_from_responses_alone(late):
     assert found.history[-1].misfit == pytest.approx(1.0, abs=0.15)
     assert found.history[-1].validation_misfit < 1.2
     assert "response_of_small_motion" in {own.code for own in found.findings}
-    told = found.to_json()
-    assert {"verdict", "effects", "where", "parameters", "misfit", "not_tried"} <= set(told)
-    assert told["where"]
+    shown = found.to_json()
+    assert {"verdict", "effects", "where", "parameters", "misfit", "not_tried"} <= set(shown)
+    assert shown["where"]
 
 
 @pytest.mark.parametrize("seed", first_fast(range(3)))

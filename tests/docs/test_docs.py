@@ -119,44 +119,44 @@ def test_every_constant_of_the_engine_says_what_it_means(package):
 
 
 def test_every_key_of_the_rig_file_is_told():
-    told = rig_file.generate(Path())
+    shown = rig_file.generate(Path())
     for title, model, _ in rig_file.tables_of("", ambid.Rig):
         for name, field in model.model_fields.items():
-            assert f"| `{field.alias or name}` |" in told, title
+            assert f"| `{field.alias or name}` |" in shown, title
             assert name == "kind" or meanings(model).get(name) or field.description, (title, name)
 
 
 def test_units_and_ranges_of_the_rig_file():
-    told = rig_file.generate(Path())
-    assert "| `air_gap` | number | m | 1e-5 to 0.1 | **needed** |" in told
-    assert "| `has_lag` | `true` or `false` |  |  | `true` |" in told
-    of_rotors, _ = told.split("### `[tolerance]`")
+    shown = rig_file.generate(Path())
+    assert "| `air_gap` | number | m | 1e-5 to 0.1 | **needed** |" in shown
+    assert "| `has_lag` | `true` or `false` |  |  | `true` |" in shown
+    of_rotors, _ = shown.split("### `[tolerance]`")
     for row in (line for line in of_rotors.splitlines() if line.startswith("| `modal_damping` |")):
         assert [cell.strip() for cell in row.split("|")][3:6] == ["", "0 to 0.5", "`0.0`"]
-    assert '`"finite_elements"` |  |  | `"finite_elements"` |' in told
-    assert '`"pid"` |  |  | **needed** |' in told
+    assert '`"finite_elements"` |  |  | `"finite_elements"` |' in shown
+    assert '`"pid"` |  |  | **needed** |' in shown
 
 
 def test_formats_and_gates_of_records():
-    told = records.generate(Path())
+    shown = records.generate(Path())
     for part in ("`.tdms` | nptdms", "`.csv` | nothing", "`i_c`", "require_metres", "F_x and F_y"):
-        assert part in told
+        assert part in shown
 
 
 def test_every_kind_of_finding_is_told_with_its_room():
-    told = kinds.generate(Path())
+    shown = kinds.generate(Path())
     for room, own in kinds.kinds().items():
-        assert f"ambid.{room}" in told
-        assert all(f"| `{kind.code}` | {kind.severity} |" in told for kind in own)
+        assert f"ambid.{room}" in shown
+        assert all(f"| `{kind.code}` | {kind.severity} |" in shown for kind in own)
     modules = [module for name, module in list(sys.modules.items()) if name.startswith("ambid.")]
     declared = {own.code for module in modules for own in vars(module).values() if isinstance(own, Kind)}
     assert declared == {kind.code for own in kinds.kinds().values() for kind in own}
 
 
 def test_everything_at_the_top_is_in_the_reference():
-    told = interface.generate(Path())
+    shown = interface.generate(Path())
     for name in ambid.__all__:
-        assert not callable(getattr(ambid, name)) or f":: ambid.{name}\n" in told
+        assert not callable(getattr(ambid, name)) or f":: ambid.{name}\n" in shown
 
 
 @pytest.mark.parametrize("effect", CATALOGUE, ids=lambda effect: effect.name)
@@ -175,9 +175,9 @@ def the_catalogue(tmp_path_factory):
 @pytest.mark.slow
 @pytest.mark.parametrize("effect", CATALOGUE, ids=lambda effect: effect.name)
 def test_every_effect_is_told_and_drawn(effect, the_catalogue):
-    told, folder = the_catalogue
+    shown, folder = the_catalogue
     assert (folder / f"{effect.name}.svg").stat().st_size > 5000
-    part = told.partition(f"\n\n`{effect.name}`: ")[2].partition("**Source.**")[0]
+    part = shown.partition(f"\n\n`{effect.name}`: ")[2].partition("**Source.**")[0]
     assert "``" in part.partition("**Equation.**")[2].partition("**Parameters.**")[0]
     for p in effect.parameters(BENCH):
         assert f"| `{p.name}`" in part
@@ -189,8 +189,8 @@ def test_tables_and_pictures_of_benchmarks_are_taken_where_they_are(tmp_path):
     (tmp_path / "calibration").mkdir()
     (tmp_path / "calibration" / "nulls.md").write_text("| a |\n| --- |\n")
     (tmp_path / "calibration" / "nulls.png").touch()
-    told = pages.with_measured(asked, tmp_path)
-    assert told == "| a |\n| --- |\n\n![Nulls](calibration/nulls.png)\n"
+    shown = pages.with_measured(asked, tmp_path)
+    assert shown == "| a |\n| --- |\n\n![Nulls](calibration/nulls.png)\n"
 
 
 def test_every_figure_in_the_folder_is_on_the_page():
@@ -204,11 +204,11 @@ def test_every_key_of_the_results_is_told():
     of_identify, of_diagnose = text("results.md").partition("## `identify`")[2].split("## `diagnose`")
     estimate = ambid.identify(rig, record)
     diagnosis = ambid.Diagnosis.uninformative(estimate.model, [record], [], 0.0)
-    for told, result in ((of_identify, estimate), (of_diagnose, diagnosis)):
-        assert [key for key in result.to_json() if f"`{key}`" not in told] == []
+    for shown, result in ((of_identify, estimate), (of_diagnose, diagnosis)):
+        assert [key for key in result.to_json() if f"`{key}`" not in shown] == []
 
 
 def test_rooms_and_plant():
-    told = rooms.generate(Path())
-    assert told.index("`ambid.rig`") < told.index("`ambid.noise` | Noise") < told.index("`ambid.cli`")
+    shown = rooms.generate(Path())
+    assert shown.index("`ambid.rig`") < shown.index("`ambid.noise` | Noise") < shown.index("`ambid.cli`")
     assert "`inject(" in plant.generate(Path())

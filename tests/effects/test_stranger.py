@@ -103,8 +103,8 @@ def test_settings_that_it_does_not_have(found, tmp_path, golden):
 
 def test_a_name_among_the_chosen_is_one_of_that_catalogue(found):
     rig, (record,) = found.model.rig, found.records
-    told = ambid.diagnose(rig, record, effects=["snubbers"], catalogue=(*CATALOGUE, Snubbers()))
-    assert told.effects == ("snubbers",)
+    shown = ambid.diagnose(rig, record, effects=["snubbers"], catalogue=(*CATALOGUE, Snubbers()))
+    assert shown.effects == ("snubbers",)
 
 
 def test_a_plain_class_is_found_as_it_stands():

@@ -34,8 +34,8 @@ class Slave:
         self.reference = {v.name: v.valueReference for v in self.description.modelVariables}
         self.begin(**parameters)
 
-    def _log(self, *told):
-        self.messages.append(told[-1].decode())
+    def _log(self, *shown):
+        self.messages.append(shown[-1].decode())
 
     def begin(self, **parameters):
         for name, value in parameters.items():

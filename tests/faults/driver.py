@@ -114,5 +114,5 @@ def load(modules):
 
 if __name__ == "__main__":
     signals.watch()
-    told = os.dup(1)  # the numbers 1 and 2 are the command's
-    os.write(told, json.dumps(go(json.load(sys.stdin))).encode())
+    shown = os.dup(1)  # the numbers 1 and 2 are the command's
+    os.write(shown, json.dumps(go(json.load(sys.stdin))).encode())

@@ -88,8 +88,8 @@ def until(happens):
 
 def threads(process):
     """State and clock ticks of user time, by thread."""
-    told = (own.read_text() for own in Path(f"/proc/{process.pid}/task").glob("*/stat"))
-    fields = (own.rpartition(")")[2].split() for own in told)
+    shown = (own.read_text() for own in Path(f"/proc/{process.pid}/task").glob("*/stat"))
+    fields = (own.rpartition(")")[2].split() for own in shown)
     return [(own[0], int(own[11])) for own in fields]
 
 

@@ -318,8 +318,8 @@ def test_exchanged_bearings_are_found():
     for z, code in ((0.43, "bearings_exchanged_by_nominal"), (apart, "bearings_exchanged")):
         one = loaded(z=z)
         swapped = StaticLoading(one.name, one.axes, one.z, one.force, one.i_c[:, [2, 3, 0, 1]])
-        (told,) = found(static_load(RIGID, swapped), code)
-        assert (told.values["bearings"], told.values["others"]) == (["A", "B"], ["B", "A"])
+        (shown,) = found(static_load(RIGID, swapped), code)
+        assert (shown.values["bearings"], shown.values["others"]) == (["A", "B"], ["B", "A"])
         assert not any(own.code.startswith("bearings_exchanged") for own in static_load(RIGID, one).findings)
 
 

@@ -13,7 +13,7 @@ def rig():
     return VirtualBench().rig()
 
 
-def told(rig):
+def shown(rig):
     model = Model(rig)
     with pytest.raises(UnstableLoopError) as caught:
         model.simulate(np.zeros((10, len(rig.axes))))
@@ -26,14 +26,14 @@ def pid(rig, **changes):
 
 def test_without_stiffness_the_rigid_body_falls(rig, golden):
     weak = pid(rig, proportional=0.3 * rig.controller.proportional, integral=0.0)
-    golden.holds(told(weak))
+    golden.holds(shown(weak))
 
 
 def test_a_mode_that_the_controller_drives_is_named_with_its_frequency(rig, golden):
     """A derivative of the wrong sign at the mode: its nominal damping is taken away."""
     modes = rig.rotor
     undamped = modes.model_copy(update={"damping": tuple(-0.05 * (f > 0.0) for f in modes.frequencies_hz)})
-    message = told(rig.replace(rotor=undamped))
+    message = shown(rig.replace(rotor=undamped))
     bending = next(f for f in modes.frequencies_hz if f > 0.0)
     assert f"{bending:.4g} Hz" in message
     golden.holds(message)

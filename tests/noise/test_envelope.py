@@ -75,10 +75,10 @@ def test_it_says_how_sure_it_is():
     assert len(known) > 100
     at = np.array([0.3, 0.7, 1.5])
     scatter = np.var([2.0 * np.log(envelope.root(at)[:, 0]) for envelope in known], axis=0)
-    told = np.mean([envelope.variance(at)[:, 0] for envelope in known], axis=0)
-    assert np.sqrt(scatter[1] / told[1]) == pytest.approx(1.0, abs=0.25)
-    assert told[1] > 3.0 * told[[0, 2]].max()
-    assert (np.sqrt(scatter / told) < 2.5).all()
+    shown = np.mean([envelope.variance(at)[:, 0] for envelope in known], axis=0)
+    assert np.sqrt(scatter[1] / shown[1]) == pytest.approx(1.0, abs=0.25)
+    assert shown[1] > 3.0 * shown[[0, 2]].max()
+    assert (np.sqrt(scatter / shown) < 2.5).all()
 
 
 def test_a_spectrum_of_sixteen_decades_has_a_finite_one():

@@ -34,8 +34,8 @@ def found(left, i_e):
 @pytest.mark.parametrize("colour", COLOURS)
 def test_even_noise_is_left_alone(colour):
     random = np.random.default_rng(0)
-    told = [found(noise(random, 2400, colour), random.standard_normal((2400, AXES))) for _ in range(100)]
-    assert sum(map(bool, told)) <= 1, told
+    shown = [found(noise(random, 2400, colour), random.standard_normal((2400, AXES))) for _ in range(100)]
+    assert sum(map(bool, shown)) <= 1, shown
 
 
 @pytest.mark.parametrize("samples", [1000, 2400, 50_000])
@@ -44,18 +44,18 @@ def test_noise_that_doubles_halfway_is_told(samples):
     for _ in range(10):
         left = noise(random, samples, "low")
         left[samples // 2 :, 1] *= 2.0
-        told = found(left, random.standard_normal((samples, AXES)))
-        assert (told.code, told.where.record, told.where.channel) == ("noise_not_stationary", "run", "i_c.A_zeta")
-        assert 2.5 < told.values["ratio"] < 6.5
+        shown = found(left, random.standard_normal((samples, AXES)))
+        assert (shown.code, shown.where.record, shown.where.channel) == ("noise_not_stationary", "run", "i_c.A_zeta")
+        assert 2.5 < shown.values["ratio"] < 6.5
 
 
 def test_noise_that_falls_is_told_too():
     random = np.random.default_rng(2)
     left = noise(random, 3000, "white")
     left[1500:, 0] /= 2.0
-    told = found(left, random.standard_normal((3000, AXES)))
-    assert told.where.channel == "y.A_zeta"
-    assert told.values["ratio"] == pytest.approx(0.25, abs=0.05)
+    shown = found(left, random.standard_normal((3000, AXES)))
+    assert shown.where.channel == "y.A_zeta"
+    assert shown.values["ratio"] == pytest.approx(0.25, abs=0.05)
 
 
 def test_what_follows_the_excitation_is_no_noise():
@@ -99,18 +99,18 @@ def test_every_result_has_it():
     record = measured(1, louder=2.0)
     estimate = ambid.identify(RIG, record)
     assert estimate.is_adequate
-    told = of_halves(estimate)
-    assert told == of_halves(ambid.diagnose(RIG, record))
+    shown = of_halves(estimate)
+    assert shown == of_halves(ambid.diagnose(RIG, record))
     comparison = ambid.compare(estimate.model, record)
     assert comparison.records[0].notes[-1] in comparison.summary()
     codes = [own["code"] for own in comparison.to_json()["records"][0]["findings"]]
-    assert codes.count("noise_not_stationary") == len(told) == 1
+    assert codes.count("noise_not_stationary") == len(shown) == 1
 
 
 @pytest.mark.slow
 def test_even_noise_that_goes_round_the_loop_is_left_alone():
-    told = [of_halves(ambid.compare(MODEL, measured(seed))) for seed in range(100)]
-    assert sum(map(bool, told)) <= 1, told
+    shown = [of_halves(ambid.compare(MODEL, measured(seed))) for seed in range(100)]
+    assert sum(map(bool, shown)) <= 1, shown
     assert all(of_halves(ambid.compare(MODEL, measured(seed, louder=2.0))) for seed in range(20))
 
 

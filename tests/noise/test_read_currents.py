@@ -112,8 +112,8 @@ def test_intervals_hold_the_truth(is_read, period):
     off, misfits = [], []
     for record in records(is_read, 60, period):
         found = identify(rig(reference=True), record)
-        told = found.to_json()["parameters"]
-        off.append([(told[name]["value"] - true) / told[name]["std_error"] for name, true in TRUTH.items()])
+        shown = found.to_json()["parameters"]
+        off.append([(shown[name]["value"] - true) / shown[name]["std_error"] for name, true in TRUTH.items()])
         misfits.append(found.misfit)
     off = np.array(off)
     assert (off.std(axis=0) > 0.75).all()

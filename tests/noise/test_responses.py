@@ -17,14 +17,14 @@ def comparison(bench, run):
 
 
 def test_a_linear_model_is_exact_and_dense(comparison, run):
-    told = ambid.frequency_responses(comparison)
-    (own,) = told.modelled
+    shown = ambid.frequency_responses(comparison)
+    (own,) = shown.modelled
     model = comparison.model
     exact = model.loop.transfer(model.theta, np.exp(2j * np.pi * own.frequency_hz * model.loop.sample_time))
     assert_allclose(own.response, exact[:, :8, :4], atol=1e-12 * np.abs(exact).max())
     assert len(own.frequency_hz) > 500
-    assert_allclose(told.measured.response, run.frequency_response().response)
-    assert own.at_measured.shape == told.measured.response.shape
+    assert_allclose(shown.measured.response, run.frequency_response().response)
+    assert own.at_measured.shape == shown.measured.response.shape
 
 
 def test_what_the_right_model_leaves_is_noise(comparison):
@@ -33,20 +33,20 @@ def test_what_the_right_model_leaves_is_noise(comparison):
 
 def test_the_model_before_stands_beside(comparison):
     wrong = comparison.model.with_values({"K_i.B_eta": 190.0})
-    told = ambid.frequency_responses(comparison, before=[wrong])
-    assert len(told.modelled) == 2
-    assert told.modelled[0].name == told.modelled[1].name == "base model"
-    mean = np.nanmean(told.left(1), axis=0)
-    assert mean[told.place(*told.worst)] == mean.max() > 2.0
-    assert np.nanmax(np.nanmean(told.left(0), axis=0)) < 1.8
+    shown = ambid.frequency_responses(comparison, before=[wrong])
+    assert len(shown.modelled) == 2
+    assert shown.modelled[0].name == shown.modelled[1].name == "base model"
+    mean = np.nanmean(shown.left(1), axis=0)
+    assert mean[shown.place(*shown.worst)] == mean.max() > 2.0
+    assert np.nanmax(np.nanmean(shown.left(0), axis=0)) < 1.8
 
 
 def test_a_nonlinear_model_is_asked_what_the_record_is_asked(comparison, run):
     model = comparison.model.add("force_nonlinearity")
-    told = ambid.frequency_responses(comparison.of(model))
-    (own,) = told.modelled
+    shown = ambid.frequency_responses(comparison.of(model))
+    (own,) = shown.modelled
     assert own.name == "force_nonlinearity"
-    assert_allclose(own.frequency_hz, told.measured.frequency_hz)
+    assert_allclose(own.frequency_hz, shown.measured.frequency_hz)
     simulated = np.asarray(comparison.of(model).records[0].simulated)
     asked = replace(run, y=simulated[:, :4], i_c=simulated[:, 4:]).frequency_response()
     assert_allclose(own.response, asked.response)
@@ -54,8 +54,8 @@ def test_a_nonlinear_model_is_asked_what_the_record_is_asked(comparison, run):
 
 def test_a_frequency_response_is_measured_already(comparison, run):
     measured = run.frequency_response()
-    told = ambid.frequency_responses(ambid.compare(comparison.model, measured))
-    assert told.measured is measured
+    shown = ambid.frequency_responses(ambid.compare(comparison.model, measured))
+    assert shown.measured is measured
 
 
 def test_wrong_records_and_pairs_are_named(comparison, golden):
@@ -66,7 +66,7 @@ def test_wrong_records_and_pairs_are_named(comparison, golden):
 
 
 def test_it_is_plain_data(comparison):
-    told = ambid.frequency_responses(comparison, before=[comparison.model])
-    plain = json.loads(json.dumps(told.to_json(), allow_nan=False))
+    shown = ambid.frequency_responses(comparison, before=[comparison.model])
+    plain = json.loads(json.dumps(shown.to_json(), allow_nan=False))
     assert np.shape(plain["model"]) == np.shape(plain["response"]) == np.shape(plain["before"][0]["model"])
     assert plain["before"][0]["name"] == "base model"

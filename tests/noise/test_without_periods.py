@@ -189,7 +189,7 @@ def test_lines_that_are_left_out_are_found():
     rig = Rig.load(DATA / "rig.toml")
     ones = np.ones((40_000, len(rig.axes)))
     record = replace(Model(rig).simulate(ones), period=None)
-    *others, told = findings_of(record)
-    assert (told.code, told.values["frequencies"]) == ("frequencies_thinned", 19_999)
-    assert told.values["judged"] < 16_384
+    *others, shown = findings_of(record)
+    assert (shown.code, shown.values["frequencies"]) == ("frequencies_thinned", 19_999)
+    assert shown.values["judged"] < 16_384
     assert list(findings_of(replace(record, y=ones[:30_000], i_c=ones[:30_000], i_e=ones[:30_000]))) == others

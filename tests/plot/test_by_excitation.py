@@ -19,21 +19,21 @@ def comparison(bench, run):
 
 def matrix():
     power = np.array([[[400.0, 0.5], [90.0, np.nan]]])
-    response, told = np.array([[[2e-6 + 0j, 0], [-3e-6, np.nan]]]), np.array([[[True, False], [True, False]]])
+    response, shown = np.array([[[2e-6 + 0j, 0], [-3e-6, np.nan]]]), np.array([[[True, False], [True, False]]])
     std, rest = np.full(power.shape, 1e-7), np.array([[1.0, 12.0]])
     names = ("y.A_zeta", "y.A_eta"), ("i_e.A_zeta", "i_e.A_eta")
-    return MisfitMatrix("run", *names, np.array([2.0, 50.0]), power, response, std, told, rest)
+    return MisfitMatrix("run", *names, np.array([2.0, 50.0]), power, response, std, shown, rest)
 
 
 def test_size_phase_and_what_is_left_have_panels(comparison, golden):
     before = comparison.model.with_values({"K_i.B_eta": 200.0})
     size, phase, left = comparison.plot_frequency_response("y.B_eta", "i_e.B_eta", before=before)
-    told = ambid.frequency_responses(comparison, before=[before])
-    o, i = told.place("y.B_eta", "i_e.B_eta")
+    shown = ambid.frequency_responses(comparison, before=[before])
+    o, i = shown.place("y.B_eta", "i_e.B_eta")
     lines = {line.get_label(): line for line in size.lines}
-    np.testing.assert_allclose(lines["base model"].get_ydata()[5], np.abs(told.modelled[-1].response[5, o, i]))
+    np.testing.assert_allclose(lines["base model"].get_ydata()[5], np.abs(shown.modelled[-1].response[5, o, i]))
     assert len(left.lines) == 3
-    np.testing.assert_allclose(left.lines[0].get_ydata(), told.measured.std[:, o, i])
+    np.testing.assert_allclose(left.lines[0].get_ydata(), shown.measured.std[:, o, i])
     golden.holds(texts_of(size, phase, left))
 
 
@@ -60,11 +60,11 @@ def test_all_pairs_are_drawn(comparison):
 def test_all_pairs_are_saved(tmp_path, golden):
     model = ambid.Model(ambid.Rig.load(LEVITATOR))
     record = model.virtual_experiment(ambid.prbs(8, amplitude=0.3, hold=2, axes=1, periods=4), seed=1)
-    told = ambid.frequency_responses(ambid.compare(model, record))
-    saved = save_responses(told, tmp_path / "frf.png")
+    shown = ambid.frequency_responses(ambid.compare(model, record))
+    saved = save_responses(shown, tmp_path / "frf.png")
     assert saved.stat().st_size > 10_000
     with golden.raises(InputError):
-        save_responses(told, tmp_path / "frf.gif")
+        save_responses(shown, tmp_path / "frf.gif")
 
 
 def test_cells_hold_power_and_sign_and_those_that_say_nothing_are_empty(golden):

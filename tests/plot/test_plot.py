@@ -131,8 +131,8 @@ def test_misfit_map_holds_the_table_and_greys_what_chance_may_bring(golden):
     (given,) = axes()
     found = localisation()
     assert plot_misfit_map(found, ax=given) is given
-    told = np.ma.masked_where(~(found.maps[0].misfit > 2.0), found.maps[0].misfit)
-    np.testing.assert_array_equal(given.collections[0].get_array(), told)
+    shown = np.ma.masked_where(~(found.maps[0].misfit > 2.0), found.maps[0].misfit)
+    np.testing.assert_array_equal(given.collections[0].get_array(), shown)
     golden.holds("\n".join(text.get_text() for text in given.texts))
     assert len({text.get_color() for text in given.texts[2:3] + given.texts[4:]}) == 1
     assert given.texts[4].get_color() != given.texts[0].get_color()

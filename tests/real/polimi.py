@@ -159,13 +159,13 @@ def motion(path: Path) -> str:
 def grain(path: Path) -> str:
     """How many distinct heights a record has, and their noise above a quarter of the sample rate at rest."""
     logouts = scipy.io.loadmat(path)["logouts"]
-    told = []
+    shown = []
     for what, height in (("as read", logouts[HEIGHT]), ("filtered", logouts[FILTERED])):
         at_rest = height[1500:1990]
         lines = np.fft.rfft((at_rest - at_rest.mean()) * np.hanning(len(at_rest)))
         noise = np.sqrt(np.mean(np.abs(lines[len(lines) // 2 :]) ** 2) / np.sum(np.hanning(len(at_rest)) ** 2))
-        told.append(f"{what} {len(np.unique(height))} distinct heights of {len(height)}, noise {1e6 * noise:.2g} um")
-    return "; ".join(told)
+        shown.append(f"{what} {len(np.unique(height))} distinct heights of {len(height)}, noise {1e6 * noise:.2g} um")
+    return "; ".join(shown)
 
 
 def by_force(folder: Path) -> None:
@@ -208,11 +208,11 @@ def instrumental(own: tuple[FloatArray, FloatArray], other: tuple[FloatArray, Fl
 
 def spread(found: list[tuple[float, float]]) -> str:
     """Means of K_i and K_s, with the 95 % interval of their scatter."""
-    told = []
+    shown = []
     for name, values in zip(("K_i", "K_s"), np.array(found).T, strict=True):
         half = f" +- {1.96 * values.std(ddof=1) / np.sqrt(len(values)):.2g}" if len(values) > 1 else ""
-        told.append(f"{name} {values.mean():.3g}{half}")
-    return ", ".join(told)
+        shown.append(f"{name} {values.mean():.3g}{half}")
+    return ", ".join(shown)
 
 
 def line(parameters: Mapping[str, ParameterEstimate]) -> str:

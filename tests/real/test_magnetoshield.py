@@ -16,7 +16,7 @@ RECORD = SHARED / "real/magnetoshield/MagnetoShield_ID_Data.mat"
 
 
 @pytest.fixture(scope="module")
-def told():
+def shown():
     if not RECORD.exists():
         pytest.skip(f"{RECORD} is not here: its licence does not let it be copied into the project")
     rows = scipy.io.loadmat(RECORD)["result"]
@@ -24,8 +24,8 @@ def told():
     return rows, rig, *magnetoshield.story(rows, rig)
 
 
-def test_the_published_controller_did_not_make_this_record(told):
-    rows, rig, *_ = told
+def test_the_published_controller_did_not_make_this_record(shown):
+    rows, rig, *_ = shown
     y = rows[magnetoshield.TRAIN[0], 0]
 
     def alike(own):
@@ -35,8 +35,8 @@ def test_the_published_controller_did_not_make_this_record(told):
     assert alike(rig) < 0.02
 
 
-def test_a_lag_and_the_instants_of_reading_are_missing(told):
-    found = told[2]
+def test_a_lag_and_the_instants_of_reading_are_missing(shown):
+    found = shown[2]
     assert found.verdict == "explained"
     assert set(found.effects) == {"amplifier_bandwidth", "sampling_skew"}
     values = {p.name: p.value for p in found.model.parameters}
@@ -45,16 +45,16 @@ def test_a_lag_and_the_instants_of_reading_are_missing(told):
     assert found.history[-1].misfit < 1.3 < 10.0 < found.history[0].misfit
 
 
-def test_the_effects_lower_the_error_on_rows_that_were_not_used(told):
-    found, train, validate = told[2:]
+def test_the_effects_lower_the_error_on_rows_that_were_not_used(shown):
+    found, train, validate = shown[2:]
     for record in (train, validate):
         errors = np.array([magnetoshield.prediction_error(step.model, record) for step in found.history])
         assert np.all(errors[-1] < 0.45 * errors[0])
 
 
 @pytest.mark.slow
-def test_five_set_points_at_once_have_one_force_law(told):
-    rows, *_ = told
+def test_five_set_points_at_once_have_one_force_law(shown):
+    rows, *_ = shown
     joint, law, kept = magnetoshield.all_set_points(rows, Rig.load(magnetoshield.RIG))
     assert joint.verdict == "explained"
     assert set(joint.effects) == {"amplifier_bandwidth", "sampling_skew"}

@@ -188,11 +188,11 @@ def test_the_std_of_coherence_and_averages(tmp_path):
     """Bendat and Piersol: |H|^2 (1 - g) / (g n), raised by n / (n - 2); without n the scatter tells it."""
     h, coherence = exact(), 0.8 * np.ones((60, 2, 1))
     std = np.abs(h) * np.sqrt(0.2 / 0.8 / 14)
-    told = FrequencyResponse.from_arrays(F, h, outputs=OUTPUTS, inputs=INPUTS, coherence=coherence, averages=16)
-    np.testing.assert_allclose(told.std, std)
+    shown = FrequencyResponse.from_arrays(F, h, outputs=OUTPUTS, inputs=INPUTS, coherence=coherence, averages=16)
+    np.testing.assert_allclose(shown.std, std)
     found = FrequencyResponse.from_arrays(F, h + noise(std, 1), outputs=OUTPUTS, inputs=INPUTS, coherence=coherence)
     assert np.median(found.std / std) == pytest.approx(1.0, abs=0.3)
-    assert (codes(told), codes(found)) == (["std_from_coherence"], ["averages_estimated"])
+    assert (codes(shown), codes(found)) == (["std_from_coherence"], ["averages_estimated"])
 
 
 @pytest.mark.parametrize("averages", [8, 18, 60])
@@ -318,7 +318,7 @@ def test_the_local_response_is_the_loops(periods):
 def test_the_spread_of_noise_that_is_told_by_few_lines(channels, free):
     """Whitened by its estimate, noise has a mean square of 1; along what is whitened too, the variance told."""
     random, count = np.random.default_rng(0), 40
-    power, direction, told = [], [], 0.0
+    power, direction, shown = [], [], 0.0
     for _ in range(60):
         white = random.standard_normal((2, count, free, channels)) / np.sqrt(2.0)
         nothing = np.zeros(0)
@@ -327,9 +327,9 @@ def test_the_spread_of_noise_that_is_told_by_few_lines(channels, free):
         inverse = np.linalg.inv(covariance)
         power.append(np.mean(np.einsum("kii->ki", inverse).real))
         direction.append(np.mean(np.einsum("kij,kji->k", inverse, inverse).real) / channels)
-        told = np.mean(spreads)
+        shown = np.mean(spreads)
     assert np.mean(power) == pytest.approx(1.0, abs=0.02)
-    assert np.mean(direction) / np.mean(power) ** 2 == pytest.approx(told, rel=0.04)
+    assert np.mean(direction) / np.mean(power) ** 2 == pytest.approx(shown, rel=0.04)
 
 
 def test_the_lowest_frequencies_of_four_axes_follow_rigid_modes_and_integrators():

@@ -54,9 +54,9 @@ def test_channels_are_put_at_common_instants(tmp_path, key, name):
     assert record.samples == 770
     for signal, channel in (("i_e", I_E), ("y", Y), ("i_c", I_C)):
         np.testing.assert_array_equal(getattr(record, signal)[:, 0], SAMPLES[channel][30:])
-    told = the(record, "channels_aligned")
-    assert (told.severity, told.values["samples"]) == ("note", 770)
-    assert told.values["start_s"][name] == pytest.approx(30 * STEP)
+    shown = the(record, "channels_aligned")
+    assert (shown.severity, shown.values["samples"]) == ("note", 770)
+    assert shown.values["start_s"][name] == pytest.approx(30 * STEP)
 
 
 def test_start_and_offset_add_up(tmp_path):
@@ -83,10 +83,10 @@ def test_a_map_aligns_them_too(tmp_path):
 def test_a_fraction_of_a_sample_is_told_and_stays(tmp_path):
     record = Record.load(write(tmp_path / "run.tdms", late(0, I_C, offset_s=0.3 * STEP)), RIG)
     np.testing.assert_array_equal(record.i_c[:, 0], SAMPLES[I_C])
-    told = the(record, "channels_apart")
-    assert (told.severity, told.values["reference"], told.values["channels"]) == ("warning", Y, [I_C])
-    assert told.values["late_s"][I_C] == pytest.approx(0.3 * STEP)
-    assert told.values["late_samples"][I_C] == pytest.approx(0.3)
+    shown = the(record, "channels_apart")
+    assert (shown.severity, shown.values["reference"], shown.values["channels"]) == ("warning", Y, [I_C])
+    assert shown.values["late_s"][I_C] == pytest.approx(0.3 * STEP)
+    assert shown.values["late_samples"][I_C] == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize("timing", [{"wf_increment": STEP}, timed()], ids=["none", "one"])

@@ -68,8 +68,8 @@ def test_a_frequency_response_that_is_given_twice_is_told():
 
 
 def test_it_is_told_once_however_often_it_is_asked():
-    told = with_repeats_found(with_repeats_found([run(1), run(1, "again")]))
-    assert codes(told[1]).count("counted_twice") == 1
+    shown = with_repeats_found(with_repeats_found([run(1), run(1, "again")]))
+    assert codes(shown[1]).count("counted_twice") == 1
 
 
 def test_validation_on_the_record_that_was_fitted_is_told(files):

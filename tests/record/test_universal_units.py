@@ -125,8 +125,8 @@ def test_a_line_at_zero_is_no_displacement(tmp_path):
 def test_a_label_that_contradicts_set_164_counts(tmp_path):
     found = load(tmp_path, unit_set(1.0), response_set(1e3 * H, label="mm"))
     np.testing.assert_allclose(found.response[:, 0, 0], H, rtol=1e-9)
-    told = the(found, "units_contradict")
-    assert (told.severity, told.values["factor"], told.values["of_164"]) == ("warning", 1e-3, 1.0)
+    shown = the(found, "units_contradict")
+    assert (shown.severity, shown.values["factor"], shown.values["of_164"]) == ("warning", 1e-3, 1.0)
 
 
 def test_a_factor_of_the_map_replaces_the_unit_of_the_file(tmp_path):

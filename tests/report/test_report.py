@@ -75,23 +75,23 @@ def test_version_and_date_are_told(whole):
 
 
 def test_numbers_are_those_of_the_json(explained, whole):
-    told = json.loads(json.dumps(explained.to_json()))
-    for row, step in zip(whole.tables["ledger"], told["history"], strict=True):
+    output = json.loads(json.dumps(explained.to_json()))
+    for row, step in zip(whole.tables["ledger"], output["history"], strict=True):
         assert row[1] == words.misfit(step["misfit"])
         assert row[3] == words.percent(step["fit_percent"]["average"])
         assert row[4] == words.misfit(step["validation_misfit"])
     factors = {"N/A": 1.0, "kN/m": 1e3, "N/m": 1.0, "MN/m": 1e6, "µs": 1e-6}
     rows = whole.tables["parameters"]
     assert [row[0] for row in rows] == [
-        name.replace("K_i", "Ki").replace("K_s", "Ks").replace("tau_e", "τe") for name in told["parameters"]
+        name.replace("K_i", "Ki").replace("K_s", "Ks").replace("tau_e", "τe") for name in output["parameters"]
     ]
-    for row, own in zip(rows, told["parameters"].values(), strict=True):
+    for row, own in zip(rows, output["parameters"].values(), strict=True):
         low, high = (float(end) * factors[row[1]] for end in row[5].split(" to "))
         assert [float(row[4]) * factors[row[1]], low, high] == pytest.approx([own["value"], *own["ci95"]], rel=2e-3)
-    moves = {own["parameter"]: own for own in told["history"][-1]["moved"]}
-    first = moves[next(iter(told["parameters"]))]
+    moves = {own["parameter"]: own for own in output["history"][-1]["moved"]}
+    first = moves[next(iter(output["parameters"]))]
     assert float(rows[0][7].replace("−", "-")) == pytest.approx(first["standard_errors"], rel=5e-3)
-    candidates = told["history"][0]["candidates"]
+    candidates = output["history"][0]["candidates"]
     shown = whole.tables["ranking-1"]
     assert [row[0] for row in shown] == [own["effect"] for own in candidates[: len(shown)]]
     assert [row[1] for row in shown] == [words.misfit(own["predicted_misfit"]) for own in candidates[: len(shown)]]
@@ -106,8 +106,8 @@ def test_every_record_is_drawn_before_and_after(whole):
 
 
 def test_margins_are_those_of_the_command(explained, whole):
-    told = ambid.margins(explained.model, draws=FEWEST_DRAWS).to_json()
-    own = told["axes"]["A_zeta"]
+    output = ambid.margins(explained.model, draws=FEWEST_DRAWS).to_json()
+    own = output["axes"]["A_zeta"]
     row = whole.tables["margins"][0]
     assert row[1] == words.peak(own["sensitivity"]["value"])
     assert row[4] == " to ".join(map(words.peak, own["sensitivity"]["ci95"]))

@@ -34,7 +34,7 @@ def test_quantities(value, unit, text):
 
 def test_a_parameter_has_as_many_decimals_as_its_interval_tells():
     row = words.Row.of("K_s.x", ParameterEstimate.normal(2.39e6, 1200.0, "N/m"), 2.2e6, 2.1e6, None)
-    assert (row.unit, row.told, row.before, row.now) == ("MN/m", "2.2", "2.1000", "2.3900")
+    assert (row.unit, row.of_rig, row.before, row.now) == ("MN/m", "2.2", "2.1000", "2.3900")
     assert row.interval.split(" to ") == ["2.3876", "2.3924"]
     unknown = words.Row.of("K_s.x", ParameterEstimate(None, None, None, "N/m"), None, None, None)
     assert (unknown.now, unknown.interval, unknown.errors) == ("–", "–", "–")

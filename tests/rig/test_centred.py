@@ -28,8 +28,8 @@ def test_magnets_that_centre_are_a_note(tmp_path):
     text = BENCH.read_text(encoding="utf-8").replace("[2200000.0, 2200000.0]", "[-2200000.0, -2200000.0]")
     rig = Rig.from_toml(text)
     assert Rig.from_toml(rig.to_toml()) == rig
-    told = [finding for finding in ambid.check(rig).findings if finding.code == "magnets_centre"]
-    assert [(own.severity, own.where.axis, own.values["k_s"]) for own in told] == [
+    shown = [finding for finding in ambid.check(rig).findings if finding.code == "magnets_centre"]
+    assert [(own.severity, own.where.axis, own.values["k_s"]) for own in shown] == [
         ("note", "A_zeta", -2.2e6),
         ("note", "A_eta", -2.2e6),
     ]

@@ -69,17 +69,17 @@ def test_modes_with_more_polar_inertia_than_any_body_are_named(golden):
 def test_a_turning_rotor_without_gyroscopic_moments_is_told(speed, has_own):
     own = {"gyroscopic": 0.01 * np.eye(3)} if has_own else {}
     rig = Rig.load(BENCH).replace(rotor=ModalRotor(**MODES, shapes=SHAPES, **own), speed=speed)
-    told = [finding for finding in ambid.check(rig).findings if finding.where.key == "rotor.gyroscopic"]
-    assert len(told) == (speed > 0.0 and not has_own)
-    for finding in told:
+    shown = [finding for finding in ambid.check(rig).findings if finding.where.key == "rotor.gyroscopic"]
+    assert len(shown) == (speed > 0.0 and not has_own)
+    for finding in shown:
         assert (finding.code, finding.severity) == ("gyroscopic_matrix_missing", "note")
 
 
 @pytest.mark.parametrize("position", [0.8, 2.0, 140.0, -0.1])
 def test_only_a_position_far_off_the_shaft_looks_like_millimetres(position, golden):
-    told = off_the_shaft((0.0, 0.7), position)
-    golden.holds(told)
-    assert ("millimetres" in told) == (position == 140.0)
+    shown = off_the_shaft((0.0, 0.7), position)
+    golden.holds(shown)
+    assert ("millimetres" in shown) == (position == 140.0)
 
 
 TWO = {"A": [[0.5, 0.0], [0.0, 0.2]], "B": [[1.0], [1.0]], "C": [[1.0, 2.0]], "D": [[3.0]]}

@@ -265,15 +265,15 @@ def test_unstable_draws_are_in_the_worst_zone_and_told(levitator):
     assert found.unstable == unstable > 0
     assert found.zone_probability["D"] >= unstable / found.draws
     assert sum(found.zone_probability.values()) == pytest.approx(1.0)
-    (told,) = (own for own in found.findings if own.kind is UNSTABLE_DRAWS)
-    assert told.values == {"unstable": unstable, "draws": found.draws}
+    (shown,) = (own for own in found.findings if own.kind is UNSTABLE_DRAWS)
+    assert shown.values == {"unstable": unstable, "draws": found.draws}
     own = found.axes[0]
     assert own.sensitivity.worst == np.inf
     assert own.disk.worst == 0.0
     assert own.disk.ci95[0] <= own.disk.value <= own.disk.ci95[1]
-    told = json.loads(json.dumps(found.to_json(), allow_nan=False))["axes"]["A_zeta"]
-    assert told["sensitivity"]["worst"] is None
-    assert told["sensitivity"]["worst_is_unstable"]
+    shown = json.loads(json.dumps(found.to_json(), allow_nan=False))["axes"]["A_zeta"]
+    assert shown["sensitivity"]["worst"] is None
+    assert shown["sensitivity"]["worst_is_unstable"]
     assert "unstable" in repr(found)
 
 

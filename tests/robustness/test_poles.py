@@ -109,8 +109,8 @@ def test_poles_of_four_axes_are_those_of_an_independent_bench():
 def test_without_a_covariance_nothing_is_claimed(levitator):
     found = ambid.pole_map(Model(levitator))
     assert np.isnan(found.covariance).all()
-    told = json.loads(json.dumps(found.to_json(), allow_nan=False))
-    assert all(own["covariance"] is None for own in told["closed"])
+    shown = json.loads(json.dumps(found.to_json(), allow_nan=False))
+    assert all(own["covariance"] is None for own in shown["closed"])
 
 
 def test_nonlinear_effects_are_left_out_and_told(levitator):
@@ -171,9 +171,9 @@ def test_whirl_of_a_rigid_rotor_is_that_of_its_complex_polynomial(rigid):
         assert len(expected) >= 4
         order = np.argsort(found.frequency_hz[k])
         assert_allclose(found.frequency_hz[k, order], [frequency for frequency, _ in expected], rtol=1e-6)
-        for way, (_, told) in zip(found.direction[k, order], expected, strict=True):
-            if told is not None:
-                assert way == pytest.approx(told, abs=1e-3)
+        for way, (_, shown) in zip(found.direction[k, order], expected, strict=True):
+            if shown is not None:
+                assert way == pytest.approx(shown, abs=1e-3)
     split = whirling(rigid, 900.0)[-1][0] - whirling(rigid, 900.0)[-2][0]
     assert abs(split) > 1.0
 

@@ -142,8 +142,8 @@ def test_octave_reads_the_files_and_closes_the_nominal_loop(kind, request, tmp_p
     model = known(Model(ambid.Rig.load(LEVITATOR))) if kind == "one axis" else request.getfixturevalue(kind)
     own = ambid.uncertain(model)
     assert [path.name for path in own.to_mat(tmp_path / "bench.mat")] == ["bench.mat", "bench_uss.m"]
-    told = "run('bench_uss.m'); save('-v7', 'out.mat', 'nominal_plant', 'nominal_poles', 'n_w', 'm');"
-    subprocess.run([octave, "--no-gui", "--eval", told], cwd=tmp_path, check=True, capture_output=True, timeout=120)
+    shown = "run('bench_uss.m'); save('-v7', 'out.mat', 'nominal_plant', 'nominal_poles', 'n_w', 'm');"
+    subprocess.run([octave, "--no-gui", "--eval", shown], cwd=tmp_path, check=True, capture_output=True, timeout=120)
     out = scipy.io.loadmat(tmp_path / "out.mat", squeeze_me=True, simplify_cells=True)
     for name, matrix in zip("ABCD", own.plant(), strict=True):
         found = np.reshape(out["nominal_plant"][name], matrix.shape)

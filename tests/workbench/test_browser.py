@@ -32,9 +32,9 @@ def test_a_person_finds_the_seal_of_case_06(browser, workbench, tmp_path, capsys
     assert min(base) > 100.0
 
     cells = page.locator(".map").first.locator("button")
-    told = {cells.nth(k).get_attribute("aria-label"): k for k in range(cells.count())}
-    worst = max(told, key=lambda label: number(label.rsplit(" ", 1)[1]))
-    cells.nth(told[worst]).click()
+    shown = {cells.nth(k).get_attribute("aria-label"): k for k in range(cells.count())}
+    worst = max(shown, key=lambda label: number(label.rsplit(" ", 1)[1]))
+    cells.nth(shown[worst]).click()
     channel = worst.split(",")[0]
     assert page.input_value("#channel") == channel
     page.wait_for_function(
@@ -48,8 +48,8 @@ def test_a_person_finds_the_seal_of_case_06(browser, workbench, tmp_path, capsys
     assert page.locator("#candidates tbody summary").first.inner_text() == "seal_forces"
     times["rank"] = time.monotonic()
     page.locator("tr[data-effect=sensor_position_error] summary").focus()
-    told = "name => document.getElementById('foreseen-told').textContent.startsWith(name)"
-    page.wait_for_function(told, arg="sensor_position_error")
+    shown = "name => document.getElementById('foreseen-told').textContent.startsWith(name)"
+    page.wait_for_function(shown, arg="sensor_position_error")
     times["point at a candidate"] = time.monotonic()
     page.locator(".matrix button[data-channel='y.A_zeta'][data-input='i_e.A_eta']").first.click()
     assert page.locator(".matrix button[aria-pressed='true']").first.inner_text().startswith("−")

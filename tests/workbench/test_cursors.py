@@ -40,15 +40,15 @@ def test_one_cursor_stands_at_the_same_frequency_in_all_charts(ranked):
     page.focus("#cursor")
     for _ in range(20):
         page.keyboard.press("ArrowRight")
-    told = page.get_attribute("#cursor", "aria-valuetext")
-    assert told == page.inner_text("#read-out")
-    assert [line.partition(",")[0] for line in told.splitlines()] == ["training", "validation"]
+    output = page.get_attribute("#cursor", "aria-valuetext")
+    assert output == page.inner_text("#read-out")
+    assert [line.partition(",")[0] for line in output.splitlines()] == ["training", "validation"]
     at = page.evaluate(CURSORS, CHARTS)
     assert page.locator(".cursor:visible").count() == len(CHARTS)
     assert max(at) == pytest.approx(min(at), rel=1e-3)
-    assert at[0] == pytest.approx(number(re.search(r"([\d.]+) Hz", told)[1]), rel=1e-3)
+    assert at[0] == pytest.approx(number(re.search(r"([\d.]+) Hz", output)[1]), rel=1e-3)
     page.locator("#validation-lines .nsewdrag").hover()
-    page.wait_for_function("told => document.getElementById('read-out').textContent !== told", arg=told)
+    page.wait_for_function("told => document.getElementById('read-out').textContent !== told", arg=output)
     moved = page.evaluate(CURSORS, CHARTS)
     assert max(moved) == pytest.approx(min(moved), rel=1e-3)
     assert moved[0] != pytest.approx(at[0], rel=1e-2)
@@ -66,14 +66,14 @@ def test_a_cursor_in_time_tells_the_values_of_its_record(ranked):
     page.focus("#training-cursor")
     for _ in range(7):
         page.keyboard.press("ArrowRight")
-    told = page.get_attribute("#training-cursor", "aria-valuetext")
-    assert told == page.inner_text("#training-read-out")
+    output = page.get_attribute("#training-cursor", "aria-valuetext")
+    assert output == page.inner_text("#training-read-out")
     x, *shown = page.evaluate("""() => {
         const drawn = document.getElementById("training-overlay").data;
         const at = (name) => drawn.find((own) => own.name === name);
         return [at("measured").x, at("measured").y, at("simulated").y, at("residual").y].map((all) => all[7]);
     }""")
-    numbers = [float(own) for own in re.findall(r"-?[\d.]+(?:e[-+]\d+)?(?= )", told)]
+    numbers = [float(own) for own in re.findall(r"-?[\d.]+(?:e[-+]\d+)?(?= )", output)]
     assert numbers == pytest.approx([x, *shown], rel=5e-3)
     assert page.evaluate(CURSORS, ["training-overlay"])[0] == pytest.approx(x, rel=1e-3)
     assert not page.locator("#validation-overlay .cursor").is_visible()

@@ -17,21 +17,21 @@ Y, BY = "y.A_zeta", "i_e.A_zeta"
 
 
 def test_a_response_is_that_of_the_record_with_its_noise(added):
-    told = frequency_views.responses(added, 0, Y, BY, 4000)
+    shown = frequency_views.responses(added, 0, Y, BY, 4000)
     measured = added.bench.records[0].frequency_response()
     size, std = np.abs(measured.response[:, 0, 0]), measured.std[:, 0, 0]
-    assert (told["unit"], told["input"], told["why_not"]) == ("µm/A", BY, "")
-    np.testing.assert_allclose(told["frequency_hz"], measured.frequency_hz)
-    np.testing.assert_allclose(told["size"], 1e6 * size)
-    np.testing.assert_allclose(told["high"], 1e6 * (size + 2.0 * std))
-    np.testing.assert_allclose(told["noise"], 1e6 * std)
+    assert (shown["unit"], shown["input"], shown["why_not"]) == ("µm/A", BY, "")
+    np.testing.assert_allclose(shown["frequency_hz"], measured.frequency_hz)
+    np.testing.assert_allclose(shown["size"], 1e6 * size)
+    np.testing.assert_allclose(shown["high"], 1e6 * (size + 2.0 * std))
+    np.testing.assert_allclose(shown["noise"], 1e6 * std)
 
 
 def test_the_model_before_the_step_stands_beside_that_of_now(added):
-    told = frequency_views.responses(added, 0, Y, BY, 4000)
-    now, before = told["models"]
+    shown = frequency_views.responses(added, 0, Y, BY, 4000)
+    now, before = shown["models"]
     assert (now["name"], before["name"]) == ("now (+ loop_delay)", "before (fit)")
-    noise = np.array(told["noise"])
+    noise = np.array(shown["noise"])
     left_now, left_before = (np.mean((np.array(own["left"]) / noise) ** 2) for own in (now, before))
     assert left_now < 1.5
     assert left_before > 3.0
@@ -43,13 +43,13 @@ def test_the_first_step_has_no_model_before_it(begun):
 
 def test_a_record_to_validate_on_has_responses_too(added):
     kept = added.bench.validate[0]
-    told = frequency_views.responses(added, 1, Y, BY, 4000)
-    np.testing.assert_allclose(told["size"], 1e6 * np.abs(kept.frequency_response().response[:, 0, 0]))
+    shown = frequency_views.responses(added, 1, Y, BY, 4000)
+    np.testing.assert_allclose(shown["size"], 1e6 * np.abs(kept.frequency_response().response[:, 0, 0]))
 
 
 def test_a_phase_lost_in_the_noise_is_not_told(added):
-    told = frequency_views.responses(added, 0, Y, BY, 4000)
-    for size, noise, phase in zip(told["size"], told["noise"], told["phase"], strict=True):
+    shown = frequency_views.responses(added, 0, Y, BY, 4000)
+    for size, noise, phase in zip(shown["size"], shown["noise"], shown["phase"], strict=True):
         assert (phase is None) == (size <= 2.0 * noise)
 
 
@@ -63,12 +63,12 @@ def test_what_has_no_response_says_why(begun, golden):
 
 def test_a_prediction_is_that_of_predict(fitted):
     found = ambid.predict(fitted.ranking, "loop_delay")
-    told = frequency_views.prediction(fitted, 0, Y, "loop_delay")
+    shown = frequency_views.prediction(fitted, 0, Y, "loop_delay")
     now, then = found.curves[0]
     known = np.isfinite(now.misfit[:, 0])
-    np.testing.assert_allclose(told["now"], now.misfit[known, 0])
-    np.testing.assert_allclose(told["then"], then.misfit[known, 0])
-    assert told["lines"][0] == found.lines()[0]
+    np.testing.assert_allclose(shown["now"], now.misfit[known, 0])
+    np.testing.assert_allclose(shown["then"], then.misfit[known, 0])
+    assert shown["lines"][0] == found.lines()[0]
 
 
 def test_without_a_ranking_nothing_is_predicted(begun, golden):
@@ -99,11 +99,11 @@ def test_of_a_model_that_is_right_no_cell_is_told(added):
 def test_a_seal_shows_as_opposite_signs_of_the_two_axes():
     rig = ambid.Rig.load(SEAL / "rig.toml").exact()
     session = Session.begin(Bench(ambid.Model(rig), (ambid.Record.load(SEAL / "train.mat", rig),))).fit()
-    (told,) = frequency_views.matrices(session)
-    rows = {name: k for k, name in enumerate(told["outputs"])}
-    columns = {name: k for k, name in enumerate(told["inputs"])}
+    (shown,) = frequency_views.matrices(session)
+    rows = {name: k for k, name in enumerate(shown["outputs"])}
+    columns = {name: k for k, name in enumerate(shown["inputs"])}
     opposite = 0
-    for band in told["bands"]:
+    for band in shown["bands"]:
         one = band["rows"][rows["y.A_zeta"]][columns["i_e.A_eta"]]["text"][:1]
         other = band["rows"][rows["y.A_eta"]][columns["i_e.A_zeta"]]["text"][:1]
         opposite += {one, other} == {"+", "−"}

@@ -244,11 +244,11 @@ def test_a_cancelled_job_changes_nothing(window, fitted, monkeypatch, golden):
 
 
 def test_a_fit_can_be_cancelled_at_its_next_evaluation(fitted):
-    found, told, begun = [], [], Event()
+    found, shown, begun = [], [], Event()
 
     def call(tell):
         def heard(*now):
-            told.append(now)
+            shown.append(now)
             begun.wait(10)
             tell(*now)
 
@@ -259,7 +259,7 @@ def test_a_fit_can_be_cancelled_at_its_next_evaluation(fitted):
     begun.set()
     while job.is_running:
         time.sleep(0.005)
-    assert len(told) == 1
+    assert len(shown) == 1
     assert found == []
     assert job.as_dict()["cancelled"]
     assert job.as_dict()["error"]

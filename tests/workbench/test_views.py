@@ -31,7 +31,7 @@ def test_a_frequency_response_is_shown_over_frequency(of_response):
 def test_all_that_is_told_is_strict_json(begun, added, of_response):
     for session in (begun, added.ranked(), of_response, of_response.fit().ranked()):
         channel = session.comparison.records[0].channels[0].channel
-        for told in (
+        for shown in (
             views.overview(session),
             views.candidates(session),
             views.where(session),
@@ -40,7 +40,7 @@ def test_all_that_is_told_is_strict_json(begun, added, of_response):
             frequency_views.matrices(session),
             views.signals(session, 0, channel, None, 500),
         ):
-            assert json.dumps(told, allow_nan=False)
+            assert json.dumps(shown, allow_nan=False)
 
 
 def test_a_band_without_a_line_is_not_drawn_as_the_worst(begun, of_response):
@@ -70,22 +70,22 @@ def test_a_chance_too_small_for_a_number_is_not_printed_as_one(fitted):
 
 
 def test_the_ends_of_a_slider_hold_its_value_and_what_physics_allows(added):
-    for told, own in zip(views.overview(added)["parameters"], added.model.parameters, strict=True):
-        assert own.lower <= told["low"] <= told["value"] <= told["high"] <= own.upper
+    for shown, own in zip(views.overview(added)["parameters"], added.model.parameters, strict=True):
+        assert own.lower <= shown["low"] <= shown["value"] <= shown["high"] <= own.upper
 
 
 def test_a_parameter_says_by_how_many_standard_errors_it_moved(fitted, added):
-    told = next(own for own in views.overview(added)["parameters"] if own["name"] == "tau_e")
+    shown = next(own for own in views.overview(added)["parameters"] if own["name"] == "tau_e")
     was, now = fitted.estimate.parameters["tau_e"].value, added.estimate.parameters["tau_e"]
-    assert told["moved_by_std_errors"] == pytest.approx((now.value - was) / now.std_error)
+    assert shown["moved_by_std_errors"] == pytest.approx((now.value - was) / now.std_error)
 
 
 def test_findings_are_told_worst_first_and_in_words(begun, fitted):
     of_records = [finding for own in begun.comparison.records for finding in own.findings]
     for session, own in ((begun, of_records), (fitted, fitted.estimate.findings)):
-        for told in (views.overview(session), views.held(session)):
-            assert told["findings"] == [finding.as_dict() for finding in worst_first(own)]
-            assert told["notes"] == [finding.line() for finding in worst_first(own)]
+        for shown in (views.overview(session), views.held(session)):
+            assert shown["findings"] == [finding.as_dict() for finding in worst_first(own)]
+            assert shown["notes"] == [finding.line() for finding in worst_first(own)]
     assert views.overview(fitted)["findings"]
 
 

@@ -138,44 +138,44 @@ def _gains(record: Record, fit: ControllerFit, scale: FloatArray, judged: NDArra
     least = np.maximum(LEAST_SHARE, fit.missed)[:, None]  # below what the whole equation misses no gain is determined
     matters = judged[:, None] & (off * fit.share > least)
     excess = np.where(matters, off - 5.0 * fit.std_error, 0.0)
-    told = excess > DOUBTFUL_GAIN
-    doubtful = np.flatnonzero(told.any(axis=0))
+    significant = excess > DOUBTFUL_GAIN
+    doubtful = np.flatnonzero(significant.any(axis=0))
     if not len(doubtful):
         return []
     wrong = excess > WRONG_GAIN
     is_sought = (scale > 1.0 + LEAST) & (scale < 1.0 + MOST)
-    is_command = told[:, 0].any() and np.abs(scale[judged, 0]).max() < WITHOUT_EXCITATION
+    is_command = significant[:, 0].any() and np.abs(scale[judged, 0]).max() < WITHOUT_EXCITATION
     kind = GAINS_DIFFER
     if np.any(wrong & ~is_sought):
         kind = CURRENT_WITHOUT_EXCITATION if is_command else GAINS_BEYOND_RANGE
     severity: Severity = "error" if wrong.any() else "warning"
     causes = {ExcitationGainError.name: bool((doubtful == 0).any()), ControllerGainError.name: bool(doubtful.any())}
     values: dict[str, Any] = {
-        "factors": {fit.parts[k]: _factors(record.axes, scale[:, k], judged, told[:, k]) for k in doubtful},
-        "channel": _channel(told, judged),
-        "axes": [axis for axis, own in zip(record.axes, told, strict=True) if own.any()],
+        "factors": {fit.parts[k]: _factors(record.axes, scale[:, k], judged, significant[:, k]) for k in doubtful},
+        "channel": _channel(significant, judged),
+        "axes": [axis for axis, own in zip(record.axes, significant, strict=True) if own.any()],
         "table": "controller" if doubtful.any() else None,
         "ranked": [name for name, is_one in causes.items() if is_one],
     }
     return [kind(Where(record=record.name, key="controller"), severity=severity, **values)]
 
 
-def _factors(axes: Sequence[str], scale: FloatArray, judged: NDArray[np.bool_], told: NDArray[np.bool_]) -> Any:
+def _factors(axes: Sequence[str], scale: FloatArray, judged: NDArray[np.bool_], significant: NDArray[np.bool_]) -> Any:
     """One factor for all axes, or those of the axes where it is off, or their range where these are many."""
     own = scale[judged]
     if np.ptp(own) <= DOUBTFUL_GAIN:
         return float(np.median(own))
-    if np.count_nonzero(told) > MOST_NAMED:
+    if np.count_nonzero(significant) > MOST_NAMED:
         return {"median": float(np.median(own)), "lowest": float(own.min()), "highest": float(own.max())}
-    return {axis: float(scale[j]) for j, axis in enumerate(axes) if told[j]}
+    return {axis: float(scale[j]) for j, axis in enumerate(axes) if significant[j]}
 
 
-def _channel(told: NDArray[np.bool_], judged: NDArray[np.bool_]) -> str | None:
+def _channel(significant: NDArray[np.bool_], judged: NDArray[np.bool_]) -> str | None:
     """The channel whose scale would do that: that of i_e, or where some axes alone are off, of any.
 
     One controller has the same gains on all axes.
     """
-    of_i_e, of_y = told[:, 0].any(), told[:, 1:].any()
-    if np.count_nonzero(told.any(axis=1)) == np.count_nonzero(judged):
+    of_i_e, of_y = significant[:, 0].any(), significant[:, 1:].any()
+    if np.count_nonzero(significant.any(axis=1)) == np.count_nonzero(judged):
         return "i_e" if of_i_e else None
     return "i_c" if of_i_e and of_y else "i_e" if of_i_e else "y"

@@ -311,10 +311,10 @@ class _Fit:
         table = np.column_stack([_increments(own) for own in past.values()])
         x, error, left = self._solved(table, lags + 1)
         size = np.abs(x) * np.linalg.norm(table, axis=0)
-        told = size > ROUNDING * size.max()
-        names = [name for name, own in zip(past, told, strict=True) if own]
-        gains = _named(names, x[told])
-        return _sum("u[k]", gains), gains, _named(names, error[told]), left
+        significant = size > ROUNDING * size.max()
+        names = [name for name, own in zip(past, significant, strict=True) if own]
+        gains = _named(names, x[significant])
+        return _sum("u[k]", gains), gains, _named(names, error[significant]), left
 
     def _solved(self, table: FloatArray, lags: int) -> tuple[FloatArray, FloatArray, float]:
         """Factors of columns that add up to the increments of u, their standard errors, and what is left of u."""

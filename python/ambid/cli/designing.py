@@ -98,9 +98,9 @@ def excitation_command(
     i_e[:, chosen] = played
     start = load_model(machine, model)
     with stoppable(), naming_unstable(rig, start, model):
-        told = ambid.forecast(start, i_e, period=samples, limits=limits)
-    data = {"excitation": str(out), **told.to_json(), **_scale(out, i_e, full_scale)}
-    conclude(told, data, json_file, quiet, lambda: _played(out, machine, i_e, full_scale))
+        predicted = ambid.forecast(start, i_e, period=samples, limits=limits)
+    data = {"excitation": str(out), **predicted.to_json(), **_scale(out, i_e, full_scale)}
+    conclude(predicted, data, json_file, quiet, lambda: _played(out, machine, i_e, full_scale))
 
 
 def design_command(

@@ -154,9 +154,9 @@ def rank_command(
     outputs = {"--json": json_file, "--plot": plot}
     require_first_point(rig, records)
     start, loaded = _opened(rig, exact, records, model, period, columns, sample_rate, allow, outputs)
-    with stoppable(), progress(quiet, "ranking") as told:
+    with stoppable(), progress(quiet, "ranking") as bar:
         comparison = ambid.identify(start, loaded).comparison
-        ranking = ambid.rank(comparison, progress=with_time_left(told))
+        ranking = ambid.rank(comparison, progress=with_time_left(bar))
         expected = None if predict is None else ambid.predict(ranking, predict)
     twice = findings_of_repeats([own.record for own in comparison.records])
     text, data = (
@@ -265,7 +265,7 @@ def diagnose_command(
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate, allow)
     require_rig(save_rig, start)
     kept = load_records(machine, validate, period, columns, sample_rate, allow)
-    with stoppable(), progress(quiet or ask, "diagnosing") as told:
+    with stoppable(), progress(quiet or ask, "diagnosing") as bar:
         diagnosing = partial(
             ambid.diagnose,
             start,
@@ -276,7 +276,7 @@ def diagnose_command(
             prior=expected,
             ask=choose if ask else None,
             say=lambda line: say(line, quiet),
-            progress=with_time_left(told),
+            progress=with_time_left(bar),
         )
         found, is_stopped = done_of(diagnosing, ambid.Diagnosis)
         text, further = "", dict[str, Any]()

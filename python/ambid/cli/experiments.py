@@ -62,8 +62,8 @@ def init_command(
             stream.write(text.encode())
         return ()  # it is named below
 
-    told = f"{out}: {KINDS[kind]}; put the numbers of your machine in, then: ambid check {out}"
-    conclude(told, {"rig": str(out), "kind": kind}, json_file, quiet, saved)
+    conclusion = f"{out}: {KINDS[kind]}; put the numbers of your machine in, then: ambid check {out}"
+    conclude(conclusion, {"rig": str(out), "kind": kind}, json_file, quiet, saved)
 
 
 def simulate_command(
@@ -132,9 +132,9 @@ def _values(model: ambid.Model) -> Iterator[str]:
     """The values of every effect, and its settings."""
     for effect in model.effects:
         own = [p for p in model.parameters if p.name.startswith(f"{effect.name}.")]
-        told = [f"{p.name.partition('.')[2]} = {p.value:.6g}{of_unit(p.unit)}" for p in own]
-        told += [f"{name} = {value}" for name, value in effect.settings().items()]
-        yield f"{effect.name}: {', '.join(told)}"
+        values = [f"{p.name.partition('.')[2]} = {p.value:.6g}{of_unit(p.unit)}" for p in own]
+        values += [f"{name} = {value}" for name, value in effect.settings().items()]
+        yield f"{effect.name}: {', '.join(values)}"
 
 
 def _require_possible(made: ambid.Record, rig: ambid.Rig, out: Path, amplitude: float) -> None:

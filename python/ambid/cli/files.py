@@ -108,12 +108,12 @@ def naming_unstable(rig: Path, start: ambid.Model, model: Path | None = None) ->
         pole = start.poles()[0]
         why = f"a pole at {abs(pole.imag) / (2.0 * np.pi):.3g} Hz grows with {pole.real:.3g} 1/s"
         if not ambid.Model(start.rig).is_stable:
-            told = f"{rig}: the nominal loop is unstable ({why}); `ambid check {shlex.quote(str(rig))}` tells why"
+            problem = f"{rig}: the nominal loop is unstable ({why}); `ambid check {shlex.quote(str(rig))}` tells why"
         else:
             beside = ", ".join(effect.name for effect in start.effects)
-            told = f"{model or rig}: the loop is unstable" + (f" with {beside}" if beside else "") + f" ({why})"
-            told += "; give it another value" if beside else "; identify first, or give another model"
-        raise UnstableLoopError(told) from None
+            problem = f"{model or rig}: the loop is unstable" + (f" with {beside}" if beside else "") + f" ({why})"
+            problem += "; give it another value" if beside else "; identify first, or give another model"
+        raise UnstableLoopError(problem) from None
 
 
 def in_time(records: Sequence[ambid.Record | ambid.FrequencyResponse]) -> list[ambid.Record]:

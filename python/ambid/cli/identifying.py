@@ -105,9 +105,9 @@ def identify_command(
         except UnstableLoopError as error:
             if start.theta.tolist() == free_start.theta.tolist() or not free_start.is_stable:
                 raise
-            told = " ".join(f"--fix {text}" for text in fix if "=" in text)
+            held = " ".join(f"--fix {text}" for text in fix if "=" in text)
             raise InputError(
-                f"{told}: the closed loop is unstable with what is fixed, and stable at {_left_by(free_start, start)}, "
+                f"{held}: the closed loop is unstable with what is fixed, and stable at {_left_by(free_start, start)}, "
                 "where the rig file or the model has it; correct the value, in SI units"
             ) from error
     slips = _slips(machine, in_time(loaded), estimate)
@@ -162,8 +162,8 @@ def _slips(machine: ambid.Rig, loaded: list[ambid.Record], estimate: ambid.Estim
 
     known = {(own.code, own.message) for own in estimate.findings}
     findings = ambid.check(machine, loaded).findings
-    is_told_whole = not estimate.is_adequate and estimate.comparison.is_judged
-    if not is_told_whole:
+    is_whole = not estimate.is_adequate and estimate.comparison.is_judged
+    if not is_whole:
         findings = tuple(found for found in findings if has([found], OPERATING_POINT_DRIFT))
     return [found for found in findings if found.severity != "note" and (found.code, found.message) not in known]
 

@@ -70,7 +70,7 @@ def frequency_response_command(
         comparison = ambid.compare(start, measured)
         in_signals = ambid.compare(start, loaded)
         others = [] if before is None else [load_model(machine, before).covering(loaded)]
-        told = [ambid.frequency_responses(in_signals, k, others) for k in range(len(loaded))]
+        responses = [ambid.frequency_responses(in_signals, k, others) for k in range(len(loaded))]
         matrices = ambid.misfit_matrix(in_signals) if in_signals.is_judged else ()
     by_excitation = [line for own in matrices for line in (f"{own.record}, by excitation:", *_indented(own.lines()))]
 
@@ -83,14 +83,14 @@ def frequency_response_command(
     conclude(
         "\n".join([*map(repr, measured), "", repr(comparison), *by_excitation, *found]),
         lambda: {
-            "responses": [own.to_json() for own in told],
+            "responses": [own.to_json() for own in responses],
             "matrix": [own.to_json() for own in matrices],
             **comparison.to_json(),
         },
         json_file,
         quiet,
         saved,
-        lambda: [ambid.plot.save_responses(own, path) for own, path in zip(told, drawn, strict=bool(drawn))],
+        lambda: [ambid.plot.save_responses(own, path) for own, path in zip(responses, drawn, strict=bool(drawn))],
     )
 
 

@@ -40,14 +40,14 @@ def margins_command(
     ambid.plot.check_format(plot)
     require_outputs({"RIG": rig, "--model": model}, {"--json": json_file, "--plot": plot})
     start = load_model(load_rig(rig, exact), model)
-    with stoppable(), progress(quiet, "margins") as told:
-        tell = with_time_left(told)
+    with stoppable(), progress(quiet, "margins") as bar:
+        show = with_time_left(bar)
         found = ambid.margins(
             start,
             at=cast(Literal["controller", "sensor"], at),
             draws=DRAWS if draws is None else draws,
             seed=seed,
-            progress=lambda done, total: tell("draws", done, total),
+            progress=lambda done, total: show("draws", done, total),
         )
     conclude(
         found,

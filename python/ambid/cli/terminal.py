@@ -41,14 +41,14 @@ def with_time_left(report: Callable[[str], None]) -> Callable[[str, int, int], N
     """Report what is being done, how much of it, and how long the rest takes if it goes on like this."""
     begun: dict[str, float] = {}
 
-    def tell(what: str, done: int, total: int) -> None:
+    def show(what: str, done: int, total: int) -> None:
         work = what.split()[0]
         if done == 0:
             begun[work] = time.monotonic()
         left = (time.monotonic() - begun[work]) / done * (total - done) if done else 0.0
         report(f"{what}, {done + 1} of {total}" + (f", {left:.0f} s left" if left >= 1.0 else ""))
 
-    return tell
+    return show
 
 
 def require_terminal(option: str) -> None:

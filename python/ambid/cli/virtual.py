@@ -80,14 +80,14 @@ def monte_carlo_command(
         progress(quiet, "Monte Carlo") as report,
         workers_of(plan, workers, cluster) as executor,
     ):
-        told = with_time_left(report)
+        show = with_time_left(report)
         making = partial(
             ambid.run_monte_carlo,
             plan,
             runs,
             out=out,
             executor=executor,
-            progress=lambda done, total: told("run", done, total),
+            progress=lambda done, total: show("run", done, total),
         )
         found, is_stopped = done_of(making, ambid.MonteCarlo)
     left = [f"stopped after {len(found.rows)} of {runs} runs"] if is_stopped else []

@@ -143,14 +143,14 @@ def _both(estimate: Estimate, loading: StaticEstimate) -> str:
 def _of_tolerances(exact: Estimate, uncertain: Estimate) -> str:
     """What typical tolerances of the rig file make of the first interval."""
     name = next(iter(uncertain.parameters))
-    told = [
+    verse = [
         "This bench is simulated, and its rig file says that every value is exact. Of a machine none is: with typical",
         f"tolerances the same record gives {name} as {_interval(uncertain.parameters[name])} in place of",
         f"{_interval(exact.parameters[name])}. What makes that variance:",
         f"   {share_text(uncertain.budget()[name])}",
         "A longer record makes noise less; for the rest, calibrate, weigh or measure what stands first.",
     ]
-    return "\n".join(told)
+    return "\n".join(verse)
 
 
 def _interval(p: ParameterEstimate) -> str:

@@ -116,12 +116,12 @@ class Design(Tabular, WithFindings):
     def summary(self) -> list[str]:
         """The excitation, its length, and what it gains."""
         made = ", ".join(f"{key} {value:.4g}" for key, value in self.option.settings.items())
-        told = [f"{self.option.signal} ({made} {self.forecast.unit}), {self.forecast.seconds:.3g} s"]
+        lines = [f"{self.option.signal} ({made} {self.forecast.unit}), {self.forecast.seconds:.3g} s"]
         if self.option.signal == MULTISINE:
-            told[0] += f"; its powers are proven to be within {100 * (1 / self.efficiency - 1):.2g} % of the best"
+            lines[0] += f"; its powers are proven to be within {100 * (1 / self.efficiency - 1):.2g} % of the best"
             if np.isfinite(self.gain):
-                told.append(f"the best binary sequence within the same limits takes {self.gain:.2g} times as long")
-        return [*told, *self.finding_lines()]
+                lines.append(f"the best binary sequence within the same limits takes {self.gain:.2g} times as long")
+        return [*lines, *self.finding_lines()]
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""
@@ -224,7 +224,7 @@ def design(
     i_e /= max(
         1.0, forecast(base, i_e, period=period, limits=limits).load
     )  # a start may last longer than was looked at
-    told = prospect(known, i_e, period=period, instruments=instruments)
+    expected = prospect(known, i_e, period=period, instruments=instruments)
     shown = visible(prospect(base, i_e, period=period, instruments=instruments).comparison)
     return Design(
         i_e=i_e,
@@ -232,10 +232,10 @@ def design(
         options=tuple(options),
         efficiency=efficiency if chosen.signal == MULTISINE else np.nan,
         forecast=forecast(base, i_e, period=period, limits=limits),
-        prospect=told,
+        prospect=expected,
         wanted=wanted,
         visibility=shown,
-        findings=(*findings, *_missed(told, wanted, findings), *_sensitive(base, limits)),
+        findings=(*findings, *_missed(expected, wanted, findings), *_sensitive(base, limits)),
     )
 
 
@@ -333,11 +333,11 @@ def _periods(
     most = int((LONGEST if seconds is None else seconds) * rate / period)
     if not wanted:
         return max(FEWEST, USUAL_PERIODS if seconds is None else most), ()
-    told = prospect(known, np.tile(option.wave, (FEWEST, 1)), period=period, instruments=task.instruments)
-    beyond = tuple(_out_of_reach(told, wanted))
+    expected = prospect(known, np.tile(option.wave, (FEWEST, 1)), period=period, instruments=task.instruments)
+    beyond = tuple(_out_of_reach(expected, wanted))
     lost = {finding.values["parameter"] for finding in beyond}
     reached = {name: half for name, half in wanted.items() if name not in lost}
-    needed = max(FEWEST, *(int(np.ceil(FEWEST * (1.0 + SPARE) * _ratio(told, *own))) for own in reached.items()), 0)
+    needed = max(FEWEST, *(int(np.ceil(FEWEST * (1.0 + SPARE) * _ratio(expected, *own))) for own in reached.items()), 0)
     if needed <= max(most, FEWEST):
         return needed, beyond
     played = max(most, FEWEST)
@@ -347,16 +347,16 @@ def _periods(
     )
 
 
-def _ratio(told: Prospect, name: str, half: float) -> float:
+def _ratio(expected: Prospect, name: str, half: float) -> float:
     """Variance by noise over that which tolerances leave of a wanted half width of an interval."""
-    own = told.budget[name]
+    own = expected.budget[name]
     return own[NOISE] / ((half / NORMAL_95) ** 2 - sum(own.values()) + own[NOISE])
 
 
-def _out_of_reach(told: Prospect, wanted: Mapping[str, float]) -> Iterator[Finding]:
+def _out_of_reach(expected: Prospect, wanted: Mapping[str, float]) -> Iterator[Finding]:
     """Parameters whose interval is wider than wanted whatever is recorded, and the tolerance that makes most of it."""
     for name, half in wanted.items():
-        own = {key: variance for key, variance in told.budget[name].items() if key != NOISE}
+        own = {key: variance for key, variance in expected.budget[name].items() if key != NOISE}
         total = sum(own.values())
         if NORMAL_95 * np.sqrt(total) >= half:
             largest = max(own, key=lambda key: own[key])
@@ -365,16 +365,16 @@ def _out_of_reach(told: Prospect, wanted: Mapping[str, float]) -> Iterator[Findi
                 parameter=name,
                 by_tolerances=NORMAL_95 * float(np.sqrt(total)),
                 wanted=half,
-                unit=told.parameters[name].unit,
+                unit=expected.parameters[name].unit,
                 tolerance=largest,
                 share=own[largest] / total,
             )
 
 
-def _missed(told: Prospect, wanted: Mapping[str, float], known: Sequence[Finding]) -> tuple[Finding, ...]:
+def _missed(expected: Prospect, wanted: Mapping[str, float], known: Sequence[Finding]) -> tuple[Finding, ...]:
     """Parameters whose interval is wider than wanted, but those that findings say it of."""
     lost = {finding.values.get("parameter") for finding in known}
-    parameters = told.parameters
+    parameters = expected.parameters
     wide = {name: NORMAL_95 * (parameters[name].std_error or 0.0) for name in wanted}
     return tuple(
         NOT_ACCURATE(parameter=name, predicted=wide[name], wanted=half, unit=parameters[name].unit)

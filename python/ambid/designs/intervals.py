@@ -96,8 +96,8 @@ class Prospect(Tabular):
         for name, p in self.parameters.items():
             value, error = p.value or 0.0, p.std_error or 0.0
             share = f" ({100.0 * error / abs(value):.2g} %)" if error < abs(value) else ""
-            told = f"{error:12.3g} {p.unit}{share}" if error < UNKNOWN * self._scale(name) else "  not determined"
-            lines.append(f"{name:24s} {value:12.5g} {told}")
+            error_text = f"{error:12.3g} {p.unit}{share}" if error < UNKNOWN * self._scale(name) else "  not determined"
+            lines.append(f"{name:24s} {value:12.5g} {error_text}")
         return "\n".join(lines)
 
 

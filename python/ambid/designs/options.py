@@ -82,9 +82,9 @@ class Option:
     def of(cls, task: Task, signal: str, settings: dict[str, float], wave: FloatArray) -> Option:
         """Scale a wave to its limit, and see what it tells."""
         wave = wave / _load(task, wave)
-        told = prospect(task.model, np.tile(wave, (FEWEST, 1)), period=len(wave), instruments=task.instruments)
-        relative = told.covariance[np.ix_(task.free, task.free)] / np.outer(task.scale, task.scale)
-        cost = criterion(np.asarray(np.linalg.inv(relative)), task.wanted) * told.seconds
+        accuracy = prospect(task.model, np.tile(wave, (FEWEST, 1)), period=len(wave), instruments=task.instruments)
+        relative = accuracy.covariance[np.ix_(task.free, task.free)] / np.outer(task.scale, task.scale)
+        cost = criterion(np.asarray(np.linalg.inv(relative)), task.wanted) * accuracy.seconds
         return cls(signal, settings | {"peak": float(np.abs(wave).max())}, wave, cost)
 
 

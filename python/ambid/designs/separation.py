@@ -167,7 +167,7 @@ def tell_apart(
     rig = next(iter(hypotheses.values())).rig
     found, not_tried = [], {}
     for change in changes(rig, currents=more_instruments is not None):
-        told = more_instruments if change.currents and more_instruments is not None else instruments
+        further = more_instruments if change.currents and more_instruments is not None else instruments
         try:
             load = max(forecast(change.at(own), i_e, period=period, limits=limits).load for own in hypotheses.values())
             if change.amplitude > 1.0:
@@ -177,7 +177,7 @@ def tell_apart(
                 largest = min(change.amplitude, 1.0 / load)
                 change = replace(change, what=f"{largest:.3g} times the amplitude", amplitude=largest)
             pairs = [
-                _Pair(truth, other, change, i_e, period, (instruments, told))
+                _Pair(truth, other, change, i_e, period, (instruments, further))
                 for truth, other in permutations(hypotheses.values(), 2)
             ]
             evidence, repeats = min(pair.once for pair in pairs), max(pair.repeats() for pair in pairs)
@@ -246,9 +246,9 @@ class _Pair:
     """Evidence against one hypothesis if another is the truth, of the present record and a change of it."""
 
     def __init__(
-        self, truth: Model, other: Model, change: Change, i_e: FloatArray, period: int, told: tuple[Instruments, ...]
+        self, truth: Model, other: Model, change: Change, i_e: FloatArray, period: int, both: tuple[Instruments, ...]
     ) -> None:
-        self.other, (self.present, self.further) = other, told
+        self.other, (self.present, self.further) = other, both
         following = planned(change.at(truth), change.amplitude * i_e, period, self.further)
         self.records = [planned(truth, i_e, period, self.present), replace(following, name="next")]
         self.once = self._evidence(1.0)
@@ -256,12 +256,12 @@ class _Pair:
     def repeats(self) -> float:
         """So many times as long as the present one must the next record be; infinite where no length would do."""
         before, times, evidence = 0.0, 1.0, self.once
-        told = 0.0
+        collected = 0.0
         while evidence < NEARLY * TOLD_APART:
-            slope = (evidence - told) / (times - before)
+            slope = (evidence - collected) / (times - before)
             if slope * MOST_REPEATS < TOLD_APART - evidence:
                 return float("inf")
-            before, told = times, evidence
+            before, collected = times, evidence
             times += (TOLD_APART - evidence) / slope
             evidence = self._evidence(times)
         return times

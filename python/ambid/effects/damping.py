@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ambid.effects.places import half_way, likely_places, size_of_stiffness
+from ambid.effects.places import AtPlace, half_way, size_of_stiffness
 from ambid.effects.traits import DAMPING
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
 from ambid.loop.geometry import lies_in_one_plane, rotor_of
@@ -27,7 +27,7 @@ OF_STIFFNESS = 2e-5
 
 
 @dataclass(frozen=True)
-class ExternalDamping(Effect):
+class ExternalDamping(AtPlace):
     """Viscous damping to ground: of the whole rotor in proportion to its mass, or at one place.
 
     Attributes
@@ -41,19 +41,7 @@ class ExternalDamping(Effect):
     equation = "F = -a M q' of the whole rotor, or F = -c u' at one place, in every plane"
     signature = "rigid-body motion and bending peaks damped more, in both planes alike; no stiffness, no cross-coupling"
     source = "Genta, Dynamics of Rotating Systems, 2005, section 2.4 (nonrotating damping)"
-    fine = ("z",)
-
-    z: float | None = None
-
-    def variants(self, seen: Seen) -> Sequence[Effect]:
-        """The whole rotor; half-way between the bearings, and every disk."""
-        if self.z is not None or isinstance(seen.rig.rotor, PointMassRotor):
-            return (self,)
-        return [self, *(ExternalDamping(z) for z in likely_places(seen.rig))]
-
-    def positions(self, rig: Rig) -> Sequence[float]:
-        """Its place, if it has one."""
-        return [] if self.z is None or isinstance(rig.rotor, PointMassRotor) else [self.z]
+    everywhere = True
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Damping [N s/m] at a place or of a plain mass; of a whole rotor over its mass, the rate [1/s]."""
@@ -93,7 +81,7 @@ def _mass(rig: Rig) -> float:
 
 
 @dataclass(frozen=True)
-class InternalDamping(Effect):
+class InternalDamping(AtPlace):
     """Damping that turns with the rotor, at one place.
 
     Attributes
@@ -107,27 +95,13 @@ class InternalDamping(Effect):
     equation = "F_x = -c (x' + Omega y), F_y = -c (y' - Omega x)"
     signature = "backward whirl damped, forward whirl driven above its critical speed; one plane answers the other"
     source = "Genta, Dynamics of Rotating Systems, 2005, section 2.4 (rotating damping)"
+    at_point_mass = "a point mass does not turn"
     across_planes = True
-    fine = ("z",)
-
-    z: float | None = None
-
-    def variants(self, seen: Seen) -> Sequence[Effect]:
-        """Half-way between the bearings, and at every disk."""
-        return [InternalDamping(z) for z in likely_places(seen.rig)] if self.z is None else (self,)
-
-    def place(self, rig: Rig) -> float:
-        """Where it acts [m]; by default half-way between the outermost bearings."""
-        return half_way(rig) if self.z is None else self.z
-
-    def positions(self, rig: Rig) -> Sequence[float]:
-        """Its place."""
-        return [] if isinstance(rig.rotor, PointMassRotor) else [self.place(rig)]
 
     def why_not(self, rig: Rig) -> str:
         """A rotor at rest, or in one plane."""
         if isinstance(rig.rotor, PointMassRotor):
-            return "a point mass does not turn"
+            return self.at_point_mass
         if rig.speed <= 0.0:
             return "the rotor does not turn (speed = 0), and at rest it is external_damping"
         if lies_in_one_plane(rig):
@@ -155,7 +129,7 @@ class InternalDamping(Effect):
 
 
 @dataclass(frozen=True)
-class CoulombFriction(Effect):
+class CoulombFriction(AtPlace):
     """Dry friction at every magnet, or at one place, which sticks like a spring before it slips.
 
     Attributes
@@ -173,12 +147,11 @@ class CoulombFriction(Effect):
     equation = "F = -2 force h/width, h' = u' - (|u'| h + u' |h|)/width, along every axis"
     signature = "odd; damps small motion more than large, and holds the smallest as a spring"
     source = "Dahl, Aerospace Corporation TOR-158 (1968); Wen, ASCE J. Eng. Mech. 102 (1976) 249, exponent 1"
-    fine = ("z",)
+    everywhere = True
     formula_error = (
         0.15  # of a slider on a spring it leaves 10 % of the power, where it sticks about as often as it slips
     )
 
-    z: float | None = None
     width: float = 3e-6
     fastest: float = 1e-2
 
@@ -192,10 +165,6 @@ class CoulombFriction(Effect):
         peak = float(seen.peaks["s"])
         fastest = peak * float(np.sqrt(size_of_stiffness(rig) / _mass_or_one(rig)))
         return [CoulombFriction(z, share * peak, fastest) for z in places for share in WIDTHS]
-
-    def positions(self, rig: Rig) -> Sequence[float]:
-        """Its place, if it has one."""
-        return [] if self.z is None or isinstance(rig.rotor, PointMassRotor) else [self.z]
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Force that it slips at [N], and one over the width of its loop [1/m]."""

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
 import numpy as np
 
+from ambid.loop.effect import Effect, Seen
 from ambid.loop.geometry import rotor_of, why_unknown
-from ambid.rig import FiniteElementRotor, Rig
+from ambid.rig import FiniteElementRotor, PointMassRotor, Rig
 from ambid.rotor import further_modes
 
 MORE_MODES = 2
@@ -33,3 +38,45 @@ def likely_places(rig: Rig) -> list[float]:
     """Half-way between the bearings, and every disk [m]."""
     disks = [disk.position for disk in rig.rotor.disk] if isinstance(rig.rotor, FiniteElementRotor) else []
     return sorted({round(half_way(rig), 9), *disks})
+
+
+@dataclass(frozen=True)
+class AtPlace(Effect):
+    """An effect at one place of the shaft, which a diagnosis moves to where J is least.
+
+    Attributes
+    ----------
+    z : float, optional
+        Its place [m]; default: half-way between the outermost bearings, or everywhere.
+    everywhere : bool
+        Whether without a place it acts along the whole rotor, or at every magnet.
+    at_point_mass : str
+        Why it is not tried on a plain mass; empty where it is.
+    """
+
+    fine = ("z",)
+    everywhere: ClassVar[bool] = False
+    at_point_mass: ClassVar[str] = ""
+
+    z: float | None = None
+
+    def variants(self, seen: Seen) -> Sequence[Effect]:
+        """Everywhere, if it can be; half-way between the bearings, and at every disk."""
+        if self.z is not None or isinstance(seen.rig.rotor, PointMassRotor):
+            return (self,)
+        return [*([self] if self.everywhere else []), *(replace(self, z=z) for z in likely_places(seen.rig))]
+
+    def place(self, rig: Rig) -> float:
+        """Where it acts [m]; by default half-way between the outermost bearings."""
+        return half_way(rig) if self.z is None else self.z
+
+    def positions(self, rig: Rig) -> Sequence[float]:
+        """Its place, if it has one."""
+        is_placed = self.z is not None or not self.everywhere
+        return [self.place(rig)] if is_placed and not isinstance(rig.rotor, PointMassRotor) else []
+
+    def why_not(self, rig: Rig) -> str:
+        """A plain mass, or a rotor that is not known at its place."""
+        return (
+            self.at_point_mass if self.at_point_mass and isinstance(rig.rotor, PointMassRotor) else super().why_not(rig)
+        )

@@ -282,8 +282,8 @@ class SamplingSkew(Effect):
     def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
         """A late i_c, and an early y, which is a lag round the loop too."""
         late, early = values.get("current_late", 0.0), values.get("displacement_early", 0.0)
-        told = {LAG_OF_READING: early - late}
-        return told | {LAG_ROUND_LOOP: early} if self._reads_y_early(rig) else told | {LAG_OF_CURRENT: late}
+        lags = {LAG_OF_READING: early - late}
+        return lags | {LAG_ROUND_LOOP: early} if self._reads_y_early(rig) else lags | {LAG_OF_CURRENT: late}
 
     def attach(self, plant: Plant) -> None:
         """To second order, the command being held."""

@@ -8,7 +8,7 @@ from math import pi
 
 import numpy as np
 
-from ambid.effects.places import half_way, likely_places, size_of_stiffness
+from ambid.effects.places import AtPlace, size_of_stiffness
 from ambid.effects.traits import DAMPING, RESONANCE, STIFFNESS
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
 from ambid.loop.plant import Plant
@@ -31,7 +31,7 @@ def _slowest_hz(rig: Rig) -> float:
 
 
 @dataclass(frozen=True)
-class SealForces(Effect):
+class SealForces(AtPlace):
     """Direct and cross-coupled stiffness and damping at one place of the rotor.
 
     Attributes
@@ -45,29 +45,10 @@ class SealForces(Effect):
     equation = "F_x = -k x - k_c y - c x', F_y = -k y + k_c x - c y'"
     signature = "rigid-body band, both planes, and one plane answering the other with opposite signs"
     source = "Childs, Turbomachinery Rotordynamics, 1993, chapter 4"
+    at_point_mass = "a point mass has one axis, and no place beside its magnet"
     plural = True
     contains = ("external_damping", "internal_damping", "magnetic_pull")
     across_planes = True
-    fine = ("z",)
-
-    z: float | None = None
-
-    def variants(self, seen: Seen) -> Sequence[Effect]:
-        """Half-way between the bearings, and at every disk."""
-        return [SealForces(z) for z in likely_places(seen.rig)] if self.z is None else (self,)
-
-    def place(self, rig: Rig) -> float:
-        """Where it acts [m]; by default half-way between the outermost bearings."""
-        return half_way(rig) if self.z is None else self.z
-
-    def positions(self, rig: Rig) -> Sequence[float]:
-        """Its place."""
-        return [] if isinstance(rig.rotor, PointMassRotor) else [self.place(rig)]
-
-    def why_not(self, rig: Rig) -> str:
-        """A mass on one axis, or a rotor that is not known at its place."""
-        point = "a point mass has one axis, and no place beside its magnet"
-        return point if isinstance(rig.rotor, PointMassRotor) else super().why_not(rig)
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Direct and cross stiffness [N/m], damping [N s/m]."""
@@ -160,7 +141,7 @@ class CouplingStiffness(Effect):
 
 
 @dataclass(frozen=True)
-class MagneticPull(Effect):
+class MagneticPull(AtPlace):
     """Negative stiffness at one place, as of a motor or of permanent magnets.
 
     Attributes
@@ -174,26 +155,7 @@ class MagneticPull(Effect):
     equation = "F = k x at its place, in every plane"
     signature = "rigid-body band, both planes alike, as if K_s were larger between the bearings; no damping"
     source = "Früchtenicht, Jordan, Seinsch, Archiv für Elektrotechnik 65 (1982) 271"
-    fine = ("z",)
-
-    z: float | None = None
-
-    def variants(self, seen: Seen) -> Sequence[Effect]:
-        """Half-way between the bearings, and at every disk."""
-        return [MagneticPull(z) for z in likely_places(seen.rig)] if self.z is None else (self,)
-
-    def place(self, rig: Rig) -> float:
-        """Where it acts [m]; by default half-way between the outermost bearings."""
-        return half_way(rig) if self.z is None else self.z
-
-    def positions(self, rig: Rig) -> Sequence[float]:
-        """Its place."""
-        return [] if isinstance(rig.rotor, PointMassRotor) else [self.place(rig)]
-
-    def why_not(self, rig: Rig) -> str:
-        """A mass on one axis, or a rotor that is not known at its place."""
-        point = "a pull at a plain mass is one of K_s"
-        return point if isinstance(rig.rotor, PointMassRotor) else super().why_not(rig)
+    at_point_mass = "a pull at a plain mass is one of K_s"
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Size of the negative stiffness [N/m]."""

@@ -126,13 +126,13 @@ def _structure(root: Element, model: Model, fmi: int) -> None:
     inputs, outputs = len(model.loop.inputs), len(model.loop.outputs)
     # version 2 counts variables from one, version 3 takes their references
     first, name = (1, "index") if fmi == 2 else (0, "valueReference")
-    told = [{name: str(first + inputs + k)} for k in range(outputs)]
+    unknowns = [{name: str(first + inputs + k)} for k in range(outputs)]
     followed: list[dict[str, str]] = [{}] * outputs
     if model.is_linear:
         D = model.loop.state_space(model.theta)[3]
         followed = [{"dependencies": " ".join(str(first + j) for j in row.nonzero()[0])} for row in D]
     structure = SubElement(root, "ModelStructure")
-    lists = [("Output", [a | b for a, b in zip(told, followed, strict=True)]), ("InitialUnknown", told)]
+    lists = [("Output", [a | b for a, b in zip(unknowns, followed, strict=True)]), ("InitialUnknown", unknowns)]
     for kind, members in lists:
         parent = structure if fmi == 3 else SubElement(structure, f"{kind}s")
         for member in members:

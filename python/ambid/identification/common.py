@@ -71,10 +71,10 @@ def with_common_tolerances(estimates: Sequence[Estimate]) -> tuple[Estimate, ...
     for estimate in estimates:
         at = _places(estimate, names)
         values, vectors = np.linalg.eigh(_covariance(estimate)[np.ix_(at, at)] / np.outer(std, std))
-        told = values < 1.0  # where misfit has widened a fit beyond the rig file, it adds nothing
-        weights = np.where(told, 1.0 / values, 1.0)
+        narrow = values < 1.0  # where misfit has widened a fit beyond the rig file, it adds nothing
+        weights = np.where(narrow, 1.0 / values, 1.0)
         precision += (vectors * (weights - 1.0)) @ vectors.T
-        pull += (vectors * np.where(told, weights, 0.0)) @ (vectors.T @ (estimate.model.theta[at] / std))
+        pull += (vectors * np.where(narrow, weights, 0.0)) @ (vectors.T @ (estimate.model.theta[at] / std))
     covariance: FloatArray = np.linalg.inv(precision).astype(np.float64)
     common = _Common(covariance @ pull, covariance)
     return tuple(_moved(estimate, names, std, common) for estimate in estimates)

@@ -330,33 +330,33 @@ class Estimate(ByValue, WithFindings, Tabular):
         ]
 
     def __repr__(self) -> str:
-        told = [] if self.is_adequate or not self.comparison.is_judged else [self.verdict, ""]
+        rows = [] if self.is_adequate or not self.comparison.is_judged else [self.verdict, ""]
         by_noise = f" {'by noise':>11s}" if self.tolerances else ""
-        told += [f"{'parameter':14s} {'value':>13s} {'std error':>11s}{by_noise}   95 % interval"]
-        told += ["-" * (70 + len(by_noise))]
+        rows += [f"{'parameter':14s} {'value':>13s} {'std error':>11s}{by_noise}   95 % interval"]
+        rows += ["-" * (70 + len(by_noise))]
         for name, p in self.parameters.items():
             if p.value is None or p.ci95 is None:
-                told.append(f"{name:14s} {'not identifiable from these records':>40s}")
+                rows.append(f"{name:14s} {'not identifiable from these records':>40s}")
                 continue
             part = f" {p.std_error_statistical:11.3g}" if by_noise else ""
             interval = f"{p.ci95[0]:.6g} .. {p.ci95[1]:.6g}{of_unit(p.unit)}"
-            told.append(f"{name:14s} {p.value:13.6g} {p.std_error:11.3g}{part}   {interval}")
-        told += [f"{name:14s} {own:13.6g}{of_unit(unit)}, as it was set" for name, (own, unit) in self.settings.items()]
-        told += ["forces: f = K_i i + K_s s, K_s > 0 destabilises"]
+            rows.append(f"{name:14s} {p.value:13.6g} {p.std_error:11.3g}{part}   {interval}")
+        rows += [f"{name:14s} {own:13.6g}{of_unit(unit)}, as it was set" for name, (own, unit) in self.settings.items()]
+        rows += ["forces: f = K_i i + K_s s, K_s > 0 destabilises"]
         if self.tolerances:
             pairs = [(p.std_error_statistical, p.std_error) for p in self.parameters.values()]
             shares = [by_noise / total for by_noise, total in pairs if by_noise is not None and total]
             share = float(np.median(shares)) if shares else np.nan
-            told += [
+            rows += [
                 f"intervals include {len(self.tolerances)} tolerances of the rig file; noise alone makes "
                 f"{percent(share)} % of the median standard error"
             ]
-        told += ["", f"{'channel':14s} {'fit %':>8s} {'noise ceiling %':>16s}", "-" * 40]
+        rows += ["", f"{'channel':14s} {'fit %':>8s} {'noise ceiling %':>16s}", "-" * 40]
         for channel, fit in self.fit_percent.items():
             name = "average of y" if channel == "average" else channel
-            told.append(f"{name:14s} {fit:8.2f} {self.noise_ceiling_percent.get(channel, np.nan):16.2f}")
+            rows.append(f"{name:14s} {fit:8.2f} {self.noise_ceiling_percent.get(channel, np.nan):16.2f}")
         if self.tolerances:
-            told += ["", *lines(self.tolerances, self.variances)]
-        told += ["", self.verdict]
-        told += [f"{self.status}: {STATUS[self.status]} ({self.evaluations} evaluations, {self.seconds:.2f} s)"]
-        return "\n".join([*told, *self.finding_lines(), f"next: {self.next}"])
+            rows += ["", *lines(self.tolerances, self.variances)]
+        rows += ["", self.verdict]
+        rows += [f"{self.status}: {STATUS[self.status]} ({self.evaluations} evaluations, {self.seconds:.2f} s)"]
+        return "\n".join([*rows, *self.finding_lines(), f"next: {self.next}"])

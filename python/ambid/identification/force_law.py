@@ -147,12 +147,12 @@ class LawFit(Tabular):
         """The law with its numbers, how well it holds, and what static forces say."""
         numbers = ", ".join(f"{name} = {p.value:.4g} +- {p.std_error:.2g}" for name, p in self.parameters.items())
         held = f"misfit {self.misfit:.2f} (chi-squared/dof, 1 when the law is right), p value {self.p_value:.2g}"
-        told = [
+        rows = [
             f"at {s.current:.4g} A, {1e3 * s.gap:.4g} mm: {self.force(s.current, s.gap):.4g} N by the law, "
             f"measured {s.force:.4g} +- {s.std:.2g} N"
             for s in self.static
         ]
-        return [f"{self.law.name}: {self.law.equation}; {numbers} (SI)", held, *told]
+        return [f"{self.law.name}: {self.law.equation}; {numbers} (SI)", held, *rows]
 
     def __repr__(self) -> str:
         columns = self.table()

@@ -116,8 +116,8 @@ def only_frequency(comparison: Comparison, free: Sequence[int]) -> float | None:
     rest, left = np.zeros((len(free), len(free))), 0.0
     residuals = comparison.noise.by_record(comparison.residual)
     for part, residual, columns, basis in zip(parts, residuals, *_driven(comparison, free), strict=True):
-        told = orthonormal(np.hstack([basis, part.constant_responses]))
-        columns, residual = freed(columns, told), freed(residual, told)
+        known = orthonormal(np.hstack([basis, part.constant_responses]))
+        columns, residual = freed(columns, known), freed(residual, known)
         rest, left = rest + columns.T @ columns, left + float(residual @ residual)
     at_noise = max(comparison.bound * comparison.dof, ELSEWHERE * comparison.cost)
     if np.linalg.eigvalsh(rest)[-1] > 1.0 / WHOLLY_UNKNOWN**2 or left > at_noise:

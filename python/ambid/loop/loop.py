@@ -134,7 +134,7 @@ class Loop:
             If the loop is unstable at `theta`.
         """
         values, inputs = _vector(theta), _signal(u)
-        with self.telling_the_mode(values):
+        with self.naming_the_mode(values):
             return self.core.simulate(values, inputs)
 
     def sensitivity(self, theta: ArrayLike, u: ArrayLike, free: Sequence[int]) -> tuple[FloatArray, FloatArray]:
@@ -156,11 +156,11 @@ class Loop:
             if not 0 <= index < self.parameters:
                 raise ModelError(f"free parameter {index} is not one of the {self.parameters}, which count from 0")
         values, inputs = _vector(theta), _signal(u)
-        with self.telling_the_mode(values):
+        with self.naming_the_mode(values):
             return self.core.sensitivity(values, list(free), inputs)
 
     @contextmanager
-    def telling_the_mode(self, theta: FloatArray) -> Iterator[None]:
+    def naming_the_mode(self, theta: FloatArray) -> Iterator[None]:
         """Let the error of an unstable loop say what the growing pole moves."""
         try:
             yield

@@ -29,12 +29,12 @@ def suffix(rig: Rig, reference: Rig) -> str:
     Such as ``@8A``, ``@0.5mm`` or ``@8A-0.5mm``: what differs.
     """
     bias, gap = ([tuple(getattr(b, key) for b in own.bearings) for own in (rig, reference)] for key in OPERATING)
-    own = [_told(bias[0], 1.0, "A")] if bias[0] != bias[1] else []
-    own += [_told(gap[0], 1e3, "mm")] if gap[0] != gap[1] else []
+    own = [_text(bias[0], 1.0, "A")] if bias[0] != bias[1] else []
+    own += [_text(gap[0], 1e3, "mm")] if gap[0] != gap[1] else []
     return f"@{'-'.join(own)}" if own else ""
 
 
-def _told(values: tuple[float, ...], factor: float, unit: str) -> str:
+def _text(values: tuple[float, ...], factor: float, unit: str) -> str:
     """One number if all bearings have the same."""
     shown = values[:1] if len(set(values)) == 1 else values
     return "-".join(f"{factor * value:g}" for value in shown) + unit

@@ -76,22 +76,22 @@ def run_monte_carlo(
     total = sum(map(len, left))
     made = 0
 
-    def tell(more: int) -> None:
+    def report(more: int) -> None:
         if progress is not None:
             progress(made + more, total)
 
-    tell(0)
+    report(0)
     coming: Generator[list[Row]]
     try:
         if executor is None:
-            coming = (rows_of(plan, own, tell) for own in left)
+            coming = (rows_of(plan, own, report) for own in left)
         else:
             coming = made_by(executor, plan, list(_batches(left, 1 if plan.diagnose else BATCH)))
         with closing(coming):  # whatever ends it, no task is left with the executor
             for more in coming:
                 rows.add(more)
                 made += len(more)
-                tell(0)
+                report(0)
     except KeyboardInterrupt as early:
         if isinstance(early, Stopped):
             rows.add(early.result)  # type: ignore[arg-type]

@@ -48,7 +48,7 @@ def rows_of(plan: Plan, runs: Sequence[int], progress: Callable[[int], None] | N
     for row in rows:
         try:
             truth = plan.of_run(row["run"])
-            _tell_truth(row, truth, plan)
+            _add_truth(row, truth, plan)
             made.append((row, plan.record(row["run"], truth)))
         except AmbidError as error:
             row |= {"status": FAILED, "reason": str(error)}
@@ -64,7 +64,7 @@ def failed_row(plan: Plan, run: int, reason: str) -> Row:
     """The row of a run that cannot be made, for a reason that lies outside of it."""
     row = _empty(plan, run)
     with suppress(AmbidError):  # what cannot be drawn stays empty, as in `rows_of`
-        _tell_truth(row, plan.of_run(run), plan)
+        _add_truth(row, plan.of_run(run), plan)
     return row | {"status": FAILED, "reason": reason}
 
 
@@ -73,7 +73,7 @@ def _empty(plan: Plan, run: int) -> Row:
     return {name: nothing[kind] for name, kind in columns(plan).items()} | {"run": run}
 
 
-def _tell_truth(row: Row, truth: Truth, plan: Plan) -> None:
+def _add_truth(row: Row, truth: Truth, plan: Plan) -> None:
     true = {p.name: p.value for p in truth.model.parameters}
     row |= {"seed": truth.seed} | {f"{name}.true": true[name] for name in plan.start.names}
     row |= {f"drawn.{key}": truth.drawn[key] for key in plan.drawn}

@@ -42,7 +42,7 @@ def noise_arises(split: Split, points: ComplexArray, axes: int, record: str) -> 
         powers = [float(np.mean(power[:, own])) for power in split.shown(points) if power[:, own].size]
         if powers:
             heard, recorder, either = np.sqrt(powers).tolist()
-            is_told = either**2 > LEAST * sum(powers)
+            is_clear = either**2 > LEAST * sum(powers)
             values |= {f"heard_{unit}": heard, f"recorder_{unit}": recorder}
-            values[f"either_{unit}"] = either if is_told else None
+            values[f"either_{unit}"] = either if is_clear else None
     return NOISE_ARISES(Where(record=record), **values)

@@ -164,8 +164,8 @@ def record_against(model: Model, part: Part) -> RecordComparison:
     if part.split is None:
         return found
     points = part.window.points(part.window.excited)
-    told = noise_arises(part.split, points, len(part.record.axes), part.record.name)
-    return replace(found, findings=(*found.findings, told))
+    origin = noise_arises(part.split, points, len(part.record.axes), part.record.name)
+    return replace(found, findings=(*found.findings, origin))
 
 
 def _of_response(here: Model, part: ResponseLines) -> RecordComparison:

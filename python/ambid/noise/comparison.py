@@ -397,7 +397,7 @@ def compare(model: Given, records: Source | Sequence[Source]) -> Comparison:
     model = model.with_tolerances()
     records = measured(records, model.rig)
     model = model.covering(records)
-    with model.loop.telling_the_mode(model.theta):
+    with model.loop.naming_the_mode(model.theta):
         for record in records:
             if isinstance(record, FrequencyResponse):  # refuses a loop that is unstable or lacks its channels
                 ResponseLines(record, model).simulated(model.at(record))

@@ -33,13 +33,13 @@ def repeated_rounding(x: FloatArray, power: float) -> float:
         Of its noise as recorded, mean square.
     """
     step = max(step_of(x), float(np.ptp(x)) / 2**BITS)
-    told = power / step**2
+    relative = power / step**2
 
     def excess(before: float) -> float:
         """Noise before the converter and what of its rounding does not repeat, less what the record has."""
-        return before + (1.0 - _repeated_share(before)) / 12.0 - told
+        return before + (1.0 - _repeated_share(before)) / 12.0 - relative
 
-    before = float(brentq(excess, 0.0, told)) if np.isfinite(told) and told > 0.0 else told
+    before = float(brentq(excess, 0.0, relative)) if np.isfinite(relative) and relative > 0.0 else relative
     return _repeated_share(before) * step**2 / 12.0
 
 

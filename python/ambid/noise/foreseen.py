@@ -52,13 +52,13 @@ class Instruments:
         InputError
             If a noise is zero, or so small or large that its power is none in floating point: nothing can be foreseen.
         """
-        told = {"sensor_noise": sensor_noise} | ({} if current_noise is None else {"current_noise": current_noise})
-        for name, rms in told.items():
+        levels = {"sensor_noise": sensor_noise} | ({} if current_noise is None else {"current_noise": current_noise})
+        for name, rms in levels.items():
             if not SMALLEST_CHANGE <= rms <= LARGEST_VALUE:
                 raise InputError(
                     f"{name} = {rms!r}: expected an rms from {SMALLEST_CHANGE:g} to {LARGEST_VALUE:g}, in m or A"
                 )
-        power = np.repeat([rms**2 for rms in told.values()], axes)
+        power = np.repeat([rms**2 for rms in levels.values()], axes)
         return cls(np.zeros(1), np.diag(power).astype(complex)[None])
 
     @classmethod

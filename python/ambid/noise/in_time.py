@@ -116,8 +116,8 @@ class InTime:
         key = _Key(here.loop.core, here.theta.tobytes(), at_rest)
         found = self._folded.get(key)
         # derivatives choose the substeps too, unless these are given
-        is_told = found is not None and not free and here.structure.substeps is not None
-        if found is None or (found[0] != free and not is_told):
+        is_derived = found is not None and not free and here.structure.substeps is not None
+        if found is None or (found[0] != free and not is_derived):
             found = (free, *self._added_up(here, free, at_rest=at_rest))
             if found[2].size <= AT_A_TIME:
                 self._folded[key] = found

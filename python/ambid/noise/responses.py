@@ -152,5 +152,4 @@ def _of_signals(record: Record, simulated: FloatArray) -> ComplexArray:
     """What a record with these outputs would tell, at the same frequencies."""
     axes = len(record.axes)
     currents = None if record.i_c is None else simulated[:, axes:]
-    told = replace(record, y=simulated[:, :axes], i_c=currents).frequency_response()
-    return told.response
+    return replace(record, y=simulated[:, :axes], i_c=currents).frequency_response().response

@@ -89,11 +89,11 @@ class Split:
         As recorded of the channels that are read: on y that of what reads y, on i_c that of what reads i_c.
         """
         count, axes, way, angle = self.noise.heard, len(self.base.rig.axes), self._way(points), np.angle(points)
-        powers, told = self.noise.powers(angle), self.noise.told_apart(way, angle)
+        powers, separable = self.noise.powers(angle), self.noise.separable(way, angle)
         of_loop, recorder = np.zeros((len(points), count)), powers[:, count : 2 * count]
         for own in (slice(0, axes), slice(axes, count)):
             of_loop[:, own] = np.einsum("lpc,lc->lp", np.abs(way[:, own, own]) ** 2, powers[:, :count][:, own])
-        return told * of_loop, told * recorder, np.where(told, 0.0, of_loop + recorder)
+        return separable * of_loop, separable * recorder, np.where(separable, 0.0, of_loop + recorder)
 
     def _way(self, points: ComplexArray) -> ComplexArray:
         return loop_noise(self.base, points, self.channels)[:, :, : self.noise.heard]

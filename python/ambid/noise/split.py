@@ -145,7 +145,7 @@ class SplitNoise:
         """Of noise that is heard, then of noise that is not, shape (frequencies, heard + p)."""
         return np.asarray(np.exp(self.curves.matrix(angle) @ self._coefficients.T) * self._source_scale**2)
 
-    def told_apart(self, way: ComplexArray, angle: FloatArray) -> NDArray[np.bool_]:
+    def separable(self, way: ComplexArray, angle: FloatArray) -> NDArray[np.bool_]:
         """Where noise of which half is heard would be known to be so, shape (frequencies, heard).
 
         By the information that as many lines as were fitted to would have on the ratio of the halves. Where the loop

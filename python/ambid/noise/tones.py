@@ -99,10 +99,10 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
 def misses_tone(model: Model, part: RecordLines) -> bool:
     """Whether a model leaves a tone on an excited line that is none of those told; of one far off it is not alone."""
     if not part.window.is_periodic:
-        told = [tone.frequency_hz for tone in part.tones]
+        present = [tone.frequency_hz for tone in part.tones]
         per_line = part.record.sample_rate / part.window.samples
         found = find_tones(model, part)
-        if all(any(abs(tone.frequency_hz - f) < per_line for f in told) for tone in found):
+        if all(any(abs(tone.frequency_hz - f) < per_line for f in present) for tone in found):
             return False
         return bool(confirmed(model, RecordLines(model, part.measured, found, angles=part.angles)))
     return bool(_on_excited_lines(part.at(model), part, part.tones))
@@ -213,15 +213,17 @@ def _is_else_near(here: Model, part: RecordLines, tones: Sequence[Tone]) -> bool
     return beside <= max(ADEQUATE, misfit_bound(dof)) * dof or excess[0] < 0.5 * excess[1]
 
 
-def _loudest(here: Model, part: RecordLines, told: Sequence[Tone], hidden: NDArray[np.bool_]) -> tuple[int, int, float]:
+def _loudest(
+    here: Model, part: RecordLines, present: Sequence[Tone], hidden: NDArray[np.bool_]
+) -> tuple[int, int, float]:
     """Line, channel and relative power of the line of a record without periods that a model misses most."""
-    relative = _relative(here, part, told)
+    relative = _relative(here, part, present)
     relative[hidden] = 0.0
     line, channel = divmod(int(np.argmax(relative)), relative.shape[1])
     return line, channel, float(relative[line, channel])
 
 
-def _relative(here: Model, part: RecordLines, told: Sequence[Tone]) -> FloatArray:
+def _relative(here: Model, part: RecordLines, present: Sequence[Tone]) -> FloatArray:
     """Power that a model leaves on lines of a record without periods over that beside them, shape (lines, p).
 
     As it was recorded: the noise of such a record is told by what is left, tones included.
@@ -229,7 +231,7 @@ def _relative(here: Model, part: RecordLines, told: Sequence[Tone]) -> FloatArra
     per_line = part.record.sample_rate / part.window.samples
     power = _hann_of(part.residual_lines(here), part.index)
     power[_at_narrow_modes(here, part.window.samples // 2 + 1, per_line, 1)[part.index]] = 0.0
-    for tone in told:
+    for tone in present:
         power[np.abs(part.index * per_line - tone.frequency_hz) < 2 * BLURRED * per_line] = 0.0
     beside = convolve1d(power, BESIDE / BESIDE.sum(), axis=0)
     around = median_filter(power, size=(2 * NEIGHBOURS + 1, 1), mode="nearest") / np.log(2.0)
@@ -256,14 +258,14 @@ def _between_lines(here: Model, part: RecordLines, line: int) -> float:
     return refined_places(left, part.window, [float(line)])[0]
 
 
-def _alone(here: Model, part: RecordLines, told: Sequence[Tone] = ()) -> FloatArray:
+def _alone(here: Model, part: RecordLines, present: Sequence[Tone] = ()) -> FloatArray:
     """Power that a model leaves on excited lines over that of the lines beside them, shape (lines, p)."""
     count, per_line = len(part.window.excited), part.record.sample_rate / part.window.samples
     residual = part.white(here, []).residual
     power = np.abs(as_lines(residual, len(part.record.channels))[:count]) ** 2
     spacing = part.window.periods * per_line
     power[_at_narrow_modes(here, (part.window.period + 1) // 2, spacing, 0)[part.window.in_period]] = 0.0
-    for tone in told:  # what it spills is not told again
+    for tone in present:  # what it spills is not counted again
         power[np.abs(part.window.excited * per_line - tone.frequency_hz) < part.window.periods * per_line] = 0.0
     beside = convolve1d(power, BESIDE / BESIDE.sum(), axis=0)
     if (power < ALONE * beside).all():

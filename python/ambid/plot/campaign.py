@@ -69,14 +69,17 @@ def plot_campaign(campaign: Campaign, quantity: str = "K_i", ax: Sequence[Axes] 
     axes = campaign.axes[:1] if quantity == "tau_e" else campaign.axes
     factor, unit = QUANTITIES[quantity]
     for panel, strip, name, axis in zip(panels, strips, names, axes, strict=False):
-        told = {method: dict(_joint(campaign, name, axis, method)) for method in methods}
+        estimates = {method: dict(_joint(campaign, name, axis, method)) for method in methods}
         for m, method in enumerate(methods):
             shift = APART * max(campaign.points[-1].bias_current(axis), 1e-9) * (m - 0.5 * (len(methods) - 1))
-            _draw(panel, told[method], method, m, shift, dict.fromkeys(told[method], 0.0), factor)
+            _draw(panel, estimates[method], method, m, shift, dict.fromkeys(estimates[method], 0.0), factor)
             if strip is None:
                 continue
-            mean = {i0: float(np.mean([own[i0].value for own in told.values() if i0 in own])) for i0 in told[method]}
-            _draw(strip, told[method], method, m, shift, mean, 0.0)
+            mean = {
+                i0: float(np.mean([own[i0].value for own in estimates.values() if i0 in own]))
+                for i0 in estimates[method]
+            }
+            _draw(strip, estimates[method], method, m, shift, mean, 0.0)
             for i0, values in _single(campaign, name, axis, method):
                 if i0 in mean:
                     off = 100.0 * (np.array(values) / mean[i0] - 1.0)
@@ -127,7 +130,7 @@ def save_campaign(campaign: Campaign, path: str | Path) -> list[Path]:
 
 def _draw(
     ax: Axes,
-    told: Mapping[float, ParameterEstimate],
+    estimates: Mapping[float, ParameterEstimate],
     method: str,
     m: int,
     shift: float,
@@ -135,11 +138,11 @@ def _draw(
     factor: float,
 ) -> None:
     """One method on one panel by rising bias current; with a mean, in percent off it."""
-    if not told:
+    if not estimates:
         return
     colour, is_static = AXIS_COLOURS[m % len(AXIS_COLOURS)], method == STATIC
-    i0 = np.array(sorted(told))
-    rows = [(*(told[at].ci95 or ()), told[at].value) for at in i0.tolist()]
+    i0 = np.array(sorted(estimates))
+    rows = [(*(estimates[at].ci95 or ()), estimates[at].value) for at in i0.tolist()]
     low, high, value = np.array(rows, dtype=float).T
     if any(mean.values()):
         middle = np.array([mean[at] for at in i0.tolist()])

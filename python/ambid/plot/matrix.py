@@ -65,8 +65,8 @@ def plot_misfit_matrix(matrix: MisfitMatrix, ax: Sequence[Axes] | None = None) -
         panels = list(ax)
     if len(panels) < bands:
         raise InputError(f"ax: {len(panels)} axes for {bands} bands; give one for each")
-    told = np.where(matrix.is_told, matrix.power, 0.0)
-    largest = max(float(told.max()), float(np.nanmax(matrix.rest, initial=0.0)))
+    significant = np.where(matrix.is_told, matrix.power, 0.0)
+    largest = max(float(significant.max()), float(np.nanmax(matrix.rest, initial=0.0)))
     norm = LogNorm(1.0, max(100.0, largest), clip=True)
     for b, (panel, edges) in enumerate(zip(panels, pairwise(matrix.edges_hz.tolist()), strict=False)):
         rest = matrix.rest[b][:, None]

@@ -54,12 +54,12 @@ def plot_misfit_map(
     one = maps[record]
     bands, channels = one.misfit.shape
     ax = new_figure(9.0, 0.2 * bands + 0.9).add_subplot() if ax is None else ax
-    told = one.misfit > one.by_chance[:, None]
+    significant = one.misfit > one.by_chance[:, None]
     norm = LogNorm(1.0, max(100.0, float(np.nanmax([largest, np.nanmax(one.misfit)]))), clip=True)
     image = ax.pcolormesh(
         np.arange(channels + 1),
         np.arange(bands + 1),
-        np.ma.masked_where(~told, one.misfit),
+        np.ma.masked_where(~significant, one.misfit),
         norm=norm,
         cmap="YlOrBr",
         edgecolors="white",
@@ -68,7 +68,7 @@ def plot_misfit_map(
     for b, row in enumerate(one.misfit):
         for c, misfit in enumerate(row):
             text = short_number(misfit) if np.isfinite(misfit) else "no line"
-            colour = FAINT if not told[b, c] else "white" if norm(misfit) > 0.6 else "black"
+            colour = FAINT if not significant[b, c] else "white" if norm(misfit) > 0.6 else "black"
             ax.text(c + 0.5, b + 0.5, text, ha="center", va="center", fontsize=SMALL, color=colour)
     ax.set_facecolor(NOTHING)
     ax.set_xticks(np.arange(channels) + 0.5, one.channels)

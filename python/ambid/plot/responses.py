@@ -82,18 +82,18 @@ def plot_frequency_response(
     RecordError
         If the record gives no frequency response.
     """
-    told = _responses(found, record, before)
-    measured = told.measured
-    worst = told.worst if told.modelled else (measured.outputs[0], measured.inputs[0])
+    compared = _responses(found, record, before)
+    measured = compared.measured
+    worst = compared.worst if compared.modelled else (measured.outputs[0], measured.inputs[0])
     output, inlet = output or worst[0], inlet or worst[1]
-    o, i = told.place(output, inlet)
+    o, i = compared.place(output, inlet)
     own = new_figure(9.0, 6.2).subplots(3, 1, sharex=True, height_ratios=[3, 1.6, 1.6]) if ax is None else ax
     size, *phases, left = own
-    _draw_size(size, told, o, i)
+    _draw_size(size, compared, o, i)
     for phase in phases:
-        _draw_phase(phase, told, o, i)
+        _draw_phase(phase, compared, o, i)
         dress(phase, y="phase [°]")
-    _draw_left(left, told, o, i)
+    _draw_left(left, compared, o, i)
     unit = unit_of(output, inlet)
     dress(size, title=f"{measured.name}: {output} by {inlet}", y=f"magnitude [{unit}]")
     dress(left, x="frequency [Hz]", y=f"residual [{unit}]")
@@ -103,9 +103,9 @@ def plot_frequency_response(
     return np.array(list(own))
 
 
-def draw_responses(told: Responses, title: str = "") -> Figure:
+def draw_responses(compared: Responses, title: str = "") -> Figure:
     """Draw size and phase of every pair: a row an output, a column an input."""
-    measured = told.measured
+    measured = compared.measured
     rows, columns = len(measured.outputs), len(measured.inputs)
     figure = new_figure(max(5.0, 1.0 + 2.3 * columns), 0.9 + 1.72 * rows)
     grid = figure.add_gridspec(2 * rows, columns, height_ratios=[1.9, 1.0] * rows)
@@ -115,8 +115,8 @@ def draw_responses(told: Responses, title: str = "") -> Figure:
         for i, inlet in enumerate(measured.inputs):
             size = figure.add_subplot(grid[2 * o, i], sharey=first)
             phase = figure.add_subplot(grid[2 * o + 1, i], sharex=size)
-            _draw_size(size, told, o, i)
-            _draw_phase(phase, told, o, i)
+            _draw_size(size, compared, o, i)
+            _draw_phase(phase, compared, o, i)
             unit = f"{output}\n[{unit_of(output, inlet)}]" if i == 0 else ""
             dress(size, title=f"by {inlet}" if o == 0 else "", y=unit)
             dress(phase, x="frequency [Hz]" if o == rows - 1 else "", y="[°]" if i == 0 else "")
@@ -129,7 +129,7 @@ def draw_responses(told: Responses, title: str = "") -> Figure:
     return figure
 
 
-def save_responses(told: Responses, path: str | Path) -> Path:
+def save_responses(compared: Responses, path: str | Path) -> Path:
     """Write the picture of `draw_responses`.
 
     Raises
@@ -139,7 +139,7 @@ def save_responses(told: Responses, path: str | Path) -> Path:
     """
     path = Path(path)
     check_format(path)
-    save_figure(draw_responses(told), path)
+    save_figure(draw_responses(compared), path)
     return path
 
 
@@ -153,8 +153,8 @@ def _responses(
     return found
 
 
-def _draw_size(ax: Axes, told: Responses, o: int, i: int) -> None:
-    measured = told.measured
+def _draw_size(ax: Axes, compared: Responses, o: int, i: int) -> None:
+    measured = compared.measured
     known = measured.measured[:, o, i]
     f, size, std = measured.frequency_hz[known], np.abs(measured.response[known, o, i]), measured.std[known, o, i]
     low = np.maximum(size - SIGMAS * std, 0.1 * size)  # a band down to nothing has no place on a logarithmic scale
@@ -162,34 +162,34 @@ def _draw_size(ax: Axes, told: Responses, o: int, i: int) -> None:
     seen = size > SIGMAS * std
     ax.loglog(f[~seen], size[~seen], ".", color=UNSEEN, ms=3.0, mew=0.0)
     ax.loglog(f[seen], size[seen], label="measured", **DOTS)
-    for own, style in zip(told.modelled, STYLES, strict=False):
+    for own, style in zip(compared.modelled, STYLES, strict=False):
         drawn = np.abs(own.response[:, o, i])
         name = own.name if drawn.any() else f"{own.name}: nothing"
         drawn[drawn < HIDDEN * size.min(initial=np.inf)] = np.nan
         ax.loglog(own.frequency_hz, drawn, label=name, **style, **_marked(own, measured))
 
 
-def _draw_phase(ax: Axes, told: Responses, o: int, i: int) -> None:
-    measured = told.measured
+def _draw_phase(ax: Axes, compared: Responses, o: int, i: int) -> None:
+    measured = compared.measured
     seen = np.nan_to_num(np.abs(measured.response[:, o, i]) / measured.std[:, o, i]) > SIGMAS
     angle = np.degrees(np.angle(measured.response[seen, o, i]))
     ax.semilogx(measured.frequency_hz[seen], angle, **DOTS)
-    for own, style in zip(told.modelled, STYLES, strict=False):
+    for own, style in zip(compared.modelled, STYLES, strict=False):
         size = np.abs(own.response[:, o, i])
-        told_of = np.where(size > 0.0, np.degrees(np.angle(own.response[:, o, i])), np.nan)
+        phase_deg = np.where(size > 0.0, np.degrees(np.angle(own.response[:, o, i])), np.nan)
         if _is_sampled(own, measured):  # by a simulation, whose phase beside larger lines is as little known
-            told_of[~seen] = np.nan
-        ax.semilogx(own.frequency_hz, unbroken(told_of), **style, **_marked(own, measured))
+            phase_deg[~seen] = np.nan
+        ax.semilogx(own.frequency_hz, unbroken(phase_deg), **style, **_marked(own, measured))
     ax.set_ylim(-200.0, 200.0)
     ax.set_yticks([-180, 0, 180])
 
 
-def _draw_left(ax: Axes, told: Responses, o: int, i: int) -> None:
-    measured = told.measured
+def _draw_left(ax: Axes, compared: Responses, o: int, i: int) -> None:
+    measured = compared.measured
     known = measured.measured[:, o, i]
     f = measured.frequency_hz[known]
     ax.loglog(f, measured.std[known, o, i], color=BAND, lw=3.0, label="noise, sigma")
-    for own, style, mark in zip(told.modelled, STYLES, MARKS, strict=False):
+    for own, style, mark in zip(compared.modelled, STYLES, MARKS, strict=False):
         left = np.abs(measured.response - own.at_measured)[known, o, i]
         label = f"residual of {own.name}"
         ax.loglog(f, left, mark, color=style["color"], ms=3.0, mew=0.7, mfc="none", label=label, zorder=style["zorder"])
@@ -206,9 +206,9 @@ def _is_sampled(own: Modelled, measured: FrequencyResponse) -> bool:
 
 def unbroken(degrees: FloatArray) -> FloatArray:
     """Phases without a line where they turn over from 180 to -180 degrees."""
-    told = degrees.copy()
-    told[1:][np.abs(np.diff(degrees)) > 180.0] = np.nan
-    return told
+    joined = degrees.copy()
+    joined[1:][np.abs(np.diff(degrees)) > 180.0] = np.nan
+    return joined
 
 
 def legend(figure: Any, *panels: Axes) -> None:

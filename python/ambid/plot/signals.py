@@ -87,9 +87,9 @@ def plot_comparison(
     k = _column(one, channel)
     row = one.channels[k]
     if isinstance(one.record, FrequencyResponse):
-        told = frequency_responses(comparison, record, [] if before is None else [_model(before)])
-        inlet = one.record.inputs[int(np.argmax(np.nansum(told.left(-1)[:, k], axis=0)))]
-        return plot_frequency_response(told, row.channel, inlet, ax=ax)
+        found = frequency_responses(comparison, record, [] if before is None else [_model(before)])
+        inlet = one.record.inputs[int(np.argmax(np.nansum(found.left(-1)[:, k], axis=0)))]
+        return plot_frequency_response(found, row.channel, inlet, ax=ax)
     earlier = comparison.of(before) if isinstance(before, Model) else before
     worst = stretch or worst_stretch(earlier or comparison, record, row.channel)
     span = _span(one.record, worst)

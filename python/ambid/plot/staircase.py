@@ -81,7 +81,7 @@ def plot_staircase(diagnosis: Diagnosis, ax: Sequence[Axes] | None = None) -> ND
 def _parameters(ax: Axes, diagnosis: Diagnosis) -> None:
     """What the parameters of the base model are now, in percent of what they were, beside the rig file's values."""
     before = {p.name: p.value for p in diagnosis.history[0].model.parameters if p.value}
-    told = {p.name: p.value for p in nominal(diagnosis.model.rig)}
+    of_rig = {p.name: p.value for p in nominal(diagnosis.model.rig)}
     shared = [p for p in diagnosis.model.parameters if p.name in before and p.prior is None]
     shared = sorted(shared, key=lambda p: -abs(p.value / before[p.name] - 1.0))[:MOST]
     shared.sort(key=lambda p: diagnosis.model.names.index(p.name))
@@ -98,8 +98,8 @@ def _parameters(ax: Axes, diagnosis: Diagnosis) -> None:
         widest = max(widest, abs(now) + np.nan_to_num(half))
     reach = BEYOND * widest or 1.0
     for row, p in enumerate(shared):
-        if p.name in told:
-            at = 100.0 * (told[p.name] - before[p.name]) / abs(before[p.name])
+        if p.name in of_rig:
+            at = 100.0 * (of_rig[p.name] - before[p.name]) / abs(before[p.name])
             mark = "d" if abs(at) <= reach else ">" if at > 0.0 else "<"
             label = "rig file (arrow: further off)" if row == 0 else None
             ax.plot(np.clip(at, -reach, reach), row, mark, color=GUIDE, mfc="white", ms=5, label=label, clip_on=False)

@@ -190,8 +190,8 @@ def require_ampere(
         return []
     if is_allowed:
         return [LARGE_CURRENT(Where(channel=channel), rms_a=rms, limit_a=limit)]
-    told = f"{channel} has an rms of {rms:.4g} A, allowed is {limit:g} A"
-    raise WrongUnit(where, told, f"it looks like mA; give ampere{otherwise}")
+    problem = f"{channel} has an rms of {rms:.4g} A, allowed is {limit:g} A"
+    raise WrongUnit(where, problem, f"it looks like mA; give ampere{otherwise}")
 
 
 def require_metres(
@@ -206,9 +206,9 @@ def require_metres(
     for axis, values in zip(axes, y.T, strict=True):
         largest = float(np.abs(displacement(values, gaps[axis])).max())
         if largest > GAPS_OF_TRAVEL * gaps[axis] and not is_allowed:
-            told = f"{signal}.{axis} reaches {largest:.4g} m, the air gap is {gaps[axis]:g} m"
+            problem = f"{signal}.{axis} reaches {largest:.4g} m, the air gap is {gaps[axis]:g} m"
             raise WrongUnit(
-                where, told, "it looks like micrometres or millimetres; give metres, or vouch for it (allow: travel)"
+                where, problem, "it looks like micrometres or millimetres; give metres, or vouch for it (allow: travel)"
             )
         if largest > gaps[axis]:
             at = Where(channel=f"{signal}.{axis}")

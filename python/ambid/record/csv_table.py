@@ -303,17 +303,17 @@ def _rows(path: Path, sheet: _Sheet) -> Iterator[list[str]]:
         if len(cells) == len(sheet.names):
             yield cells
             continue
-        told = f"row {row} has {len(cells)} cells, the header {len(sheet.names)}"
+        problem = f"row {row} has {len(cells)} cells, the header {len(sheet.names)}"
         if sheet.separator == "," and len(cells) > len(sheet.names) and "." not in line and _all_whole(cells):
-            told += (
+            problem += (
                 ", and no number has a decimal point: decimal commas between commas cannot be told from "
                 "separators; export with decimal points, or with semicolons or tabs between the cells"
             )
         elif row == 1 and len(cells) == len(sheet.names) + 1 and sheet.separator is not None:
-            told += f": the last one is {cells[-1]!r}; name its column in the header, or remove it"
+            problem += f": the last one is {cells[-1]!r}; name its column in the header, or remove it"
         else:
-            told += "; complete or remove the row"
-        raise RecordError(f"{path}: {told}")
+            problem += "; complete or remove the row"
+        raise RecordError(f"{path}: {problem}")
 
 
 def _is_row(head: str, below: str | None, separator: str | None) -> bool:

@@ -148,9 +148,9 @@ def _fitted(u: ComplexArray, z: ComplexArray, x: FloatArray, at: FloatArray, for
     free = lines - table.shape[2]
     power = squares / free
     fall = 2.0 * np.sum(np.sum(np.abs(left) ** 2, axis=1) / power, axis=1) - 2.0 * free * z.shape[2]
-    told = _told(at, inputs, poles[0, :0], form.degree)
-    spread = told @ (inverse @ _adjoint(inverse))[:, None] @ _adjoint(told)
-    response = (told @ numbers[:, None]).swapaxes(2, 3)
+    regressors = _regressors(at, inputs, poles[0, :0], form.degree)
+    spread = regressors @ (inverse @ _adjoint(inverse))[:, None] @ _adjoint(regressors)
+    response = (regressors @ numbers[:, None]).swapaxes(2, 3)
     found = Bands(response, spread, {}, left, np.full(bands, float(free)))
     for k in np.flatnonzero(fall > SHARPER * form.images).tolist():
         own = _with_poles(table[k], z[k], x, at, poles[k], power[k], form.degree)
@@ -256,9 +256,9 @@ def _with_poles(
             break
         poles, fit = poles + step, closer
     numbers, inverse, left = fit
-    told = _told(at, inputs, poles, degree)
-    spread = told @ (inverse @ inverse.conj().T) @ _adjoint(told)
-    response = (told @ numbers).transpose(0, 2, 1)
+    regressors = _regressors(at, inputs, poles, degree)
+    spread = regressors @ (inverse @ inverse.conj().T) @ _adjoint(regressors)
+    response = (regressors @ numbers).transpose(0, 2, 1)
     own, taken = _by_poles(table, z, x, poles, fit)
     own = own / np.sqrt(power)
     covering = np.linalg.pinv(np.einsum("lkc,lmc->km", own.conj(), own), hermitian=True)
@@ -268,7 +268,7 @@ def _with_poles(
     values, vectors = np.linalg.eigh(covering @ meat @ covering)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     direct = -(_powers(at, len(poles))[:, 1:] / _below(at, poles)[:, None])[:, None, None, :] * response[..., None]
-    moved = direct - np.einsum("njq,qkc->ncjk", told, taken)
+    moved = direct - np.einsum("njq,qkc->ncjk", regressors, taken)
     return response, spread, moved.reshape(len(at), -1, len(poles)) @ root, left
 
 
@@ -286,12 +286,12 @@ def _by_poles(
     return bent - np.einsum("lq,qkc->lkc", table / below[:, None], taken), taken
 
 
-def _told(at: FloatArray, inputs: int, poles: ComplexArray, degree: int) -> ComplexArray:
+def _regressors(at: FloatArray, inputs: int, poles: ComplexArray, degree: int) -> ComplexArray:
     """What makes values at the nodes of the numbers: of each input its polynomial, nothing of the transient."""
-    told = np.zeros((len(at), inputs, inputs + 1, degree + 1), dtype=complex)
+    regressors = np.zeros((len(at), inputs, inputs + 1, degree + 1), dtype=complex)
     for j in range(inputs):
-        told[:, j, j] = _powers(at, degree) / _below(at, poles)[:, None]
-    return told.reshape(len(at), inputs, -1)
+        regressors[:, j, j] = _powers(at, degree) / _below(at, poles)[:, None]
+    return regressors.reshape(len(at), inputs, -1)
 
 
 def _below(x: FloatArray, poles: ComplexArray) -> ComplexArray:

@@ -147,8 +147,8 @@ def local_response(
             groups.append(fitted_bands(u[own], z[own]))
             places.append(index[own[:, nodes(size)]].ravel())
             known.append(_is_known(moving[own], nodes(size)))
-    told = np.concatenate(known)
-    if not told.any():
+    contributing = np.concatenate(known)
+    if not contributing.any():
         raise RecordError(
             f"{where}: no {width} neighbouring lines of which {DEGREE + 1} or more are excited on every axis; excite "
             "more lines, or hold the model against the record itself"
@@ -157,7 +157,9 @@ def local_response(
     noise, spreads = noise_of(groups)
     covariance = _covariance(groups, noise)
     frequency_hz = np.concatenate(places) * sample_rate / samples
-    return LocalResponse(frequency_hz[told], response[told], covariance[told], float(np.mean(spreads)), excited)
+    return LocalResponse(
+        frequency_hz[contributing], response[contributing], covariance[contributing], float(np.mean(spreads)), excited
+    )
 
 
 def _covariance(groups: Sequence[Bands], noise: ComplexArray) -> ComplexArray:

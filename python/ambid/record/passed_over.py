@@ -63,12 +63,12 @@ def informative(lines: Lines, pairs: Sequence[str]) -> tuple[Lines, list[Finding
     silent &= np.isfinite(response) & ~zero
     for kind, wrong in ((ZERO_VALUES, zero), (COHERENCE_MISSING, silent)):
         if wrong.any():
-            findings.append(_told(kind, wrong, lines.frequency_hz, pairs))
+            findings.append(_finding(kind, wrong, lines.frequency_hz, pairs))
             response[wrong] = np.nan
     return replace(lines, response=response), findings
 
 
-def _told(kind: Kind, wrong: NDArray[np.bool_], frequency_hz: FloatArray, pairs: Sequence[str]) -> Finding:
+def _finding(kind: Kind, wrong: NDArray[np.bool_], frequency_hz: FloatArray, pairs: Sequence[str]) -> Finding:
     flat = wrong.reshape(len(wrong), -1)
     columns = np.flatnonzero(flat.any(axis=0)).tolist()
     at = [frequency_hz[flat[:, k]].tolist()[:MOST_TOLD] for k in columns[:MOST_TOLD]]

@@ -91,8 +91,8 @@ def _from_columns(path: Path, content: Content, sample_rate: float | None) -> Ra
     found = aligned(path, values, timing)
     lengths = {name: len(array) for name, array in found.values.items() if name != "t"}
     if len(set(lengths.values())) > 1:
-        told = ", ".join(f"{name} {length}" for name, length in lengths.items())
-        raise RecordError(f"{path}: the columns have different lengths ({told}); give one value a sample")
+        listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise RecordError(f"{path}: the columns have different lengths ({listed}); give one value a sample")
     raw = RawRecord({}, found.values.get("t"), found.sample_rate, found.findings)
     for signal in SIGNALS:
         mine = [name for name in found.values if name.startswith(f"{signal}.")]

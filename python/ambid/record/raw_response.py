@@ -59,8 +59,8 @@ class RawResponse:
         for kind, own in (("outputs", self.outputs), ("inputs", self.inputs)):
             found = {name: mapping.channel_of(name) for name in own}
             kept[kind] = [k for k, name in enumerate(own) if found[name] is not None]
-            told = [channel for name in own if (channel := found[name]) is not None]
-            names[kind], factors[kind] = [name for name, _ in told], np.array([factor for _, factor in told])
+            of_row = [channel for name in own if (channel := found[name]) is not None]
+            names[kind], factors[kind] = [name for name, _ in of_row], np.array([factor for _, factor in of_row])
             left_out += [name for name in own if found[name] is None]
         there = ("t", "fs", *names["outputs"], *names["inputs"])
         missing = [channel for channel in mapping.channels if channel not in there]

@@ -145,9 +145,9 @@ def _columns(
     for name, several in found.items():
         chosen = [one for one in several if one[1].is_ours][:1] or several
         if len(chosen) > 1:
-            told = " and ".join(header for header, _ in chosen)
+            headers = " and ".join(header for header, _ in chosen)
             raise RecordError(
-                f"{path}: {told} are both a {name}; map one of them, such as {_example(name)}={chosen[0][0]}"
+                f"{path}: {headers} are both a {name}; map one of them, such as {_example(name)}={chosen[0][0]}"
             )
         columns[name] = chosen[0]
     return columns, factors, constants

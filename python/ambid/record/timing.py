@@ -124,9 +124,9 @@ def _common_rate(path: Path, timing: Mapping[str, Timing]) -> float | None:
         return None
     one = next(iter(steps.values()))
     if any(abs(step / one - 1.0) > SAME_INCREMENT for step in steps.values()):
-        told = ", ".join(f"{name} {step:.9g} s" for name, step in steps.items())
+        listed = ", ".join(f"{name} {step:.9g} s" for name, step in steps.items())
         raise RecordError(
-            f"{path}: the channels have different sample times, wf_increment: {told}; export them at one rate, or map "
-            "channels of one"
+            f"{path}: the channels have different sample times, wf_increment: {listed}; export them at one rate, or "
+            "map channels of one"
         )
     return float(np.float64(1.0) / one)

@@ -32,7 +32,7 @@ TOLD_SHARE = 0.02
 
 def story(diagnosis: Diagnosis) -> dict[str, Any]:
     """Everything that the page needs; chapters that do not belong to the verdict are None or empty."""
-    told = {
+    opening = {
         "words": words,
         "worst_first": worst_first,
         "figures": Numbering("Figure"),
@@ -71,7 +71,7 @@ def story(diagnosis: Diagnosis) -> dict[str, Any]:
         "left": None,
         "standing": None,
     }
-    return told if not diagnosis.history else told | _chapters(diagnosis)
+    return opening if not diagnosis.history else opening | _chapters(diagnosis)
 
 
 def _chapters(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -196,12 +196,12 @@ def _ledger(diagnosis: Diagnosis) -> dict[str, Any]:
 
 def _parameters(diagnosis: Diagnosis, first: Step, changes: Sequence[Moved]) -> list[words.Row]:
     """Every parameter of the last model, then settings of its effects: rig file, before, now, interval, move."""
-    told = {p.name: p.value for p in nominal(diagnosis.model.rig)}
+    of_rig = {p.name: p.value for p in nominal(diagnosis.model.rig)}
     before = {p.name: p.value for p in first.model.parameters}
     by_name = {own.name: own for own in changes}
     settings = [own for effect in diagnosis.model.effects for own in effect.fine_settings().items()]
     rows = [
-        words.Row.of(p.name, diagnosis.parameters[p.name], told.get(p.name), before.get(p.name), by_name.get(p.name))
+        words.Row.of(p.name, diagnosis.parameters[p.name], of_rig.get(p.name), before.get(p.name), by_name.get(p.name))
         for p in diagnosis.model.parameters
         if p.prior is None
     ]
@@ -214,8 +214,8 @@ def _budget(diagnosis: Diagnosis) -> dict[str, Any]:
     much = [name for name in diagnosis.tolerances if any(own[name] >= TOLD_SHARE for own in parts.values())]
     rows = {source: [own[source] for own in parts.values()] for source in (NOISE, *much)}
     rest = [max(0.0, 1.0 - sum(own)) for own in zip(*rows.values(), strict=True)]
-    told = rows | {"all others": rest}
-    return {"parameters": list(parts), "rows": {source: list(map(percent, own)) for source, own in told.items()}}
+    shown = rows | {"all others": rest}
+    return {"parameters": list(parts), "rows": {source: list(map(percent, own)) for source, own in shown.items()}}
 
 
 def _left(diagnosis: Diagnosis, last: Step) -> dict[str, Any]:

@@ -201,24 +201,26 @@ def responses(before: Comparison, after: Comparison | None, index: int) -> Pictu
     None where the record is too short for them.
     """
     try:
-        told = frequency_responses(before if after is None else after, index, [] if after is None else [before.model])
+        compared = frequency_responses(
+            before if after is None else after, index, [] if after is None else [before.model]
+        )
     except RecordError:
         return None
-    missed = np.nanmean(told.left(-1), axis=0)
+    missed = np.nanmean(compared.left(-1), axis=0)
     pairs = []
     for signal in ("y.", "i_c."):
-        rows = [k for k, name in enumerate(told.measured.outputs) if name.startswith(signal)]
+        rows = [k for k, name in enumerate(compared.measured.outputs) if name.startswith(signal)]
         if rows:
             o, i = np.unravel_index(int(np.nanargmax(missed[rows])), missed[rows].shape)
-            pairs.append((told.measured.outputs[rows[o]], told.measured.inputs[i]))
+            pairs.append((compared.measured.outputs[rows[o]], compared.measured.inputs[i]))
     figure = new_figure(PAGE, 3.6)
     panels = figure.subplots(3, len(pairs), sharex=True, squeeze=False, height_ratios=[3, 1.4, 1.8])
     for column, pair in zip(panels.T, pairs, strict=True):
-        plot_frequency_response(told, *pair, ax=list(column))
+        plot_frequency_response(compared, *pair, ax=list(column))
     legend(figure, panels[0, 0], panels[2, 0])
     return as_picture(
         figure,
-        f"{' and '.join(f'{output} by {inlet}' for output, inlet in pairs)} of {told.measured.name}, which the base "
-        "model misses most: size with the noise of every measured value, phase, and what is left of them beside their "
-        "standard deviation.",
+        f"{' and '.join(f'{output} by {inlet}' for output, inlet in pairs)} of {compared.measured.name}, which the "
+        "base model misses most: size with the noise of every measured value, phase, and what is left of them beside "
+        "their standard deviation.",
     )

@@ -102,13 +102,13 @@ class Row:
 
     Attributes
     ----------
-    name, unit, told, before, now, interval, percent, errors : str
+    name, unit, of_rig, before, now, interval, percent, errors : str
         Of the rig file, of the base model, of the last model, its 95 % interval, and by how much it moved.
     """
 
     name: str
     unit: str
-    told: str
+    of_rig: str
     before: str
     now: str
     interval: str
@@ -117,7 +117,7 @@ class Row:
 
     @classmethod
     def of(
-        cls, name: str, own: ParameterEstimate, told: float | None, before: float | None, moved: Moved | None
+        cls, name: str, own: ParameterEstimate, of_rig: float | None, before: float | None, moved: Moved | None
     ) -> Row:
         """Of a parameter; None for what is not known of it."""
         half = own.std_error or np.nan
@@ -136,7 +136,7 @@ class Row:
         return cls(
             name,
             unit,
-            "–" if told is None else number(told / 10.0**power),
+            "–" if of_rig is None else number(of_rig / 10.0**power),
             shown(before),
             shown(own.value),
             "–" if own.ci95 is None else " to ".join(map(shown, own.ci95)),
@@ -161,13 +161,13 @@ def _with_power(value: float, unit: str) -> tuple[int, str]:
 
 def most_moved(changes: Sequence[Moved]) -> str:
     """Parameters with their moves, such as ``K_s.A_zeta by +776 standard errors, away from the rig file's value``."""
-    told = []
+    parts = []
     for own in changes:
         text = f"{own.name} by {signed(own.errors)} standard errors"
         if own.nominal is not None:
             text += f", {'towards' if own.is_nearer else 'away from'} the rig file's value"
-        told.append(text)
-    return "; ".join(told)
+        parts.append(text)
+    return "; ".join(parts)
 
 
 def signed(value: float | None) -> str:

@@ -179,9 +179,9 @@ class MatrixRotor(_FlexibleRotor):
 
     def with_findings(self, findings: Sequence[Finding]) -> "MatrixRotor":
         """The same rotor with what is to be known of where it is from."""
-        told = self.model_copy()
-        told._findings = tuple(findings)
-        return told
+        noted = self.model_copy()
+        noted._findings = tuple(findings)
+        return noted
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, MatrixRotor) and vars(self) == vars(other)

@@ -10,7 +10,7 @@ from ambid.errors import ModelError
 from ambid.record import Measurement
 from ambid.report import write_report
 from ambid.rig import Rig
-from ambid.workbench.session import Bench, Session, Tell, silent
+from ambid.workbench.session import Bench, Progress, Session, silent
 
 __all__ = ["as_model_file", "as_python", "as_report"]
 
@@ -63,12 +63,12 @@ def as_model_file(session: Session) -> bytes:
         return path.read_bytes()
 
 
-def as_report(session: Session, tell: Tell = silent) -> bytes:
+def as_report(session: Session, progress: Progress = silent) -> bytes:
     """The report of a diagnosis that adds the effects which were added here, in this order."""
     bench = session.bench
     there = {effect.name for effect in bench.start.effects}
     added = [effect for effect in session.model.effects if effect.name not in there]
-    found = diagnose(bench.start, bench.records, validate=bench.validate, effects=added, progress=tell)
+    found = diagnose(bench.start, bench.records, validate=bench.validate, effects=added, progress=progress)
     with TemporaryDirectory() as folder:
         return write_report(found, Path(folder, "report.html")).read_bytes()
 

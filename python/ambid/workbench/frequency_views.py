@@ -84,14 +84,14 @@ def responses(session: Session, record: int, channel: str, inlet: str | None, pi
     before = () if session.before is None else (session.before.model,)
     try:
         with _one_at_a_time:  # a long record takes its time once, however often it is asked for
-            told = _responses(comparison, k, before)
-        o = told.measured.outputs.index(channel)
-        i = input_of(told.measured.inputs, inlet, np.sqrt(told.left(-1)[:, o]))
+            compared = _responses(comparison, k, before)
+        o = compared.measured.outputs.index(channel)
+        i = input_of(compared.measured.inputs, inlet, np.sqrt(compared.left(-1)[:, o]))
     except (RecordError, InputError) as error:
         return found | {"why_not": str(error)}
-    if not told.measured.measured[:, o, i].any():
-        return found | {"why_not": f"{channel} by {told.measured.inputs[i]} was not measured"}
-    return plain(found | _drawn(told, o, i, _names(session), chart(pixels)))
+    if not compared.measured.measured[:, o, i].any():
+        return found | {"why_not": f"{channel} by {compared.measured.inputs[i]} was not measured"}
+    return plain(found | _drawn(compared, o, i, _names(session), chart(pixels)))
 
 
 def matrices(session: Session) -> list[dict[str, Any]]:
@@ -155,12 +155,12 @@ def _names(session: Session) -> list[str]:
     return [f"now ({session.did})", *(() if session.before is None else [f"before ({session.before.did})"])]
 
 
-def _drawn(told: Responses, o: int, i: int, names: list[str], pixels: int) -> dict[str, Any]:
-    measured = told.measured
+def _drawn(compared: Responses, o: int, i: int, names: list[str], pixels: int) -> dict[str, Any]:
+    measured = compared.measured
     known = measured.measured[:, o, i]
     f, std, response = measured.frequency_hz[known], measured.std[known, o, i], measured.response[known, o, i]
     size = np.abs(response)
-    left = [np.abs(response - own.at_measured[known, o, i]) for own in told.modelled]
+    left = [np.abs(response - own.at_measured[known, o, i]) for own in compared.modelled]
     kept = _on_a_log_scale(f, np.column_stack([size, std, *left]), pixels)
     f, std, response, size = f[kept], std[kept], response[kept], size[kept]
     factor, unit = _shown_in(measured.outputs[o], measured.inputs[i])
@@ -178,7 +178,7 @@ def _drawn(told: Responses, o: int, i: int, names: list[str], pixels: int) -> di
         "models": [
             {"name": name, "left": (factor * apart[kept]).tolist()}
             | _modelled(own.frequency_hz, own.response[:, o, i], HIDDEN * size.min(), factor, pixels)
-            for name, own, apart in zip(names, told.modelled, left, strict=True)
+            for name, own, apart in zip(names, compared.modelled, left, strict=True)
         ],
     }
 
@@ -225,14 +225,14 @@ def _answer(own: MisfitMatrix, b: int, o: int, i: int) -> dict[str, Any]:
         return {"text": "?", "level": 0, "told": "not told apart from the other excitations"}
     if not own.is_told[b, o, i]:
         return {"text": "", "level": 0, "told": "may be chance"}
-    told = f"{_short(power)} times noise{WORDS[sign]}"
-    return {"text": SIGNS[sign] + _short(power), "level": max(1, _level(power)), "told": told}
+    words = f"{_short(power)} times noise{WORDS[sign]}"
+    return {"text": SIGNS[sign] + _short(power), "level": max(1, _level(power)), "told": words}
 
 
 def _rest(power: float) -> dict[str, Any]:
     level = 0 if np.isnan(power) else _level(power)
-    told = f"{_short(power)} times noise" if level else "not known" if np.isnan(power) else "noise alone"
-    return {"text": _short(power) if level else "", "level": level, "told": told}
+    words = f"{_short(power)} times noise" if level else "not known" if np.isnan(power) else "noise alone"
+    return {"text": _short(power) if level else "", "level": level, "told": words}
 
 
 def _level(power: float) -> int:

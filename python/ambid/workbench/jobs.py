@@ -7,7 +7,7 @@ from threading import Event, Thread
 from typing import Any, TypeVar
 
 from ambid.errors import AmbidError, Cancelled
-from ambid.workbench.session import Tell
+from ambid.workbench.session import Progress
 
 __all__ = ["Job"]
 
@@ -27,7 +27,7 @@ class Job:
         Takes the result, in the same thread; not called for a job that failed or was cancelled.
     """
 
-    def __init__(self, what: str, call: Callable[[Tell], Result], done: Callable[[Result], None]) -> None:
+    def __init__(self, what: str, call: Callable[[Progress], Result], done: Callable[[Result], None]) -> None:
         self.what, self._call, self._done = what, call, done
         self._now: tuple[str, int, int] = (what, 0, 0)
         self._cancelled, self._error = Event(), ""
@@ -56,15 +56,15 @@ class Job:
             "error": self._error,
         }
 
-    def _tell(self, doing: str, done: int, total: int) -> None:
+    def _report(self, doing: str, done: int, total: int) -> None:
         if self._cancelled.is_set():
             raise Cancelled(f"{self.what} was cancelled; nothing has changed")
         self._now = (doing, done, total)
 
     def _run(self) -> None:
         try:
-            found = self._call(self._tell)
-            self._tell(self.what, 1, 1)  # the last moment to cancel
+            found = self._call(self._report)
+            self._report(self.what, 1, 1)  # the last moment to cancel
             self._done(found)
         except AmbidError as error:
             self._error = str(error)

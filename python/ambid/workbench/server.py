@@ -83,7 +83,7 @@ def application(windows: Windows, token: str, port: int) -> ASGIApp:
         *(route(path, answer, "GET") for path, answer in ASKED.items()),
         *(route(path, answer, "POST") for path, answer in DONE.items()),
     ]
-    return Guard(Starlette(routes=routes, exception_handlers={AmbidError: _told}), token, port)
+    return Guard(Starlette(routes=routes, exception_handlers={AmbidError: _refused}), token, port)
 
 
 def _view(window: Window, _: Json) -> Json:
@@ -156,24 +156,24 @@ def _undo(window: Window, given: Json) -> Json:
 
 
 def _fit(window: Window, given: Json) -> Json:
-    window.start(_whole(given, "revision"), "fit", lambda session, tell: session.fit(tell))
+    window.start(_whole(given, "revision"), "fit", lambda session, progress: session.fit(progress))
     return window.view()
 
 
 def _rank(window: Window, given: Json) -> Json:
-    window.start(_whole(given, "revision"), "rank", lambda session, tell: session.ranked(tell))
+    window.start(_whole(given, "revision"), "rank", lambda session, progress: session.ranked(progress))
     return window.view()
 
 
 def _add(window: Window, given: Json) -> Json:
     name = str(_given(given, "name"))
-    window.start(_whole(given, "revision"), f"add {name}", lambda session, tell: session.add(name, tell))
+    window.start(_whole(given, "revision"), f"add {name}", lambda session, progress: session.add(name, progress))
     return window.view()
 
 
 def _remove(window: Window, given: Json) -> Json:
     name = str(_given(given, "name"))
-    window.start(_whole(given, "revision"), f"remove {name}", lambda session, tell: session.remove(name, tell))
+    window.start(_whole(given, "revision"), f"remove {name}", lambda session, progress: session.remove(name, progress))
     return window.view()
 
 
@@ -260,7 +260,7 @@ def _whole(given: Json, name: str) -> int:
     return int(value)
 
 
-async def _told(_: Request, error: Exception) -> Response:
+async def _refused(_: Request, error: Exception) -> Response:
     """An error that a person can act on, as its sentence."""
     code = 409 if isinstance(error, StaleWindow) else 400 if isinstance(error, InputError) else 422
     return JSONResponse({"error": str(error)}, code)

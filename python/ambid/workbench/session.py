@@ -17,14 +17,14 @@ from ambid.model import Model
 from ambid.noise import Comparison, compare
 from ambid.record import Measurement
 
-__all__ = ["Bench", "Session", "Tell", "silent"]
+__all__ = ["Bench", "Session", "Progress", "silent"]
 
 KEPT = 8
 """Maps that are kept, for steps that are shown again; each holds a comparison with its records."""
 AGAIN = "\nkept_back = ambid.compare(comparison.model, validate) if validate else None"
 MOVED = "\nkept_back = kept_back.of(comparison.model).with_own_angles() if validate else None"
 
-Tell = Callable[[str, int, int], None]
+Progress = Callable[[str, int, int], None]
 """Told what is being done, how much of it is done, and how much there is, 0 where nobody knows."""
 
 
@@ -148,7 +148,7 @@ class Session:
         """The same of the records to validate on."""
         return None if self.kept_back is None else _where(self.kept_back)
 
-    def fit(self, tell: Tell = silent) -> Session:
+    def fit(self, progress: Progress = silent) -> Session:
         """Fit all parameters, from where they are.
 
         Raises
@@ -156,9 +156,9 @@ class Session:
         UnstableLoopError
             If the loop is unstable at every start.
         """
-        return self._fitted(self.model, "fit", "comparison.model", tell)
+        return self._fitted(self.model, "fit", "comparison.model", progress)
 
-    def ranked(self, tell: Tell = silent) -> Session:
+    def ranked(self, progress: Progress = silent) -> Session:
         """The same step with its ranking.
 
         Raises
@@ -168,9 +168,9 @@ class Session:
         """
         if self.estimate is None:
             raise ModelError("the parameters of this model are not fitted; fit first, then rank")
-        return self if self.ranking is not None else replace(self, ranking=rank(self.comparison, progress=tell))
+        return self if self.ranking is not None else replace(self, ranking=rank(self.comparison, progress=progress))
 
-    def add(self, name: str, tell: Tell = silent) -> Session:
+    def add(self, name: str, progress: Progress = silent) -> Session:
         """Add a candidate at the values that the ranking predicts, and fit.
 
         Raises
@@ -180,7 +180,7 @@ class Session:
         UnstableLoopError
             If there is no stable loop with it.
         """
-        ranking = self.ranked(tell).ranking
+        ranking = self.ranked(progress).ranking
         assert ranking is not None
         candidate = ranking.find(name)
         if candidate is None:
@@ -188,10 +188,12 @@ class Session:
             raise ModelError(f"{name}: {ranking.not_tried.get(name, f'no candidate here; these are: {names}')}")
         model = self.model.add(candidate.effect, candidate.start)
         found = f"candidate = ambid.rank(comparison).find({name!r})\n"
-        added = self._fitted(model, f"+ {name}", "comparison.model.add(candidate.effect, candidate.start)", tell, found)
+        added = self._fitted(
+            model, f"+ {name}", "comparison.model.add(candidate.effect, candidate.start)", progress, found
+        )
         return replace(added, predicted_misfit=candidate.predicted_misfit)
 
-    def remove(self, name: str, tell: Tell = silent) -> Session:
+    def remove(self, name: str, progress: Progress = silent) -> Session:
         """Take an effect out, and fit what is left.
 
         Raises
@@ -201,7 +203,7 @@ class Session:
         UnstableLoopError
             If there is no stable loop without it.
         """
-        return self._fitted(self.model.without(name), f"- {name}", f"comparison.model.without({name!r})", tell)
+        return self._fitted(self.model.without(name), f"- {name}", f"comparison.model.without({name!r})", progress)
 
     def move(self, name: str, value: float) -> Session:
         """Give one parameter another value; nothing is fitted, and the noise stays.
@@ -240,8 +242,10 @@ class Session:
             raise ModelError("nothing was done yet that could be undone")
         return self.before
 
-    def _fitted(self, model: Model, did: str, start: str, tell: Tell, found: str = "") -> Session:
-        estimate = identify(model, self.bench.records, progress=lambda count, _: tell("fitting, evaluation", count, 0))
+    def _fitted(self, model: Model, did: str, start: str, progress: Progress, found: str = "") -> Session:
+        estimate = identify(
+            model, self.bench.records, progress=lambda count, _: progress("fitting, evaluation", count, 0)
+        )
         return Session(
             self.bench,
             estimate.comparison,

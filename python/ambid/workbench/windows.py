@@ -11,7 +11,7 @@ from typing import Any
 from ambid.errors import InputError, StaleWindow
 from ambid.workbench.exporting import as_report
 from ambid.workbench.jobs import Job
-from ambid.workbench.session import Session, Tell
+from ambid.workbench.session import Progress, Session
 from ambid.workbench.views import overview
 
 __all__ = ["Window", "Windows"]
@@ -59,13 +59,13 @@ class Window:
             self._require_present(revision)
             self._take(step(self.session))
 
-    def start(self, revision: int, what: str, step: Callable[[Session, Tell], Session]) -> None:
+    def start(self, revision: int, what: str, step: Callable[[Session, Progress], Session]) -> None:
         """Begin a step that is long; `StaleWindow` as above."""
         with self._lock:
             self._require_present(revision)
             session = self.session
             self._jobs += 1
-            self.job = Job(what, lambda tell: step(session, tell), self._take)
+            self.job = Job(what, lambda progress: step(session, progress), self._take)
 
     def start_report(self, revision: int) -> None:
         """Begin to write the report; `StaleWindow` as above."""
@@ -73,7 +73,7 @@ class Window:
             self._require_present(revision)
             session = self.session
             self._jobs += 1
-            self.job = Job("report", lambda tell: as_report(session, tell), self._keep)
+            self.job = Job("report", lambda progress: as_report(session, progress), self._keep)
 
     def cancel(self) -> None:
         """End the job, if one is running."""

@@ -51,7 +51,7 @@ def _part(effect: Effect, bench: Bench, shown: Shown) -> str:
         ]
         for p in effect.parameters(bench.rig)
     ]
-    told = [
+    lines = [
         f"({effect.name.replace('_', '-')})=",
         f"### {effect.name.replace('_', ' ')}",
         f"`{effect.name}`: {effect.physics}.",
@@ -64,16 +64,16 @@ def _part(effect: Effect, bench: Bench, shown: Shown) -> str:
     for name, parameter in inspect.signature(type(effect)).parameters.items():
         default = f" ({parameter.default!r} if left out)" if parameter.default not in (None, ()) else ""
         meaning = f": {settings[name][1]}" if name in settings else ""
-        told.append(f"**Setting** `{name}`{default}{meaning}")
+        lines.append(f"**Setting** `{name}`{default}{meaning}")
     if effect.contains:
         simpler = ", ".join(f"`{name}`" for name in effect.contains)
-        told.append(f"**Contains** {simpler}, which is named where it does as well.")
-    told += [
+        lines.append(f"**Contains** {simpler}, which is named where it does as well.")
+    lines += [
         f"**Shows as.** {effect.signature}.",
         f"![What {effect.name} leaves of a fit](drawn/{effect.name}.svg)",
         f"**Source.** {effect.source}.",
     ]
-    return "\n\n".join(told)
+    return "\n\n".join(lines)
 
 
 def _code(equation: str) -> str:

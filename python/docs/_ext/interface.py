@@ -36,10 +36,10 @@ def generate(drawn: Path) -> str:
             members.setdefault(_package(found), {})[f"ambid.{name}"] = found
     for package in OPEN:
         face = importlib.import_module(f"ambid.{package}")
-        told = {id(found) for own in members.values() for found in own.values()}
+        rows = {id(found) for own in members.values() for found in own.values()}
         more = {f"{face.__name__}.{name}": getattr(face, name) for name in face.__all__}
         members.setdefault(package, {}).update(
-            {name: found for name, found in more.items() if callable(found) and id(found) not in told}
+            {name: found for name, found in more.items() if callable(found) and id(found) not in rows}
         )
     order = sorted(members, key=lambda package: FIRST.index(package) if package in FIRST else len(FIRST))
     return "\n\n".join(_section(package, members[package]) for package in order)

@@ -50,9 +50,9 @@ def _calls(reader: Callable[..., Any], other: Callable[..., Any]) -> bool:
 
 
 def _signals() -> str:
-    told = meanings(Record, "Attributes")
+    lines = meanings(Record, "Attributes")
     names = ["sample_rate", "axes", *_constant("SIGNALS"), "period"]
-    rows = [[f"`{name}`", *told[name]] for name in names]
+    rows = [[f"`{name}`", *lines[name]] for name in names]
     return (
         f"## What a record holds\n\n{paragraphs(Record)}\n\n{table(['in Python', 'type', 'meaning'], rows)}\n\n"
         f"In a table (`.csv`, `.parquet`, `.tdms`) each signal has a column an axis, such as `y.A_zeta`, beside `t` in "
@@ -83,7 +83,7 @@ def _map() -> str:
 
 
 def _static() -> str:
-    rows = [[f"`{name}`", *told] for name, told in meanings(StaticLoading, "Attributes").items()]
+    rows = [[f"`{name}`", *lines] for name, lines in meanings(StaticLoading, "Attributes").items()]
     return (
         f"## Static loading\n\n{paragraphs(StaticLoading)}\n\n{table(['in Python', 'type', 'meaning'], rows)}\n\n"
         "A `.csv` file has the columns `step`, `z`, `F_x`, `F_y` and `i_c.<axis>`, a row a step."

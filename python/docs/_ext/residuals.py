@@ -156,8 +156,8 @@ def draw(bench: Bench, shown: Shown, path: Path) -> None:
         left.loglog(*drawn, color=colour, linewidth=1.2, label=label, linestyle="-" if label == "y" else (0, (4, 1)))
         at, between = frequency[~excited], level[~excited]
         if between.max() > 1.0:
-            told = "between excited lines" if label == "y" else None
-            left.loglog(at[between > 1.0], between[between > 1.0], ".", color=colour, markersize=2.5, label=told)
+            rows = "between excited lines" if label == "y" else None
+            left.loglog(at[between > 1.0], between[between > 1.0], ".", color=colour, markersize=2.5, label=rows)
     left.axhline(1.0, color="0.6", linewidth=0.8)
     left.set(xlim=BAND, xlabel="frequency [Hz]", ylabel="left, over its noise")
     left.set_ylim(bottom=max(0.02, left.get_ylim()[0]))

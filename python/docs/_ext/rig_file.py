@@ -59,17 +59,17 @@ def _models(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _section(title: str, model: type[BaseModel], is_default: bool) -> str:
-    told = meanings(model)
+    lines = meanings(model)
     fields = dict(sorted(model.model_fields.items(), key=lambda item: item[0] != "kind"))
-    rows = [_row(name, field, told) for name, field in fields.items()]
+    rows = [_row(name, field, lines) for name, field in fields.items()]
     if "kind" in fields and not is_default:
         rows[0][4] = "**needed**"
     known = {*model.model_fields, *(field.alias for field in model.model_fields.values())}
-    rows += [[f"`{name}`", kind, "", "", "", text] for name, (kind, text) in told.items() if name not in known]
+    rows += [[f"`{name}`", kind, "", "", "", text] for name, (kind, text) in lines.items() if name not in known]
     return f"### {title}\n\n{paragraphs(model)}\n\n{table(HEAD, rows)}"
 
 
-def _row(name: str, field: FieldInfo, told: dict[str, tuple[str, str]]) -> list[str]:
+def _row(name: str, field: FieldInfo, lines: dict[str, tuple[str, str]]) -> list[str]:
     key = field.alias or name
     limits = next(_limits([field.annotation, *field.metadata]), None)
     inner = list(_models(field.annotation))
@@ -81,7 +81,7 @@ def _row(name: str, field: FieldInfo, told: dict[str, tuple[str, str]]) -> list[
         value = "tables" if get_origin(field.annotation) is tuple else "a table"
     else:
         value = field.description.split(",")[0] if _is_matrix(field) and field.description else _value(field.annotation)
-    words = told.get(name, told.get(key, ("", "")))[1] or ("" if name == "kind" else field.description or "")
+    words = lines.get(name, lines.get(key, ("", "")))[1] or ("" if name == "kind" else field.description or "")
     words = words.replace(f" [{unit}]", "") if unit else words
     if limits and limits.note and not set(limits.note.split()) <= set(words.lower().split()) | {"a"}:
         words += f" ({limits.note})"
