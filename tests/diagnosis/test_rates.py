@@ -8,8 +8,6 @@ from hidden.physics import CATALOGUE, OUTSIDE
 
 pytestmark = pytest.mark.slow
 BEYOND_JUDGEMENT = {"command_quantisation": "of this size it adds noise, and nothing that repeats"}
-ALIKE = {"amplifier_bandwidth": {"loop_delay"}}
-"""What says in fewer numbers all that is seen of a second lag far out."""
 STICKS = "coulomb_friction"
 """Where it sticks most of the time; the sliding kind is in test_one_axis."""
 
@@ -23,7 +21,7 @@ def test_a_hidden_effect_is_in_the_reported_set(effect):
     rig, train, validate, truth = experiment(effect, "clear", 101)
     found = diagnose(rig, train, validate=validate)
     assert found.verdict in ("explained", "ambiguous"), found
-    assert set(truth.effects) <= named(found) or named(found) == ALIKE.get(effect), found
+    assert set(truth.effects) <= named(found), found
     assert found.history[-1].validation_misfit < 1.2
 
 
@@ -57,12 +55,13 @@ def test_a_large_lag_is_found_although_its_score_is_nothing():
     assert found.history[-1].misfit == pytest.approx(1.0, abs=0.05)
 
 
-def test_a_short_lag_that_acts_like_a_delay_is_called_one():
-    """Half a microsecond, at 12.5 kHz: one number says all that the two of another amplifier do, to a millionth."""
+def test_a_short_lag_that_acts_like_a_delay_may_be_either():
+    """Half a microsecond, at 12.5 kHz: one number of a delay, or of a further lag, says all that is seen."""
     rig, train, validate, _ = experiment(("amplifier_bandwidth",), "clear", 500, kind="compressor")
     found = diagnose(rig, train, validate=validate)
-    assert found.effects == ("loop_delay",), found
-    assert found.parameters["loop_delay.delay"].value == pytest.approx(5e-7, rel=0.05)
+    assert found.verdict == "ambiguous", found
+    assert named(found) == {"loop_delay", "amplifier_bandwidth"}, found
+    assert min(found.probabilities.effects[name] for name in named(found)) > 0.2
 
 
 def test_a_large_unbalance_does_not_hide_what_has_no_name():

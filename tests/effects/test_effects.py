@@ -1,6 +1,6 @@
 """Every effect of the catalogue against an independent simulation of the same physics, without noise."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -85,6 +85,22 @@ def test_effect_is_the_physics_that_it_says(rig, i_e, name):
     without, with_it = largest_error(base.simulate(i_e), truth), largest_error(model.simulate(i_e), truth)
     assert with_it < tolerance
     assert without > 5.0 * with_it, "the effect must show"
+
+
+@pytest.mark.parametrize("kind", ["other lag", "further lag"])
+def test_an_amplifier_with_one_number(rig, i_e, kind):
+    """Another first-order lag than the rig's, or a second one in series with that."""
+    known, own = rig.amplifier.time_constant, 3e-5
+    omega = 1.0 / np.sqrt(known * own)
+    second_order = {"frequency_hz": omega / (2.0 * np.pi), "damping": 0.5 * (known + own) * omega}
+    hidden, name = {"other lag": ({"time_constant": known + own}, "time_constant")}.get(
+        kind, (second_order, "further_lag")
+    )
+    truth = simulate(rig, i_e, {"amplifier_bandwidth": hidden}, seed=None, **TRUTH)
+    base, value = at_truth(rig), known + own if kind == "other lag" else own
+    effect = replace(find("amplifier_bandwidth"), kind=kind)
+    assert largest_error(base.add(effect, {name: value}).simulate(i_e), truth) < 1e-9
+    assert largest_error(base.simulate(i_e), truth) > 1e-3
 
 
 TURNED = {"zeta": 0.03, "eta": 0.02, "planes": 0.01}

@@ -295,13 +295,13 @@ def added(task: Task, field_: Field, names: Names, candidate: Candidate) -> Fiel
         If no stable loop with it is found.
     """
     before = field_.tried[names]
-    fit = _refitted(task, before, candidate)
-    try:
-        if fit is not None:
-            (effect,) = (own for own in fit.model.effects if own.name == candidate.effect.name)
-            return field_.with_((*before.added, effect), fit, before.variants * candidate.variants)
-    except UnstableLoopError:
-        pass  # it stands at the edge of stability
+    further = field_
+    for fit in _refitted(task, before, candidate):
+        (effect,) = (own for own in fit.model.effects if own.name == candidate.effect.name)
+        with suppress(UnstableLoopError):  # it stands at the edge of stability
+            further = further.with_((*before.added, effect), fit, before.variants * candidate.variants)
+    if names | {candidate.effect.name} in further.tried:
+        return further
     raise ModelError(f"{candidate.effect.name}: no stable loop with it was found; leave it out, or choose another")
 
 
@@ -360,8 +360,11 @@ def _home(model: Model, effect: Effect) -> Rig:
     return model.home_of(effect) or model.rig
 
 
-def _refitted(task: Task, before: Hypothesis, candidate: Candidate) -> Comparison | None:
-    """A candidate beside a set, from its predicted values; where the set is far off, from the rig file's too."""
+def _refitted(task: Task, before: Hypothesis, candidate: Candidate) -> list[Comparison]:
+    """A candidate beside a set, from its predicted values; where the set is far off, from the rig file's too.
+
+    Of variants with as many parameters each the best: by J alone, the one with most parameters always is.
+    """
     fit = before.fit
     home = _home(fit.model, candidate.effect)
     is_far_off = fit.cost > FAR_OFF * fit.dof
@@ -384,7 +387,10 @@ def _refitted(task: Task, before: Hypothesis, candidate: Candidate) -> Compariso
             or len(ends) == len(starts) - 1
         ):
             break
-    return min(ends, key=lambda end: end.cost, default=None)
+    least: dict[int, Comparison] = {}
+    for end in sorted(ends, key=lambda end: end.cost):
+        least.setdefault(len(end.model.names), end)
+    return list(least.values())
 
 
 def ranked(task: Task, fit: Comparison) -> Ranking:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 
 import numpy as np
@@ -16,6 +16,8 @@ from ambid.rig import Rig
 
 IDEAL = "the amplifier is ideal: its current is what it is asked for (amplifier.time_constant = 0)"
 
+SECOND_ORDER, OTHER_LAG, FURTHER_LAG = "second order", "other lag", "further lag"
+"""Kinds of amplifier."""
 FAR = (3.0, 10.0, 30.0)
 """Lags over that of the rig file that a refit starts from: a coil called ideal has a lag of a sample or less there, and
 in truth one of up to thirty; a refit comes down from up to a factor of three."""
@@ -23,10 +25,12 @@ in truth one of up to thirty; a refit comes down from up to a factor of three.""
 
 @dataclass(frozen=True)
 class AmplifierBandwidth(Effect):
-    """A second-order amplifier, or the inductance of a voltage-driven coil, in place of the rig's lag.
+    """An amplifier of second order, or with another lag than the rig's; the inductance of a voltage-driven coil.
 
     Attributes
     ----------
+    kind : str
+        ``second order``; or with one number, ``other lag`` in place of the rig's, ``further lag`` in series with it.
     slower : float
         By how much the lag that is probed is longer than that of the rig file.
     """
@@ -37,20 +41,27 @@ class AmplifierBandwidth(Effect):
     signature = "i_c leads or lags at every step of the excitation, with overshoot where it is underdamped"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 3"
 
+    kind: str = SECOND_ORDER
     slower: float = 1.1
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
-        """A little slower; where the rig calls the amplifier fast against a sample, also slow against it."""
+        """A little slower, in each way; where the rig calls the amplifier fast against a sample, also slow against it.
+
+        A voltage-driven coil has one lag and no other.
+        """
         tau, sample = seen.rig.amplifier.time_constant, 1.0 / seen.rig.sample_rate
         slow = [share * sample / tau for share in (0.1, 0.5)] if 0.0 < tau < 0.05 * sample else []
-        return [AmplifierBandwidth(slower) for slower in (1.1, *slow)]
+        one = [replace(self, slower=slower) for slower in (self.slower, *slow)]
+        if seen.rig.amplifier.resistance is not None:
+            return one
+        return [*one, *(replace(self, kind=kind) for kind in (OTHER_LAG, FURTHER_LAG))]
 
     def why_not(self, rig: Rig) -> str:
         """An ideal amplifier."""
         return "" if rig.amplifier.time_constant > 0.0 else IDEAL
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
-        """Undamped natural frequency [Hz] and damping ratio; of a voltage-driven coil its inductance [H]."""
+        """Natural frequency [Hz] and damping ratio, or a lag [s]; of a voltage-driven coil the inductance [H]."""
         if self.why_not(rig):
             return []
         tau, resistance = rig.amplifier.time_constant, rig.amplifier.resistance
@@ -58,6 +69,14 @@ class AmplifierBandwidth(Effect):
             nominal = resistance * tau
             meaning = "inductance L of the coil"
             return [EffectParameter("inductance", "H", self.slower * nominal, lower=0.01 * nominal, meaning=meaning)]
+        if self.kind == OTHER_LAG:
+            meaning = "time constant of the amplifier, a first-order lag"
+            return [EffectParameter("time_constant", "s", self.slower * tau, lower=0.01 * tau, meaning=meaning)]
+        if self.kind == FURTHER_LAG:
+            sample = 1.0 / rig.sample_rate
+            meaning = "time constant of a first-order lag in series with that of the rig file"
+            least, most = 5e-5 * sample, 20.0 * sample
+            return [EffectParameter("further_lag", "s", 0.05 * sample, lower=least, upper=most, meaning=meaning)]
         corner = 1.0 / (2.0 * pi * tau)
         return [
             EffectParameter(
@@ -73,7 +92,7 @@ class AmplifierBandwidth(Effect):
 
     def probes(self, rig: Rig) -> Sequence[Mapping[str, float]]:
         """A longer lag, and as much of second order."""
-        if rig.amplifier.resistance is not None:
+        if not self._is_second_order(rig):
             return super().probes(rig)
         corner = 1.0 / (2.0 * pi * rig.amplifier.time_constant)
         slow, fast = corner / self.slower, 10.0 * corner  # a second pole so far out that the first alone remains
@@ -82,44 +101,62 @@ class AmplifierBandwidth(Effect):
             {"frequency_hz": 2.0 * corner, "damping": 1.0},
         ]
 
+    def _is_second_order(self, rig: Rig) -> bool:
+        return self.kind == SECOND_ORDER and rig.amplifier.resistance is None
+
     def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
-        """Slower or faster, with more or less of second order."""
+        """Slower or faster, with more or less of second order; a further lag only delays."""
         count = len(self.parameters(rig))
-        return np.full(count, -np.inf), np.full(count, np.inf)
+        return np.full(count, 0.0 if self.kind == FURTHER_LAG else -np.inf), np.full(count, np.inf)
 
     def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
         """From ``1 + p s + q s^2``, to which the probes add more lag and a little curvature, and tau^2/4 alone."""
+        if self.kind == FURTHER_LAG:
+            return super().start(rig, amplitudes)
         tau, longer = rig.amplifier.time_constant, self.slower
-        if rig.amplifier.resistance is not None:
+        if not self._is_second_order(rig):
             added = float(np.clip((longer - 1.0) * amplitudes[0], -0.8, 5.0 * longer))
-            return {"inductance": rig.amplifier.resistance * tau * (1.0 + added)}
+            name, nominal = self._lag(rig)
+            return {name: nominal * (1.0 + added)}
         p = tau * (1.0 + float(np.clip((longer - 0.9) * amplitudes[0], -0.8, 4.0 * max(1.0, longer))))
         bend = tau**2 * float(0.1 * longer * amplitudes[0] + 0.25 * amplitudes[1])
         q = float(np.clip(bend, 1e-3 * p**2, 4.0 * p**2))
         return {"frequency_hz": 1.0 / (2.0 * pi * np.sqrt(q)), "damping": max(0.06, 0.5 * p / np.sqrt(q))}
 
+    @staticmethod
+    def _lag(rig: Rig) -> tuple[str, float]:
+        """The parameter that stands in place of the rig's lag, and its nominal value."""
+        tau, resistance = rig.amplifier.time_constant, rig.amplifier.resistance
+        return ("time_constant", tau) if resistance is None else ("inductance", resistance * tau)
+
     def far_starts(self, rig: Rig) -> Sequence[Mapping[str, float]]:
         """Of a voltage-driven coil; from a lag that is far too short a score sees nothing of a lag of many samples."""
-        tau, resistance = rig.amplifier.time_constant, rig.amplifier.resistance
-        return [] if resistance is None else [{"inductance": times * resistance * tau} for times in FAR]
+        name, nominal = self._lag(rig)
+        return [] if rig.amplifier.resistance is None else [{name: times * nominal} for times in FAR]
 
     def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
         """By how much its lag is longer than that of the rig file."""
-        tau, resistance = rig.amplifier.time_constant, rig.amplifier.resistance
-        if resistance is not None:
-            lag = values["inductance"] / resistance
+        name, nominal = self._lag(rig)
+        tau = rig.amplifier.time_constant
+        if self._is_second_order(rig):
+            longer = values["damping"] / (pi * values["frequency_hz"]) - tau
         else:
-            lag = values["damping"] / (pi * values["frequency_hz"])
-        return dict.fromkeys((LAG_OF_CURRENT, LAG_ROUND_LOOP), lag - tau)
+            longer = values["further_lag"] if self.kind == FURTHER_LAG else tau * (values[name] / nominal - 1.0)
+        return dict.fromkeys((LAG_OF_CURRENT, LAG_ROUND_LOOP), longer)
 
     def attach(self, plant: Plant) -> None:
-        """The true amplifier beside the nominal one, whose current it replaces."""
+        """The true amplifier beside the nominal one, whose current it replaces; a further lag stands before that."""
         for axis in plant.axes:
+            if self.kind == FURTHER_LAG:
+                asked = plant.raw(f"i_set.{axis}")
+                lagging = plant.lag(f"amplifier_further.{axis}", asked, self.slot("further_lag"))
+                plant.inject(f"i_set.{axis}", lagging - asked)
+                continue
             current = plant.state(f"amplifier.{axis}")
-            if plant.rig.amplifier.resistance is not None:
-                rate, bend = self._coil(plant, axis, current)
-            else:
+            if self._is_second_order(plant.rig):
                 rate, bend = self._second_order(plant, axis, current)
+            else:
+                rate, bend = self._first_order(plant, axis, current)
             plant.set_rate(f"amplifier.{axis}", rate + plant.cut(axis))
             for name, true in (("i_a", current), ("i_a_free", rate), ("i_a_bend", bend)):
                 plant.inject(f"{name}.{axis}", true - plant.raw(f"{name}.{axis}"))
@@ -133,8 +170,12 @@ class AmplifierBandwidth(Effect):
         rate = plant.port(frequency, scaled, scale=2.0 * pi)
         return rate, plant.port(frequency, plant.port(frequency, drive, scale=2.0 * pi), scale=2.0 * pi)
 
-    def _coil(self, plant: Plant, axis: str, current: Signal) -> tuple[Signal, Signal]:
-        """Rate of the current, and the rate of that while the voltage is held."""
+    def _first_order(self, plant: Plant, axis: str, current: Signal) -> tuple[Signal, Signal]:
+        """Rate of the current, and the rate of that while the command, or the voltage, is held."""
+        if plant.rig.amplifier.resistance is None:
+            slot = self.slot("time_constant")
+            rate = plant.port(slot, plant[f"i_set.{axis}"] - current, power=-1)
+            return rate, -plant.port(slot, rate, power=-1)
         slot, resistance = self.slot("inductance"), f"R.{axis}"
         rate = plant.port(slot, plant[f"i_ref.{axis}"] - plant.port(resistance, current), power=-1)
         return rate, -plant.port(slot, plant.port(resistance, rate), power=-1)
