@@ -14,7 +14,7 @@ import ambid
 from ambid.campaigns.tables import table_files
 from ambid.demo import DATA, FILES
 from ambid.monte_carlo.procedure import CHUNK
-from ambid.robustness.matlab import script_beside
+from ambid.robustness.uncertain_model import script_beside
 from places import LEVITATOR, TESTS
 
 HANGS = 300.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ambid import diagnose, identify
-from ambid.noise.converter import repeated_rounding
+from ambid.noise.measured import repeated_rounding
 from ambid.record import Record
 from ambid.record.rounding import step_of
 from hidden.bench import measured

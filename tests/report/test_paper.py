@@ -5,7 +5,7 @@ import pytest
 from ambid.diagnosis import Diagnosis
 from ambid.errors import InputError
 from ambid.findings import REMARK
-from ambid.report import pdf, write_report
+from ambid.report import report, write_report
 
 INCH = 96.0
 
@@ -14,7 +14,7 @@ INCH = 96.0
 def weasyprint():
     """The tests are skipped where it is not there, or does not find Pango."""
     try:
-        return pdf.weasyprint()
+        return report.weasyprint()
     except InputError as error:
         pytest.skip(str(error))
 

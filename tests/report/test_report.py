@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 import ambid
 from ambid.errors import InputError
-from ambid.report import numbers, pdf, pictures, words, write_report
+from ambid.report import numbers, pictures, report, words, write_report
 from ambid.robustness.procedure import FEWEST_DRAWS
 from report.page import Page, hash_of
 
@@ -140,7 +140,7 @@ def test_pdf_without_its_package_says_what_to_install(explained, tmp_path, monke
     def missing(name):
         raise ImportError(name)
 
-    monkeypatch.setattr(pdf.importlib, "import_module", missing)
+    monkeypatch.setattr(report.importlib, "import_module", missing)
     with golden.raises(InputError):
         write_report(explained, tmp_path / "report.html", tmp_path / "report.pdf")
     assert not list(tmp_path.iterdir())
@@ -150,6 +150,6 @@ def test_pdf_without_pango_says_what_to_install(explained, tmp_path, monkeypatch
     def broken(name):
         raise OSError("cannot load library 'libpango-1.0-0'\nmore lines")
 
-    monkeypatch.setattr(pdf.importlib, "import_module", broken)
+    monkeypatch.setattr(report.importlib, "import_module", broken)
     with golden.raises(InputError):
         write_report(explained, tmp_path / "report.pdf")

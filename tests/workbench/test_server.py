@@ -12,9 +12,8 @@ pytest.importorskip("plotly", reason="the workbench's charts need plotly")
 from starlette.testclient import TestClient  # noqa: E402
 
 import ambid  # noqa: E402
-from ambid.workbench.jobs import Job  # noqa: E402
 from ambid.workbench.server import ASKED, ASSETS, DONE, SHOWN, application  # noqa: E402
-from ambid.workbench.windows import Windows  # noqa: E402
+from ambid.workbench.windows import Job, Windows  # noqa: E402
 
 TOKEN, PORT = "the-token", 8123
 HOST = f"127.0.0.1:{PORT}"

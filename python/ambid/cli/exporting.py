@@ -76,7 +76,7 @@ def _with_script(uss: Path | None) -> list[Path]:
     """The files of the uncertain model."""
     if uss is None:
         return []
-    from ambid.robustness.matlab import script_beside  # not at the top: --help need not open that room
+    from ambid.robustness.uncertain_model import script_beside  # not at the top: --help need not open that room
 
     return [uss, script_beside(uss)]
 

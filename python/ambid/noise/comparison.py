@@ -20,8 +20,7 @@ from ambid.loop.effect import Tone
 from ambid.model import Given, Model, as_model
 from ambid.model.operating_point import suffix
 from ambid.noise.chance import ADEQUATE, misfit_bound
-from ambid.noise.compared import ChannelComparison, RecordComparison, record_against, unjudged
-from ambid.noise.fit import with_average
+from ambid.noise.compared import ChannelComparison, RecordComparison, record_against, unjudged, with_average
 from ambid.noise.halves import uneven
 from ambid.noise.known import known_weights, tempered
 from ambid.noise.lines import RecordLines

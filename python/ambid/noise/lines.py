@@ -23,7 +23,6 @@ from ambid.arrays import ComplexArray, FloatArray, is_same
 from ambid.loop.effect import Effect, Tone
 from ambid.model import Model
 from ambid.noise.angles import best_angle, undisturbed
-from ambid.noise.beside_poles import lines_beside_poles, some_lines
 from ambid.noise.chance import SPREAD
 from ambid.noise.colour import back_through_loop
 from ambid.noise.in_time import NEUTRAL, InTime
@@ -32,7 +31,7 @@ from ambid.noise.local import beside_excitation, likelier_beside_excitation
 from ambid.noise.measured import Measured
 from ambid.noise.shape import Loop, Shape, Split, heard
 from ambid.noise.still import Louder, louder_in_motion
-from ambid.noise.transients import OWN, freed, orthonormal
+from ambid.noise.transients import OWN, freed, lines_beside_poles, orthonormal, some_lines
 from ambid.noise.unexcited import Unexcited
 from ambid.noise.whitener import HALF_WIDTH, Spectrum, between_lines, require_noise, whitened
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambid.plot.style import AXIS_COLOURS, LABEL, SMALL, check_format, dress, new_figure, plain_log, save_figure
+from ambid.plot.style import AXIS_COLOURS, LABEL, SMALL, dress, new_figure, plain_log, save_drawn
 from ambid.robustness import Campbell
 from ambid.robustness.whirl import whirl_of
 
@@ -85,12 +85,7 @@ def save_campbell(campbell: Campbell, path: str | Path) -> Path:
     InputError
         If the suffix is none of .png, .pdf, .svg.
     """
-    path = Path(path)
-    check_format(path)
-    figure = new_figure(9.0, 4.8)
-    plot_campbell(campbell, figure.add_subplot())
-    save_figure(figure, path)
-    return path
+    return save_drawn(path, lambda: plot_campbell(campbell))
 
 
 def _rad_s(rpm: Any) -> Any:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from ambid.arrays import ComplexArray
-from ambid.plot.style import AXIS_COLOURS, BAND, GUIDE, SIMULATED, SMALL, check_format, dress, new_figure, save_figure
+from ambid.plot.style import AXIS_COLOURS, BAND, GUIDE, SIMULATED, SMALL, dress, new_figure, save_drawn
 from ambid.robustness import PoleMap
 
 if TYPE_CHECKING:
@@ -80,12 +80,7 @@ def save_poles(poles: PoleMap, path: str | Path, before: PoleMap | None = None) 
     InputError
         If the suffix is none of .png, .pdf, .svg.
     """
-    path = Path(path)
-    check_format(path)
-    figure = new_figure(9.0, 3.6)
-    plot_poles(poles, before, figure.add_subplot())
-    save_figure(figure, path)
-    return path
+    return save_drawn(path, lambda: plot_poles(poles, before))
 
 
 def _mark(ax: Axes, poles: ComplexArray, label: str, style: dict[str, Any]) -> None:

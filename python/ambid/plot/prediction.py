@@ -16,12 +16,11 @@ from ambid.plot.style import (
     LABEL,
     SIMULATED,
     SMALL,
-    check_format,
     dress,
     misfit_text,
     new_figure,
     plain_log,
-    save_figure,
+    save_drawn,
 )
 
 if TYPE_CHECKING:
@@ -107,7 +106,4 @@ def save_prediction(prediction: Prediction, path: str | Path) -> Path:
     InputError
         If the suffix is none of .png, .pdf, .svg.
     """
-    path = Path(path)
-    check_format(path)
-    save_figure(plot_prediction(prediction)[0].figure, path)
-    return path
+    return save_drawn(path, lambda: plot_prediction(prediction)[0])

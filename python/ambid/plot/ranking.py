@@ -14,12 +14,11 @@ from ambid.plot.style import (
     LABEL,
     NOTHING,
     SMALL,
-    check_format,
     dress,
     misfit_text,
     new_figure,
     plain_log,
-    save_figure,
+    save_drawn,
 )
 
 if TYPE_CHECKING:
@@ -104,12 +103,7 @@ def save_ranking(ranking: Ranking, path: str | Path) -> Path:
     InputError
         If the suffix is none of .png, .pdf, .svg.
     """
-    path = Path(path)
-    check_format(path)
-    figure = _figure(ranking, MOST)
-    plot_ranking(ranking, figure.add_subplot())
-    save_figure(figure, path)
-    return path
+    return save_drawn(path, lambda: plot_ranking(ranking))
 
 
 def _figure(ranking: Ranking, most: int) -> Figure:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ambid.plot.style import AXIS_COLOURS, GUIDE, SMALL, check_format, dress, new_figure, plain_log, save_figure
+from ambid.plot.style import AXIS_COLOURS, GUIDE, SMALL, dress, new_figure, plain_log, save_drawn
 from ambid.robustness import ZONES, Margins
 from ambid.robustness.sensitivity import PLACES
 
@@ -80,9 +80,4 @@ def save_sensitivity(margins: Margins, path: str | Path) -> Path:
     InputError
         If the suffix is none of .png, .pdf, .svg.
     """
-    path = Path(path)
-    check_format(path)
-    figure = new_figure(9.0, 3.4)
-    plot_sensitivity(margins, figure.add_subplot())
-    save_figure(figure, path)
-    return path
+    return save_drawn(path, lambda: plot_sensitivity(margins))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -104,6 +105,20 @@ def check_format(path: Path | None) -> None:
     """
     if path is not None and path.suffix.lower() not in FORMATS:
         raise InputError(f"{path}: the suffix is {path.suffix or 'missing'}; expected one of {', '.join(FORMATS)}")
+
+
+def save_drawn(path: str | Path, draw: Callable[[], Any]) -> Path:
+    """Write the picture that is drawn into these axes; the format is checked before.
+
+    Raises
+    ------
+    InputError
+        If the suffix is none of .png, .pdf, .svg.
+    """
+    path = Path(path)
+    check_format(path)
+    save_figure(draw().figure, path)
+    return path
 
 
 def save_figure(figure: Figure, path: Path, dpi: int = 130) -> None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from datetime import datetime
 from importlib.metadata import version
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from ambid.diagnosis import Comparison, Diagnosis, Localisation, MisfitMatrix, Ranking, Step, compare, misfit_matrix
 from ambid.diagnosis.moves import Moved, moved
@@ -18,8 +19,7 @@ from ambid.identification.tolerances import NOISE, percent, shares
 from ambid.model.parameter import nominal
 from ambid.report import numbers, pictures, words
 from ambid.report.before_after import DRAWN, before_and_after
-from ambid.report.files import files_of
-from ambid.report.numbering import Numbering
+from ambid.report.numbers import files_of
 from ambid.report.standing import standing
 from ambid.rig import Rig
 
@@ -237,3 +237,30 @@ def _candidates_left(last: Step) -> str:
         f"chance, but would do little: the best of them, {words.plain(best.effect.name)}, promises to take the misfit "
         f"from {words.misfit(last.misfit)} to {words.misfit(best.predicted_misfit)}; it was not added."
     )
+
+
+class Numbering:
+    """Numbers of one kind, such as figures; what the text does not speak of has none, and cannot be shown.
+
+    Parameters
+    ----------
+    word : str
+        Such as ``Figure``.
+    """
+
+    def __init__(self, word: str) -> None:
+        self.word = word
+        self._known: dict[Hashable, int] = {}
+
+    def see(self, key: Hashable) -> Markup:
+        """A link to it, such as ``Figure 3``, for the text."""
+        number = self._known.setdefault(key, len(self._known) + 1)
+        return Markup('<a href="#{}">{}&nbsp;{}</a>').format(self.anchor(key), self.word, number)
+
+    def label(self, key: Hashable) -> str:
+        """Its name, such as ``Figure 3``, for the caption."""
+        return f"{self.word} {self._known[key]}"
+
+    def anchor(self, key: Hashable) -> str:
+        """Where its links lead."""
+        return f"{self.word.lower()}-{self._known[key]}"

@@ -1,8 +1,10 @@
-"""Numbers that a diagnosis does not hold: the model before, standard errors, units, figures of the rig."""
+"""What a diagnosis does not hold: the model before, standard errors, units, figures of the rig, and files read."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -11,6 +13,7 @@ from ambid.effects import Effect
 from ambid.loop.geometry import rotor_of
 from ambid.model import Model
 from ambid.noise import Comparison
+from ambid.reading import Provenance
 from ambid.report.words import quantity
 from ambid.results import speed_text
 from ambid.rig import FiniteElementRotor, PointMassRotor, Rig
@@ -69,3 +72,45 @@ def rig_figures(rig: Rig, points: Sequence[Rig] = ()) -> list[tuple[str, str]]:
 
 def _bias(rig: Rig) -> str:
     return ", ".join(f"{bearing.name} {bearing.bias_current:g} A" for bearing in rig.bearings)
+
+
+SHORT = 16
+"""Hexadecimal digits of a hash that are shown: two different files share them by chance in one of 2e19 cases."""
+
+
+@dataclass(frozen=True)
+class File:
+    """A rig file or a record.
+
+    Attributes
+    ----------
+    name, role : str
+    size : int or None
+        Bytes; None where nothing was read.
+    sha256 : str
+        The first digits, of what was read; why there are none otherwise.
+    """
+
+    name: str
+    role: str
+    size: int | None
+    sha256: str
+
+
+def files_of(diagnosis: Diagnosis) -> list[File]:
+    """Rig files, records and records for validation, each once."""
+    return list(dict.fromkeys(_file(*found) for found in _named(diagnosis)))
+
+
+def _named(diagnosis: Diagnosis) -> Iterator[tuple[str, str, Path | None, Provenance | None]]:
+    for rig in (diagnosis.model.rig, *diagnosis.model.points):
+        yield rig.name, "rig", rig.path, rig.provenance
+    for role, records in (("record", diagnosis.records), ("validation", diagnosis.validation)):
+        for record in records:
+            yield record.name, role, record.path, record.provenance
+
+
+def _file(name: str, role: str, path: Path | None, read: Provenance | None) -> File:
+    if read is None or path is None:
+        return File(name if path is None else path.name, role, None, "made in memory, read from no file")
+    return File(path.name, role, read.size, read.sha256[:SHORT])

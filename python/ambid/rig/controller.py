@@ -16,9 +16,20 @@ from pydantic_core import InitErrorDetails
 
 from ambid.errors import RigError
 from ambid.rig.fields import MILLISECONDS, MOST, NOTHING, Range, Spec, per_axis, plain, problem, refuse
-from ambid.rig.lti import as_state_space, per_axis_polynomials
-from ambid.rig.realisation import StateSpace, added, companion, pid, stack, tustin
-from ambid.rig.shapes import Matrix, has_shape, sizes, wrong_counts
+from ambid.rig.realisation import (
+    Matrix,
+    StateSpace,
+    added,
+    as_state_space,
+    companion,
+    has_shape,
+    per_axis_polynomials,
+    pid,
+    sizes,
+    stack,
+    tustin,
+    wrong_counts,
+)
 
 SAMPLE_RATE = Range(1.0, 1e6, "Hz", (("kilohertz", 1e3),))
 DELAY_SAMPLES = Range(0.0, 100.0, "samples")

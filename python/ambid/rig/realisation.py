@@ -1,10 +1,15 @@
-"""State space of what a rig file gives as gains or polynomials."""
+"""Linear systems of a rig file: whether their matrices fit, their state space, and objects of other packages."""
 
 from collections.abc import Sequence
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic_core import InitErrorDetails
 from scipy.linalg import block_diag, matrix_balance
+
+from ambid.errors import RigError
+from ambid.rig.fields import FINITE, problem
 
 StateSpace = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
@@ -58,3 +63,66 @@ def companion(numerator: NDArray[np.float64], denominator: NDArray[np.float64]) 
     a, b, c, d = tf2ss(numerator, denominator)
     balanced, (scale, _) = matrix_balance(a, permute=False, separate=True)
     return balanced, b / scale[:, None], c * scale, d
+
+
+Matrix = tuple[tuple[Annotated[float, FINITE], ...], ...]
+
+
+def wrong_counts(given: dict[str, tuple[Any, ...]], n_axes: int, signals: int = 1) -> list[InitErrorDetails]:
+    """Problems of the keys that have neither one entry, nor one per signal, nor one per signal and axis."""
+    per = "one per axis" if signals == 1 else f"{signals}, one per signal, or one per signal and axis"
+    return [
+        problem(f"expected 1 entry for all axes, or {n_axes * signals}, {per}; found {len(value)}.", value, key)
+        for key, value in given.items()
+        if len(value) not in (1, signals, n_axes * signals)
+    ]
+
+
+def sizes(a: Matrix, b: Matrix, c: Matrix, d: Matrix, signals: int) -> tuple[int, int, int]:
+    """States, axes and signals that most of four matrices agree on: one that is wrong does not make others wrong."""
+    rows, columns = len(b), _width(c)
+    states = rows if rows and rows == columns else len(a)
+    axes = len(c) if c and _width(b) == len(c) * signals else len(d)
+    return states, axes, signals
+
+
+def _width(rows: Matrix) -> int | None:
+    """Numbers in each row; None where they are not as many."""
+    widths = {len(row) for row in rows}
+    return widths.pop() if len(widths) == 1 else None
+
+
+def has_shape(rows: Matrix, shape: tuple[int, int]) -> bool:
+    """Whether a matrix has so many rows of so many numbers; without rows or numbers it may be left out."""
+    empty = 0 in shape and not any(rows)
+    return empty or (len(rows) == shape[0] and all(len(row) == shape[1] for row in rows))
+
+
+def as_state_space(system: Any) -> Any:
+    """What the object itself makes of it; RigError where that is no state space, as of a frequency response."""
+    try:
+        return system.to_ss()
+    except Exception as error:  # of another package: it may be any
+        is_response = hasattr(system, "omega") or "frequency" in type(system).__name__.lower()
+        what = (
+            "a frequency response is no model of a controller, whose states are needed" if is_response else str(error)
+        )
+        raise RigError(
+            f"controller: {type(system).__name__} object: {what}; expected a linear system with A, B, C, D or num, "
+            "den: give the law itself, or fit one to the response first."
+        ) from None
+
+
+def per_axis_polynomials(rows: Any, may_couple: bool) -> list[list[float]]:
+    """Polynomial of each axis, from SciPy's single one or python-control's outputs x inputs of them."""
+    if np.isscalar(rows[0]):
+        return [list(map(float, rows))]
+    if np.isscalar(rows[0][0]):  # SciPy with one input, a row per output
+        rows = [[row] for row in rows]
+    coupled = not may_couple and any(np.any(p) for i, row in enumerate(rows) for j, p in enumerate(row) if i != j)
+    if len(rows) != len(rows[0]) or coupled:
+        raise RigError(
+            f"controller: {len(rows)} x {len(rows[0])} transfer functions: expected a diagonal matrix, one per axis; "
+            "convert coupled ones to state space first (control.ss)."
+        )
+    return [list(map(float, rows[k][k])) for k in range(len(rows))]

@@ -10,9 +10,8 @@ from pydantic import Discriminator, Field, PrivateAttr, Tag, ValidationInfo, mod
 from pydantic_core import InitErrorDetails
 
 from ambid.findings import Finding
-from ambid.rig.bodies import polar_over_transverse, too_polar
 from ambid.rig.fields import FINITE, MILLIMETRES, NOTHING, Range, Spec, per_axis, problem, refuse
-from ambid.rig.parts import MASS, Disk, Material, Position, Section, Support
+from ambid.rig.parts import MASS, Disk, Material, Position, Section, Support, polar_over_transverse, too_polar
 from ambid.rig.rotor_files import MATRIX_KEYS, matrices_of_file
 
 Finite = Annotated[float, FINITE]

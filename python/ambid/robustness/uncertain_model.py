@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import importlib
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.io
 from numpy.typing import ArrayLike
 
 from ambid.arrays import FloatArray
@@ -20,9 +22,9 @@ from ambid.loop.loop import open_plant
 from ambid.loop.response import StateSpace
 from ambid.model import Given, as_model
 from ambid.results import of_unit
-from ambid.robustness.matlab import write_with_script
 from ambid.robustness.sensitivity import Law
 from ambid.robustness.uncertainty import Uncertainty
+from ambid.writing import whole_file
 
 NORMAL_95 = 1.959964
 """Half width of a 95 % range of the normal distribution, in standard errors."""
@@ -235,3 +237,39 @@ def _ports_first(plant: Lft) -> tuple[FloatArray, FloatArray, FloatArray, FloatA
     rows, columns = [*z, *range(len(plant.outputs))], [*w, *commands]
     names = tuple(plant.inputs[k] for k in commands)
     return plant.A, plant.B[:, columns], plant.C[rows], plant.D[np.ix_(rows, columns)], names
+
+
+SCRIPT = Path(__file__).with_name("uncertain_model.m")
+
+
+def script_beside(path: Path) -> Path:
+    """Where the script of a .mat file is written.
+
+    Raises
+    ------
+    ModelError
+        If the suffix is not .mat, or the name would be none of a MATLAB script.
+    """
+    if path.suffix.lower() != ".mat":
+        raise ModelError(f"{path}: the suffix is {path.suffix or 'missing'}; expected .mat")
+    if not re.fullmatch(r"[A-Za-z]\w{0,50}", path.stem, re.ASCII):
+        raise ModelError(
+            f"{path}: its script would be {path.stem}_uss.m, which MATLAB cannot run; expected a name of letters, "
+            "digits and _ that begins with a letter"
+        )
+    return path.with_name(f"{path.stem}_uss.m")
+
+
+def write_with_script(content: Mapping[str, Any], path: Path) -> list[Path]:
+    """Write variables, a tuple of texts as a cell array, and the script beside them; see `UncertainModel.to_mat`."""
+    script = script_beside(path)
+    cells = {
+        name: np.array(value, dtype=object).reshape(-1, 1) if isinstance(value, tuple) else value
+        for name, value in content.items()
+    }
+    with whole_file(path) as stream:
+        scipy.io.savemat(stream, cells, long_field_names=True)
+    text = SCRIPT.read_text(encoding="utf-8").replace("FILE.mat", path.name)
+    with whole_file(script) as stream:
+        stream.write(text.encode())
+    return [path, script]

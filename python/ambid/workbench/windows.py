@@ -5,16 +5,15 @@ from __future__ import annotations
 import secrets
 from collections import OrderedDict
 from collections.abc import Callable
-from threading import Lock
-from typing import Any
+from threading import Event, Lock, Thread
+from typing import Any, TypeVar
 
-from ambid.errors import InputError, StaleWindow
+from ambid.errors import AmbidError, Cancelled, InputError, StaleWindow
 from ambid.workbench.exporting import as_report
-from ambid.workbench.jobs import Job
 from ambid.workbench.session import Progress, Session
 from ambid.workbench.views import overview
 
-__all__ = ["Window", "Windows"]
+__all__ = ["Job", "Window", "Windows"]
 
 MOST_WINDOWS = 32
 """Sessions that are kept; the one that nobody has used for longest goes first."""
@@ -128,3 +127,65 @@ class Windows:
                 raise InputError("this session is not known here; reload the page for a new one")
             self._open.move_to_end(name)
             return self._open[name]
+
+
+Result = TypeVar("Result")
+
+
+class Job:
+    """One call in a thread of its own.
+
+    Parameters
+    ----------
+    what : str
+        Such as ``fit``.
+    call : callable
+        The work; told where to tell its progress.
+    done : callable
+        Takes the result, in the same thread; not called for a job that failed or was cancelled.
+    """
+
+    def __init__(self, what: str, call: Callable[[Progress], Result], done: Callable[[Result], None]) -> None:
+        self.what, self._call, self._done = what, call, done
+        self._now: tuple[str, int, int] = (what, 0, 0)
+        self._cancelled, self._error = Event(), ""
+        self._thread = Thread(target=self._run, name=what, daemon=True)
+        self._thread.start()
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it has not ended yet."""
+        return self._thread.is_alive()
+
+    def cancel(self) -> None:
+        """End it when it tells its progress next; what it has found is dropped."""
+        self._cancelled.set()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data: what was asked, what it is doing, how far it is, and what went wrong."""
+        doing, done, total = self._now
+        return {
+            "running": self.is_running,
+            "what": self.what,
+            "doing": doing,
+            "done": done,
+            "total": total,
+            "cancelled": self._cancelled.is_set(),
+            "error": self._error,
+        }
+
+    def _report(self, doing: str, done: int, total: int) -> None:
+        if self._cancelled.is_set():
+            raise Cancelled(f"{self.what} was cancelled; nothing has changed")
+        self._now = (doing, done, total)
+
+    def _run(self) -> None:
+        try:
+            found = self._call(self._report)
+            self._report(self.what, 1, 1)  # the last moment to cancel
+            self._done(found)
+        except AmbidError as error:
+            self._error = str(error)
+        except Exception as error:  # the page must hear of it: nobody reads a thread's traceback
+            self._error = f"{self.what} failed: {type(error).__name__}: {error}"
+            raise
