@@ -8,7 +8,6 @@ from ambid.checking.foreign import AXES_DIFFER, NO_EXCITATION, NOT_LOGGED, RATE_
 from ambid.checking.instants import CHANNEL_DELAY, CLOCK_DIFFERENCE, SAMPLES_LOST, SAMPLES_REPEATED
 from ambid.checking.machine import OTHER_MACHINE
 from ambid.checking.ranges import ONE_PERIOD, TOO_SMALL
-from ambid.checking.rig_slips import UNSTABLE_LOOP
 from ambid.checking.scales import WRONG_UNIT
 from ambid.checking.signs import OPPOSITE_SIGN
 from ambid.findings import Finding, has
@@ -16,7 +15,6 @@ from ambid.findings import Finding, has
 __all__ = ["STOPPING", "stops_diagnosis"]
 
 STOPPING = (
-    UNSTABLE_LOOP,
     AXES_DIFFER,
     RATE_DIFFERS,
     NOT_LOGGED,

@@ -232,6 +232,13 @@ class Yardstick:
             prior=float(np.log(variants)) - sum(float(np.log(self.prior[effect.name])) for effect in added),
         )
 
+    def motion(self, base: Evidence) -> Evidence:
+        """Of a machine that does not move at all, beside that of the base model."""
+        measured = self.base.noise.measured_cost
+        kept_back = 0.0 if self.kept_back is None else self.kept_back.noise.measured_cost
+        beyond = max(0.0, measured - self.base.dof - BEYOND * deviation(self.base))
+        return replace(base, cost=measured + kept_back, fitted_beyond=beyond)
+
     def _beginnings(self, fit: Comparison, base: Comparison) -> float:
         """What the numbers cost that say how the states of linear effects begin the records."""
         fitted, before = (own.noise.quadratic(own.model, []).fitted for own in (fit, base))

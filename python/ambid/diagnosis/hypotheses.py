@@ -120,16 +120,24 @@ class Field:
         By the names of the effects.
     rankings : mapping of frozenset of str to Ranking
         Of what is outside each set that was carried on.
+    root : frozenset of str
+        What makes an unstable base model stable, in the set that the search began with; nothing of a stable one.
     """
 
     yardstick: Yardstick
     tried: Mapping[Names, Hypothesis] = field(default_factory=dict)
     rankings: Mapping[Names, Ranking] = field(default_factory=dict)
+    root: Names = frozenset()
 
     @property
     def base(self) -> Hypothesis:
-        """The base model alone."""
-        return self.tried[frozenset()]
+        """The base model alone; where that is unstable, with what makes it stable, the set that it began with."""
+        return self.tried[self.root]
+
+    @property
+    def unexplained(self) -> Evidence:
+        """Of the base model alone; of an unstable one, that of a machine that does not move."""
+        return self.yardstick.motion(self.base.evidence) if self.root else self.base.evidence
 
     @cached_property
     def _lowest(self) -> Evidence:
@@ -157,7 +165,7 @@ class Field:
         That is a hypothesis of its own that is bound to the effect: it gives no other effect a name.
         """
         above = own.cost - self._lowest.cost
-        of_formulas = own.formula_error * (self.base.evidence.cost - own.cost)
+        of_formulas = own.formula_error * (self.unexplained.cost - own.cost)
         return above if above < 0.0 else max(0.0, above - max(0.0, of_formulas))
 
     def worth(self, hypothesis: Hypothesis) -> float:
@@ -172,19 +180,35 @@ class Field:
 
         Those of a disturbance leave nothing, and it has lines of its own.
         """
-        before = self.without_physics(hypothesis).evidence.fitted_beyond
+        before = self.without_physics(hypothesis)
         share = max(OF_FORMULAS, hypothesis.evidence.formula_error)
-        return bool(hypothesis.added) and hypothesis.evidence.fitted_beyond <= share * before
+        return bool(hypothesis.added) and hypothesis.evidence.fitted_beyond <= share * before.fitted_beyond
 
-    def without_physics(self, hypothesis: Hypothesis) -> Hypothesis:
+    def without_physics(self, hypothesis: Hypothesis) -> Evidence:
         """The disturbances of a set alone, which have lines of their own; the base model where that was not tried."""
-        waves = frozenset(e.name for e in hypothesis.added if e.frequencies_hz(hypothesis.fit.model.rig))
-        return self.tried.get(waves, self.base)
+        waves = self._waves(hypothesis)
+        return self.tried[waves].evidence if waves in self.tried else self.unexplained
+
+    @staticmethod
+    def _waves(hypothesis: Hypothesis) -> Names:
+        return frozenset(e.name for e in hypothesis.added if e.frequencies_hz(hypothesis.fit.model.rig))
 
     @cached_property
     def is_explained(self) -> bool:
         """Whether a set leaves no more than noise and what its formulas may leave."""
         return not self._lowest.beyond or any(self.is_of_formulas(h) for h in self.tried.values())
+
+    def fall_by_physics(self, hypothesis: Hypothesis) -> float:
+        """By how much the physics of a set lowers J of the fitted records."""
+        waves = self._waves(hypothesis)
+        before = self.tried.get(waves) or (None if self.root else self.base)
+        cost = hypothesis.fit.noise.measured_cost if before is None else before.fit.cost
+        return max(0.0, cost - hypothesis.fit.cost)
+
+    def share_of_motion(self, hypothesis: Hypothesis) -> float:
+        """Part of what the records hold beyond noise that a set explains, 0 to 1."""
+        before, left = self.unexplained.fitted_beyond, hypothesis.evidence.fitted_beyond
+        return max(0.0, 1.0 - left / before) if before else 1.0
 
     def promise(self, own: Evidence) -> float:
         """Log evidence of a set, taking for noise what the set leaves that comes nearest to it: the set must explain.
@@ -219,18 +243,22 @@ class Field:
         return replace(self, tried={**self.tried, further.names: further})
 
 
-def begun(task: Task, base: Comparison) -> Field:
-    """The field with the base model alone."""
+def begun(task: Task, base: Comparison, *others: Comparison) -> Field:
+    """The field with the base model alone; of an unstable one, with each of what makes it stable, the best first."""
     kept_back = compare(base.model, task.validate) if task.validate else None
-    return Field(Yardstick(base, kept_back, task.prior)).with_((), base)
+    added = [fit.model.effects[len(task.nominal.effects) :] for fit in (base, *others)]
+    field_ = Field(Yardstick(base, kept_back, task.prior), root=frozenset(effect.name for effect in added[0]))
+    for own, fit in zip(added, (base, *others), strict=True):
+        field_ = field_.with_(own, fit)
+    return field_
 
 
-def explored(task: Task, base: Comparison) -> Iterator[Field]:
+def explored(task: Task, field_: Field) -> Iterator[Field]:
     """Try sets of effects, those first that the scores promise most of."""
-    field_ = begun(task, base)
-    yield field_
-    for size in range(MOST_EFFECTS):
-        if size and not _leads_on(field_, size):
+    if field_.root:
+        yield (field_ := refined(task, field_, field_.foremost.names))
+    for size in range(len(field_.root), MOST_EFFECTS):
+        if size > len(field_.root) and not _leads_on(field_, size):
             break
         sets = sorted(
             (h for h in field_.tried.values() if len(h.names) == size),
@@ -251,15 +279,14 @@ def explored(task: Task, base: Comparison) -> Iterator[Field]:
 
 def _leads_on(field_: Field, size: int) -> bool:
     """Whether more effects than so many may explain: the last did, and each so far its share of as many as may be."""
-    best, base = field_.foremost, field_.base.evidence.beyond
+    best, base = field_.foremost, field_.unexplained.beyond
     is_due = field_.is_explained or best.evidence.beyond <= base * (1.0 - size / MOST_EFFECTS)
     return len(best.names) >= size and is_due
 
 
-def asked(task: Task, base: Comparison, ask: Ask) -> Iterator[Field]:
+def asked(task: Task, field_: Field, ask: Ask) -> Iterator[Field]:
     """Add what is most likely beside the set so far, as long as a person agrees."""
-    yield (field_ := begun(task, base))
-    names: Names = frozenset()
+    names = field_.foremost.names
     while len(names) < MOST_EFFECTS:
         for further in _carried_on(task, field_, names):
             yield (field_ := further)
@@ -317,7 +344,7 @@ def _carried_on(task: Task, field_: Field, names: Names) -> Iterator[Field]:
     most = WIDTHS[min(len(names), len(WIDTHS) - 1)]
     order = _by_promise(task, field_, hypothesis, field_.rankings[names])
     # beside the base model a score may see nothing of what explains all of it: of what is linear, everything is tried
-    order = order[:most] + ([] if names else [c for c in order[most:] if _is_linear(hypothesis, c)])
+    order = order[:most] + ([] if names != field_.root else [c for c in order[most:] if _is_linear(hypothesis, c)])
     for done, candidate in enumerate(order):
         so_far = f"{len(field_.tried)} sets tried, misfit {field_.foremost.fit.misfit:.3g}"
         task.progress(f"refitting {candidate.effect.name} ({so_far})", done, len(order))
@@ -411,8 +438,8 @@ def refined(task: Task, field_: Field, names: Names) -> Field:
         if effect not in task.as_given:
             fit = settled(fit, effect)
         fit = _nearer_the_rig(task, fit, effect)
-    effects = fit.model.effects[len(field_.base.fit.model.effects) :]
-    if field_.base.fit.cost - fit.cost <= fit.dof and not fit.noise.misses_tone(fit.model):
+    effects = fit.model.effects[len(task.nominal.effects) :]
+    if not field_.root and field_.base.fit.cost - fit.cost <= fit.dof and not fit.noise.misses_tone(fit.model):
         return field_.with_(effects, refit(fit), best.variants)
     for _ in range(MOST_RENEWALS):
         before = fit.cost
@@ -424,7 +451,8 @@ def refined(task: Task, field_: Field, names: Names) -> Field:
     kept_back = field_.yardstick.kept_back
     if kept_back is not None:
         kept_back = kept_back.of(fit.model).renewed().of(base.model)
-    renewed = Field(Yardstick(base, kept_back, task.prior), {}, field_.rankings).with_((), base)
+    renewed = Field(Yardstick(base, kept_back, task.prior), {}, field_.rankings, field_.root)
+    renewed = renewed.with_(field_.base.added, base)
     for own in field_.tried.values():
         if own is best:
             renewed = renewed.with_(effects, fit, best.variants)

@@ -24,7 +24,8 @@ def steps_to(task: Task, field: Field, best: Hypothesis) -> list[Step]:
             chain.insert(0, field.tried[names])
     steps: list[Step] = []
     for before, own in zip([None, *chain], chain, strict=False):
-        added = [effect for effect in own.added if before is None or effect.name not in before.names]
+        known = frozenset() if before is None else before.names
+        added = [effect for effect in own.added if effect.name not in known]
         predicted = steps[-1].ranking.find(added[0].name) if steps and added else None
         ranking = field.rankings.get(own.names) or ranked(task, own.fit)
         kept_back = own.kept_back
@@ -39,7 +40,7 @@ def steps_to(task: Task, field: Field, best: Hypothesis) -> list[Step]:
                 ranking=ranking,
                 model=own.fit.model,
                 moved=moved(steps[-1].model, own.fit.model, standard_errors(own.fit)) if steps else (),
-                added=added[0].name if before is not None and added else None,
+                added=added[0].name if added else None,
             )
         )
     return steps

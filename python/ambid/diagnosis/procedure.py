@@ -25,7 +25,8 @@ from ambid.diagnosis.result import Diagnosis
 from ambid.diagnosis.task import Task
 from ambid.diagnosis.verdict import Verdict, judged
 from ambid.effects import CATALOGUE, Effect, find
-from ambid.errors import ModelError, RigError, Stopped
+from ambid.diagnosis.standing import BASE_UNSTABLE, base_unstable, nothing_holds, standing
+from ambid.errors import ModelError, RigError, Stopped, UnstableStartError
 from ambid.findings import NOWHERE, Finding, Kind, has
 from ambid.identification import Estimate, ParameterEstimate, identify
 from ambid.identification.covariance import budget, covariance
@@ -128,8 +129,11 @@ def diagnose(
     stops = [finding for finding in findings if stops_diagnosis(finding)]
     if stops:
         return Diagnosis.uninformative(start, records, stops, begun_at)
-    estimate = identify(start, records)
-    if why := list(_uninformed(start, estimate)):
+    try:
+        estimate = identify(start, records)
+    except UnstableStartError:
+        estimate = None
+    if estimate is not None and (why := list(_uninformed(start, estimate))):
         return Diagnosis.uninformative(estimate.model, records, why, begun_at)
     task = Task(
         nominal=_nominal(start),
@@ -139,10 +143,18 @@ def diagnose(
         as_given=tuple(effect for effect in chosen or () if effect.settings()),
         given_prior=dict(prior or {}),
     )
-    base = estimate.comparison
-    if not base.is_adequate and not all(part.noise_is_measured for part in base.noise.parts):
-        base = refit(base)  # `identify` did not trust the weights, as physics is missing
-    field = begun(task, base)
+    if estimate is None:
+        bases = standing(start, records, catalogue if chosen is None else chosen)
+        if not bases and chosen:
+            raise ModelError(_unheld(start, chosen))
+        if not bases:
+            return Diagnosis.uninformative(start, records, [nothing_holds(start)], begun_at)
+        findings = (*findings, base_unstable(start, bases))
+    else:
+        bases = [estimate.comparison]
+        if not bases[0].is_adequate and not all(part.noise_is_measured for part in bases[0].noise.parts):
+            bases = [refit(bases[0])]  # `identify` did not trust the weights, as physics is missing
+    field = begun(task, *bases)
 
     def told(*, is_stopped: bool) -> Diagnosis:
         end = None if chosen is None else max(field.tried.values(), key=lambda own: len(own.added))
@@ -152,7 +164,7 @@ def diagnose(
     try:
         say(_line(field.base, field.base))
         ways = _chosen(task, field, chosen) if chosen is not None else None
-        for further in ways or (explored(task, base) if ask is None else asked(task, base, ask)):
+        for further in ways or (explored(task, field) if ask is None else asked(task, field, ask)):
             before, field = field.foremost, further
             if field.foremost.names != before.names:
                 say(_line(field.foremost, field.base))
@@ -170,8 +182,8 @@ def _chosen(task: Task, field: Field, effects: Sequence[Effect]) -> Iterator[Fie
     ModelError
         If an effect cannot be judged on this model, or makes no stable loop.
     """
-    names: frozenset[str] = frozenset()
-    for effect in effects:
+    names = field.root
+    for effect in (own for own in effects if own.name not in names):
         fit = field.tried[names].fit
         ranking = rank(fit, [effect], start=nominal_beside(task, fit.model))
         if not ranking.candidates:
@@ -180,6 +192,12 @@ def _chosen(task: Task, field: Field, effects: Sequence[Effect]) -> Iterator[Fie
         field = refined(task, added(task, field, names, ranking.candidates[0]), names | {effect.name})
         names = names | {effect.name}
         yield field
+
+
+def _unheld(start: Model, effects: Sequence[Effect]) -> str:
+    """Why a person's own choice is refused on an unstable base."""
+    finding = nothing_holds(start)
+    return f"{', '.join(effect.name for effect in effects)}: {finding.line()}"
 
 
 def _line(own: Hypothesis, base: Hypothesis) -> str:
@@ -244,7 +262,7 @@ def _told(
             *_undetermined(start, verdict.fit),
             *findings_of(verdict, verdict.fit.noise, history),
             *findings_of_tolerances(start.rig, tolerances),
-            *(finding for finding in findings if has([finding], OPERATING_POINT_DRIFT, FORCE_TOO_SMALL)),
+            *(finding for finding in findings if has([finding], BASE_UNSTABLE, OPERATING_POINT_DRIFT, FORCE_TOO_SMALL)),
             *instants,
         ),
     )

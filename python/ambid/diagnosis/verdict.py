@@ -189,6 +189,7 @@ def judged(
         effects, fit = (), base
     elif word == "none_of_the_candidates" and chosen is None:
         tried, effects, fit = effects, (), base
+    share = field.share_of_motion(best) if field.root else share_explained(base, best.fit)
     return Verdict(
         word,
         found,
@@ -198,11 +199,11 @@ def judged(
         where,
         best.fit.misfit,
         tolerance,
-        share_explained(base, best.fit),
+        share,
         left.tones,
         left.change,
         tried,
-        share_explained(base, best.fit) if tried else 0.0,
+        share if tried else 0.0,
         _others(task, base),
         is_stopped,
         chosen is not None,
@@ -248,7 +249,7 @@ def _shape_left(field: Field, best: Hypothesis) -> ShapeLeft | None:
     """
     if field.is_of_formulas(best) and best.evidence.fitted_beyond > 0.0:
         return None
-    fall = max(0.0, field.without_physics(best).fit.cost - best.fit.cost)
+    fall = field.fall_by_physics(best)
     for part in best.fit.noise.in_time:
         share = max(OF_FORMULAS if part.noise_is_measured else SHAPE_OF_FORMULAS, best.evidence.formula_error)
         if shape := shape_left(part, best.fit.model, share * fall):

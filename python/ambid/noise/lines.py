@@ -278,6 +278,11 @@ class RecordLines(JudgedLines):
             return self.data(here).rows(here.loop.core, here.theta, [], None, False)[:, 0]
         return self.whiten(self._in_time.change(here) - self.measured_lines)
 
+    @property
+    def whitened_measured(self) -> FloatArray:
+        """What was measured on the judged lines."""
+        return self.whiten(self.measured_lines)
+
     def whiten(self, lines: ComplexArray) -> FloatArray:
         """Judged lines of shape (lines, p) or (lines, p, q), whitened, as real numbers."""
         return whitened(self.spectrum.whitening, lines)

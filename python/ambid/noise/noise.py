@@ -180,6 +180,11 @@ class Noise:
         """Whitened response of a settled model less what was measured; of two models the difference is one of both."""
         return np.concatenate([*(part.departure(part.at(model)) for part in self.parts), -known_residual(model)])
 
+    @property
+    def measured_cost(self) -> float:
+        """J of a model that answers no excitation."""
+        return sum(float(np.sum(part.whitened_measured**2)) for part in self.parts)
+
     def slopes(self, model: Model, free: Sequence[int]) -> FloatArray:
         """Whitened derivatives of the settled response by the parameters in `free`."""
         return np.vstack([*(part.slopes(part.at(model), free) for part in self.parts), known_slopes(model, free)])

@@ -111,6 +111,11 @@ class ResponseLines:
         """Whitened response less what was measured."""
         return self.whiten(self._response(here, [])[0] - self._z)
 
+    @property
+    def whitened_measured(self) -> FloatArray:
+        """What was measured."""
+        return self.whiten(self._z)
+
     def whiten(self, lines: ComplexArray) -> FloatArray:
         """Numbers of shape (F, pairs) or (F, pairs, q), whitened, as real ones."""
         white = self.whitening @ (lines if lines.ndim == 3 else lines[..., None])
