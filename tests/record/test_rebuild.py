@@ -69,7 +69,7 @@ def test_excitation_is_rebuilt(controller, source):
     assert np.sqrt(np.mean(error**2)) < (1e-9 if controller.is_digital else 2e-3) * 0.2
     assert found.period == 127 * 4
     assert found.source == ("rebuilt_from_command" if source == "i_ref" else "rebuilt_from_current")
-    assert (found.finding.code, found.finding.values["source"]) == ("excitation_rebuilt", source)
+    assert (found.findings[0].code, found.findings[0].values["source"]) == ("excitation_rebuilt", source)
 
 
 def test_rebuilt_excitation_tells_what_it_cannot_do(golden):
@@ -84,7 +84,7 @@ def test_rebuilt_excitation_tells_what_it_cannot_do(golden):
         rebuilt(Record("r", RIG.sample_rate, AXES, None, y + 1e-3, i_ref=i_ref), RIG)
     fractional = RIG.replace(controller=PidController(implementation="digital", delay_samples=1.4, **PID))
     found = rebuilt(Record("r", RIG.sample_rate, AXES, None, y, i_ref=i_ref), fractional)
-    assert found.finding.values["delay_left_samples"] == pytest.approx(0.4)
+    assert found.findings[0].values["delay_left_samples"] == pytest.approx(0.4)
     ideal = RIG.replace(amplifier={"time_constant": 0.0}, controller=DIGITAL.model_copy(update={"delay_samples": 0.0}))
     found = rebuilt(Record("r", RIG.sample_rate, AXES, None, y, i_c=i_ref), ideal)
     np.testing.assert_allclose(found.i_e, i_e, atol=1e-9)

@@ -41,7 +41,7 @@ def test_a_command_is_taken_as_it_was_recorded(is_before):
     found = record(**own)
     middle = slice(10, -10)
     assert np.abs(found.i_e[middle, 0] - (I_E - I_E.mean())[middle]).max() < 1e-3 * I_E.std() + abs(I_E.mean())
-    assert the(found, "excitation_rebuilt").values.get("samples_before_delay") == (1 if is_before else None)
+    assert ("command_before_delay" in codes(found)) == is_before
     assert compare(Model(rig()), found).is_adequate
 
 

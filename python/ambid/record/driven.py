@@ -113,7 +113,7 @@ def driven(
         if rig is None:
             return Driven(signals, "unknown", stated, [UNKNOWN()])
         try:
-            i_e, period, source, found_how = rebuild_excitation(
+            i_e, period, source, how = rebuild_excitation(
                 rig,
                 sample_rate,
                 y=logged["y"],
@@ -136,9 +136,9 @@ def driven(
                 ) from None
             is_free = True
         if is_free:
-            i_e, period, source, found_how = np.zeros_like(logged["y"]), stated, "assumed_zero", FREE()
+            i_e, period, source, how = np.zeros_like(logged["y"]), stated, "assumed_zero", (FREE(),)
         signals["i_e"] = i_e
-        findings.append(found_how)
+        findings += how
         if "i_ref" not in logged and not is_free:
             signals.pop("i_c", None)
             findings.append(SPENT())

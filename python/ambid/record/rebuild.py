@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.linalg import schur
 from ambid.arrays import FloatArray
 from ambid.errors import RecordError
 from ambid.findings import Finding, Kind
+from ambid.record.command_delay import CommandDelay, by_current, by_law
 from ambid.record.free_modes import (
     HOLDS,
     REBUILT_TOLERANCE,
@@ -29,7 +31,7 @@ REBUILT = Kind(
     "excitation_rebuilt",
     "note",
     "i_e was not logged: rebuilt from {source}[ (its noise is amplified {noise_gain:.2g} times by undoing the "
-    "amplifier's lag)][, recorded before its delay (i_c follows later by samples: {samples_before_delay})], {signals} "
+    "amplifier's lag)], {signals} "
     "and the rig's {implementation} controller[; {delay_left_samples:.3g} sample of its delay is not undone][; its "
     "mean ({means:.3g} {unit}, the integrator's operating point), and what the controller's states held when the "
     "record begins, were removed]",
@@ -43,9 +45,6 @@ COMMAND_FOLLOWS = Kind(
 SAME = 1e-3
 """Part of the recorded command up to which what the law leaves is its rounding, and no excitation."""
 
-CLEARLY = 0.8
-"""Part of what an amplifier leaves of i_c under the present command that it must leave under an older one."""
-
 __all__ = ["ExcitationSource", "Rebuilt", "commanded", "rebuild_excitation", "rounding_of", "steps_of", "unexplained"]
 
 
@@ -55,7 +54,7 @@ class Rebuilt(NamedTuple):
     i_e: FloatArray
     period: int | None
     source: ExcitationSource
-    finding: Finding
+    findings: tuple[Finding, ...]
 
 
 def rebuild_excitation(
@@ -109,11 +108,12 @@ def rebuild_excitation(
     controller = rig.controller
     is_led = r is not None and bool(np.any(r != r[:1]))
     read = _read(rig, y, i_c, r, where)
-    i_e, how, integrating = _recover(rig, sample_rate, read, i_ref, i_c, where, period=period)
+    i_e, how, integrating = _recover(rig, sample_rate, read, i_ref, i_c, where, y=y, period=period)
+    findings = how.pop("findings", ())
     signals = ["y"] if r is None else ["y", "r"]
     if i_ref is not None and (left := _follows(i_e, i_ref)) is not None:
         follows = COMMAND_FOLLOWS(signals=signals, share=left, reference="r" if is_led else None)
-        return Rebuilt(np.zeros_like(y), period, "assumed_zero", follows)
+        return Rebuilt(np.zeros_like(y), period, "assumed_zero", (follows, *findings))
     how |= {"signals": signals, "implementation": controller.implementation}
     how |= {"delay_left_samples": controller.delay_samples % 1 or None}
     period = period or find_period(i_e, tolerance=REBUILT_TOLERANCE)
@@ -130,7 +130,7 @@ def rebuild_excitation(
         tail = i_e[-period:][:missing] if period else np.repeat(i_e[-1:], missing, axis=0)
         i_e = np.concatenate([i_e, tail])
     source: ExcitationSource = "rebuilt_from_current" if i_ref is None else "rebuilt_from_command"
-    return Rebuilt(i_e, period, source, REBUILT(**how))
+    return Rebuilt(i_e, period, source, (REBUILT(**how), *findings))
 
 
 def unexplained(
@@ -149,7 +149,7 @@ def unexplained(
     It begins where the delay of the command ends, and is known up to a constant. Parameters and errors are those of
     `rebuild_excitation`.
     """
-    return _recover(rig, sample_rate, _read(rig, y, i_c, r, where), i_ref, i_c, where, i_e=i_e)[0]
+    return _recover(rig, sample_rate, _read(rig, y, i_c, r, where), i_ref, i_c, where, y=y, i_e=i_e)[0]
 
 
 def commanded(
@@ -217,6 +217,7 @@ def _recover(
     i_c: FloatArray | None,
     where: str,
     *,
+    y: FloatArray,
     i_e: FloatArray | None = None,
     period: int | None = None,
 ) -> tuple[FloatArray, dict[str, Any], bool]:
@@ -247,31 +248,43 @@ def _recover(
     if controller.is_digital:
         feedback, integrating = _response(K, read)
         whole = int(controller.delay_samples)
-        if i_ref is not None and i_c is not None and _is_before_delay(i_ref, i_c, whole):
-            how |= {"samples_before_delay": whole}
-            whole = 0
-        command = command[whole:]
-        command = command + feedback[: len(command)]
+        own = command
+
+        def left_by(late: int) -> FloatArray:
+            delayed = own[late:] + feedback[: len(own) - late]
+            return _less(delayed, i_e, K, rounding_of(own), period)
+
+        if whole and i_ref is not None:
+            place = _place(rig, rate, left_by, y, i_ref, i_c, period)
+            whole, how["findings"] = place.samples, place.findings
+        return left_by(whole), how, integrating
+    rounding = rounding_of(i_ref if i_ref is not None else command - feedback[: len(command)])
+    return _less(command, i_e, K, rounding, period), how, integrating
+
+
+def _less(
+    command: FloatArray, i_e: FloatArray | None, K: tuple[FloatArray, ...], rounding: FloatArray, period: int | None
+) -> FloatArray:
+    """What the law leaves of a command, less a known i_e and what the controller's states held at the beginning."""
     left = command if i_e is None else command - i_e[: len(command)]
-    modes = free_modes(K[0], K[2], len(left))
-    own = i_ref if i_ref is not None else command - feedback[: len(command)]
-    return without_free_modes(left, modes, rounding_of(own), period), how, integrating
+    return without_free_modes(left, free_modes(K[0], K[2], len(left)), rounding, period)
 
 
-def _is_before_delay(i_ref: FloatArray, i_c: FloatArray, whole: int) -> bool:
-    """Whether i_c follows a command that is so many samples old, and not the present one, through a first-order lag."""
-    if not whole:
-        return False
-    left = []
-    for late in (0, whole):
-        missed = 0.0
-        for command, current in zip(i_ref.T, i_c.T, strict=True):
-            known = np.column_stack([current[whole:-1], command[whole - late : len(command) - 1 - late]])
-            table = np.column_stack([known, np.ones(len(known))])
-            follows = table @ np.linalg.lstsq(table, current[whole + 1 :], rcond=None)[0]
-            missed += float(np.sum((current[whole + 1 :] - follows) ** 2))
-        left.append(missed)
-    return left[1] < CLEARLY * left[0]
+def _place(
+    rig: Rig,
+    rate: float,
+    left_by: Callable[[int], FloatArray],
+    y: FloatArray,
+    i_ref: FloatArray,
+    i_c: FloatArray | None,
+    period: int | None,
+) -> CommandDelay:
+    """Where a recorded command stands in the delay of the rig's controller."""
+    whole = int(rig.controller.delay_samples)
+    delayed = left_by(whole)
+    law = by_law(left_by(0)[: len(delayed)], delayed, rounding_of(i_ref), period)
+    ratio = None if i_c is None or law is False else by_current(rig, rate, i_ref, i_c, y, whole)
+    return CommandDelay.of(rig.controller.delay_samples, law, ratio)
 
 
 def _response(K: tuple[FloatArray, ...], y: FloatArray) -> tuple[FloatArray, bool]:

@@ -56,7 +56,8 @@ class Controller(Spec, ABC):
     implementation : {"analog", "digital"}
         Digital: y is sampled at `sample_rate`, and the output is held over the sample.
     delay_samples : float
-        Digital only: delay of the sum that leaves the controller, in its samples; may be fractional.
+        Digital only: delay of the sum -(K y) + i_e, from reading y to the output, in its samples; may be fractional. A
+        command may be recorded before it or behind it.
     sample_rate : float, optional
         Digital only: rate of the controller [Hz], a whole multiple of the rig's; the rig's if absent.
     reference : bool

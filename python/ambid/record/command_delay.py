@@ -1,0 +1,111 @@
+"""Whether a recorded command stands before the delay of the rig's controller or behind it: by its law, and by i_c."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ambid.arrays import FloatArray
+from ambid.findings import Finding, Kind
+from ambid.record.free_modes import HOLDS, REBUILT_TOLERANCE, is_held
+from ambid.record.period import find_period
+from ambid.rig import Rig
+
+__all__ = ["CommandDelay", "by_current", "by_law"]
+
+BEFORE_DELAY = Kind(
+    "command_before_delay",
+    "note",
+    "the recorded command stands before the controller's delay: it follows what the controller reads by "
+    "{late_samples} samples, delay_samples = {delay_samples:g} in the rig file[; i_c follows the command by that delay "
+    "(log likelihood ratio {log_likelihood_ratio:.0f})]",
+    "check delay_samples if the command was logged behind the delay: it is the delay of the sum -(K y) + i_e, from "
+    "reading y to the output",
+)
+DELAY_NOT_SEEN = Kind(
+    "controller_delay_not_seen",
+    "warning",
+    "delay_samples = {delay_samples:g} in the rig file, but the recorded command follows what the controller reads by "
+    "{late_samples} samples, and i_c follows the command without a delay (log likelihood ratio "
+    "{log_likelihood_ratio:.0f})",
+    "check delay_samples: it is the delay of the sum -(K y) + i_e, from reading y to the output",
+)
+SIMPLER = 0.7
+"""Part of what does not repeat of an excitation that is left under the right delay of the command, at the most."""
+SURE = 30.0
+"""Log likelihood ratio from which on i_c shows which command it follows, beside errors of the model."""
+LAGS = np.geomspace(0.5, 2.0, 31)
+"""Multiples of the amplifier's time constant under which i_c is held against the command."""
+
+
+class CommandDelay(NamedTuple):
+    """By how many samples of the controller's delay a recorded command is late, and what is to be known of it."""
+
+    samples: int
+    findings: tuple[Finding, ...] = ()
+
+    @classmethod
+    def of(cls, delay_samples: float, by_law: bool | None, by_current: float | None) -> CommandDelay:
+        """Both judgements together: the law tells where the command stands, i_c whether a delay follows it."""
+        whole, ratio = int(delay_samples), by_current or 0.0
+        if by_law is False or (by_law is None and ratio < SURE):
+            return cls(whole)
+        own = {"delay_samples": delay_samples, "late_samples": 0}
+        if ratio < -SURE:
+            return cls(0, (DELAY_NOT_SEEN(**own, log_likelihood_ratio=-ratio),))
+        return cls(0, (BEFORE_DELAY(**own, log_likelihood_ratio=ratio if ratio > SURE else None),))
+
+
+def by_law(at_once: FloatArray, delayed: FloatArray, rounding: FloatArray, period: int | None) -> bool | None:
+    """Whether the law makes a command at once, by what it leaves of it then and where it is late; None if unclear.
+
+    An excitation holds, as steps do, or none is left, or it repeats: the wrong delay adds what does neither.
+    """
+    holds = [is_held(own, rounding).mean() > HOLDS for own in (at_once, delayed)]
+    if holds[0] != holds[1]:
+        return bool(holds[0])
+    if holds[0]:
+        return None
+    period = period or find_period(at_once, tolerance=REBUILT_TOLERANCE)
+    period = period or find_period(delayed, tolerance=REBUILT_TOLERANCE)
+    if period is None:
+        return None
+    left = [float(np.sum((own[period:] - own[:-period]) ** 2)) for own in (at_once, delayed)]
+    if min(left) > SIMPLER**2 * max(left):
+        return None
+    return left[0] < left[1]
+
+
+def by_current(rig: Rig, rate: float, i_ref: FloatArray, i_c: FloatArray, y: FloatArray, whole: int) -> float:
+    """Log likelihood ratio of a current that follows a command so many samples old, over one that follows it at once.
+
+    The amplifier's lag is simulated, and its time constant, its gain and what motion induces are free.
+    """
+    tau = rig.amplifier.time_constant
+    ratio = 0.0
+    for command, current, motion in zip(i_ref.T, i_c.T, y.T, strict=True):
+        left = [
+            min(_missed(command, current, motion, factor * tau, rate, late) for factor in (LAGS if tau else (1.0,)))
+            for late in (0, whole)
+        ]
+        if left[1] > 0.0:
+            ratio += 0.5 * len(current) * float(np.log(max(left[0], 1e-300) / left[1]))
+        elif left[0] > 0.0:
+            ratio = np.inf
+    return ratio
+
+
+def _missed(command: FloatArray, current: FloatArray, motion: FloatArray, tau: float, rate: float, late: int) -> float:
+    """Sum of squares that a lag behind a command leaves of a current."""
+    from scipy.signal import lfilter  # slow to import, and seldom needed
+
+    a = np.exp(-1.0 / (rate * tau)) if tau else 0.0
+    old = np.concatenate([np.repeat(command[:1], late), command[: len(command) - late]])
+    drives = [old, np.gradient(motion)]
+    lagged = [lfilter([0.0, 1.0 - a], [1.0, -a], own) if tau else own for own in drives]
+    table = np.column_stack([*lagged, np.ones(len(current)), a ** np.arange(len(current))])
+    size = np.linalg.norm(table, axis=0)
+    table = table[:, size > 0.0] / size[size > 0.0]
+    found = np.linalg.lstsq(table, current, rcond=None)[0]
+    return float(np.sum((current - table @ found) ** 2))
