@@ -62,3 +62,31 @@ def test_the_mean_of_what_is_rebuilt_has_the_unit_of_commands():
             y=found["y"], i_ref=found["i_ref"], sample_rate=of_unit.sample_rate, axes=of_unit.axes, rig=of_unit
         )
         assert the(taken, "excitation_rebuilt").values["unit"] == unit
+
+
+@pytest.mark.parametrize(
+    ("late", "code"), [(1, "command_before_delay"), (0, "controller_delay_not_seen")], ids=["delayed", "at once"]
+)
+def test_what_follows_a_command_that_the_law_makes_at_once_is_seen_by_the_current(late, code):
+    own, waiting = pid(*GAINS, RATE), [0.0] * late
+    commands = []
+
+    def law(e: float, i: float) -> float:
+        commands.append(-own(e, i))
+        waiting.append(commands[-1])
+        return -waiting.pop(0)
+
+    r = 2e-4 * np.repeat(np.random.default_rng(5).standard_normal(SAMPLES // 100), 100)
+    found = TRUTH.run(RATE, law, r, np.zeros(SAMPLES), noise=(1e-6, 1e-4))
+    of_reference = rig().replace(controller=rig().controller.model_copy(update={"reference": True}))
+    taken = Record.from_arrays(
+        y=found["y"],
+        i_c=found["i_c"],
+        i_ref=np.array(commands)[:, None],
+        r=r[:, None],
+        sample_rate=RATE,
+        axes=of_reference.axes,
+        rig=of_reference,
+    )
+    assert taken.excitation_source == "assumed_zero"
+    assert code in codes(taken)

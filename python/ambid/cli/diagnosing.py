@@ -154,7 +154,7 @@ def rank_command(
     outputs = {"--json": json_file, "--plot": plot}
     require_first_point(rig, records)
     start, loaded = _opened(rig, exact, records, model, period, columns, sample_rate, allow, outputs)
-    with stoppable(), progress(quiet, "ranking") as bar:
+    with stoppable(), naming_unstable(rig, start, model), progress(quiet, "ranking") as bar:
         comparison = ambid.identify(start, loaded).comparison
         ranking = ambid.rank(comparison, progress=with_time_left(bar))
         expected = None if predict is None else ambid.predict(ranking, predict)

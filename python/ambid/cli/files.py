@@ -103,17 +103,28 @@ def naming_unstable(rig: Path, start: ambid.Model, model: Path | None = None) ->
     try:
         yield
     except UnstableLoopError as error:
-        if isinstance(error, UnstableStartError) or start.is_stable:
+        if isinstance(error, UnstableStartError):
+            raise UnstableStartError(f"{error}{_held_by(start)}") from None
+        if start.is_stable:
             raise  # as a fit tells it, with what it has tried; or a response that leaves all bounds
         pole = start.poles()[0]
         why = f"a pole at {abs(pole.imag) / (2.0 * np.pi):.3g} Hz grows with {pole.real:.3g} 1/s"
         if not ambid.Model(start.rig).is_stable:
             problem = f"{rig}: the nominal loop is unstable ({why}); `ambid check {shlex.quote(str(rig))}` tells why"
+            problem += f".{held}" if (held := _held_by(start)) else ""
         else:
             beside = ", ".join(effect.name for effect in start.effects)
             problem = f"{model or rig}: the loop is unstable" + (f" with {beside}" if beside else "") + f" ({why})"
             problem += "; give it another value" if beside else "; identify first, or give another model"
         raise UnstableLoopError(problem) from None
+
+
+def _held_by(start: ambid.Model) -> str:
+    """Which effects make an unstable loop stable, and where they are tried; empty where none does."""
+    from ambid.diagnosis import holders  # not at the top: it is needed for errors alone
+
+    found = holders(start)
+    return f" With {', '.join(found)} in the model it is stable: `ambid diagnose` tries these." if found else ""
 
 
 def in_time(records: Sequence[ambid.Record | ambid.FrequencyResponse]) -> list[ambid.Record]:

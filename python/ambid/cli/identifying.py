@@ -10,7 +10,7 @@ import typer
 
 import ambid
 from ambid.cli.commands import command_of, with_command
-from ambid.cli.files import in_time, load_model, load_records, load_rig, require_first_point
+from ambid.cli.files import in_time, load_model, load_records, load_rig, naming_unstable, require_first_point
 from ambid.cli.options import (
     Allow,
     Columns,
@@ -101,7 +101,8 @@ def identify_command(
             progress=lambda evaluations, cost: report(f"evaluation {evaluations}, cost {cost:.6g}"),
         )
         try:
-            estimate, _ = done_of(identified, ambid.Estimate)
+            with naming_unstable(rig, start, model):
+                estimate, _ = done_of(identified, ambid.Estimate)
         except UnstableLoopError as error:
             if start.theta.tolist() == free_start.theta.tolist() or not free_start.is_stable:
                 raise

@@ -7,6 +7,7 @@ from ambid.diagnosis.prediction import Prediction, predict
 from ambid.diagnosis.procedure import diagnose
 from ambid.diagnosis.ranking import rank
 from ambid.diagnosis.result import Diagnosis, Step
+from ambid.diagnosis.standing import holders
 from ambid.noise import Comparison, compare
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "Step",
     "compare",
     "diagnose",
+    "holders",
     "localise",
     "misfit_maps",
     "misfit_matrix",

@@ -25,8 +25,8 @@ from ambid.diagnosis.result import Diagnosis
 from ambid.diagnosis.task import Task
 from ambid.diagnosis.verdict import Verdict, judged
 from ambid.effects import CATALOGUE, Effect, find
-from ambid.diagnosis.standing import BASE_UNSTABLE, base_unstable, nothing_holds, standing
-from ambid.errors import ModelError, RigError, Stopped, UnstableStartError
+from ambid.diagnosis.standing import BASE_UNSTABLE, base_unstable, choice_unstable, holders, nothing_holds, standing
+from ambid.errors import ModelError, RigError, Stopped, UnstableLoopError, UnstableStartError
 from ambid.findings import NOWHERE, Finding, Kind, has
 from ambid.identification import Estimate, ParameterEstimate, identify
 from ambid.identification.covariance import budget, covariance
@@ -146,7 +146,8 @@ def diagnose(
     if estimate is None:
         bases = standing(start, records, catalogue if chosen is None else chosen)
         if not bases and chosen:
-            raise ModelError(_unheld(start, chosen))
+            others = holders(start, catalogue, records)
+            raise ModelError(choice_unstable(start, chosen, others).line())
         if not bases:
             return Diagnosis.uninformative(start, records, [nothing_holds(start)], begun_at)
         findings = (*findings, base_unstable(start, bases))
@@ -185,19 +186,38 @@ def _chosen(task: Task, field: Field, effects: Sequence[Effect]) -> Iterator[Fie
     names = field.root
     for effect in (own for own in effects if own.name not in names):
         fit = field.tried[names].fit
-        ranking = rank(fit, [effect], start=nominal_beside(task, fit.model))
-        if not ranking.candidates:
-            why = ranking.not_tried.get(effect.name, "it is in the model already")
-            raise ModelError(f"{effect.name} cannot be added to this model ({why})")
-        field = refined(task, added(task, field, names, ranking.candidates[0]), names | {effect.name})
-        names = names | {effect.name}
+        try:
+            ranking = rank(fit, [effect], start=nominal_beside(task, fit.model))
+            if not ranking.candidates:
+                why = ranking.not_tried.get(effect.name, "it is in the model already")
+                raise ModelError(f"{effect.name} cannot be added to this model ({why})")
+            field = refined(task, added(task, field, names, ranking.candidates[0]), names | {effect.name})
+            names = names | {effect.name}
+            own = field.tried[names]
+            for one in (own.fit, own.kept_back):
+                if one is not None:
+                    one.fit_percent  # noqa: B018  refuses a response that leaves all bounds
+        except UnstableLoopError as error:
+            raise ModelError(
+                f"{effect.name} cannot be added to this model: with it the response to "
+                f"{_leaving(field, names, effect)} leaves all bounds ({error}); leave the effect out, give it settings "
+                "of its own, or leave this record out"
+            ) from None
         yield field
 
 
-def _unheld(start: Model, effects: Sequence[Effect]) -> str:
-    """Why a person's own choice is refused on an unstable base."""
-    finding = nothing_holds(start)
-    return f"{', '.join(effect.name for effect in effects)}: {finding.line()}"
+def _leaving(field: Field, names: frozenset[str], effect: Effect) -> str:
+    """The records whose response leaves all bounds with an effect; all of them where none is known to."""
+    own = field.tried[names]
+    model = own.fit.model if effect.name in names else own.fit.model.add(effect)
+    parts = [part for one in (own.fit, own.kept_back) if one is not None for part in one.noise.parts]
+    found = []
+    for part in parts:
+        try:
+            part.departure(part.at(model))
+        except UnstableLoopError:
+            found.append(part.record.name)
+    return ", ".join(found or [part.record.name for part in parts])
 
 
 def _line(own: Hypothesis, base: Hypothesis) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ambid.checking.nominal import NominalLoop
-from ambid.effects import Effect, Seen
+from ambid.effects import CATALOGUE, Effect, Seen
 from ambid.errors import AmbidError, ModelError, UnstableLoopError
 from ambid.findings import NOWHERE, Finding, Kind
 from ambid.identification import identify
@@ -21,8 +21,9 @@ from ambid.model import Model
 from ambid.model.structure import is_nonlinear
 from ambid.noise import Comparison
 from ambid.record import Measurement, Record
+from ambid.rig import Rig
 
-__all__ = ["BASE_UNSTABLE", "NOTHING_HOLDS", "base_unstable", "nothing_holds", "standing"]
+__all__ = ["BASE_UNSTABLE", "base_unstable", "choice_unstable", "holders", "nothing_holds", "standing"]
 
 BASE_UNSTABLE = Kind(
     "base_unstable",
@@ -38,6 +39,13 @@ NOTHING_HOLDS = Kind(
     "rotor's {mode} mode; no effect that these records can show makes it stable[; K_i x {force_current_factor:.3g} "
     "would][; K_s x {force_displacement_factor:.3g} would]",
     "check the controller's sign (i_ref = -(K y) + i_e), gains and delay, and the sizes of K_i and K_s",
+)
+CHOICE_UNSTABLE = Kind(
+    "base_unstable_with_chosen_effects",
+    "error",
+    "the base model is unstable, and stays so with {chosen}: a pole at {frequency_hz:.3g} Hz grows with "
+    "{growth_per_s:.3g} 1/s, and moves mostly the rotor's {mode} mode[; with {effects} it is stable]",
+    "choose one of these as the first effect; if there is none, check the controller, K_i and K_s in the rig file",
 )
 MULTIPLES = tuple(sign * factor for sign in (1.0, -1.0) for factor in (0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3))
 """Of an effect's probes, at which it is asked whether the loop is stable."""
@@ -80,6 +88,19 @@ def base_unstable(start: Model, fits: Sequence[Comparison]) -> Finding:
     return BASE_UNSTABLE(NOWHERE, **_pole(start), effects=effects)
 
 
+def holders(start: Model, effects: Sequence[Effect] = CATALOGUE, records: Sequence[Measurement] = ()) -> list[str]:
+    """Names of the effects, each of which makes an unstable loop stable at some of its values."""
+    own = {effect.name for effect in start.effects}
+    return [model.effects[-1].name for model in _held(start, records, [e for e in effects if e.name not in own])]
+
+
+def choice_unstable(start: Model, chosen: Sequence[Effect], others: Sequence[str]) -> Finding:
+    """That none of a person's own choice makes a loop stable, and what does."""
+    return CHOICE_UNSTABLE(
+        NOWHERE, **_pole(start), chosen=[effect.name for effect in chosen], effects=list(others) or None
+    )
+
+
 def nothing_holds(start: Model) -> Finding:
     """That none does, and what would."""
     factors = {
@@ -110,24 +131,27 @@ def _factor(start: Model, letters: str) -> float | None:
 
 def _held(start: Model, records: Sequence[Measurement], effects: Sequence[Effect]) -> Iterator[Model]:
     """The model with each effect at the values that make its loop most stable, if any do."""
-    knows_command = all(isinstance(record, Record) and record.has_known_command for record in records)
+    knows_command = bool(records) and all(isinstance(record, Record) and record.has_known_command for record in records)
     for effect in effects:
         home = start.home_of(effect)
         if home is None or is_nonlinear(home, effect) or (effect.within_command and knows_command):
             continue  # what is not linear is judged at rest, where a loop must be stable anyway
         variants = effect.variants(Seen(home, {}, points=start.points))
         some = variants[:: max(1, len(variants) // MOST_VARIANTS)]
-        tried = [model for variant in some for model in _with(start, variant, effect)]
+        tried = [model for variant in some for model in _with(start, variant, home)]
         best = max(tried, key=lambda model: model.decay_rate, default=None)
         if best is not None:
             yield best
 
 
-def _with(start: Model, variant: Effect, effect: Effect) -> Iterator[Model]:
+def _with(start: Model, variant: Effect, home: Rig) -> Iterator[Model]:
     """Stable models with an effect at multiples of its probes, and where it is far from the rig file's values."""
-    home = start.home_of(effect) or start.rig
     known = {p.name: p for p in variant.parameters(home)}
-    multiples = [{name: factor * value for name, value in probe.items()} for probe in variant.probes(home) for factor in MULTIPLES]
+    multiples = [
+        {name: factor * value for name, value in probe.items()}
+        for probe in variant.probes(home)
+        for factor in MULTIPLES
+    ]
     for values in (*multiples, *variant.far_starts(home)):
         if not all(known[name].lower <= value <= known[name].upper for name, value in values.items()):
             continue
