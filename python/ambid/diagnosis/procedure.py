@@ -22,10 +22,10 @@ from ambid.diagnosis.ledger import steps_to
 from ambid.diagnosis.messages import findings_of, not_determined
 from ambid.diagnosis.ranking import Progress, rank, silent
 from ambid.diagnosis.result import Diagnosis
+from ambid.diagnosis.standing import BASE_UNSTABLE, base_unstable, choice_unstable, holders, nothing_holds, standing
 from ambid.diagnosis.task import Task
 from ambid.diagnosis.verdict import Verdict, judged
 from ambid.effects import CATALOGUE, Effect, find
-from ambid.diagnosis.standing import BASE_UNSTABLE, base_unstable, choice_unstable, holders, nothing_holds, standing
 from ambid.errors import ModelError, RigError, Stopped, UnstableLoopError, UnstableStartError
 from ambid.findings import NOWHERE, Finding, Kind, has
 from ambid.identification import Estimate, ParameterEstimate, identify

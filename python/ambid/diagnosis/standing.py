@@ -28,15 +28,15 @@ __all__ = ["BASE_UNSTABLE", "base_unstable", "choice_unstable", "holders", "noth
 BASE_UNSTABLE = Kind(
     "base_unstable",
     "warning",
-    "the base model is unstable: a pole at {frequency_hz:.3g} Hz grows with {growth_per_s:.3g} 1/s, and moves mostly the "
-    "rotor's {mode} mode; with {effects} in the model it is stable, and evidence decides among these",
+    "the base model is unstable: a pole at {frequency_hz:.3g} Hz grows with {growth_per_s:.3g} 1/s, and moves mostly "
+    "the rotor's {mode} mode; with {effects} in the model it is stable, and evidence decides among these",
     "check the controller, K_i and K_s in the rig file, if none of these is likely",
 )
 NOTHING_HOLDS = Kind(
     "base_unstable_with_every_effect",
     "error",
-    "the base model is unstable: a pole at {frequency_hz:.3g} Hz grows with {growth_per_s:.3g} 1/s, and moves mostly the "
-    "rotor's {mode} mode; no effect that these records can show makes it stable[; K_i x {force_current_factor:.3g} "
+    "the base model is unstable: a pole at {frequency_hz:.3g} Hz grows with {growth_per_s:.3g} 1/s, and moves mostly "
+    "the rotor's {mode} mode; no effect that these records can show makes it stable[; K_i x {force_current_factor:.3g} "
     "would][; K_s x {force_displacement_factor:.3g} would]",
     "check the controller's sign (i_ref = -(K y) + i_e), gains and delay, and the sizes of K_i and K_s",
 )
@@ -103,7 +103,7 @@ def choice_unstable(start: Model, chosen: Sequence[Effect], others: Sequence[str
 
 def nothing_holds(start: Model) -> Finding:
     """That none does, and what would."""
-    factors = {
+    factors: dict[str, Any] = {
         f"{key}_factor": _factor(start, letters)
         for key, letters in (("force_current", "K_i."), ("force_displacement", "K_s."))
     }
@@ -147,11 +147,8 @@ def _held(start: Model, records: Sequence[Measurement], effects: Sequence[Effect
 def _with(start: Model, variant: Effect, home: Rig) -> Iterator[Model]:
     """Stable models with an effect at multiples of its probes, and where it is far from the rig file's values."""
     known = {p.name: p for p in variant.parameters(home)}
-    multiples = [
-        {name: factor * value for name, value in probe.items()}
-        for probe in variant.probes(home)
-        for factor in MULTIPLES
-    ]
+    probes = variant.probes(home)
+    multiples = [{name: factor * value for name, value in own.items()} for own in probes for factor in MULTIPLES]
     for values in (*multiples, *variant.far_starts(home)):
         if not all(known[name].lower <= value <= known[name].upper for name, value in values.items()):
             continue

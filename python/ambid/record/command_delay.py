@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -51,7 +51,7 @@ class CommandDelay(NamedTuple):
         whole, ratio = int(delay_samples), by_current or 0.0
         if by_law is False or (by_law is None and ratio < SURE):
             return cls(whole)
-        own = {"delay_samples": delay_samples, "late_samples": 0}
+        own: dict[str, Any] = {"delay_samples": delay_samples, "late_samples": 0}
         if ratio < -SURE:
             return cls(0, (DELAY_NOT_SEEN(**own, log_likelihood_ratio=-ratio),))
         return cls(0, (BEFORE_DELAY(**own, log_likelihood_ratio=ratio if ratio > SURE else None),))
