@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import ambid
+from ambid.diagnosis import measured_shape
 from ambid.effects import CATALOGUE, Effect, EffectParameter, MeasuredShape
 from ambid.errors import ModelError
 from found import the
@@ -47,6 +48,15 @@ def found(records):
 def force(records):
     where = ambid.localise(ambid.identify(RIG, records[0]).comparison)
     return next(port for port in where.ports if port.name == "force")
+
+
+def test_a_shape_is_measured_round_by_round_without_an_identification_of_each(records):
+    shape = measured_shape(ambid.identify(RIG, records[0]).comparison, "force", "v")
+    slip = np.array([v for v in shape.at if 3.0 * KNEE < abs(v) < 0.015])
+    values = np.interp(slip, shape.at, shape.values)
+    assert values == pytest.approx(-FRICTION * np.sign(slip), rel=0.25)
+    with pytest.raises(ModelError):
+        measured_shape(ambid.identify(RIG, records[0]).comparison, "flux")
 
 
 def misfit_of(model, one):

@@ -7,6 +7,7 @@ from ambid.diagnosis.prediction import Prediction, predict
 from ambid.diagnosis.procedure import diagnose
 from ambid.diagnosis.ranking import rank
 from ambid.diagnosis.result import Diagnosis, Step
+from ambid.diagnosis.shape import measured_shape
 from ambid.diagnosis.standing import holders
 from ambid.noise import Comparison, compare
 
@@ -23,6 +24,7 @@ __all__ = [
     "diagnose",
     "holders",
     "localise",
+    "measured_shape",
     "misfit_maps",
     "misfit_matrix",
     "predict",

@@ -33,11 +33,25 @@ LARGEST = 10.0
 class NeededAtPort(Protocol):
     """What `ambid.localise` finds at a port; see `ambid.diagnosis.ports.Port`."""
 
-    name: str
-    needed: FloatArray
-    terms: Sequence[Any]
-    against: dict[str, FloatArray]
-    weights: Callable[[FloatArray, FloatArray, FloatArray], tuple[FloatArray, float]]
+    @property
+    def name(self) -> str:
+        """Of the port."""
+
+    @property
+    def needed(self) -> FloatArray:
+        """What the port needs, sample by sample."""
+
+    @property
+    def terms(self) -> Sequence[Any]:
+        """Simple shapes of it, the best first."""
+
+    @property
+    def against(self) -> dict[str, FloatArray]:
+        """Signals of the loop that it may be a function of."""
+
+    @property
+    def weights(self) -> Callable[[FloatArray, FloatArray, FloatArray], tuple[FloatArray, float]]:
+        """See `ambid.diagnosis.ports.Port`."""
 
 
 @dataclass(frozen=True)
