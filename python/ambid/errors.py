@@ -8,8 +8,6 @@ LONGEST_MESSAGE = 2000
 """Characters of a message: about a screen. What is left out is of no help to a reader, and may be megabytes."""
 LAST_PART = 500
 """Characters of these that are kept for the end, where it says what to do."""
-SHORTEST_PART = 4
-"""Letters of a name that say something of it: fewer are in too many."""
 MOST_NEAR = 4
 """Names that are told as near."""
 _UNSEEN = frozenset({"Cc", "Cf", "Cs", "Co", "Zl", "Zp"})
@@ -37,7 +35,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
     own, letters = _letters(name), {each: _letters(each) for each in known}
     near = [each for each, its in letters.items() if its == own and own][:1]
-    if not near and len(own) >= SHORTEST_PART:
+    if not near and len(own) >= 4:  # letters of a name that say something of it: fewer are in too many
         near = [each for each, its in letters.items() if own in its][:MOST_NEAR]
     if not near and (close := get_close_matches(own, letters.values(), n=1)):
         near = [next(each for each, its in letters.items() if its == close[0])]

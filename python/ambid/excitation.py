@@ -13,10 +13,6 @@ __all__ = ["multisine", "prbs"]
 
 MOST_ORDER = 24
 """Of a shift register: a period of 17 million chips."""
-CLIPPINGS = 200
-"""Rounds of clipping that lower a crest factor; twice as many gain less than a twentieth on 6 to 900 lines."""
-CLIPPED_FROM = 0.4
-"""Part of the peak at which the first round clips; the last clips at the peak."""
 FINER = 4
 """Times as many samples as the period has, where it is clipped with few lines: the peaks between samples count too."""
 
@@ -185,7 +181,9 @@ def _clipped(
     """Phases with a lower peak: the peaks are clipped, the magnitudes put back, and so on; the best ones count."""
     samples = FINER * period if FINER * lines.max() < period else period
     best, lowest = phase, np.inf
-    for clip in np.linspace(CLIPPED_FROM, 1.0, CLIPPINGS):
+    # rounds of clipping that lower a crest factor; twice as many gain less than a twentieth on 6 to 900 lines
+    # part of the peak at which the first round clips; the last clips at the peak
+    for clip in np.linspace(0.4, 1.0, 200):
         wave = _wave(period, lines, size, phase, samples)
         peak = float(np.abs(wave).max())
         if peak < lowest:

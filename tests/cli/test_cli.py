@@ -381,8 +381,8 @@ def test_the_commands_of_the_readme_are_there():
 
 
 @pytest.mark.slow
-def test_the_commands_of_the_readme_do_their_work(here, one_axis, bench, command):
-    """With their files put in their places; diagnoses of one axis; the JSON of each has findings."""
+def test_the_commands_of_the_readme_do_their_work(here, one_axis, bench, command, undrawn):
+    """With their files put in their places; diagnoses of one axis, reports undrawn; the JSON of each has findings."""
     for line in lines_of_the_readme():
         rig, run = one_axis if line[1] in ("diagnose", "frequency-response") else here
         files = {"rig.toml": [rig], "run.csv": [run], "static_*.csv": LOADS, "bench": [bench]}

@@ -85,7 +85,8 @@ def test_diagnose_writes_all_that_is_asked_for(diagnosed, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_report_is_written_for_the_screen_and_for_paper(here, command):
+def test_the_report_is_written_for_the_screen_and_for_paper(here, command, undrawn):
+    """Without its pictures, which tests/report draws."""
     result = command("diagnose", *here, "--report", "d.html", "--pdf", "d.pdf")
     if "pip install 'ambid[pdf]'" in result.err:
         pytest.skip(result.err)

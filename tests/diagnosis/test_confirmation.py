@@ -37,10 +37,9 @@ def test_a_weak_hum_that_is_there_all_the_time_is_named(seed, frequency):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("record", [328, 452])
-def test_noise_that_is_louder_than_its_spectrum_on_one_line_is_no_wave(record):
-    """Of 32 channels: a score by chance in a million, twice in 700 records, where the lines beside are as loud."""
-    assert diagnose(*made(record)).effects == ()
+def test_noise_that_is_louder_than_its_spectrum_on_one_line_is_no_wave():
+    """Of 32 channels: a score by chance in a million, in one of 350 records, where the lines beside are as loud."""
+    assert diagnose(*made(328)).effects == ()
 
 
 @pytest.mark.parametrize(("seeds", "most"), [([7], 0), pytest.param(range(20), 6, marks=pytest.mark.slow)])

@@ -25,7 +25,7 @@ from faults.files import is_writing, left_over, state, write_old
 BEYOND = 1.05
 """Moments reach this far, in units of the time that a run takes."""
 BRIEF = 5.0
-"""Seconds below which the time that a run takes is the middle one of three."""
+"""Seconds below which imports are a large part of a run."""
 ENDED = os.WEXITED | os.WNOHANG | os.WNOWAIT
 """Tell whether a process has ended, and leave it there."""
 LOOKS = 2e-4
@@ -78,14 +78,18 @@ def run(arguments, outputs, name="", moment=0.0, writing=False):
 
 
 def go(task):
-    """Undisturbed runs first, for what is imported and for the time that a run takes; then those with signals."""
+    """An undisturbed run first, for what is imported and for the time that it takes; then those with signals.
+
+    That of a brief command is run again without its imports, which those with signals have done.
+    """
     arguments, outputs = task["arguments"], task["outputs"]
-    whole = run(arguments, outputs)["seconds"]
+    found = [run(arguments, outputs)]
     load(Path("modules").read_text().splitlines())
-    found = [run(arguments, outputs) for _ in range(3 if whole < BRIEF else 1)]
+    if found[0]["seconds"] < BRIEF:
+        found = [run(arguments, outputs)]
     if any(one["code"] for one in found):
         return found  # there is nothing to disturb
-    first, last = (sorted(one[key] for one in found)[len(found) // 2] for key in ("first", "seconds"))
+    first, last = found[0]["first"], found[0]["seconds"]
     return found + [
         run(arguments, outputs, name, *moment)
         for name, count in task["moments"].items()

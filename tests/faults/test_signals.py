@@ -21,8 +21,9 @@ from faults.jobs import HANGS, JOBS, ONE_BY_ONE, OPTIONS, STORY, disturbed, ende
 from faults.promises import CODES, check
 
 FAST = {"SIGKILL": 4, "SIGINT": 2, "SIGTERM": 2}
-MANY = {"SIGKILL": 6, "SIGINT": 2, "SIGTERM": 2}
-SOME = {"SIGKILL": 3, "SIGINT": 1, "SIGTERM": 1}
+SOME = {"SIGKILL": 4, "SIGINT": 1, "SIGTERM": 1}
+"""All jobs write by one way: where one moment in 20 harms a file, 19 jobs of 4 show it in 98 % of runs."""
+FEW = {"SIGKILL": 2, "SIGINT": 1, "SIGTERM": 1}
 """Of a command that takes seconds."""
 READY = "from ambid.cli import main, signals; signals.watch(); import os; os.write(1, b'.'); main()"
 """Says when signals are heard, before the command itself is imported."""
@@ -64,7 +65,7 @@ def test_a_few_moments(folder):
 @pytest.mark.slow
 @pytest.mark.parametrize("job", JOBS)
 def test_many_moments(job, folder, tmp_path):
-    counts = check(disturbed(prepare(tmp_path), JOBS[job], SOME if job == "report" else MANY), job not in ONE_BY_ONE)
+    counts = check(disturbed(prepare(tmp_path), JOBS[job], FEW if job == "report" else SOME), job not in ONE_BY_ONE)
     print(job, dict(counts))
     # the others save what is done; how late the moments reach goes with the load
     assert any("old" in key[1:] for key in counts if key[0] == "SIGKILL"), "the moments begin before the first file"
@@ -137,7 +138,7 @@ def test_from_the_first_import_on(name, folder):
     begun = time.perf_counter()
     assert ended("identify", "rig.toml", "run.csv", "-q", cwd=folder)[0] == 0
     seconds = time.perf_counter() - begun
-    for moment in moments(12, seconds):
+    for moment in moments(8, seconds):
         code, err = stop(folder, signal.Signals[name], moment)
         assert code in (0, CODES[name]), err
         assert "Traceback" not in err

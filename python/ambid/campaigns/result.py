@@ -18,8 +18,6 @@ from ambid.rig import Rig
 
 __all__ = ["BiasPoint", "Campaign", "Runs"]
 
-LEADING = 3
-"""Columns of a table that say where its numbers are from."""
 STATIC = "static"
 """Name of the method that is not a kind of records."""
 NOT_CONVERGED = Kind("fit_not_converged", "warning", "the fit ended with the status {status}")
@@ -246,7 +244,10 @@ class Campaign(WithFindings):
     def __repr__(self) -> str:
         tables = [*self.tables, _begun(self)]
         lines = [
-            line for table in tables if len(table.heading) > LEADING and table.rows for line in (*table.lines(), "")
+            line
+            for table in tables
+            if len(table.heading) > 3 and table.rows  # beyond the columns that say where its numbers are from
+            for line in (*table.lines(), "")
         ]
         lines += ["forces: f = K_i i + K_s s, K_s > 0 destabilises"]
         folders: dict[Finding, list[str]] = {}

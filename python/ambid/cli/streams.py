@@ -10,9 +10,6 @@ from typing import Any, TextIO
 
 __all__ = ["finish", "protect"]
 
-CLOSED_PIPE = 141
-"""Exit code when the reader of stdout has gone, as `head` goes: 128 and SIGPIPE, as a shell tells of any program."""
-
 
 class _Patient(io.RawIOBase):
     """A stream whose failure is kept for later; what comes after it is dropped."""
@@ -67,7 +64,8 @@ def finish(code: int) -> int:
     sys.stderr.flush()
     if failure is None or code != 0:
         return code
-    return CLOSED_PIPE if failure.errno == errno.EPIPE else 1
+    # exit code when the reader of stdout has gone, as `head` goes: 128 and SIGPIPE, as a shell tells of any program
+    return 141 if failure.errno == errno.EPIPE else 1
 
 
 def _fill() -> None:

@@ -28,16 +28,12 @@ __all__ = ["Design", "design"]
 
 SPREAD = 0.05
 """Part of the power that all lines share: the best powers are on few lines, and tell nothing of a model's misfit."""
-USUAL_PERIODS = 8
-"""Periods where neither a length nor an accuracy is asked for."""
 PERIODS = (512, 16384)
 """Samples of a period, least and most."""
 ROUNDING = 1e-9
 """Part of the largest response of a parameter below which one moves nothing."""
 NORMAL_95 = 1.96
 """Standard errors on either side that a 95 % interval reaches."""
-SPARE = 0.02
-"""Part that is played beyond what is needed: transients take more of few periods than of many."""
 FINEST, COARSEST = 1e-15, 1e15
 """Of a parameter's scale: half of the narrowest and of the widest interval that can be wanted."""
 LONGEST = 3600.0
@@ -332,12 +328,14 @@ def _periods(
     period, rate = len(option.wave), task.model.rig.sample_rate
     most = int((LONGEST if seconds is None else seconds) * rate / period)
     if not wanted:
-        return max(FEWEST, USUAL_PERIODS if seconds is None else most), ()
+        # periods where neither a length nor an accuracy is asked for
+        return max(FEWEST, 8 if seconds is None else most), ()
     expected = prospect(known, np.tile(option.wave, (FEWEST, 1)), period=period, instruments=task.instruments)
     beyond = tuple(_out_of_reach(expected, wanted))
     lost = {finding.values["parameter"] for finding in beyond}
     reached = {name: half for name, half in wanted.items() if name not in lost}
-    needed = max(FEWEST, *(int(np.ceil(FEWEST * (1.0 + SPARE) * _ratio(expected, *own))) for own in reached.items()), 0)
+    # part that is played beyond what is needed: transients take more of few periods than of many
+    needed = max(FEWEST, *(int(np.ceil(FEWEST * 1.02 * _ratio(expected, *own))) for own in reached.items()), 0)
     if needed <= max(most, FEWEST):
         return needed, beyond
     played = max(most, FEWEST)

@@ -15,8 +15,6 @@ from ambid.rig import PidController, Rig
 
 __all__ = ["Change", "changes"]
 
-BIASES = (0.75, 1.25)
-"""Bias currents that are tried, over the present one: K_i follows it, and K_s its square."""
 GAINS = (0.8, 1.25)
 """Gains of the controller that are tried, over the present ones."""
 AMPLITUDES = (0.5, 2.0)
@@ -64,7 +62,8 @@ def changes(rig: Rig, *, currents: bool) -> Iterator[Change]:
         yield Change(f"{factor:g} times the amplitude", amplitude=factor)
     for factor in SPEEDS if rig.speed > 0.0 else ():
         yield Change(f"speed {factor * rig.speed:.4g} rad/s", rig=rig.replace(speed=factor * rig.speed))
-    for factor in BIASES:
+    # bias currents that are tried, over the present one: K_i follows it, and K_s its square
+    for factor in (0.75, 1.25):
         with suppress(RigError):  # beyond what a rig file may hold
             bearings = tuple(
                 bearing.model_copy(

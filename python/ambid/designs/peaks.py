@@ -29,8 +29,6 @@ SENSITIVITY = 3.0
 """Largest peak sensitivity of zone A, ISO 14839-3."""
 ROUNDED = 1.0 + 1e-9
 """Part of a limit beyond which it is passed: what was scaled to it may be off by rounding."""
-LINEAR = 0.995
-"""Part of the amplitude that would just reach a limit: it is written with three digits."""
 ABOVE_LIMIT = Kind(
     "peak_above_limit",
     "warning",
@@ -269,4 +267,5 @@ def _above(axes: tuple[Peaks, ...], allowed: dict[str, FloatArray], limits: Limi
 def _within(axes: tuple[Peaks, ...], load: float, rig: Rig) -> Iterator[Finding]:
     """The peak that would do, where this one does not."""
     if load > ROUNDED:
-        yield WITHIN_LIMITS(peak=LINEAR * max(own.i_e for own in axes) / load, unit=rig.amplifier.command_unit)
+        # part of the amplitude that would just reach a limit: it is written with three digits
+        yield WITHIN_LIMITS(peak=0.995 * max(own.i_e for own in axes) / load, unit=rig.amplifier.command_unit)

@@ -29,10 +29,6 @@ ROUNDS = 4000
 """Rounds at the most; a thousand are some tenths of a second."""
 NEAR = 0.99
 """Efficiency that is proven at the end: a hundredth in variance is half a per cent of an interval."""
-WEIGHING = 0.2
-"""Power of its load by which the weight of a signal grows in a round; with more it swings."""
-SNAPSHOTS = 2.0
-"""Factor in rounds between powers that are kept on the way."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,9 +99,10 @@ def best_powers(of: PoweredLines, wanted: FloatArray | None = None) -> Powers:
         powers = powers * (ratio if wanted is None else np.sqrt(ratio))
         load = powers @ signals
         powers = powers / load.max()
-        weights = weights * (load / load.max()) ** WEIGHING
+        # power of its load by which the weight of a signal grows in a round; with more it swings
+        weights = weights * (load / load.max()) ** 0.2
         weights /= weights.sum()
         if count >= following:
             kept.append(powers)
-            following *= SNAPSHOTS
+            following *= 2.0  # factor in rounds between powers that are kept on the way
     return Powers(best, efficiency, tuple(kept))

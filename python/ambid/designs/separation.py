@@ -32,14 +32,10 @@ from ambid.threads import with_one_blas_thread
 
 __all__ = ["Proposal", "Proposals", "next_experiments", "tell_apart"]
 
-SET_UP = 600.0
-"""Seconds that another operating point costs beside its record: the machine is stopped, set up and warmed again."""
 CURRENT_NOISE = 0.01
 """Rms of i_c [A] where it was not recorded: that of a common current probe."""
 LOUDER = 1.1
 """Amplitude over the present one that is worth trying, at the least."""
-MOST_REPEATS = 1e4
-"""Length of the next record over the present one that is not to be had: what needs more is rounding."""
 NEARLY = 0.98
 """Part of the evidence wanted that ends the search for the length: two fits differ by as much."""
 
@@ -185,7 +181,8 @@ def tell_apart(
             not_tried[change.what] = str(error)
             continue
         seconds = repeats * len(i_e) / rig.sample_rate
-        cost = seconds + (SET_UP if change.rig is not None or change.currents else 0.0)
+        # seconds that another operating point costs beside its record: the machine is stopped, set up and warmed again
+        cost = seconds + (600.0 if change.rig is not None or change.currents else 0.0)
         found.append(Proposal(change, evidence, repeats, seconds, load * change.amplitude, cost))
     found.sort(key=lambda own: (own.cost, -own.evidence))
     return Proposals(tuple(hypotheses), tuple(found), not_tried)
@@ -259,7 +256,8 @@ class _Pair:
         collected = 0.0
         while evidence < NEARLY * TOLD_APART:
             slope = (evidence - collected) / (times - before)
-            if slope * MOST_REPEATS < TOLD_APART - evidence:
+            # length of the next record over the present one that is not to be had: what needs more is rounding
+            if slope * 1e4 < TOLD_APART - evidence:
                 return float("inf")
             before, collected = times, evidence
             times += (TOLD_APART - evidence) / slope

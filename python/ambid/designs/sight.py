@@ -35,8 +35,6 @@ FELT = 1e-9
 """Part of a response that is left beside the known parameters, below which an effect moves nothing else."""
 UNFELT = 1e-6
 """Whitened response of a typical size that is as good as none: a million times as much would not show either."""
-ABSENT = 1e-3
-"""Part of its typical size below which a number is as good as zero: a delay may not be zero, but all but."""
 WITHIN = (-3.0, 3.0)
 """Logarithms of the sizes of nonlinear effects that are tried, in units of a typical one."""
 
@@ -222,7 +220,8 @@ def _size_of_probe(effect: Effect, probe: Mapping[str, float], rig: Rig) -> Effe
     """The one parameter that a probe moves from zero, or from all but zero, with the probe's value."""
     moved = [p for p in effect.parameters(rig) if probe[p.name]]
     from_zero = [p for p in moved if p.lower <= 0.0 <= p.upper]
-    found = from_zero or [p for p in moved if p.lower <= ABSENT * abs(probe[p.name])]
+    # part of its typical size below which a number is as good as zero: a delay may not be zero, but all but
+    found = from_zero or [p for p in moved if p.lower <= 1e-3 * abs(probe[p.name])]
     return replace(found[0], probe=float(probe[found[0].name])) if len(found) == 1 else None
 
 

@@ -24,8 +24,6 @@ FEWEST = 10
 """Samples that each point of a shape is the mean of, at least."""
 POINTS = 12
 """Of a shape, at the most."""
-BEND = 0.1
-"""Of the size of what is needed: by how much a shape bends at a point, before the records speak."""
 LARGEST = 10.0
 """Factor that a refit may give the shape; it was measured as large as it is."""
 
@@ -167,7 +165,8 @@ def _shape(port: NeededAtPort, x: FloatArray, before: MeasuredShape | None) -> t
     hats = np.stack([np.interp(own, at, one) for one in np.eye(len(at))], axis=-1)
     old = np.zeros(len(at)) if before is None else np.interp(at, before.at, before.values)
     size = float(np.std(port.needed)) if before is None else float(np.std(before.values))
-    bends = np.diff(np.eye(len(at)), 2, axis=0) / (BEND * size)
+    # of the size of what is needed: by how much a shape bends at a point, before the records speak
+    bends = np.diff(np.eye(len(at)), 2, axis=0) / (0.1 * size)
     signed = (np.sign(x)[..., None] if sign < 0.0 else 1.0) * hats
     if sign < 0.0:  # nothing at 0; the bends are those of the half beyond
         more, share = port.weights(signed[..., 1:], bends[1:, 1:], -(bends @ old)[1:])

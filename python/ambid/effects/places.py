@@ -13,9 +13,6 @@ from ambid.loop.geometry import rotor_of, why_unknown
 from ambid.rig import FiniteElementRotor, PointMassRotor, Rig
 from ambid.rotor import further_modes
 
-MORE_MODES = 2
-"""Bending modes beyond those of the model that may join it beside what acts there."""
-
 
 def size_of_stiffness(rig: Rig) -> float:
     """Mean size of K_s [N/m], by which forces to ground are probed."""
@@ -29,7 +26,8 @@ def half_way(rig: Rig) -> float:
     """
     ends = [b.position for b in rig.bearings]
     middle = 0.5 * (min(ends) + max(ends))
-    if not why_unknown(rig, [middle], further_modes(rig.rotor, MORE_MODES)):
+    # bending modes beyond those of the model that may join it beside what acts there
+    if not why_unknown(rig, [middle], further_modes(rig.rotor, 2)):
         return middle
     return float(min(rotor_of(rig).positions, key=lambda z: round(abs(z - middle), 9)))
 

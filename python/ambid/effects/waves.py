@@ -12,9 +12,6 @@ from ambid.arrays import FloatArray
 from ambid.loop.effect import Seen, Tone
 from ambid.record import Record
 
-NEAR_SPEED = 0.02
-"""Part by which a tone may lie off the speed of the rig file and still be called synchronous."""
-
 APART = 0.05
 """Lines from an excited one within which a wave leaves next to nothing beside that one."""
 NEAR = 12
@@ -23,7 +20,8 @@ NEAR = 12
 
 def is_synchronous(tone: Tone, seen: Seen) -> bool:
     """Whether a tone turns with the rotor, at one of the speeds that there are records of."""
-    return any(abs(2.0 * pi * tone.frequency_hz - speed) < NEAR_SPEED * speed for speed in seen.speeds)
+    # part by which a tone may lie off the speed of the rig file and still be called synchronous
+    return any(abs(2.0 * pi * tone.frequency_hz - speed) < 0.02 * speed for speed in seen.speeds)
 
 
 def cosine_and_sine(

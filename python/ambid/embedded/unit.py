@@ -27,8 +27,6 @@ FOLDERS = {
 }
 """Names of platforms in a unit, by version of the standard."""
 RESOURCE = "resources/model.stepper"
-CHECKSUM = 8
-"""Bytes at the end of a stepper file; they are the token by which description and model know each other."""
 
 
 def to_fmu(model: Model, path: str | Path, *, fmi: int = 2) -> None:
@@ -58,7 +56,8 @@ def to_fmu(model: Model, path: str | Path, *, fmi: int = 2) -> None:
     require_fmu(path, fmi)
     library = _library()
     content, name = packed(model), identifier(model.rig.name)
-    token = f"{int.from_bytes(content[-CHECKSUM:], 'little'):016x}"
+    # bytes at the end of a stepper file; they are the token by which description and model know each other
+    token = f"{int.from_bytes(content[-8:], 'little'):016x}"
     folder = FOLDERS[sys.platform, platform.machine()][fmi]
     parts = {
         "modelDescription.xml": description(model, token, fmi),

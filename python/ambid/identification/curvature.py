@@ -29,8 +29,6 @@ SEEN = 12.0
 of what chance brings at the worst."""
 MATTERS = 0.5
 """Standard errors by which a parameter must move for it to be told: less widens no interval by more than an eighth."""
-MOST_EVALUATIONS = 30
-"""Of the fit with the law; it starts near its end."""
 MOVES = "y moves by {travel:.2g|%} of the gap and i_c by {swing:.2g|%} of the bias, and the force of a single magnet "
 BY_LAW = "by the law {by_law:.4g} instead of {by_slopes:.4g}, and the intervals are widened by the difference"
 SHOWN = Kind(
@@ -110,7 +108,8 @@ def curvature(comparison: Comparison, free: Sequence[int], limits: Limits, covar
     try:
         model = slopes.add(law, {p.name: p.probe for p in law.parameters(slopes.rig)}).with_substeps(SUBSTEPS)
         problem = WhitenedProblem(model, noise, at)
-        end = problem.descend(model.theta[at] / problem.scale, limits, MOST_EVALUATIONS, ROUGHLY)
+        # of the fit with the law; it starts near its end
+        end = problem.descend(model.theta[at] / problem.scale, limits, 30, ROUGHLY)
     except (UnstableLoopError, ModelError):
         return None
     if end.status == "stopped":

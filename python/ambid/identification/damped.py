@@ -20,8 +20,6 @@ __all__ = ["UNFELT", "NearStart", "damped_start"]
 FIRST = 0.1
 """Of the rate at which the rotor falls with the controller off: by about as much are the modes on the magnets moved
 where K_i and K_s are some 10 % off, as nominal ones are."""
-LESS = 0.25
-"""Damping from one fit to the next."""
 UNFELT = 0.01
 """Part by which a record fades away at last: a loop that decays slowly is told from one that grows by as little."""
 MOST = 40
@@ -34,8 +32,6 @@ STEP = 1e-6
 """Of a parameter, from which the slope of the rate of decay is taken."""
 TINY = 1e-9
 """Least value of x: bounds of zero are open."""
-HALVINGS = 12
-"""Of the way back to a stable loop, where steps do not lead there."""
 
 
 class NearStart(WhitenedProblem):
@@ -108,7 +104,7 @@ def _dampings(model: Model, records: Sequence[Record]) -> list[float]:
     last = UNFELT / max(record.samples / record.sample_rate for record in records)
     found = [max(FIRST * _growth(model), last)]
     while found[-1] > last:
-        found.append(LESS * found[-1])
+        found.append(0.25 * found[-1])  # damping from one fit to the next
     return found
 
 
@@ -135,7 +131,7 @@ def _back(problem: WhitenedProblem, begin: FloatArray, theta: FloatArray, least:
         x = nearest[own] / scale + (1.0 + BEYOND) * (least - decays) / (slope @ way) * way
         nearest[own] = scale * np.clip(x, np.maximum(bounds[0], TINY), bounds[1])
     low, high = 0.0, 1.0
-    for _ in range(HALVINGS):
+    for _ in range(12):  # of the way back to a stable loop, where steps do not lead there
         middle = 0.5 * (low + high)
         decays = model.with_theta(begin + middle * (theta - begin)).decay_rate > least
         low, high = (middle, high) if decays else (low, middle)

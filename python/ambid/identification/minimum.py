@@ -20,8 +20,6 @@ ROUGHLY = 1e-4
 """Relative step at which a fit is near enough to be judged among others."""
 HIDDEN = 0.5
 """Whitened difference of two responses that moves no parameter by more than so many standard errors."""
-ANGLED = 3
-"""So often are the angles of waves asked for anew, at the most, beside the parameters that change them."""
 SETTLED = 0.01
 """Fall of J by new angles that ends this."""
 SUBSTEPS = 2
@@ -90,7 +88,8 @@ def refit(comparison: Comparison, most: int = 40, step: float = EXACTLY) -> Comp
         Relative step at which the descent ends; `ROUGHLY` tells rivals from each other.
     """
     fit = _descended(comparison, most, step)
-    for _ in range(ANGLED if step < ROUGHLY and fit.waves_differ else 0):
+    # so often are the angles of waves asked for anew, at the most, beside the parameters that change them
+    for _ in range(3 if step < ROUGHLY and fit.waves_differ else 0):
         better = _descended(fit.with_own_angles(), most, step)
         fell, fit = fit.cost - better.cost, min(better, fit, key=lambda each: each.cost)
         if fell < SETTLED:

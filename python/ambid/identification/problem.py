@@ -17,8 +17,6 @@ from ambid.noise import noise_ceiling
 from ambid.noise.known import Size, tempered
 from ambid.record import Record
 
-STUCK = 0.1
-"""Part of the cost whose promised fall says that a descent has not ended at an optimum."""
 EXACTLY = 1e-8
 """Relative step at which a descent ends."""
 ENOUGH = 1e-3
@@ -236,7 +234,8 @@ class Problem(LeastSquares):
 
 def is_barred(hessian: FloatArray, gradient: FloatArray, cost: float) -> bool:
     """Whether a step that a quadratic form promises much of was not gone: the loop is unstable further on."""
-    return bool(gradient @ np.linalg.lstsq(hessian, gradient, rcond=1e-12)[0] > STUCK * cost)
+    # part of the cost whose promised fall says that a descent has not ended at an optimum
+    return bool(gradient @ np.linalg.lstsq(hessian, gradient, rcond=1e-12)[0] > 0.1 * cost)
 
 
 def padded_outputs(record: Record) -> FloatArray:

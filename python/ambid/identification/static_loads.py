@@ -27,11 +27,7 @@ from ambid.threads import with_one_blas_thread
 __all__ = ["StaticEstimate", "static_load"]
 
 _LEAST_SHARE = 0.02  # an axis that carries less than this part of the most loaded one was not loaded
-_ROUNDING = 1e-12  # part of the most loaded axis below which a load is what sums were rounded by
 _WIDEST = 0.5  # relative half width of the 95 % interval of 1/K_i beyond which the data do not tell K_i
-_COMPARABLE = 2.5  # effective number of loadings from which their scatter gives the intervals
-_FULL_LEVERAGE = 0.999  # above it one step alone decides the slope
-_SIGNIFICANT = 1e-3  # p-value, over all axes, below which a finding is made
 _UNKNOWN = Kind("deflection_unknown", "note", "the deflection of the rotor is not known, and left out: {reason}")
 _SCATTER = Kind("force_current_scatter", "note", "K_i differs between the loadings by up to {scatter:.2%} rms")
 _STEPS_ONLY = Kind(
@@ -213,7 +209,8 @@ def _solved(rig: Rig, loadings: tuple[StaticLoading, ...], deflection: bool) -> 
     residuals = np.stack([line.residual / line.slope for line in lines], axis=1)
     found += _of_scatter(rig, lines)
     for j, axis in enumerate(rig.axes):
-        found += dependence_on_load(axis, force[:, j], current[:, j], of, _SIGNIFICANT / len(rig.axes))
+        # p-value, over all axes, below which a finding is made
+        found += dependence_on_load(axis, force[:, j], current[:, j], of, 1e-3 / len(rig.axes))
     return StaticEstimate(
         parameters={f"K_i.{axis}": line.k_i() for axis, line in zip(rig.axes, lines, strict=True)},
         residual_newton=float(_rms(residuals.ravel())),
@@ -329,13 +326,13 @@ def _fit_line(force: FloatArray, current: FloatArray, of: IntArray) -> _Line:
     loaded = share > 1e-6
     by_loading = np.bincount(of, f * i)[loaded] / (share[loaded] * total)
     concentration = float(share @ share)  # 1/L for L equal loadings
-    clustered = 1.0 / concentration >= _COMPARABLE
+    clustered = 1.0 / concentration >= 2.5  # effective number of loadings from which their scatter gives the intervals
     if clustered:
         variance = float(share[loaded] @ (by_loading - slope) ** 2 * concentration / (1.0 - concentration))
         freedom = 1.0 / concentration - 1.0
     else:
         leverage = 1.0 / np.bincount(of)[of] + f * f / total
-        alone = leverage.max() > _FULL_LEVERAGE
+        alone = leverage.max() > 0.999  # above it one step alone decides the slope
         variance = np.inf if alone else float(f**2 @ (residual / (1.0 - leverage)) ** 2 / total**2)
         freedom = len(f) - len(share) - 1.0
     return _Line(float(slope), float(np.sqrt(variance)), freedom, residual, by_loading, clustered)
@@ -343,7 +340,8 @@ def _fit_line(force: FloatArray, current: FloatArray, of: IntArray) -> _Line:
 
 def _require_loaded(rig: Rig, loadings: Sequence[StaticLoading], load: FloatArray) -> None:
     """Refuse loads that leave an axis out; `load` is the rms change of each axis [N]."""
-    load = np.where(load > _ROUNDING * load.max(), load, 0.0)
+    # part of the most loaded axis below which a load is what sums were rounded by
+    load = np.where(load > 1e-12 * load.max(), load, 0.0)
     least = _LEAST_SHARE * load.max()
     idle = [j for j in range(len(load)) if load[j] <= least]
     if not idle:

@@ -31,8 +31,6 @@ Budget = Mapping[str, Mapping[str, float]]
 """Variance of every parameter by what it comes from, in its unit squared."""
 NOISE = "noise"
 """What the statistical part of a variance comes from."""
-MOST_SHARES = 3
-"""Tolerances that are printed of each parameter, beside noise."""
 LEAST_SHARE = 0.01
 """Of a variance: what makes less is not printed."""
 LEAST_PERCENT = 0.1
@@ -134,7 +132,8 @@ def lines(known: Mapping[str, KnownValue], budget: Budget) -> Iterator[str]:
 def share_text(variances: Mapping[str, float]) -> str:
     """The largest parts of a variance in a line, and that of noise: ``sensor_gain.A_zeta 61 %, noise 2 %``."""
     parts = shares(variances)
-    largest = [own for own in parts if own[0] != NOISE and own[1] >= LEAST_SHARE][:MOST_SHARES]
+    # tolerances that are printed of each parameter, beside noise
+    largest = [own for own in parts if own[0] != NOISE and own[1] >= LEAST_SHARE][:3]
     shown = sorted([*largest, *(own for own in parts if own[0] == NOISE)], key=lambda own: -own[1])
     return ", ".join(f"{name} {percent(part)} %" for name, part in shown)
 

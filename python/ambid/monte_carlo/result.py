@@ -19,8 +19,6 @@ from ambid.results import Tabular, plain
 
 __all__ = ["Accuracy", "MonteCarlo"]
 
-MOST_REASONS = 3
-"""For which runs failed that are among the findings, the most frequent."""
 RUNS_FAILED = Kind("runs_failed", "warning", "{failed} of {runs} runs failed: {reason}")
 TOO_FEW_RUNS = Kind(
     "too_few_runs",
@@ -139,7 +137,8 @@ class MonteCarlo(Tabular, WithFindings):
         """Why runs failed, the most frequent reasons first, which is an error where all did; and too few runs."""
         found = [
             RUNS_FAILED(severity="error" if self.all_failed else None, failed=count, runs=len(self.rows), reason=reason)
-            for reason, count in list(self.reasons.items())[:MOST_REASONS]
+            # for which runs failed that are among the findings, the most frequent
+            for reason, count in list(self.reasons.items())[:3]
         ]
         if self.rows and not self.all_failed and not self.has_values:
             found.append(TOO_FEW_RUNS())

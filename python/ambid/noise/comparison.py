@@ -64,8 +64,6 @@ NONLINEAR = Kind(
 )
 
 
-MOST_STEPS = 5
-"""Steps of Gauss and Newton to the errors of known values, at the most."""
 SETTLED = 0.1
 """Fall of J at which they end: that of a right model scatters by more than one."""
 
@@ -408,7 +406,7 @@ def _with_known_values(comparison: Comparison) -> Comparison:
     """The same with the values that are known to a tolerance where the records and the rig file together have them."""
     places = [i for i, p in enumerate(comparison.model.parameters) if p.prior is not None]
     best = comparison.of(comparison.model.opened()) if places else comparison
-    for _ in range(MOST_STEPS if places else 0):
+    for _ in range(5 if places else 0):  # steps of Gauss and Newton to the errors of known values, at the most
         here, form = best.model, best.noise.quadratic(best.model, places)
         own = [here.parameters[i] for i in places]
         theta, weights = here.theta, known_weights(here, places)

@@ -14,11 +14,6 @@ __all__ = ["Envelope"]
 
 HIGHEST = 24
 """Order of an autoregressive spectrum, at the most."""
-LINES_PER_ORDER = 10
-"""So many lines, at the least, for every coefficient."""
-LEAST_LEFT = 1e-10
-"""Part of the power that coefficients may leave: of less the recursion has lost its digits, and would leave a negative
-power."""
 
 
 class Envelope:
@@ -39,7 +34,7 @@ class Envelope:
     def __init__(self, power: FloatArray, angle: FloatArray) -> None:
         self._angle = angle
         count, p = power.shape
-        highest = max(0, min(HIGHEST, count // LINES_PER_ORDER))
+        highest = max(0, min(HIGHEST, count // 10))  # so many lines, at the least, for every coefficient
         moments = np.cos(np.arange(highest + 1)[:, None] * angle) @ power / count
         self._coefficients = np.zeros((highest + 1, p))
         self._coefficients[0] = 1.0
@@ -50,7 +45,9 @@ class Envelope:
         a, left = self._coefficients.copy(), moments[0].copy()
         for order in range(1, highest + 1):  # Levinson's recursion, all channels at once
             reflection = -np.einsum("kc,kc->c", a[:order], moments[order:0:-1]) / np.maximum(left, 1e-300)
-            known = left * (1.0 - reflection**2) > LEAST_LEFT * moments[0]
+            # part of the power that coefficients may leave: of less the recursion has lost its digits, and would leave
+            # a negative power
+            known = left * (1.0 - reflection**2) > 1e-10 * moments[0]
             reflection = np.where(known, reflection, 0.0)
             a[: order + 1] += reflection * a[order::-1]
             left = left * (1.0 - reflection**2)

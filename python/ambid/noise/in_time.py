@@ -31,8 +31,6 @@ NEUTRAL = 1e-6
 """Rate of decay below which a state does not return to rest [1/s]."""
 REMEMBERED = 8
 """Responses that are kept."""
-FOLDED = 2
-"""Responses that are kept with their derivatives, for whatever noise the record is next judged in."""
 
 Lines = tuple[ComplexArray, ComplexArray]
 """Judged lines of a response, shape (lines, p), and of its derivatives, shape (lines, p, free)."""
@@ -121,7 +119,8 @@ class InTime:
             found = (free, *self._added_up(here, free, at_rest=at_rest))
             if found[2].size <= AT_A_TIME:
                 self._folded[key] = found
-            while len(self._folded) > FOLDED:
+            # responses that are kept with their derivatives, for whatever noise the record is next judged in
+            while len(self._folded) > 2:
                 self._folded.pop(next(iter(self._folded)))
         _, y, slopes = found
         return self._of_period(y), self._of_period(slopes[:, :, : len(free)])

@@ -39,8 +39,6 @@ __all__ = ["RecordLines", "White", "as_lines"]
 
 REMEMBERED = 8
 """Models whose transients are kept."""
-FORGOTTEN = 1e-16
-"""Part of a transient that is left where it is nothing beside what it was."""
 
 
 class White(NamedTuple):
@@ -313,7 +311,8 @@ class RecordLines(JudgedLines):
         transient = self._transient_in_time(here)
         y, until = np.zeros((samples, p)), samples
         if here.decay_rate > NEUTRAL:
-            until = int(min(samples, np.ceil(-np.log(FORGOTTEN) / here.decay_rate * self.record.sample_rate)))
+            # part of a transient that is left where it is nothing beside what it was
+            until = int(min(samples, np.ceil(-np.log(1e-16) / here.decay_rate * self.record.sample_rate)))
         y[:until] = core.free_response(here.theta, transient, window.samples, until)[:, :p]
         inputs = here.excitation(self.record)[: window.samples]
         repeats = core.inputs == here.loop.driven

@@ -22,8 +22,6 @@ __all__ = ["beside_excitation", "driving", "likelier_beside_excitation", "regres
 
 DEGREE = 2
 """Of the polynomials over frequency in the local regression."""
-REGRESSED = 6
-"""Lines in a local regression, per number that it fits."""
 ENOUGH = 3
 """Free lines in a regression, per channel: with fewer S is known too badly for J to be 1 when the model is right."""
 MOST_TAKEN = 0.95
@@ -34,8 +32,6 @@ SMOOTH = 1.0 / 3.0
 """Part of a line's number over which the power of noise is even."""
 NARROWEST, WIDEST = 8, 40
 """Lines to each side that the power around a line is taken from, at the least and at the most."""
-LEAST_WIDTH = 31
-"""Lines in a local regression, if more are not needed."""
 
 
 class Found(NamedTuple):
@@ -115,7 +111,7 @@ def driving(excitation: ComplexArray | FloatArray) -> Any:
 def regression(count: int, axes: int) -> tuple[int, int]:
     """Numbers that a local regression fits, and lines that it takes, of so many lines and excited axes."""
     fitted = (axes + 1) * (DEGREE + 1)
-    return fitted, min(max(LEAST_WIDTH, REGRESSED * fitted), count - 2)
+    return fitted, min(max(31, 6 * fitted), count - 2)  # lines in a local regression, 6 a number that it fits
 
 
 def _weighted(root: FloatArray, axes: int) -> list[tuple[int, FloatArray]]:

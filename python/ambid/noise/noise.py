@@ -23,9 +23,6 @@ from ambid.record import FrequencyResponse, Measurement
 
 __all__ = ["Noise", "Quadratic"]
 
-OVERFLOWS = 1e100
-"""Whitened numbers whose squares no sum can hold."""
-
 
 Part = RecordLines | ResponseLines
 OnLines = dict[_core.ClosedLoop, list[tuple[int, RecordLines, _core.LineData]]]
@@ -268,7 +265,8 @@ class Noise:
                 own.setdefault((here.loop.core, here.theta.tobytes()), []).append((k, part, here))
                 continue
             residual, columns, states, _ = part.white(here, free, roughly=roughly)
-            if max(np.abs(residual).max(initial=0.0), np.abs(columns).max(initial=0.0)) > OVERFLOWS:
+            # whitened numbers whose squares no sum can hold
+            if max(np.abs(residual).max(initial=0.0), np.abs(columns).max(initial=0.0)) > 1e100:
                 raise UnstableLoopError(f"{part.record.name}: the response of the model passes all bounds")
             hessian, gradient = hessian + columns.T @ columns, gradient - columns.T @ residual
             cost, fitted = cost + float(residual @ residual), fitted + states

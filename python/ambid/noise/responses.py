@@ -19,9 +19,6 @@ from ambid.results import plain
 
 __all__ = ["Modelled", "Responses", "frequency_responses"]
 
-DENSE = 800
-"""Frequencies at which a linear model is told beside the measured ones: its modes show between them."""
-
 
 @dataclass(frozen=True)
 class Modelled:
@@ -141,7 +138,8 @@ def _modelled(model: Model, own: RecordComparison, measured: FrequencyResponse) 
     if not here.is_linear and isinstance(own.record, Record):
         response = _of_signals(own.record, np.asarray(own.simulated, dtype=np.float64))
         return Modelled(name, response, f, response)
-    dense = np.union1d(f, np.geomspace(f[0], f[-1], DENSE))
+    # frequencies at which a linear model is told beside the measured ones: its modes show between them
+    dense = np.union1d(f, np.geomspace(f[0], f[-1], 800))
     nothing = np.zeros((len(dense), len(measured.outputs), len(measured.inputs)), dtype=complex)
     asked = replace(measured, frequency_hz=dense, response=nothing, std=nothing.real + 1.0, covariance=None)
     response = ResponseLines(asked, model).simulated(here)

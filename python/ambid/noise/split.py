@@ -47,14 +47,10 @@ STIFFNESS, HOLD = 0.3, 1e-3
 STEPS, LARGEST, CLOSE = 25, 3.0, 0.1
 """Of the scoring: steps at the most, the largest change of a logarithm in one, and the rise of the logarithm of the
 likelihood that is not worth another."""
-STIFFEST = 1e4
-"""Damping of the scoring beyond which there is no way up."""
 QUIETER = 4.0
 """Logarithm of a power over another that one start of the scoring takes for all of it."""
 UNUSUAL = 1e-4
 """Chance of noise beyond which a line counts for less: it may be what a model misses."""
-MEAN_LOG = -0.5772156649015329
-"""Mean logarithm of the power of a line of noise, its mean being one."""
 
 
 class Curves(NamedTuple):
@@ -190,7 +186,8 @@ class SplitNoise:
         heard, basis = self.heard, self.curves.matrix(angle)
         behind = np.linalg.solve(way[:, :heard], lines[:, :heard, None])[:, :, 0] / self._scale[:heard]
         power = np.abs(np.concatenate([behind, lines / self._scale], axis=1)) ** 2
-        level = np.log(np.maximum(power, 1e-12 * power.mean(axis=0) + 1e-300)) - MEAN_LOG
+        # the mean logarithm of the power of a line of noise, whose mean is one, is minus Euler's constant
+        level = np.log(np.maximum(power, 1e-12 * power.mean(axis=0) + 1e-300)) + np.euler_gamma
         level = np.linalg.solve(
             basis.T @ basis + 3.0 * self._stiff + 1e-6 * np.eye(self.curves.splines), basis.T @ level
         )
@@ -226,7 +223,7 @@ class SplitNoise:
                     break
             else:
                 damping = max(10.0 * damping, 1e-2)
-                if damping > STIFFEST:
+                if damping > 1e4:  # damping of the scoring beyond which there is no way up
                     break
         self._coefficients = here
         self._variance = np.asarray(self._share * np.linalg.inv(information + cost), dtype=float)

@@ -27,8 +27,6 @@ __all__ = ["OUTSTANDING", "SUSPECTED", "Between", "Tone", "confirmed", "find_ton
 
 ALONE = 200.0
 """Power of a tone on an excited line over that of its neighbours; a pole is wider than one line."""
-UNDER_HANN = 1.5
-"""Power of a line of noise under a Hann window, over that without."""
 NOISE = 2.0
 """Mean power of whitened noise on a line."""
 SUSPECTED = 1e-3
@@ -336,7 +334,8 @@ class Between:
         level = 2.0 * np.sum(np.abs(np.linalg.inv(self.inner[excited])) ** 2, axis=1)
         every = slice(None, None, self.window.periods)
         power = np.stack([_under_hann(lines, every)[near] for lines in self.lines.T], axis=1)
-        return float(np.max(power / (UNDER_HANN * level), initial=0.0))
+        # power of a line of noise under a Hann window, over that without
+        return float(np.max(power / (1.5 * level), initial=0.0))
 
     def loudest(self, hidden: NDArray[np.bool_]) -> tuple[int, int, float]:
         """Line, channel and relative power of the line that stands out most, of those that are not hidden."""

@@ -54,8 +54,6 @@ def freed(signal: FloatArray, basis: FloatArray) -> FloatArray:
 
 WIDTHS = 4.0
 """Half-widths of a pole about its frequency that its lines are taken from: there nine tenths of its power stand."""
-MOST_BESIDE = 24
-"""Lines about a pole; what is wider than they reach is told by the excited ones."""
 
 
 def lines_beside_poles(here: Model, window: Window, sample_rate: float, but: Sequence[Tone]) -> NDArray[np.intp]:
@@ -82,7 +80,8 @@ def lines_beside_poles(here: Model, window: Window, sample_rate: float, but: Seq
     for pole in here.loop.core.poles(here.theta):
         half = WIDTHS * abs(pole.real) / line
         if abs(pole.real) < window.periods * line:
-            reach = int(np.ceil(np.clip(half, 1.0, MOST_BESIDE / 2)))
+            # half of the lines about a pole; what is wider than they reach is told by the excited ones
+            reach = int(np.ceil(np.clip(half, 1.0, 12.0)))
             centre = int(round(abs(pole.imag) / line))
             found.update(range(centre - reach, centre + reach + 1))
     inside = (l for l in found if 0 < l < window.samples // 2 and l % window.periods)

@@ -18,8 +18,6 @@ OUTSTANDING = 70.0
 """Power of a tone over that around it; noise alone reaches 40 in a few of a hundred records of 60 000 lines."""
 NEAR = 15
 """Lines to each side of a wave that tell its amplitude and its frequency."""
-POLISHED = 2
-"""So often is every frequency refined beside those of the others."""
 
 
 def refined_places(quiet: ComplexArray, window: Window, places: Sequence[float]) -> list[float]:
@@ -35,7 +33,7 @@ def refined_places(quiet: ComplexArray, window: Window, places: Sequence[float])
         In lines; the last one to a line, the others refined before.
     """
     found = list(places)
-    for _ in range(POLISHED if len(found) > 1 else 1):
+    for _ in range(2 if len(found) > 1 else 1):  # so often is every frequency refined beside those of the others
         for k in reversed(range(len(found))):
             others = [other for other in found if other != found[k] and abs(other - found[k]) < 2 * NEAR]
             found[k] = _refined(quiet, window, found[k], others)

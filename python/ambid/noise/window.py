@@ -19,8 +19,6 @@ from ambid.record import FrequencyResponse, Measurement, Record
 
 __all__ = ["Window", "findings_of", "thinned"]
 
-SLOWEST = 1
-"""Cycles per record below which a record without periods is not judged: there stands what drifts."""
 
 MOST_LINES = 16_384
 """Lines that are judged of a record without periods, at the most: a second of work and a fifth of a gigabyte of eight
@@ -59,7 +57,8 @@ class Window:
     def of(cls, record: Record) -> Window:
         """All whole periods of a record; of a record without periods, all of it."""
         if record.period is None:
-            return cls(record.samples, 1, 0, SLOWEST)
+            # cycles per record below which a record without periods is not judged: there stands what drifts
+            return cls(record.samples, 1, 0, 1)
         if record.periods < 2:
             raise RecordError(
                 f"{record.path or record.name}: {record.periods} period of the excitation; the misfit in noise units "

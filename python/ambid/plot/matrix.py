@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
 WIDTH = 7.5
 """Of the picture at least [inch], so that its title has room."""
-ACROSS = 3
-"""Bands side by side."""
 SEEN = 2.0
 """Power, in times noise, of what follows no excitation, from which on it is written."""
 SIGNS = {1: "+", -1: "−", 0: ""}
@@ -52,7 +50,7 @@ def plot_misfit_matrix(matrix: MisfitMatrix, ax: Sequence[Axes] | None = None) -
     bands, outputs, inputs = matrix.power.shape
     kinds = tuple(dict.fromkeys(name.partition(".")[0] for name in matrix.inputs))
     names = [name if len(kinds) > 1 else name.partition(".")[2] for name in matrix.inputs]
-    across = min(ACROSS, bands)
+    across = min(3, bands)  # bands side by side
     if ax is None:
         height = 0.75 + -(-bands // across) * (0.15 * outputs + 0.48)
         grid = new_figure(max(WIDTH, 1.2 + across * (0.55 * inputs + 0.75)), height).subplots(

@@ -21,8 +21,6 @@ LINEAR_HZ = 1.0
 CLOSED: dict[str, Any] = {"marker": "x", "ms": 7, "mew": 1.5, "ls": "none", "color": SIMULATED, "zorder": 5}
 BEFORE: dict[str, Any] = {"marker": "o", "ms": 7, "mfc": "none", "mew": 1.1, "ls": "none", "color": AXIS_COLOURS[0]}
 OPEN: dict[str, Any] = {"marker": "s", "ms": 4.5, "mfc": "none", "mew": 0.9, "ls": "none", "color": GUIDE}
-RATIOS = (0.01, 0.1, 0.5)
-"""Damping ratios of the guiding lines."""
 
 
 def plot_poles(poles: PoleMap, before: PoleMap | None = None, ax: Axes | None = None) -> Axes:
@@ -51,7 +49,7 @@ def plot_poles(poles: PoleMap, before: PoleMap | None = None, ax: Axes | None = 
     top = 1.6 * max(size.imag.max(), LINEAR_HZ)
     ax.axvspan(0.0, right, color="#eeeeee", lw=0.0, zorder=0)
     ax.axvline(0.0, color="black", lw=1.0)
-    for ratio in RATIOS:
+    for ratio in (0.01, 0.1, 0.5):  # damping ratios of the guiding lines
         high = np.geomspace(1e-3, 10.0 * top, 400)
         ax.plot(-high * ratio / np.sqrt(1.0 - ratio**2), high, color=GUIDE, lw=0.6, ls=(0, (1, 3)), zorder=1)
         ax.annotate(

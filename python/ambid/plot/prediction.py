@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 NOW = "#1f4e8c"
 LEAST = 0.3
 """Of the scale, times noise: few lines may hold less by chance, which says nothing."""
-HEADROOM = 1.5
-"""Times the largest misfit, which the scale reaches."""
 
 
 def plot_prediction(prediction: Prediction, record: int = 0, ax: Sequence[Axes] | None = None) -> NDArray[np.object_]:
@@ -79,7 +77,7 @@ def plot_prediction(prediction: Prediction, record: int = 0, ax: Sequence[Axes] 
         panel.title.set_fontsize(LABEL)
     top = max(1.0, *(float(np.nanmax(own.misfit)) for own in (now, then)))
     for panel in panels[:channels]:  # once all are drawn: they may share a scale, which would keep that of the first
-        panel.set_ylim(LEAST, HEADROOM * top)
+        panel.set_ylim(LEAST, 1.5 * top)  # times the largest misfit, which the scale reaches
     if ax is None:
         plain_log(panels[0].xaxis)
         for c, panel in enumerate(panels):

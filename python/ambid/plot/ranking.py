@@ -30,8 +30,6 @@ FALL = AXIS_COLOURS[0]
 UNSURE = "#9a9a9a"
 LEAST = 0.8
 """Of the scale: a predicted misfit a little below 1 is chance."""
-NEAR_NOISE = 1.05
-"""Misfit from which on there is an excess to take a part of."""
 CELL: dict[str, Any] = {"va": "center", "ha": "right", "fontsize": SMALL}
 
 
@@ -67,7 +65,8 @@ def plot_ranking(ranking: Ranking, ax: Axes | None = None, *, most: int = MOST) 
         ax.barh(row, now - then, left=then, height=0.3, color=colour if name in significant else NOTHING, lw=0.0)
         fill = "white" if name in like_first else colour
         ax.plot([then], [row], marker="o", ms=6, mfc=fill, mec=colour, mew=1.4, ls="none", zorder=3)
-        taken = 100.0 * (now - candidate.predicted_misfit) / (now - 1.0) if now > NEAR_NOISE else np.nan
+        # misfit from which on there is an excess to take a part of
+        taken = 100.0 * (now - candidate.predicted_misfit) / (now - 1.0) if now > 1.05 else np.nan
         share = _percent(taken)
         ax.text(1.09, row, misfit_text(candidate.predicted_misfit), transform=place, **CELL)
         ax.text(1.20, row, share, transform=place, **CELL)

@@ -35,14 +35,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 BEFORE = "#1f4e8c"
-SECONDS = 0.06
-"""Length of the stretch that is drawn, where nothing else is asked for."""
 FEWEST = 100
 """Samples of a stretch at least."""
-LABELLED = 1.45
-"""Width that a label of the legend takes [inch]."""
-MOST_ABREAST = 4
-"""Labels that stand beside the title; more take two lines."""
 
 
 def plot_comparison(
@@ -128,7 +122,10 @@ def plot_comparison(
 
 
 def worst_stretch(
-    comparison: Comparison, record: int = 0, channel: str | None = None, seconds: float = SECONDS
+    comparison: Comparison,
+    record: int = 0,
+    channel: str | None = None,
+    seconds: float = 0.06,
 ) -> tuple[float, float]:
     """Where the residual of a channel is largest when the transient has gone, from and to [s].
 
@@ -195,8 +192,9 @@ def draw_record(
 def legend(figure: Figure | SubFigure, above: Axes, below: Axes) -> None:
     """One legend for a picture of `plot_comparison`, outside of it."""
     handles = [*above.get_legend_handles_labels()[0], *below.get_legend_handles_labels()[0]]
-    across = max(3, int(figure.bbox.width / figure.dpi / LABELLED))
-    across = min(across, -(-len(handles) // 2)) if len(handles) > MOST_ABREAST else across
+    across = max(3, int(figure.bbox.width / figure.dpi / 1.45))  # width that a label of the legend takes [inch]
+    # labels that stand beside the title; more take two lines
+    across = min(across, -(-len(handles) // 2)) if len(handles) > 4 else across
     figure.legend(handles=handles, loc="outside upper right", ncols=across, fontsize=SMALL, frameon=False)
 
 

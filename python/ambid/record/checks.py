@@ -62,8 +62,6 @@ LARGEST_VALUE = 1e100
 """In any unit: the squares of larger ones, summed over a record, come near the end of floating point."""
 MIN_PERIOD = 3
 """Fewest samples of a period: with fewer, no line of the spectrum lies between 0 and half the sample rate."""
-RATE_TOLERANCE = 1e-3
-"""Relative difference between sample rates that are called the same."""
 LARGEST_CURRENT_RMS = 100.0
 """Ampere: larger than most machines', and reached at once by values in mA."""
 BIASES_OF_CURRENT = 20.0
@@ -298,7 +296,7 @@ def _rate_of_times(where: str, t: NDArray[np.float64], findings: list[Finding]) 
 
 
 def _require_same_rate(where: str, source: str, rate: float, other: str, expected: float) -> None:
-    if abs(rate - expected) <= RATE_TOLERANCE * expected:
+    if abs(rate - expected) <= 1e-3 * expected:  # relative difference between sample rates that are called the same
         return
     units = ((1e-3, "milliseconds"), (1e-6, "microseconds"), (1 / expected, "sample numbers"))
     guess = [(factor, unit) for factor, unit in units if abs(rate / expected / factor - 1) < 0.01]

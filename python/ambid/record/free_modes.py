@@ -18,8 +18,6 @@ HOLDS = 0.5
 """Part of the samples at which an excitation of steps, or none, holds: more than half make a least sum exact."""
 ROUNDS = 20
 """Of reweighting, for the least sum of absolute values; each about halves what is left of the way."""
-RANK = 1e-12
-"""Part of the largest singular value below which free modes are the same."""
 
 
 def free_modes(A: FloatArray, C: FloatArray, samples: int) -> list[FloatArray]:
@@ -133,7 +131,7 @@ def _basis(table: FloatArray) -> tuple[FloatArray, FloatArray]:
     size = np.linalg.norm(table, axis=0)
     table = table[:, size > 0.0] / size[size > 0.0]
     u, s, vt = np.linalg.svd(table, full_matrices=False)
-    kept = s > RANK * s.max(initial=0.0)
+    kept = s > 1e-12 * s.max(initial=0.0)  # part of the largest singular value below which free modes are the same
     back = np.zeros((len(size), int(kept.sum())))
     back[size > 0.0] = vt[kept].T / s[kept] / size[size > 0.0][:, None]
     return u[:, kept], back

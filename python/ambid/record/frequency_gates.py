@@ -29,8 +29,6 @@ VALUES_MISSING = Kind(
 )
 LARGEST_TRAVEL = 1e3
 """Air gaps that the bias current of a bearing may move y by, by the response; a weakly damped mode moves some ten."""
-HERMITIAN = 1e-6
-"""Part of the root of two variances by which the two halves of a covariance may differ: files round."""
 FEWEST = 3
 """Frequencies of a response: each is held against both of its neighbours, which tells how much errors go together."""
 MOST_TOLD = 3
@@ -176,7 +174,8 @@ def _is_covariance(values: ComplexArray) -> NDArray[np.bool_]:
     found: NDArray[np.bool_] = np.asarray(np.isfinite(values).all(axis=(1, 2)) & (power > 0.0).all(axis=1))
     root = np.sqrt(power[found])
     correlation = values[found] / (root[:, :, None] * root[:, None, :])
-    is_even = (np.abs(correlation - correlation.conj().swapaxes(1, 2)) <= HERMITIAN).all(axis=(1, 2))
+    # part of the root of two variances by which the two halves of a covariance may differ: files round
+    is_even = (np.abs(correlation - correlation.conj().swapaxes(1, 2)) <= 1e-6).all(axis=(1, 2))
     try:
         np.linalg.cholesky(correlation)
     except np.linalg.LinAlgError:

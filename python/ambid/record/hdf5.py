@@ -23,8 +23,6 @@ DEEPEST = 32
 """Groups within each other; files of loggers have three."""
 MOST_AXES = 64
 """Names in ``axes``; a machine has some ten, and each is looked up by itself."""
-LONGEST_NAME = 200
-"""Letters in a name of ``axes``."""
 _MATLAB_OWN = ("#refs#", "#subsystem#")
 
 
@@ -92,7 +90,7 @@ def _names(path: Path, file: Any, dataset: Any) -> list[Any]:
 
 
 def _letters(path: Path, dataset: Any) -> NDArray[Any]:
-    if dataset.dtype.kind != "u" or not 0 < dataset.size <= MOST_AXES * LONGEST_NAME:
+    if dataset.dtype.kind != "u" or not 0 < dataset.size <= MOST_AXES * 200:  # letters in a name of ``axes``
         raise RecordError(
             f"{path}: 'axes' leads to {dataset.dtype} of shape {dataset.shape}; give each axis as a line of letters"
         )

@@ -32,11 +32,7 @@ __all__ = ["LocalResponse", "local_response", "noise_of", "response_of_signals"]
 
 AROUND = 3
 """Bands to each side that the correlation of the channels is taken from."""
-LEAST_EXCITED = 1e-6
-"""Power of an axis over that of the loudest below which it is not excited."""
 
-LEAST_ON_A_LINE = 1e-10
-"""Power of an axis on a line over that on its loudest below which it is rounding, as of a converter of 16 bits."""
 
 OVER_ROUNDING = 30.0
 """Power of an axis on a line over that of the rounding to its steps, below which it may be rounding: by chance one line
@@ -119,7 +115,8 @@ def local_response(
         If there are too few lines, or too few in every band are excited: what unexcited ones would tell is left out.
     """
     power = np.var(drives, axis=0)
-    excited = power > LEAST_EXCITED * power.max(initial=0.0)
+    # power of an axis over that of the loudest below which it is not excited
+    excited = power > 1e-6 * power.max(initial=0.0)
     periods = len(drives) // period if period else 1
     samples = periods * period if period and periods else len(drives)
     periods = max(periods, 1)
@@ -138,7 +135,8 @@ def local_response(
     split = longer * (length + 1)  # so many lines are in bands that are longer by one
     lowest = length + (longer > 0)
     rounding = periods * np.array([rounding_power(own) for own in drives[:, excited].T])
-    moving = np.abs(u) ** 2 > np.maximum(LEAST_ON_A_LINE * (np.abs(u) ** 2).max(axis=0), OVER_ROUNDING * rounding)
+    # power of an axis on a line over that on its loudest below which it is rounding, as of a converter of 16 bits
+    moving = np.abs(u) ** 2 > np.maximum(1e-10 * (np.abs(u) ** 2).max(axis=0), OVER_ROUNDING * rounding)
     groups, places = [lowest_band(u[:lowest], z[:lowest])], [index[lowest_nodes(lowest)]]
     known = [_is_known(moving[None, :lowest], lowest_nodes(lowest))]
     for rows, size in ((np.arange(lowest, split), length + 1), (np.arange(max(split, lowest), len(index)), length)):

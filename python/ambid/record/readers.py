@@ -256,10 +256,6 @@ SUFFIXES = tuple(_READERS)
 """Of the formats that a record may have."""
 
 
-FRACTIONS = 1 << 64
-"""Parts of a second that a time stamp counts."""
-
-
 def timing_of(properties: Mapping[str, Mapping[str, Any]]) -> dict[str, Timing]:
     """Timing of the channels of a file, by name, with the earliest start as the origin.
 
@@ -288,7 +284,8 @@ def _stamp(own: Mapping[str, Any]) -> Fraction | None:
     stamp = own.get("wf_start_time")
     if not (seconds := getattr(stamp, "seconds", 0)):
         return None
-    return Fraction(seconds) + Fraction(getattr(stamp, "second_fractions", 0), FRACTIONS)
+    # parts of a second that a time stamp counts
+    return Fraction(seconds) + Fraction(getattr(stamp, "second_fractions", 0), 1 << 64)
 
 
 def _increment(own: Mapping[str, Any]) -> float | None:

@@ -26,8 +26,6 @@ CHANNELS_APART = Kind(
     "they are aligned to the nearest sample, and not interpolated",
     "sample all channels at one instant, or see whether sampling_skew explains the misfit",
 )
-SAME_INCREMENT = 1e-9
-"""Relative difference of two sample times that is rounding: a sample over a billion."""
 SAME_INSTANT = 0.01
 """Part of a sample by which channels may differ that are sampled at one instant: files state whole microseconds."""
 
@@ -123,7 +121,8 @@ def _common_rate(path: Path, timing: Mapping[str, Timing]) -> float | None:
     if not steps:
         return None
     one = next(iter(steps.values()))
-    if any(abs(step / one - 1.0) > SAME_INCREMENT for step in steps.values()):
+    # relative difference of two sample times that is rounding: a sample over a billion
+    if any(abs(step / one - 1.0) > 1e-9 for step in steps.values()):
         listed = ", ".join(f"{name} {step:.9g} s" for name, step in steps.items())
         raise RecordError(
             f"{path}: the channels have different sample times, wf_increment: {listed}; export them at one rate, or "

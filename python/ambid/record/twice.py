@@ -39,8 +39,6 @@ FITTED_TO = Kind(
 
 SAME = 1e-6
 """Part of the range of a channel by which a file may round what another one holds: noise is far above it."""
-LOOK = 64
-"""Samples by which two long records are distinguished before all of them are compared."""
 
 Measurement = Record | FrequencyResponse
 
@@ -114,7 +112,8 @@ def _are_alike(one: FloatArray | ComplexArray, other: FloatArray | ComplexArray)
         return False
     if one is other:
         return True
-    few = slice(None, None, max(1, len(one) // LOOK))
+    # samples by which two long records are distinguished before all of them are compared
+    few = slice(None, None, max(1, len(one) // 64))
     for rows in (few, slice(None)):
         a, b = one[rows], other[rows]
         size = np.nanmax(np.abs(a - a[:1]), axis=0, initial=0.0)

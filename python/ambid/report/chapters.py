@@ -23,9 +23,6 @@ from ambid.report.numbers import files_of
 from ambid.report.standing import standing
 from ambid.rig import Rig
 
-WORST = 6
-RANKED = 10
-MOST_MOVED = 3
 TOLD_SHARE = 0.02
 """Of the variance of some parameter: a tolerance that makes less of all is no row of the budget."""
 
@@ -99,7 +96,7 @@ def _chapters(diagnosis: Diagnosis) -> dict[str, Any]:
         "parameters": _parameters(diagnosis, first, changes),
         "tolerances": [(name, *own.texts()) for name, own in diagnosis.tolerances.items()],
         "budget": _budget(diagnosis) if diagnosis.tolerances else None,
-        "most_moved": words.most_moved(changes[:MOST_MOVED]),
+        "most_moved": words.most_moved(changes[:3]),
         "left": _left(diagnosis, last) if is_moved else None,
         "standing": standing(diagnosis.model, base if is_moved else None),
     }
@@ -153,7 +150,7 @@ def _where(diagnosis: Diagnosis, where: Localisation, before: Comparison, missin
         "pictures": list(pictures.maps(where.maps, "base")),
         "growth": pictures.growth(where),
         "findings": where.findings if missing else (),
-        "cells": where.cells[:WORST] if missing else (),
+        "cells": where.cells[:6] if missing else (),
         "matrix": None if matrix is None else pictures.matrix(matrix),
         "crossed": [] if matrix is None else matrix.lines(most=0),
         "ports": where.ports if missing else (),
@@ -182,7 +179,7 @@ def _rankings(diagnosis: Diagnosis, last: Step, rig: Rig) -> list[dict[str, Any]
             "ranking": ranking,
             "added": added,
             "candidate": ranking.find(added) if added is not None else None,
-            "shown": [(c, words.values(c.start, numbers.units(c.effect, rig))) for c in ranking.candidates[:RANKED]],
+            "shown": [(c, words.values(c.start, numbers.units(c.effect, rig))) for c in ranking.candidates[:10]],
             "picture": pictures.ranking(ranking),
         }
         for ranking, added in pairs

@@ -37,7 +37,6 @@ from ambid.robustness import Margins, PoleMap
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
 
-MOST_MAPS = 3
 PAGE = 9.0
 """Width of a picture that fills the page [inch]."""
 
@@ -74,7 +73,7 @@ def as_picture(figure: Figure | SubFigure, caption: str) -> Picture:
 def maps(found: Sequence[MisfitMap], which: str, like: Localisation | None = None) -> Iterator[Picture]:
     """The misfit map of the worst records, by the base or the last model, in the colours of another one's."""
     largest = np.nan if like is None else max(float(np.nanmax(own.misfit)) for own in like.maps)
-    worst = sorted(range(len(found)), key=lambda k: -float(np.nanmax(found[k].misfit)))[:MOST_MAPS]
+    worst = sorted(range(len(found)), key=lambda k: -float(np.nanmax(found[k].misfit)))[:3]
     for k in sorted(worst):
         yield as_picture(
             plot_misfit_map(found, k, largest=largest).figure,

@@ -26,11 +26,8 @@ SAME_PLACE = 1e-6
 """Axial positions closer than this [m] are one place."""
 FAR_OFF = 10.0
 """Lengths of the shaft beyond which a position looks like millimetres."""
-FREEDOMS_PER_NODE = 4
 MOST_SECTIONS = 1000
 """Sections, or disks, of a rotor: its bending modes then take two seconds and half a gigabyte."""
-MOST_SUPPORTS = 100
-"""Supports of a rotor; more are a bed, which mass_damping or the shaft's matrices describe."""
 MOST_NODES = 400
 """Nodes of a rotor given as matrices: the three then hold eight million numbers, a quarter of a gigabyte to read."""
 
@@ -39,7 +36,8 @@ class _AnyRotor(Spec):
     """What holds every rotor beside its magnets, as far as it is known."""
 
     mass_damping: Annotated[float, MASS_DAMPING] = 0.0
-    support: tuple[Support, ...] = Field((), max_length=MOST_SUPPORTS, description="[[rotor.support]] tables")
+    # supports of a rotor; more are a bed, which mass_damping or the shaft's matrices describe
+    support: tuple[Support, ...] = Field((), max_length=100, description="[[rotor.support]] tables")
 
     def supports_off_the_shaft(self, span: tuple[float, float]) -> list[InitErrorDetails]:
         """Problems of the supports that are not on a shaft that reaches over `span` [m]."""
@@ -213,7 +211,7 @@ class MatrixRotor(_FlexibleRotor):
     def _consistent(self) -> "MatrixRotor":
         if list(self.node_positions) != sorted(set(self.node_positions)):
             refuse(problem("expected ascending positions; sort the nodes.", self.node_positions, "node_positions"))
-        size = FREEDOMS_PER_NODE * len(self.node_positions)
+        size = 4 * len(self.node_positions)
         shape_problems = _wrong_shapes({"M": self.M, "K": self.K, "G": self.G}, size)
         refuse(*shape_problems, *self.supports_off_the_shaft(self.span))
         for key, matrix in (("M", np.array(self.M)), ("K", np.array(self.K))):

@@ -18,8 +18,6 @@ from ambid.robustness.uncertainty import Uncertainty
 
 ROUNDING = 1e-8
 """Part of a pole, the root of what numbers are rounded to, up to which its real part may be rounding."""
-FLOOR = 1e-13
-"""The same of the largest pole, of those near zero."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -151,7 +149,8 @@ def pole_map(model: Model) -> PoleMap:
 def growing(poles: ComplexArray) -> NDArray[np.bool_]:
     """Which of the poles of one system have a positive real part beyond rounding."""
     size = np.abs(poles)
-    rounding = np.where(poles.imag == 0.0, 0.0, ROUNDING * size) + FLOOR * size.max(initial=0.0)
+    # the same of the largest pole, of those near zero
+    rounding = np.where(poles.imag == 0.0, 0.0, ROUNDING * size) + 1e-13 * size.max(initial=0.0)
     return np.asarray(poles.real > rounding)
 
 

@@ -12,8 +12,6 @@ from ambid.robustness.sensitivity import BrokenLoop
 
 NEAR = 0.7
 """Part of the largest value on the grid from which on another maximum may be the largest between its points."""
-MOST_PEAKS = 4
-"""Maxima of one gain that are sought between the points of the grid, the largest ones."""
 ROUNDS, POINTS = 7, 8
 """Of the search around a maximum, which each round makes narrower by (POINTS + 1) / 2: to 1e-9 of the peak's value,
 as it is flat there."""
@@ -114,4 +112,5 @@ def _maxima(values: FloatArray) -> list[int]:
     """Indices of the maxima of one gain that may be its peak, the ends of the grid among them."""
     padded = np.concatenate([[-np.inf], values, [-np.inf]])
     highest = np.flatnonzero((values >= padded[:-2]) & (values >= padded[2:]) & (values >= NEAR * values.max()))
-    return [int(k) for k in highest[np.argsort(-values[highest])][:MOST_PEAKS]]
+    # maxima of one gain that are sought between the points of the grid, the largest ones
+    return [int(k) for k in highest[np.argsort(-values[highest])][:4]]

@@ -17,8 +17,6 @@ from ambid.model import Model
 Place = Literal["controller", "sensor"]
 PLACES = {"controller": "the controller's output", "sensor": "the sensors"}
 """Where the loop may be broken."""
-PER_DECADE = 40
-"""Frequencies a decade of the grid, beside those of the poles."""
 BEYOND = 5.0
 """Factor by which the grid goes beyond the slowest and the fastest pole: there S is 0 or 1 to a few per cent, and has
 no peak."""
@@ -72,7 +70,8 @@ class BrokenLoop:
             low = min(low, high / 10.0)
         swinging = poles[poles.imag > 0.0]
         around = (swinging.imag[:, None] - swinging.real[:, None] * AROUND_POLES).ravel() / (2.0 * np.pi)
-        decades = np.geomspace(low, high, 2 + round(PER_DECADE * np.log10(high / low)))
+        # frequencies a decade of the grid, beside those of the poles
+        decades = np.geomspace(low, high, 2 + round(40 * np.log10(high / low)))
         return np.union1d(decades, around[(around > low) & (around < high)])
 
     def sensitivity(self, theta: FloatArray, frequency_hz: FloatArray) -> ComplexArray:

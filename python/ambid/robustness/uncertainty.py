@@ -22,8 +22,6 @@ FEWEST_ALLOWED = 0.5
 """Part of the draws that must be what physics allows: else the covariance tells nothing of the parameters."""
 STEPS = 12
 """Of the way to the worst of the ellipsoid, which ends before where nothing more is won."""
-WON = 1e-6
-"""Relative growth of a peak in a step below which the way ends."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +184,8 @@ def worst_of_ellipsoid(
             peaks = peaks_of(loop, theta)
             if peaks.values[gain] > best:
                 best, at = float(peaks.values[gain]), theta
-            if peaks.values[gain] <= value * (1.0 + WON):
+            # relative growth of a peak in a step below which the way ends
+            if peaks.values[gain] <= value * 1.000001:
                 break
             value = float(peaks.values[gain])
             slope = slopes_of(loop, theta, peaks, uncertainty.free)[gain] @ uncertainty.root

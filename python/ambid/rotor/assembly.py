@@ -18,11 +18,7 @@ from ambid.rig import FiniteElementRotor, Material, Section
 from ambid.rig.rotor import SAME_PLACE
 from ambid.rotor.beam import PlaneMatrices, beam_element, both_planes, conical_element
 
-_CONVERGED = 1e-4  # largest relative change of a kept frequency when the elements are halved
-_TOLERABLE = 5e-4  # the same where more nodes would be too many
-_MOST_NODES = 400  # unless the rotor's own sections and disks ask for more
 _MANY = 150  # freedoms from which on few modes of a narrow band are found faster one by one
-_NARROW = 12  # entries a freedom up to which a matrix is a narrow band; a chain of beams has six
 
 
 @dataclass(frozen=True)
@@ -180,9 +176,10 @@ def assemble(rotor: FiniteElementRotor, nodes_at: Sequence[float]) -> BeamModel:
     z, plane = _mesh(rotor, ends, places, longest)
     frequencies = _bending_frequencies(z, plane, rotor.flexible_modes)
     change = np.inf
-    while rotor.flexible_modes > 0 and change >= _CONVERGED:
-        if 2 * len(z) > max(_MOST_NODES, 4 * len(places)):
-            if change < _TOLERABLE:
+    # largest relative change of a kept frequency when the elements are halved
+    while rotor.flexible_modes > 0 and change >= 1e-4:
+        if 2 * len(z) > max(400, 4 * len(places)):  # unless the rotor's own sections and disks ask for more
+            if change < 5e-4:  # the same where more nodes would be too many
                 break
             raise RigError(
                 f"rotor.flexible_modes = {rotor.flexible_modes}: the highest of these modes is not converged with "
@@ -268,7 +265,8 @@ def lowest_modes(z: FloatArray, stiffness: FloatArray, mass: FloatArray, count: 
     """
     wanted = count + 2
     narrow = csc_array(stiffness) if len(mass) >= _MANY else None
-    if narrow is None or narrow.nnz > _NARROW * len(mass) or 4 * wanted > len(mass):
+    # entries a freedom up to which a matrix is a narrow band; a chain of beams has six
+    if narrow is None or narrow.nnz > 12 * len(mass) or 4 * wanted > len(mass):
         return eigh(stiffness, mass, subset_by_index=[2, wanted - 1])
     # Lanczos from below: a parabola bends about as the first mode does, and tells where the spectrum begins
     bent = np.column_stack([(z - z.mean()) ** 2, 2.0 * (z - z.mean())]).ravel()

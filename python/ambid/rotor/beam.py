@@ -13,10 +13,6 @@ import numpy as np
 
 from ambid.arrays import FloatArray, IndexArray
 
-_GAUSS = 8
-"""Points of an integral along a cone: exact for its mass, of degree 8, and to 1e-8 for its flexibility where one end is
-twice as wide as the other."""
-
 
 class PlaneMatrices(NamedTuple):
     """Matrices of one bending plane, freedoms [u, psi] of node after node.
@@ -153,7 +149,9 @@ def conical_element(
     chapter 5: stiffness by the flexibility of a clamped element.
     """
     first, last = outer_diameters
-    points, weights = np.polynomial.legendre.leggauss(_GAUSS)
+    # points of an integral along a cone: exact for its mass, of degree 8, and to 1e-8 for its flexibility where one end
+    # is twice as wide as the other
+    points, weights = np.polynomial.legendre.leggauss(8)
     x, weights = (points + 1.0) / 2.0, weights * length / 2.0
     outer = first + (last - first) * x
     area, second_moment = _section(outer, inner_diameter)

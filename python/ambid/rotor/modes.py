@@ -20,7 +20,6 @@ from ambid.rotor.matrices import matrix_model
 
 _FREE = 1e-3  # a rigid frequency above this part of the first bending frequency means a rotor that is held
 _SAME_MODE = 2.0  # a measured frequency farther than this factor from the computed one is a mistake of units
-_CLOSE = 0.3  # part of a half-wave of a bending mode between positions: a cubic spline then errs by some 2 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +212,8 @@ def _lie_close(positions: Sequence[float], bending_modes: int) -> bool:
     The half-waves of free-free bending mode k are about ``1/(k + 1/2)`` of the shaft long; rigid modes are straight.
     """
     gaps = np.diff(positions)
-    return bending_modes == 0 or bool(gaps.max() * (bending_modes + 0.5) <= _CLOSE * gaps.sum())
+    # part of a half-wave of a bending mode between positions: a cubic spline then errs by some 2 %
+    return bending_modes == 0 or bool(gaps.max() * (bending_modes + 0.5) <= 0.3 * gaps.sum())
 
 
 def reduce(

@@ -26,11 +26,7 @@ from ambid.workbench.views import LEVELS, THOUSAND
 
 __all__ = ["lines", "matrices", "prediction", "responses"]
 
-LOWEST_BAND = 0.1
-"""Of the measured size: a band of the noise down to nothing has no place on a logarithmic scale."""
 WORDS = {1: ", real part positive", -1: ", real part negative", 0: ""}
-CELLS = 4
-"""Cells of the map that a prediction names: those that would fall most."""
 _one_at_a_time = Lock()
 
 
@@ -135,7 +131,7 @@ def prediction(session: Session, record: int, channel: str, effect: str) -> dict
             "frequency_hz": middle.tolist(),
             "now": now.misfit[known, column].tolist(),
             "then": then.misfit[known, column].tolist(),
-            "lines": found.lines(CELLS),
+            "lines": found.lines(4),  # cells of the map that a prediction names: those that would fall most
         }
     )
 
@@ -170,7 +166,8 @@ def _drawn(compared: Responses, o: int, i: int, names: list[str], pixels: int) -
         "unit": unit,
         "frequency_hz": f.tolist(),
         "size": (factor * size).tolist(),
-        "low": (factor * np.maximum(size - SIGMAS * std, LOWEST_BAND * size)).tolist(),
+        # of the measured size: a band of the noise down to nothing has no place on a logarithmic scale
+        "low": (factor * np.maximum(size - SIGMAS * std, 0.1 * size)).tolist(),
         "high": (factor * (size + SIGMAS * std)).tolist(),
         "phase": np.where(size > SIGMAS * std, np.degrees(np.angle(response)), np.nan).tolist(),
         "noise": (factor * std).tolist(),

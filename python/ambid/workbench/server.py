@@ -30,8 +30,6 @@ ASSETS = tuple(sorted(path.name for path in PAGE.iterdir() if path.suffix in (".
 LARGEST_BODY = 10_000
 """Bytes of a call; none is longer than a few names and numbers."""
 
-GONE_ON = 204
-"""Answer to a question about a step that is no longer the present one: there is nothing to show of it."""
 
 Json = dict[str, Any]
 Answer = Callable[[Window, Json], Json | Response]
@@ -67,7 +65,8 @@ def application(windows: Windows, token: str, port: int) -> ASGIApp:
     def of_step(look: Look) -> Answer:
         def answer(window: Window, given: Json) -> Json | Response:
             session = window.at(_whole(given, "revision"))
-            return Response(status_code=GONE_ON) if session is None else look(session, given)
+            # answer to a question about a step that is no longer the present one: there is nothing to show of it
+            return Response(status_code=204) if session is None else look(session, given)
 
         return answer
 

@@ -13,9 +13,6 @@ from ambid.workbench.windows import Windows
 
 __all__ = ["require_server", "serve"]
 
-SECONDS_TO_END = 1
-"""So long may calls that are being answered take when the server ends."""
-
 
 def require_server() -> None:
     """Refuse to begin where a package of the extra is missing.
@@ -72,6 +69,6 @@ def serve(windows: Windows, port: int, *, say: Callable[[str], None], opens_brow
             log_level="error",
             access_log=False,  # it would hold the token
             server_header=False,
-            timeout_graceful_shutdown=SECONDS_TO_END,
+            timeout_graceful_shutdown=1,  # so long may calls that are being answered take when the server ends
         )
         uvicorn.Server(config).run(sockets=[listening])

@@ -21,13 +21,9 @@ from ambid.workbench.thinning import in_a_row, thinned
 
 __all__ = ["LEVELS", "THOUSAND", "candidates", "held", "misfits", "overview", "signals", "where"]
 
-REACH = 0.5
-"""Part of a parameter's value that its slider goes to either side of the last fit."""
 LEVELS = (1.5, 3.0, 10.0, 100.0)
 """Misfits from which on a cell of the map is drawn darker; what is below the first says nothing and is grey."""
 THOUSAND = 1000.0
-LEAST_CHANCE = -690.0
-"""Logarithm of the smallest p-value that is written as a number."""
 FEWEST_SAMPLES = 4
 """Samples of the shortest window that is drawn."""
 
@@ -209,7 +205,8 @@ def _cell(misfit: float) -> dict[str, Any]:
 
 def _chance(own: Candidate) -> str:
     """The p-value in words; what is too small for a number says only that it is."""
-    return f"{own.p_value:.1g}" if own.chance > LEAST_CHANCE else "< 1e-300"
+    # logarithm of the smallest p-value that is written as a number
+    return f"{own.p_value:.1g}" if own.chance > -690.0 else "< 1e-300"
 
 
 def _left(predicted: float, misfit: float) -> float:
@@ -239,7 +236,8 @@ def _parameter(session: Session, own: Parameter) -> dict[str, Any]:
     fitted, before = session.fitted, session.before
     at = session.chain[0].model if fitted is None else fitted.model
     middle = next((p.value for p in at.parameters if p.name == own.name), own.value)
-    reach = max(REACH * abs(middle), 0.0 if own.typical is None else own.typical)
+    # part of a parameter's value that its slider goes to either side of the last fit
+    reach = max(0.5 * abs(middle), 0.0 if own.typical is None else own.typical)
     found = None if session.estimate is None else session.estimate.parameters.get(own.name)
     error = None if found is None else found.std_error
     was = None if before is None else next((p.value for p in before.model.parameters if p.name == own.name), None)

@@ -15,9 +15,6 @@ from ambid.workbench.views import overview
 
 __all__ = ["Job", "Window", "Windows"]
 
-MOST_WINDOWS = 32
-"""Sessions that are kept; the one that nobody has used for longest goes first."""
-
 
 class Window:
     """The present step of one window, and the job that makes the next.
@@ -110,7 +107,7 @@ class Windows:
         name = secrets.token_hex(8)
         with self._lock:
             self._open[name] = Window(self._first)
-            if len(self._open) > MOST_WINDOWS:
+            if len(self._open) > 32:  # sessions that are kept; the one that nobody has used for longest goes first
                 self._open.popitem(last=False)
         return name
 
