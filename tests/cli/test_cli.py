@@ -382,9 +382,9 @@ def test_the_commands_of_the_readme_are_there():
 
 @pytest.mark.slow
 def test_the_commands_of_the_readme_do_their_work(here, one_axis, bench, command, undrawn):
-    """With their files put in their places; diagnoses of one axis, reports undrawn; the JSON of each has findings."""
+    """With their files put in their places; searches of one axis; the JSON of each has findings."""
     for line in lines_of_the_readme():
-        rig, run = one_axis if line[1] in ("diagnose", "frequency-response") else here
+        rig, run = one_axis if line[1] in ("diagnose", "frequency-response", "design", "monte-carlo") else here
         files = {"rig.toml": [rig], "run.csv": [run], "static_*.csv": LOADS, "bench": [bench]}
         files |= {f"run_{k}.mat": [run] for k in (1, 2, 3)}
         files |= {f"{point}/rig.toml": [rig] for point in ("6A", "10A")}

@@ -1,13 +1,22 @@
 """The truth is in the reported set: every effect once, of a clear size, on four axes; benchmarks/rates.py has seeds."""
 
+from dataclasses import replace
+
 import pytest
 
 from ambid.diagnosis import diagnose
-from hidden.experiment import experiment
+from hidden.experiment import experiment, experiment_on
+from hidden.families import BENCHES
 from hidden.physics import CATALOGUE, OUTSIDE
+from hidden.sizes import sized
 
 pytestmark = pytest.mark.slow
-BEYOND_JUDGEMENT = {"command_quantisation": "of this size it adds noise, and nothing that repeats"}
+BEYOND_JUDGEMENT = {
+    "command_quantisation": "of this size it adds noise, and nothing that repeats",
+    "one_sided_stop": "its search takes a minute on four axes; on one axis it is in test_one_axis",
+}
+IN_TIME = {"amplifier_dead_band": "large", "cubic_bearing_force": "clear", "rate_softening": "clear"}
+"""Sizes of those whose candidates are simulated in time, so that the search goes with the samples."""
 STICKS = "coulomb_friction"
 """Where it sticks most of the time; the sliding kind is in test_one_axis."""
 
@@ -30,7 +39,11 @@ def test_a_hidden_effect_is_in_the_reported_set(effect):
 
 @pytest.mark.parametrize("effect", [name for name in OUTSIDE if name not in BEYOND_JUDGEMENT])
 def test_what_has_no_name_is_given_none(effect):
-    rig, train, _, _ = experiment(effect, "clear", 101)
+    if effect in IN_TIME:
+        bench = replace(BENCHES["bench"], order=8)
+        rig, train, _, _ = experiment_on(bench, {effect: sized(effect, IN_TIME[effect])}, 101)
+    else:
+        rig, train, _, _ = experiment(effect, "clear", 101)
     found = diagnose(rig, train)
     assert found.verdict == "none_of_the_candidates", found
     assert found.effects == ()

@@ -13,6 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from ambid.effects.places import on_both_sides
 from ambid.effects.rotor import RotorInertiaError, kept_modes
 from ambid.effects.sensor import SamplingSkew, SensorMisalignment, SensorPositionError
 from ambid.effects.slips import ControllerGainError
@@ -38,8 +39,6 @@ FARTHEST = 5.0
 record calls for there is an effect."""
 LEAST = -0.9
 """Relative error of a quantity that is positive, at least."""
-STEP = 1e-3
-"""To each side of a place, by which the slope of the shapes there is taken [m]."""
 
 
 class Known(Effect):
@@ -187,10 +186,7 @@ class KnownPosition(_AlongShaft):
 
     def positions(self, rig: Rig) -> Sequence[float]:
         """A millimetre to each side of every magnet: their shapes give the slope."""
-        if isinstance(rig.rotor, PointMassRotor):
-            return []
-        low, high = rig.rotor.span
-        return [float(np.clip(b.position + d, low, high)) for b in rig.bearings for d in (-STEP, STEP)]
+        return on_both_sides(rig, [b.position for b in rig.bearings], 1e-3)
 
     def attach(self, plant: Plant) -> None:
         """Exact to first order in the offset."""
@@ -238,34 +234,38 @@ class KnownSensorAngle(Known, SensorMisalignment):
         return super().slot(parameter.removeprefix("angle_"))
 
 
+class _OfReading(Known):
+    """Gains of a reading of every axis."""
+
+    signal: ClassVar[str]
+
+    def attach(self, plant: Plant) -> None:
+        """At every axis."""
+        for axis in plant.axes:
+            read = f"{self.signal}.{axis}"
+            plant.inject(read, plant.port(self.slot(axis), plant.raw(read)))
+
+
 @dataclass(frozen=True)
-class KnownSensorGain(Known):
+class KnownSensorGain(_OfReading):
     """Gains of all sensors, those too that K_i absorbs."""
 
     name = key = "sensor_gain"
+    signal = "scaled"
     no_key = "y is as it was recorded: correct the calibration of the channel"
     physics = "the gains of the displacement sensors"
     equation = "y = (1 + g) y_true"
 
-    def attach(self, plant: Plant) -> None:
-        """At every sensor."""
-        for axis in plant.axes:
-            plant.inject(f"scaled.{axis}", plant.port(self.slot(axis), plant.raw(f"scaled.{axis}")))
-
 
 @dataclass(frozen=True)
-class KnownCurrentGain(Known):
+class KnownCurrentGain(_OfReading):
     """Gains of the current readings."""
 
     name = key = "current_gain"
+    signal = "i_c"
     no_key = "i_c is as it was recorded: correct the calibration of the channel"
     physics = "the gains of the current readings"
     equation = "i_c = (1 + g) i_a"
-
-    def attach(self, plant: Plant) -> None:
-        """At every reading."""
-        for axis in plant.axes:
-            plant.inject(f"i_c.{axis}", plant.port(self.slot(axis), plant.raw(f"i_c.{axis}")))
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -36,6 +36,14 @@ def likely_places(rig: Rig) -> list[float]:
     """Half-way between the bearings, and every disk [m]."""
     disks = [disk.position for disk in rig.rotor.disk] if isinstance(rig.rotor, FiniteElementRotor) else []
     return sorted({round(half_way(rig), 9), *disks})
+
+
+def on_both_sides(rig: Rig, places: Iterable[float], step: float) -> list[float]:
+    """A step below and above each place, as far as the shaft reaches [m]; none of a point mass."""
+    if isinstance(rig.rotor, PointMassRotor):
+        return []
+    low, high = rig.rotor.span
+    return [float(np.clip(z + d, low, high)) for z in places for d in (-step, step)]
 
 
 @dataclass(frozen=True)

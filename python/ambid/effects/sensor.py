@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-import numpy as np
-
+from ambid.effects.places import on_both_sides
 from ambid.effects.traits import GAIN_OF_READING, LAG_OF_CURRENT, LAG_OF_READING, LAG_ROUND_LOOP
 from ambid.loop.assembly import combine
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
@@ -203,10 +202,7 @@ class SensorPositionError(Effect):
 
     def positions(self, rig: Rig) -> Sequence[float]:
         """A millimetre to each side of every sensor: their shapes give the slope."""
-        if isinstance(rig.rotor, PointMassRotor):
-            return []
-        low, high = rig.rotor.span
-        return [float(np.clip(b.sensor_position + d, low, high)) for b in rig.bearings for d in (-self.step, self.step)]
+        return on_both_sides(rig, [b.sensor_position for b in rig.bearings], self.step)
 
     def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
         """Another gain for every shape of the rotor."""

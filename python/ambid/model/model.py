@@ -5,22 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambid.arrays import is_same
 from ambid.effects import CATALOGUE, Effect, find
-from ambid.effects.known import KNOWN
 from ambid.errors import ModelError
 from ambid.loop.loop import Loop, Simulator
+from ambid.model.contents import Contents
 from ambid.model.experiment import inputs_of, simulated, virtual_experiment
 from ambid.model.file import read_model, write_model
 from ambid.model.operating_point import further_points, nominal_of_points, parameters_at
-from ambid.model.parameter import Parameter, Parameters, of_effect, selected, shared, split, to_rig
+from ambid.model.parameter import Parameter, of_effect, shared, split, to_rig
 from ambid.model.structure import Structure, is_nonlinear, require_allowed
-from ambid.model.update import RigUpdate, update_of
 from ambid.record import Measurement, Record
 from ambid.results import html_table, of_unit
 from ambid.rig import Rig
@@ -28,7 +25,7 @@ from ambid.rig import Rig
 __all__ = ["Model"]
 
 
-class Model:
+class Model(Contents):
     """A closed-loop model: rig, effects and parameters. Immutable; every change returns a new model.
 
     Parameters
@@ -68,44 +65,6 @@ class Model:
         structure = Structure(rig, tuple(effects), tuple(points), rig if reference is None else reference, substeps)
         self._set(structure, tuple(structure.usual_parameters() if parameters is None else parameters))
 
-    def _set(self, structure: Structure, parameters: tuple[Parameter, ...]) -> None:
-        structure.require_filled(parameters)
-        self._take(structure, parameters)
-
-    def _take(self, structure: Structure, parameters: tuple[Parameter, ...]) -> None:
-        self.structure, self.parameters = structure, Parameters(parameters)
-        self._covariance: NDArray[np.float64] | None = None
-        self._loops: dict[Rig | None, Loop] = {}  # of other operating points, and of this one: None
-        self._noisy: list[Loop] = []  # the one with noise inputs, once it is compiled
-
-    @classmethod
-    def _of(cls, structure: Structure, parameters: Sequence[Parameter]) -> Model:
-        model = cls.__new__(cls)
-        model._set(structure, tuple(parameters))
-        return model
-
-    @classmethod
-    def _made_of(cls, structure: Structure, parameters: tuple[Parameter, ...]) -> Model:
-        """Of parameters that are known to fill every slot."""
-        model = cls.__new__(cls)
-        model._take(structure, parameters)
-        return model
-
-    @property
-    def rig(self) -> Rig:
-        """What is known of the machine."""
-        return self.structure.rig
-
-    @property
-    def effects(self) -> tuple[Effect, ...]:
-        """Physics beyond the base model, in the order of adding."""
-        return self.structure.effects
-
-    @property
-    def points(self) -> tuple[Rig, ...]:
-        """The same machine at other operating points."""
-        return self.structure.points
-
     @property
     def acting(self) -> list[Effect]:
         """Effects that make sense at this operating point."""
@@ -125,98 +84,9 @@ class Model:
                 model = model.without(effect.name)
         return model
 
-    def with_tolerances(self) -> Model:
-        """Return the model with the values of its rig that are known to a tolerance as parameters, all without error.
-
-        They have the rig file's standard deviations as priors, and are fitted beside the others. The same model where
-        it has them already, or its rig is exact.
-        """
-        known = tuple(effect for effect in KNOWN if not effect.why_not(self.rig))
-        if self.structure.known or not known:
-            return self
-        more = [p for effect in known for p in of_effect(self.rig, effect, {})]
-        return Model._made_of(replace(self.structure, known=known), (*self.parameters, *more))
-
-    @property
-    def tolerances(self) -> tuple[Parameter, ...]:
-        """The parameters that are known to a tolerance; their values are errors of the rig file."""
-        return tuple(p for p in self.parameters if p.prior is not None)
-
     def exact(self) -> Model:
         """Return the model on its rig taken for exact, without the parameters that are known to a tolerance."""
         return Model(self.rig.exact(), [self.parameters[i] for i in self.free], self.effects)
-
-    def without_errors(self) -> Model:
-        """Return the model with the values of the rig file, whatever errors of them it had."""
-        return self.with_values({p.name: 0.0 for p in self.tolerances})
-
-    def opened(self) -> Model:
-        """Return the model whose loop has ports for all errors of known values, to be derived by them."""
-        return Model._made_of(replace(self.structure, is_open=True), self.parameters)
-
-    @property
-    def free(self) -> list[int]:
-        """Indices of the parameters of which nothing is known before any record."""
-        return [i for i, p in enumerate(self.parameters) if p.prior is None]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of all parameters, in order."""
-        return tuple(parameter.name for parameter in self.parameters)
-
-    @property
-    def theta(self) -> NDArray[np.float64]:
-        """Values of all parameters, in the order of `names`, SI units."""
-        return np.array([parameter.value for parameter in self.parameters])
-
-    @property
-    def covariance(self) -> NDArray[np.float64] | None:
-        """Of the parameters, shape (parameters, parameters); NaN for those that were not free.
-
-        None where no identification gave the values: a change of a value or of the structure drops it.
-        """
-        return self._covariance
-
-    def with_covariance(self, covariance: ArrayLike) -> Model:
-        """Return the model with the covariance of its parameters, NaN for those that were not free.
-
-        Raises
-        ------
-        ModelError
-            If its shape is another.
-        """
-        matrix = np.array(covariance, dtype=np.float64)
-        if matrix.shape != (len(self.names),) * 2:
-            raise ModelError(f"covariance has the shape {matrix.shape}: expected a row a parameter, {len(self.names)}")
-        model = self.with_theta(self.theta)
-        model._covariance = matrix
-        return model
-
-    def with_values(self, values: Mapping[str, float]) -> Model:
-        """Return the model with other values of some parameters.
-
-        Raises
-        ------
-        ModelError
-            If a name is unknown or a value is not positive.
-        """
-        self.index(values)
-        changed = [replace(p, value=float(values.get(p.name, p.value))) for p in self.parameters]
-        return self._with_parameters(changed)
-
-    def with_theta(self, theta: ArrayLike) -> Model:
-        """Return the model with other values of all parameters, in the order of `names`."""
-        values = np.asarray(theta, dtype=np.float64).tolist()
-        changed = tuple(replace(p, value=value) for p, value in zip(self.parameters, values, strict=True))
-        require_allowed(changed)
-        return self._with_values_of(changed)
-
-    def _with_values_of(self, changed: tuple[Parameter, ...]) -> Model:
-        """The same parameters at other values."""
-        model = Model._made_of(self.structure, changed)
-        if self.structure.erring(changed) == self.structure.erring(self.parameters):
-            model._loops, model._noisy = self._loops, self._noisy  # compiled loops do not hold values
-        return model
 
     def excitation(self, record: Record) -> NDArray[np.float64]:
         """Inputs of the loop during a record, shape (N, inputs): i_e, r, then those of disturbances in the model.
@@ -252,7 +122,7 @@ class Model:
         if len(points) == len(self.points):
             return self
         more = [p for p in nominal_of_points(self.rig, points) if p.name not in self.names]
-        return Model._of(replace(self.structure, points=tuple(points)), [*self.parameters, *more])
+        return self._of(replace(self.structure, points=tuple(points)), [*self.parameters, *more])
 
     def at(self, where: Measurement | Rig) -> Model:
         """The model at an operating point of the machine: its rig, with the K_i and K_s of that bias and gap.
@@ -268,7 +138,7 @@ class Model:
         if rig is None or rig is self.rig or rig == self.rig:
             return self
         own = parameters_at(rig, self.rig, self.points, self.parameters, self.effects)
-        here = Model._of(replace(self.structure, rig=rig, points=()), own)
+        here = self._of(replace(self.structure, rig=rig, points=()), own)
         if rig not in self._loops:
             self._loops[rig] = here.loop
         here._loops[None], here._covariance = self._loops[rig], self._covariance
@@ -303,7 +173,7 @@ class Model:
         require_allowed(more)
         if {parameter.name for parameter in more} & set(self.names):
             raise ModelError(f"{effect.name}: one of its parameters has the name of another; rename that one")
-        return Model._made_of(replace(self.structure, effects=(*self.effects, effect)), (*self.parameters, *more))
+        return self._made_of(replace(self.structure, effects=(*self.effects, effect)), (*self.parameters, *more))
 
     def without(self, name: str) -> Model:
         """Return the model without one of its effects."""
@@ -311,7 +181,7 @@ class Model:
         if len(effects) == len(self.effects):
             raise ModelError(f"{name} is not in the model; it has {', '.join(e.name for e in self.effects) or 'none'}")
         parameters = [p for p in self.parameters if not p.name.startswith(f"{name}.")]
-        return Model._of(replace(self.structure, effects=tuple(effects)), parameters)
+        return self._of(replace(self.structure, effects=tuple(effects)), parameters)
 
     def share(self, name: str, members: Iterable[str]) -> Model:
         """Return the model with one parameter in place of several, starting from their mean.
@@ -340,16 +210,6 @@ class Model:
         """
         return self._with_parameters(split(self.parameters, name))
 
-    def index(self, patterns: Iterable[str]) -> list[int]:
-        """Indices of the parameters that names or patterns such as ``K_i.*`` select, in the model's order.
-
-        Raises
-        ------
-        ModelError
-            If one of them selects nothing.
-        """
-        return selected(self.parameters, patterns)
-
     @property
     def loop(self) -> Loop:
         """The closed loop, inputs i_e, and r if it has one, outputs y and i_c."""
@@ -374,7 +234,7 @@ class Model:
         """Return the model with a number of steps per sample of its own for nonlinear effects."""
         if substeps == self.structure.substeps:
             return self
-        return Model._made_of(replace(self.structure, substeps=substeps), self.parameters)
+        return self._made_of(replace(self.structure, substeps=substeps), self.parameters)
 
     def simulate(self, i_e: ArrayLike | None = None, r: ArrayLike | None = None) -> Record:
         """Response from rest to an excitation, without noise.
@@ -451,13 +311,6 @@ class Model:
         """Return the rig with the model's K_i, K_s, R and tau_e as its nominal values; of R and tau_e their means."""
         return to_rig(self.rig, self.parameters)
 
-    def updated_rig(self) -> RigUpdate:
-        """The rig with the errors of its values in their keys: what records say of the rig file.
-
-        Values that are known to a tolerance are updated, and nominal K_i, K_s, R and tau_e stay; see `to_rig`.
-        """
-        return update_of(self.rig, self.parameters, self._covariance)
-
     @property
     def decay_rate(self) -> float:
         """Of the slowest pole, at whichever operating point [1/s]; negative where the loop is unstable."""
@@ -501,40 +354,6 @@ class Model:
         model = cls._of(structure, parameters)
         return model if covariance is None else model.with_covariance(covariance)
 
-    def __getitem__(self, name: str) -> Parameter:
-        """A parameter, such as ``model["tau_e"]``.
-
-        Raises
-        ------
-        ModelError
-            If there is none of this name.
-        """
-        found: Parameter = self.parameters[str(name)]
-        return found
-
-    def __contains__(self, name: object) -> bool:
-        return name in self.parameters
-
-    __iter__ = None  # by its names alone
-
-    def __eq__(self, other: object) -> bool:
-        """Whether rig, effects, parameters and their covariance are the same."""
-        if not isinstance(other, Model):
-            return NotImplemented
-        same = self.structure == other.structure and self.parameters == other.parameters
-        return same and is_same(self._covariance, other._covariance)
-
-    def __hash__(self) -> int:
-        return hash((self.structure, self.parameters))
-
-    def __getstate__(self) -> dict[str, Any]:
-        """All but the compiled loops."""
-        return {"structure": self.structure, "parameters": self.parameters, "covariance": self._covariance}
-
-    def __setstate__(self, state: Mapping[str, Any]) -> None:
-        self._take(state["structure"], state["parameters"])
-        self._covariance = state["covariance"]
-
     def _repr_html_(self) -> str:
         rows = [[p.name, p.value, p.unit] for p in self.parameters if p.prior is None]
         effects = ", ".join(effect.name for effect in self.effects) or "no effects added"
@@ -545,10 +364,3 @@ class Model:
         rows = [f"  {p.name:12s} {p.value:12.6g}{of_unit(p.unit)}" for p in self.parameters if p.prior is None]
         effects = ", ".join(effect.name for effect in self.effects) or "no effects added"
         return "\n".join([f"Model of {self.rig.name!r}, {len(self.rig.axes)} axes, {effects}", *rows])
-
-    def _with_parameters(self, parameters: Sequence[Parameter]) -> Model:
-        model = Model._of(self.structure, parameters)
-        are_alike = self.structure.erring(parameters) == self.structure.erring(self.parameters)
-        if are_alike and [p.slots for p in model.parameters] == [p.slots for p in self.parameters]:
-            model._loops, model._noisy = self._loops, self._noisy  # compiled loops do not hold values
-        return model
