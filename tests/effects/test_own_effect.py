@@ -76,7 +76,7 @@ OWN = {
 }
 
 
-@pytest.fixture(params=["one axis", pytest.param("bench", marks=pytest.mark.slow)])
+@pytest.fixture
 def experiment_with(request):
     """Rig, record to fit and record to validate with, of a machine that hides an effect."""
 
@@ -90,7 +90,11 @@ def experiment_with(request):
     return make
 
 
-@pytest.mark.parametrize("hidden", first_fast(OWN))
+@pytest.mark.parametrize(
+    ("experiment_with", "hidden"),
+    first_fast([*(("one axis", name) for name in OWN), ("bench", "cubic_bearing_force")]),
+    indirect=["experiment_with"],
+)
 def test_it_is_ranked_first_and_takes_the_error_to_the_ceiling(experiment_with, hidden):
     own, rivals = OWN[hidden]
     rig, train, validate = experiment_with(hidden)
