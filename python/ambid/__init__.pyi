@@ -28,8 +28,8 @@ from .diagnosis import Prediction as Prediction
 from .diagnosis import Ranking as Ranking
 from .diagnosis import diagnose as diagnose
 from .diagnosis import localise as localise
-from .diagnosis import misfit_maps as misfit_maps
 from .diagnosis import measured_shape as measured_shape
+from .diagnosis import misfit_maps as misfit_maps
 from .diagnosis import misfit_matrix as misfit_matrix
 from .diagnosis import predict as predict
 from .diagnosis import rank as rank
