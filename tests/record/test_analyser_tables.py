@@ -242,3 +242,19 @@ def test_single_lines_that_say_nothing_are_passed_over(tmp_path, change, code):
     assert code in codes(found)
     assert np.ravel(the(found, code).values["frequencies_hz"]) == pytest.approx(F[7])
     assert np.isfinite(found.std[found.measured]).all()
+
+
+def test_several_pairs_beside_each_other_are_read_by_their_names(tmp_path):
+    i_c = 0.5 / (1.0 + 2e-4 * S)
+    quantities = ("magnitude_db", "phase_deg")
+    names = [f"{signal}.{AXIS} / i_e.{AXIS} {own}" for signal in ("y", "i_c") for own in quantities]
+    columns = [DECIBELS, DEGREES, 20.0 * np.log10(np.abs(i_c)), np.degrees(np.angle(i_c))]
+    path = write(tmp_path / "wide.csv", ",".join(["frequency_hz", *names]), F, *columns)
+    found = load_measurement(path, RIG)
+    both = {f"y.{AXIS}": H, f"i_c.{AXIS}": i_c}
+    assert set(found.outputs) == set(both)
+    for k, name in enumerate(found.outputs):
+        assert found.response[:, k, 0] == pytest.approx(both[name], rel=1e-9)
+    path.write_text(path.read_text().replace(f"i_c.{AXIS} / i_e.{AXIS} magnitude_db", f"i_c.{AXIS} / i_e.{AXIS} re"))
+    with pytest.raises(RecordError):
+        load_measurement(path, RIG)

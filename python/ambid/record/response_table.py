@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -28,6 +29,8 @@ PAIR_ASSUMED = Kind(
 )
 UNNAMED = {"output": "y", "input": "i_e"}
 """Signals of a pair that nothing names."""
+PAIR = re.compile(r"(?P<output>\w+\.\w+?)(?:\s*/\s*(?P<input>\w+\.\w+?))?[\s:,]+(?P<quantity>.+)")
+"""A column of one pair among several."""
 FORMS = (("re", "im"), ("magnitude", "phase"))
 
 
@@ -37,11 +40,15 @@ def is_response_table(path: Path, mapping: ChannelMap | None = None) -> bool:
     frequency = next((column for name, (column, _) in mapped.items() if name.startswith("frequency")), None)
     if frequency is not None and (frequency in names or mapping is not None and not mapping.channels):
         return True
+    if "t" not in names and any(_of_pair(name) for name in names):
+        return holds_quantities([name for name in names if not name.startswith(OF_AXES)] + ["magnitude"])
     return "t" not in names and not any(name.startswith(OF_AXES) for name in names) and holds_quantities(names)
 
 
 def read_response_table(path: Path, mapping: ChannelMap | None = None, axes: Sequence[str] = ()) -> RawResponse:
-    """Read a table, a row a frequency and pair.
+    """Read a table, a row a frequency and pair, or a row a frequency with columns for several pairs.
+
+    The latter are named by their pair and quantity, such as ``y.A_zeta / i_e.A_zeta magnitude_db``.
 
     Parameters
     ----------
@@ -56,7 +63,7 @@ def read_response_table(path: Path, mapping: ChannelMap | None = None, axes: Seq
     RecordError
         If columns are missing or named twice, a cell is no number, or a pair has two values at one frequency.
     """
-    table = read_cells(path)
+    table = _row_by_pair(path, read_cells(path), axes)
     header, rows = table.names, table.rows
     columns, factors, constants = _columns(path, table, mapping)
     missing = [name for name in UNNAMED if name not in columns and name not in constants]
@@ -101,6 +108,49 @@ def read_response_table(path: Path, mapping: ChannelMap | None = None, axes: Seq
         *unused(COLUMNS_NOT_USED, (name for name in header if name not in used)),
     ]
     return raw
+
+
+def _of_pair(header: str) -> tuple[str, str, str] | None:
+    """Output, input and quantity of a column of one pair among several; the input is empty where none is named."""
+    found = PAIR.fullmatch(header.strip())
+    if found is None or quantity_of(found["quantity"]) is None:
+        return None
+    return found["output"], found["input"] or "", found["quantity"]
+
+
+def _row_by_pair(path: Path, table: Cells, axes: Sequence[str]) -> Cells:
+    """A table with columns for several pairs as one with a row a frequency and pair; another as it is.
+
+    Raises
+    ------
+    RecordError
+        If pairs have other quantities than the first has, or no input where the rig has several axes.
+    """
+    own = {k: found for k, name in enumerate(table.names) if (found := _of_pair(name)) is not None}
+    if not own:
+        return table
+    columns: dict[tuple[str, str], dict[str, int]] = {}
+    for k, (output, inlet, quantity) in own.items():
+        columns.setdefault((output, inlet), {})[quantity] = k
+    (first, quantities), *others = columns.items()
+    for pair, named in others:
+        if set(named) != set(quantities):
+            raise RecordError(
+                f"{path}: {' / '.join(pair)} has {', '.join(named)}, and {' / '.join(first)} has "
+                f"{', '.join(quantities)}; give the same of every pair"
+            )
+    for output, inlet in columns:
+        if not inlet and len(axes) != 1:
+            raise RecordError(f"{path}: {output}: no input is named; name the pair, such as {output} / i_e.A_zeta")
+    shared = [k for k in range(len(table.names)) if k not in own]
+    names = [*(table.names[k] for k in shared), *quantities, *UNNAMED]
+    units = [*(table.units[k] for k in shared), *(table.units[k] for k in quantities.values()), "", ""]
+    rows = [
+        [*(row[k] for k in shared), *(row[named[q]] for q in quantities), output, inlet or f"i_e.{axes[0]}"]
+        for row in table.rows
+        for (output, inlet), named in columns.items()
+    ]
+    return replace(table, names=names, units=units, rows=rows)
 
 
 def _places(
