@@ -42,8 +42,8 @@ WHAT_REMAINS = Kind(
     "next_judge_residual",
     "note",
     "the residual is largest in {channel} from {low_hz:.4g} to {high_hz:.4g} Hz ({cell_misfit:.1f} times noise): state "
-    "the tolerance that is good enough, or record at half the amplitude, where formulas of large motion matter less, "
-    "and diagnose the records together",
+    "the tolerance that is good enough[, or record at {amplitude_factor:g} times the amplitude, where formulas of "
+    "large motion matter less, and diagnose the records together]",
 )
 NOTHING = Kind(
     "next_nothing", "note", "nothing is needed: one model is consistent with the records of all these operating points"
@@ -67,6 +67,13 @@ AMPLITUDES = Kind(
     "note",
     "the misfit is largest in {channel} from {low_hz:.4g} to {high_hz:.4g} Hz: repeat at half and twice the amplitude "
     "and diagnose the records together, to see how it grows",
+)
+AT_EVERY_AMPLITUDE = Kind(
+    "next_measure_shape",
+    "note",
+    "the misfit is largest in {channel} from {low_hz:.4g} to {high_hz:.4g} Hz, of records at several amplitudes: "
+    "measure the shape of what a port needs, or record at another bias current or speed, "
+    "and diagnose the records together",
 )
 MORE_PERIODS = Kind(
     "next_more_periods",
@@ -113,7 +120,8 @@ def next_steps(verdict: Verdict, history: Sequence[Step]) -> tuple[Finding, ...]
     if verdict.word == "explained" and verdict.changes:
         return (WHAT_CHANGES(NOWHERE, parameter=verdict.changes[0].parameter),)
     if verdict.remains is not None and not verdict.is_to_the_noise:
-        return (WHAT_REMAINS(NOWHERE, **place(verdict.remains)),)
+        factor = None if verdict.others == "amplitudes" else 0.5
+        return (WHAT_REMAINS(NOWHERE, amplitude_factor=factor, **place(verdict.remains)),)
     if verdict.word == "explained":
         return (({"operating points": NOTHING, "amplitudes": OTHER_POINT}.get(verdict.others, VALIDATE))(NOWHERE),)
     cell = verdict.where.cells[0]
@@ -121,7 +129,7 @@ def next_steps(verdict: Verdict, history: Sequence[Step]) -> tuple[Finding, ...]
         return (WARM(NOWHERE),)
     if cell.kind == "synchronous":
         return (UNEXCITED(NOWHERE, frequency_hz=float(np.mean(cell.band_hz))),)
-    return (AMPLITUDES(NOWHERE, **place(cell)),)
+    return ((AT_EVERY_AMPLITUDE if verdict.others == "amplitudes" else AMPLITUDES)(NOWHERE, **place(cell)),)
 
 
 def _distinguish(names: Sequence[str], history: Sequence[Step]) -> Finding:

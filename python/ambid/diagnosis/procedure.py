@@ -184,7 +184,7 @@ def _chosen(task: Task, field: Field, effects: Sequence[Effect]) -> Iterator[Fie
         If an effect cannot be judged on this model, or makes no stable loop.
     """
     names = field.root
-    for effect in (own for own in effects if own.name not in names):
+    for effect in [own for own in effects if own.name not in field.root]:
         fit = field.tried[names].fit
         try:
             ranking = rank(fit, [effect], start=nominal_beside(task, fit.model))
