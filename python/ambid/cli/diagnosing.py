@@ -207,7 +207,7 @@ def diagnose_command(
         typer.Option(metavar="NAME,...", help="Add these instead of choosing.", autocompletion=known_effects),
     ] = None,
     ask: Annotated[bool, typer.Option("--ask", help="Show the ranking and ask before an effect is added.")] = False,
-    tolerance: Annotated[float | None, typer.Option(help="Misfit J/dof that is good enough; default: 1.1.")] = None,
+    tolerance: Annotated[float | None, typer.Option(help="Misfit J/dof that is good enough, whatever is missing.")] = None,
     prior: Annotated[
         list[str],
         typer.Option(metavar="NAME=P", help="Probability of an effect before any record, such as unbalance=0.5."),
@@ -232,8 +232,6 @@ def diagnose_command(
     quiet: Quiet = False,
 ) -> None:
     """Name the physics that the model lacks, add it, and watch the misfit fall."""
-    from ambid.noise.chance import ADEQUATE  # not at the top: --help need not open that room
-
     require_outputs(
         {"RIG": rig, "RECORD": records, "--validate": validate, "--model": model},
         {
@@ -272,7 +270,7 @@ def diagnose_command(
             loaded,
             validate=kept,
             effects=chosen,
-            tolerance=ADEQUATE if tolerance is None else tolerance,
+            tolerance=tolerance,
             prior=expected,
             ask=choose if ask else None,
             say=lambda line: say(line, quiet),

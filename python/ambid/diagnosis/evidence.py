@@ -3,11 +3,13 @@
 For a set H with q parameters, at the optimum (Laplace's approximation; MacKay, Information Theory, Inference, and
 Learning Algorithms, 2003, chapters 27 and 28),
 
-    log p(data | H) = -J/2 - price,    price = 1/2 log det(I + P Psi~' Psi~ / V) + q SIZE - log p(H)
+    log p(data | H) = -J/2 - price,    price = 1/2 log det(I + P Psi~' Psi~ / V) + sum of unknown(k) - log p(H)
 
-Psi~ are the whitened slopes of the parameters of its effects, freed from what all others absorb, and P the square of
-each one's size, or of its probe where that is more: nothing is known of a size but the three decades that it is within
-(Jeffreys' prior), and its sign, where physics allows both. V is 1 where H leaves noise alone.
+Psi~ are the whitened slopes of the parameters of its effects, freed from what all others absorb. The k numbers of an
+effect that are of one kind, such as the gains of its sensors, are of one size, whose square is P: nothing is known of
+it but the three decades that it is within (Jeffreys' prior), and of its direction in their space but the signs that
+physics forbids, so that unknown(k) = log(D S_k / (2 pi)^(k/2)), with D the logarithm of the decades and S_k the surface
+of the unit sphere. V is 1 where H leaves noise alone.
 
 Something else is smooth over lines and channels and of any power: what is left of it is W numbers at the most, however
 many lines they are seen on. With E what H leaves beyond noise, its power integrated out,
@@ -26,11 +28,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import log_ndtr
+from scipy.special import gammaln, log_ndtr
 
 from ambid.arrays import FloatArray
 from ambid.effects import Effect
 from ambid.errors import UnstableLoopError
+from ambid.model import Parameter
 from ambid.noise import Comparison
 
 __all__ = [
@@ -44,12 +47,11 @@ __all__ = [
     "needed",
     "posterior",
     "price_of",
+    "unknown_size",
 ]
 
 DECADES = 3.0
 """Within so many decades is the size of an effect known before any record."""
-SIZE = float(np.log(2.0 * DECADES * np.log(10.0) / np.sqrt(2.0 * np.pi)))
-"""What a parameter of unknown size costs beside its precision."""
 USUAL = 0.3
 """Effects that a machine has, on average, that its rig file does not hold."""
 NAMELESS = float(np.log(0.05))
@@ -94,6 +96,8 @@ class Evidence:
         What the numbers cost that say how records begin, beyond those of the base model.
     information : ndarray, shape (q, q)
         Of the parameters of the effects, in units of their size, freed from what all others absorb.
+    kinds : tuple of int
+        How many of them are of each kind, which share their size.
     one_sided : int
         How many of them have one sign.
     prior : float
@@ -107,14 +111,15 @@ class Evidence:
     formula_error: float
     beginnings: float
     information: FloatArray
+    kinds: tuple[int, ...]
     one_sided: int
     prior: float
 
     def price(self, left: float = 1.0) -> float:
         """What the parameters of the effects and their number cost, where so much variance is left."""
-        q = len(self.information)
-        _, log_det = np.linalg.slogdet(np.eye(q) + self.information / left)
-        return float(0.5 * log_det) + SIZE * q - np.log(2.0) * self.one_sided + self.beginnings / left + self.prior
+        _, log_det = np.linalg.slogdet(np.eye(len(self.information)) + self.information / left)
+        unknown = sum(unknown_size(k) for k in self.kinds) - np.log(2.0) * self.one_sided
+        return float(0.5 * log_det) + unknown + self.beginnings / left + self.prior
 
     @property
     def alone(self) -> float:
@@ -153,7 +158,8 @@ def by_score(fit: Comparison, misfit: float, score: float, degrees: int, one_sid
         fitted_beyond=max(0.0, cost - fit.dof - BEYOND * deviation(fit)),
         formula_error=0.0,
         beginnings=0.0,
-        information=np.eye(degrees) * max(0.0, score) / max(1, degrees),
+        information=np.eye(degrees) * max(0.0, score),
+        kinds=(degrees,),
         one_sided=one_sided,
         prior=prior,
     )
@@ -171,10 +177,16 @@ def posterior(tried: Sequence[Evidence]) -> FloatArray:
     return np.asarray(weight / weight.sum())
 
 
+def unknown_size(k: int) -> float:
+    """What so many parameters of one unknown size cost beside their precision."""
+    log_surface = np.log(2.0) + 0.5 * k * np.log(np.pi) - gammaln(0.5 * k)
+    return float(np.log(DECADES * np.log(10.0)) + log_surface - 0.5 * k * np.log(2.0 * np.pi))
+
+
 def price_of(score: float, degrees: int, one_sided: int, prior: float) -> float:
     """What an effect would cost beside a set, by its score."""
-    precision = 0.5 * np.log(1.0 + max(0.0, score) / degrees)
-    return float(degrees * (precision + SIZE) - np.log(2.0) * one_sided + prior)
+    precision = 0.5 * degrees * np.log(1.0 + max(0.0, score))
+    return float(precision + unknown_size(degrees) - np.log(2.0) * one_sided + prior)
 
 
 def needed(degrees: int, one_sided: int, prior: float) -> float:
@@ -220,6 +232,7 @@ class Yardstick:
         prefixes = tuple(f"{effect.name}." for effect in added)
         parameters = fit.model.parameters
         own = [k for k, p in enumerate(parameters) if p.name.startswith(prefixes)] if prefixes else []
+        kinds = _kinds(parameters, own)
         return Evidence(
             cost=cost,
             expected=expected,
@@ -227,7 +240,8 @@ class Yardstick:
             fitted_beyond=max(0.0, fit.cost - fit.dof - BEYOND * deviation(fit)),
             formula_error=max((effect.formula_error for effect in added), default=0.0),
             beginnings=beginnings,
-            information=_information(fit, own),
+            information=_information(fit, kinds),
+            kinds=tuple(len(kind) for kind in kinds),
             one_sided=sum(parameters[k].lower >= 0.0 for k in own),
             prior=float(np.log(variants)) - sum(float(np.log(self.prior[effect.name])) for effect in added),
         )
@@ -255,12 +269,24 @@ class Yardstick:
         return price
 
 
-def _information(fit: Comparison, own: list[int]) -> FloatArray:
-    """Of some parameters, in units of their size, freed from what all others absorb, shape (own, own)."""
+def _kinds(parameters: Sequence[Parameter], own: Sequence[int]) -> list[list[int]]:
+    """Which of some parameters are of one kind: numbers of one effect that are probed alike."""
+    kinds: dict[tuple[str, str, float | None], list[int]] = {}
+    for k in own:
+        p = parameters[k]
+        kinds.setdefault((p.name.partition(".")[0], p.unit, p.typical), []).append(k)
+    return list(kinds.values())
+
+
+def _information(fit: Comparison, kinds: Sequence[Sequence[int]]) -> FloatArray:
+    """Of parameters of some kinds, in units of the size of each, freed from what all others absorb, shape (q, q)."""
+    own = [k for kind in kinds for k in kind]
     if not own:
         return np.zeros((0, 0))
     parameters = fit.model.parameters
     size = np.array([max(abs(p.value), p.scale) for p in parameters])
+    for kind in kinds:
+        size[kind] = np.linalg.norm(fit.model.theta[kind])
     hessian = fit.noise.quadratic(fit.model, list(range(len(size)))).hessian * np.outer(size, size)
     others = [k for k in range(len(size)) if k not in own]
     cross = hessian[np.ix_(own, others)]

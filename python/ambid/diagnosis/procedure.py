@@ -37,7 +37,6 @@ from ambid.identification.tolerances import findings_of as findings_of_tolerance
 from ambid.model import Given, Model, as_model
 from ambid.model.parameter import nominal
 from ambid.noise import Comparison
-from ambid.noise.chance import ADEQUATE
 from ambid.record import Measurement, Record, Source, measured
 from ambid.record.twice import findings_of_repeats, findings_of_validation
 from ambid.threads import with_one_blas_thread
@@ -60,7 +59,7 @@ def diagnose(
     validate: Source | Sequence[Source] = (),
     effects: Sequence[str | Effect] | None = None,
     catalogue: Sequence[Effect] = CATALOGUE,
-    tolerance: float = ADEQUATE,
+    tolerance: float | None = None,
     prior: Mapping[str, float] | None = None,
     ask: Ask | None = None,
     say: Callable[[str], None] = lambda _: None,
@@ -82,8 +81,9 @@ def diagnose(
         effect keeps the settings that it is given with, such as its place.
     catalogue : sequence of Effect
         Candidates; effects of your own may be among them.
-    tolerance : float
-        Misfit J/dof up to which a model is good enough; on a short record what chance brings, if that is more.
+    tolerance : float, optional
+        Misfit J/dof up to which a model is good enough for you, whatever the records show to be missing; by default
+        what they show decides.
     prior : mapping of str to float, optional
         Probability of effects by name before any record; by default all of the catalogue are alike.
     ask : callable, optional

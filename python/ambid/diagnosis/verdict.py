@@ -19,7 +19,7 @@ from ambid.diagnosis.task import Task
 from ambid.identification.covariance import covariance
 from ambid.loop.effect import Tone
 from ambid.noise import Comparison
-from ambid.noise.chance import RARE
+from ambid.noise.chance import ADEQUATE, RARE
 from ambid.noise.tones import OUTSTANDING
 from ambid.noise.unseen import ShapeLeft, shape_left
 from ambid.record import Measurement, Record
@@ -145,7 +145,7 @@ class _Left:
 
 
 def judged(
-    task: Task, field: Field, tolerance: float, *, is_stopped: bool = False, chosen: Hypothesis | None = None
+    task: Task, field: Field, tolerance: float | None, *, is_stopped: bool = False, chosen: Hypothesis | None = None
 ) -> Verdict:
     """The verdict on all sets that were tried.
 
@@ -153,8 +153,8 @@ def judged(
     ----------
     task : Task
     field : Field
-    tolerance : float
-        Misfit J/dof up to which a model is good enough.
+    tolerance : float or None
+        Misfit J/dof up to which a model is good enough for a person, whatever the records show to be missing.
     is_stopped : bool
         Whether a person ended the search before its end.
     chosen : Hypothesis, optional
@@ -173,9 +173,10 @@ def judged(
     is_noise = best.fit.is_within and found.something_else < LIKELY
     if best.added and not is_noise and not is_stopped and not left.against:
         changes = changing(best.fit)
-    is_small = best.fit.misfit <= max(tolerance, best.fit.by_chance) and left.loudest <= tolerance
-    is_good = not best.added and is_small and not left.against
-    is_good &= left.kept_back is None or left.kept_back <= tolerance
+    enough = ADEQUATE if tolerance is None else tolerance
+    is_small = best.fit.misfit <= max(enough, best.fit.by_chance) and left.loudest <= enough
+    is_good = tolerance is not None and not best.added and is_small and not left.against
+    is_good &= left.kept_back is None or left.kept_back <= enough
     is_nameless = found.something_else > LIKELY and not changes
     word = "adequate" if is_good else _word(found, best, is_nameless=is_nameless, is_chosen=chosen is not None)
     if is_stopped and word in ("adequate", "none_of_the_candidates") and not (word == "adequate" and is_small):
@@ -198,7 +199,7 @@ def judged(
         fit,
         where,
         best.fit.misfit,
-        tolerance,
+        enough,
         share,
         left.tones,
         left.change,
