@@ -207,7 +207,7 @@ def diagnose_command(
         typer.Option(metavar="NAME,...", help="Add these instead of choosing.", autocompletion=known_effects),
     ] = None,
     ask: Annotated[bool, typer.Option("--ask", help="Show the ranking and ask before an effect is added.")] = False,
-    tolerance: Annotated[float | None, typer.Option(help="Misfit J/dof that is good enough, whatever is missing.")] = None,
+    tolerance: Annotated[float | None, typer.Option(help="Misfit J/dof that is good enough.")] = None,
     prior: Annotated[
         list[str],
         typer.Option(metavar="NAME=P", help="Probability of an effect before any record, such as unbalance=0.5."),
