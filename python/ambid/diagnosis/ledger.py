@@ -6,14 +6,17 @@ from ambid.diagnosis.hypotheses import Field, Hypothesis, ranked, without
 from ambid.diagnosis.moves import moved, standard_errors
 from ambid.diagnosis.result import Step
 from ambid.diagnosis.task import Task
+from ambid.noise import Comparison
 
 __all__ = ["steps_to"]
 
 
-def steps_to(task: Task, field: Field, best: Hypothesis) -> list[Step]:
+def steps_to(task: Task, field: Field, best: Hypothesis, base: Comparison) -> list[Step]:
     """Every step, the base model first.
 
-    Effects are taken in the order in which the best set got them; what lies between was tried, or is fitted now.
+    Effects are taken in the order in which the best set got them; what lies between was tried, or is fitted now. Each
+    misfit is that of a model in its own noise, as `identify` and `compare` give it; without periods, where own noise
+    takes up what is missing, that in the noise of the best set.
     """
     chain = [best]
     for effect in reversed(best.added):
@@ -23,18 +26,20 @@ def steps_to(task: Task, field: Field, best: Hypothesis) -> list[Step]:
         if names in field.tried:
             chain.insert(0, field.tried[names])
     steps: list[Step] = []
+    is_measured = all(part.noise_is_measured for part in base.noise.parts)
     for before, own in zip([None, *chain], chain, strict=False):
         known = frozenset() if before is None else before.names
         added = [effect for effect in own.added if effect.name not in known]
         predicted = steps[-1].ranking.find(added[0].name) if steps and added else None
         ranking = field.rankings.get(own.names) or ranked(task, own.fit)
         kept_back = own.kept_back
+        alone = own.fit if not is_measured else own.fit.renewed() if own.added else base
         steps.append(
             Step(
                 effects=tuple(effect.name for effect in own.fit.model.effects),
                 fit_percent=own.fit.fit_percent,
                 validation_fit_percent=None if kept_back is None else kept_back.fit_percent,
-                misfit=own.fit.misfit,
+                misfit=alone.misfit,
                 validation_misfit=own.validation_misfit,
                 predicted_misfit=None if predicted is None else predicted.predicted_misfit,
                 ranking=ranking,

@@ -160,7 +160,7 @@ def diagnose(
     def told(*, is_stopped: bool) -> Diagnosis:
         end = None if chosen is None else max(field.tried.values(), key=lambda own: len(own.added))
         verdict = judged(task, field, tolerance, is_stopped=is_stopped, chosen=end)
-        return _told(verdict, field, end or field.best, task, records, start, findings, begun_at)
+        return _told(verdict, field, end or field.best, base, task, records, start, findings, begun_at)
 
     try:
         say(_line(field.base, field.base))
@@ -233,6 +233,7 @@ def _told(
     verdict: Verdict,
     field: Field,
     best: Hypothesis,
+    base: Comparison,
     task: Task,
     records: tuple[Measurement, ...],
     start: Model,
@@ -245,7 +246,7 @@ def _told(
     model = verdict.fit.model.with_substeps(None).with_covariance(spread)
     tolerances = known_values(model, spread, every)
     variances = budget_by_name(model.names, tolerances, budget(verdict.fit, every)) if tolerances else {}
-    history = steps_to(task, field, best)
+    history = steps_to(task, field, best, base)
     near = families(field, best)
     unnamed = verdict.word == "none_of_the_candidates"
     instants = [finding for finding in findings if unnamed and has([finding], CURRENT_AHEAD, CURRENT_BEHIND)]

@@ -140,7 +140,7 @@ def rank(
     for k, candidate in enumerate(candidates):
         near = [c.effect.name for j, c in enumerate(candidates) if j != k and cosines[k, j] > CONFUSABLE]
         ranked.append(replace(candidate, confusable_with=tuple(near)))
-    return Ranking(tuple(ranked), here.cost / here.dof, tuple(not_tried), comparison)
+    return Ranking(tuple(ranked), comparison.misfit, tuple(not_tried), comparison)
 
 
 def _not_shown(comparison: Comparison, effect: Effect, home: Rig) -> Kind | None:
@@ -198,6 +198,7 @@ class Point:
         self.residual = self.freed(residual[None])[0]
         self.cost = float(self.residual @ self.residual)
         self.dof = comparison.dof
+        self.told = min(1.0, comparison.cost / self.cost)  # J holds errors of the rig file as they are
         self.exact = model if model.is_linear else model.with_substeps(SUBSTEPS)
         self.linear = model.without_nonlinear()
         if not self.linear.is_stable:
@@ -336,7 +337,7 @@ class _Call:
             score=self.fall,
             degrees=self.degrees,
             start=self.predicted,
-            predicted_misfit=(self.cost - self.fall) / (self.point.dof - self.degrees),
+            predicted_misfit=self.point.told * (self.cost - self.fall) / (self.point.dof - self.degrees),
             smallest_visible=_smallest_visible(self.effect.probes(self.rig), self.of.size),
             direction=direction / norm if norm > 0.0 else direction,
             size=norm,

@@ -18,7 +18,7 @@ from ambid.record import Record
 __all__ = ["improbability", "renewed", "way_around"]
 
 MOST_RENEWALS = 3
-"""So often is the noise of a record without periods taken from the residual again, at the most."""
+"""So often is the noise taken from the residual again, at the most."""
 RENEWED = 0.01
 """Relative change of J by that which is small enough."""
 Renewed = tuple[WhitenedProblem, End, Comparison]
@@ -29,24 +29,22 @@ def renewed(
 ) -> Generator[Descent, End, Renewed]:
     """The optimum of J near an end, in the noise of its own residual.
 
-    Without periods the noise is known no better than the model: it is taken from the residual once more; with them a
-    tone may have been lost among what the rough fit left.
+    The noise that a model tells depends on the model: with periods through the way that it takes round the loop, and
+    through tones; without them altogether. It is taken from the residual again until J does not change by that.
     """
-    at, problem = model.with_theta(best.theta), rough
-    comparison = Comparison(at, rough.noise.records, rough.noise.renewed(at))
-    is_known = all(part.noise_is_measured for part in comparison.noise.parts)
-    for again in range(1 + MOST_RENEWALS):
+    comparison = Comparison(model.with_theta(best.theta), rough.noise.records, rough.noise).renewed()
+    problem = rough
+    for _ in range(1 + MOST_RENEWALS):
         if best.status == "stopped":
             break
-        comparison = comparison.renewed() if again else comparison
-        evaluations, before = problem.evaluations, best.cost
+        evaluations = problem.evaluations
         problem = WhitenedProblem(model, comparison.noise, free, rough.progress)
         problem.evaluations = evaluations
         best = yield Descent(problem, best.theta[free] / problem.scale, limits, most)
-        comparison = comparison.of(model.with_theta(best.theta))
-        if is_known and not comparison.noise.misses_tone(comparison.model):
-            break
-        if again and abs(best.cost / before - 1.0) < RENEWED:
+        fit = comparison.of(model.with_theta(best.theta))
+        is_told = not fit.noise.misses_tone(fit.model)
+        comparison = fit.renewed()
+        if is_told and abs(comparison.cost / fit.cost - 1.0) < RENEWED:
             break
     return problem, best, comparison
 
