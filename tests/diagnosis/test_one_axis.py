@@ -5,9 +5,9 @@ import json
 import pytest
 
 from ambid.diagnosis import diagnose
-from ambid.diagnosis.procedure import ADEQUATE
 from ambid.effects import CATALOGUE, find, slips
 from ambid.excitation import prbs
+from ambid.noise.chance import ADEQUATE
 from hidden.bench import measured
 from hidden.one_axis import NAMED, NAMELESS, ONE_AXIS, record
 from tiers import first_fast

@@ -8,7 +8,7 @@ from hidden.experiment import experiment
 
 @pytest.mark.parametrize("effect", [None, "seal_forces"])
 def test_identify_compare_rank_and_diagnose_state_one_misfit(effect, tmp_path):
-    rig, train, _, _ = experiment(effect, "large" if effect else "clear", 11, kind="levitator" if not effect else "bench")
+    rig, train, _, _ = experiment(effect, "large", 11, kind="compressor")
     estimate = ambid.identify(rig, train)
     estimate.model.save(tmp_path / "model.json")
     model = ambid.Model.load(tmp_path / "model.json")

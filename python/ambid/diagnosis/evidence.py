@@ -35,6 +35,7 @@ from ambid.effects import Effect
 from ambid.errors import UnstableLoopError
 from ambid.model import Parameter
 from ambid.noise import Comparison
+from ambid.noise.known import known_residual, known_slopes
 
 __all__ = [
     "OF_FORMULAS",
@@ -159,7 +160,7 @@ def by_score(fit: Comparison, misfit: float, score: float, degrees: int, one_sid
         formula_error=0.0,
         beginnings=0.0,
         information=np.eye(degrees) * max(0.0, score),
-        kinds=(degrees,),
+        kinds=(degrees,) if degrees else (),
         one_sided=one_sided,
         prior=prior,
     )
@@ -223,9 +224,9 @@ class Yardstick:
         beginnings = self._beginnings(fit, self.base)
         if kept_back is not None and self.kept_back is not None:
             try:
-                cost += kept_back.cost
+                cost += _further_cost(fit, kept_back)
                 beginnings += self._beginnings(kept_back, self.kept_back)
-                expected += kept_back.dof + len(fit.model.free)  # nothing is fitted to them
+                expected += kept_back.dof + len(fit.model.free)  # nothing further is fitted to them
             except UnstableLoopError:
                 cost = np.inf  # no such record was made by a loop that leaves all bounds
             variance += deviation(self.kept_back) ** 2
@@ -267,6 +268,19 @@ class Yardstick:
             squared = (turned[known.shape[1] :] @ (own.T @ left)) ** 2
             price += 0.5 * float(np.sum(np.where(squared > 1.0, 1.0 + np.log(np.maximum(squared, 1.0)), squared)))
         return price
+
+
+def _further_cost(fit: Comparison, kept_back: Comparison) -> float:
+    """By how much J of the records that a model was fitted to and of others, at its least, is above J of the first.
+
+    One step of Newton's leads there. What a fit to little does not determine, the others correct.
+    """
+    own, free = kept_back.model, list(range(len(fit.model.names)))
+    known, slopes = known_residual(own), known_slopes(own, free)  # which count once
+    further = kept_back.noise.quadratic(own, free)
+    gradient = further.gradient + slopes.T @ known
+    hessian = fit.noise.quadratic(fit.model, free).hessian + further.hessian - slopes.T @ slopes
+    return further.cost - float(known @ known) - float(gradient @ np.linalg.pinv(hessian, hermitian=True) @ gradient)
 
 
 def _kinds(parameters: Sequence[Parameter], own: Sequence[int]) -> list[list[int]]:

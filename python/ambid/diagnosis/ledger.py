@@ -33,7 +33,9 @@ def steps_to(task: Task, field: Field, best: Hypothesis, base: Comparison) -> li
         predicted = steps[-1].ranking.find(added[0].name) if steps and added else None
         ranking = field.rankings.get(own.names) or ranked(task, own.fit)
         kept_back = own.kept_back
-        alone = own.fit if not is_measured else own.fit.renewed() if own.added else base
+        alone = own.fit.renewed() if is_measured else own.fit
+        if is_measured and own.fit.model.effects == base.model.effects:
+            alone = base  # as it was fitted in its own noise
         steps.append(
             Step(
                 effects=tuple(effect.name for effect in own.fit.model.effects),

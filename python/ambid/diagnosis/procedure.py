@@ -160,7 +160,7 @@ def diagnose(
     def told(*, is_stopped: bool) -> Diagnosis:
         end = None if chosen is None else max(field.tried.values(), key=lambda own: len(own.added))
         verdict = judged(task, field, tolerance, is_stopped=is_stopped, chosen=end)
-        return _told(verdict, field, end or field.best, base, task, records, start, findings, begun_at)
+        return _told(verdict, field, end or field.best, bases[0], task, records, start, findings, begun_at)
 
     try:
         say(_line(field.base, field.base))
