@@ -164,7 +164,7 @@ def test_what_a_person_answers(ranking, monkeypatch, answer, choice):
     [
         pytest.param("y", ["loop_delay"], marks=pytest.mark.slow),
         pytest.param("n", [], marks=pytest.mark.slow),
-        ("2", None),
+        ("2", None),  # the second of the ranking, whatever was proposed
     ],
 )
 def test_asking_at_a_terminal(here, answer, effects):
@@ -184,7 +184,6 @@ def test_asking_at_a_terminal(here, answer, effects):
     history = json.loads(Path("d.json").read_text())["history"]
     if effects is None:
         effects = [history[0]["candidates"][1]["effect"]]
-        assert effects != ["loop_delay"]
         history = history[:2]
     assert history[-1]["effects"] == effects
 
