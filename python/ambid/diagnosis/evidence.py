@@ -33,6 +33,7 @@ from scipy.special import gammaln, log_ndtr
 from ambid.arrays import FloatArray
 from ambid.effects import Effect
 from ambid.errors import UnstableLoopError
+from ambid.identification.covariance import inverted
 from ambid.model import Parameter
 from ambid.noise import Comparison
 from ambid.noise.known import known_residual, known_slopes
@@ -278,9 +279,11 @@ def _further_cost(fit: Comparison, kept_back: Comparison) -> float:
     own, free = kept_back.model, list(range(len(fit.model.names)))
     known, slopes = known_residual(own), known_slopes(own, free)  # which count once
     further = kept_back.noise.quadratic(own, free)
-    gradient = further.gradient + slopes.T @ known
+    scale = np.array([p.scale for p in own.parameters])
+    gradient = (further.gradient + slopes.T @ known) * scale
     hessian = fit.noise.quadratic(fit.model, free).hessian + further.hessian - slopes.T @ slopes
-    return further.cost - float(known @ known) - float(gradient @ np.linalg.pinv(hessian, hermitian=True) @ gradient)
+    inverse, _ = inverted(hessian * np.outer(scale, scale))
+    return further.cost - float(known @ known) - float(gradient @ inverse @ gradient)
 
 
 def _kinds(parameters: Sequence[Parameter], own: Sequence[int]) -> list[list[int]]:

@@ -214,10 +214,11 @@ class Field:
         """Log evidence of a set, taking for noise what the set leaves that comes nearest to it: the set must explain.
 
         While sets are sought, something else explains most, and says nothing of where to go on; not where a set leaves
-        what formulas may leave.
+        what formulas may leave. What is foreseen to come nearer to noise than all has its own odds against noise.
         """
         if self.is_explained:
-            return self._worth(own)
+            foreseen = -0.5 * self._above(own) - own.price() - own.against
+            return max(self._worth(own), foreseen) if own.alone > self._lowest.alone else self._worth(own)
         left = max(1.0, self._lowest.cost / self._lowest.expected)
         return -0.5 * own.cost / left - own.price(left)
 
