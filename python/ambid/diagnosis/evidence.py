@@ -16,9 +16,10 @@ many lines they are seen on. With E what H leaves beyond noise, its power integr
 
     log p(data | H, something else) = -W/2 log(1 + E/W) - price,    V = 1 + E/W
 
-States that effects add begin each record settled, or nearly so: each further number c, in units of its error, that is
-fitted to how a record begins has a variance of its own before any record, which is found from it. It then lowers J by
-c^2 - 1 - log c^2, where c^2 > 1 (MacKay, Neural Comput. 4 (1992) 415).
+States that effects add begin each record settled, or nearly so: the n further numbers c, in units of their errors, that
+are fitted to how a record begins have one variance before it, which is found from them. With m the mean of c^2 they
+then lower J by n (m - 1 - log m) where m > 1, and not at all where they are no more than chance brings (MacKay, Neural
+Comput. 4 (1992) 415).
 """
 
 from __future__ import annotations
@@ -257,18 +258,16 @@ class Yardstick:
 
     def _beginnings(self, fit: Comparison, base: Comparison) -> float:
         """What the numbers cost that say how the states of linear effects begin the records."""
-        fitted, before = (own.noise.quadratic(own.model, []).fitted for own in (fit, base))
         model = fit.model.without_nonlinear()
+        fitted, before = (own.noise.quadratic(own.model, []).fitted for own in (fit, base))
         if fitted <= before or not model.is_stable:
             return 0.0
-        price = 0.0
-        departures = fit.noise.by_record(fit.noise.departure(model))
-        for left, known, own in zip(departures, self._transients[id(base)], fit.noise.transients(model), strict=True):
-            # of as many directions as the base model has, those nearest to its own; the others are of the effects
-            _, _, turned = np.linalg.svd(known.T @ own)
-            squared = (turned[known.shape[1] :] @ (own.T @ left)) ** 2
-            price += 0.5 * float(np.sum(np.where(squared > 1.0, 1.0 + np.log(np.maximum(squared, 1.0)), squared)))
-        return price
+        departure = fit.noise.departure(model)
+        left = float(departure @ departure)
+        for own, known in zip(fit.noise.by_record(departure), self._transients[id(base)], strict=True):
+            left -= float(np.sum((known.T @ own) ** 2))
+        mean = (left - fit.noise.quadratic(model, []).cost) / (fitted - before)
+        return 0.5 * (fitted - before) * (1.0 + float(np.log(mean)) if mean > 1.0 else max(0.0, mean))
 
 
 def _further_cost(fit: Comparison, kept_back: Comparison) -> float:

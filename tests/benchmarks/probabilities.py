@@ -1,0 +1,220 @@
+"""Are probabilities what they say? Random machines of three populations; statements held against the truth.
+
+    python tests/benchmarks/probabilities.py made.jsonl --machines 500
+    python tests/benchmarks/probabilities.py made.jsonl --report --table probabilities.md --picture probabilities.png
+
+Machines of each population (rotors and levitators that nobody chose, the benches), with nothing, one to three effects
+of the catalogue or physics outside of it hidden, their sizes drawn between barely and clearly visible, half of the rig
+files off by ordinary tolerances. Each effect that a diagnosis lists, and that nothing or something else is missing, is
+a statement with a probability. Calibrated is what isotonic regression of the truth on the probability leaves as it is
+(CORP: Dimitriadis, Gneiting, Jordan, PNAS 118 (2021) e2016191118). It goes on where it stopped; no part of the tests.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import numpy as np
+from scipy.optimize import isotonic_regression
+
+from ambid import Record, Rig, diagnose
+from benchmarks.grid import Row, aligned, markdown, rate_text, read_rows, run_all
+from benchmarks.levitators import sized as sized_levitator
+from hidden.experiment import experiment_on
+from hidden.families import BENCHES, Bench
+from hidden.levitators import EFFECTS, levitator
+from hidden.physics import CATALOGUE, OUTSIDE
+from hidden.sizes import Sized, find
+from hidden.strangers import stranger
+from hidden.tolerances import machine_off
+
+POPULATIONS = ("strangers", "levitators", "benches")
+HIDDEN = {"nothing": 0.2, "one": 0.3, "two": 0.25, "three": 0.1, "outside": 0.15}
+"""How often so many effects, or one of no name, are hidden."""
+SCORES = (200.0, 3e4)
+"""Rise of J that an effect should cause, drawn evenly in its logarithm."""
+SEEN = 60.0
+"""Score below which an effect counts as invisible, where no physical size reaches what was drawn."""
+SURE = 0.9
+FLOOR = 1e-4
+
+
+def run(population: str, number: int) -> Row:
+    """One machine and its diagnosis."""
+    random = np.random.default_rng([number, POPULATIONS.index(population), 77])
+    kind = str(random.choice(list(HIDDEN), p=list(HIDDEN.values())))
+    line: Row = {"kind": kind}
+    try:
+        made = _levitator(random, kind) if population == "levitators" else _rotor(random, kind, population)
+        if made is None:
+            return {**line, "skipped": "no physical size is visible"}
+        hidden, rig, train, validate = made
+        begun = time.perf_counter()
+        found = diagnose(rig, train, validate=validate)
+    except Exception as error:
+        return {**line, "error": f"{type(error).__name__}: {error}"}
+    return {
+        **line,
+        "hidden": hidden,
+        "verdict": found.verdict,
+        "effects": list(found.effects),
+        "sets": [list(own) for own in found.ambiguous_sets],
+        "misfits": [step.misfit for step in found.history],
+        "probabilities": found.probabilities.as_dict(),
+        "seconds": time.perf_counter() - begun,
+    }
+
+
+Made = tuple[dict[str, float], Rig, list[Record], list[Record]]
+
+
+def _drawn(random: np.random.Generator, kind: str, inside: Sequence[str], outside: Sequence[str]) -> list[str]:
+    if kind == "outside":
+        return [str(random.choice(outside))]
+    return [str(name) for name in random.choice(inside, list(HIDDEN).index(kind), replace=False)]
+
+
+def _rotor(random: np.random.Generator, kind: str, population: str) -> Made | None:
+    seed = int(random.integers(1000, 100_000))
+    bench = stranger(seed) if population == "strangers" else BENCHES[str(random.choice(list(BENCHES)))]
+    found = {}
+    for name in _drawn(random, kind, list(CATALOGUE), list(OUTSIDE)):
+        found[name] = find(name, float(np.exp(random.uniform(*np.log(SCORES)))), bench)
+    if any(own.score < SEEN for own in found.values()):
+        return None
+    scores = {name: own.score for name, own in found.items()}
+    if random.random() < 0.5:
+        rig, train, validate, _ = experiment_on(bench, found, seed)
+        return scores, rig, train, validate
+    off = machine_off(bench.known_to(tuple(found)), seed)
+    if set(off.hidden) & set(found):
+        return None
+    records = [_off_record(off, bench, found, seed, k) for k in range(2)]
+    return scores, off.known, records[:1], records[1:]
+
+
+def _off_record(off: object, bench: Bench, found: dict[str, Sized], seed: int, k: int) -> Record:
+    amplitude = min((own.amplitude for own in found.values()), default=bench.amplitude)
+    return off.record(
+        bench.excitation(amplitude, seed + k),
+        2 * seed + k,
+        {name: dict(own.parameters) for name, own in found.items()},
+        period=bench.period,
+        flexible_modes=None if "rotor_bending_mode" in found else bench.rig.rotor.flexible_modes,
+        **bench.truth,
+        **bench.noise,
+    )
+
+
+def _levitator(random: np.random.Generator, kind: str) -> Made | None:
+    machine = levitator(int(random.integers(1000, 100_000)))
+    inside = [name for name in EFFECTS if name in CATALOGUE]
+    hidden = {}
+    for name in _drawn(random, kind, inside, [name for name in EFFECTS if name not in inside]):
+        hidden[name] = sized_levitator(machine, name)
+    if any(own is None for own in hidden.values()):
+        return None
+    train, validate = ([machine.record(hidden, seed)] for seed in (1, 2))
+    return dict.fromkeys(hidden, np.nan), machine.rig, train, validate
+
+
+class Statement(NamedTuple):
+    """That an effect, nothing or something else is missing."""
+
+    population: str
+    hidden: int
+    name: str
+    p: float
+    is_true: bool
+
+
+def statements(row: Row) -> Iterator[Statement]:
+    """All that a diagnosis states."""
+    stated = row["probabilities"]
+    is_outside = row["kind"] == "outside"
+    truth = {"something_else"} if is_outside else set(row["hidden"]) or {"nothing"}
+    for name in sorted(set(stated) | truth):
+        yield Statement(row["key"][0], len(row["hidden"]), name, stated.get(name, 0.0), name in truth)
+
+
+def as_verdict(row: Row) -> dict[str, float]:
+    """The same statements by the verdict alone: 0.9 of what it names, 0.1 of all else."""
+    named = {*row["effects"], *(name for own in row["sets"] for name in own)}
+    named |= {"adequate": {"nothing"}, "none_of_the_candidates": {"something_else"}}.get(row["verdict"], set())
+    return {own.name: 0.9 if own.name in named else 0.1 for own in statements(row)}
+
+
+def log_score(p: Sequence[float], truth: Sequence[bool]) -> float:
+    """Mean of minus the log of what was given to what came."""
+    p = np.clip(np.array(p), FLOOR, 1.0 - FLOOR)
+    return float(-np.mean(np.log(np.where(truth, p, 1.0 - p))))
+
+
+def report(rows: list[Row], table: Path | None, picture: Path | None) -> None:
+    """By population and number of effects; the reliability diagram."""
+    kept = [row for row in rows if "verdict" in row]
+    head = ("population", "hidden", "machines", "90 % and more: true", "log score", "by verdict")
+    lines = []
+    for population in (*POPULATIONS, "all"):
+        for hidden in ("nothing", "one", "two", "three", "outside", "all"):
+            own = [r for r in kept if population in ("all", r["key"][0]) and hidden in ("all", r["kind"])]
+            said = [s for r in own for s in statements(r)]
+            if not own:
+                continue
+            sure = [s.is_true for s in said if s.p >= SURE]
+            plain = [as_verdict(r)[s.name] for r in own for s in statements(r)]
+            truth = [s.is_true for s in said]
+            scores = log_score([s.p for s in said], truth), log_score(plain, truth)
+            lines.append((population, hidden, len(own), rate_text(sum(sure), len(sure)), *(f"{x:.3f}" for x in scores)))
+    said = sorted((s for r in kept for s in statements(r)), key=lambda s: s.p)
+    p, truth = np.array([s.p for s in said]), np.array([s.is_true for s in said], dtype=float)
+    calibrated = isotonic_regression(truth).x
+    print(aligned(head, lines))
+    print(f"{len(rows)} machines, {len(rows) - len(kept)} skipped or failed, {len(said)} statements")
+    print(f"expected calibration error {np.mean(np.abs(p - calibrated)):.4f}")
+    if table is not None:
+        table.write_text(markdown(head, lines))
+    if picture is not None:
+        _draw(p, calibrated, picture)
+
+
+def _draw(p: np.ndarray, calibrated: np.ndarray, picture: Path) -> None:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(5.0, 5.5), layout="constrained")
+    curve, counts = figure.subplots(2, 1, height_ratios=(4, 1), sharex=True)
+    curve.plot([0, 1], [0, 1], color="0.7", lw=1.0)
+    curve.step(p, calibrated, where="mid", color="C0")
+    curve.set(ylabel="share that is true", xlim=(0, 1), ylim=(0, 1))
+    counts.hist(p, bins=20, range=(0, 1), color="C0", log=True)
+    counts.set(xlabel="probability", ylabel="statements")
+    figure.savefig(picture, dpi=150)
+
+
+def main() -> None:
+    """Run what is missing, or report."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--machines", type=int, default=500, help="of each population")
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--report", action="store_true")
+    parser.add_argument("--table", type=Path)
+    parser.add_argument("--picture", type=Path)
+    given = parser.parse_args()
+    if given.report:
+        report(read_rows(given.out), given.table, given.picture)
+        return
+    numbers = range(given.first, given.first + given.machines)
+    run_all(run, [(population, k) for k in numbers for population in POPULATIONS], given.out, given.workers)
+
+
+if __name__ == "__main__":
+    main()
