@@ -19,12 +19,13 @@ print(where.sentence())
 
 # Which effect does the residual ask for? Nothing is refitted for this.
 ranking = ambid.rank(comparison)
-best = ranking.candidates[0]
-print(f"ranked first: {best.effect.name}, which would take the misfit to {best.predicted_misfit:.2f}")
-print(f"hard to tell from it: {', '.join(best.confusable_with) or 'nothing'}")
+for candidate in ranking.candidates[:2]:
+    print(f"{candidate.effect.name} would take the misfit to {candidate.predicted_misfit:.2f}")
+    print(f"hard to tell from it: {', '.join(candidate.confusable_with) or 'nothing'}")
 
-# Add it at the predicted value, fit everything again, and look at a record that was not used.
-better = ambid.identify(estimate.model.add(best.effect, best.start), train)
+# Add each at its predicted value, fit everything again, and keep the better; then look at a record that was not used.
+fits = [ambid.identify(estimate.model.add(own.effect, own.start), train) for own in ranking.candidates[:2]]
+better, best = min(zip(fits, ranking.candidates, strict=False), key=lambda pair: pair[0].misfit)
 for name in ("tau_e", "loop_delay.delay"):
     p = better.parameters[name]
     print(f"{name}: {p.value:.4g} {p.unit}, was {estimate.parameters[name].value if name == 'tau_e' else 0.0:.4g}")
