@@ -50,7 +50,6 @@ __all__ = [
     "needed",
     "posterior",
     "price_of",
-    "unknown_size",
 ]
 
 DECADES = 3.0
@@ -121,7 +120,7 @@ class Evidence:
     def price(self, left: float = 1.0) -> float:
         """What the parameters of the effects and their number cost, where so much variance is left."""
         _, log_det = np.linalg.slogdet(np.eye(len(self.information)) + self.information / left)
-        unknown = sum(unknown_size(k) for k in self.kinds) - np.log(2.0) * self.one_sided
+        unknown = sum(_unknown_size(k) for k in self.kinds) - np.log(2.0) * self.one_sided
         return float(0.5 * log_det) + unknown + self.beginnings / left + self.prior
 
     @property
@@ -180,7 +179,7 @@ def posterior(tried: Sequence[Evidence]) -> FloatArray:
     return np.asarray(weight / weight.sum())
 
 
-def unknown_size(k: int) -> float:
+def _unknown_size(k: int) -> float:
     """What so many parameters of one unknown size cost beside their precision."""
     log_surface = np.log(2.0) + 0.5 * k * np.log(np.pi) - gammaln(0.5 * k)
     return float(np.log(DECADES * np.log(10.0)) + log_surface - 0.5 * k * np.log(2.0 * np.pi))
@@ -189,7 +188,7 @@ def unknown_size(k: int) -> float:
 def price_of(score: float, degrees: int, one_sided: int, prior: float) -> float:
     """What an effect would cost beside a set, by its score."""
     precision = 0.5 * degrees * np.log(1.0 + max(0.0, score))
-    return float(precision + unknown_size(degrees) - np.log(2.0) * one_sided + prior)
+    return float(precision + _unknown_size(degrees) - np.log(2.0) * one_sided + prior)
 
 
 def needed(degrees: int, one_sided: int, prior: float) -> float:

@@ -19,7 +19,7 @@ from ambid.diagnosis.task import Task
 from ambid.identification.covariance import covariance
 from ambid.loop.effect import Tone
 from ambid.noise import Comparison
-from ambid.noise.chance import ADEQUATE, RARE
+from ambid.noise.chance import RARE
 from ambid.noise.tones import OUTSTANDING
 from ambid.noise.unseen import ShapeLeft, shape_left
 from ambid.record import Measurement, Record
@@ -123,7 +123,7 @@ class Verdict:
     @property
     def is_only_good_enough(self) -> bool:
         """Whether it is called adequate while more than chance is left."""
-        return self.word == "adequate" and self.misfit > self.fit.by_chance
+        return self.word == "adequate" and self.fit.by_chance < self.misfit <= self.tolerance
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ def judged(
     is_noise = best.fit.is_within and found.something_else < LIKELY
     if best.added and not is_noise and not is_stopped and not left.against:
         changes = changing(best.fit)
-    enough = ADEQUATE if tolerance is None else tolerance
+    enough = best.fit.by_chance if tolerance is None else tolerance
     is_small = best.fit.misfit <= max(enough, best.fit.by_chance) and left.loudest <= enough
     is_good = tolerance is not None and not best.added and is_small and not left.against
     is_good &= left.kept_back is None or left.kept_back <= enough
