@@ -17,6 +17,9 @@ APART = 5.0
 """Degrees beyond right angles from which bearings count as turned against each other: the gain of one plane against the
 other then shows by sin(2 x 5 degrees), a sixth of what it does at 45."""
 
+REACH = 20.0
+"""Samples by which a reading may be late or early."""
+
 
 @dataclass(frozen=True)
 class SensorLag(Effect):
@@ -233,7 +236,7 @@ class SamplingSkew(Effect):
 
     name = "sampling_skew"
     physics = "currents and displacements are not read at one instant, nor when a digital controller's output changes"
-    equation = "i_c = i_a + d i_a' + d^2/2 i_a''; y = y_true - e y_true' + e^2/2 y_true''"
+    equation = "i_c(t) = i_a(t - d); y(t) = y_true(t - e)"
     signature = "i_c alone is late, y fits; where the controller uses an early y, the loop loses damping as well"
     source = "Pintelon, Schoukens, System Identification, 2nd ed., section 2.7"
 
@@ -256,23 +259,14 @@ class SamplingSkew(Effect):
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """By how much i_c is read late, and y early [s]."""
-        tau, sample = rig.amplifier.time_constant, 1.0 / rig.sample_rate
-        reach = sample if tau > 2.0 * sample else 0.5 * sample  # beyond it the expansion in d is of no use
-        found = []
-        if tau > 0.0:
-            found.append(
-                EffectParameter(
-                    "current_late",
-                    "s",
-                    min(0.02 * sample, 0.25 * tau),
-                    lower=-reach,
-                    upper=reach,
-                    meaning="by how much i_c is read late, d",
-                )
-            )
+        sample = 1.0 / rig.sample_rate
+        reach, found = REACH * sample, []
+        if rig.amplifier.time_constant > 0.0:
+            probe, meaning = min(0.02 * sample, 0.25 * rig.amplifier.time_constant), "by how much i_c is read late, d"
+            found.append(EffectParameter("current_late", "s", probe, lower=-reach, upper=reach, meaning=meaning))
         if self._reads_y_early(rig):
             meaning = "by how much y is read early, e"
-            found.append(EffectParameter("displacement_early", "s", 0.02 * sample, upper=sample, meaning=meaning))
+            found.append(EffectParameter("displacement_early", "s", 0.02 * sample, upper=reach, meaning=meaning))
         return found
 
     def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
@@ -282,18 +276,16 @@ class SamplingSkew(Effect):
         return lags | {LAG_ROUND_LOOP: early} if self._reads_y_early(rig) else lags | {LAG_OF_CURRENT: late}
 
     def attach(self, plant: Plant) -> None:
-        """To second order, the command being held."""
+        """Exact; an early y is a late command, seen from where y is read, and then i_c is read before it acts."""
         late, early = self.slot("current_late"), self.slot("displacement_early")
+        reads_early = self._reads_y_early(plant.rig)
+        if reads_early:
+            plant.delay_commands(early)
         for axis in plant.axes:
             if plant.rig.amplifier.time_constant > 0.0:
-                first = plant.port(late, plant[f"i_a_rate.{axis}"])
-                second = plant.port(late, plant.port(late, plant[f"i_a_bend.{axis}"]), scale=0.5)
-                plant.inject(f"i_c.{axis}", first + second)
-        if self._reads_y_early(plant.rig):
-            for axis, z, direction in zip(plant.axes, plant.sensors, plant.directions, strict=True):
-                velocity, acceleration = (plant.at(z, direction, of) for of in ("eta_rate", "eta_bend"))
-                second = plant.port(early, plant.port(early, acceleration), scale=0.5)
-                plant.inject(f"y.{axis}", second - plant.port(early, velocity))
+                plant.record_late(f"i_c.{axis}", late)
+            if reads_early:
+                plant.record_late(f"i_c.{axis}", early, -1.0)
 
 
 EFFECTS = (

@@ -78,6 +78,25 @@ class GainError:
 
 
 @dataclass(frozen=True)
+class LateOutput:
+    """An output that is recorded late by ``scale`` times what fills a slot [s]; early where that is negative.
+
+    Several delays of one output add up. What a controller reads is not late.
+
+    Attributes
+    ----------
+    output : str
+        Such as ``i_c.A_zeta``.
+    slot : str
+    scale : float
+    """
+
+    output: str
+    slot: str
+    scale: float = 1.0
+
+
+@dataclass(frozen=True)
 class Lft:
     """G with its Delta: ``x' = A x + B [u; w]``, ``[y; z] = C x + D [u; w]``, ``w = Delta z`` (eq. 8, Fig. 3).
 
@@ -95,6 +114,8 @@ class Lft:
         Nonlinear entries, after the linear ones.
     late : str or None
         Slot of a delay [s] after which what enters as a command acts; its inputs are what has arrived.
+    late_outputs : tuple of LateOutput
+        Outputs that are recorded late or early.
     gain_errors : tuple of GainError
         Of the controller that is to be closed around it.
     """
@@ -108,6 +129,7 @@ class Lft:
     ports: tuple[Port, ...]
     blocks: tuple[Block, ...] = ()
     late: str | None = None
+    late_outputs: tuple[LateOutput, ...] = ()
     gain_errors: tuple[GainError, ...] = ()
 
     def closed(self, values: Mapping[str, float]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

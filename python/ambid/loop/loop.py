@@ -113,6 +113,7 @@ class Loop:
             controller,
             [_block(block, filled_by) for block in self.lft.blocks],
             substeps,
+            [(self.outputs.index(o.output), filled_by[o.slot], o.scale) for o in self.lft.late_outputs],
         )
 
     def simulate(self, theta: ArrayLike, u: ArrayLike) -> FloatArray:
@@ -194,7 +195,7 @@ class Loop:
         return eigenmodes(A, C[: len(self.outputs)], slopes[list(free)])
 
     def state_space(self, theta: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """A, B, C, D of the loop sampled with zero-order hold, inputs to outputs."""
+        """A, B, C, D of the loop sampled with zero-order hold, inputs to outputs; whole samples of delay are left out."""
         return self.core.discrete(_vector(theta))
 
     def transfer(self, theta: ArrayLike, points: ComplexArray) -> ComplexArray:
@@ -221,8 +222,17 @@ class Loop:
             if self.lft.late is not None:
                 excited = [k for k, name in enumerate(self.inputs) if name.startswith("i_e.")]
                 response[:, :, excited] *= np.exp(-2j * np.pi * frequency_hz * at[self.lft.late])[:, None, None]
-            return response
-        return frequency_response(self.state_space(theta), np.exp(2j * np.pi * frequency_hz * self.sample_time))
+            return response * self._recorded(at, 2j * np.pi * frequency_hz)[:, :, None]
+        points = np.exp(2j * np.pi * frequency_hz * self.sample_time)
+        late = points[:, None] ** -np.array(self.core.shifts(_vector(theta)), dtype=np.float64)
+        return frequency_response(self.state_space(theta), points) * late[:, :, None]
+
+    def _recorded(self, at: dict[str, float], s: ComplexArray) -> ComplexArray:
+        """What a late record multiplies outputs by in continuous time, shape (frequencies, outputs)."""
+        late = np.zeros(len(self.outputs))
+        for own in self.lft.late_outputs:
+            late[self.outputs.index(own.output)] += own.scale * at[own.slot]
+        return np.exp(-s[:, None] * late)
 
     def frequency_slopes(
         self, theta: ArrayLike, frequency_hz: FloatArray, u: ComplexArray, free: Sequence[int]
@@ -264,7 +274,11 @@ class Loop:
         if self.lft.late is not None:
             late = np.einsum("lyu,lu->ly", response[:, :outputs][:, :, excited], inputs[:, excited])
             slopes[:, :, self._filled_by[self.lft.late]] -= s[:, None] * late
-        return slopes[:, :, list(free)]
+        whole = np.einsum("lyu,lu->ly", response[:, :outputs, : len(self.inputs)], inputs)
+        for own in self.lft.late_outputs:
+            output = self.outputs.index(own.output)
+            slopes[:, output, self._filled_by[own.slot]] -= own.scale * s * whole[:, output]
+        return slopes[:, :, list(free)] * self._recorded(at, s)[:, :, None]
 
     def packed(self, theta: ArrayLike, parameters: Sequence[str]) -> bytes:
         """The loop at `theta` as a file for the stepper without Python, with names for the parameters.

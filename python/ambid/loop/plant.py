@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ambid.errors import ModelError
-from ambid.loop.assembly import ZERO, Assembly, GainError, Lft, Signal, combine
+from ambid.loop.assembly import ZERO, Assembly, GainError, LateOutput, Lft, Signal, combine
 from ambid.loop.geometry import axes_in_planes
 from ambid.rig import Rig
 from ambid.rotor import ReducedRotor
@@ -49,6 +49,7 @@ class Plant(Assembly):
         self.rig, self.rotor = rig, rotor
         self.reference = rig
         self.late: str | None = None
+        self.late_outputs: list[LateOutput] = []
         self.gain_errors: list[GainError] = []
         self.axes = rig.axes
         self.directions = axes_in_planes(rig, rotor.planes)
@@ -129,6 +130,10 @@ class Plant(Assembly):
             raise ModelError(f"{slot} and {self.late} both delay the commands; keep one of the two")
         self.late = slot
 
+    def record_late(self, output: str, slot: str, scale: float = 1.0) -> None:
+        """Let an output, such as ``i_c.A_zeta``, be recorded late by `scale` times what fills a slot [s]."""
+        self.late_outputs.append(LateOutput(output, slot, scale))
+
     def scale_controller(self, slot: str, gain: str) -> None:
         """Let a gain of the controller, or all of it (``gain``), differ by the relative error that fills a slot."""
         self.gain_errors.append(GainError(slot, gain))
@@ -171,7 +176,8 @@ class Plant(Assembly):
         Outputs are y, i_c, then `more` of every axis.
         """
         outputs = [f"{signal}.{axis}" for signal in ("y", "i_c", *more) for axis in self.axes]
-        return replace(self.lft(outputs), late=self.late, gain_errors=tuple(self.gain_errors))
+        late, errors = tuple(self.late_outputs), tuple(self.gain_errors)
+        return replace(self.lft(outputs), late=self.late, late_outputs=late, gain_errors=errors)
 
 
 def base_plant(rig: Rig, rotor: ReducedRotor) -> Lft:

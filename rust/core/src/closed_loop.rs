@@ -10,6 +10,7 @@ use crate::linear::Response;
 use crate::modal;
 use crate::model::Model;
 use crate::nonlinear::Nonlinear;
+use crate::reading::{Shifted, last_period, shifts};
 use crate::split::{Part, split};
 use crate::steady::from_steady_state;
 use crate::stop::each;
@@ -167,8 +168,8 @@ impl ClosedLoop {
         for part in self.parts.iter().filter(|p| !p.inputs.is_empty()) {
             let own = columns(u, inputs, &part.inputs);
             let found = from_steady_state(&part.model, theta, &own, period)?;
-            let last = found.chunks_exact(part.outputs.len().max(1)).skip(samples - period);
-            for (y, found) in y.chunks_exact_mut(ny).zip(last) {
+            let last = last_period(&found, &shifts(&part.model, theta)?, period);
+            for (y, found) in y.chunks_exact_mut(ny).zip(last.chunks_exact(part.outputs.len().max(1))) {
                 part.outputs.iter().zip(found).for_each(|(o, found)| y[*o] = *found);
             }
         }
@@ -191,6 +192,15 @@ impl ClosedLoop {
     ) -> Result<Vec<Prepared<'_>>> {
         let some = self.prepare(theta, free)?.into_iter().map(|part| part.only(&counts));
         Ok(some.filter(|part| !part.outputs.is_empty()).collect())
+    }
+
+    /// Whole samples by which each output is recorded late; the rest of its delay is in [`ClosedLoop::discrete`].
+    ///
+    /// # Errors
+    /// [`crate::Error::Singular`] where one is late or early by 1000 samples and more.
+    pub fn shifts(&self, theta: &[f64]) -> Result<Vec<isize>> {
+        self.check(theta, &[])?;
+        shifts(&self.model, theta)
     }
 
     /// What it was made of.
@@ -224,6 +234,8 @@ pub(crate) struct Prepared<'a> {
     pub outputs: Vec<usize>,
     /// Positions in the caller's `free` of the parameters that act on this part.
     pub free: Vec<usize>,
+    /// Whole samples by which each output is recorded late.
+    shifts: Vec<isize>,
 }
 
 impl<'a> Prepared<'a> {
@@ -236,7 +248,8 @@ impl<'a> Prepared<'a> {
         } else {
             Path::Nonlinear(Box::new(Nonlinear::stable(&part.model, theta, &parameters)?))
         };
-        Ok(Self { path, inputs: &part.inputs, outputs: part.outputs.clone(), free: own })
+        let shifts = shifts(&part.model, theta)?;
+        Ok(Self { path, inputs: &part.inputs, outputs: part.outputs.clone(), free: own, shifts })
     }
 
     /// The same without the outputs that do not count, where it is cheaper without them.
@@ -244,7 +257,8 @@ impl<'a> Prepared<'a> {
         if let Path::Linear(Response::Modal(kernel)) = &mut self.path {
             let width = 1 + self.free.len();
             kernel.keep(|column| counts(self.outputs[column / width]));
-            self.outputs.retain(|o| counts(*o));
+            let own = self.outputs.iter().zip(&self.shifts).filter(|(o, _)| counts(**o));
+            (self.outputs, self.shifts) = own.map(|(o, m)| (*o, *m)).unzip();
         }
         self
     }
@@ -254,7 +268,13 @@ impl<'a> Prepared<'a> {
     /// # Errors
     /// [`crate::Error::Diverged`] and [`crate::Error::Unresolved`] of a nonlinear part.
     pub fn run(&self, u: &[f64], inputs: usize, sink: &mut impl FnMut(usize, usize, &[f64], usize)) -> Result<()> {
-        self.path.run(&columns(u, inputs, self.inputs), sink)
+        let u = columns(u, inputs, self.inputs);
+        if self.shifts.iter().all(|m| *m == 0) {
+            return self.path.run(&u, sink);
+        }
+        let mut shifted = Shifted::new(&self.shifts, 1 + self.free.len());
+        let u = shifted.extended(&u, self.inputs.len());
+        self.path.run(&u, &mut |_, count, block, stride| shifted.take(count, block, stride, sink))
     }
 
     /// The sum of its rows of outputs, each followed by its derivatives, over the periods.

@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::expm::expm;
 use crate::lft::Closed;
 use crate::model::{Controller, GainError, Model};
+use crate::reading::{Group, groups};
 
 /// `x[k+1] = a x[k] + b u[k]`, `y[k] = c x[k] + d u[k]`; also the derivative of one by a parameter.
 #[derive(Debug, Clone)]
@@ -64,6 +65,14 @@ impl Dual {
         Self { value: &self.value + &right.value, slopes }
     }
 
+    /// Takes over some of the rows.
+    fn replace(&mut self, rows: &[usize], from: &Self) {
+        let own = [&mut self.value].into_iter().chain(&mut self.slopes);
+        for (own, from) in own.zip([&from.value].into_iter().chain(&from.slopes)) {
+            rows.iter().for_each(|row| own.set_row(*row, &from.row(*row)));
+        }
+    }
+
     /// Applies a linear map (padding, selection, multiplication by a constant) to the value and to each slope.
     fn map(&self, f: impl Fn(&DMatrix<f64>) -> DMatrix<f64>) -> Self {
         Self { value: f(&self.value), slopes: self.slopes.iter().map(f).collect() }
@@ -71,6 +80,8 @@ impl Dual {
 }
 
 /// The sampled loop and its derivative by each parameter in `free`.
+///
+/// Of an output that is late, C and D are those of its phase after a sample; whole samples are left to the caller.
 ///
 /// Nonlinear blocks are linearised at rest; then `free` must be empty.
 ///
@@ -87,12 +98,19 @@ pub fn discretise_scaled(model: &Model, theta: &[f64], free: &[usize]) -> Result
     let mut closed = model.lft.close_at_rest(theta)?;
     let sizes = closed.balance();
     let plant = Plant::new(model, &closed, theta, free);
+    let late = groups(model, theta, free)?;
     let (value, slopes) = match &model.controller {
         None => {
             let (a, b) = plant.hold(model.dt, &vec![0.0; free.len()])?;
-            collect(&a, &b, &plant.c, &plant.d)
+            let (mut c, mut d) = (plant.c.map(Clone::clone), plant.d.map(Clone::clone));
+            for Group { instant, outputs } in &late {
+                let (x, u) = plant.hold(instant.phase, &instant.slopes)?;
+                c.replace(outputs, &plant.c.times(&x));
+                d.replace(outputs, &plant.c.times(&u).plus(&plant.d));
+            }
+            collect(&a, &b, &c, &d)
         }
-        Some(controller) => sampled(&plant, &controller.at(theta, model.dt)?, model.dt, free)?,
+        Some(controller) => sampled(&plant, &controller.at(theta, model.dt)?, model.dt, free, &late)?,
     };
     Ok((value, slopes, sizes))
 }
@@ -161,7 +179,13 @@ impl Plant {
 /// States: plant, controller, and the commands under way (newest first). Within a controller sample the amplifier
 /// sees the command of `whole + 1` samples ago for the fraction of the delay, then that of `whole` samples ago.
 /// Inputs: excitations, further inputs of the plant, noise.
-fn sampled(plant: &Plant, k: &Controller, dt: f64, free: &[usize]) -> Result<(Discrete, Vec<Discrete>)> {
+fn sampled(
+    plant: &Plant,
+    k: &Controller,
+    dt: f64,
+    free: &[usize],
+    groups: &[Group],
+) -> Result<(Discrete, Vec<Discrete>)> {
     let (np, m, q) = (free.len(), k.channels(), k.signals());
     if k.reads_commands(&plant.d.value) || plant.d.slopes.iter().any(|d| k.reads_commands(d)) {
         return Err(Error::Singular { what: "a signal that the controller reads follows a command at once" });
@@ -261,8 +285,40 @@ fn sampled(plant: &Plant, k: &Controller, dt: f64, free: &[usize]) -> Result<(Di
             a = step_a.times(&a);
         }
     }
-    let c = plant.c.map(|c| place(ny, n, (0, 0), c)).plus(&plant.d.times(&first.0));
-    let d = plant.d.times(&first.1).plus(&constant(noise(ny)));
+    let noise = constant(noise(ny));
+    let mut c = plant.c.map(|c| place(ny, n, (0, 0), c)).plus(&plant.d.times(&first.0));
+    let mut d = plant.d.times(&first.1).plus(&noise);
+    for Group { instant, outputs } in groups {
+        // whole controller samples, then as far as the instant reaches into the one that follows
+        let before = (instant.phase / step).floor().min(k.steps as f64 - 1.0);
+        let rest = (instant.phase - before * step).max(0.0);
+        let mut acts = acting(whole);
+        let (mut x, mut u);
+        if in_two && rest <= step * fraction {
+            acts = acting(whole + 1);
+            let (a, g) = plant.hold(rest, &instant.slopes)?;
+            x = a.map(|a| place(nx, n, (0, 0), a)).plus(&g.times(&acts.0));
+            u = g.times(&acts.1);
+        } else if in_two {
+            let (a1, g1) = plant.hold(step * fraction, &later)?;
+            let since: Vec<f64> = instant.slopes.iter().zip(&later).map(|(instant, later)| instant - later).collect();
+            let (a2, g2) = plant.hold(rest - step * fraction, &since)?;
+            let (earlier, a2g1) = (acting(whole + 1), a2.times(&g1));
+            x = a2.times(&a1).map(|a| place(nx, n, (0, 0), a)).plus(&a2g1.times(&earlier.0)).plus(&g2.times(&acts.0));
+            u = a2g1.times(&earlier.1).plus(&g2.times(&acts.1));
+        } else {
+            let (a, g) = plant.hold(rest, &instant.slopes)?;
+            x = a.map(|a| place(nx, n, (0, 0), a)).plus(&g.times(&acts.0));
+            u = g.times(&acts.1);
+        }
+        (x, u) = (plant.c.times(&x).plus(&plant.d.times(&acts.0)), plant.c.times(&u).plus(&plant.d.times(&acts.1)));
+        for _ in 0..before as usize {
+            u = x.times(&step_b).plus(&u);
+            x = x.times(&step_a);
+        }
+        c.replace(outputs, &x);
+        d.replace(outputs, &u.plus(&noise));
+    }
     Ok(collect(&a, &b, &c, &d))
 }
 

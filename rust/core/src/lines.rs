@@ -23,6 +23,7 @@ use crate::eigen::eigenvalues;
 use crate::error::{Error, Result, check_len};
 use crate::linear::stable;
 use crate::modal::Modal;
+use crate::reading::shifts;
 use crate::split::Part;
 use crate::stop::go_on;
 
@@ -71,6 +72,8 @@ pub(crate) struct OnLines<'a> {
     pub outputs: &'a [usize],
     /// Positions in the caller's `free` of the parameters that act on this part.
     pub free: Vec<usize>,
+    /// Whole samples by which the outputs are recorded late; empty where none is.
+    shifts: Vec<isize>,
 }
 
 enum Way {
@@ -110,7 +113,9 @@ impl<'a> OnLines<'a> {
                 Way::Dense(Box::new(dense::Dense::new(value, slopes)?))
             }
         };
-        Ok(Self { way, inputs: &part.inputs, outputs: &part.outputs, free: own })
+        let shifts = shifts(&part.model, theta)?;
+        let shifts = if shifts.iter().any(|m| *m != 0) { shifts } else { Vec::new() };
+        Ok(Self { way, inputs: &part.inputs, outputs: &part.outputs, free: own, shifts })
     }
 
     pub fn states(&self) -> usize {
@@ -129,10 +134,16 @@ impl<'a> OnLines<'a> {
 
     /// Lines x outputs x inputs of this part.
     fn transfer(&self, w: &[C64]) -> Result<Vec<C64>> {
-        match &self.way {
-            Way::Modal(poles) => poles.transfer(w),
-            Way::Dense(dense) => dense.transfer(w),
+        let mut found = match &self.way {
+            Way::Modal(poles) => poles.transfer(w)?,
+            Way::Dense(dense) => dense.transfer(w)?,
+        };
+        let inputs = self.inputs.len();
+        for (l, o, turn) in self.turns(w) {
+            let from = (l * self.outputs.len() + o) * inputs;
+            found[from..from + inputs].iter_mut().for_each(|g| *g *= turn);
         }
+        Ok(found)
     }
 
     /// At most [`BLOCK`] points `w` with the inputs of the whole loop there; `d` is this part's own.
@@ -142,6 +153,28 @@ impl<'a> OnLines<'a> {
             Way::Modal(poles) => poles.run(w, &own, d, block),
             Way::Dense(dense) => dense.run(w, &own, d, block),
         }
+        let Block { columns, stride, half, basis: [re, im], .. } = block;
+        let (width, n) = (1 + self.free.len(), re.len() / (w.len() * self.outputs.len()).max(1));
+        for (l, o, turn) in self.turns(w) {
+            let (real, imaginary) = columns[l * *stride..(l + 1) * *stride].split_at_mut(*half);
+            let own = o * width..(o + 1) * width;
+            multiply(&mut real[own.clone()], &mut imaginary[own], turn);
+            let own = (l * self.outputs.len() + o) * n..(l * self.outputs.len() + o + 1) * n;
+            multiply(&mut re[own.clone()], &mut im[own], turn);
+        }
+    }
+
+    /// By what every line and output that is late by whole samples is multiplied.
+    fn turns(&self, w: &[C64]) -> impl Iterator<Item = (usize, usize, C64)> {
+        let late = self.shifts.iter().enumerate().filter(|(_, m)| **m != 0);
+        late.flat_map(move |(o, m)| w.iter().enumerate().map(move |(l, w)| (l, o, w.powi(-*m as i32))))
+    }
+}
+
+/// Multiplies complex numbers, real and imaginary parts apart.
+fn multiply(re: &mut [f64], im: &mut [f64], by: C64) {
+    for (re, im) in re.iter_mut().zip(im) {
+        (*re, *im) = (*re * by.re - *im * by.im, *re * by.im + *im * by.re);
     }
 }
 
@@ -261,12 +294,18 @@ impl ClosedLoop {
         for part in &parts {
             let own = &d[at..at + part.states()];
             at += part.states();
+            // on lines the stretch is a circle, and so is what is late by whole samples
+            let samples = if part.shifts.is_empty() { samples } else { samples.max(length) };
             let free = match &part.way {
                 Way::Modal(poles) => poles.free_response(own, length, samples)?,
                 Way::Dense(dense) => dense.free_response(own, length, samples)?,
             };
-            for (free, y) in free.chunks_exact(part.outputs.len()).zip(y.chunks_exact_mut(ny)) {
-                part.outputs.iter().zip(free).for_each(|(o, free)| y[*o] = *free);
+            let (own, late) = (part.outputs.len(), |o: usize| part.shifts.get(o).copied().unwrap_or(0));
+            for (k, y) in y.chunks_exact_mut(ny).enumerate() {
+                for (i, o) in part.outputs.iter().enumerate() {
+                    let k = if late(i) == 0 { k } else { (k as isize - late(i)).rem_euclid(length as isize) as usize };
+                    y[*o] = free[k * own + i];
+                }
             }
         }
         Ok(y)

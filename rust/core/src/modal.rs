@@ -11,6 +11,7 @@ use crate::eigen::{eigenvalues, eigenvectors};
 use crate::error::Result;
 use crate::lft::{Closed, balancing};
 use crate::model::{Controller, Model};
+use crate::reading::{Group, groups};
 
 type C64 = Complex<f64>;
 
@@ -55,7 +56,8 @@ impl Modal {
         if model.controller.is_none() {
             let mut closed = model.lft.close_at_rest(theta)?;
             closed.balance();
-            return Ok(Self::analog(model, &closed, theta, free, values_only));
+            let late = groups(model, theta, free)?;
+            return Ok(Self::analog(model, &closed, theta, free, values_only, &late));
         }
         let (mut value, mut slopes) = discretise(model, theta, free)?;
         let t = balancing(&value.a);
@@ -63,7 +65,14 @@ impl Modal {
         Ok(Self::sampled(&value, &slopes, values_only))
     }
 
-    fn analog(model: &Model, closed: &Closed, theta: &[f64], free: &[usize], values_only: bool) -> Option<Self> {
+    fn analog(
+        model: &Model,
+        closed: &Closed,
+        theta: &[f64],
+        free: &[usize],
+        values_only: bool,
+        late: &[Group],
+    ) -> Option<Self> {
         let basis = Eigen::new(&closed.a, 0.0, (!values_only).then_some(MAX_LOSS_ANALOG))?;
         let (dt, gains) = (model.dt, &model.lft.gains);
         let b = basis.left_times(&closed.b_u);
@@ -74,7 +83,11 @@ impl Modal {
         let hold: Vec<Hold> = basis.lambda.iter().map(|l| Hold::new(*l, dt)).collect();
         let held = |b: &DMatrix<C64>| DMatrix::from_fn(n, b.ncols(), |i, a| hold[i].phi * b[(i, a)]);
 
-        let slopes = free.iter().map(|parameter| {
+        let at_phase: Vec<Vec<Hold>> =
+            late.iter().map(|g| basis.lambda.iter().map(|l| Hold::new(*l, g.instant.phase)).collect()).collect();
+        let phases = || late.iter().zip(&at_phase);
+
+        let slopes = free.iter().enumerate().map(|(j, parameter)| {
             let mut t = DMatrix::<C64>::zeros(n, n);
             let mut db = DMatrix::<C64>::zeros(n, b.ncols());
             let mut dc = DMatrix::<C64>::zeros(c.nrows(), n);
@@ -92,6 +105,18 @@ impl Modal {
             dc += &c * &turn;
             db -= &turn * &b;
             let rate = |i: usize| t[(i, i)];
+            for (Group { instant, outputs }, at) in phases() {
+                let later = instant.slopes[j];
+                for (o, i) in outputs.iter().flat_map(|o| (0..n).map(move |i| (*o, i))) {
+                    let Hold { mu, phi, phi_slope } = at[i];
+                    let (own, moved) = (c[(o, i)], dc[(o, i)]);
+                    for a in 0..b.ncols() {
+                        let by_phi = (moved * phi + own * (phi_slope * rate(i) + mu * later)) * b[(i, a)];
+                        dd[(o, a)] += (by_phi + own * phi * db[(i, a)]).re;
+                    }
+                    dc[(o, i)] = mu * (moved + own * (rate(i) * instant.phase + basis.lambda[i] * later));
+                }
+            }
             let mu = (0..n).map(|i| hold[i].mu * rate(i) * dt).collect();
             let db = DMatrix::from_fn(n, b.ncols(), |i, a| {
                 hold[i].phi * db[(i, a)] + hold[i].phi_slope * rate(i) * b[(i, a)]
@@ -100,7 +125,14 @@ impl Modal {
         });
         let slopes = slopes.collect();
         let mu = hold.iter().map(|h| h.mu).collect();
-        let value = Residues { mu, b: held(&b), c, d: closed.d_yu.clone() };
+        let (mut at_instants, mut d) = (c.clone(), closed.d_yu.clone());
+        for (Group { outputs, .. }, at) in phases() {
+            for (o, i) in outputs.iter().flat_map(|o| (0..n).map(move |i| (*o, i))) {
+                (0..b.ncols()).for_each(|a| d[(o, a)] += (c[(o, i)] * at[i].phi * b[(i, a)]).re);
+                at_instants[(o, i)] *= at[i].mu;
+            }
+        }
+        let value = Residues { mu, b: held(&b), c: at_instants, d };
         Some(Self { value, slopes })
     }
 

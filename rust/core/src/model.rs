@@ -4,6 +4,7 @@ use nalgebra::DMatrix;
 
 use crate::error::{Error, Result, check_finite, check_len};
 use crate::lft::Lft;
+use crate::reading::Late;
 
 /// Commands that may be under way.
 const MOST_UNDER_WAY: f64 = 1000.0;
@@ -68,6 +69,8 @@ pub struct Model {
     /// Substeps for nonlinear blocks while a command is held (a sample, where the controller is analog, or the part of
     /// a controller sample before or after the delay); chosen by the response itself where there is none.
     pub substeps: Option<usize>,
+    /// Outputs that are recorded late or early. What a controller reads is not.
+    pub late: Vec<Late>,
 }
 
 impl Controller {
@@ -191,7 +194,23 @@ impl Model {
                 return Err(Error::Singular { what });
             }
         }
-        Ok(Self { lft, dt, controller, substeps: None })
+        Ok(Self { lft, dt, controller, substeps: None, late: Vec::new() })
+    }
+
+    /// The same with outputs that are recorded late or early.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] where there is no such output, [`Error::NotFinite`].
+    pub fn recorded(mut self, late: Vec<Late>) -> Result<Self> {
+        for Late { output, scale, .. } in &late {
+            check_finite("scale of a delay", &[*scale])?;
+            if *output >= self.outputs() {
+                let (found, expected) = (output.to_string(), format!("less than {}", self.outputs()));
+                return Err(Error::Shape { what: "output that is late", found, expected });
+            }
+        }
+        self.late = late;
+        Ok(self)
     }
 
     /// Number of inputs of the closed loop: excitations, further inputs of the plant, then noise where there is any.
@@ -206,7 +225,8 @@ impl Model {
             let errors: Vec<usize> = k.errors.iter().map(|error| error.parameter).collect();
             k.late.into_iter().chain(errors)
         };
-        self.lft.parameters().chain(self.controller.iter().flat_map(of_controller))
+        let of_outputs = self.late.iter().map(|late| late.parameter);
+        self.lft.parameters().chain(self.controller.iter().flat_map(of_controller)).chain(of_outputs)
     }
 
     /// Number of inputs of the plant that a digital controller drives.

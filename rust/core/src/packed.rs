@@ -1,7 +1,7 @@
 //! A loop at one parameter set as a file, for programs without Python: written by one of its own, read by any.
 //!
 //! ```text
-//! "ambid stepper 1\n"
+//! "ambid stepper 2\n"
 //! names of inputs, of outputs, of parameters       lists of text
 //! theta                                            list of numbers
 //! dt, substeps                                     number, optional count
@@ -12,6 +12,7 @@
 //!                                                  late (optional count), steps (count), noise (flag),
 //!                                                  excitation (number), gain errors (list of: parameter, C, D,
 //!                                                  excitation)
+//! late outputs                                     list of: output, parameter (counts), scale (number)
 //! checksum                                         u64, FNV-1a of all bytes before
 //! ```
 //!
@@ -26,10 +27,11 @@ use crate::closed_loop::ClosedLoop;
 use crate::error::{Error, Result, check_finite, check_len};
 use crate::lft::{Gain, Lft};
 use crate::model::{Controller, GainError, Model};
+use crate::reading::Late;
 use part::{Part, Source};
 
 /// How a file begins; the number grows with every change of what follows.
-const MAGIC: &[u8] = b"ambid stepper 1\n";
+const MAGIC: &[u8] = b"ambid stepper 2\n";
 /// Size of the checksum.
 const CHECK: usize = 8;
 /// States of a loop, commands under way among them: its exponential then takes seconds, and some 100 MB.
@@ -73,7 +75,7 @@ impl Packed {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         let broken = |what| Error::Format { what, at: 0 };
         let body = bytes.strip_prefix(MAGIC);
-        let body = body.ok_or(broken("it does not begin as a stepper file of version 1 does"))?;
+        let body = body.ok_or(broken("it does not begin as a stepper file of version 2 does"))?;
         let (body, check) = body.split_last_chunk::<CHECK>().ok_or(broken("it is cut short"))?;
         if checksum(&bytes[..bytes.len() - CHECK]) != u64::from_le_bytes(*check) {
             return Err(broken("its checksum is wrong: it has been cut or changed"));
@@ -100,7 +102,7 @@ impl Packed {
 
     /// Refuses a loop that no stepper could hold.
     fn require_small(&self) -> Result<()> {
-        let Model { lft, dt, controller, substeps } = &self.model;
+        let Model { lft, dt, controller, substeps, .. } = &self.model;
         let system = self.system()?;
         system.check(&self.theta, &[])?;
         let (mut states, mut steps) = (lft.a.nrows() as f64, substeps.unwrap_or(1));
@@ -123,20 +125,22 @@ fn checksum(bytes: &[u8]) -> u64 {
 
 impl Part for Model {
     fn put(&self, out: &mut Vec<u8>) {
-        let Self { lft, dt, controller, substeps } = self;
+        let Self { lft, dt, controller, substeps, late } = self;
         dt.put(out);
         substeps.put(out);
         [&lft.a, &lft.b, &lft.c, &lft.d].into_iter().for_each(|m| m.put(out));
         lft.gains.put(out);
         lft.blocks.put(out);
         controller.put(out);
+        late.put(out);
     }
 
     fn take(source: &mut Source) -> Result<Self> {
         let (dt, substeps) = (source.take()?, source.take()?);
         let [a, b, c, d] = [source.take()?, source.take()?, source.take()?, source.take()?];
         let lft = Lft::with_blocks(a, b, c, d, source.take()?, source.take()?)?;
-        Ok(Self { substeps, ..Self::new(lft, dt, source.take()?)? })
+        let model = Self::new(lft, dt, source.take()?)?.recorded(source.take()?)?;
+        Ok(Self { substeps, ..model })
     }
 }
 
@@ -149,6 +153,18 @@ impl Part for Gain {
 
     fn take(source: &mut Source) -> Result<Self> {
         Ok(Self { parameter: source.take()?, scale: source.take()?, power: source.take()? })
+    }
+}
+
+impl Part for Late {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.output.put(out);
+        self.parameter.put(out);
+        self.scale.put(out);
+    }
+
+    fn take(source: &mut Source) -> Result<Self> {
+        Ok(Self { output: source.take()?, parameter: source.take()?, scale: source.take()? })
     }
 }
 

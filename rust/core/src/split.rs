@@ -4,6 +4,7 @@ use nalgebra::DMatrix;
 
 use crate::lft::Lft;
 use crate::model::{Controller, GainError, Model};
+use crate::reading::Late;
 
 /// An independent part of a loop, the inputs of the whole that act on it, and the outputs that are its own.
 ///
@@ -150,7 +151,9 @@ fn part(
             ..*c
         }
     });
-    Part { model: Model { lft: sub, controller, ..*model }, inputs, outputs }
+    let place = |output: usize| outputs.iter().position(|o| *o == output);
+    let late = model.late.iter().filter_map(|late| place(late.output).map(|output| Late { output, ..*late })).collect();
+    Part { model: Model { lft: sub, dt: model.dt, controller, substeps: model.substeps, late }, inputs, outputs }
 }
 
 fn select(m: &DMatrix<f64>, rows: &[usize], columns: &[usize]) -> DMatrix<f64> {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ambid_core::{ClosedLoop as Core, Controller, Gain, GainError, Lft, Model, Packed};
+use ambid_core::{ClosedLoop as Core, Controller, Gain, GainError, Late, Lft, Model, Packed};
 use nalgebra::DMatrix;
 use numpy::{Complex64, IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -47,7 +47,7 @@ pub struct ClosedLoop {
 #[pymethods]
 impl ClosedLoop {
     #[new]
-    #[pyo3(signature = (matrices, gains, parameters, dt, controller=None, blocks=Vec::new(), substeps=None))]
+    #[pyo3(signature = (matrices, gains, parameters, dt, controller=None, blocks=Vec::new(), substeps=None, late=Vec::new()))]
     #[allow(clippy::too_many_arguments)]
     fn new(
         matrices: Matrices<'_>,
@@ -57,6 +57,7 @@ impl ClosedLoop {
         controller: Option<DigitalController<'_>>,
         blocks: Vec<NonlinearBlock<'_>>,
         substeps: Option<usize>,
+        late: Vec<(usize, usize, f64)>,
     ) -> PyResult<Self> {
         let (a, b, c, d) = &matrices;
         let gains = gains.into_iter().map(|(parameter, scale, power)| Gain { parameter, scale, power }).collect();
@@ -82,7 +83,9 @@ impl ClosedLoop {
             }
             own
         });
-        let model = Model { substeps, ..Model::new(lft, dt, controller).map_err(raise)? };
+        let late = late.into_iter().map(|(output, parameter, scale)| Late { output, parameter, scale }).collect();
+        let model = Model::new(lft, dt, controller).and_then(|model| model.recorded(late)).map_err(raise)?;
+        let model = Model { substeps, ..model };
         Ok(Self { core: Arc::new(Core::new(model, parameters).map_err(raise)?) })
     }
 
@@ -147,6 +150,11 @@ impl ClosedLoop {
         let m = py.detach(|| self.core.discrete(theta)).map_err(raise)?;
         let array = |m| from_matrix(py, m);
         Ok((array(&m.a)?, array(&m.b)?, array(&m.c)?, array(&m.d)?))
+    }
+
+    /// Whole samples by which each output is recorded late.
+    fn shifts(&self, theta: PyReadonlyArray1<'_, f64>) -> PyResult<Vec<isize>> {
+        self.core.shifts(theta.as_slice()?).map_err(raise)
     }
 
     /// Derivatives of A of `discrete`: free x states x states.
