@@ -109,7 +109,8 @@ def simulate(
         adc_step=adc_step if rig.controller.is_digital else 0.0,
     )
     random = np.random.default_rng(seed)
-    rows = warm + len(i_e) + machine.late
+    early, late = max(-machine.late, 0), max(machine.late, 0)
+    rows = warm + len(i_e) + late
     inputs = np.zeros((rows, 2 * n))
     inputs[warm : warm + len(i_e), :n] = i_e
     white = random.standard_normal((rows, n))
@@ -123,13 +124,14 @@ def simulate(
         piece=piece,
         pieces=pieces,
         steps=max(4, int(np.ceil(piece / longest_step - 1e-9))) if machine.network.needs_fine_steps else 1,
-        warm_up=warm,
+        warm_up=warm - early,
         controller=controller.state_space(n, rate) if controller.is_digital else None,
     )
     gaps = np.array([bearing.air_gap for bearing in rig.bearings for _ in bearing.axes])
     if recorded is None or np.any(np.abs(recorded[:, :n]).max(axis=0) > 2.0 * gaps):
         raise MachineFailure(f"{rig.name}: the rotor has left its air gap with {dict(hidden or {})}")
-    y, i_c = recorded[: len(i_e), :n], recorded[machine.late :, n:]
+    y, i_c = (recorded[first : first + len(i_e)] for first in (early, late))
+    y, i_c = y[:, :n], i_c[:, n:]
     if adc_step:
         y = adc_step * np.rint(y / adc_step)
     if seed is not None:

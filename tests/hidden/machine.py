@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from math import ceil
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -30,13 +31,13 @@ class Machine:
     network : Network
     outputs : ndarray, shape (2 axes, CAPACITY)
         y then i_c as they are read at each sample.
-    late : bool
-        Whether each row of i_c comes one row after that of y which it belongs to.
+    late : int
+        By how many rows each row of i_c comes after that of y which it belongs to.
     """
 
     network: Network
     outputs: np.ndarray
-    late: bool
+    late: int
 
 
 def build(
@@ -91,7 +92,8 @@ class _Builder:
         moving = np.diag(rotor.damping) + gyroscopic
         net.rate(self.v, self.push - np.diag(rotor.squares) @ self.q - moving @ self.v)
         self._support()
-        late = "sampling_skew" in self.hidden and self.hidden["sampling_skew"]["seconds"] > 0.0
+        skew = self.hidden.get("sampling_skew", {"seconds": 0.0})["seconds"]
+        late = ceil(skew * self.rig.sample_rate - 1e-9)
         return Machine(net, np.concatenate([y, out]), late)
 
     # Motion -----------------------------------------------------------------------------------------------------------
@@ -212,9 +214,8 @@ class _Builder:
         if skew == 0.0:
             return i_c, i_c
         sample = 1.0 / self.rig.sample_rate
-        if abs(skew) >= sample:
-            raise ValueError(f"sampling_skew = {skew} s: less than a sample, {sample} s, either way")
-        return i_c, net.each("delay", [[-skew if skew < 0.0 else sample - skew]] * n, i_c)
+        before = ceil(skew / sample - 1e-9) * sample - skew  # the row that is read next; whole rows are counted off
+        return i_c, i_c if before < 1e-9 * sample else net.each("delay", [[before]] * n, i_c)
 
     def _flux(self, i_c: np.ndarray) -> np.ndarray:
         """Currents that the flux follows."""

@@ -74,7 +74,7 @@ CATALOGUE: dict[str, dict[str, tuple[object, str]]] = {
     "sensor_gain_error": {"gain": (NEEDED, "true over nominal, a number or one per axis")},
     "sensor_misalignment": {"degrees": (NEEDED, "a number or one per bearing, from zeta to eta")},
     "sensor_position_error": {"dz": (NEEDED, "m, a number or one per bearing")},
-    "sampling_skew": {"seconds": (NEEDED, "s by which i_c is read after y, less than a sample either way")},
+    "sampling_skew": {"seconds": (NEEDED, "s by which i_c is read after y, negative before")},
     "back_emf": {"coefficient": (NEEDED, "A s/m: drop of the amplifier's drive per velocity towards the magnet")},
     "periodic_disturbance": {
         "frequency_hz": (NEEDED, "Hz"),

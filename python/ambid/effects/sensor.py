@@ -236,7 +236,7 @@ class SamplingSkew(Effect):
 
     name = "sampling_skew"
     physics = "currents and displacements are not read at one instant, nor when a digital controller's output changes"
-    equation = "i_c(t) = i_a(t - d); y(t) = y_true(t - e)"
+    equation = "i_c(t) = i_a(t + d), y(t) = y_true(t - e)"
     signature = "i_c alone is late, y fits; where the controller uses an early y, the loop loses damping as well"
     source = "Pintelon, Schoukens, System Identification, 2nd ed., section 2.7"
 
@@ -276,14 +276,14 @@ class SamplingSkew(Effect):
         return lags | {LAG_ROUND_LOOP: early} if self._reads_y_early(rig) else lags | {LAG_OF_CURRENT: late}
 
     def attach(self, plant: Plant) -> None:
-        """Exact; an early y is a late command, seen from where y is read, and then i_c is read before it acts."""
+        """Exact: from the instants at which y is read, commands come late by e, and i_c is read by d + e after them."""
         late, early = self.slot("current_late"), self.slot("displacement_early")
         reads_early = self._reads_y_early(plant.rig)
         if reads_early:
             plant.delay_commands(early)
         for axis in plant.axes:
             if plant.rig.amplifier.time_constant > 0.0:
-                plant.record_late(f"i_c.{axis}", late)
+                plant.record_late(f"i_c.{axis}", late, -1.0)
             if reads_early:
                 plant.record_late(f"i_c.{axis}", early, -1.0)
 

@@ -97,10 +97,9 @@ impl<'a> Shifted<'a> {
         Self { shifts, cells, lead, lag, kept: vec![0.0; lag * shifts.len() * cells], done: 0 }
     }
 
-    /// The same inputs with as many rows more as the earliest output looks ahead; the last one is held.
+    /// The same inputs with as many rows of zeros more as the earliest output looks ahead.
     pub fn extended(&self, u: &[f64], inputs: usize) -> Vec<f64> {
-        let last = &u[u.len().saturating_sub(inputs)..];
-        [u, &last.repeat(self.lead)].concat()
+        [u, &vec![0.0; self.lead * inputs]].concat()
     }
 
     /// Takes rows as they come, and hands on those that are complete.
