@@ -15,6 +15,7 @@ use crate::error::{Error, Result};
 use crate::kernel::BLOCK;
 use crate::modal;
 use crate::model::{Controller, Model};
+use crate::reading::{Group, groups};
 use crate::stop::go_on;
 use plant::Plant;
 
@@ -42,6 +43,7 @@ const NEUTRAL: f64 = 1.0 + 1e-9;
 pub struct Nonlinear {
     plant: Plant,
     controller: Option<Controller>,
+    late: Vec<Group>,
     free: Vec<usize>,
     dt: f64,
     substeps: Option<usize>,
@@ -60,6 +62,7 @@ impl Nonlinear {
         Ok(Self {
             plant: Plant::new(model, theta, free)?,
             controller,
+            late: groups(model, theta, free)?,
             free: free.to_vec(),
             dt: model.dt,
             substeps: model.substeps,
@@ -117,7 +120,7 @@ impl Nonlinear {
 
     /// The loop at rest with a given number of substeps.
     pub fn start(&self, substeps: usize) -> Result<Run> {
-        Run::new(self.plant.clone(), self.controller.as_ref(), &self.free, self.dt, substeps)
+        Run::new(self.plant.clone(), self.controller.as_ref(), &self.free, self.dt, substeps, &self.late)
     }
 
     /// The loop at rest, with as many substeps as the loudest stretch of `u` needs.

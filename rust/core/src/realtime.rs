@@ -1,7 +1,7 @@
 //! The loop one sample at a time: no allocation after construction, the same work in every step.
 
 use crate::closed_loop::ClosedLoop;
-use crate::error::{Result, check_finite, check_len};
+use crate::error::{Error, Result, check_finite, check_len};
 use crate::nonlinear::{Nonlinear, Run};
 use crate::stop::go_on;
 
@@ -16,6 +16,46 @@ pub struct Stepper {
     inputs: usize,
     outputs: usize,
     path: Path,
+    past: Past,
+}
+
+/// The last rows of outputs, of which some are recorded late by whole samples.
+#[derive(Debug, Clone)]
+struct Past {
+    shifts: Vec<usize>,
+    /// A ring of rows, the next one to be written over at `at`.
+    rows: Vec<f64>,
+    at: usize,
+}
+
+impl Past {
+    fn new(shifts: &[isize]) -> Result<Self> {
+        let what = "an output that is read early by a sample and more cannot be stepped";
+        let own = shifts.iter().map(|m| usize::try_from(*m).map_err(|_| Error::Singular { what }));
+        let shifts = own.collect::<Result<Vec<_>>>()?;
+        let rows = shifts.iter().max().copied().unwrap_or(0) * shifts.len();
+        Ok(Self { rows: vec![0.0; rows], shifts, at: 0 })
+    }
+
+    /// Puts what is recorded now in the place of what is now; `keeps` the latter for later.
+    fn record(&mut self, y: &mut [f64], keeps: bool) {
+        let (ny, count) = (y.len(), self.rows.len() / y.len().max(1));
+        if count == 0 {
+            return;
+        }
+        for (o, (y, shift)) in y.iter_mut().zip(&self.shifts).enumerate() {
+            let now = *y;
+            if *shift > 0 {
+                *y = self.rows[(self.at + count - shift) % count * ny + o];
+            }
+            if keeps {
+                self.rows[self.at * ny + o] = now;
+            }
+        }
+        if keeps {
+            self.at = (self.at + 1) % count;
+        }
+    }
 }
 
 #[derive(Debug, Clone)]
@@ -48,7 +88,7 @@ impl Stepper {
             let substeps = model.substeps.unwrap_or(SUBSTEPS);
             Path::Nonlinear(Box::new(Nonlinear::new(model, theta, &[])?.start(substeps)?))
         };
-        Ok(Self { inputs, outputs, path })
+        Ok(Self { inputs, outputs, path, past: Past::new(&system.shifts(theta)?)? })
     }
 
     /// Number of inputs.
@@ -74,6 +114,7 @@ impl Stepper {
             Path::Linear(sums) => sums.sample(u, y),
             Path::Nonlinear(run) => run.sample(u, y),
         }
+        self.past.record(y, true);
         Ok(())
     }
 
@@ -89,6 +130,7 @@ impl Stepper {
             Path::Linear(sums) => sums.outputs(u, y),
             Path::Nonlinear(run) => run.outputs(u, y),
         }
+        self.past.record(y, false);
         Ok(())
     }
 
@@ -112,6 +154,7 @@ impl Stepper {
             Path::Linear(sums) => sums.state.fill(0.0),
             Path::Nonlinear(run) => run.reset(),
         }
+        self.past.rows.fill(0.0);
     }
 }
 

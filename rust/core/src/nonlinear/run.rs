@@ -8,6 +8,7 @@ use crate::nonlinear::plant::Plant;
 use crate::nonlinear::rows::{accumulate, add};
 use crate::nonlinear::scheme::{Layout, Scheme};
 use crate::product::fused;
+use crate::reading::Group;
 
 /// A loop at one parameter set and one number of substeps, with its present state.
 ///
@@ -20,6 +21,8 @@ pub struct Run {
     segments: Vec<Segment>,
     substeps: usize,
     control: Option<Control>,
+    /// Outputs that are not read at the sample itself.
+    late: Vec<usize>,
     buffers: Buffers,
 }
 
@@ -29,6 +32,58 @@ struct Segment {
     scheme: Scheme,
     /// The command that acts, in controller samples before the newest.
     age: usize,
+    /// Whether that command arrives as it begins.
+    arrives: bool,
+    /// What is read as it begins.
+    reads: Vec<Read>,
+}
+
+/// Outputs that are read within a sample of the record.
+#[derive(Debug, Clone)]
+struct Read {
+    /// Controller samples after the sample of the record.
+    after: usize,
+    outputs: Vec<usize>,
+    /// By how much later they are read, by each free parameter.
+    slopes: Vec<f64>,
+}
+
+/// Cuts segments, each of a length, an age and whether its command arrives, where something is read.
+fn cut(
+    plant: &Plant,
+    lengths: &[(f64, usize, bool)],
+    steps: usize,
+    late: &[Group],
+    substeps: usize,
+) -> Result<Vec<Segment>> {
+    let step: f64 = lengths.iter().map(|(length, ..)| length).sum();
+    let after = |phase: f64| (phase / step).floor().min(steps as f64 - 1.0);
+    let mut places: Vec<(f64, &Group)> =
+        late.iter().map(|g| (g.instant.phase - after(g.instant.phase) * step, g)).collect();
+    places.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut segments, mut begin, mut left) = (Vec::new(), 0.0, places.as_slice());
+    for (i, (length, age, arrives)) in lengths.iter().enumerate() {
+        let (end, is_last) = (begin + length, i + 1 == lengths.len());
+        let count = left.iter().take_while(|(at, _)| is_last || *at < end).count();
+        let (own, rest) = left.split_at(count);
+        let bounds: Vec<f64> = [begin].into_iter().chain(own.iter().map(|(at, _)| at.clamp(begin, end))).collect();
+        for (k, at) in bounds.iter().enumerate() {
+            let length = bounds.get(k + 1).copied().unwrap_or(end) - at;
+            let reads = own.get(k.wrapping_sub(1)).map(|(_, Group { instant, outputs })| Read {
+                after: after(instant.phase) as usize,
+                outputs: outputs.clone(),
+                slopes: instant.slopes.clone(),
+            });
+            segments.push(Segment {
+                scheme: Scheme::new(plant, length / substeps as f64)?,
+                age: *age,
+                arrives: *arrives && k == 0,
+                reads: reads.into_iter().collect(),
+            });
+        }
+        (begin, left) = (end, rest);
+    }
+    Ok(segments)
 }
 
 #[derive(Debug, Clone)]
@@ -48,6 +103,9 @@ struct Buffers {
     held_read: Vec<f64>,
     /// Commands, and w of the blocks, before a command arrives less those after.
     change: Vec<f64>,
+    /// Derivative of the state by time, and the rows of the step before while they are moved along it.
+    rates: Vec<f64>,
+    kept: Vec<f64>,
 }
 
 impl Run {
@@ -61,21 +119,20 @@ impl Run {
         free: &[usize],
         dt: f64,
         substeps: usize,
+        late: &[Group],
     ) -> Result<Self> {
         if substeps == 0 {
             return Err(Error::Block { what: "a nonlinear loop needs at least one substep" });
         }
-        let segment = |length: f64, age: usize| -> Result<Segment> {
-            Ok(Segment { scheme: Scheme::new(&plant, length / substeps as f64)?, age })
-        };
-        let segments = match controller {
-            None => vec![segment(dt, 0)?],
+        let lengths = match controller {
+            None => vec![(dt, 0, false)],
             Some(k) => {
                 let (step, (whole, fraction, in_two)) = (dt / k.steps as f64, k.split_delay());
-                let late = segment(step * (1.0 - fraction), whole)?;
-                if in_two { vec![segment(step * fraction, whole + 1)?, late] } else { vec![late] }
+                let late = (step * (1.0 - fraction), whole, in_two);
+                if in_two { vec![(step * fraction, whole + 1, false), late] } else { vec![late] }
             }
         };
+        let segments = cut(&plant, &lengths, controller.map_or(1, |k| k.steps), late, substeps)?;
         let layout = Layout::new(plant.a.nrows(), plant.c_y.nrows(), plant.c_z.nrows(), plant.gains.len());
         let (rows, blocks) = (plant.rows, plant.blocks.len());
         let coefficients = plant.blocks.iter().map(|b| b.coefficients).max().unwrap_or(0);
@@ -89,9 +146,12 @@ impl Run {
             read: vec![0.0; 4 * layout.read],
             held_read: vec![0.0; 4 * layout.read],
             change: vec![0.0; plant.driven + blocks],
+            rates: vec![0.0; plant.a.nrows()],
+            kept: vec![0.0; rows * layout.width],
         };
         let control = controller.map(|k| Control::new(k, free));
-        Ok(Self { plant, layout, segments, substeps, control, buffers })
+        let late = late.iter().flat_map(|group| group.outputs.clone()).collect();
+        Ok(Self { plant, layout, segments, substeps, control, late, buffers })
     }
 
     /// Back to rest.
@@ -121,7 +181,7 @@ impl Run {
 
     /// The outputs of this instant, of a run without derivatives, were `u` held from now on; time stands still.
     pub fn outputs(&mut self, u: &[f64], y: &mut [f64]) {
-        outputs(self, u, y);
+        if self.late.is_empty() { outputs(self, u, y) } else { self.clone().sample(u, y) }
     }
 }
 
@@ -135,7 +195,7 @@ fn outputs_any<const FMA: bool>(run: &mut Run, u: &[f64], y: &mut [f64]) {
     let Run { plant, layout, segments, control, buffers, .. } = run;
     let (u, noise) = u.split_at(plant.inputs);
     let (excitation, further) = u.split_at(plant.driven);
-    let Segment { scheme, age } = &segments[0];
+    let Segment { scheme, age, .. } = &segments[0];
     at_once::<FMA, false>(plant, layout, buffers, scheme, &[], further);
     if let Some(control) = control {
         control.compute([excitation, further, noise], &buffers.step[layout.y..], layout.width);
@@ -156,23 +216,26 @@ fn sample_any<const FMA: bool>(run: &mut Run, u: &[f64], y: &mut [f64]) {
 
 #[inline(always)]
 fn advance<const FMA: bool, const SLOPES: bool>(run: &mut Run, u: &[f64], y: &mut [f64]) {
-    let Run { plant, layout, segments, substeps, control, buffers } = run;
+    let Run { plant, layout, segments, substeps, control, late, buffers } = run;
     let (rows, whole) = (plant.rows, layout.width);
     let (u, noise) = u.split_at(plant.inputs);
     let (excitation, further) = u.split_at(plant.driven);
     let mut fresh = true;
-    for _ in 0..control.as_ref().map_or(1, |control| control.steps) {
+    for step in 0..control.as_ref().map_or(1, |control| control.steps) {
         if let Some(control) = control {
             // what the controller reads follows the further inputs at once, but no command
             let scheme = &segments[0].scheme;
             at_once::<FMA, SLOPES>(plant, layout, buffers, scheme, &[], further);
             control.update([excitation, further, noise], &buffers.step[layout.y..], whole);
         }
-        for (i, Segment { scheme, age }) in segments.iter().enumerate() {
+        for Segment { scheme, age, arrives, reads } in segments.iter() {
             let commands = control.as_ref().map_or(&[][..], |control| control.command(*age));
-            if let (Some(row), Some(control), 1) = (plant.late, control.as_ref(), i) {
+            if let (Some(row), Some(control), true) = (plant.late, control.as_ref(), arrives) {
                 let earlier = control.command(age + 1);
                 arrive::<FMA, SLOPES>(plant, layout, buffers, scheme, row, [earlier, commands], further);
+            }
+            for read in reads.iter().filter(|read| read.after == step) {
+                look::<FMA, SLOPES>(plant, layout, buffers, scheme, read, [commands, further], y);
             }
             hold::<SLOPES>(plant, layout, buffers, scheme, commands, further);
             for _ in 0..*substeps {
@@ -183,8 +246,10 @@ fn advance<const FMA: bool, const SLOPES: bool>(run: &mut Run, u: &[f64], y: &mu
                 finish::<SLOPES>(plant, layout, buffers, scheme);
                 if fresh {
                     for (row, step) in buffers.step.chunks_exact(whole).enumerate() {
-                        for (y, value) in y.chunks_exact_mut(rows).zip(&step[layout.y..]) {
-                            y[row] = *value;
+                        for (o, (y, value)) in y.chunks_exact_mut(rows).zip(&step[layout.y..]).enumerate() {
+                            if !late.contains(&o) {
+                                y[row] = *value;
+                            }
                         }
                     }
                     fresh = false;
@@ -265,6 +330,40 @@ fn arrive<const FMA: bool, const SLOPES: bool>(
             *x += b * *change;
         }
         *change = 0.0;
+    }
+}
+
+/// Reads outputs at this instant. By its own time the state changes as `x'`.
+#[inline(always)]
+fn look<const FMA: bool, const SLOPES: bool>(
+    plant: &Plant,
+    layout: &Layout,
+    buffers: &mut Buffers,
+    scheme: &Scheme,
+    read: &Read,
+    [commands, further]: [&[f64]; 2],
+    y: &mut [f64],
+) {
+    at_once::<FMA, SLOPES>(plant, layout, buffers, scheme, commands, further);
+    let (width, blocks) = (layout.width, plant.blocks.len());
+    if SLOPES && read.slopes.iter().any(|slope| *slope != 0.0) {
+        let Buffers { last, kept, rates, w, .. } = buffers;
+        kept.copy_from_slice(last);
+        let x = &kept[layout.x..][..rates.len()];
+        let inputs = commands[..plant.driven].iter().chain(further).chain(&w[..blocks]);
+        let columns = plant.a.column_iter().zip(x).chain(plant.b.column_iter().zip(inputs));
+        rates.fill(0.0);
+        for (column, factor) in columns {
+            rates.iter_mut().zip(column.iter()).for_each(|(rate, by)| *rate += by * factor);
+        }
+        for (slope, row) in read.slopes.iter().zip(last.chunks_exact_mut(width).skip(1)) {
+            row[layout.x..].iter_mut().zip(&*rates).for_each(|(x, rate)| *x += slope * rate);
+        }
+        at_once::<FMA, SLOPES>(plant, layout, buffers, scheme, commands, further);
+        std::mem::swap(&mut buffers.last, &mut buffers.kept);
+    }
+    for (row, step) in buffers.step.chunks_exact(width).enumerate() {
+        read.outputs.iter().for_each(|o| y[o * plant.rows + row] = step[layout.y + o]);
     }
 }
 
