@@ -10,6 +10,10 @@
 //! Z and U being sums over `exp(-2 pi i l k / N)`, over the root of N. The transient d is unknown, real, one number a
 //! state. The cost goes with the lines, not with the samples. Of signals times `r^-k`, r > 1, it holds on the circle of
 //! radius r: every pole is then damped by ln r more, and only those beyond that circle count as unstable.
+//!
+//! Of an output that is recorded late by whole samples all of this is multiplied by `w^-m`, as if the record were a
+//! circle; what it holds of the time before the first sample, or behind the last one, is of no stretch that is known:
+//! so many numbers of d more, each of one sample.
 
 mod dense;
 mod modal;
@@ -74,6 +78,8 @@ pub(crate) struct OnLines<'a> {
     pub free: Vec<usize>,
     /// Whole samples by which the outputs are recorded late; empty where none is.
     shifts: Vec<isize>,
+    /// The outputs, and samples counted around the circle, that are not known from the stretch.
+    unknown: Vec<(usize, isize)>,
 }
 
 enum Way {
@@ -115,10 +121,17 @@ impl<'a> OnLines<'a> {
         };
         let shifts = shifts(&part.model, theta)?;
         let shifts = if shifts.iter().any(|m| *m != 0) { shifts } else { Vec::new() };
-        Ok(Self { way, inputs: &part.inputs, outputs: &part.outputs, free: own, shifts })
+        let unknown =
+            shifts.iter().enumerate().flat_map(|(o, m)| (0.min(*m)..0.max(*m)).map(move |k| (o, k))).collect();
+        Ok(Self { way, inputs: &part.inputs, outputs: &part.outputs, free: own, shifts, unknown })
     }
 
+    /// Numbers of a transient: its states, then samples of outputs that are late.
     pub fn states(&self) -> usize {
+        self.own_states() + self.unknown.len()
+    }
+
+    fn own_states(&self) -> usize {
         match &self.way {
             Way::Modal(poles) => poles.states(),
             Way::Dense(dense) => dense.states(),
@@ -128,7 +141,7 @@ impl<'a> OnLines<'a> {
     /// Takes what [`OnLines::run`] found of a transient, a row of the basis or a combination, to the numbers of `d`.
     pub fn of_loop(&self, x: &mut [f64]) {
         if let Way::Dense(dense) = &self.way {
-            dense.of_loop(x);
+            dense.of_loop(&mut x[..self.own_states()]);
         }
     }
 
@@ -149,18 +162,47 @@ impl<'a> OnLines<'a> {
     /// At most [`BLOCK`] points `w` with the inputs of the whole loop there; `d` is this part's own.
     pub fn run(&self, w: &[C64], u: &[C64], inputs: usize, d: &[f64], block: &mut Block) {
         let own: Vec<C64> = u.chunks_exact(inputs).flat_map(|u| self.inputs.iter().map(|i| u[*i])).collect();
+        let (free, samples) = if d.is_empty() { (d, d) } else { d.split_at(self.own_states()) };
         match &self.way {
-            Way::Modal(poles) => poles.run(w, &own, d, block),
-            Way::Dense(dense) => dense.run(w, &own, d, block),
+            Way::Modal(poles) => poles.run(w, &own, free, block),
+            Way::Dense(dense) => dense.run(w, &own, free, block),
         }
+        if !self.unknown.is_empty() {
+            self.delay(w, samples, block);
+        }
+    }
+
+    /// What outputs that are late by whole samples make of a block: [`OnLines::run`] without them gave it.
+    fn delay(&self, w: &[C64], samples: &[f64], block: &mut Block) {
         let Block { columns, stride, half, basis: [re, im], .. } = block;
-        let (width, n) = (1 + self.free.len(), re.len() / (w.len() * self.outputs.len()).max(1));
+        let (width, n, ny) = (1 + self.free.len(), self.own_states(), self.outputs.len());
+        let has_basis = block.with_basis;
         for (l, o, turn) in self.turns(w) {
             let (real, imaginary) = columns[l * *stride..(l + 1) * *stride].split_at_mut(*half);
             let own = o * width..(o + 1) * width;
             multiply(&mut real[own.clone()], &mut imaginary[own], turn);
-            let own = (l * self.outputs.len() + o) * n..(l * self.outputs.len() + o + 1) * n;
-            multiply(&mut re[own.clone()], &mut im[own], turn);
+            if has_basis {
+                let own = (l * ny + o) * n..(l * ny + o + 1) * n;
+                multiply(&mut re[own.clone()], &mut im[own], turn);
+            }
+        }
+        let sample = |l: usize, k: isize| w[l].powi(-k as i32);
+        for (number, (o, k)) in samples.iter().zip(&self.unknown) {
+            for (l, columns) in columns.chunks_exact_mut(*stride).enumerate().take(w.len()) {
+                columns[o * width] += number * sample(l, *k).re;
+                columns[*half + o * width] += number * sample(l, *k).im;
+            }
+        }
+        if has_basis {
+            let beside = |from: &[f64], part: fn(C64) -> f64| -> Vec<f64> {
+                let row = |at: usize| {
+                    let own =
+                        move |(o, k): &(usize, isize)| if *o == at % ny { part(sample(at / ny, *k)) } else { 0.0 };
+                    from[at * n..(at + 1) * n].iter().copied().chain(self.unknown.iter().map(own))
+                };
+                (0..w.len() * ny).flat_map(row).collect()
+            };
+            (*re, *im) = (beside(re, |x| x.re), beside(im, |x| x.im));
         }
     }
 
@@ -292,7 +334,7 @@ impl ClosedLoop {
         let mut y = vec![0.0; samples * ny];
         let mut at = 0;
         for part in &parts {
-            let own = &d[at..at + part.states()];
+            let (own, unknown) = d[at..at + part.states()].split_at(part.own_states());
             at += part.states();
             // on lines the stretch is a circle, and so is what is late by whole samples
             let samples = if part.shifts.is_empty() { samples } else { samples.max(length) };
@@ -305,6 +347,12 @@ impl ClosedLoop {
                 for (i, o) in part.outputs.iter().enumerate() {
                     let k = if late(i) == 0 { k } else { (k as isize - late(i)).rem_euclid(length as isize) as usize };
                     y[*o] = free[k * own + i];
+                }
+            }
+            for (number, (i, k)) in unknown.iter().zip(&part.unknown) {
+                let k = k.rem_euclid(length as isize) as usize;
+                if let Some(y) = y.get_mut(k * ny + part.outputs[*i]) {
+                    *y += number * (length as f64).sqrt();
                 }
             }
         }

@@ -103,7 +103,13 @@ impl<'a> Shifted<'a> {
     }
 
     /// Takes rows as they come, and hands on those that are complete.
-    pub fn take(&mut self, count: usize, block: &[f64], stride: usize, sink: &mut impl FnMut(usize, usize, &[f64], usize)) {
+    pub fn take(
+        &mut self,
+        count: usize,
+        block: &[f64],
+        stride: usize,
+        sink: &mut impl FnMut(usize, usize, &[f64], usize),
+    ) {
         let (cells, columns) = (self.cells, self.shifts.len() * self.cells);
         block.chunks_exact(stride).take(count).for_each(|row| self.kept.extend(&row[..columns]));
         let ready = (self.kept.len() / columns.max(1)).saturating_sub(self.lead + self.lag);
