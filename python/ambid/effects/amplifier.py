@@ -154,31 +154,28 @@ class AmplifierBandwidth(Effect):
                 continue
             current = plant.state(f"amplifier.{axis}")
             if self._is_second_order(plant.rig):
-                rate, bend = self._second_order(plant, axis, current)
+                rate = self._second_order(plant, axis, current)
             else:
-                rate, bend = self._first_order(plant, axis, current)
+                rate = self._first_order(plant, axis, current)
             plant.set_rate(f"amplifier.{axis}", rate + plant.cut(axis))
-            for name, true in (("i_a", current), ("i_a_free", rate), ("i_a_bend", bend)):
+            for name, true in (("i_a", current), ("i_a_free", rate)):
                 plant.inject(f"{name}.{axis}", true - plant.raw(f"{name}.{axis}"))
 
-    def _second_order(self, plant: Plant, axis: str, current: Signal) -> tuple[Signal, Signal]:
-        """Rate of the current, and the rate of that; the second state is the rate over w."""
+    def _second_order(self, plant: Plant, axis: str, current: Signal) -> Signal:
+        """Rate of the current; the second state is that over w."""
         frequency, damping = self.slot("frequency_hz"), self.slot("damping")
         scaled = plant.state(f"amplifier_rate.{axis}")
         drive = plant[f"i_set.{axis}"] - current - plant.port(damping, scaled, scale=2.0)
         plant.set_rate(f"amplifier_rate.{axis}", plant.port(frequency, drive, scale=2.0 * pi))
-        rate = plant.port(frequency, scaled, scale=2.0 * pi)
-        return rate, plant.port(frequency, plant.port(frequency, drive, scale=2.0 * pi), scale=2.0 * pi)
+        return plant.port(frequency, scaled, scale=2.0 * pi)
 
-    def _first_order(self, plant: Plant, axis: str, current: Signal) -> tuple[Signal, Signal]:
-        """Rate of the current, and the rate of that while the command, or the voltage, is held."""
+    def _first_order(self, plant: Plant, axis: str, current: Signal) -> Signal:
+        """Rate of the current."""
         if plant.rig.amplifier.resistance is None:
             slot = self.slot("time_constant")
-            rate = plant.port(slot, plant[f"i_set.{axis}"] - current, power=-1)
-            return rate, -plant.port(slot, rate, power=-1)
+            return plant.port(slot, plant[f"i_set.{axis}"] - current, power=-1)
         slot, resistance = self.slot("inductance"), f"R.{axis}"
-        rate = plant.port(slot, plant[f"i_ref.{axis}"] - plant.port(resistance, current), power=-1)
-        return rate, -plant.port(slot, plant.port(resistance, rate), power=-1)
+        return plant.port(slot, plant[f"i_ref.{axis}"] - plant.port(resistance, current), power=-1)
 
 
 @dataclass(frozen=True)

@@ -262,7 +262,10 @@ class SamplingSkew(Effect):
         sample = 1.0 / rig.sample_rate
         reach, found = REACH * sample, []
         if rig.amplifier.time_constant > 0.0:
-            probe, meaning = min(0.02 * sample, 0.25 * rig.amplifier.time_constant), "by how much i_c is read late, d"
+            probe, meaning = (
+                min(0.02 * sample, 0.25 * rig.amplifier.time_constant),
+                "by how much later than y i_c is read, d; negative where the record of i_c lags",
+            )
             found.append(EffectParameter("current_late", "s", probe, lower=-reach, upper=reach, meaning=meaning))
         if self._reads_y_early(rig):
             meaning = "by how much y is read early, e"

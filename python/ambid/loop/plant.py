@@ -28,8 +28,8 @@ class Plant(Assembly):
     Supports of the rig push at their places.
 
     Signals of each axis: ``i_ref`` [A or V] that leaves the controller, ``i_set`` [A] that it asks for, ``i_a`` [A]
-    behind the amplifier, its rate ``i_a_free`` [A/s] before and ``i_a_rate`` behind what limits it, and the rate of
-    that ``i_a_bend`` while the command is held, ``i_c`` [A] as recorded, ``i_f`` [A] that makes force and its rate
+    behind the amplifier, its rate ``i_a_free`` [A/s] before and ``i_a_rate`` behind what limits it, ``i_c`` [A] as
+    recorded, ``i_f`` [A] that makes force and its rate
     ``i_f_rate`` [A/s], ``s`` [m] and ``v`` [m/s] at the magnet, ``f`` [N]; ``at_sensor`` [m] at the sensor, ``turned``
     along its axis, ``scaled`` by its gain, and ``y`` as read, each made of the one before. Of each modal coordinate k:
     ``eta.k``, ``eta_rate.k``, ``eta_bend.k``, ``modal_force.k``. The parameters of effects are stated for the rig
@@ -149,14 +149,13 @@ class Plant(Assembly):
         i_set = self.signal(f"i_set.{axis}", self.port(f"R.{axis}", i_ref, power=-1) if is_voltage else i_ref)
         if amplifier.time_constant == 0.0:
             i_a = self.signal(f"i_a.{axis}", i_set)
-            for signal in ("i_a_free", "i_a_rate", "i_a_bend"):
+            for signal in ("i_a_free", "i_a_rate"):
                 self.signal(f"{signal}.{axis}", ZERO)
         else:
             state = self.state(f"i_a.{axis}")
             i_a = self.signal(f"i_a.{axis}", state)
             rate = (i_set - state) / amplifier.time_constant
-            limited = self.signal(f"i_a_rate.{axis}", self.signal(f"i_a_free.{axis}", rate))
-            self.signal(f"i_a_bend.{axis}", -limited / amplifier.time_constant)
+            self.signal(f"i_a_rate.{axis}", self.signal(f"i_a_free.{axis}", rate))
             self.set_rate(f"i_a.{axis}", rate + self.cut(axis))
         self.signal(f"i_c.{axis}", i_a)
         return i_a
