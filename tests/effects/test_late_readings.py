@@ -1,4 +1,4 @@
-"""Outputs that are recorded late or early by any time, against an independent simulation, differences and transforms."""
+"""Outputs that are recorded late or early by any time, against an independent simulation and transforms."""
 
 import numpy as np
 import pytest
@@ -189,3 +189,23 @@ def test_steps_of_a_late_record(beside, samples):
 def test_what_is_yet_to_come_cannot_be_stepped(golden):
     with golden.raises(ambid.errors.ModelError):
         Machine("bench").with_late_current(1.5).simulator()
+
+
+@pytest.mark.parametrize("samples", [-0.6, -2.6])
+@pytest.mark.parametrize("name", ["bench", "compressor"])
+def test_the_state_space_of_a_late_record(name, samples):
+    machine = Machine(name)
+    model = machine.with_late_current(samples)
+    A, B, C, D = model.loop.state_space(model.theta)
+    x, rows = np.zeros(len(A)), []
+    for u in machine.i_e[:60]:
+        rows.append(C @ x + D @ u)
+        x = A @ x + B @ u
+    expected = model.loop.simulate(model.theta, machine.i_e[:60])
+    np.testing.assert_allclose(rows, expected, atol=1e-10 * np.abs(expected).max())
+
+
+def test_what_is_yet_to_come_has_no_state_space(golden):
+    model = Machine("bench").with_late_current(1.5)
+    with golden.raises(ambid.errors.ModelError):
+        model.loop.state_space(model.theta)

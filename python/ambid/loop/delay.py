@@ -1,13 +1,15 @@
-"""A delay of commands that do not wait for samples: the feedback of an analog controller."""
+"""A delay of commands that do not wait for samples, the feedback of an analog controller, and of rows of a record."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import comb, factorial
 
 import numpy as np
 
 from ambid.arrays import FloatArray
+from ambid.errors import ModelError
 from ambid.loop.assembly import Lft, Port
 
 ORDER = 6
@@ -72,3 +74,24 @@ def pade(order: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     b[order - 1] = ratio[order - 1]
     c = np.array([[-2.0 if k % 2 else 0.0 for k in range(order)]])
     return a, b, c
+
+
+def with_late_rows(
+    matrices: tuple[FloatArray, FloatArray, FloatArray, FloatArray], shifts: Sequence[int]
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """A, B, C, D in samples with each output late by whole samples, which become states.
+
+    Raises
+    ------
+    ModelError
+        If an output is early.
+    """
+    if min(shifts, default=0) < 0:
+        raise ModelError("an output that is recorded early by a sample and more has no state space")
+    A, B, C, D = matrices
+    for output, late in enumerate(shifts):
+        for _ in range(late):  # a state that is what the output was a sample before
+            A = np.block([[A, np.zeros((len(A), 1))], [C[[output]], np.zeros((1, 1))]])
+            B, C, D = np.vstack([B, D[[output]]]), np.hstack([C, np.zeros((len(C), 1))]), D.copy()
+            C[output], D[output] = np.eye(len(A))[-1], 0.0
+    return A, B, C, D

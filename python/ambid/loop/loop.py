@@ -15,6 +15,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import ModelError, RigError, UnstableLoopError
 from ambid.loop.assembly import Block, Lft
 from ambid.loop.controller import Reading, close_analog, law_errors
+from ambid.loop.delay import with_late_rows
 from ambid.loop.effect import Effect
 from ambid.loop.geometry import rotor_of
 from ambid.loop.mode import Modes, eigenmodes, moved_by_worst
@@ -195,8 +196,14 @@ class Loop:
         return eigenmodes(A, C[: len(self.outputs)], slopes[list(free)])
 
     def state_space(self, theta: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """A, B, C, D of the loop sampled with zero-order hold, inputs to outputs; whole samples of delay are left out."""
-        return self.core.discrete(_vector(theta))
+        """A, B, C, D of the loop sampled with zero-order hold, inputs to outputs.
+
+        Raises
+        ------
+        ModelError
+            If an output is recorded early by a sample and more.
+        """
+        return with_late_rows(self.core.discrete(_vector(theta)), self.core.shifts(_vector(theta)))
 
     def transfer(self, theta: ArrayLike, points: ComplexArray) -> ComplexArray:
         """Held inputs to sampled outputs at points of the unit circle, shape (points, outputs, inputs).
@@ -222,17 +229,19 @@ class Loop:
             if self.lft.late is not None:
                 excited = [k for k, name in enumerate(self.inputs) if name.startswith("i_e.")]
                 response[:, :, excited] *= np.exp(-2j * np.pi * frequency_hz * at[self.lft.late])[:, None, None]
-            return response * self._recorded(at, 2j * np.pi * frequency_hz)[:, :, None]
+            response *= self._recorded(at, frequency_hz)[:, :, None]
+            return response
         points = np.exp(2j * np.pi * frequency_hz * self.sample_time)
-        late = points[:, None] ** -np.array(self.core.shifts(_vector(theta)), dtype=np.float64)
-        return frequency_response(self.state_space(theta), points) * late[:, :, None]
+        response = frequency_response(self.core.discrete(_vector(theta)), points)
+        response *= np.power(points[:, None], -np.array(self.core.shifts(_vector(theta))))[:, :, None]
+        return response
 
-    def _recorded(self, at: dict[str, float], s: ComplexArray) -> ComplexArray:
-        """What a late record multiplies outputs by in continuous time, shape (frequencies, outputs)."""
+    def _recorded(self, at: dict[str, float], frequency_hz: FloatArray) -> ComplexArray:
+        """By what outputs that are recorded late are multiplied in continuous time, shape (frequencies, outputs)."""
         late = np.zeros(len(self.outputs))
         for own in self.lft.late_outputs:
             late[self.outputs.index(own.output)] += own.scale * at[own.slot]
-        return np.exp(-s[:, None] * late)
+        return np.exp(-2j * np.pi * np.outer(frequency_hz, late))
 
     def frequency_slopes(
         self, theta: ArrayLike, frequency_hz: FloatArray, u: ComplexArray, free: Sequence[int]
@@ -278,7 +287,8 @@ class Loop:
         for own in self.lft.late_outputs:
             output = self.outputs.index(own.output)
             slopes[:, output, self._filled_by[own.slot]] -= own.scale * s * whole[:, output]
-        return slopes[:, :, list(free)] * self._recorded(at, s)[:, :, None]
+        slopes *= self._recorded(at, frequency_hz)[:, :, None]
+        return slopes[:, :, list(free)]
 
     def packed(self, theta: ArrayLike, parameters: Sequence[str]) -> bytes:
         """The loop at `theta` as a file for the stepper without Python, with names for the parameters.
