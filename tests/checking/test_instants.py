@@ -103,13 +103,15 @@ def test_a_delay_of_the_loop_is_noted():
     assert found.values["delay_s"] == pytest.approx(delay, abs=0.05 / ONE_AXIS.rig.sample_rate)
 
 
-def test_what_nothing_explains_points_to_the_late_currents():
+def test_currents_that_are_read_a_sample_late_are_named():
     record = dirty(ONE_AXIS, "late_i_c", 2)
     found = diagnose(ONE_AXIS.rig, record)
     (ahead,) = [own for own in check(ONE_AXIS.rig, [record]).findings if own.code == "current_ahead"]
-    assert found.verdict == "none_of_the_candidates"
-    assert found.next_experiment == ahead.remedy
-    assert ahead in found.findings
+    assert found.verdict == "explained"
+    assert [effect.name for effect in found.model.effects] == ["sampling_skew"]
+    late = found.model["sampling_skew.current_late"].value
+    assert late == pytest.approx(1.0 / ONE_AXIS.rig.sample_rate, rel=0.01)
+    assert late == pytest.approx(ahead.values["advance_s"], rel=0.01)
 
 
 @pytest.mark.slow
