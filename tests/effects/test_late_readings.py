@@ -1,10 +1,14 @@
 """Outputs that are recorded late or early by any time, against an independent simulation and transforms."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
 import ambid
+from ambid.effects import Effect
 from ambid.effects.sensor import SamplingSkew
+from ambid.loop.effect import EffectParameter
 from hidden.bench import simulate
 from hidden.families import BENCHES
 
@@ -209,3 +213,38 @@ def test_what_is_yet_to_come_has_no_state_space(golden):
     model = Machine("bench").with_late_current(1.5)
     with golden.raises(ambid.errors.ModelError):
         model.loop.state_space(model.theta)
+
+
+@dataclass(frozen=True)
+class LateChannel(Effect):
+    """One kind of channel that is recorded late; a late i_e is all others early."""
+
+    name = "late_channel"
+    channel: str = "y"
+
+    def parameters(self, rig):
+        return [EffectParameter("seconds", "s", 1e-6, lower=-1e-3, upper=1e-3)]
+
+    def attach(self, plant):
+        for axis in plant.axes:
+            for output in ("y", "i_c"):
+                if self.channel in (output, "i_e"):
+                    plant.record_late(f"{output}.{axis}", self.slot("seconds"), -1.0 if self.channel == "i_e" else 1.0)
+
+
+@pytest.mark.parametrize("tenths", [1, 5, 13, 76, -5, -13, -76])
+@pytest.mark.parametrize("channel", ["y", "i_c", "i_e"])
+def test_any_channel_is_late(channel, tenths):
+    """Against the same analog loop at ten times the sample rate, its excitation held as long."""
+    machine = Machine("bench")
+    model = machine.model.add(LateChannel(channel), {"seconds": 0.1 * tenths * machine.sample})
+    found = model.loop.simulate(model.theta, machine.i_e)
+    quick = ambid.Model(machine.rig.replace(sample_rate=10.0 * machine.rig.sample_rate))
+    quick = quick.with_values({p.name: p.value for p in machine.model.parameters})
+    before, after = np.zeros((1000, 4)), np.repeat(machine.i_e, 10, axis=0)
+    fine = quick.loop.simulate(quick.theta, np.vstack([before, after, before]))
+    rows = len(before) + 10 * np.arange(len(machine.i_e))
+    expected = fine[rows]
+    late = {"y": slice(0, 4), "i_c": slice(4, 8), "i_e": slice(0, 8)}[channel]
+    expected[:, late] = fine[rows - (-tenths if channel == "i_e" else tenths)][:, late]
+    assert (np.abs(found - expected).max(axis=0) < 1e-11 * np.abs(expected).max(axis=0)).all()
