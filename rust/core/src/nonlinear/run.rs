@@ -67,19 +67,19 @@ fn cut(
         let count = left.iter().take_while(|(at, _)| is_last || *at < end).count();
         let (own, rest) = left.split_at(count);
         let bounds: Vec<f64> = [begin].into_iter().chain(own.iter().map(|(at, _)| at.clamp(begin, end))).collect();
+        let (mut arrives, mut reads) = (*arrives, Vec::new());
         for (k, at) in bounds.iter().enumerate() {
-            let length = bounds.get(k + 1).copied().unwrap_or(end) - at;
-            let reads = own.get(k.wrapping_sub(1)).map(|(_, Group { instant, outputs })| Read {
-                after: after(instant.phase) as usize,
-                outputs: outputs.clone(),
-                slopes: instant.slopes.clone(),
-            });
-            segments.push(Segment {
-                scheme: Scheme::new(plant, length / substeps as f64)?,
-                age: *age,
-                arrives: *arrives && k == 0,
-                reads: reads.into_iter().collect(),
-            });
+            if let Some((_, Group { instant, outputs })) = own.get(k.wrapping_sub(1)) {
+                let (after, slopes) = (after(instant.phase) as usize, instant.slopes.clone());
+                reads.push(Read { after, outputs: outputs.clone(), slopes });
+            }
+            let next = bounds.get(k + 1);
+            if next == Some(at) {
+                continue; // nothing happens in no time
+            }
+            let scheme = Scheme::new(plant, (next.unwrap_or(&end) - at) / substeps as f64)?;
+            segments.push(Segment { scheme, age: *age, arrives, reads: std::mem::take(&mut reads) });
+            arrives = false;
         }
         (begin, left) = (end, rest);
     }
