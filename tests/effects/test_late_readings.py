@@ -86,6 +86,18 @@ def test_y_that_is_read_early_is_a_late_command(early, late):
         assert error_of_slope(machine, model, f"sampling_skew.{name}") < 1e-6
 
 
+def test_what_is_read_when_a_command_comes_to_act_is_read_behind_it():
+    """Without any delay, where the slope by a late reading jumps: it is that of a later one."""
+    machine = Machine("compressor")
+    model = machine.model.add(SamplingSkew(moves_y=True), {"current_late": 0.0, "displacement_early": 0.0})
+    (k,) = model.index(["sampling_skew.current_late"])
+    y, slopes = model.loop.sensitivity(model.theta, machine.i_e, [k])[:2]
+    theta = model.theta.copy()
+    theta[k] = 1e-6 * machine.sample
+    expected = (model.loop.simulate(theta, machine.i_e) - y) / theta[k]
+    assert np.abs(slopes[:, :, 0] - expected).max() < 1e-4 * np.abs(expected).max()
+
+
 def error_of_slope(machine, model, name):
     """Of a derivative by a time against central differences, relative to its peak."""
     (k,) = model.index([name])

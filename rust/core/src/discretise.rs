@@ -8,6 +8,9 @@ use crate::lft::Closed;
 use crate::model::{Controller, GainError, Model};
 use crate::reading::{Group, groups};
 
+/// Part of a sample by which rounding parts one instant from another.
+const SAME_INSTANT: f64 = 1e-12;
+
 /// `x[k+1] = a x[k] + b u[k]`, `y[k] = c x[k] + d u[k]`; also the derivative of one by a parameter.
 #[derive(Debug, Clone)]
 pub struct Discrete {
@@ -294,7 +297,8 @@ fn sampled(
         let rest = (instant.phase - before * step).max(0.0);
         let mut acts = acting(whole);
         let (mut x, mut u);
-        if in_two && rest <= step * fraction {
+        // what is read when a command comes to act is read behind it, as without a delay
+        if in_two && rest < step * fraction - SAME_INSTANT * dt {
             acts = acting(whole + 1);
             let (a, g) = plant.hold(rest, &instant.slopes)?;
             x = a.map(|a| place(nx, n, (0, 0), a)).plus(&g.times(&acts.0));
@@ -302,7 +306,7 @@ fn sampled(
         } else if in_two {
             let (a1, g1) = plant.hold(step * fraction, &later)?;
             let since: Vec<f64> = instant.slopes.iter().zip(&later).map(|(instant, later)| instant - later).collect();
-            let (a2, g2) = plant.hold(rest - step * fraction, &since)?;
+            let (a2, g2) = plant.hold((rest - step * fraction).max(0.0), &since)?;
             let (earlier, a2g1) = (acting(whole + 1), a2.times(&g1));
             x = a2.times(&a1).map(|a| place(nx, n, (0, 0), a)).plus(&a2g1.times(&earlier.0)).plus(&g2.times(&acts.0));
             u = a2g1.times(&earlier.1).plus(&g2.times(&acts.1));
