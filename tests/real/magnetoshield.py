@@ -152,7 +152,8 @@ def prediction_error(model: Model, record: Record, horizon: int = HORIZON) -> tu
     """Rms error of y [m] and i_c [A] over so many samples from the command, the state at their start being fitted."""
     values = {slot: p.value for p in model.parameters for slot in p.slots}
     plant = open_plant(model.rig, model.effects).closed(values)
-    a, b, c, d, _ = cont2discrete(plant, 1.0 / record.sample_rate)
+    early, late = (values.get(f"sampling_skew.{name}", 0.0) for name in ("displacement_early", "current_late"))
+    a, b, c, d = sampled(plant, 1.0 / record.sample_rate, early, late)
     measured = np.hstack([record.y, record.i_c])
     size = measured.std(axis=0)
     powers = [np.linalg.matrix_power(a, k) for k in range(horizon)]
@@ -168,6 +169,21 @@ def prediction_error(model: Model, record: Record, horizon: int = HORIZON) -> tu
         left.append(((miss - basis @ (basis.T @ miss)).reshape(horizon, 2)) * size)
     y, i = np.sqrt(np.mean(np.square(left), axis=(0, 1)))
     return float(y), float(i)
+
+
+def sampled(plant: tuple[np.ndarray, ...], dt: float, early: float, late: float) -> tuple[np.ndarray, ...]:
+    """States when y is read and the command before: this one acts `early` later, and i_c is read `late` after that."""
+    (until, by_last), (since, by_this), (reading, by_read) = (
+        cont2discrete(plant, t)[:2] if t > 0.0 else (np.eye(len(plant[0])), 0.0 * plant[1])
+        for t in (early, dt - early, late)
+    )
+    n = len(until)
+    a = np.block([[since @ until, since @ by_last], [np.zeros((1, n + 1))]])
+    b = np.vstack([by_this, [[1.0]]])
+    c = np.hstack([plant[2], np.zeros((2, 1))])
+    c[1] = plant[2][1] @ reading @ np.hstack([until, by_last])
+    d = plant[3] + np.array([[0.0], plant[2][1] @ by_read])
+    return a, b, c, d
 
 
 if __name__ == "__main__":
