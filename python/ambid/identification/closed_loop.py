@@ -297,10 +297,8 @@ def _likeliest(
             given, in_time, exact, known, sides, origins, factors, max_evaluations, progress, []
         )
         again = yield from renewed(rough, other.end, model, free, limits, max_evaluations)
-        problem, best, comparison = min(
-            (problem, best, comparison), again, key=lambda own: improbability(own[2].renewed())
-        )
-        if other.end.status == "stopped" or improbability(other.comparison) < improbability(comparison.renewed()):
+        problem, best, comparison = min((problem, best, comparison), again, key=lambda own: improbability(own[2]))
+        if other.end.status == "stopped" or improbability(other.comparison) < improbability(comparison):
             why = WITHOUT_PERIODS(NOWHERE, misfit=other.misfit, weights="eq. 9")
             return other._replace(findings=[why, *other.findings])
     directions, determined = identifiability(comparison, exact)

@@ -35,7 +35,7 @@ class Envelope:
         self._angle = angle
         count, p = power.shape
         highest = max(0, min(HIGHEST, count // 10))  # so many lines, at the least, for every coefficient
-        moments = np.cos(np.arange(highest + 1)[:, None] * angle) @ power / count
+        moments = _moments(power, np.cos(angle), highest) / count
         self._coefficients = np.zeros((highest + 1, p))
         self._coefficients[0] = 1.0
         self._innovation = moments[0].copy()
@@ -60,8 +60,10 @@ class Envelope:
 
     def root(self, angle: FloatArray) -> FloatArray:
         """Root of the spectra at frequencies, shape (lines, p)."""
-        turns = np.exp(-1j * np.arange(len(self._coefficients))[:, None] * angle)
-        return np.asarray(np.sqrt(self._innovation) / np.abs(turns.T @ self._coefficients))
+        turn, whole = np.exp(-1j * angle)[:, None], np.zeros((len(angle), len(self.orders)), dtype=complex)
+        for own in self._coefficients[self.orders.max(initial=0) :: -1]:
+            whole = whole * turn + own
+        return np.asarray(np.sqrt(self._innovation) / np.abs(whole))
 
     def variance(self, angle: FloatArray) -> FloatArray:
         """Of the logarithm of the spectra at frequencies, since the coefficients were fitted, shape (lines, p)."""
@@ -76,3 +78,12 @@ class Envelope:
         turns = np.exp(-1j * np.arange(order + 1)[:, None] * angle)
         whole = turns.T @ self._coefficients[: order + 1, channel]
         return np.column_stack([np.ones(len(angle)), *(-2.0 * (turns[1:] / whole).real)])
+
+
+def _moments(power: FloatArray, cosine: FloatArray, highest: int) -> FloatArray:
+    """Sums of powers times the cosines of the multiples of their angles, from none to the highest."""
+    found, before, here = np.empty((highest + 1, power.shape[1])), cosine, np.ones(len(cosine))
+    for k in range(highest + 1):
+        found[k] = here @ power
+        before, here = here, 2.0 * cosine * here - before
+    return found

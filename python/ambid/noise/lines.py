@@ -29,11 +29,11 @@ from ambid.noise.in_time import NEUTRAL, InTime
 from ambid.noise.judged import FEW, JudgedLines
 from ambid.noise.local import beside_excitation, likelier_beside_excitation
 from ambid.noise.measured import Measured
-from ambid.noise.shape import Loop, Shape, Split, heard
+from ambid.noise.shape import Split, heard
 from ambid.noise.still import Louder, louder_in_motion
 from ambid.noise.transients import OWN, freed, lines_beside_poles, orthonormal, some_lines
 from ambid.noise.unexcited import Unexcited
-from ambid.noise.whitener import HALF_WIDTH, Spectrum, between_lines, require_noise, whitened
+from ambid.noise.whitener import HALF_WIDTH, Spectrum, require_noise, whitened
 
 __all__ = ["RecordLines", "White", "as_lines"]
 
@@ -76,13 +76,13 @@ class RecordLines(JudgedLines):
         Few lines, the noise of one channel not told from another's: good enough to come near an optimum.
     angles : mapping of str to float
         By which waves of effects, by name, are turned in this record [rad].
-    shape : Shape, optional
-        Of the noise of a record with periods; by default as if all of it were heard by the controller.
+    unexcited : Unexcited, optional
+        The lines that the noise of a record with periods is taken from, as they are known of the same model; by default
+        as if the controller heard all of it.
 
     Attributes
     ----------
     unexcited : Unexcited
-        The lines that the noise is taken from.
     spectrum : Spectrum
     """
 
@@ -96,10 +96,10 @@ class RecordLines(JudgedLines):
         *,
         rough: bool = False,
         angles: Mapping[str, float] | None = None,
-        shape: Shape | None = None,
+        unexcited: Unexcited | None = None,
     ) -> None:
         super().__init__(model, measured, tones, rough=rough, angles=angles or {})
-        self.unexcited = Unexcited(self._base, measured, shape)
+        self.unexcited = Unexcited(self._base, measured) if unexcited is None else unexcited
         every = 0 if len(self.more) else self._every
         self._in_time = InTime(self.record, self.window, self.judged_lines, every, measured.folded)
         self._data: dict[tuple[Effect, ...], _core.LineData] = {}  # by the disturbances that drive a model
@@ -119,10 +119,10 @@ class RecordLines(JudgedLines):
         """The same, with the shape of noise that makes the unexcited lines likeliest."""
         if not self.window.is_periodic:
             return self
-        shape, split = self.unexcited.likeliest_shape(self.tones)
+        unexcited, split = self.unexcited.with_likeliest_shape(self.tones)
         own = self
-        if not isinstance(shape, Loop):
-            own = RecordLines(model, self.measured, self.tones, angles=self.angles, shape=shape)
+        if unexcited is not self.unexcited:
+            own = RecordLines(model, self.measured, self.tones, angles=self.angles, unexcited=unexcited)
         own.split = split
         return own
 
@@ -435,10 +435,7 @@ class RecordLines(JudgedLines):
 
     def _between(self) -> Spectrum:
         """The noise, from lines that are not excited."""
-        window = self.window.settled
-        index = window.between(self.unexcited.gap)
-        residual = self.unexcited.left(index, self.tones)
-        covariance, spread = between_lines(residual, index / window.periods, self.index / self.window.periods)
+        covariance, spread = self.unexcited.around(self.tones).covariance(self.index / self.window.periods)
         back = self.unexcited.back(self.points)
         covariance = self._with_noise_of_i_e(self._with_rounding(covariance, back), back)
         require_noise(covariance, back, self.measured_lines)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
+from copy import copy
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +23,7 @@ from ambid.noise.shape import Loop, Recorder, Shape, Split, heard
 from ambid.noise.split import ROUGHLY, SplitNoise
 from ambid.noise.transients import orthonormal
 from ambid.noise.wave import NEAR, OUTSTANDING, waves_between
-from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, likelier_shape
+from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, Around, around, likelier_shape
 
 __all__ = ["Unexcited"]
 
@@ -38,6 +40,14 @@ TINY = 1e-300
 """In place of nothing, where a logarithm is taken."""
 
 
+class _Told(NamedTuple):
+    """Some lines behind a shape, what took them there, and how they tell the noise between them."""
+
+    back: ComplexArray
+    left: ComplexArray
+    around: Around
+
+
 class Unexcited:
     """The unexcited lines of the settled periods of a record, behind the loop of a model.
 
@@ -46,13 +56,27 @@ class Unexcited:
     base : Model
         At the operating point of the record.
     measured : Measured
-    shape : Shape, optional
-        Of their noise; by default as if all of it were heard by the controller.
+
+    Attributes
+    ----------
+    shape : Shape
+        Of their noise; at first as if all of it were heard by the controller.
     """
 
-    def __init__(self, base: Model, measured: Measured, shape: Shape | None = None) -> None:
+    def __init__(self, base: Model, measured: Measured) -> None:
         self.base, self.measured, self.window = base, measured, measured.window.settled
-        self.shape = Loop(base, measured.channels) if shape is None else shape
+        self.shape: Shape = Loop(base, measured.channels)
+        self._kept: dict[tuple[Tone, ...], _Told] = {}
+
+    def __copy__(self) -> Unexcited:
+        """With what is known of them."""
+        other = type(self).__new__(type(self))
+        other.__dict__.update(self.__dict__)
+        return other
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but that, which is found again."""
+        return {**self.__dict__, "_kept": {}}
 
     def left(self, index: NDArray[np.intp], tones: Sequence[Tone] = ()) -> ComplexArray:
         """What model and tones leave of unexcited lines of the settled periods, behind their shape, (lines, p).
@@ -66,34 +90,56 @@ class Unexcited:
         """What makes noise smooth over frequency, shape (points, p, p)."""
         return self.shape.back(points)
 
-    def likeliest_shape(self, tones: Sequence[Tone] = ()) -> tuple[Shape, Split | None]:
-        """What makes the lines without tones likeliest, each by those around it, and where their noise arises."""
-        index, p = self.window.between(self.gap), self.measured.channels
+    def around(self, tones: Sequence[Tone] = ()) -> Around:
+        """How the lines without tones tell the noise between them."""
+        return self._told(self._between(), tones).around
+
+    def with_likeliest_shape(self, tones: Sequence[Tone] = ()) -> tuple[Unexcited, Split | None]:
+        """The same lines with what makes them likeliest, each by those around it, and where their noise arises."""
+        index = self._between()
         index = index[:: 1 + len(index) // SHAPED]
-        points, at = self.window.points(index), index / self.window.periods
-        shapes: list[Shape] = [Loop(self.base, p), Recorder(p)]
-        backs = [own.back(points) for own in shapes]
-        lines = [self._left(index, tones, back, is_heard=self.is_heard) for back in backs]
-        split = None
+        tried, split = [self, self._with(Recorder(self.measured.channels))], None
+        told = [own._told(index, tones) for own in tried]
         if self.base.is_stable:
             with suppress(ModelError):  # no noise on some channel
-                split, left = self._split(index, lines[0], tones)
-                shapes.append(split)
-                backs.append(split.back(points))
-                lines.append(left)
-        return shapes[likelier_shape(lines, backs, at, [own.numbers for own in shapes])], split
+                split = self._split(index, told[0].left, tones)
+                other = self._with(split)
+                told.append(other._told(index, tones))
+                tried.append(other)
+        numbers = [own.shape.numbers for own in tried]
+        best = likelier_shape([own.around for own in told], [own.back for own in told], numbers)
+        return tried[best], split
 
-    def _split(
-        self, index: NDArray[np.intp], behind: ComplexArray, tones: Sequence[Tone]
-    ) -> tuple[Split, ComplexArray]:
-        """Noise that is heard and noise that is not, by lines behind the loop, and lines behind it."""
+    def _with(self, shape: Shape) -> Unexcited:
+        """The same lines behind another shape."""
+        other = copy(self)
+        other.shape, other._kept = shape, {}
+        return other
+
+    def _between(self) -> NDArray[np.intp]:
+        return self.window.between(self.gap)
+
+    def _told(self, index: NDArray[np.intp], tones: Sequence[Tone]) -> _Told:
+        """What some of the lines tell; of few, that tell the noise and its shape, it is kept until asked for again."""
+        key = tuple(tones)
+        is_kept = len(index) < SHAPED and len(index) == len(self._between())
+        if is_kept and key in self._kept:
+            return self._kept.pop(key)
+        back = self.back(self.window.points(index))
+        left = self._left(index, tones, back, is_heard=self.is_heard)
+        found = _Told(back, left, around(left, index / self.window.periods))
+        if is_kept:
+            self._kept[key] = found
+        return found
+
+    def _split(self, index: NDArray[np.intp], behind: ComplexArray, tones: Sequence[Tone]) -> Split:
+        """Noise that is heard and noise that is not, by lines behind the loop."""
         points, p = self.window.points(index), self.measured.channels
         angle, way = np.angle(points), loop_noise(self.base, points, p)
         own = way[:, :, : heard(self.base, p)]
         rough = SplitNoise(_core.through(way, behind), own, angle, ROUGHLY).whitening(own, angle)
         left = self._left(index, tones, rough, is_heard=self.is_heard)  # less the transient that such noise tells
-        split = Split(self.base, p, SplitNoise(_core.through(_core.inverses(rough), left), own, angle))
-        return split, self._left(index, tones, split.back(points), is_heard=self.is_heard)
+        return Split(self.base, p, SplitNoise(_core.through(_core.inverses(rough), left), own, angle))
 
     @property
     def gap(self) -> int:

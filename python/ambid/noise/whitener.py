@@ -24,7 +24,16 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import ModelError, RecordError
 from ambid.noise.envelope import Envelope
 
-__all__ = ["PER_CHANNEL", "Spectrum", "between_lines", "likelier_shape", "require_noise", "whitened"]
+__all__ = [
+    "PER_CHANNEL",
+    "Around",
+    "Spectrum",
+    "around",
+    "between_lines",
+    "likelier_shape",
+    "require_noise",
+    "whitened",
+]
 
 HALF_WIDTH = 15
 """Excited lines to each side whose unexcited neighbours give the noise spectrum, if they are enough."""
@@ -121,37 +130,30 @@ def between_lines(quiet: ComplexArray, at: FloatArray, judged: FloatArray) -> tu
     RecordError
         If the record has too few lines for so many channels.
     """
-    return _around(quiet, at).covariance(judged)
+    return around(quiet, at).covariance(judged)
 
 
-def likelier_shape(
-    several: Sequence[ComplexArray],
-    backs: Sequence[ComplexArray],
-    at: FloatArray,
-    numbers: Sequence[float] | None = None,
-) -> int:
+def likelier_shape(fits: Sequence[Around], backs: Sequence[ComplexArray], numbers: Sequence[float]) -> int:
     """Behind which of several shapes unexcited lines are likeliest, each by those around it as in `between_lines`.
 
     Parameters
     ----------
-    several : sequence of ndarray, shape (lines, p)
-        The lines behind each shape.
+    fits : sequence of Around
+        Of the lines behind each shape.
     backs : sequence of ndarray, shape (lines, p, p)
         What took them there.
-    at : ndarray, shape (lines,)
     numbers : sequence of float
         That were fitted to the lines for each shape.
     """
-    fits = [_around(lines, at) for lines in several]
-    tried = np.arange(len(at))[::TRIED]
+    count = len(backs[0])
+    tried = np.arange(count)[::TRIED]
     tried = tried[np.logical_and.reduce([fit.lines.used[tried] for fit in fits])]
     gains = [2.0 * float(np.sum(np.linalg.slogdet(back[tried])[1])) for back in backs]
-    share = len(tried) / len(at)
     own = [gain + fit.likelihood(tried) for gain, fit in zip(gains, fits, strict=True)]
-    return int(np.argmax(np.array(own) - share * np.array(numbers or [0.0] * len(own))))
+    return int(np.argmax(np.array(own) - len(tried) / count * np.array(numbers)))
 
 
-def _around(quiet: ComplexArray, at: FloatArray) -> _Around:
+def around(quiet: ComplexArray, at: FloatArray) -> Around:
     """The likeliest way to tell a line's noise by those around it, see `between_lines`."""
     p = quiet.shape[1]
     if len(quiet) <= 2 * p:
@@ -186,10 +188,10 @@ def _around(quiet: ComplexArray, at: FloatArray) -> _Around:
         flat = _Lines(quiet / envelope.root(np.pi * at / nyquist), at, usual)
         some = tried[usual[tried]]
         other, _ = flat.likeliest(ways, some)
-        even = _Around(flat, other, envelope)
+        even = Around(flat, other, envelope)
         if even.likelihood(some) > likelihood:
             return even
-    return _Around(lines, way)
+    return Around(lines, way)
 
 
 @dataclass(frozen=True)
@@ -215,6 +217,7 @@ class _Lines:
         self.below = np.concatenate([np.zeros((1, lines.shape[1])), np.cumsum(power, axis=0)])
         self.count = np.concatenate([[0.0], np.cumsum(used)])
         self._correlations: dict[_Way, ComplexArray] = {}
+        self._likelihoods: dict[tuple[bytes, _Way], float] = {}
 
     def around(self, places: FloatArray, way: _Way) -> tuple[NDArray[np.uintp], NDArray[np.uintp]]:
         """First and last of the lines around each place; near the ends, more on the other side."""
@@ -267,15 +270,19 @@ class _Lines:
 
         Single channels know nothing of how mixtures of them go together: only where that is clearly likelier.
         """
-        covariance, _ = self.covariance(self.at[tried], way, tried)
-        try:
-            return _core.whittle(covariance, self.lines[tried]) - self.lines.shape[1] ** 2 * way.factored
-        except ModelError:
-            return -np.inf  # no noise on some channel
+        key = tried.tobytes(), way
+        if key not in self._likelihoods:
+            covariance, _ = self.covariance(self.at[tried], way, tried)
+            try:
+                found = _core.whittle(covariance, self.lines[tried]) - self.lines.shape[1] ** 2 * way.factored
+            except ModelError:
+                found = -np.inf  # no noise on some channel
+            self._likelihoods[key] = found
+        return self._likelihoods[key]
 
 
 @dataclass(frozen=True)
-class _Around:
+class Around:
     """How lines tell the noise between them, with the envelope that was taken out of them, if any."""
 
     lines: _Lines
