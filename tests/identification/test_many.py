@@ -17,6 +17,7 @@ from ambid import _core
 from ambid.errors import ModelError, Stopped
 from ambid.excitation import prbs
 from ambid.identification import identify, identify_many
+from ambid.identification import many as many_runs
 from ambid.identification.many import fit_for_core
 from ambid.identification.minimum import WhitenedProblem
 from ambid.identification.problem import Descent
@@ -65,7 +66,7 @@ def test_same_numbers_as_one_by_one(which, weights, demo_rig):
 
 
 def test_repeats_of_one_experiment_share_their_way_and_not_their_end():
-    records = experiments(ONE_AXIS.rig, range(12), order=6)
+    records = experiments(ONE_AXIS.rig, range(9), order=6)
     start = Model(ONE_AXIS.rig)
     start = start.with_values({p.name: 1.1 * p.value for p in start.parameters if p.name.startswith("K_i")})
     many = identify_many(start, records, weights="eq9")
@@ -129,17 +130,18 @@ def test_nonlinear_models_go_beside_linear_ones(demo_rig):
     require_same(many, [identify(own, record, free=free) for own in (Model(rig), nonlinear)])
 
 
-def test_ctrl_c_keeps_the_runs_before():
+def test_ctrl_c_keeps_the_runs_before(monkeypatch):
+    monkeypatch.setattr(many_runs, "TOGETHER", 3)
     records = experiments(ONE_AXIS.rig, [0])
 
     def some():
-        yield from records * 40
+        yield from records * 7
         raise KeyboardInterrupt
 
     with pytest.raises(Stopped) as stopped:
         identify_many(ONE_AXIS.rig, some())
     done = stopped.value.result
-    assert 1 <= len(done) < 40
+    assert 1 <= len(done) < 7
     require_same(done, [identify(ONE_AXIS.rig, records[0])] * len(done))
 
 

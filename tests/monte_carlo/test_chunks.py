@@ -15,39 +15,20 @@ from ambid.cli.virtual import GO_ON
 from ambid.errors import IdentificationError, InputError, OutputError, Stopped
 from ambid.monte_carlo import Spread, chunks, procedure, run_monte_carlo
 from ambid.monte_carlo.result import RUNS_FAILED, TOO_FEW_RUNS
-from hidden.one_axis import ONE_AXIS
-from monte_carlo.test_monte_carlo import plan
+from monte_carlo.planned import CHUNK, RIG, RUNS, content, plan
 
 parquet = pytest.importorskip("pyarrow.parquet")
-RUNS = 11
 
 
 @pytest.fixture(autouse=True)
 def _small_chunks(monkeypatch):
-    monkeypatch.setattr(procedure, "CHUNK", 4)
+    monkeypatch.setattr(procedure, "CHUNK", CHUNK)
 
 
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    """What a job that nobody stops leaves."""
-    folder = tmp_path_factory.mktemp("whole") / "runs.parquet"
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(procedure, "CHUNK", 4)
-        run_monte_carlo(plan(), RUNS, out=folder)
-    return content(folder)
-
-
-def content(folder):
-    return {path.name: path.read_bytes() for path in folder.iterdir() if not path.name.startswith(".")}
-
-
-def test_one_table_for_other_programs(whole, tmp_path):
-    folder = tmp_path / "runs.parquet"
-    found = run_monte_carlo(plan(), RUNS, out=folder)
-    table = parquet.read_table(folder)
+def test_one_table_for_other_programs(whole):
+    table = parquet.read_table(whole.folder)
     assert sorted(table["run"].to_pylist()) == list(range(RUNS))
-    assert np.allclose(table["tau_e.value"].to_numpy(), [row["tau_e.value"] for row in found.rows])
-    assert content(folder) == whole
+    assert np.allclose(table["tau_e.value"].to_numpy(), [row["tau_e.value"] for row in whole.rows])
 
 
 def test_fewer_runs_first(whole, tmp_path):
@@ -56,8 +37,8 @@ def test_fewer_runs_first(whole, tmp_path):
     made = []
     found = run_monte_carlo(plan(), RUNS, out=folder, progress=lambda done, total: made.append(total))
     assert made[0] == RUNS - 6
-    assert content(folder) == whole
-    assert found.rows == run_monte_carlo(plan(), RUNS).rows
+    assert content(folder) == whole.parts
+    assert found.rows == whole.rows == run_monte_carlo(plan(), RUNS).rows
 
 
 def test_stopped_by_ctrl_c(whole, tmp_path):
@@ -73,7 +54,7 @@ def test_stopped_by_ctrl_c(whole, tmp_path):
     assert 4 <= len(kept) < RUNS
     assert parquet.read_table(folder).num_rows == len(kept)
     run_monte_carlo(plan(), RUNS, out=folder)
-    assert content(folder) == whole
+    assert content(folder) == whole.parts
 
 
 def test_a_full_disk(whole, tmp_path, monkeypatch, golden):
@@ -93,7 +74,7 @@ def test_a_full_disk(whole, tmp_path, monkeypatch, golden):
     monkeypatch.undo()
     monkeypatch.setattr(procedure, "CHUNK", 4)
     run_monte_carlo(plan(), RUNS, out=folder)
-    assert content(folder) == whole
+    assert content(folder) == whole.parts
 
 
 def test_a_worker_that_is_gone(tmp_path, golden):
@@ -127,10 +108,10 @@ def test_a_part_that_is_broken(tmp_path, golden):
 
 def test_parts_that_changed_places(tmp_path, golden):
     folder = tmp_path / "runs.parquet"
-    run_monte_carlo(plan(), 8, out=folder)
+    run_monte_carlo(plan(), CHUNK + 1, out=folder)
     (folder / "part-000001.parquet").replace(folder / "part-000000.parquet")
     with golden.raises(InputError):
-        run_monte_carlo(plan(), 8, out=folder)
+        run_monte_carlo(plan(), CHUNK + 1, out=folder)
 
 
 @pytest.mark.parametrize("text", ["{", "[]"])
@@ -154,7 +135,7 @@ def test_places_that_are_none(tmp_path, golden):
 @pytest.fixture
 def rig_file(tmp_path):
     path = tmp_path / "rig.toml"
-    path.write_text(ONE_AXIS.rig.to_toml())
+    path.write_text(RIG.to_toml())
     return path
 
 

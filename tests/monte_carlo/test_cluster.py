@@ -10,17 +10,16 @@ from ambid.cli import workers
 from ambid.errors import IdentificationError
 from ambid.monte_carlo import cluster as module
 from ambid.monte_carlo import procedure, run_monte_carlo
-from monte_carlo.test_chunks import content, rig_file  # noqa: F401
-from monte_carlo.test_monte_carlo import plan
+from monte_carlo.planned import CHUNK, RUNS, content, plan
+from monte_carlo.test_chunks import rig_file  # noqa: F401
 
 distributed = pytest.importorskip("distributed")
 pytest.importorskip("pyarrow")
-RUNS = 22
 
 
 @pytest.fixture(autouse=True)
 def _small_tasks(monkeypatch):
-    monkeypatch.setattr(procedure, "CHUNK", 8)
+    monkeypatch.setattr(procedure, "CHUNK", CHUNK)
     monkeypatch.setattr(procedure, "BATCH", 2)
 
 
@@ -61,22 +60,13 @@ def near(threads):
         yield own
 
 
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    """What one thread leaves."""
-    folder = tmp_path_factory.mktemp("whole") / "runs.parquet"
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(procedure, "CHUNK", 8)
-        rows = run_monte_carlo(plan(), RUNS, out=folder).rows
-    return rows, content(folder)
-
-
 @pytest.mark.parametrize("kind", ["client", "executor"])
 @pytest.mark.parametrize("workers", ["near", pytest.param("client", marks=pytest.mark.slow)])
 def test_two_workers_equal_one_thread(workers, kind, whole, tmp_path, request):
     folder, own = tmp_path / "runs.parquet", request.getfixturevalue(workers)
     executor = own if kind == "client" else own.get_executor()
-    assert (run_monte_carlo(plan(), RUNS, out=folder, executor=executor).rows, content(folder)) == whole
+    assert run_monte_carlo(plan(), RUNS, out=folder, executor=executor).rows == whole.rows
+    assert content(folder) == whole.parts
 
 
 @pytest.mark.slow
@@ -89,9 +79,9 @@ def test_a_worker_killed_midway(client, whole, tmp_path):
             os.kill(alive.pop(), signal.SIGKILL)
             alive.clear()
 
-    assert run_monte_carlo(plan(), RUNS, out=folder, executor=client, progress=kill).rows == whole[0]
+    assert run_monte_carlo(plan(), RUNS, out=folder, executor=client, progress=kill).rows == whole.rows
     assert not alive
-    assert content(folder) == whole[1]
+    assert content(folder) == whole.parts
 
 
 @pytest.mark.slow
@@ -107,7 +97,7 @@ def test_a_worker_that_joins(whole, tmp_path):
             if not joined:
                 joined.append(client.loop.call_later(0.2, none.scale, 1))
 
-        assert run_monte_carlo(plan(), RUNS, executor=client, progress=join).rows == whole[0]
+        assert run_monte_carlo(plan(), RUNS, executor=client, progress=join).rows == whole.rows
 
 
 @pytest.mark.slow
@@ -123,10 +113,10 @@ def test_a_run_that_kills_its_workers_is_a_row(cluster, client, whole, monkeypat
 
     monkeypatch.setattr(module, "make_rows", deadly)
     rows = run_monte_carlo(plan(), 8, executor=client).rows
-    assert [row for row in rows if row["run"] != 5] == [row for row in whole[0][:8] if row["run"] != 5]
+    assert [row for row in rows if row["run"] != 5] == [row for row in whole.rows[:8] if row["run"] != 5]
     assert rows[5]["status"] == "failed"
     golden.holds(rows[5]["reason"])
-    assert rows[5]["K_i.A_zeta.true"] == whole[0][5]["K_i.A_zeta.true"]
+    assert rows[5]["K_i.A_zeta.true"] == whole.rows[5]["K_i.A_zeta.true"]
 
 
 def test_the_runs_are_cancelled(near, golden):

@@ -1,7 +1,6 @@
 """Monte Carlo: runs that depend on nothing but the plan and their number, and figures that are right."""
 
 import pickle
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -9,19 +8,12 @@ import pytest
 
 import ambid
 from ambid.errors import InputError, ModelError
-from ambid.excitation import prbs
 from ambid.identification import identify
-from ambid.monte_carlo import Plan, Spread, procedure, run_monte_carlo
+from ambid.monte_carlo import Spread, run_monte_carlo
 from ambid.monte_carlo.result import RUNS_FAILED, MonteCarlo
-from hidden.one_axis import ONE_AXIS
+from monte_carlo.planned import RIG, plan
 
-RIG = ONE_AXIS.rig
-RUNS = 60
-
-
-def plan(**changes):
-    given = {"rig": RIG, "excitation": prbs(7, amplitude=1.0, hold=4, axes=1, periods=4), "seed": 4}
-    return Plan(**given | changes)
+RUNS = 40
 
 
 @pytest.fixture(scope="module")
@@ -57,32 +49,29 @@ def test_another_seed_gives_other_runs(found):
     assert run_monte_carlo(plan(seed=5), 1).rows[0]["seed"] != found.rows[0]["seed"]
 
 
-def test_an_executor_makes_the_same(monkeypatch):
-    monkeypatch.setattr(procedure, "CHUNK", 4)
-    with ThreadPoolExecutor(2) as executor:
-        assert run_monte_carlo(plan(), 10, executor=executor).rows == run_monte_carlo(plan(), 10).rows
-
-
 def test_spreads_are_drawn_and_told():
     spreads = [Spread.parse(text) for text in ("K_i=normal:2%", "amplitude=uniform:0.5:2", "rotor.mass=uniform:1%")]
     own = plan(spreads=tuple(spreads))
-    rows = run_monte_carlo(own, 40).rows
-    k_i = np.array([row["K_i.A_zeta.true"] for row in rows]) / own.machine.parameters[0].value
+    truths = [own.of_run(run) for run in range(40)]
+    k_i = np.array([truth.model.parameters[0].value for truth in truths]) / own.machine.parameters[0].value
     assert 0.01 < k_i.std() < 0.03
-    amplitude, mass = (np.array([row[f"drawn.{key}"] for row in rows]) for key in ("amplitude", "rotor.mass"))
+    amplitude, mass = (np.array([truth.drawn[key] for truth in truths]) for key in ("amplitude", "rotor.mass"))
     assert 0.5 < amplitude.min() < 0.8 < 1.6 < amplitude.max() < 2.0
     assert np.abs(mass / 12.0 - 1.0).max() < 0.01
     assert len(set(mass)) == 40
+    for row, truth in zip(run_monte_carlo(own, 3).rows, truths[:3], strict=True):
+        assert row["K_i.A_zeta.true"] == truth.model.parameters[0].value
+        assert [row[f"drawn.{key}"] for key in own.drawn] == [truth.drawn[key] for key in own.drawn]
 
 
-@pytest.mark.parametrize("runs", [30, pytest.param(400, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("runs", [20, pytest.param(400, marks=pytest.mark.slow)])
 def test_values_that_are_known_to_a_tolerance_are_off_in_every_run(runs):
     own = plan(rig=RIG.replace(tolerance={}))
-    found = run_monte_carlo(own, runs)
-    rows = found.rows
     for name, std in (("mass", 0.005), ("sensor_gain.A_zeta", 0.01)):
-        drawn = np.array([row[f"drawn.{name}"] for row in rows])
-        assert drawn.std() == pytest.approx(std, rel=4.0 / np.sqrt(2.0 * runs))
+        drawn = np.array([own.of_run(run).drawn[name] for run in range(400)])
+        assert drawn.std() == pytest.approx(std, rel=4.0 / np.sqrt(2.0 * 400))
+    found = run_monte_carlo(own, runs)
+    assert found.rows[-1]["drawn.mass"] == own.of_run(runs - 1).drawn["mass"]
     assert found.adequate > 0.93
     for accuracy in found.parameters.values():
         assert accuracy.coverage > 0.95 - 4.0 * np.sqrt(0.05 * 0.95 / runs)
@@ -98,7 +87,7 @@ def test_a_value_of_the_rig_that_is_drawn_is_the_truth():
 
 def test_what_is_hidden_biases():
     hidden = ambid.Model(RIG).add("loop_delay", {"delay": 2e-5})
-    found = run_monte_carlo(plan(truth=hidden), 20)
+    found = run_monte_carlo(plan(truth=hidden), 8)
     assert found.adequate < 0.5
     assert found.parameters["tau_e"].coverage < 0.5
 

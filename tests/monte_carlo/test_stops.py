@@ -14,7 +14,7 @@ import pytest
 from ambid.cli.virtual import GO_ON
 from ambid.monte_carlo import procedure
 from hidden.one_axis import ONE_AXIS
-from monte_carlo.test_chunks import content
+from monte_carlo.planned import content
 
 pytest.importorskip("pyarrow")
 RUNS = 40
