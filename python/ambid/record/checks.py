@@ -54,14 +54,12 @@ COMMAND_CLIPPED = Kind(
     "law asks for is taken as excitation",
 )
 
-MIN_SAMPLES = 200
-"""Fewest samples of a record."""
 SMALLEST_CHANGE = 1e-20
 """Metres, or ampere, that a channel must change by: no sensor tells less, and its square loses its digits."""
 LARGEST_VALUE = 1e100
 """In any unit: the squares of larger ones, summed over a record, come near the end of floating point."""
-MIN_PERIOD = 3
-"""Fewest samples of a period: with fewer, no line of the spectrum lies between 0 and half the sample rate."""
+MIN_SAMPLES = 3
+"""Fewest samples of a record, and of a period: with fewer, no line of the spectrum lies between 0 and half the sample rate."""
 LARGEST_CURRENT_RMS = 100.0
 """Ampere: larger than most machines', and reached at once by values in mA."""
 BIASES_OF_CURRENT = 20.0
@@ -121,9 +119,9 @@ def require_length(where: str, samples: int, period: int | None) -> None:
     """Refuse a record that is too short, or a stated period that does not fit in it."""
     if samples < MIN_SAMPLES:
         raise RecordError(f"{where}: {samples} samples, at least {MIN_SAMPLES} are needed; record for longer")
-    if period is not None and not (isinstance(period, int | np.integer) and MIN_PERIOD <= period <= samples):
+    if period is not None and not (isinstance(period, int | np.integer) and MIN_SAMPLES <= period <= samples):
         raise RecordError(
-            f"{where}: period = {period!r}; give a whole number of samples from {MIN_PERIOD} to {samples}"
+            f"{where}: period = {period!r}; give a whole number of samples from {MIN_SAMPLES} to {samples}"
         )
 
 

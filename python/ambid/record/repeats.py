@@ -36,6 +36,8 @@ MOST_WRONG = 20
 """Wrong samples that are taken for single ones, at most; more are another excitation."""
 A_STEP = 2 * MOST_LOST
 """Samples by which a period may be longer that needs a step less: all periods but one are then still compared."""
+CERTAIN = 20.0
+"""Bits that a period must save: a random excitation has one by chance once in a million records."""
 SPOILT = 0.4
 """Part of the share of samples that differ from the next one, at which a stretch does not repeat: rows were lost."""
 
@@ -84,8 +86,25 @@ def repeats(i_e: FloatArray) -> Repeats | None:
     for period in _candidates(x):
         steps = _steps(x, period)
         if steps is not None and (wrong := _wrong(np.asarray(i_e), period, steps)) is not None:
-            tried.append(Repeats(period, wrong, steps))
+            own = Repeats(period, wrong, steps)
+            if _is_shorter(x, own):
+                tried.append(own)
     return min(tried, key=lambda own: own.period + A_STEP * len(own.steps) + len(own.wrong), default=None)
+
+
+def _is_shorter(x: FloatArray, own: Repeats) -> bool:
+    """Whether saying how it repeats takes fewer bits than saying what repeats; random ones do so once in 2^bits saved.
+
+    What repeats is a choice of two values in as many rows as twice the changes, at the least, of a random binary
+    sequence whatever its hold (no-hypercompression: Gruenwald, The Minimum Description Length Principle, 2007, 3.3).
+    """
+    samples, (wrong, steps) = len(x), (len(own.wrong), len(own.steps))
+    alike = np.ones(samples - own.period, dtype=bool)
+    for step in own.steps:
+        alike[max(0, step.row - own.period - MOST_LOST) : step.row + MOST_LOST] = False
+    per_row = min(1.0, 2.0 * float(np.mean(_apart(x, 1) > ROUNDING)))
+    places = (1 + wrong + steps) * np.log2(samples) + wrong * np.log2(2 * x.shape[1]) + steps * np.log2(2 * MOST_LOST)
+    return bool(per_row * np.sum(alike) > places + CERTAIN)
 
 
 def _candidates(x: FloatArray) -> list[int]:
@@ -106,7 +125,11 @@ def _candidates(x: FloatArray) -> list[int]:
 def _of_stretches(x: FloatArray, lag: int) -> float:
     """Relative rms mismatch that the better stretches have at a lag."""
     apart = np.mean((x[lag:] - x[:-lag]) ** 2, axis=1)
-    return float(np.sqrt(np.quantile([part.mean() for part in np.array_split(apart, BLOCKS)], CLEAN_SHARE)))
+    return float(np.sqrt(np.quantile([part.mean() for part in _stretches(apart)], CLEAN_SHARE)))
+
+
+def _stretches(apart: FloatArray) -> list[FloatArray]:
+    return np.array_split(apart, min(BLOCKS, len(apart)))
 
 
 def _apart(x: FloatArray, lag: int) -> FloatArray:
@@ -118,7 +141,7 @@ def _steps(x: FloatArray, period: int) -> tuple[Step, ...] | None:
     """Where rows are lost or repeated; None where stretches that do not repeat have another cause."""
     found: list[Step] = []
     apart = _apart(x, period)
-    noise = np.quantile([np.median(part) for part in np.array_split(apart, BLOCKS)], CLEAN_SHARE) / 0.6745
+    noise = np.quantile([np.median(part) for part in _stretches(apart)], CLEAN_SHARE) / 0.6745
     tolerance = max(OUTLIER * noise, ROUNDING)
     differs = apart > tolerance
     least = SPOILT * float(np.mean(_apart(x, 1) > tolerance))
@@ -127,7 +150,7 @@ def _steps(x: FloatArray, period: int) -> tuple[Step, ...] | None:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], share > least, [False]]).astype(int)))
     for first, end in edges.reshape(-1, 2):
         own = np.flatnonzero(differs[first:end]) + first
-        inside = np.arange(own[0], own[-1] + 1)
+        inside = np.arange(own[0], own[-1] + 1) if len(own) else own
         if len(inside) < length // 2:
             continue  # a single wrong sample, or a few
         tried = [j for j in range(-MOST_LOST, MOST_LOST + 1) if j]
