@@ -39,7 +39,7 @@ def test_a_sine_of_the_excitation_is_kept():
     """It stands alone on its line, too, but the machine answers it by the controller's equation."""
     time = np.arange(6000) / BENCH.rig.sample_rate
     sines = [np.sin(2.0 * np.pi * f * time) for f in (31.7, 83.1, 150.3, 333.3)]
-    i_e = 0.5 * np.stack(sines, axis=1) + 0.05 * np.random.default_rng(0).standard_normal((6000, 4))
+    i_e = 0.5 * np.stack(sines, axis=1) + 0.2 * np.random.default_rng(0).standard_normal((6000, 4))
     own = simulate(BENCH.rig, i_e, {}, seed=2, **BENCH.truth, **BENCH.noise)
     assert not gains_off(own)
     pid = BENCH.rig.controller

@@ -204,7 +204,7 @@ RECORDS = {
     "record, text in a cell": (rows(lambda lines: cell(lines, 7, 5, "overrange")), IDENTIFY, "overrange"),
     "record, short row": (rows(lambda lines: [*lines[:9], "0.1,0.2", *lines[9:]]), IDENTIFY, "row 9"),
     "record, binary": (text("run.csv", b"\xff\xfe\x80abc"), IDENTIFY, "run.csv"),
-    "record, too short": (rows(lambda lines: lines[:100]), IDENTIFY, "99 samples"),
+    "record, too short": (rows(lambda lines: lines[:3]), IDENTIFY, "2 samples"),
     "record, no t": (column("t", None), IDENTIFY, "'t' [s]"),
     "record, no y": (columns(renamed("y.", "x.")), IDENTIFY, "y.<axis>"),
     "record, an axis less": (column("y.B_eta", None), IDENTIFY, "B_eta"),

@@ -68,6 +68,16 @@ def test_what_never_repeats_has_no_period(seed):
         assert repeats(x.reshape(len(x), -1)) is None
 
 
+@pytest.mark.parametrize("samples", [20, 60, 150, 199, 400])
+@pytest.mark.parametrize("hold", [1, 2, 5, 12])
+def test_a_short_random_excitation_repeats_by_chance_alone(samples, hold):
+    """Two values held for a while are alike at some lag in many stretches of a few samples."""
+    for seed in range(5):
+        rng = np.random.default_rng([seed, samples, hold])
+        x = np.repeat(rng.choice([-1.0, 1.0], samples // hold + 1), hold)[:samples, None]
+        assert repeats(x) is None
+
+
 def record_of(i_e, y=None):
     rng = np.random.default_rng(7)
     y = 1e-5 * rng.standard_normal(i_e.shape) if y is None else y

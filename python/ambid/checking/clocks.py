@@ -79,6 +79,8 @@ def out_of_step(record: Record, loop: NominalLoop) -> list[Clock | Jump]:
         return []
     window = Window.of(record).settled
     length = max(16, window.period // STRETCHES)
+    if len(window.cut(record.y)) < 2 * length:
+        return []
     jumps: list[Jump] = []
     sure_ramps, powers = False, np.zeros(2)
     for axis, y in enumerate(record.y.T):

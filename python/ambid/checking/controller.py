@@ -19,7 +19,7 @@ from scipy.optimize import least_squares
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.checking.equations import commanded
-from ambid.checking.nominal import AROUND, CLEAR, HIGHEST_FREQUENCY, Lines, NominalLoop
+from ambid.checking.nominal import AROUND, CLEAR, HIGHEST_FREQUENCY, Lines, NominalLoop, times
 from ambid.rig import PidController
 
 __all__ = ["ControllerFit", "Late", "current_late", "fit_controller", "read_late"]
@@ -28,6 +28,13 @@ MOST_HELD = 8
 """States of a controller up to which what they held is fitted."""
 TURN = 1e-4
 """Part of a unit of time by which derivatives of the paths are differenced."""
+STEPS = 20
+"""Of Newton's method; the last may change a gain by a standard error: at whole samples of delay is a kink."""
+APART = 1e-2
+"""Singular value over the largest, of unit columns, below which delay and lag of an amplifier stand for each other and
+stay as they are."""
+STRONG = 10.0
+"""Strength of instruments below which their errors are too small (Staiger and Stock, Econometrica 65 (1997) 557)."""
 SURE = 100.0
 """Fall of the sum of squares, in units of what is left, by an instant of y or i_c: ten standard errors."""
 BY_CHANCE = 6.0
@@ -99,13 +106,15 @@ def fit_controller(loop: NominalLoop, lines: Lines) -> ControllerFit:
     Of a record without periods what stands alone on a line, as a hum does that joins i_c, is left out. An axis that
     does not show its controller's equation clear of noise on enough lines has factors of 1 with infinite errors.
     """
-    if not lines.whole_periods:
+    if not (lines.whole_periods or lines.are_responses):
         lines = lines.some(~_alone(loop, lines))
     parts = 1 + len(gains := list(commanded(loop, lines)))
     scale, error, share = (np.full((loop.axes, parts), of_none) for of_none in (1.0, np.inf, 0.0))
     missed = np.full(loop.axes, np.nan)
     for k, equation in _equations(loop, lines).items():
         x, spread, left = equation.solved()
+        if lines.are_responses:
+            x, spread = equation.instrumented(x)
         scale[k], error[k], share[k], missed[k] = x[:parts], spread[:parts], equation.shares, np.sqrt(left)
     return ControllerFit(("i_e", *gains), scale, error, share, missed)
 
@@ -188,6 +197,13 @@ def _alone(loop: NominalLoop, lines: Lines) -> NDArray[np.bool_]:
     return np.asarray(near.any(axis=1))
 
 
+def _answered(loop: NominalLoop, lines: Lines) -> Lines:
+    """Spectra as the nominal loop makes them of the excitation."""
+    y = times(loop.closed(lines.frequency_hz), loop.driven(lines))
+    i_c = np.linalg.solve(loop.machine(lines.frequency_hz), y[..., None])[..., 0]
+    return replace(lines, y=y, i_c=i_c)
+
+
 def _equations(loop: NominalLoop, lines: Lines) -> dict[int, _Equation]:
     """That of every axis that shows it clear of noise on enough lines, on these.
 
@@ -217,7 +233,8 @@ def _equations(loop: NominalLoop, lines: Lines) -> dict[int, _Equation]:
 
 def _on_lines(loop: NominalLoop, lines: Lines) -> list[_Equation]:
     """That of every axis, on all of some lines."""
-    f, of_y = lines.frequency_hz, commanded(loop, lines)
+    f = lines.frequency_hz
+    of_y, ideal = (-np.stack([*commanded(loop, own).values()], axis=2) for own in (lines, _answered(loop, lines)))
     held, i_c = _held_by_controller(loop, lines), np.asarray(lines.i_c)
     step = 1.0 / (2.0 * np.pi * HIGHEST_FREQUENCY * loop.rig.sample_rate)
 
@@ -227,7 +244,8 @@ def _on_lines(loop: NominalLoop, lines: Lines) -> list[_Equation]:
     return [
         _Equation(
             i_e=lines.i_e[:, k],
-            of_y=-np.column_stack([own[:, k] for own in of_y.values()]),
+            of_y=of_y[:, k],
+            ideal=ideal[:, k],
             motion=2j * np.pi * f * lines.y[:, k] * np.linalg.norm(i_c[:, k]) / np.linalg.norm(f * lines.y[:, k]),
             held=held / np.linalg.norm(held, axis=0),
             i_c=i_c[:, k],
@@ -251,6 +269,7 @@ class _Equation:
 
     i_e: ComplexArray
     of_y: ComplexArray
+    ideal: ComplexArray
     motion: ComplexArray
     held: ComplexArray
     i_c: ComplexArray
@@ -286,16 +305,7 @@ class _Equation:
         """Unknowns, their standard errors, and the square of the part of i_c that is left, from a delay on."""
         first = np.concatenate([np.ones(1 + self.of_y.shape[1]), np.zeros(1 + self.held.shape[1] + 4)])
         first[-4] = delay
-        free = np.flatnonzero(
-            np.concatenate(
-                [
-                    np.full(1 + self.of_y.shape[1], self.has_factors),
-                    [self.induces],
-                    np.full(self.held.shape[1], True),
-                    [self.has_delay, self.has_lag, self.has_lag, self.has_instant],
-                ]
-            )
-        )
+        free = self._free
 
         def whole(x: FloatArray) -> FloatArray:
             out = first.copy()
@@ -322,6 +332,39 @@ class _Equation:
         errors = np.zeros(len(first))
         errors[free] = np.sqrt(noise * spread) / size
         return whole(end.x), errors, 2.0 * float(end.cost)
+
+    def instrumented(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Unknowns from those of least squares on, and their standard errors, by instrumental variables.
+
+        Noise that only a recorder has in y biases least squares, and nothing that is at right angles to what the
+        excitation makes of y. The errors are right whatever the power of each line's noise (Soederstroem and Stoica,
+        System Identification, 1989, chapter 8).
+        """
+        free, x, errors = self._free, x.copy(), np.zeros(len(x))
+        ideal = replace(self, of_y=self.ideal)
+        for _ in range(STEPS):
+            left, columns, instruments = (own(x) for own in (self._residual, self._jacobian, ideal._jacobian))
+            columns, instruments = columns[:, free], instruments[:, free]
+            size, own = (np.maximum(np.linalg.norm(table, axis=0), 1e-300) for table in (columns, instruments))
+            columns, instruments = columns / size, instruments / own
+            inverse = np.linalg.pinv(instruments.T @ columns, rcond=APART) / size[:, None]
+            step = inverse @ (instruments.T @ left)
+            x[free] -= step
+            if np.abs(step).max() > 1.0 / TURN:  # it diverges
+                return x, np.full(len(x), np.inf)
+        errors[free] = np.linalg.norm(inverse @ (instruments * left[:, None]).T, axis=1)
+        gains = np.arange(1 + self.of_y.shape[1])
+        ended = np.abs(step[gains]) <= errors[gains] + TURN**2
+        if not ended.all() or _strength(columns, instruments, np.isin(free, gains[1:])) < STRONG:
+            errors = np.full(len(x), np.inf)
+        return x, errors
+
+    @property
+    def _free(self) -> NDArray[np.intp]:
+        """Which unknowns are sought."""
+        gains, held = self.of_y.shape[1], self.held.shape[1]
+        last = [self.has_delay, self.has_lag, self.has_lag, self.has_instant]
+        return np.flatnonzero([*[self.has_factors] * (1 + gains), self.induces, *[True] * held, *last])
 
     def _lag(self, more: float) -> float:
         """That of the amplifier, which is none below zero where it is known to have one."""
@@ -365,6 +408,16 @@ class _Equation:
         columns.append(-more * self.s**2 / pole * moved)
         columns.append(-self.s * by_y)
         return _stacked(np.column_stack(columns)) / self.size
+
+
+def _strength(columns: FloatArray, instruments: FloatArray, noisy: NDArray[np.bool_]) -> float:
+    """Least F of any mixture of noisy columns on their instruments (Cragg and Donald, Econ. Theory 9 (1993) 222)."""
+    known = columns[:, ~noisy]
+    own, by = (table[:, noisy] - known @ np.linalg.lstsq(known, table[:, noisy])[0] for table in (columns, instruments))
+    seen = by @ np.linalg.lstsq(by, own)[0]
+    left = own - seen
+    scatter = left.T @ left / max(1, len(columns) - columns.shape[1])
+    return float(np.linalg.eigvals(np.linalg.pinv(scatter) @ (seen.T @ seen)).real.min() / noisy.sum())
 
 
 def _held_by_controller(loop: NominalLoop, lines: Lines) -> ComplexArray:

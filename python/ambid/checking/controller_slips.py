@@ -67,8 +67,10 @@ CURRENT_WITHOUT_EXCITATION = Kind(
 )
 
 
-def slips_of_controller(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
-    """i_c follows from i_e and y through the controller."""
+def slips_of_controller(
+    record: Record, loop: NominalLoop, lines: Lines, responses: Lines | None = None
+) -> list[Finding]:
+    """i_c follows from i_e and y through the controller; of a record without periods `responses` tell the gains."""
     missed = controller_missed(loop, lines)
     signal, order, left = reordered(loop, lines)
     if missed > UNEXPLAINED and left < 0.5 * missed:
@@ -97,6 +99,10 @@ def slips_of_controller(record: Record, loop: NominalLoop, lines: Lines) -> list
         found += slips_of_instants(record, loop, lines)
     if record.has_known_command:  # whatever the gains miss, i_e holds
         return found
+    if not lines.whole_periods:
+        if responses is None:
+            return found
+        fit = fit_controller(loop, responses)
     judged = moving & [slip is None for slip in slips]
     # a factor on all of i_c is R of a voltage-driven coil, which is fitted
     first = 0 if lines.i_e.any() else 1

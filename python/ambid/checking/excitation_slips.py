@@ -84,10 +84,11 @@ def slips_of_excitation(record: Record, loop: NominalLoop, lines: Lines) -> list
     if (ordered := correlation(wanted, given[:, order])) > ALIKE:
         columns = taken_as(record, order)
         return [EXCITATION_ORDER(where, correlation=alike, correlation_exchanged=ordered, **columns)]
+    by_chance = chance(wanted, given)
     shift, height = best_shift(wanted, given, lines)
-    if height > ALIKE:
+    if height > max(ALIKE, 5.0 * by_chance):  # the best of many shifts
         values: dict[str, Any] = {"shift_samples": shift, "shift_s": shift / record.sample_rate}
         return [EXCITATION_SHIFTED(where, correlation=alike, correlation_shifted=height, **values)]
-    if alike > 5.0 * chance(wanted, given):
+    if alike > 3.0 * by_chance or 3.0 * by_chance > ALIKE:
         return [EXCITATION_DOUBTFUL(where, correlation=alike)]
     return [FOREIGN_EXCITATION(where, correlation=alike)]

@@ -70,7 +70,12 @@ def slips_of_machine(record: Record, loop: NominalLoop, lines: Lines, *, is_rig_
     expected = expected_displacement(loop, lines)
     alike, gain = correlation(lines.y, expected), gain_of(lines.y, expected)
     found = []
-    if alike < 0.9 or gain.min() < 0.75 or gain.max() > 1.35:
+    limit = 0.9
+    if not lines.whole_periods:  # what does not go with the nominal response may be noise, of which only periods tell
+        limit, gain = OPPOSITE, gain * abs(alike)
+        if OPPOSITE < alike < NOMINAL:
+            gain = np.ones(1)
+    if alike < limit or gain.min() < 0.75 or gain.max() > 1.35:
         # a low correlation may be noise; a wrong size or sign of what is like the nominal response is not
         size = float(np.median(gain))
         is_small = alike > NOMINAL and size <= SMALLEST

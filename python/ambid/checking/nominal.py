@@ -60,6 +60,8 @@ class Lines:
         Which of them y fills by far more than noise on every axis that moves; None where there are no periods to tell.
     quiet : Lines, or None
         Those that are not excited, of as many samples; None where there are no periods.
+    are_responses : bool
+        See `of_responses`.
     """
 
     frequency_hz: FloatArray
@@ -72,6 +74,7 @@ class Lines:
     whole_periods: bool
     clear: NDArray[np.bool_] | None = None
     quiet: Lines | None = None
+    are_responses: bool = False
 
     def some(self, kept: NDArray[np.bool_]) -> Lines:
         """Some of the lines."""
@@ -110,6 +113,37 @@ class Lines:
         clear = None if window is None else _clear_of_noise(window, record.y, y, kept)
         quiet = None if window is None else cls._not_excited(record, window)
         return cls(frequency[kept], i_e[kept], y, i_c, r[kept], index[kept], length, window is not None, clear, quiet)
+
+    @classmethod
+    def of_responses(cls, record: Record) -> Lines:
+        """What follows the excitation of a record without periods: a row a frequency and input that moves alone.
+
+        What the record began with leaks into its spectra, but not into the local polynomials of its responses. Rows are
+        divided by the std of y.
+
+        Raises
+        ------
+        RecordError
+            If the record is too short for them.
+        """
+        found, axes = record.frequency_response(), len(record.axes)
+        low = found.frequency_hz < HIGHEST_FREQUENCY * record.sample_rate
+        names = [f"{signal}.{axis}" for signal in ("i_e", "r") for axis in record.axes]
+        drives = np.tile(np.eye(len(names), dtype=complex)[[names.index(own) for own in found.inputs]], (low.sum(), 1))
+        of_pairs = found.response[low].swapaxes(1, 2).reshape(len(drives), -1)
+        weight = 1.0 / np.linalg.norm(found.std[low, :axes], axis=1).reshape(-1, 1)
+        h, drives = weight * of_pairs, weight * drives
+        return cls(
+            np.repeat(found.frequency_hz[low], len(found.inputs)),
+            drives[:, :axes],
+            h[:, :axes],
+            None if record.i_c is None else h[:, axes:],
+            drives[:, axes:],
+            np.arange(1, len(h) + 1),
+            record.samples,
+            whole_periods=False,
+            are_responses=True,
+        )
 
     @classmethod
     def _not_excited(cls, record: Record, window: Window) -> Lines:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ambid.arrays import FloatArray
 from ambid.findings import Finding, Kind, Where
+from ambid.model import Model
 from ambid.record import Record
 
 __all__ = ["OPERATING_POINT_DRIFT", "path"]
@@ -41,12 +42,12 @@ NOTICED = 10.0
 """Rms of the noise over which a ramp must lead: on the tenth line it is then as loud as the noise."""
 
 
-def path(record: Record) -> list[Finding]:
-    """The means of y and i_c stay where they are; where they do not, from where to where they go.
+def path(record: Record, model: Model) -> list[Finding]:
+    """The means of y and i_c stay where they are, or where a model moves them; else from where to where they go.
 
     A free response, which comes to rest, is none.
     """
-    drift = {} if record.is_free_response else _ramps(record) or _moves(record)
+    drift = {} if record.is_free_response else _ramps(record) or _moves(record, model)
     return [OPERATING_POINT_DRIFT(Where(record=record.name), **drift)] if drift else []
 
 
@@ -69,14 +70,15 @@ def _ramps(record: Record) -> dict[str, Any]:
     return _drift(record, groups, means[1], means[-1]) if len(ramps) else {}
 
 
-def _moves(record: Record) -> dict[str, Any]:
+def _moves(record: Record, model: Model) -> dict[str, Any]:
     """The axis whose mean of y moves most from part to part, by more than an excitation moves it."""
-    parts = np.array_split(record.y, PARTS)
-    means, within = (
-        np.array([part.mean(axis=0) for part in parts]),
-        np.mean([part.std(axis=0) for part in parts], axis=0),
-    )
+    if record.samples < PARTS**2:  # noise alone moves means of fewer samples
+        return {}
+    means, within = _of_parts(record.y)
     far = np.ptp(means, axis=0)
+    if (far >= MOVED * within).any() and not record.is_rebuilt and model.is_stable:
+        # a slow excitation moves the means, too: as far as the model does, whatever it is worth, nothing else does
+        far = np.minimum(far, np.ptp(means - _of_parts(model.response(record)[:, : len(record.axes)])[0], axis=0))
     j = int(np.argmax(far / within))
     if far[j] < MOVED * within[j]:
         return {}
@@ -84,6 +86,12 @@ def _moves(record: Record) -> dict[str, Any]:
     beyond = None if far[j] < 1.1 * goes else float(far[j])  # it comes back
     own = np.array([j])
     return _drift(record, (own, own[:0]), means[0], means[-1]) | {"displacement_range_m": beyond}
+
+
+def _of_parts(y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Means of the parts, and the mean standard deviation within one."""
+    parts = np.array_split(y, PARTS)
+    return np.array([part.mean(axis=0) for part in parts]), np.mean([part.std(axis=0) for part in parts], axis=0)
 
 
 def _drift(

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from ambid.checking.controller import FEWEST
 from ambid.checking.controller_slips import DOUBTFUL_GAIN, slips_of_controller
 from ambid.checking.equations import FEWEST_LINES
 from ambid.checking.excitation_slips import slips_of_closed_loop
@@ -109,6 +110,15 @@ def _laws(record: Record, rig: Rig) -> tuple[Law, ...]:
         return ()
 
 
+def _responses(record: Record) -> Lines | None:
+    """None of a record that is too short for them."""
+    try:
+        found = Lines.of_responses(record)
+    except RecordError:
+        return None
+    return found if len(found.index) >= FEWEST else None
+
+
 def _turned_reference(record: Record, rig: Rig) -> list[Finding]:
     """A reference whose sign, turned, shows the rig's law where the command follows none."""
     if record.r is None or not rig.controller.reference:
@@ -122,7 +132,7 @@ def _turned_reference(record: Record, rig: Rig) -> list[Finding]:
 def _record(record: Record, loop: NominalLoop) -> list[Finding]:
     lines, where = Lines.of(record), Where(record=record.name)
     found = [own.at(record=record.name) for own in record.findings]
-    found += [*slips_of_ranges(record, loop.rig), *path(record), *slips_of_periods(record)]
+    found += [*slips_of_ranges(record, loop.rig), *path(record, loop.model), *slips_of_periods(record)]
     found += slips_of_clocks(record, loop)
     if record.is_free_response:
         return found
@@ -132,7 +142,7 @@ def _record(record: Record, loop: NominalLoop) -> list[Finding]:
     if lines.i_c is None:
         found += slips_of_closed_loop(record, loop, lines)
     elif is_held:
-        found += slips_of_controller(record, loop, lines)
+        found += slips_of_controller(record, loop, lines, None if lines.whole_periods else _responses(record))
     else:
         found.append(FEW_LINES(where, lines=len(lines.index), fewest=FEWEST_LINES))
     has_error = any(finding.severity == "error" for finding in found)

@@ -59,7 +59,7 @@ SMALLEST_CHANGE = 1e-20
 LARGEST_VALUE = 1e100
 """In any unit: the squares of larger ones, summed over a record, come near the end of floating point."""
 MIN_SAMPLES = 3
-"""Fewest samples of a record, and of a period: with fewer, no line of the spectrum lies between 0 and half the sample rate."""
+"""Fewest samples of a record or a period: fewer have no line of their spectrum between 0 and half the sample rate."""
 LARGEST_CURRENT_RMS = 100.0
 """Ampere: larger than most machines', and reached at once by values in mA."""
 BIASES_OF_CURRENT = 20.0
