@@ -1,5 +1,7 @@
 """Tables of frequency responses as analysers write them, against the closed form of a resonance."""
 
+import re
+
 import numpy as np
 import pytest
 import scipy.io
@@ -59,6 +61,43 @@ def test_values_are_read_in_every_form(tmp_path, names):
     found = load_measurement(path, RIG)
     np.testing.assert_allclose(h_of(found), H, rtol=1e-12)
     assert found.findings == ()
+
+
+SPELLED = [
+    ("Frequency (Hz)", "Mag y", "Phase y"),
+    ("f / Hz", "|H| (dB)", "Phase (deg)"),
+    ("f [Hz]", "|H| [dB]", "arg(H) [rad]"),
+    ("Freq{Hz}", "CH2 Gain{dB}", "CH2 Phase{deg}"),
+    ("Frequency, Hz", "Magnitude y, dB", "Phase y, deg"),
+    ("Frequenz in Hz", "Betrag in dB", "Phase in grad"),
+    ("Frequency(Hz)", "CH2 Amplitude(dB)", "CH2 Phase(Deg)"),
+    ("Freq [Hz]", "FRF Magnitude / dB", "FRF Phase / °"),
+    ("frequency_hz", "|y/i_e| in um/A", "∠ y/i_e (rad)"),
+    ("Frequency [Hz]", "Mag(y/i_e) [um/A]", "Phase(y/i_e) [deg]"),
+    ("Frequency [Hz]", "Real part y", "Imag part y"),
+    ("Frequency <Hz>", "Re(H)", "Im(H)"),
+    ("Hz", "H mag (abs)", "H phase (rad)"),
+    ("Frequency Hz", "Mag y dB", "Phase y deg"),
+]
+
+
+@pytest.mark.parametrize("names", SPELLED, ids=" ".join)
+def test_names_are_read_as_they_are_spelled(tmp_path, names):
+    text = ",".join(f'"{name}"' for name in names)
+    size = DECIBELS if "db" in text.lower() else 1e6 * np.abs(H) if "um/A" in text else np.abs(H)
+    values = (
+        (H.real, H.imag) if "Re" in names[1] else (size, np.angle(H) if re.search(r"\brad\b", names[2]) else DEGREES)
+    )
+    found = load_measurement(write(tmp_path / "frf.csv", text, F, *values), RIG)
+    np.testing.assert_allclose(h_of(found), H, rtol=1e-12)
+    assert found.pairs == [f"y.{AXIS} / i_e.{AXIS}"]
+
+
+def test_a_label_that_is_a_signal_names_the_output(tmp_path):
+    found = load_measurement(
+        write(tmp_path / "frf.csv", "Frequency [Hz],Mag i_c,Phase i_c", F, np.abs(H), DEGREES), RIG
+    )
+    assert found.outputs == (f"i_c.{AXIS}",)
 
 
 ABSCISSAS = {

@@ -14,7 +14,7 @@ from ambid.errors import RecordError
 from ambid.findings import Kind
 from ambid.record.units import Unit, frequency_unit, ratio_of
 
-__all__ = ["UNITS_ASSUMED", "Quantity", "holds_quantities", "hz_of", "quantity_of", "values_of"]
+__all__ = ["SIGNALS", "UNITS_ASSUMED", "VALUES", "Quantity", "holds_quantities", "hz_of", "quantity_of", "values_of"]
 
 UNITS_ASSUMED = Kind(
     "units_assumed",
@@ -24,8 +24,8 @@ UNITS_ASSUMED = Kind(
 )
 DECIBEL = "db"
 WORDS = {
-    "frequency": ("frequency", "freq", "f", "omega"),
-    "magnitude": ("magnitude", "mag", "gain", "amplitude", "abs", "modulus", "ampl"),
+    "frequency": ("frequency", "freq", "f", "omega", "frequenz"),
+    "magnitude": ("magnitude", "mag", "gain", "amplitude", "abs", "modulus", "ampl", "betrag"),
     "phase": ("phase", "angle", "arg"),
     "re": ("re", "real"),
     "im": ("im", "imag", "imaginary"),
@@ -43,6 +43,9 @@ PHASES = {
 }
 PLAIN = ("abs", "lin", "linear", "1", "-", "ratio")
 """Units of a magnitude that is no level and states none."""
+SIGNALS = ("y", "i_c", "i_e", "r")
+VALUES = ("magnitude", "phase", "re", "im")
+"""Quantities that a label may stand beside."""
 SURELY_DEGREES = 45.0
 """A phase beyond it is in degrees: in radians it would be seven turns."""
 
@@ -59,11 +62,14 @@ class Quantity:
         As it is written, empty where none is.
     is_ours : bool
         Whether the column has a name of ours, which says its unit.
+    label : str
+        What else its name says, such as ``y`` of ``Mag y [dB]``.
     """
 
     name: str
     unit: str = ""
     is_ours: bool = False
+    label: str = ""
 
 
 _OURS = {
@@ -93,15 +99,35 @@ def quantity_of(header: str) -> Quantity | None:
     ):
         if is_named:
             return Quantity(name, text)  # by its unit alone
-    in_brackets = re.fullmatch(r"(.*?)[\s_]*[\[(](.*)[\])]", text)
+    in_brackets = re.fullmatch(r"(.*?)[\s_]*[\[(]([^\[(]*)[\])]", text)
     base, unit = in_brackets.groups() if in_brackets else (text, "")
     if (found := _named(base)) is None and not in_brackets:
         base, unit = re.fullmatch(r"([^\s_]*)[\s_,]*(.*)", text).groups()  # type: ignore[union-attr]
         unit = unit.replace("_", "/")
         found = _named(base) if _is_unit(unit) else None
-    if found is None:
-        return None
+    if found is None or any(own.partition(".")[0] in (*SIGNALS, "h") for own in unit.split("/")):
+        return _labelled(text)
     return Quantity(found, "rad/s" if base == "omega" and not unit else unit.strip())
+
+
+def _labelled(text: str) -> Quantity | None:
+    """Of a name that says more, such as ``Mag y``, ``Phase(H) / deg``, ``CH2 Gain{dB}`` or ``|y/i_e|, dB``."""
+    unit, base = "", text
+    for pattern in (r"(.+?)\s*[\[({<]\s*([^\[({<]*?)\s*[\])}>]", r"(.+?)(?:\s*[/,]\s*|\s+(?:in\s+)?)([^\s,]+)"):
+        own = re.fullmatch(pattern, base)
+        if own and own[2] and _is_unit(own[2]):
+            base, unit = own.groups()
+            break
+    size = re.fullmatch(r"(.*?)\|(.+)\|(.*)", base)
+    base = f"magnitude {' '.join(size.groups())}" if size else base.replace("∠", "phase ").replace("<)", "phase ")
+    first, *words = re.findall(r"[^\s()\[\]{}<>,:]+", base) or [""]
+    named = {name: word for word in (first, *words) if (name := _named(word)) in VALUES}
+    if not named and _named(first) in ("frequency", "coherence"):
+        named = {_named(first): first}
+    if len(named) != 1:
+        return None
+    ((name, own_word),) = named.items()
+    return Quantity(str(name), unit, label=" ".join(word for word in (first, *words) if word != own_word))
 
 
 def holds_quantities(headers: Iterable[str]) -> bool:

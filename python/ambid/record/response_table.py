@@ -15,7 +15,17 @@ from ambid.findings import Kind
 from ambid.record.channel_map import ChannelMap
 from ambid.record.content import COLUMNS_NOT_USED, unused
 from ambid.record.csv_table import UNITS_NOT_READ, Cells, header_of, read_cells
-from ambid.record.quantities import PLAIN, UNITS_ASSUMED, Quantity, holds_quantities, hz_of, quantity_of, values_of
+from ambid.record.quantities import (
+    PLAIN,
+    SIGNALS,
+    UNITS_ASSUMED,
+    VALUES,
+    Quantity,
+    holds_quantities,
+    hz_of,
+    quantity_of,
+    values_of,
+)
 from ambid.record.raw import OF_AXES
 from ambid.record.raw_response import COVARIANCE, FURTHER, RawResponse, tabled
 
@@ -68,7 +78,12 @@ def read_response_table(path: Path, mapping: ChannelMap | None = None, axes: Seq
     columns, factors, constants = _columns(path, table, mapping)
     missing = [name for name in UNNAMED if name not in columns and name not in constants]
     if missing and len(axes) == 1:
-        constants |= {name: f"{UNNAMED[name]}.{axes[0]}" for name in missing}
+        labels = {own.label for name, (_, own) in columns.items() if name in VALUES}
+        signals = labels.pop().replace(" ", "").split("/") if len(labels) == 1 else []
+        of_label = dict(zip(UNNAMED, (own.partition(".")[0] for own in signals), strict=False))
+        named = {name: of_label[name] for name in missing if of_label.get(name) in SIGNALS}
+        constants |= {name: f"{named.get(name, UNNAMED[name])}.{axes[0]}" for name in missing}
+        missing = [name for name in missing if name not in named]
     form = next((form for form in FORMS if set(form) <= columns.keys()), None)
     absent = [] if "frequency" in columns else [_example("frequency")]
     absent += [name for name in missing if name not in constants]
