@@ -1,14 +1,10 @@
 """Outputs that are recorded late or early by any time, against an independent simulation and transforms."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
 import ambid
-from ambid.effects import Effect
-from ambid.effects.sensor import SamplingSkew
-from ambid.loop.effect import EffectParameter
+from ambid.effects.recording import ChannelDelay, SamplingSkew
 from hidden.bench import simulate
 from hidden.families import BENCHES
 
@@ -28,6 +24,14 @@ EXACT = {
     ("compressor", "a late command"): 1e-12,
     ("compressor", "a nonlinear force"): 1e-6,
 }
+
+
+LATE = {
+    "y": (ChannelDelay("y"), "delay", 1.0),
+    "i_c": (SamplingSkew(), "current_late", -1.0),
+    "i_e": (ChannelDelay("i_e"), "delay", 1.0),
+}
+"""What records each channel late, by which parameter, and its sign."""
 
 
 class Machine:
@@ -227,29 +231,13 @@ def test_what_is_yet_to_come_has_no_state_space(golden):
         model.loop.state_space(model.theta)
 
 
-@dataclass(frozen=True)
-class LateChannel(Effect):
-    """One kind of channel that is recorded late; a late i_e is all others early."""
-
-    name = "late_channel"
-    channel: str = "y"
-
-    def parameters(self, rig):
-        return [EffectParameter("seconds", "s", 1e-6, lower=-1e-3, upper=1e-3)]
-
-    def attach(self, plant):
-        for axis in plant.axes:
-            for output in ("y", "i_c"):
-                if self.channel in (output, "i_e"):
-                    plant.record_late(f"{output}.{axis}", self.slot("seconds"), -1.0 if self.channel == "i_e" else 1.0)
-
-
 @pytest.mark.parametrize("tenths", [1, 5, 13, 76, -5, -13, -76])
-@pytest.mark.parametrize("channel", ["y", "i_c", "i_e"])
+@pytest.mark.parametrize("channel", LATE)
 def test_any_channel_is_late(channel, tenths):
     """Against the same analog loop at ten times the sample rate, its excitation held as long."""
     machine = Machine("bench")
-    model = machine.model.add(LateChannel(channel), {"seconds": 0.1 * tenths * machine.sample})
+    effect, parameter, sign = LATE[channel]
+    model = machine.model.add(effect, {parameter: sign * 0.1 * tenths * machine.sample})
     found = model.loop.simulate(model.theta, machine.i_e)
     quick = ambid.Model(machine.rig.replace(sample_rate=10.0 * machine.rig.sample_rate))
     quick = quick.with_values({p.name: p.value for p in machine.model.parameters})

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ambid.checking.controller_slips import CHANNELS_EXCHANGED, CURRENT_WITHOUT_EXCITATION, GAINS_BEYOND_RANGE
 from ambid.checking.excitation_slips import EXCITATION_ORDER, EXCITATION_SHIFTED, FOREIGN_EXCITATION
 from ambid.checking.foreign import AXES_DIFFER, NO_EXCITATION, NOT_LOGGED, RATE_DIFFERS
-from ambid.checking.instants import CHANNEL_DELAY, CLOCK_DIFFERENCE, SAMPLES_LOST, SAMPLES_REPEATED
+from ambid.checking.instants import CLOCK_DIFFERENCE, SAMPLES_LOST, SAMPLES_REPEATED
 from ambid.checking.machine import OTHER_MACHINE
 from ambid.checking.ranges import ONE_PERIOD, TOO_SMALL
 from ambid.checking.scales import WRONG_UNIT
@@ -30,7 +30,6 @@ STOPPING = (
     FOREIGN_EXCITATION,
     OPPOSITE_SIGN,
     WRONG_UNIT,
-    CHANNEL_DELAY,
     CURRENT_WITHOUT_EXCITATION,
     GAINS_BEYOND_RANGE,
     OTHER_MACHINE,

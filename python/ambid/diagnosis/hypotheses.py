@@ -7,7 +7,7 @@ set is then tried with each of its effects taken out, and replaced.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -65,6 +65,7 @@ RENEWED = 0.02
 """Relative change of J by renewing the noise that is small enough."""
 
 Names = frozenset[str]
+Start = tuple[Model, Effect, Mapping[str, float]]
 Ask = Callable[[Ranking, Candidate], bool | Candidate]
 """Shown a ranking and the candidate that is to be added; False ends the search, another candidate is added instead."""
 
@@ -372,7 +373,7 @@ def _may_win(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate) ->
     """
     room = field_.left_by(hypothesis)
     is_lost = hypothesis.fit.cost > LOST * hypothesis.fit.dof and not field_.is_explained
-    is_blind = is_lost or not field_.is_explained and bool(c.effect.far_starts(_home(hypothesis.fit.model, c.effect)))
+    is_blind = is_lost or bool(c.effect.far_starts(_home(hypothesis.fit.model, c.effect)))
     promised = _promised(task, field_, hypothesis, c, max(c.score, room if is_blind else min(room, ERR * c.score)))
     return promised > field_.promise(field_.foremost.evidence) - BEHIND
 
@@ -394,14 +395,13 @@ def _refitted(task: Task, before: Hypothesis, candidate: Candidate) -> list[Comp
     Of variants with as many parameters each the best: by J alone, the one with most parameters always is.
     """
     fit = before.fit
-    home = _home(fit.model, candidate.effect)
     is_far_off = fit.cost > FAR_OFF * fit.dof
-    starts = [(fit.model, candidate.effect, candidate.start)]
+    starts: list[Start] = [(fit.model, candidate.effect, candidate.start)]
     starts += [(fit.model, effect, values) for effect, values, share in candidate.near if is_far_off or share > LIKE]
     if candidate.from_start or is_far_off or _is_driven_off(task, fit.model):
         starts.append((nominal_beside(task, fit.model), candidate.effect, candidate.start))
     if fit.cost > fit.dof * fit.by_chance:
-        starts += [(fit.model, candidate.effect, dict(values)) for values in candidate.effect.far_starts(home)]
+        starts += _nearest(task, fit, [candidate.effect, *(effect for effect, _, _ in candidate.near)])
     starts.append((fit.model, candidate.effect, {}))
     ends: list[Comparison] = []
     for base, effect, values in starts:
@@ -419,6 +419,17 @@ def _refitted(task: Task, before: Hypothesis, candidate: Candidate) -> list[Comp
     for end in sorted(ends, key=lambda end: end.cost):
         least.setdefault(len(end.model.names), end)
     return list(least.values())
+
+
+def _nearest(task: Task, fit: Comparison, effects: Sequence[Effect]) -> list[Start]:
+    """Of the far starts of some effects the one that comes nearest to the records, from the fit or the rig file."""
+    found: list[tuple[float, Start]] = []
+    for effect in effects:
+        for values in effect.far_starts(_home(fit.model, effect)):
+            for base in (fit.model, nominal_beside(task, fit.model)):
+                with suppress(UnstableLoopError, ModelError):
+                    found.append((fit.of(base.add(effect, values)).cost, (base, effect, dict(values))))
+    return [min(found, key=lambda own: own[0])[1]] if found else []
 
 
 def ranked(task: Task, fit: Comparison) -> Ranking:
