@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 
 import ambid
@@ -35,6 +36,43 @@ def named(found):
 
 def values(found):
     return {p.name: p.value for p in found.model.parameters}
+
+
+@pytest.mark.parametrize(
+    ("machine", "channel", "samples"),
+    first_fast(
+        [
+            ("one axis", "y", 0.3),
+            ("one axis", "i_e", -1.4),
+            ("one axis", "y", -7.3),
+            ("two bearings", "y", 3.2),
+            ("two bearings", "i_e", -1.4),
+        ],
+        2,
+    ),
+)
+def test_a_channel_that_is_recorded_late_is_named(machine, channel, samples):
+    own = MACHINES[machine]
+    clean = nothing_hidden(machine)
+    late = {"y": {"y": samples}, "i_e": {"y": -samples, "i_c": -samples}}[channel]
+    moved = {name: shifted(getattr(clean, name), late.get(name, 0.0)) for name in ("y", "i_c")}
+    record = replace(clean, **moved)
+    found = diagnose(own.rig, record)
+    assert (found.verdict, found.effects) == ("explained", ("channel_delay",)), found
+    (effect,) = found.model.effects
+    assert effect.signal == channel
+    assert values(found)["channel_delay.delay"] == pytest.approx(samples / own.rig.sample_rate, rel=0.01)
+    assert values(found)["K_i.A_zeta"] == pytest.approx(own.K_i[0], rel=0.01)
+    (wrong,) = [finding for finding in found.findings if finding.code == "channel_late"]
+    assert wrong.where.channel == channel
+
+
+def shifted(signal, samples):
+    """Of a whole number of periods, turned in phase: what is above half of the sample rate is left of the first order."""
+    lines = np.fft.rfftfreq(len(signal))
+    return np.fft.irfft(
+        np.fft.rfft(signal, axis=0) * np.exp(-2j * np.pi * lines * samples)[:, None], len(signal), axis=0
+    )
 
 
 @pytest.mark.parametrize(

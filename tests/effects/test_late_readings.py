@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import ambid
-from ambid.effects.recording import ChannelDelay, SamplingSkew
+from ambid.effects.sensor import SamplingSkew
+from ambid.effects.slips import ChannelDelay
 from hidden.bench import simulate
 from hidden.families import BENCHES
 

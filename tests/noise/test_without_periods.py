@@ -10,7 +10,7 @@ import ambid
 from ambid import Model, Record, Rig
 from ambid.demo import DATA
 from ambid.diagnosis import diagnose
-from ambid.effects.recording import SamplingSkew
+from ambid.effects.sensor import SamplingSkew
 from ambid.loop.loop import open_plant
 from ambid.loop.response import frequency_response
 from ambid.noise.window import Window, findings_of, thinned

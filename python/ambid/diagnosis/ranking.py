@@ -189,16 +189,13 @@ class Point:
         every = list(range(len(model.names)))
         own = self.noise.white(model, every)
         self.transients = [white.transients for white in own]
-        # where more than noise is left, no error of the rig file takes over more than one deviation of it would
-        sure = np.sqrt(1.0 + max(0.0, comparison.cost - comparison.noise.size.numbers))
-        known = np.vstack([*(white.slopes for white in own), sure * known_slopes(model, every)])
+        known = np.vstack([*(white.slopes for white in own), known_slopes(model, every)])
         self.spreads = np.append(self.noise.spreads, np.ones(len(known) - len(self.noise.spreads)))
         self.basis, _ = np.linalg.qr(known / _nonzero(np.linalg.norm(known, axis=0)))
-        residual = np.concatenate([*(white.residual for white in own), sure * known_residual(model)])
+        residual = np.concatenate([*(white.residual for white in own), known_residual(model)])
         self.residual = self.freed(residual[None])[0]
         self.cost = float(self.residual @ self.residual)
         self.dof = comparison.dof
-        self.told = min(1.0, comparison.cost / self.cost)  # J holds errors of the rig file as they are
         self.exact = model if model.is_linear else model.with_substeps(SUBSTEPS)
         self.linear = model.without_nonlinear()
         if not self.linear.is_stable:
@@ -337,7 +334,7 @@ class _Call:
             score=self.fall,
             degrees=self.degrees,
             start=self.predicted,
-            predicted_misfit=self.point.told * (self.cost - self.fall) / (self.point.dof - self.degrees),
+            predicted_misfit=(self.cost - self.fall) / (self.point.dof - self.degrees),
             smallest_visible=_smallest_visible(self.effect.probes(self.rig), self.of.size),
             direction=direction / norm if norm > 0.0 else direction,
             size=norm,

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from inspect import signature
 from typing import Any
 
-from ambid.effects import amplifier, damping, disturbance, magnet, recording, rotor, sensor, slips, support
+from ambid.effects import amplifier, damping, disturbance, magnet, rotor, sensor, slips, support
 from ambid.effects.measured import MeasuredShape
 from ambid.errors import ModelError, did_you_mean
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
@@ -18,7 +18,6 @@ CATALOGUE: tuple[Effect, ...] = (
     *magnet.EFFECTS,
     *amplifier.EFFECTS,
     *sensor.EFFECTS,
-    *recording.EFFECTS,
     *disturbance.EFFECTS,
     *slips.EFFECTS,
 )

@@ -14,9 +14,8 @@ from typing import ClassVar
 import numpy as np
 
 from ambid.effects.places import on_both_sides
-from ambid.effects.recording import SamplingSkew
 from ambid.effects.rotor import RotorInertiaError, kept_modes
-from ambid.effects.sensor import SensorMisalignment, SensorPositionError
+from ambid.effects.sensor import SamplingSkew, SensorMisalignment, SensorPositionError
 from ambid.effects.slips import ControllerGainError
 from ambid.effects.updates import (
     with_bearing,

@@ -1,4 +1,4 @@
-"""Effects in the displacement sensors."""
+"""Effects in the displacement sensors and in the recording."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from ambid.effects.places import on_both_sides
-from ambid.effects.traits import GAIN_OF_READING, LAG_OF_READING, LAG_ROUND_LOOP
+from ambid.effects.traits import GAIN_OF_READING, LAG_OF_CURRENT, LAG_OF_READING, LAG_ROUND_LOOP
 from ambid.loop.assembly import combine
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
 from ambid.loop.plant import Plant
@@ -16,6 +16,8 @@ from ambid.rig import Bearing, PointMassRotor, Rig, StateSpaceController
 APART = 5.0
 """Degrees beyond right angles from which bearings count as turned against each other: the gain of one plane against the
 other then shows by sin(2 x 5 degrees), a sixth of what it does at 45."""
+REACH = 20.0
+"""Samples by which a reading may be late or early."""
 
 
 @dataclass(frozen=True)
@@ -221,9 +223,77 @@ class SensorPositionError(Effect):
                 plant.inject(f"at_sensor.{axis}", plant.port(self.slot(f"offset_{bearing.name}"), tilt))
 
 
+@dataclass(frozen=True)
+class SamplingSkew(Effect):
+    """Currents and displacements read at different instants.
+
+    Attributes
+    ----------
+    moves_y : bool
+        Whether a digital controller, and the record, read y before the controller's output changes.
+    """
+
+    name = "sampling_skew"
+    physics = "currents and displacements are not read at one instant, nor when a digital controller's output changes"
+    equation = "i_c(t) = i_a(t + d), y(t) = y_true(t - e)"
+    signature = "i_c alone is late, y fits; where the controller uses an early y, the loop loses damping as well"
+    source = "Pintelon, Schoukens, System Identification, 2nd ed., section 2.7"
+
+    moves_y: bool = False
+
+    def variants(self, seen: Seen) -> Sequence[Effect]:
+        """i_c late alone; of a digital controller also y early, and that alone where the amplifier is ideal."""
+        if seen.rig.amplifier.time_constant == 0.0:
+            return (self,)
+        return [SamplingSkew(moves_y) for moves_y in (False, True)[: 1 + seen.rig.controller.is_digital]]
+
+    def why_not(self, rig: Rig) -> str:
+        """Where i_c does not move between samples, and the controller's output has no instants either."""
+        if rig.amplifier.time_constant > 0.0 or self._reads_y_early(rig):
+            return ""
+        return "an ideal amplifier holds i_c over the sample, and an analog controller has no instants"
+
+    def _reads_y_early(self, rig: Rig) -> bool:
+        return self.moves_y or (rig.controller.is_digital and rig.amplifier.time_constant == 0.0)
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """By how much i_c is read late, and y early [s]."""
+        sample = 1.0 / rig.sample_rate
+        reach, found = REACH * sample, []
+        if rig.amplifier.time_constant > 0.0:
+            probe, meaning = (
+                min(0.02 * sample, 0.25 * rig.amplifier.time_constant),
+                "by how much later than y i_c is read, d; negative where the record of i_c lags",
+            )
+            found.append(EffectParameter("current_late", "s", probe, lower=-reach, upper=reach, meaning=meaning))
+        if self._reads_y_early(rig):
+            meaning = "by how much y is read early, e"
+            found.append(EffectParameter("displacement_early", "s", 0.02 * sample, upper=reach, meaning=meaning))
+        return found
+
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """A late i_c, and an early y, which is a lag round the loop too."""
+        late, early = values.get("current_late", 0.0), values.get("displacement_early", 0.0)
+        lags = {LAG_OF_READING: early - late}
+        return lags | {LAG_ROUND_LOOP: early} if self._reads_y_early(rig) else lags | {LAG_OF_CURRENT: late}
+
+    def attach(self, plant: Plant) -> None:
+        """Exact: from the instants at which y is read, commands come late by e, and i_c is read by d + e after them."""
+        late, early = self.slot("current_late"), self.slot("displacement_early")
+        reads_early = self._reads_y_early(plant.rig)
+        if reads_early:
+            plant.delay_commands(early)
+        for axis in plant.axes:
+            if plant.rig.amplifier.time_constant > 0.0:
+                plant.record_late(f"i_c.{axis}", late, -1.0)
+            if reads_early:
+                plant.record_late(f"i_c.{axis}", early, -1.0)
+
+
 EFFECTS = (
     SensorLag(),
     SensorGainError(),
     SensorMisalignment(),
     SensorPositionError(),
+    SamplingSkew(),
 )
