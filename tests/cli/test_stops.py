@@ -9,7 +9,7 @@ import pytest
 
 import ambid
 from ambid.cli import outputs
-from ambid.diagnosis import hypotheses, messages, procedure, verdict
+from ambid.diagnosis import messages, procedure, search, verdict
 from ambid.noise import Noise
 
 STOPPED = "stopped by Ctrl-C"
@@ -38,7 +38,7 @@ def test_ctrl_c_before_the_first_step_ends_with_a_message(here, command, monkeyp
 
 
 def test_ctrl_c_later_ends_with_the_steps_that_were_done(here, command, monkeypatch):
-    interrupt_at(monkeypatch, hypotheses, "added", 0)
+    interrupt_at(monkeypatch, search, "added", 0)
     result = command("diagnose", *here, "--json", "d.json")
     assert result.code == 130
     found = json.loads(Path("d.json").read_text())
@@ -50,7 +50,7 @@ def test_ctrl_c_later_ends_with_the_steps_that_were_done(here, command, monkeypa
 
 
 LATER = {
-    "the steps of the search": (hypotheses, "added", 0),
+    "the steps of the search": (search, "added", 0),
     "the near twins": (procedure, "families", 0),
     "the verdict": (procedure, "judged", 0),
     "what is left": (verdict, "largest_change", 0),

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ambid.diagnosis.hypotheses import Field, Hypothesis, traits_of
+from ambid.diagnosis.hypotheses import Field, Hypothesis
 from ambid.diagnosis.result import Family
+from ambid.diagnosis.search import traits_of
 from ambid.effects import Effect, Trait
 
 __all__ = ["families"]

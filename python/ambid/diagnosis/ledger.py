@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from ambid.diagnosis.hypotheses import Field, Hypothesis, ranked, without
+from ambid.diagnosis.hypotheses import Field, Hypothesis
 from ambid.diagnosis.moves import moved, standard_errors
+from ambid.diagnosis.refits import ranked, without
 from ambid.diagnosis.result import Step
 from ambid.diagnosis.task import Task
 from ambid.noise import Comparison

@@ -17,11 +17,13 @@ from ambid.checking import (
 )
 from ambid.diagnosis.advice import next_steps
 from ambid.diagnosis.families import families
-from ambid.diagnosis.hypotheses import Ask, Field, Hypothesis, added, asked, begun, explored, nominal_beside, refined
+from ambid.diagnosis.hypotheses import Field, Hypothesis, begun
 from ambid.diagnosis.ledger import steps_to
 from ambid.diagnosis.messages import findings_of, not_determined
 from ambid.diagnosis.ranking import Progress, rank, silent
+from ambid.diagnosis.refits import added, nominal_beside, refined
 from ambid.diagnosis.result import Diagnosis
+from ambid.diagnosis.search import Ask, asked, explored
 from ambid.diagnosis.standing import BASE_UNSTABLE, base_unstable, choice_unstable, holders, nothing_holds, standing
 from ambid.diagnosis.task import Task
 from ambid.diagnosis.verdict import Verdict, judged

@@ -1,0 +1,187 @@
+"""Refits: an effect beside a set, a set at its best settings in the noise that it leaves, what is outside of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+
+import numpy as np
+
+from ambid.diagnosis.candidates import Candidate, Ranking
+from ambid.diagnosis.evidence import OF_FORMULAS, Yardstick
+from ambid.diagnosis.hypotheses import Field, Hypothesis, Names
+from ambid.diagnosis.ranking import rank
+from ambid.diagnosis.settled import settled
+from ambid.diagnosis.task import Task
+from ambid.effects import Effect
+from ambid.errors import ModelError, UnstableLoopError
+from ambid.identification.minimum import ROUGHLY, refit
+from ambid.model import Model
+from ambid.noise import Comparison
+from ambid.rig import Rig
+
+__all__ = ["FAR_OFF", "LOST", "Start", "added", "home", "nominal_beside", "ranked", "refined", "without"]
+
+LOST = 2.0
+"""Misfit J/dof above which parameters that have left their start say nothing."""
+LIKE = 0.99
+"""Part of a variant's score that another must have for both to be refitted; of a base model that is far off, none."""
+FAR_OFF = 20.0
+"""Misfit J/dof above which refits start from the rig file's values too."""
+EQUALLY_GOOD = 1.0
+"""Difference of J of two lags that are exchanged, which leave the same."""
+MOST_RENEWALS = 3
+"""So often is the noise renewed after the best set has changed, at the most."""
+RENEWED = 0.02
+"""Relative change of J by renewing the noise that is small enough."""
+Start = tuple[Model, Effect, Mapping[str, float]]
+
+
+def added(task: Task, field_: Field, names: Names, candidate: Candidate) -> Field:
+    """The field with a candidate beside a set.
+
+    Raises
+    ------
+    ModelError
+        If no stable loop with it is found.
+    """
+    before = field_.tried[names]
+    further = field_
+    for fit in _refitted(task, before, candidate):
+        (effect,) = (own for own in fit.model.effects if own.name == candidate.effect.name)
+        with suppress(UnstableLoopError):  # it stands at the edge of stability
+            further = further.with_((*before.added, effect), fit, before.variants * candidate.variants)
+    if names | {candidate.effect.name} in further.tried:
+        return further
+    raise ModelError(f"{candidate.effect.name}: no stable loop with it was found; leave it out, or choose another")
+
+
+def _refitted(task: Task, before: Hypothesis, candidate: Candidate) -> list[Comparison]:
+    """A candidate beside a set, from its predicted values; where the set is far off, from the rig file's too.
+
+    Of variants with as many parameters each the best: by J alone, the one with most parameters always is.
+    """
+    fit = before.fit
+    is_far_off = fit.cost > FAR_OFF * fit.dof
+    starts: list[Start] = [(fit.model, candidate.effect, candidate.start)]
+    starts += [(fit.model, effect, values) for effect, values, share in candidate.near if is_far_off or share > LIKE]
+    if candidate.from_start or is_far_off or _is_driven_off(task, fit.model):
+        starts.append((nominal_beside(task, fit.model), candidate.effect, candidate.start))
+    if fit.cost > fit.dof * fit.by_chance:
+        starts += _nearest(task, fit, [candidate.effect, *(effect for effect, _, _ in candidate.near)])
+    starts.append((fit.model, candidate.effect, {}))
+    ends: list[Comparison] = []
+    for base, effect, values in starts:
+        try:
+            ends.append(refit(fit.of(base.add(effect, values)), step=ROUGHLY))
+        except (UnstableLoopError, ModelError, ValueError):
+            continue
+        left = ends[-1].cost - fit.dof
+        if (
+            left < max(fit.dof * (fit.by_chance - 1.0), OF_FORMULAS * (fit.cost - fit.dof))
+            or len(ends) == len(starts) - 1
+        ):
+            break
+    least: dict[int, Comparison] = {}
+    for end in sorted(ends, key=lambda end: end.cost):
+        least.setdefault(len(end.model.names), end)
+    return list(least.values())
+
+
+def _nearest(task: Task, fit: Comparison, effects: Sequence[Effect]) -> list[Start]:
+    """Of the far starts of some effects the one that comes nearest to the records, from the fit or the rig file."""
+    found: list[tuple[float, Start]] = []
+    for effect in effects:
+        for values in effect.far_starts(home(fit.model, effect)):
+            for base in (fit.model, nominal_beside(task, fit.model)):
+                with suppress(UnstableLoopError, ModelError):
+                    found.append((fit.of(base.add(effect, values)).cost, (base, effect, dict(values))))
+    return [min(found, key=lambda own: own[0])[1]] if found else []
+
+
+def ranked(task: Task, fit: Comparison) -> Ranking:
+    """What is outside a set, from the fit, or, where misfit has driven it off, from where the diagnosis began."""
+    start = nominal_beside(task, fit.model)
+    is_lost = fit.cost > LOST * fit.dof and _is_driven_off(task, fit.model) and start.is_stable
+    return rank(fit.of(start) if is_lost else fit, task.catalogue, start=start, progress=task.progress)
+
+
+def refined(task: Task, field_: Field, names: Names) -> Field:
+    """A set at its best settings, and all sets in the noise that it leaves.
+
+    What a model far off leaves between the excited lines is no noise, and hides tones.
+    """
+    best = field_.tried[names]
+    fit = best.fit
+    for effect in best.added:
+        if effect not in task.as_given:
+            fit = settled(fit, effect)
+        fit = _nearer_the_rig(task, fit, effect)
+    effects = fit.model.effects[len(task.nominal.effects) :]
+    if not field_.root and field_.base.fit.cost - fit.cost <= fit.dof and not fit.noise.misses_tone(fit.model):
+        return field_.with_(effects, refit(fit), best.variants)
+    for _ in range(MOST_RENEWALS):
+        before = fit.cost
+        fit = refit(fit.renewed(), step=ROUGHLY)
+        if abs(fit.cost - before) <= RENEWED * before:
+            break
+    fit = refit(fit)
+    base = refit(fit.of(field_.base.fit.model), step=ROUGHLY)
+    kept_back = field_.yardstick.kept_back
+    if kept_back is not None:
+        kept_back = kept_back.of(fit.model).renewed().of(base.model)
+    renewed = Field(Yardstick(base, kept_back, task.prior), {}, field_.rankings, field_.root)
+    renewed = renewed.with_(field_.base.added, base)
+    for own in field_.tried.values():
+        if own is best:
+            renewed = renewed.with_(effects, fit, best.variants)
+        elif (
+            own.added
+            and len(own.added) >= len(effects)
+            and field_.promise(own.evidence) > field_.promise(best.evidence) - 1e3
+        ):
+            try:
+                renewed = renewed.with_(own.added, refit(fit.of(own.fit.model), step=ROUGHLY), own.variants)
+            except UnstableLoopError:
+                continue
+    return renewed
+
+
+def _nearer_the_rig(task: Task, fit: Comparison, effect: Effect) -> Comparison:
+    """Of two lags in series, which may be exchanged, the one of the base model nearer to that of the rig file."""
+    values = {p.name: p.value for p in fit.model.parameters}
+    start = {p.name: p.value for p in task.nominal.parameters if p.value > 0.0}
+    for name, other in effect.in_series.items():
+        own = effect.slot(name)
+        if own in values and other in start and values.get(other, 0.0) > 0.0:
+            now, exchanged = (abs(np.log(values[key] / start[other])) for key in (other, own))
+            if exchanged < now:
+                swapped = refit(fit.of(fit.model.with_values({own: values[other], other: values[own]})), step=ROUGHLY)
+                fit = swapped if swapped.cost < fit.cost + EQUALLY_GOOD else fit
+    return fit
+
+
+def without(field_: Field, hypothesis: Hypothesis, effect: Effect) -> Field:
+    """The field with a set less one of its effects."""
+    try:
+        fit = refit(hypothesis.fit.of(hypothesis.fit.model.without(effect.name)), step=ROUGHLY)
+    except UnstableLoopError:
+        return field_  # no loop without it
+    return field_.with_(tuple(own for own in hypothesis.added if own is not effect), fit, hypothesis.variants)
+
+
+def nominal_beside(task: Task, model: Model) -> Model:
+    """The nominal values of the base parameters, the present ones of the effects."""
+    return model.with_values({p.name: p.value for p in task.nominal.parameters if p.name in model.names})
+
+
+def _is_driven_off(task: Task, model: Model) -> bool:
+    """Whether a parameter of the base model has left its start by more than a factor of two."""
+    now = {p.name: p.value for p in model.parameters}
+    start = {p.name: p.value for p in task.nominal.parameters if p.name in now and p.value > 0.0}
+    return any(not 0.5 < now[name] / value < 2.0 for name, value in start.items())
+
+
+def home(model: Model, effect: Effect) -> Rig:
+    """The rig that an effect of a model changes."""
+    return model.home_of(effect) or model.rig

@@ -1,0 +1,187 @@
+"""The sets that are tried: proposed by scores, carried on where they may still win.
+
+No first step need explain anything: the set must. From each of the best sets the candidates whose scores promise most
+are added and refitted; a set is carried on as long as a further effect could make it as likely as the best. The best
+set is then tried with each of its effects taken out, and replaced.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from ambid.diagnosis.candidates import Candidate, Ranking
+from ambid.diagnosis.evidence import price_of
+from ambid.diagnosis.hypotheses import Field, Hypothesis, Names
+from ambid.diagnosis.refits import FAR_OFF, LOST, added, home, ranked, refined, without
+from ambid.diagnosis.task import Task
+from ambid.effects import Effect, Trait
+from ambid.errors import ModelError, UnstableLoopError
+from ambid.model import Model
+
+__all__ = ["Ask", "asked", "explored", "traits_of"]
+
+WIDTHS = (8, 4, 3, 2)
+"""Candidates that are refitted beside the base model, beside a set of one, of two, and of more."""
+CARRIED = 3
+"""Sets of one size that are carried on."""
+MOST_EFFECTS = 5
+"""Effects of a set, at the most."""
+BEHIND = 3.0
+"""Log evidence by which a set may fall behind the best, by its score, and still be refitted."""
+ERR = 4.0
+"""Factor by which a score may err: it is the fall of J along a straight line."""
+Ask = Callable[[Ranking, Candidate], bool | Candidate]
+"""Shown a ranking and the candidate that is to be added; False ends the search, another candidate is added instead."""
+
+
+def explored(task: Task, field_: Field) -> Iterator[Field]:
+    """Try sets of effects, those first that the scores promise most of."""
+    if field_.root:
+        yield (field_ := refined(task, field_, field_.foremost.names))
+    for size in range(len(field_.root), MOST_EFFECTS):
+        if size > len(field_.root) and not _leads_on(field_, size):
+            break
+        sets = sorted(
+            (h for h in field_.tried.values() if len(h.names) == size),
+            key=lambda h: field_.promise(h.evidence),
+            reverse=True,
+        )
+        before = field_.foremost
+        for one in sets[:CARRIED]:
+            if field_.is_explained and field_.promise(one.evidence) < field_.promise(field_.foremost.evidence) - BEHIND:
+                break  # what it leaves, another set has explained
+            for further in _carried_on(task, field_, one.names):
+                yield (field_ := further)
+        if field_.foremost is not before:
+            yield (field_ := refined(task, field_, field_.foremost.names))
+    for further in _reconsidered(task, field_):
+        yield (field_ := further)
+
+
+def _leads_on(field_: Field, size: int) -> bool:
+    """Whether more effects than so many may explain: the last did, and each so far its share of as many as may be."""
+    best, base = field_.foremost, field_.unexplained.beyond
+    is_due = field_.is_explained or best.evidence.beyond <= base * (1.0 - size / MOST_EFFECTS)
+    return len(best.names) >= size and is_due
+
+
+def asked(task: Task, field_: Field, ask: Ask) -> Iterator[Field]:
+    """Add what is most likely beside the set so far, as long as a person agrees."""
+    names = field_.foremost.names
+    while len(names) < MOST_EFFECTS:
+        for further in _carried_on(task, field_, names):
+            yield (field_ := further)
+        beside = [h for h in field_.tried.values() if names < h.names and len(h.names) == len(names) + 1]
+        best = max(beside, key=lambda h: field_.promise(h.evidence), default=None)
+        if best is None or field_.promise(best.evidence) <= field_.promise(field_.tried[names].evidence):
+            return
+        ranking = field_.rankings[names]
+        (proposed,) = (c for c in ranking.candidates if c.effect.name in best.names - names)
+        answer = ask(ranking, proposed)
+        if not answer:
+            yield _of_the_way(field_, names)
+            return
+        candidate = answer if isinstance(answer, Candidate) else proposed
+        field_ = added(task, field_, names, candidate)
+        names = names | {candidate.effect.name}
+        if candidate is not proposed:
+            field_ = _of_the_way(field_, names)
+        yield (field_ := refined(task, field_, names))
+
+
+def _of_the_way(field_: Field, names: Names) -> Field:
+    """The field with the sets alone that lie on the way to one that a person has chosen against what was proposed."""
+    return replace(field_, tried={own: h for own, h in field_.tried.items() if own <= names})
+
+
+def _carried_on(task: Task, field_: Field, names: Names) -> Iterator[Field]:
+    """The best candidates beside a set, as far as one of them may still make it as likely as the best."""
+    hypothesis = field_.tried[names]
+    if names not in field_.rankings:
+        try:
+            ranking = ranked(task, hypothesis.fit)
+        except UnstableLoopError:
+            return  # it is stable where it was fitted, and nowhere beside
+        field_ = replace(field_, rankings={**field_.rankings, names: ranking})
+    most = WIDTHS[min(len(names), len(WIDTHS) - 1)]
+    order = _by_promise(task, field_, hypothesis, field_.rankings[names])
+    # beside the base model a score may see nothing of what explains all of it: of what is linear, everything is tried
+    order = order[:most] + ([] if names != field_.root else [c for c in order[most:] if _is_linear(hypothesis, c)])
+    for done, candidate in enumerate(order):
+        so_far = f"{len(field_.tried)} sets tried, misfit {field_.foremost.fit.misfit:.3g}"
+        task.progress(f"refitting {candidate.effect.name} ({so_far})", done, len(order))
+        if names | {candidate.effect.name} not in field_.tried and _may_win(task, field_, hypothesis, candidate):
+            with suppress(ModelError):
+                yield (field_ := added(task, field_, names, candidate))
+    yield field_
+
+
+def _is_linear(hypothesis: Hypothesis, c: Candidate) -> bool:
+    return hypothesis.fit.model.add(c.effect, c.start).is_linear
+
+
+def _by_promise(task: Task, field_: Field, hypothesis: Hypothesis, ranking: Ranking) -> list[Candidate]:
+    """The candidates, those first whose scores promise most."""
+    return sorted(ranking.candidates, key=lambda c: _promised(task, field_, hypothesis, c, c.score), reverse=True)
+
+
+def _may_win(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate) -> bool:
+    """Whether a candidate beside a set could make it as likely as the foremost.
+
+    Where a set leaves more than noise a score may err; beside parameters that misfit has driven off,
+    as long as no set explains, by any; so it may where an effect is sought far from where scores are taken.
+    """
+    room = field_.left_by(hypothesis)
+    is_lost = hypothesis.fit.cost > LOST * hypothesis.fit.dof and not field_.is_explained
+    is_blind = is_lost or bool(c.effect.far_starts(home(hypothesis.fit.model, c.effect)))
+    promised = _promised(task, field_, hypothesis, c, max(c.score, room if is_blind else min(room, ERR * c.score)))
+    return promised > field_.promise(field_.foremost.evidence) - BEHIND
+
+
+def _promised(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate, fall: float) -> float:
+    own = hypothesis.evidence
+    price = price_of(c.score, c.degrees, c.one_sided, task.price(c.effect) + float(np.log(c.variants)))
+    return field_.promise(replace(own, cost=own.cost - fall, prior=own.prior + price))
+
+
+def _reconsidered(task: Task, field_: Field) -> Iterator[Field]:
+    """The best set with each of its effects taken out, and with another in its place, until it is the best of these."""
+    best = None
+    while best is None or field_.foremost.names != best:
+        best = field_.foremost.names
+        for effect in field_.tried[best].added if len(best) > 1 else ():  # else what is beside the base was tried
+            names = best - {effect.name}
+            if names not in field_.tried:
+                field_ = without(field_, field_.tried[best], effect)
+            if names in field_.tried:
+                for further in _carried_on(task, field_, names):
+                    yield (field_ := further)
+        for further in _with_twins(task, field_, best):
+            yield (field_ := further)
+
+
+def _with_twins(task: Task, field_: Field, names: Names) -> Iterator[Field]:
+    """What shares a trait with an effect of a set, in its place; where the rest is far off, if the score allows it."""
+    best = field_.tried[names]
+    for effect in best.added:
+        rest = names - {effect.name}
+        mine = traits_of(effect, best.fit.model).keys()
+        for c in field_.rankings[rest].candidates if rest in field_.rankings and rest in field_.tried else ():
+            model = field_.tried[rest].fit.model
+            is_new = c.effect.name not in names and rest | {c.effect.name} not in field_.tried
+            is_twin = is_new and mine & traits_of(c.effect, model).keys()
+            is_near = field_.tried[rest].fit.misfit < FAR_OFF
+            if is_twin and (is_near or _may_win(task, field_, field_.tried[rest], c)):
+                with suppress(ModelError):
+                    yield (field_ := added(task, field_, rest, c))
+
+
+def traits_of(effect: Effect, model: Model) -> Mapping[Trait, float]:
+    """Traits of an effect at its values in a model, typical ones where it is not there."""
+    rig, prefix = home(model, effect), f"{effect.name}."
+    own = {p.name.removeprefix(prefix): p.value for p in model.parameters if p.name.startswith(prefix)}
+    return effect.traits(rig, {p.name: p.probe for p in effect.parameters(rig)} | own)
