@@ -11,6 +11,7 @@ import ambid
 from ambid.cli import outputs
 from ambid.diagnosis import messages, procedure, search, verdict
 from ambid.noise import Noise
+from tiers import first_fast
 
 STOPPED = "stopped by Ctrl-C"
 
@@ -50,8 +51,8 @@ def test_ctrl_c_later_ends_with_the_steps_that_were_done(here, command, monkeypa
 
 
 LATER = {
-    "the steps of the search": (search, "added", 0),
     "the near twins": (procedure, "families", 0),
+    "the steps of the search": (search, "added", 0),
     "the verdict": (procedure, "judged", 0),
     "what is left": (verdict, "largest_change", 0),
     "the intervals": (procedure, "covariance", 0),
@@ -59,7 +60,7 @@ LATER = {
 }
 
 
-@pytest.mark.parametrize("moment", LATER)
+@pytest.mark.parametrize("moment", first_fast(LATER))
 def test_ctrl_c_after_the_first_step_saves_what_was_done(moment, here, command, monkeypatch):
     stopped_at(moment, monkeypatch, lambda: command("diagnose", *here, "--json", "d.json", "--save", "m.json"))
 
@@ -86,11 +87,11 @@ def stopped_at(moment, monkeypatch, run):
     assert ambid.Model.load("m.json").names
 
 
-@pytest.mark.parametrize("moment", [(ambid.Diagnosis, "to_json", 0), (ambid.report, "write_report", 0)])
-def test_ctrl_c_while_files_are_written_is_told_and_keeps_the_diagnosis_whole(moment, here, command, monkeypatch):
+@pytest.mark.parametrize(("where", "name"), first_fast([(ambid.report, "write_report"), (ambid.Diagnosis, "to_json")]))
+def test_ctrl_c_while_files_are_written_is_told_and_keeps_the_diagnosis_whole(where, name, here, command, monkeypatch):
     """The report, whose pictures take long, is written by another that says as much of it."""
     monkeypatch.setattr(ambid.report, "write_report", lambda found, path: path.write_text(repr(found)))
-    interrupt_at(monkeypatch, *moment, own=True)
+    interrupt_at(monkeypatch, where, name, 0, own=True)
     result = command("diagnose", *here, "--json", "d.json", "--save", "m.json", "--report", "r.html")
     assert result.code == 130
     found = json.loads(Path("d.json").read_text())

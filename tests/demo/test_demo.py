@@ -44,14 +44,14 @@ def one_axis(folder: Path) -> Path:
 def shown(request, tmp_path_factory, command_in):
     """The data of the story, what the command wrote and said, and the folder that it was given.
 
-    Of one axis the report, whose pictures take longest, is its text alone.
+    The report, whose pictures take longest, is its text alone.
     """
     folder, data = tmp_path_factory.mktemp("demo"), DATA
     with pytest.MonkeyPatch.context() as patch:
         if request.param == "one axis":
             data = one_axis(tmp_path_factory.mktemp("data"))
             patch.setattr(story, "DATA", data)
-            patch.setattr(story, "write_report", lambda found, path: path.write_text(repr(found)))
+        patch.setattr(story, "write_report", lambda found, path: path.write_text(repr(found)))
         ended = command_in(folder, "demo", "--out", folder / "story", "--json", folder / "demo.json")
     assert (ended.code, ended.err) == (0, "")
     return data, json.loads((folder / "demo.json").read_text()), ended.out, folder / "story"

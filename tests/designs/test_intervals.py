@@ -30,7 +30,7 @@ def errors_of(shown):
     return np.array([p.std_error for p in shown.parameters.values()])
 
 
-@pytest.mark.parametrize("runs", [20, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("runs", [20, pytest.param(120, marks=pytest.mark.slow)])
 def test_standard_errors_are_those_of_many_records(runs):
     """The scatter of so many runs is itself known to one part in the root of twice their number: three sigmas."""
     i_e = sequence()

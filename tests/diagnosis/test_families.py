@@ -87,9 +87,9 @@ def test_an_effect_of_your_own_joins(delayed):
     assert "courier" in family.members
 
 
-def test_it_is_told_in_text_and_json(golden):
-    found = diagnose(ONE_AXIS.rig, record({"loop_delay": {"seconds": 1e-4}}, 1))
-    family = found.families["loop_delay"]
+def test_it_is_told_in_text_and_json(alone, golden):
+    found = alone[1]
+    (family,) = found.families.values()
     (own,) = found.to_json()["families"].values()
     assert (own["members"], own["shared"]) == (list(family.members), family.shared)
     assert (own["values"], own["unit"]) == (list(family.values), "s")

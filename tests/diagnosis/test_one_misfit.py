@@ -4,11 +4,16 @@ import pytest
 
 import ambid
 from hidden.experiment import experiment
+from hidden.one_axis import ONE_AXIS, record
+from tiers import first_fast
 
 
-@pytest.mark.parametrize("effect", [None, "seal_forces"])
+@pytest.mark.parametrize("effect", first_fast(["loop_delay", None, "seal_forces"]))
 def test_identify_compare_rank_and_diagnose_state_one_misfit(effect, tmp_path):
-    rig, train, _, _ = experiment(effect, "large", 11, kind="compressor")
+    if effect == "loop_delay":
+        rig, train = ONE_AXIS.rig, record({effect: {"seconds": 5e-5}}, 11)
+    else:
+        rig, train, _, _ = experiment(effect, "large", 11, kind="compressor")
     estimate = ambid.identify(rig, train)
     estimate.model.save(tmp_path / "model.json")
     model = ambid.Model.load(tmp_path / "model.json")

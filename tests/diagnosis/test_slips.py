@@ -78,7 +78,7 @@ def shifted(signal, samples):
 @pytest.mark.parametrize(
     ("machine", "factor"), first_fast([("one axis", 0.7), ("one axis", 1.4), ("two bearings", 1.4)])
 )
-@pytest.mark.parametrize("gain", ["proportional", "derivative"])
+@pytest.mark.parametrize("gain", first_fast(["proportional", "derivative"]))
 def test_a_wrong_gain_of_the_rig_file_is_named(machine, gain, factor):
     rig = MACHINES[machine].rig
     found = diagnose(with_gains(rig, **{gain: factor}), nothing_hidden(machine))
@@ -94,8 +94,9 @@ def test_a_wrong_gain_of_the_rig_file_is_named(machine, gain, factor):
     assert wrong.values["by_data"] == pytest.approx([own], rel=0.01)
 
 
-@pytest.mark.parametrize("factor", first_fast([0.9, 1.2]))
-@pytest.mark.parametrize("gain", first_fast(["integral", "proportional", "derivative"]))
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [0.9, 1.2])
+@pytest.mark.parametrize("gain", ["integral", "proportional", "derivative"])
 def test_a_gain_that_is_off_by_less(gain, factor):
     found = diagnose(with_gains(ONE_AXIS.rig, **{gain: factor}), nothing_hidden("one axis"))
     assert found.effects == ("controller_gain_error",), found

@@ -37,7 +37,10 @@ def text(page):
 
 
 RUN = [page for page in PAGES if blocks.blocks(text(page))]
-LONG = ("adding_an_effect.md", "excitation.md", "first_hour.md", "results.md", "your_machine.md")
+LONG = (
+    *("adding_an_effect.md", "excitation.md", "first_hour.md", "records.md", "results.md", "rig_file.md"),
+    *("workbench.md", "your_machine.md"),
+)
 """What takes seconds: also run whenever the documents are built."""
 
 

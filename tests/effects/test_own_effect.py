@@ -70,8 +70,8 @@ class Pump(Effect):
 
 
 OWN = {
-    "cubic_bearing_force": (Hardening(), ()),
     "sensor_lag": (AntiAliasing(), ("sensor_lag",)),
+    "cubic_bearing_force": (Hardening(), ()),
     "periodic_disturbance": (Pump(), ("periodic_disturbance",)),
 }
 

@@ -3,7 +3,8 @@
 A process of its own, in which everything is imported and nothing has been computed: a fork costs next to nothing, so
 that hundreds of moments fit into a test. Reads a task as JSON on stdin, and writes what happened to stdout:
 
-arguments of the command, its outputs, and how many moments there are for each signal.
+arguments of the command, its outputs, how many moments there are for each signal, and whether a report is drawn, which
+takes seconds.
 """
 
 import importlib
@@ -17,10 +18,12 @@ from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
 
+import pytest
 from matplotlib.figure import Figure
 
 from ambid.cli import main, signals
 from faults.files import is_writing, left_over, state, write_old
+from undrawn import undraw
 
 BEYOND = 1.05
 """Moments reach this far, in units of the time that a run takes."""
@@ -83,6 +86,8 @@ def go(task):
     That of a brief command is run again without its imports, which those with signals have done.
     """
     arguments, outputs = task["arguments"], task["outputs"]
+    if not task["drawn"]:
+        undraw(pytest.MonkeyPatch())
     found = [run(arguments, outputs)]
     load(Path("modules").read_text().splitlines())
     if found[0]["seconds"] < BRIEF:

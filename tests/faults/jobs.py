@@ -139,11 +139,11 @@ def ended(*arguments, **options):
     return process.returncode, out, err
 
 
-def disturbed(folder, arguments, moments):
-    """What `driver` tells of a command to which signals came at so many moments each."""
+def disturbed(folder, arguments, moments, *, drawn=True):
+    """What `driver` tells of a command to which signals came at so many moments each, maybe with an empty report."""
     ran = subprocess.run(
         [sys.executable, TESTS / "faults" / "driver.py"],
-        input=json.dumps({"arguments": arguments, "outputs": outputs(arguments), "moments": moments}),
+        input=json.dumps({"arguments": arguments, "outputs": outputs(arguments), "moments": moments, "drawn": drawn}),
         stdout=subprocess.PIPE,
         text=True,
         check=True,

@@ -21,8 +21,8 @@ from faults.jobs import HANGS, JOBS, ONE_BY_ONE, OPTIONS, STORY, disturbed, ende
 from faults.promises import CODES, check
 
 FAST = {"SIGKILL": 4, "SIGINT": 2, "SIGTERM": 2}
-SOME = {"SIGKILL": 4, "SIGINT": 1, "SIGTERM": 1}
-"""All jobs write by one way: where one moment in 20 harms a file, 19 jobs of 4 show it in 98 % of runs."""
+SOME = {"SIGKILL": 3, "SIGINT": 1, "SIGTERM": 1}
+"""All jobs write by one way: where one moment in 20 harms a file, 19 jobs of 3 show it in 95 % of runs."""
 FEW = {"SIGKILL": 2, "SIGINT": 1, "SIGTERM": 1}
 """Of a command that takes seconds."""
 READY = "from ambid.cli import main, signals; signals.watch(); import os; os.write(1, b'.'); main()"
@@ -65,7 +65,8 @@ def test_a_few_moments(folder):
 @pytest.mark.slow
 @pytest.mark.parametrize("job", JOBS)
 def test_many_moments(job, folder, tmp_path):
-    counts = check(disturbed(prepare(tmp_path), JOBS[job], FEW if job == "report" else SOME), job not in ONE_BY_ONE)
+    moments = FEW if job == "report" else SOME
+    counts = check(disturbed(prepare(tmp_path), JOBS[job], moments, drawn=False), job not in ONE_BY_ONE)
     print(job, dict(counts))
     # the others save what is done; how late the moments reach goes with the load
     assert any("old" in key[1:] for key in counts if key[0] == "SIGKILL"), "the moments begin before the first file"
@@ -74,7 +75,7 @@ def test_many_moments(job, folder, tmp_path):
 @pytest.mark.slow
 def test_the_demo(tmp_path):
     """Its files are whole; which of them are there is told by their being new."""
-    found = disturbed(prepare(tmp_path), STORY, {"SIGKILL": 1, "SIGINT": 1})
+    found = disturbed(prepare(tmp_path), STORY, {"SIGKILL": 1, "SIGINT": 1}, drawn=False)
     print(dict(check(found, all_or_none=False)))
 
 
@@ -138,7 +139,7 @@ def test_from_the_first_import_on(name, folder):
     begun = time.perf_counter()
     assert ended("identify", "rig.toml", "run.csv", "-q", cwd=folder)[0] == 0
     seconds = time.perf_counter() - begun
-    for moment in moments(8, seconds):
+    for moment in moments(5, seconds):
         code, err = stop(folder, signal.Signals[name], moment)
         assert code in (0, CODES[name]), err
         assert "Traceback" not in err

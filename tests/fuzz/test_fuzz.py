@@ -77,9 +77,9 @@ def test_a_name_with_formulas_and_escapes_is_drawn_as_it_is(bases, tmp_path, mon
     assert "\x1b" not in (tmp_path / "out.svg").read_text()
 
 
-@pytest.mark.parametrize("count", [40, pytest.param(600, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [40, pytest.param(300, marks=pytest.mark.slow)])
 def test_damaged_inputs(count, tmp_path):
-    found = list(verdicts(1, range(count), tmp_path, workers=count // 500 or 1, longest=HANGS))
+    found = list(verdicts(1, range(count), tmp_path, workers=1, longest=HANGS))
     assert len(found) == count
     bad = [v for v in found if not v.is_fine]
     assert not bad, "\n".join([table(found), *(f"{v.number}: {v.kind}: {v.outcome}: {v.detail}" for v in bad)])

@@ -25,7 +25,7 @@ def test_the_limit_is_reported_from_both_sides():
     """The weaker the excitation, the larger the relative standard deviation; far from the limit it is not reported."""
     model = Model(Rig.load(LEVITATOR))
     deviations, is_lost = [], []
-    for amplitude in np.geomspace(3e-4, 3e-3, 12):
+    for amplitude in np.geomspace(3e-4, 3e-3, 7):
         i_e = prbs(7, amplitude=amplitude, hold=4, axes=1, periods=4)
         found = identify(model, model.virtual_experiment(i_e, seed=1))
         near = of_code(found, NEAR_LIMIT)

@@ -43,7 +43,7 @@ def of_bench(seed):
 @pytest.mark.parametrize(
     ("drawn", "seeds"),
     [
-        pytest.param(of_levitator, range(8), id="one axis"),
+        pytest.param(of_levitator, range(5), id="one axis"),
         pytest.param(of_levitator, range(100, 150), id="one axis, many", marks=pytest.mark.slow),
         pytest.param(of_bench, range(4), id="four axes", marks=pytest.mark.slow),
     ],

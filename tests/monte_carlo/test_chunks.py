@@ -38,7 +38,7 @@ def test_fewer_runs_first(whole, tmp_path):
     found = run_monte_carlo(plan(), RUNS, out=folder, progress=lambda done, total: made.append(total))
     assert made[0] == RUNS - 6
     assert content(folder) == whole.parts
-    assert found.rows == whole.rows == run_monte_carlo(plan(), RUNS).rows
+    assert found.rows == whole.rows
 
 
 def test_stopped_by_ctrl_c(whole, tmp_path):

@@ -44,10 +44,10 @@ def test_which_of_both_is_told_and_the_misfit_is_one(made, is_heard):
 def test_every_channel_is_at_its_noise_at_the_lowest_lines():
     """There the loop's answer to i_e turns from line to line, which no mean over lines around follows."""
     power = []
-    for seed in range(20):
+    for seed in range(12):
         white = ambid.compare(MODEL, measured(seed)).residual.reshape(-1, 2, 2)
         power.append(np.mean(white[4:40] ** 2, axis=(0, 2)))
-    assert np.mean(power, axis=0) == pytest.approx([1.0, 1.0], abs=0.12)
+    assert np.mean(power, axis=0) == pytest.approx([1.0, 1.0], abs=0.15)  # three standard deviations
 
 
 def test_of_an_i_e_that_was_rebuilt_the_misfit_is_not_above_one():

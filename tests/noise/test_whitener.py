@@ -26,7 +26,7 @@ def long_i_e():
 
 @pytest.fixture(scope="module")
 def records(bench, long_i_e):
-    return bench.records(long_i_e, range(10), period=PERIOD)
+    return bench.records(long_i_e, range(5), period=PERIOD)
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def compared(bench, records):
     return [compare(Model(bench.rig()), record).records[0] for record in records]
 
 
-@pytest.mark.parametrize("seeds", [10, pytest.param(30, marks=pytest.mark.slow)], ids="{} seeds".format)
+@pytest.mark.parametrize("seeds", [5, pytest.param(30, marks=pytest.mark.slow)], ids="{} seeds".format)
 def test_the_exact_model_has_a_misfit_of_one(bench, long_i_e, compared, seeds):
     """The mean of 30 has a standard deviation of 0.002; that of one is sqrt(2/dof), a tenth more as S is estimated.
 
