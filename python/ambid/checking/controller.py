@@ -200,7 +200,7 @@ def _alone(loop: NominalLoop, lines: Lines) -> NDArray[np.bool_]:
 def _answered(loop: NominalLoop, lines: Lines) -> Lines:
     """Spectra as the nominal loop makes them of the excitation."""
     y = times(loop.closed(lines.frequency_hz), loop.driven(lines))
-    i_c = np.linalg.solve(loop.machine(lines.frequency_hz), y[..., None])[..., 0]
+    i_c = np.asarray(np.linalg.solve(loop.machine(lines.frequency_hz), y[..., None])[..., 0], np.complex128)
     return replace(lines, y=y, i_c=i_c)
 
 

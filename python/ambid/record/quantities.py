@@ -122,8 +122,8 @@ def _labelled(text: str) -> Quantity | None:
     base = f"magnitude {' '.join(size.groups())}" if size else base.replace("∠", "phase ").replace("<)", "phase ")
     first, *words = re.findall(r"[^\s()\[\]{}<>,:]+", base) or [""]
     named = {name: word for word in (first, *words) if (name := _named(word)) in VALUES}
-    if not named and _named(first) in ("frequency", "coherence"):
-        named = {_named(first): first}
+    if not named and (of_first := _named(first)) in ("frequency", "coherence"):
+        named = {of_first: first}
     if len(named) != 1:
         return None
     ((name, own_word),) = named.items()
