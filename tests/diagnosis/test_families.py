@@ -80,6 +80,7 @@ def test_all_rates_together_leave_a_smaller_family():
     assert together.families["sensor_lag"].values[0] == pytest.approx(5e-5, rel=0.03)
 
 
+@pytest.mark.slow
 def test_an_effect_of_your_own_joins(delayed):
     rig, one = delayed[1]
     found = diagnose(rig, one, catalogue=[effect for effect in CATALOGUE if effect.name != "loop_delay"] + [Courier()])
@@ -98,5 +99,6 @@ def test_it_is_told_in_text_and_json(alone, golden):
     assert family.line() in found.summary()
 
 
+@pytest.mark.slow
 def test_what_no_other_effect_does_has_no_family():
     assert diagnose(ONE_AXIS.rig, record({"sensor_lag": {"tau": 1e-4}}, 1)).families == {}

@@ -12,6 +12,7 @@ from ambid.monte_carlo import cluster as module
 from ambid.monte_carlo import procedure, run_monte_carlo
 from monte_carlo.planned import CHUNK, RUNS, content, plan
 from monte_carlo.test_chunks import rig_file  # noqa: F401
+from tiers import first_fast
 
 distributed = pytest.importorskip("distributed")
 pytest.importorskip("pyarrow")
@@ -60,7 +61,7 @@ def near(threads):
         yield own
 
 
-@pytest.mark.parametrize("kind", ["client", "executor"])
+@pytest.mark.parametrize("kind", first_fast(["client", "executor"]))
 @pytest.mark.parametrize("workers", ["near", pytest.param("client", marks=pytest.mark.slow)])
 def test_two_workers_equal_one_thread(workers, kind, whole, tmp_path, request):
     folder, own = tmp_path / "runs.parquet", request.getfixturevalue(workers)

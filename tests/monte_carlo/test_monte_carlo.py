@@ -13,7 +13,7 @@ from ambid.monte_carlo import Spread, run_monte_carlo
 from ambid.monte_carlo.result import RUNS_FAILED, MonteCarlo
 from monte_carlo.planned import RIG, plan
 
-RUNS = 32
+RUNS = 28
 
 
 @pytest.fixture(scope="module")
