@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from scipy.special import chdtri
 
 from ambid import _core
 from ambid.arrays import FloatArray
@@ -12,7 +13,7 @@ from ambid.errors import UnstableLoopError
 from ambid.identification.problem import EXACTLY, End, LeastSquares
 from ambid.model import Model
 from ambid.noise import Comparison, Noise, Quadratic
-from ambid.noise.known import Size, known_weights
+from ambid.noise.known import Size, known_residual, known_weights
 
 __all__ = ["ROUGHLY", "SUBSTEPS", "WhitenedProblem", "criterion", "refit"]
 
@@ -22,6 +23,8 @@ HIDDEN = 0.5
 """Whitened difference of two responses that moves no parameter by more than so many standard errors."""
 SETTLED = 0.01
 """Fall of J by new angles that ends this."""
+DRIVEN_OFF = 1e-3
+"""Chance of errors of the rig file below which what a model lacks has made them."""
 SUBSTEPS = 2
 """Steps per sample of nonlinear effects: neither a choice nor a score needs six digits."""
 
@@ -103,12 +106,18 @@ def _descended(comparison: Comparison, most: int, step: float) -> Comparison:
     is_coarse = roughly and _is_hidden(comparison.noise, model, coarse)
     roughly = roughly and model.without_nonlinear().is_stable
     held, near = coarse if is_coarse else model, max(step, ROUGHLY)
-    if model.tolerances and (exact := held.without_errors()).is_stable:
+    if not _is_near(model) and (exact := held.without_errors()).is_stable:
         # many derivatives, and errors that a model without the effect drove off: both are met near the optimum alone
         begun = WhitenedProblem(exact, comparison.noise, model.free, roughly=roughly)
         held = held.with_theta(_gone(begun, most, near))
     end = _gone(WhitenedProblem(held, comparison.noise, roughly=roughly), most, step)
     return comparison.of(model.with_theta(end))
+
+
+def _is_near(model: Model) -> bool:
+    """Whether errors of the rig file, where it has tolerances, were found, and are no larger than chance makes them."""
+    errors = known_residual(model)
+    return 0.0 < float(errors @ errors) < chdtri(len(errors), DRIVEN_OFF) if len(errors) else True
 
 
 def _gone(problem: WhitenedProblem, most: int, step: float) -> FloatArray:
