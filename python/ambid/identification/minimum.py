@@ -15,7 +15,7 @@ from ambid.model import Model
 from ambid.noise import Comparison, Noise, Quadratic
 from ambid.noise.known import Size, known_residual, known_weights
 
-__all__ = ["ROUGHLY", "SUBSTEPS", "WhitenedProblem", "criterion", "refit"]
+__all__ = ["ROUGHLY", "SUBSTEPS", "WhitenedProblem", "criterion", "other_side", "refit"]
 
 ROUGHLY = 1e-4
 """Relative step at which a fit is near enough to be judged among others."""
@@ -25,6 +25,8 @@ SETTLED = 0.01
 """Fall of J by new angles that ends this."""
 DRIVEN_OFF = 1e-3
 """Chance of errors of the rig file below which what a model lacks has made them."""
+AT_JUMP, BEHIND_JUMP = 0.1, 0.3
+"""Of the tolerance of an instant: how near a jump it counts as at it, and how far behind that a descent begins again."""
 SUBSTEPS = 2
 """Steps per sample of nonlinear effects: neither a choice nor a score needs six digits."""
 
@@ -110,8 +112,31 @@ def _descended(comparison: Comparison, most: int, step: float) -> Comparison:
         # many derivatives, and errors that a model without the effect drove off: both are met near the optimum alone
         begun = WhitenedProblem(exact, comparison.noise, model.free, roughly=roughly)
         held = held.with_theta(_gone(begun, most, near))
-    end = _gone(WhitenedProblem(held, comparison.noise, roughly=roughly), most, step)
-    return comparison.of(model.with_theta(end))
+    problem = WhitenedProblem(held, comparison.noise, roughly=roughly)
+    end = _gone(problem, most, step)
+    fit = comparison.of(model.with_theta(end))
+    if (behind := other_side(problem, end)) is not None:
+        problem.model = held.with_theta(behind)
+        fit = min(fit, comparison.of(model.with_theta(_gone(problem, most, step))), key=lambda own: own.cost)
+    return fit
+
+
+def other_side(problem: WhitenedProblem, theta: FloatArray) -> FloatArray | None:
+    """Where to begin again, if a descent may have ended at the instant at which held commands jump; else None.
+
+    A reading of a moment earlier misses what the jump brings, so that J has another slope on either side of it.
+    """
+    model = problem.model
+    late = {own.slot for own in model.loop.lft.late_outputs}
+    for k, p in enumerate(model.parameters):
+        if p.prior is not None and p.name in late and k in problem.free and abs(theta[k]) < AT_JUMP * p.prior:
+            at = problem.free.index(k)
+            seen = problem.noise.quadratic(model.with_theta(theta), problem.free).hessian[at, at] * p.prior**2
+            if seen > 1.0 / AT_JUMP:
+                other = theta.copy()
+                other[k] = -np.copysign(BEHIND_JUMP * p.prior, theta[k])
+                return other
+    return None
 
 
 def _is_near(model: Model) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ambid.identification.damped import NearStart, damped_start
 from ambid.identification.edge import is_at_edge
-from ambid.identification.minimum import ROUGHLY, WhitenedProblem
+from ambid.identification.minimum import ROUGHLY, WhitenedProblem, other_side
 from ambid.identification.problem import Descent, End, Limits
 from ambid.model import Model
 from ambid.noise import Comparison
@@ -41,6 +41,9 @@ def renewed(
         problem = WhitenedProblem(model, comparison.noise, free, rough.progress)
         problem.evaluations = evaluations
         best = yield Descent(problem, best.theta[free] / problem.scale, limits, most)
+        if (behind := other_side(problem, best.theta)) is not None:
+            other = yield Descent(problem, behind[free] / problem.scale, limits, most)
+            best = min(best, other, key=lambda end: end.cost)
         fit = comparison.of(model.with_theta(best.theta))
         is_told = not fit.noise.misses_tone(fit.model)
         comparison = fit.renewed()
