@@ -26,7 +26,7 @@ SETTLED = 0.01
 DRIVEN_OFF = 1e-3
 """Chance of errors of the rig file below which what a model lacks has made them."""
 AT_JUMP, BEHIND_JUMP = 0.1, 0.3
-"""Of the tolerance of an instant: how near a jump it counts as at it, and how far behind that a descent begins again."""
+"""Of the tolerance of an instant: how near a jump it counts as at it, how far behind that a descent begins again."""
 SUBSTEPS = 2
 """Steps per sample of nonlinear effects: neither a choice nor a score needs six digits."""
 
