@@ -9,7 +9,7 @@ import ambid
 from ambid import prbs
 from ambid.effects import CATALOGUE, Effect, Seen, find
 from ambid.effects.amplifier import AmplifierVoltageLimit, LoopDelay
-from ambid.effects.disturbance import PeriodicDisturbance
+from ambid.effects.disturbance import PeriodicDisturbance, SensorRunout
 from ambid.effects.magnet import half_derivative
 from ambid.effects.rotor import Unbalance
 from ambid.errors import ModelError
@@ -217,6 +217,16 @@ def test_periodic_disturbance_is_the_physics_that_it_says(rig, i_e, port):
     truth = periods_of(rig, simulate(rig, i_e, hidden, seed=None, **TRUTH))
     found = disturbed(at_truth(rig), PeriodicDisturbance(57.3, port, 1, 1), truth)
     assert np.hypot(*found) == pytest.approx(0.1, rel=0.01)
+
+
+@pytest.mark.parametrize("harmonic", [1, 3])
+def test_runout_is_the_physics_that_it_says(rig, i_e, harmonic):
+    turning, sizes = rig.replace(speed=200.0), [1e-6, 2e-6, 0.5e-6, 1.5e-6]
+    hidden = {"sensor_runout": {"amplitude": sizes, "harmonic": harmonic, "phase": 0.7}}
+    truth = periods_of(rig, simulate(turning, i_e, hidden, seed=None, **TRUTH))
+    found = disturbed(at_truth(turning), SensorRunout(harmonic), truth)
+    # the wave is held over a sample, so that an analog controller reads it half a sample late
+    np.testing.assert_allclose(np.hypot(found[::2], found[1::2]), sizes, rtol=0.02)
 
 
 def test_a_disturbance_where_there_is_nothing_is_refused(rig, golden):

@@ -148,7 +148,7 @@ RIGS = {
 }
 DROPPED = {
     "shaft": (),
-    "shaft at rest": ("gyroscopic_coupling", "internal_damping", "unbalance"),
+    "shaft at rest": ("gyroscopic_coupling", "internal_damping", "sensor_runout", "unbalance"),
     "rigid shaft": ("bending_mode_shift",),
     "matrices": (),
     "matrices without G": ("gyroscopic_coupling",),

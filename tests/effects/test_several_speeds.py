@@ -7,6 +7,7 @@ import pytest
 
 import ambid
 from ambid.effects import Seen, find
+from ambid.effects.disturbance import SensorRunout
 from ambid.effects.rotor import Unbalance
 from ambid.loop.effect import Tone
 from hidden.bench import measured, simulate
@@ -43,6 +44,25 @@ def test_unbalance_is_named_from_two_speeds_together():
     assert found.effects == ("unbalance",), "each record begins it at an angle of its own, which no channel tells well"
     assert found.history[-1].misfit < found.fit.bound
     assert not any(isinstance(effect, Unbalance) and effect.frequency_hz for effect in found.model.effects)
+
+
+@pytest.mark.parametrize("harmonic", [1, 2])
+def test_runout_is_named_where_no_force_belongs_to_the_line(harmonic):
+    hidden = {"sensor_runout": {"amplitude": [4e-7, 2e-7, 3e-7, 5e-7], "harmonic": harmonic, "phase": 0.7}}
+    i_e = replace(BENCH, order=7, periods=5).excitation(BENCH.amplitude, 3)
+    record = measured(SLOW, i_e, hidden, seed=3, **BENCH.truth, **BENCH.noise)
+    found = ambid.diagnose(SLOW, record)
+    if harmonic > 1:  # at one speed a force of its own on every axis does the same
+        assert found.verdict == "ambiguous", found
+        assert {frozenset(names) for names in found.ambiguous_sets} == {
+            frozenset(("sensor_runout", "periodic_disturbance"))
+        }
+        found = ambid.diagnose(SLOW, record, effects=[SensorRunout(harmonic)])
+    else:
+        assert (found.verdict, found.effects) == ("explained", ("sensor_runout",)), found
+    values = {p.name: p.value for p in found.model.parameters}
+    sizes = [np.hypot(values[f"sensor_runout.cosine_{a}"], values[f"sensor_runout.sine_{a}"]) for a in SLOW.axes]
+    np.testing.assert_allclose(sizes, hidden["sensor_runout"]["amplitude"], rtol=0.1)
 
 
 def test_a_rotor_that_turns_tells_the_gains_of_its_planes():

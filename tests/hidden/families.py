@@ -14,7 +14,7 @@ from places import BENCH
 
 HERE = Path(__file__).parent
 SPEED = 200.0  # rad/s, of experiments on what only acts at speed
-AT_SPEED = ("gyroscopic_coupling", "internal_damping", "unbalance")
+AT_SPEED = ("gyroscopic_coupling", "internal_damping", "unbalance", "sensor_runout")
 
 
 @dataclass(frozen=True)
@@ -165,6 +165,9 @@ FAMILIES: dict[str, Family] = {
     ),
     "force_nonlinearity": Family(lambda x, b: {"share": 1.0}, 0.1, 3.0, by_amplitude=True),
     "flux_saturation": Family(lambda x, b: {"level": 0.75, "curve": "blend"}, 0.1, 3.0, by_amplitude=True),
+    "sensor_nonlinearity": Family(lambda x, b: {"quadratic": x, "cubic": 1e4 * x}, 1.0, 5e3),
+    "bias_asymmetry": Family(lambda x, b: {"bias": 0.05}, 0.1, 3.0, by_amplitude=True),
+    "sensor_runout": Family(lambda x, b: {"amplitude": x}, 1e-9, 1e-5, on_all_lines=True),
     "eddy_currents": Family(lambda x, b: {"tau": x}, 1e-8, 1e-4),
     "magnetic_hysteresis": Family(lambda x, b: {"share": x, "width": 0.4 * b.amplitude}, 0.01, 0.5),
     "axis_cross_coupling": Family(lambda x, b: {"fraction": x}, 1e-3, 0.5),
@@ -185,7 +188,6 @@ FAMILIES: dict[str, Family] = {
     "coulomb_friction": Family(lambda x, b: {"force": x, "z": b.middle}, 1.0, 200.0),
     "amplifier_dead_band": Family(lambda x, b: {"current": x}, 1e-3, 0.3),
     "amplifier_asymmetry": Family(lambda x, b: {"fraction": x}, 1e-3, 0.3),
-    "sensor_nonlinearity": Family(lambda x, b: {"quadratic": x, "cubic": 1e4 * x}, 1.0, 5e3),
     "command_quantisation": Family(lambda x, b: {"step": x}, 0.01, 1.0, on_all_lines=True),
     "rotor_anisotropy": Family(lambda x, b: {"frequency_factor": 1.0 + x}, 1e-4, 0.1),
     "force_current_drift": Family(lambda x, b: {"fraction": x}, 1e-3, 0.3, on_all_lines=True),

@@ -48,11 +48,12 @@ double iron(int kind, double u) {
 double port_law(int law, const double *p, const double *z, double t, double *memory) {
     double v = z[0], sum = 0.0;
     switch (law) {
-    case MAGNET: {                             /* i0, gap, scale, K_i, K_s, iron, level */
+    case MAGNET: {                             /* i0, gap, scale, K_i, K_s, iron, level, half difference of biases */
         double i = v / p[0], s = clip(z[1] / p[1], 0.95);
-        double plus = iron((int)p[5], p[6] * (1.0 + i) / (1.0 - s)) / p[6];
-        double minus = iron((int)p[5], p[6] * (1.0 - i) / (1.0 + s)) / p[6];
-        return p[2] * (plus * plus - minus * minus) - p[3] * v - p[4] * z[1];
+        double plus = iron((int)p[5], p[6] * (1.0 + p[7] + i) / (1.0 - s)) / p[6];
+        double minus = iron((int)p[5], p[6] * (1.0 - p[7] - i) / (1.0 + s)) / p[6];
+        double up = iron((int)p[5], p[6] * (1.0 + p[7])) / p[6], down = iron((int)p[5], p[6] * (1.0 - p[7])) / p[6];
+        return p[2] * (plus * plus - minus * minus - up * up + down * down) - p[3] * v - p[4] * z[1];
     }
     case LIMIT: return clip(v, p[0]) - v;
     case HYSTERESIS:                           /* share, largest half-width: play operators in parallel */

@@ -150,6 +150,12 @@ class _Builder:
             )
         if "sensor_gain_error" in hidden:
             y = np.broadcast_to(hidden["sensor_gain_error"]["gain"], n)[:, None] * y
+        if "sensor_runout" in hidden and self.rig.speed:
+            surface = hidden["sensor_runout"]
+            turning = self._oscillator(surface["harmonic"] * self.rig.speed, surface["phase"])
+            angles = np.array([{"zeta": 0.0, "eta": 0.5 * np.pi}[a] for b in self.rig.bearings for a in b.axes])
+            waves = np.column_stack([np.cos(angles), np.sin(angles)]) @ turning
+            y = y + np.broadcast_to(surface["amplitude"], n)[:, None] * waves
         if "sensor_nonlinearity" in hidden:
             curve = hidden["sensor_nonlinearity"]
             y = y + self.net.each("polynomial", [[curve["quadratic"], curve["cubic"]]] * n, y)
@@ -249,6 +255,11 @@ class _Builder:
             share = 1.0 if iron["level"] else hidden.get("force_nonlinearity", {"share": 0.0})["share"]
             laws = [magnet(*numbers, **iron) for numbers in zip(self.K_i, self.K_s, bias, strict=True)]
             force = force + share * net.each("magnet", laws, i, s)
+        if "bias_asymmetry" in hidden:  # what is even in the square law of magnets that differ
+            biases = [b.bias_current for b in self.rig.bearings for _ in b.axes]
+            apart = hidden["bias_asymmetry"]["bias"]
+            laws = [[*magnet(*numbers), apart] for numbers in zip(self.K_i, self.K_s, biases, strict=True)]
+            force = force + 0.5 * (net.each("magnet", laws, i, s) + net.each("magnet", laws, -i, -s))
         if "cubic_bearing_force" in hidden:
             cubic = -hidden["cubic_bearing_force"]["coefficient"]
             force = force + net.each("polynomial", [[0.0, cubic]] * n, s)

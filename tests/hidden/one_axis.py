@@ -35,6 +35,8 @@ NAMED = {
     "loop_delay": {"seconds": 5e-5},
     "sensor_lag": {"tau": 3e-5},
     "sampling_skew": {"seconds": 2e-5},
+    "sensor_nonlinearity": {"quadratic": 300.0, "cubic": 3e6},
+    "bias_asymmetry": {"bias": 0.05},
     "back_emf": {"coefficient": 1.0},
     "periodic_disturbance": {"frequency_hz": 50.0, "amplitude": 0.02, "port": "current"},
 }
@@ -44,7 +46,6 @@ NAMELESS = {
     "one_sided_stop": {"stiffness": 1e9, "gap": 5e-6},
     "amplifier_dead_band": {"current": 0.03},
     "amplifier_asymmetry": {"fraction": 0.05},
-    "sensor_nonlinearity": {"quadratic": 300.0, "cubic": 3e6},
     "rate_softening": {"knee": 3e4},
 }
 """Of these it has none."""

@@ -75,6 +75,13 @@ CATALOGUE: dict[str, dict[str, tuple[object, str]]] = {
     "sensor_misalignment": {"degrees": (NEEDED, "a number or one per bearing, from zeta to eta")},
     "sensor_position_error": {"dz": (NEEDED, "m, a number or one per bearing")},
     "sampling_skew": {"seconds": (NEEDED, "s by which i_c is read after y, negative before")},
+    "sensor_nonlinearity": {"quadratic": (0.0, "1/m"), "cubic": (0.0, "1/m^2")},
+    "bias_asymmetry": {"bias": (NEEDED, "of opposed magnets, half their difference over their mean")},
+    "sensor_runout": {
+        "amplitude": (NEEDED, "m, a number or one per axis"),
+        "harmonic": (1, "times the frequency of rotation"),
+        "phase": (0.0, "rad at t = 0"),
+    },
     "back_emf": {"coefficient": (NEEDED, "A s/m: drop of the amplifier's drive per velocity towards the magnet")},
     "periodic_disturbance": {
         "frequency_hz": (NEEDED, "Hz"),
@@ -95,7 +102,6 @@ OUTSIDE: dict[str, dict[str, tuple[object, str]]] = {
     "one_sided_stop": {"stiffness": (NEEDED, "N/m^2, quadratic"), "gap": (0.0, "m, towards +s of every axis")},
     "amplifier_dead_band": {"current": (NEEDED, "A, half-width")},
     "amplifier_asymmetry": {"fraction": (NEEDED, "current that is wanted positive comes out larger, negative smaller")},
-    "sensor_nonlinearity": {"quadratic": (0.0, "1/m"), "cubic": (0.0, "1/m^2")},
     "command_quantisation": {"step": (NEEDED, "A")},
     "rotor_anisotropy": {"frequency_factor": (NEEDED, "bending frequencies in y over those in x")},
     "force_current_drift": {"fraction": (NEEDED, "change of K_i over the record")},

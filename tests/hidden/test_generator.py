@@ -185,6 +185,8 @@ NOTHING = {
     "amplifier_dead_band": {"current": 0.0},
     "amplifier_asymmetry": {"fraction": 0.0},
     "sensor_nonlinearity": {},
+    "bias_asymmetry": {"bias": 0.0},
+    "sensor_runout": {"amplitude": 0.0},
     "command_quantisation": {"step": 1e-12},
     "rotor_anisotropy": {"frequency_factor": 1.0},
     "force_current_drift": {"fraction": 0.0},

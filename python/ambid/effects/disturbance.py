@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import pi
 
 from ambid.arrays import FloatArray
-from ambid.effects.waves import cosine_and_sine, is_synchronous
+from ambid.effects.waves import cosine_and_sine, harmonic, is_synchronous
 from ambid.errors import ModelError
 from ambid.findings import NOWHERE, Finding, Kind
 from ambid.loop.effect import Effect, EffectParameter, Seen
 from ambid.loop.plant import Plant
 from ambid.record import Record
-from ambid.rig import Rig
+from ambid.rig import PointMassRotor, Rig
 
 SIGNALS = {"current": "i_ref", "force": "f"}
 """Ports that a periodic disturbance may act on, and their signals."""
@@ -115,4 +116,78 @@ class PeriodicDisturbance(Effect):
         raise ModelError(f"periodic_disturbance: axis = {self.axis!r}; expected all, each, or {', '.join(axes)}")
 
 
-EFFECTS = (PeriodicDisturbance(),)
+@dataclass(frozen=True)
+class SensorRunout(Effect):
+    """What the surface under the displacement sensors adds to their reading, at the speed or at a multiple of it.
+
+    Attributes
+    ----------
+    harmonic : int
+        Times the frequency of rotation.
+    reference : int
+        Channel whose part at that frequency counts the angle, of y of all axes, then i_c of all axes.
+    frequency_hz : float, optional
+        Default: that of the harmonic of the rig's speed.
+    """
+
+    name = "sensor_runout"
+    physics = "the surface under the sensors is not round, or not of one material: a wave of the angle in their reading"
+    equation = "y = y_true + a cos(k Omega t) + b sin(k Omega t), on every axis its own"
+    signature = "a line at the speed or a multiple of it in y, to which no force belongs but that of the controller"
+    source = "ISO 14839-1; Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 3"
+    unseen = "no line of the residual is one of the speed or a multiple of it"
+    formula_error = 1e-3  # its wave is held over a sample, so that an analog controller reads it half a sample late
+    fine = ("frequency_hz",)
+
+    harmonic: int = 1
+    reference: int = 0
+    frequency_hz: float | None = None
+
+    def variants(self, seen: Seen) -> Sequence[Effect]:
+        """Each line that turns with the rotor; at several speeds with each of them."""
+        found = [(times, tone) for tone in seen.tones if (times := harmonic(tone, seen))]
+        alone = len(seen.speeds) == 1
+        return [SensorRunout(times, tone.channel, tone.frequency_hz if alone else None) for times, tone in found[:2]]
+
+    def why_not(self, rig: Rig) -> str:
+        """A rotor at rest."""
+        if isinstance(rig.rotor, PointMassRotor):
+            return "a point mass does not turn"
+        return "" if rig.speed else "the rotor does not turn (speed = 0)"
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Amplitudes in phase with the reference and a quarter period behind it, of every axis [m]."""
+        if self.why_not(rig):
+            return []
+        parts = {"cosine": "in phase with the reference", "sine": "a quarter period behind it"}
+        own = f"of what the sensor reads at {self.harmonic} times the frequency of rotation"
+        return [
+            EffectParameter(
+                f"{part}_{axis}", "m", 1e-7, lower=-float("inf"), meaning=f"amplitude {own}, {meaning}, at {axis}"
+            )
+            for axis in rig.axes
+            for part, meaning in parts.items()
+        ]
+
+    def frequencies_hz(self, rig: Rig) -> Sequence[float]:
+        """That of the harmonic."""
+        return [self.frequency_hz or self.harmonic * rig.speed / (2.0 * pi)]
+
+    def quarters(self, rig: Rig) -> Sequence[tuple[str, str]]:
+        """Both parts at every axis."""
+        names = [p.name for p in self.parameters(rig)]
+        return list(zip(names[::2], names[1::2], strict=True))
+
+    def waveform(self, rig: Rig, samples: int, record: Record | None) -> FloatArray:
+        """Cosine and sine at the frequency."""
+        return cosine_and_sine(self.frequencies_hz(rig)[0], rig.sample_rate, samples, record, self.reference)
+
+    def attach(self, plant: Plant) -> None:
+        """Added to what the sensors read, and the controller with them."""
+        waves = [plant.input("runout.cos"), plant.input("runout.sin")]
+        for axis, pair in zip(plant.axes, self.quarters(plant.rig), strict=True):
+            for name, wave in zip(pair, waves, strict=True):
+                plant.inject(f"scaled.{axis}", plant.port(self.slot(name), wave))
+
+
+EFFECTS = (PeriodicDisturbance(), SensorRunout())

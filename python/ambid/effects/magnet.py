@@ -183,6 +183,49 @@ def _of_axes(rig: Rig) -> list[tuple[float, float, float]]:
 
 
 @dataclass(frozen=True)
+class BiasAsymmetry(Effect):
+    """Opposed magnets that are not alike: the even part of the square law, which a pair that is alike has none of."""
+
+    name = "bias_asymmetry"
+    physics = (
+        "opposed magnets have another bias current, or another strength, than each other: the force has an even part"
+    )
+    equation = (
+        "F + K_i i0 (a (2 u x + 3 x^2) + b (u^2 + 4 u x + 3 x^2)/2), u = i/i0, x = s/s0, s0 = i0 K_i/K_s: what is even "
+        "and of second order in K_i i0/4 ((1 + b) (1 + a + u)^2/(1 - x)^2 - (1 - b) (1 - a - u)^2/(1 + x)^2)"
+    )
+    signature = "even: twice the frequency of what drives it, and a mean that grows with the square of the amplitude"
+    source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, section 4.1"
+
+    def why_not(self, rig: Rig) -> str:
+        """Magnets that centre: the law is that of attracting ones."""
+        return _unless_attracting(rig)
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Relative difference of the biases, and of the strengths, of opposed magnets."""
+        half = "of opposed magnets, half their difference over their mean"
+        return [
+            EffectParameter("bias", "1", 0.01, -0.9, 0.9, f"a: bias currents {half}"),
+            EffectParameter("strength", "1", 0.01, -0.9, 0.9, f"b: strengths {half}"),
+        ]
+
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """Another curvature."""
+        return {CURVATURE: float("nan")}
+
+    def attach(self, plant: Plant) -> None:
+        """On every axis, with K_i and K_s of the rig file."""
+        stiffness = [k_s for bearing in plant.rig.bearings for k_s in bearing.force_displacement]
+        for axis, (bias, _, k_i), k_s in zip(plant.axes, _of_axes(plant.rig), stiffness, strict=True):
+            u, x = plant[f"i_f.{axis}"] / bias, plant[f"s.{axis}"] * (k_s / (bias * k_i))
+            squares = (("bias", 2.0, [[1, 1]]), ("bias", 3.0, [[0, 2]]), ("strength", 0.5, [[2, 0]]))
+            squares += (("strength", 2.0, [[1, 1]]), ("strength", 1.5, [[0, 2]]))
+            for name, times, exponents in squares:
+                bent = plant.block("polynomial", [u, x], {"c0": self.slot(name)}, exponents=exponents)
+                plant.inject(f"f.{axis}", bent * (bias * k_i * times))
+
+
+@dataclass(frozen=True)
 class EddyCurrents(Effect):
     """Half-order lag of the flux."""
 
@@ -358,6 +401,7 @@ class AxisCrossCoupling(Effect):
 EFFECTS = (
     ForceNonlinearity(),
     FluxSaturation(),
+    BiasAsymmetry(),
     EddyCurrents(),
     MagneticHysteresis(),
     AxisCrossCoupling(),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from ambid.effects.places import on_both_sides
-from ambid.effects.traits import GAIN_OF_READING, LAG_OF_CURRENT, LAG_OF_READING, LAG_ROUND_LOOP
+from ambid.effects.traits import CURVATURE, GAIN_OF_READING, LAG_OF_CURRENT, LAG_OF_READING, LAG_ROUND_LOOP
 from ambid.loop.assembly import combine
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
 from ambid.loop.plant import Plant
@@ -224,6 +224,37 @@ class SensorPositionError(Effect):
 
 
 @dataclass(frozen=True)
+class SensorNonlinearity(Effect):
+    """A reading that is bent: a sensor is linear near the middle of its range alone."""
+
+    name = "sensor_nonlinearity"
+    physics = "the displacement sensors are not linear over the motion, all alike"
+    equation = "y = y_true + q y_true^2 + c y_true^3"
+    signature = "even and odd harmonics in y that grow with its amplitude, and in i_c as the controller makes them of y"
+    source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 3"
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Quadratic [1/m] and cubic [1/m^2] part, of which a hundredth at the gap is small."""
+        gap = min(bearing.air_gap for bearing in rig.bearings)
+        bend = "of the reading as a polynomial of the displacement"
+        return [
+            EffectParameter("quadratic", "1/m", 0.01 / gap, -10.0 / gap, 10.0 / gap, f"quadratic part q {bend}"),
+            EffectParameter("cubic", "1/m^2", 0.01 / gap**2, -100.0 / gap**2, 100.0 / gap**2, f"cubic part c {bend}"),
+        ]
+
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """Another curvature."""
+        return {CURVATURE: float("nan")}
+
+    def attach(self, plant: Plant) -> None:
+        """At every sensor."""
+        slots = {"c0": self.slot("quadratic"), "c1": self.slot("cubic")}
+        for axis in plant.axes:
+            bent = plant.block("polynomial", [plant.raw(f"scaled.{axis}")], slots, exponents=[[2], [3]])
+            plant.inject(f"scaled.{axis}", bent)
+
+
+@dataclass(frozen=True)
 class SamplingSkew(Effect):
     """Currents and displacements read at different instants.
 
@@ -295,5 +326,6 @@ EFFECTS = (
     SensorGainError(),
     SensorMisalignment(),
     SensorPositionError(),
+    SensorNonlinearity(),
     SamplingSkew(),
 )

@@ -14,14 +14,26 @@ from ambid.record import Record
 
 APART = 0.05
 """Lines from an excited one within which a wave leaves next to nothing beside that one."""
+OFF_SPEED = 0.02
+"""Part by which a tone may lie off a multiple of the speed of the rig file and still be called synchronous."""
+MOST_HARMONICS = 10
+"""Times the frequency of rotation, up to which a line is one of the rotor's surface."""
 NEAR = 12
 """Lines to each side of a frequency, for each excitation and once more, that a response is told by."""
 
 
 def is_synchronous(tone: Tone, seen: Seen) -> bool:
     """Whether a tone turns with the rotor, at one of the speeds that there are records of."""
-    # part by which a tone may lie off the speed of the rig file and still be called synchronous
-    return any(abs(2.0 * pi * tone.frequency_hz - speed) < 0.02 * speed for speed in seen.speeds)
+    return harmonic(tone, seen) == 1
+
+
+def harmonic(tone: Tone, seen: Seen) -> int:
+    """How many times the frequency of rotation a tone has, at one of the speeds that there are records of; or 0."""
+    for speed in sorted(seen.speeds - {0.0}):
+        times = 2.0 * pi * tone.frequency_hz / speed
+        if 0 < round(times) <= MOST_HARMONICS and abs(times - round(times)) < OFF_SPEED * round(times):
+            return round(times)
+    return 0
 
 
 def cosine_and_sine(
