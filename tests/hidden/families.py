@@ -173,6 +173,7 @@ FAMILIES: dict[str, Family] = {
     "axis_cross_coupling": Family(lambda x, b: {"fraction": x}, 1e-3, 0.5),
     "amplifier_bandwidth": Family(_second_order, 1e-6, 1e-3),
     "amplifier_voltage_limit": Family(lambda x, b: {"slew": 1.0 / x}, 1e-4, 5e-3),
+    "command_saturation": Family(lambda x, b: {"level": b.amplitude / x}, 0.1, 4.0),
     "loop_delay": Family(lambda x, b: {"seconds": x}, 1e-6, 1e-3),
     "sensor_lag": Family(lambda x, b: {"tau": x}, 1e-6, 1e-3),
     "sensor_gain_error": Family(lambda x, b: {"gain": [1.0 + x, 1.0, 1.0, 1.0]}, 1e-3, 0.5),

@@ -182,6 +182,9 @@ class _Builder:
         if "command_quantisation" in hidden:
             step = hidden["command_quantisation"]["step"]
             i_ref = i_ref + net.each("quantiser", [[step]] * n, i_ref, held=held)
+        if "command_saturation" in hidden:
+            level = hidden["command_saturation"]["level"]
+            i_ref = i_ref + net.each("limit", [[level]] * n, i_ref, held=held)
         delay += hidden.get("loop_delay", {"seconds": 0.0})["seconds"]
         if delay > 0.0:
             i_ref = net.each("delay", [[delay]] * n, i_ref, held=held)

@@ -37,6 +37,7 @@ NAMED = {
     "sampling_skew": {"seconds": 2e-5},
     "sensor_nonlinearity": {"quadratic": 300.0, "cubic": 3e6},
     "bias_asymmetry": {"bias": 0.05},
+    "command_saturation": {"level": 2.0},
     "back_emf": {"coefficient": 1.0},
     "periodic_disturbance": {"frequency_hz": 50.0, "amplitude": 0.02, "port": "current"},
 }

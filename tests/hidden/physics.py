@@ -69,6 +69,7 @@ CATALOGUE: dict[str, dict[str, tuple[object, str]]] = {
         "time_constant": (None, "s, first order but another one than known"),
     },
     "amplifier_voltage_limit": {"slew": (NEEDED, "A/s")},
+    "command_saturation": {"level": (NEEDED, "A, of the command")},
     "loop_delay": {"seconds": (NEEDED, "s, exact")},
     "sensor_lag": {"tau": (NEEDED, "s")},
     "sensor_gain_error": {"gain": (NEEDED, "true over nominal, a number or one per axis")},

@@ -186,6 +186,7 @@ NOTHING = {
     "amplifier_asymmetry": {"fraction": 0.0},
     "sensor_nonlinearity": {},
     "bias_asymmetry": {"bias": 0.0},
+    "command_saturation": {"level": 1e6},
     "sensor_runout": {"amplitude": 0.0},
     "command_quantisation": {"step": 1e-12},
     "rotor_anisotropy": {"frequency_factor": 1.0},

@@ -163,7 +163,7 @@ def see(comparison: Comparison) -> Seen:
     model, noise = comparison.model, comparison.noise
     has_amplifier = model.rig.amplifier.time_constant > 0.0
     has_rate = has_amplifier or model.rig.actuator.has_lag
-    watched = ["s", "i_f"] + ["i_f_rate"] * has_rate + ["i_a_free"] * has_amplifier
+    watched = ["s", "i_f", "i_ref"] + ["i_f_rate"] * has_rate + ["i_a_free"] * has_amplifier
     peaks = dict.fromkeys(watched, 0.0)
     n = len(model.rig.axes)
     records = [part.record for part in noise.in_time]

@@ -21,6 +21,10 @@ SECOND_ORDER, OTHER_LAG, FURTHER_LAG = "second order", "other lag", "further lag
 FAR = (3.0, 10.0, 30.0)
 """Lags over that of the rig file that a refit starts from: a coil called ideal has a lag of a sample or less there, and
 in truth one of up to thirty; a refit comes down from up to a factor of three."""
+SMOOTHING = 0.05
+"""Part of a limit within which its corners are rounded."""
+CUT = (0.95, 0.8, 0.6, 0.4, 0.25)
+"""Parts of a peak at which a limit is probed."""
 
 
 @dataclass(frozen=True)
@@ -193,14 +197,12 @@ class AmplifierVoltageLimit(Effect):
     equation = "i_a' = clip((i_ref - i_a)/tau_a, -r, r)"
     signature = "odd; only where the excitation steps or the amplitude is large; i_c late after large steps alone"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, section 4.3"
-    smoothing = 0.05
-
     probed: float = 1e-4
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
         """Limits that cut more or less off the fastest change that the linear amplifier makes."""
         fastest = seen.peaks["i_a_free"]
-        return [AmplifierVoltageLimit(float(1.0 / (share * fastest))) for share in (0.95, 0.8, 0.6, 0.4, 0.25)]
+        return [AmplifierVoltageLimit(float(1.0 / (share * fastest))) for share in CUT]
 
     def why_not(self, rig: Rig) -> str:
         """An ideal amplifier."""
@@ -222,11 +224,54 @@ class AmplifierVoltageLimit(Effect):
         return {"inverse_slew_rate": self.probed}
 
     def attach(self, plant: Plant) -> None:
-        """What the limit cuts off, rounded at the corners by 5 % of it."""
-        slots, constants = {"inverse_limit": self.slot("inverse_slew_rate")}, {"smoothing": self.smoothing}
+        """What the limit cuts off, rounded at the corners."""
+        slots, constants = {"inverse_limit": self.slot("inverse_slew_rate")}, {"smoothing": SMOOTHING}
         for axis in plant.axes:
             cut = plant.block("slew_limit", [plant[f"i_a_free.{axis}"]], slots, constants)
             plant.inject(f"i_a_rate.{axis}", cut)
+
+
+@dataclass(frozen=True)
+class CommandSaturation(Effect):
+    """The controller's output ends at a limit.
+
+    Attributes
+    ----------
+    probed : float
+        One over the limit that is probed, in the unit of commands.
+    """
+
+    name = "command_saturation"
+    physics = "the command ends at a limit, of the converter or of the controller"
+    equation = "i_ref = clip(-K y + i_e, -r, r)"
+    signature = "odd; only where the command is large; i_c cut off at the peaks of the command alone"
+    source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 8"
+
+    probed: float = 1.0
+
+    def variants(self, seen: Seen) -> Sequence[Effect]:
+        """Limits that cut more or less off the peaks of the command."""
+        return [CommandSaturation(float(1.0 / (share * seen.peaks["i_ref"]))) for share in CUT]
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """One over the limit."""
+        unit = f"1/{rig.amplifier.command_unit}"
+        return [EffectParameter("inverse_limit", unit, self.probed, meaning="one over the largest command r")]
+
+    def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
+        """More or less than the probe."""
+        return np.zeros(1), np.full(1, 10.0)
+
+    def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
+        """The limit of the probe."""
+        return {"inverse_limit": self.probed}
+
+    def attach(self, plant: Plant) -> None:
+        """What the limit cuts off, rounded at the corners."""
+        slots, constants = {"inverse_limit": self.slot("inverse_limit")}, {"smoothing": SMOOTHING}
+        for axis in plant.axes:
+            command = plant.raw(f"i_ref.{axis}")
+            plant.inject(f"i_ref.{axis}", plant.block("slew_limit", [command], slots, constants))
 
 
 @dataclass(frozen=True)
@@ -291,6 +336,7 @@ class BackEmf(Effect):
 EFFECTS = (
     AmplifierBandwidth(),
     AmplifierVoltageLimit(),
+    CommandSaturation(),
     LoopDelay(),
     BackEmf(),
 )
