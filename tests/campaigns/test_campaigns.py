@@ -99,6 +99,7 @@ def test_scatter_over_the_runs(found):
     assert [len(estimate.records) for estimate in (small.joint, *small.single)] == [2, 1, 1]
 
 
+@pytest.mark.slow
 def test_errors_of_the_rig_file_are_those_of_one_machine(broken):
     for point in (broken / name for name in K_I):
         rig = Rig.load(point / "rig.toml").replace(tolerance={"sensor_gain": 0.01})

@@ -26,6 +26,7 @@ def here(files, tmp_path, monkeypatch):
     return files
 
 
+@pytest.mark.slow
 def test_a_response_is_made_written_drawn_and_read_again(here, command):
     rig, run = here
     made = command("frequency-response", rig, run, "--out", "frf.mat", "--plot", "frf.png", "--json", "frf.json")

@@ -102,6 +102,7 @@ def test_a_loop_that_is_more_sensitive_than_allowed_is_told():
     assert shown.values["peak"] > shown.values["limit"] == 1.0
 
 
+@pytest.mark.slow
 def test_a_wanted_accuracy_is_met_and_no_more_is_played_than_it_takes():
     wanted = {"K_i": "0.005%", "tau_e": 1e-8}
     found = design(RIG, STATED, accuracy=wanted)

@@ -83,6 +83,7 @@ def test_recording_the_currents_tells_lags_apart_that_y_alone_does_not():
     assert not any(own.change.currents for own in tell_apart(LAGS, I_E, 510, STATED).experiments)
 
 
+@pytest.mark.slow
 def test_louder_is_tried_up_to_the_limit_and_no_further(golden):
     found = tell_apart(PAIR, I_E, 510, STATED)
     (louder,) = (own for own in found.experiments if own.change.amplitude > 1.0)

@@ -82,6 +82,7 @@ def four_axes():
     return few, many
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["sensor_gain_error", "axis_cross_coupling", "seal_forces"])
 def test_on_four_axes_sizes_fall_with_the_root_of_the_periods(name, four_axes):
     few, many = (own.find(name) for own in four_axes)

@@ -62,6 +62,7 @@ def test_the_same_family_with_the_same_number_at_every_rate(alone):
         assert family.shared.endswith(LAG_ROUND_LOOP.where)
 
 
+@pytest.mark.slow
 def test_all_rates_together_name_the_truth(delayed):
     found = diagnose(delayed[0][0], [one for _, one in delayed])
     assert found.verdict == "explained", found

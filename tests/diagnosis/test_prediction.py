@@ -64,6 +64,7 @@ def test_it_is_drawn_channel_by_channel(ranking):
         ambid.predict(ranking, "loop_delay").plot(record=1)
 
 
+@pytest.mark.slow
 def test_what_moved_is_told_with_the_last_map(late, golden):
     found = ambid.diagnose(RIG, late, catalogue=DELAY)
     base, last = found.history

@@ -78,6 +78,7 @@ def test_more_sines_tell_both(frequencies, driven):
         assert abs(found.parameters[name].value - value) < 4.0 * found.parameters[name].std_error
 
 
+@pytest.mark.slow
 def test_harmonics_of_one_sine_tell_a_curved_force():
     """A pair of magnets far out: what one sine leaves at three times its frequency is not of two numbers a channel."""
     rig, record = levitator([10.0], "r", size=2e-3, samples=1200, gap=1.3 * 0.9 / 95.0, bias=0.9)

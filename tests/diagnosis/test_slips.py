@@ -47,8 +47,7 @@ def values(found):
             ("one axis", "y", -7.3),
             ("two bearings", "y", 3.2),
             ("two bearings", "i_e", -3.0),
-        ],
-        2,
+        ]
     ),
 )
 def test_a_channel_that_is_recorded_late_is_named(machine, channel, samples):

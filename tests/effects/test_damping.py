@@ -93,6 +93,7 @@ def test_where_it_is_tried():
         assert not find(name).parameters(ONE_AXIS.rig)
 
 
+@pytest.mark.slow
 def test_damping_of_the_whole_rotor_is_told_from_that_at_a_place():
     """By the score, of a record with noise; the trait that both share is the damping of a motion without tilt."""
     rate = 4.0

@@ -50,6 +50,7 @@ def force(records):
     return next(port for port in where.ports if port.name == "force")
 
 
+@pytest.mark.slow
 def test_a_shape_is_measured_round_by_round_without_an_identification_of_each(records):
     shape = measured_shape(ambid.identify(RIG, records[0]).comparison, "force", "v")
     slip = np.array([v for v in shape.at if 3.0 * KNEE < abs(v) < 0.015])

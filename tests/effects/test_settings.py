@@ -25,7 +25,9 @@ def turning(rig):
 
 def variants(effect, rig):
     tones = (Tone(31.83, 1, 1e3), Tone(50.0, 2, 1e3))
-    seen = Seen(rig, {"s": 3e-5, "i_f": 1.5, "i_f_rate": 2e3, "i_a_free": 2e4}, tones, [0.1, 0.2, 0.3, 0.4])
+    seen = Seen(
+        rig, {"s": 3e-5, "i_ref": 1.5, "i_f": 1.5, "i_f_rate": 2e3, "i_a_free": 2e4}, tones, [0.1, 0.2, 0.3, 0.4]
+    )
     return list(dict.fromkeys([effect, *effect.variants(seen)]))
 
 

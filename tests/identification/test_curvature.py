@@ -58,6 +58,7 @@ def test_a_curvature_that_no_misfit_shows_is_said_and_the_intervals_hold_the_tru
     assert seen.values["by_law"]["K_i.A_zeta"] == found.curvature.values["K_i.A_zeta"][1]
 
 
+@pytest.mark.slow
 def test_the_next_command_finds_the_law(half_a_percent):
     found = diagnose(*half_a_percent)
     assert found.effects == ("force_nonlinearity",)

@@ -51,6 +51,7 @@ def at_both(rig, i_e, hidden, seed=1):
     return [measured(rig, i_e, hidden, seed=seed, **TRUTH), other]
 
 
+@pytest.mark.slow
 def test_every_bias_current_has_its_own_gains_and_all_share_tau_e(rig, i_e):
     both = at_both(rig, i_e, {})
     estimate = ambid.identify(rig, both)

@@ -92,6 +92,7 @@ def test_what_is_hidden_biases():
     assert found.parameters["tau_e"].coverage < 0.5
 
 
+@pytest.mark.slow
 def test_diagnoses_are_counted():
     hidden = ambid.Model(RIG).add("sensor_lag", {"time_constant": 5e-5})
     found = run_monte_carlo(plan(truth=hidden, diagnose=True), 2)

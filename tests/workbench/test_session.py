@@ -105,6 +105,7 @@ def from_files(tmp_path_factory, begun):
     return Session.begin(Bench(ambid.Model(rig), (read[0],), (read[1],)))
 
 
+@pytest.mark.slow
 def test_the_script_gives_the_same_numbers(from_files, tmp_path, capsys):
     session = from_files.fit().add("loop_delay")
     session = session.move("loop_delay.delay", 0.9 * session.model.theta[-1]).fit().remove("loop_delay")

@@ -92,8 +92,8 @@ class Evidence:
         Of a right model, mean and standard deviation of that.
     fitted_beyond : float
         By how much J of the fitted records alone is above that of a right model, beyond chance.
-    formula_error : float
-        Part of what it explains that its formulas are known to leave.
+    of_formulas : float
+        J that the formulas of its effects are known to leave of what each of them explains.
     beginnings : float
         What the numbers cost that say how records begin, beyond those of the base model.
     information : ndarray, shape (q, q)
@@ -110,7 +110,7 @@ class Evidence:
     expected: float
     deviation: float
     fitted_beyond: float
-    formula_error: float
+    of_formulas: float
     beginnings: float
     information: FloatArray
     kinds: tuple[int, ...]
@@ -158,7 +158,7 @@ def by_score(fit: Comparison, misfit: float, score: float, degrees: int, one_sid
         expected=float(fit.dof),
         deviation=deviation(fit),
         fitted_beyond=max(0.0, cost - fit.dof - BEYOND * deviation(fit)),
-        formula_error=0.0,
+        of_formulas=0.0,
         beginnings=0.0,
         information=np.eye(degrees) * max(0.0, score),
         kinds=(degrees,) if degrees else (),
@@ -240,7 +240,7 @@ class Yardstick:
             expected=expected,
             deviation=float(np.sqrt(variance)),
             fitted_beyond=max(0.0, fit.cost - fit.dof - BEYOND * deviation(fit)),
-            formula_error=max((effect.formula_error for effect in added), default=0.0),
+            of_formulas=0.0,
             beginnings=beginnings,
             information=_information(fit, kinds),
             kinds=tuple(len(kind) for kind in kinds),

@@ -252,8 +252,8 @@ def _shape_left(field: Field, best: Hypothesis) -> ShapeLeft | None:
         return None
     fall = field.fall_by_physics(best)
     for part in best.fit.noise.in_time:
-        share = max(OF_FORMULAS if part.noise_is_measured else SHAPE_OF_FORMULAS, best.evidence.formula_error)
-        if shape := shape_left(part, best.fit.model, share * fall):
+        share = OF_FORMULAS if part.noise_is_measured else SHAPE_OF_FORMULAS
+        if shape := shape_left(part, best.fit.model, max(share * fall, best.evidence.of_formulas)):
             return shape
     return None
 

@@ -251,7 +251,7 @@ class CommandSaturation(Effect):
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
         """Limits that cut more or less off the peaks of the command."""
-        return [CommandSaturation(float(1.0 / (share * seen.peaks["i_ref"]))) for share in CUT]
+        return [CommandSaturation(float(1.0 / (share * seen.peaks["i_ref"]))) for share in CUT[::2]]
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """One over the limit."""
