@@ -17,7 +17,7 @@ def late(tmp_path_factory):
     truth = ambid.Model(rig).add("loop_delay", {"delay": DELAY})
     for name, amplitude, periods in (("run", 0.1, 5), ("other", 0.06, 5), ("brief", 0.1, 2)):
         i_e = ambid.prbs(8, amplitude=amplitude, hold=2, axes=1, periods=periods)
-        truth.virtual_experiment(i_e, seed=periods).save(folder / f"{name}.csv")
+        truth.virtual_experiment(i_e, seed=20 + periods).save(folder / f"{name}.csv")
     return folder
 
 

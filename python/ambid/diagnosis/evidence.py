@@ -92,8 +92,8 @@ class Evidence:
         Of a right model, mean and standard deviation of that.
     fitted_beyond : float
         By how much J of the fitted records alone is above that of a right model, beyond chance.
-    of_formulas : float
-        J that the formulas of its effects are known to leave of what each of them explains.
+    formula_errors : mapping of frozenset of str to float
+        By the names of the others, part of what an effect explains beside them that its formula is known to leave.
     beginnings : float
         What the numbers cost that say how records begin, beyond those of the base model.
     information : ndarray, shape (q, q)
@@ -110,7 +110,7 @@ class Evidence:
     expected: float
     deviation: float
     fitted_beyond: float
-    of_formulas: float
+    formula_errors: Mapping[frozenset[str], float]
     beginnings: float
     information: FloatArray
     kinds: tuple[int, ...]
@@ -158,7 +158,7 @@ def by_score(fit: Comparison, misfit: float, score: float, degrees: int, one_sid
         expected=float(fit.dof),
         deviation=deviation(fit),
         fitted_beyond=max(0.0, cost - fit.dof - BEYOND * deviation(fit)),
-        of_formulas=0.0,
+        formula_errors={},
         beginnings=0.0,
         information=np.eye(degrees) * max(0.0, score),
         kinds=(degrees,) if degrees else (),
@@ -235,12 +235,13 @@ class Yardstick:
         parameters = fit.model.parameters
         own = [k for k, p in enumerate(parameters) if p.name.startswith(prefixes)] if prefixes else []
         kinds = _kinds(parameters, own)
+        names = frozenset(effect.name for effect in added)
         return Evidence(
             cost=cost,
             expected=expected,
             deviation=float(np.sqrt(variance)),
             fitted_beyond=max(0.0, fit.cost - fit.dof - BEYOND * deviation(fit)),
-            of_formulas=0.0,
+            formula_errors={names - {own.name}: own.formula_error for own in added if own.formula_error},
             beginnings=beginnings,
             information=_information(fit, kinds),
             kinds=tuple(len(kind) for kind in kinds),

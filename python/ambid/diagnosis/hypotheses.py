@@ -115,7 +115,15 @@ class Field:
         That is a hypothesis of its own that is bound to the effect: it gives no other effect a name.
         """
         above = own.cost - self._lowest.cost
-        return above if above < 0.0 else max(0.0, above - own.of_formulas)
+        return above if above < 0.0 else max(0.0, above - self.of_formulas(own))
+
+    def of_formulas(self, own: Evidence) -> float:
+        """J that the formulas of a set are known to leave, of what each effect explains beside the others."""
+        left = 0.0
+        for rest, error in own.formula_errors.items():
+            if without := self.unexplained if rest <= self.root else rest in self.tried and self.tried[rest].evidence:
+                left += error * max(0.0, without.cost - own.cost)
+        return left
 
     def worth(self, hypothesis: Hypothesis) -> float:
         """Log evidence of a set, whatever is beside it."""
@@ -130,7 +138,7 @@ class Field:
         Those of a disturbance leave nothing, and it has lines of its own.
         """
         before = self.without_physics(hypothesis)
-        left = max(OF_FORMULAS * before.fitted_beyond, hypothesis.evidence.of_formulas)
+        left = max(OF_FORMULAS * before.fitted_beyond, self.of_formulas(hypothesis.evidence))
         return bool(hypothesis.added) and hypothesis.evidence.fitted_beyond <= left
 
     def without_physics(self, hypothesis: Hypothesis) -> Evidence:
@@ -186,22 +194,11 @@ class Field:
         other = self.yardstick.kept_back
         kept_back = None if other is None else other.of(fit.model).with_own_angles()
         evidence = self.yardstick.evidence(fit, kept_back, added, variants)
-        evidence = replace(evidence, of_formulas=self._left_by_formulas(added, evidence.cost))
         further = Hypothesis(added, fit, kept_back, variants, evidence)
         known = self.tried.get(further.names)
         if known is not None and known.evidence.alone >= further.evidence.alone:
             return self
         return replace(self, tried={**self.tried, further.names: further})
-
-    def _left_by_formulas(self, added: tuple[Effect, ...], cost: float) -> float:
-        """Of a set with this J: each effect is known to leave a part of what it explains beside the others."""
-        names = frozenset(effect.name for effect in added)
-        left = 0.0
-        for effect in added if self.tried else ():
-            rest = self.tried.get(names - {effect.name})
-            without = self.unexplained if rest is None else rest.evidence
-            left += effect.formula_error * max(0.0, without.cost - cost)
-        return left
 
 
 def begun(task: Task, base: Comparison, *others: Comparison) -> Field:

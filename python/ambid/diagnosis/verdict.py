@@ -253,7 +253,7 @@ def _shape_left(field: Field, best: Hypothesis) -> ShapeLeft | None:
     fall = field.fall_by_physics(best)
     for part in best.fit.noise.in_time:
         share = OF_FORMULAS if part.noise_is_measured else SHAPE_OF_FORMULAS
-        if shape := shape_left(part, best.fit.model, max(share * fall, best.evidence.of_formulas)):
+        if shape := shape_left(part, best.fit.model, max(share * fall, field.of_formulas(best.evidence))):
             return shape
     return None
 
