@@ -66,11 +66,11 @@ class Bench:
         self.seen = self._seen()
 
     def _seen(self) -> Seen:
-        """Near enough: displacements at the sensors for those at the magnets, excitation for what drives a lag."""
+        """Near enough: displacements at sensors for those at magnets, currents for commands, excitation for lags."""
         i_f = self.record.i_c
         rate = self.rig.sample_rate * np.diff(i_f, axis=0)
         free = self.record.i_e / self.rig.amplifier.time_constant
-        peaks = {"s": self.record.y, "i_f": i_f, "i_f_rate": rate, "i_a_free": free}
+        peaks = {"s": self.record.y, "i_ref": i_f, "i_f": i_f, "i_f_rate": rate, "i_a_free": free}
         return Seen(self.rig, {name: float(np.abs(signal).max()) for name, signal in peaks.items()})
 
     def settled(self, signal: Array) -> Array:
