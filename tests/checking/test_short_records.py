@@ -26,7 +26,8 @@ def record(samples, seed, loud=1.0):
     return Record.from_arrays(**own, i_e=i_e[:, None], sample_rate=RATE, axes=["A_zeta"])
 
 
-QUIET = {"period_not_found", "no_excited_lines", "few_excited_lines", "few_periods"}
+QUIET = {"period_not_found", "no_excited_lines", "few_excited_lines", "few_periods", "excitation_doubtful"}
+"""No faults; noise as loud as the response may let a short excitation be doubted, which is a warning."""
 SHORT = [40, 60, 120, 199, 400, 900]
 
 

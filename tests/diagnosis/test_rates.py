@@ -77,8 +77,9 @@ def test_a_short_lag_that_acts_like_a_delay_may_be_either():
     rig, train, validate, _ = experiment(("amplifier_bandwidth",), "clear", 500, kind="compressor")
     found = diagnose(rig, train, validate=validate)
     assert found.verdict == "ambiguous", found
-    assert named(found) == {"loop_delay", "amplifier_bandwidth"}, found
-    assert min(found.probabilities.effects[name] for name in named(found)) > 0.2
+    alike = {"loop_delay", "amplifier_bandwidth"}
+    assert alike <= named(found) <= alike | {"sampling_skew"}, found
+    assert min(found.probabilities.effects[name] for name in alike) > 0.2
 
 
 def test_a_large_unbalance_does_not_hide_what_has_no_name():

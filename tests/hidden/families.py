@@ -167,7 +167,9 @@ FAMILIES: dict[str, Family] = {
     "flux_saturation": Family(lambda x, b: {"level": 0.75, "curve": "blend"}, 0.1, 3.0, by_amplitude=True),
     "sensor_nonlinearity": Family(lambda x, b: {"quadratic": x, "cubic": 1e4 * x}, 1.0, 5e3),
     "bias_asymmetry": Family(lambda x, b: {"bias": 0.05}, 0.1, 3.0, by_amplitude=True),
-    "sensor_runout": Family(lambda x, b: {"amplitude": x}, 1e-9, 1e-5, on_all_lines=True),
+    "sensor_runout": Family(
+        lambda x, b: {"amplitude": [x * part for part in (1.0, 0.2, 0.7, 0.4)]}, 1e-9, 1e-5, on_all_lines=True
+    ),
     "eddy_currents": Family(lambda x, b: {"tau": x}, 1e-8, 1e-4),
     "magnetic_hysteresis": Family(lambda x, b: {"share": x, "width": 0.4 * b.amplitude}, 0.01, 0.5),
     "axis_cross_coupling": Family(lambda x, b: {"fraction": x}, 1e-3, 0.5),

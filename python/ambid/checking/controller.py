@@ -319,7 +319,7 @@ class _Equation:
             lambda x: self._residual(whole(x)),
             first[free],
             lambda x: self._jacobian(whole(x))[:, free],
-            method="lm",
+            method="lm" if len(still) >= len(free) else "trf",  # of fewer numbers than unknowns
             x_scale="jac",
             ftol=1e-9,
             xtol=1e-6,
