@@ -314,12 +314,14 @@ class _Equation:
 
         linear = free[free < len(first) - 4]
         still = self._jacobian(first)[:, linear]
+        if len(still) <= len(free):  # so few lines determine nothing
+            return first, np.full(len(first), np.inf), float(np.sum(self._residual(first) ** 2))
         first[linear] -= np.linalg.lstsq(still, self._residual(first), rcond=None)[0]
         end = least_squares(
             lambda x: self._residual(whole(x)),
             first[free],
             lambda x: self._jacobian(whole(x))[:, free],
-            method="lm" if len(still) >= len(free) else "trf",  # of fewer numbers than unknowns
+            method="lm",
             x_scale="jac",
             ftol=1e-9,
             xtol=1e-6,
