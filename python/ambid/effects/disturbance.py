@@ -6,13 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import pi
 
-from ambid.arrays import FloatArray
-from ambid.effects.waves import cosine_and_sine, harmonic, is_synchronous
+from ambid.effects.waves import Wave, harmonic, is_synchronous
 from ambid.errors import ModelError
 from ambid.findings import NOWHERE, Finding, Kind
 from ambid.loop.effect import Effect, EffectParameter, Seen
 from ambid.loop.plant import Plant
-from ambid.record import Record
 from ambid.rig import PointMassRotor, Rig
 
 SIGNALS = {"current": "i_ref", "force": "f"}
@@ -26,7 +24,7 @@ ANYWHERE = Kind(
 
 
 @dataclass(frozen=True)
-class PeriodicDisturbance(Effect):
+class PeriodicDisturbance(Wave):
     """A force or a current at a frequency of its own, at one axis, at all alike, or at each with its own amplitude.
 
     Attributes
@@ -80,18 +78,9 @@ class PeriodicDisturbance(Effect):
         """Its own."""
         return [self.frequency_hz]
 
-    def quarters(self, rig: Rig) -> Sequence[tuple[str, str]]:
-        """Both parts at every place."""
-        names = [p.name for p in self.parameters(rig)]
-        return list(zip(names[::2], names[1::2], strict=True))
-
     def findings(self, rig: Rig, values: Mapping[str, float] | None) -> Sequence[Finding]:
         """That one axis does not show where it comes in."""
         return [ANYWHERE(NOWHERE, effect=self.name)] if values is not None and len(rig.axes) == 1 else []
-
-    def waveform(self, rig: Rig, samples: int, record: Record | None) -> FloatArray:
-        """Cosine and sine at the frequency."""
-        return cosine_and_sine(self.frequency_hz, rig.sample_rate, samples, record, self.reference)
 
     def attach(self, plant: Plant) -> None:
         """Added to the command of the amplifiers, or to the force of the magnets."""
@@ -117,7 +106,7 @@ class PeriodicDisturbance(Effect):
 
 
 @dataclass(frozen=True)
-class SensorRunout(Effect):
+class SensorRunout(Wave):
     """What the surface under the displacement sensors adds to their reading, at the speed or at a multiple of it.
 
     Attributes
@@ -172,15 +161,6 @@ class SensorRunout(Effect):
     def frequencies_hz(self, rig: Rig) -> Sequence[float]:
         """That of the harmonic."""
         return [self.frequency_hz or self.harmonic * rig.speed / (2.0 * pi)]
-
-    def quarters(self, rig: Rig) -> Sequence[tuple[str, str]]:
-        """Both parts at every axis."""
-        names = [p.name for p in self.parameters(rig)]
-        return list(zip(names[::2], names[1::2], strict=True))
-
-    def waveform(self, rig: Rig, samples: int, record: Record | None) -> FloatArray:
-        """Cosine and sine at the frequency."""
-        return cosine_and_sine(self.frequencies_hz(rig)[0], rig.sample_rate, samples, record, self.reference)
 
     def attach(self, plant: Plant) -> None:
         """Added to what the sensors read, and the controller with them."""

@@ -8,16 +8,14 @@ from math import pi
 
 import numpy as np
 
-from ambid.arrays import FloatArray
 from ambid.effects.places import likely_places
 from ambid.effects.traits import RESONANCE
-from ambid.effects.waves import cosine_and_sine, is_synchronous
+from ambid.effects.waves import Wave, is_synchronous
 from ambid.errors import RigError
 from ambid.loop.assembly import combine
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
 from ambid.loop.geometry import lies_in_one_plane, rotor_of
 from ambid.loop.plant import Plant
-from ambid.record import Record
 from ambid.rig import PointMassRotor, Rig
 from ambid.rotor import further_modes
 
@@ -284,7 +282,7 @@ class GyroscopicCoupling(Effect):
 
 
 @dataclass(frozen=True)
-class Unbalance(Effect):
+class Unbalance(Wave):
     """A synchronous force that turns with the rotor, at one place or at every bearing.
 
     Attributes
@@ -352,15 +350,6 @@ class Unbalance(Effect):
     def frequencies_hz(self, rig: Rig) -> Sequence[float]:
         """That of rotation."""
         return [self.frequency_hz or rig.speed / (2.0 * pi)]
-
-    def quarters(self, rig: Rig) -> Sequence[tuple[str, str]]:
-        """Both parts at every place."""
-        names = [p.name for p in self.parameters(rig)]
-        return list(zip(names[::2], names[1::2], strict=True))
-
-    def waveform(self, rig: Rig, samples: int, record: Record | None) -> FloatArray:
-        """Cosine and sine of the angle of rotation."""
-        return cosine_and_sine(self.frequencies_hz(rig)[0], rig.sample_rate, samples, record, self.reference)
 
     def attach(self, plant: Plant) -> None:
         """The part in phase and the one ahead are m e times the cosine and the sine of the angle."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from math import pi
 
@@ -9,8 +10,9 @@ import numpy as np
 from scipy.fft import rfft
 
 from ambid.arrays import FloatArray
-from ambid.loop.effect import Seen, Tone
+from ambid.loop.effect import Effect, Seen, Tone
 from ambid.record import Record
+from ambid.rig import Rig
 
 APART = 0.05
 """Lines from an excited one within which a wave leaves next to nothing beside that one."""
@@ -20,6 +22,21 @@ MOST_HARMONICS = 10
 """Times the frequency of rotation, up to which a line is one of the rotor's surface."""
 NEAR = 12
 """Lines to each side of a frequency, for each excitation and once more, that a response is told by."""
+
+
+class Wave(Effect):
+    """An effect of one frequency, whose parameters are pairs of parts a quarter period apart, one pair a place."""
+
+    reference: int
+
+    def quarters(self, rig: Rig) -> Sequence[tuple[str, str]]:
+        """Both parts at every place."""
+        names = [p.name for p in self.parameters(rig)]
+        return list(zip(names[::2], names[1::2], strict=True))
+
+    def waveform(self, rig: Rig, samples: int, record: Record | None) -> FloatArray:
+        """Cosine and sine at its frequency."""
+        return cosine_and_sine(self.frequencies_hz(rig)[0], rig.sample_rate, samples, record, self.reference)
 
 
 def is_synchronous(tone: Tone, seen: Seen) -> bool:
