@@ -12,12 +12,14 @@ from ambid.diagnosis.evidence import TOLD_APART
 from ambid.errors import InputError
 from ambid.identification.minimum import refit
 from hidden.next_experiments import CASES, is_truth_alone, run
+from hidden.one_axis import ONE_AXIS
 from places import LEVITATOR
 
 RIG = ambid.Rig.load(LEVITATOR)
 MODEL = ambid.Model(RIG)
 SENSOR, CURRENT, PERIODS = 2e-7, 0.01, 8
 STATED = Instruments.stated(1, SENSOR, CURRENT)
+SHORT = replace(ONE_AXIS, order=8)
 I_E = ambid.prbs(8, amplitude=0.2, hold=2, periods=PERIODS)
 PAIR = {
     "back_emf": MODEL.add("back_emf", {"current_per_velocity": 0.3}),
@@ -124,10 +126,10 @@ def test_the_length_that_is_told_brings_the_evidence():
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.effect}-{case.amplitude}")
 def test_the_proposed_experiment_names_the_truth_alone(case):
-    """On the independent simulator: TOLD_APART tells in 95 % of records, so 4 of 6 fail by chance once in 30 000."""
-    ends = [run(case, seed) for seed in range(6)]
-    assert case.with_i_c or sum(best is not None for _, best, _ in ends) >= 4
-    assert sum(is_truth_alone(case, after or before) for before, _, after in ends) >= 4
+    """On the independent simulator: TOLD_APART tells in 95 % of records, so 3 of 4 fail by chance once in 70."""
+    ends = [run(case, seed, SHORT) for seed in range(4)]
+    assert case.with_i_c or sum(best is not None for _, best, _ in ends) >= 3
+    assert sum(is_truth_alone(case, after or before) for before, _, after in ends) >= 3
 
 
 def test_proposals_refuse(golden):

@@ -38,35 +38,35 @@ CASES = (
 )
 
 
-def first(case, seed):
+def first(case, seed, bench=ONE_AXIS):
     """The record that leaves the verdict ambiguous."""
-    i_e = ONE_AXIS.excitation(case.amplitude)
+    i_e = bench.excitation(case.amplitude)
     hidden = {case.effect: case.parameters}
-    return measured(ONE_AXIS.rig, i_e, hidden, seed=2 * seed, with_i_c=case.with_i_c, **ONE_AXIS.truth)
+    return measured(bench.rig, i_e, hidden, seed=2 * seed, with_i_c=case.with_i_c, **bench.truth)
 
 
-def made(case, seed, change: Change, repeats):
+def made(case, seed, change: Change, repeats, bench=ONE_AXIS):
     """The record of a proposed experiment: K_i follows the bias current, K_s its square."""
-    rig = change.rig or ONE_AXIS.rig
-    bias = rig.bearings[0].bias_current / ONE_AXIS.rig.bearings[0].bias_current
-    K_i, K_s = bias * np.array(ONE_AXIS.K_i), bias**2 * np.array(ONE_AXIS.K_s)
-    i_e = ONE_AXIS.excitation(change.amplitude * case.amplitude)[: ONE_AXIS.period]
-    i_e = np.tile(i_e, (int(np.ceil(repeats * ONE_AXIS.periods)), 1))
-    truth = {"K_i": K_i, "K_s": K_s, "tau_e": ONE_AXIS.tau_e}
+    rig = change.rig or bench.rig
+    bias = rig.bearings[0].bias_current / bench.rig.bearings[0].bias_current
+    K_i, K_s = bias * np.array(bench.K_i), bias**2 * np.array(bench.K_s)
+    i_e = bench.excitation(change.amplitude * case.amplitude)[: bench.period]
+    i_e = np.tile(i_e, (int(np.ceil(repeats * bench.periods)), 1))
+    truth = {"K_i": K_i, "K_s": K_s, "tau_e": bench.tau_e}
     with_i_c = case.with_i_c or change.currents
     record = measured(rig, i_e, {case.effect: case.parameters}, seed=2 * seed + 1, with_i_c=with_i_c, **truth)
     return record if change.rig is None else record.at(change.rig)
 
 
-def run(case, seed):
+def run(case, seed, bench=ONE_AXIS):
     """What was ambiguous, what is proposed, and what both records name; nothing is proposed where one was enough."""
-    old = first(case, seed)
-    before = ambid.diagnose(ONE_AXIS.rig, old)
+    old = first(case, seed, bench)
+    before = ambid.diagnose(bench.rig, old)
     if before.verdict != "ambiguous":
         return before, None, None
     proposals = ambid.next_experiments(before)
     best = proposals.best
-    after = ambid.diagnose(ONE_AXIS.rig, [old, made(case, seed, best.change, best.repeats)])
+    after = ambid.diagnose(bench.rig, [old, made(case, seed, best.change, best.repeats, bench)])
     return before, best, after
 
 

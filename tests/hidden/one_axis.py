@@ -44,10 +44,10 @@ NAMED = {
 """Of these the catalogue has the name."""
 NAMELESS = {
     "cubic_bearing_force": {"coefficient": 1e15},
-    "one_sided_stop": {"stiffness": 1e9, "gap": 5e-6},
-    "amplifier_dead_band": {"current": 0.03},
+    "one_sided_stop": {"stiffness": 2e8, "gap": 5e-6},
+    "amplifier_dead_band": {"current": 0.001},
     "amplifier_asymmetry": {"fraction": 0.05},
-    "rate_softening": {"knee": 3e4},
+    "rate_softening": {"knee": 3e5},
 }
 """Of these it has none."""
 
