@@ -117,8 +117,8 @@ def test_currents_that_are_read_a_sample_late_are_named():
 @pytest.mark.slow
 def test_what_nothing_explains_tells_of_the_one_current_that_comes_late():
     """An amplifier that is slower on one axis may be the cause as well, so that nothing is said to be moved."""
-    bench = replace(BENCHES["bench"], order=8)
-    clean = dirty(bench, "clean", 2)
+    bench = replace(BENCHES["bench"], order=7)
+    clean = dirty(bench, "clean", 3)
     i_c = clean.i_c.copy()
     i_c[1:, 2] = i_c[:-1, 2]
     record = Record.from_arrays(
