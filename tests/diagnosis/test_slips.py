@@ -18,10 +18,14 @@ from tiers import first_fast
 MACHINES = {"one axis": ONE_AXIS, "two bearings": BENCHES["bench"]}
 
 
+ORDERS = {"one axis": 9, "two bearings": 7}
+"""Of the PRBS."""
+
+
 @cache
-def nothing_hidden(machine):
+def nothing_hidden(machine, order=None):
     own = MACHINES[machine]
-    i_e = ambid.prbs(9, amplitude=1.0, hold=4, axes=len(own.rig.axes), periods=4)
+    i_e = ambid.prbs(order or ORDERS[machine], amplitude=1.0, hold=4, axes=len(own.rig.axes), periods=4)
     return measured(own.rig, i_e, {}, seed=1, **own.truth)
 
 
@@ -148,7 +152,7 @@ def test_a_wrong_scale_of_the_excitation_is_named(machine, factor):
 @pytest.mark.slow
 def test_without_i_c_the_two_slips_are_one():
     """A common factor on the controller and its inverse on all K_i are a scale of i_e, as far as y goes."""
-    right = nothing_hidden("two bearings")
+    right = nothing_hidden("two bearings", 9)
     few = [*slips.EFFECTS, find("sensor_gain_error"), find("loop_delay")]
     found = diagnose(BENCHES["bench"].rig, replace(right, i_e=1.25 * right.i_e, i_c=None), catalogue=few)
     assert "excitation_gain_error" in named(found), found  # which has fewer parameters
