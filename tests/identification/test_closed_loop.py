@@ -59,10 +59,10 @@ def test_noise_free_data_give_the_truth(bench, start, i_e):
 @pytest.fixture(scope="module", params=[pytest.param(80, marks=pytest.mark.slow)], ids="{} seeds".format)
 def many(bench, request):
     """Estimates from independent noise, and the standard errors that sigma^2 (J'J)^-1 would give some of them."""
-    i_e = prbs(8, amplitude=0.15, hold=2, axes=4, periods=6)
+    i_e = prbs(7, amplitude=0.15, hold=2, axes=4, periods=6)
     begin = Model(bench.rig(off=0.02))
     found, naive = [], []
-    for k, record in enumerate(bench.records(i_e, range(1000, 1000 + request.param), period=510)):
+    for k, record in enumerate(bench.records(i_e, range(1000, 1000 + request.param), period=254)):
         found.append(identify(begin, record))
         if k < 40:
             naive.append(textbook_errors(found[-1], record))

@@ -36,7 +36,7 @@ def of_levitator(seed):
 
 def of_bench(seed):
     bench = BENCHES["bench"]
-    i_e = prbs(9, amplitude=bench.amplitude, hold=bench.hold, axes=4, periods=4, seed=seed)
+    i_e = prbs(7, amplitude=bench.amplitude, hold=bench.hold, axes=4, periods=4, seed=seed)
     return found(bench.rig, bench.truth, i_e, seed, **bench.noise)
 
 

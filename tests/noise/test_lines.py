@@ -70,9 +70,9 @@ def test_many_channels_in_three_periods_have_a_misfit_of_one_and_usable_scores(m
     own = LONG[machine]
     axes = len(own.rig.axes)
     for seed in seeds:
-        i_e = prbs(9, amplitude=own.amplitude, hold=3, axes=axes, periods=3, seed=seed)
+        i_e = prbs(8, amplitude=own.amplitude, hold=3, axes=axes, periods=3, seed=seed)
         records = [
-            simulate(own.rig, i_e, hidden, seed=seed, period=1533, **own.truth, **own.noise)
+            simulate(own.rig, i_e, hidden, seed=seed, period=765, **own.truth, **own.noise)
             for hidden in ({}, {"loop_delay": {"seconds": 2e-5}})
         ]
         assert records[0].outputs.shape[1] == 2 * axes

@@ -95,7 +95,7 @@ SEAL = {"seal_forces": {"z": 0.43, "direct": 8e5, "cross": 6e5, "damping": 300.0
 )
 def test_what_is_hidden_is_named_without_periods(machine, hidden):
     rig = machine.rig
-    chips = np.random.default_rng(3).choice([-1.0, 1.0], (3000, len(rig.axes)))
+    chips = np.random.default_rng(3).choice([-1.0, 1.0], (1500, len(rig.axes)))
     made = simulate(rig, np.repeat(chips, 4, axis=0), hidden, seed=4, **machine.truth)
     record = Record.from_arrays(
         y=made.y, i_e=made.i_e, i_c=made.i_c, sample_rate=rig.sample_rate, axes=rig.axes, rig=rig
