@@ -11,12 +11,12 @@ from hidden.families import BENCHES
 from hidden.sizes import sized
 
 ALIKE = ("sensor_misalignment", "axis_cross_coupling", "coupling_stiffness", "sensor_lag")
-"""Gains across axes, a stiffness on the shaft, what comes late."""
+"""Gains across axes, a stiffness on the shaft, what comes late: candidates beside them."""
 
 
 @pytest.mark.slow
 def test_a_seal_tells_the_gains_of_its_planes():
-    """Else its two cross stiffnesses seem to differ, and none of the candidates explains: not what acts alike either."""
+    """Else its two cross stiffnesses seem to differ, and none of the candidates explains."""
     names = ("loop_delay", "seal_forces", "sensor_gain_error")
     hidden = {name: sized(name, "large", "compressor") for name in names}
     bench = replace(BENCHES["compressor"], order=8)

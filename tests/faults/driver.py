@@ -3,8 +3,8 @@
 A process of its own, in which everything is imported and nothing has been computed: a fork costs next to nothing, so
 that hundreds of moments fit into a test. Reads a task as JSON on stdin, and writes what happened to stdout:
 
-arguments of the command, its outputs, how many moments there are for each signal, and whether a report is drawn, which
-takes seconds.
+arguments of the command, its outputs, how many moments there are for each signal, whether a report is drawn, which
+takes seconds, and the folder of the data of the demo's story.
 """
 
 import importlib
@@ -86,6 +86,8 @@ def go(task):
     That of a brief command is run again without its imports, which those with signals have done.
     """
     arguments, outputs = task["arguments"], task["outputs"]
+    if task["data"]:
+        importlib.import_module("ambid.demo.story").DATA = Path(task["data"])
     if not task["drawn"]:
         undraw(pytest.MonkeyPatch())
     found = [run(arguments, outputs)]

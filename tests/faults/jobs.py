@@ -139,11 +139,15 @@ def ended(*arguments, **options):
     return process.returncode, out, err
 
 
-def disturbed(folder, arguments, moments, *, drawn=True):
-    """What `driver` tells of a command to which signals came at so many moments each, maybe with an empty report."""
+def disturbed(folder, arguments, moments, *, drawn=True, data=None):
+    """What `driver` tells of a command to which signals came at so many moments each.
+
+    Maybe with an empty report, or a story of other data.
+    """
+    task = {"arguments": arguments, "outputs": outputs(arguments), "moments": moments, "drawn": drawn}
     ran = subprocess.run(
         [sys.executable, TESTS / "faults" / "driver.py"],
-        input=json.dumps({"arguments": arguments, "outputs": outputs(arguments), "moments": moments, "drawn": drawn}),
+        input=json.dumps(task | {"data": data and str(data)}),
         stdout=subprocess.PIPE,
         text=True,
         check=True,
