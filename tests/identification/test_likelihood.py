@@ -37,17 +37,22 @@ def cut(record, first, samples):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("with_i_c", [True, False], ids=["y and i_c", "y alone"])
 @pytest.mark.parametrize(
-    ("cut_at", "weights"),
-    [(777, "likelihood"), (None, "eq9"), (None, "likelihood")],
-    ids=["cut", "whole by eq. 9", "whole"],
+    ("cut_at", "weights", "with_i_c"),
+    [
+        pytest.param(388, "likelihood", True, id="cut"),
+        pytest.param(388, "likelihood", False, id="cut, y alone"),
+        pytest.param(None, "eq9", True, id="whole by eq. 9"),
+        pytest.param(None, "eq9", False, id="whole by eq. 9, y alone"),
+        pytest.param(None, "likelihood", False, id="whole, y alone"),  # with i_c: test_closed_loop
+    ],
 )
-def test_estimates_scatter_as_their_standard_errors_say(bench, i_e, with_i_c, cut_at, weights):
+def test_estimates_scatter_as_their_standard_errors_say(bench, cut_at, weights, with_i_c):
     """The mean of squares of 40 numbers of unit variance lies between `LEAST` and `MOST`, but for one in 1000."""
     truth, start, found = np.array(list(bench.truth.values())), Model(bench.rig(off=0.02)), []
-    for record in bench.records(i_e, range(2000, 2040), period=510):
-        part = record if cut_at is None else cut(record, cut_at, 4 * 510)
+    i_e = prbs(7, amplitude=0.15, hold=2, axes=4, periods=6)
+    for record in bench.records(i_e, range(2000, 2040), period=254):
+        part = record if cut_at is None else cut(record, cut_at, 4 * 254)
         estimate = identify(start, part if with_i_c else replace(part, i_c=None), weights=weights)
         found.append((values(estimate) - truth) / errors(estimate))
     z = np.array(found)
