@@ -16,7 +16,7 @@ SEAL = {"z": 0.43, "direct": 8e5, "cross": 6e5, "damping": 300.0}
 
 @pytest.fixture(scope="module")
 def i_e():
-    return ambid.prbs(8, amplitude=1.0, hold=4, axes=4, periods=4)
+    return ambid.prbs(7, amplitude=1.0, hold=4, axes=4, periods=4)
 
 
 def record(rig, i_e, hidden, seed):

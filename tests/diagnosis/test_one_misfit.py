@@ -3,6 +3,7 @@
 import pytest
 
 import ambid
+from ambid.effects import find
 from hidden.experiment import experiment
 from hidden.one_axis import ONE_AXIS, record
 from tiers import first_fast
@@ -20,5 +21,5 @@ def test_identify_compare_rank_and_diagnose_state_one_misfit(effect, tmp_path):
     comparison = ambid.compare(model, train)
     assert comparison.misfit == pytest.approx(estimate.comparison.misfit, rel=1e-9)
     assert ambid.rank(comparison).misfit == pytest.approx(comparison.misfit, rel=1e-9)
-    found = ambid.diagnose(model, train)
+    found = ambid.diagnose(model, train, catalogue=[find("loop_delay"), find("seal_forces")])
     assert found.history[0].misfit == pytest.approx(comparison.misfit, rel=1e-3), "it is fitted once more"
