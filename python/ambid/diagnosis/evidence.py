@@ -12,9 +12,12 @@ physics forbids, so that unknown(k) = log(D S_k / (2 pi)^(k/2)), with D the loga
 of the unit sphere. V is 1 where H leaves noise alone.
 
 Something else is smooth over lines and channels and of any power: what is left of it is W numbers at the most, however
-many lines they are seen on. With E what H leaves beyond noise, its power integrated out,
+many lines they are seen on. A wave that nothing brings is not: of each there are w numbers more, two for a channel. With
+E and E_w what H leaves beyond noise between the waves, and where they stand, their power integrated out,
 
-    log p(data | H, something else) = -W/2 log(1 + E/W) - price,    V = 1 + E/W
+    log p(data | H, something else) = -W/2 log(1 + E/W) - w/2 log(1 + E_w/w) - price,    V = 1 + E/W
+
+and what is learnt of these powers, which were known to three decades before.
 
 States that effects add begin each record settled, or nearly so: the n further numbers c, in units of their errors, that
 are fitted to how a record begins have one variance before it, which is found from them. With m the mean of c^2 they
@@ -104,6 +107,8 @@ class Evidence:
         How many of them have one sign.
     prior : float
         Minus the log of how likely its effects are before any record.
+    on_tones, waves : float, int
+        J where waves stand that may be no part of the excitation, and how many numbers these are.
     """
 
     cost: float
@@ -116,6 +121,8 @@ class Evidence:
     kinds: tuple[int, ...]
     one_sided: int
     prior: float
+    on_tones: float = 0.0
+    waves: int = 0
 
     def price(self, left: float = 1.0) -> float:
         """What the parameters of the effects and their number cost, where so much variance is left."""
@@ -144,10 +151,13 @@ class Evidence:
 
         Something else has states of its own, too, which begin as those do of the set that leaves least.
         """
-        variance = 1.0 + left / WITNESSES
-        fall = np.log(variance) - np.log1p(least.beyond / WITNESSES)
+        of_waves = min(left, max(0.0, self.on_tones - least.on_tones))
+        smooth = left - of_waves
+        cost = _of_any_power(smooth, WITNESSES) - _of_any_power(least.beyond, WITNESSES)
+        cost += _of_any_power(of_waves, self.waves)
+        variance = 1.0 + smooth / WITNESSES
         own = replace(self, beginnings=variance * max(self.beginnings, least.beginnings))
-        return -0.5 * WITNESSES * float(fall) - own.price(variance) + NAMELESS
+        return NAMELESS - cost - own.price(variance)
 
 
 def by_score(fit: Comparison, misfit: float, score: float, degrees: int, one_sided: int, prior: float) -> Evidence:
@@ -183,6 +193,15 @@ def _unknown_size(k: int) -> float:
     """What so many parameters of one unknown size cost beside their precision."""
     log_surface = np.log(2.0) + 0.5 * k * np.log(np.pi) - gammaln(0.5 * k)
     return float(np.log(DECADES * np.log(10.0)) + log_surface - 0.5 * k * np.log(2.0 * np.pi))
+
+
+def _of_any_power(beyond: float, numbers: float) -> float:
+    """What so many numbers of one unknown power cost that hold so much beyond noise."""
+    if beyond <= 0.0 or not numbers:
+        return 0.0
+    # the power is known to a factor e^s, s^2 = 2/n (1 + n/E)^2 (Laplace), of the decades that it was within before
+    told = float(np.sqrt(4.0 * np.pi / numbers)) * (1.0 + numbers / beyond)
+    return 0.5 * numbers * float(np.log1p(beyond / numbers)) + max(0.0, float(np.log(DECADES * np.log(10.0) / told)))
 
 
 def price_of(score: float, degrees: int, one_sided: int, prior: float) -> float:
@@ -222,12 +241,15 @@ class Yardstick:
     ) -> Evidence:
         """Of a set at its optimum, whose effects are the best of so many independent variants."""
         cost, expected, variance = fit.cost, float(fit.dof), deviation(fit) ** 2
+        on_tones, waves = fit.noise.on_tones(fit.model)
         beginnings = self._beginnings(fit, self.base)
         if kept_back is not None and self.kept_back is not None:
             try:
                 cost += _further_cost(fit, kept_back)
                 beginnings += self._beginnings(kept_back, self.kept_back)
                 expected += kept_back.dof + len(fit.model.free)  # nothing further is fitted to them
+                further = kept_back.noise.on_tones(kept_back.model)
+                on_tones, waves = on_tones + further[0], waves + further[1]
             except UnstableLoopError:
                 cost = np.inf  # no such record was made by a loop that leaves all bounds
             variance += deviation(self.kept_back) ** 2
@@ -247,6 +269,8 @@ class Yardstick:
             kinds=tuple(len(kind) for kind in kinds),
             one_sided=sum(parameters[k].lower >= 0.0 for k in own),
             prior=float(np.log(variants)) - sum(float(np.log(self.prior[effect.name])) for effect in added),
+            on_tones=on_tones,
+            waves=waves,
         )
 
     def motion(self, base: Evidence) -> Evidence:

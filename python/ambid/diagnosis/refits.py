@@ -34,6 +34,8 @@ MOST_RENEWALS = 3
 """So often is the noise renewed after the best set has changed, at the most."""
 RENEWED = 0.02
 """Relative change of J by renewing the noise that is small enough."""
+HOPELESS = 1e3
+"""Log evidence by which no other noise lets a set catch up."""
 Start = tuple[Model, Effect, Mapping[str, float]]
 
 
@@ -135,16 +137,18 @@ def refined(task: Task, field_: Field, names: Names) -> Field:
     for own in field_.tried.values():
         if own is best:
             renewed = renewed.with_(effects, fit, best.variants)
-        elif (
-            own.added
-            and len(own.added) >= len(effects)
-            and field_.promise(own.evidence) > field_.promise(best.evidence) - 1e3
-        ):
+        elif own.added and (own.names < best.names or _is_rival(field_, own, best)):
             try:
                 renewed = renewed.with_(own.added, refit(fit.of(own.fit.model), step=ROUGHLY), own.variants)
             except UnstableLoopError:
                 continue
     return renewed
+
+
+def _is_rival(field_: Field, own: Hypothesis, best: Hypothesis) -> bool:
+    """Whether a set of no fewer effects may still become as likely as the best."""
+    is_near = field_.promise(own.evidence) > field_.promise(best.evidence) - HOPELESS
+    return len(own.added) >= len(best.added) and is_near
 
 
 def _nearer_the_rig(task: Task, fit: Comparison, effect: Effect) -> Comparison:

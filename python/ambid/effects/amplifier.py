@@ -21,8 +21,11 @@ SECOND_ORDER, OTHER_LAG, FURTHER_LAG = "second order", "other lag", "further lag
 FAR = (3.0, 10.0, 30.0)
 """Lags over that of the rig file that a refit starts from: a coil called ideal has a lag of a sample or less there, and
 in truth one of up to thirty; a refit comes down from up to a factor of three."""
-SMOOTHING = 0.05
-"""Part of a limit within which its corners are rounded."""
+LITTLE_SLOWER = 1.01
+FAR_OUT, FASTEST_REAL = 0.1, 0.25
+"""Second pole of an amplifier, its lag and its square term over those of the first: far out, and where both are one."""
+SMOOTHING = 0.01
+"""Part of a limit within which its corners are rounded: of what a limit changes less than 0.2 % is missed."""
 CUT = (0.95, 0.8, 0.6, 0.4, 0.25)
 """Parts of a peak at which a limit is probed."""
 
@@ -49,16 +52,17 @@ class AmplifierBandwidth(Effect):
     slower: float = 1.1
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
-        """A little slower, in each way; where the rig calls the amplifier fast against a sample, also slow against it.
+        """A little slower, in each way, or less where the loop bears no more; also slow against a sample, if that is not.
 
         A voltage-driven coil has one lag and no other.
         """
         tau, sample = seen.rig.amplifier.time_constant, 1.0 / seen.rig.sample_rate
         slow = [share * sample / tau for share in (0.1, 0.5)] if 0.0 < tau < 0.05 * sample else []
-        one = [replace(self, slower=slower) for slower in (self.slower, *slow)]
         if seen.rig.amplifier.resistance is not None:
-            return one
-        return [*one, *(replace(self, kind=kind) for kind in (OTHER_LAG, FURTHER_LAG))]
+            return [replace(self, slower=slower) for slower in (self.slower, *slow)]
+        little = (self.slower, LITTLE_SLOWER)
+        one = [replace(self, slower=slower) for slower in (*little, *slow)]
+        return [*one, replace(self, kind=OTHER_LAG), *(replace(self, kind=FURTHER_LAG, slower=s) for s in little)]
 
     def why_not(self, rig: Rig) -> str:
         """An ideal amplifier."""
@@ -80,7 +84,8 @@ class AmplifierBandwidth(Effect):
             sample = 1.0 / rig.sample_rate
             meaning = "time constant of a first-order lag in series with that of the rig file"
             least, most = 5e-5 * sample, 20.0 * sample
-            return [EffectParameter("further_lag", "s", 0.05 * sample, lower=least, upper=most, meaning=meaning)]
+            probe = 0.5 * (self.slower - 1.0) * sample
+            return [EffectParameter("further_lag", "s", probe, lower=least, upper=most, meaning=meaning)]
         corner = 1.0 / (2.0 * pi * tau)
         return [
             EffectParameter(
@@ -98,12 +103,16 @@ class AmplifierBandwidth(Effect):
         """A longer lag, and as much of second order."""
         if not self._is_second_order(rig):
             return super().probes(rig)
-        corner = 1.0 / (2.0 * pi * rig.amplifier.time_constant)
-        slow, fast = corner / self.slower, 10.0 * corner  # a second pole so far out that the first alone remains
+        tau, far = rig.amplifier.time_constant, self._far
         return [
-            {"frequency_hz": np.sqrt(fast * slow), "damping": 0.5 * (fast + slow) / np.sqrt(fast * slow)},
-            {"frequency_hz": 2.0 * corner, "damping": 1.0},
+            _of_series(tau * (self.slower + far), tau**2 * far * self.slower),
+            _of_series(tau, tau**2 * FASTEST_REAL * far / FAR_OUT),
         ]
+
+    @property
+    def _far(self) -> float:
+        """Lag of a second pole over that of the first: so far out that the first alone remains."""
+        return min(FAR_OUT, self.slower - 1.0)
 
     def _is_second_order(self, rig: Rig) -> bool:
         return self.kind == SECOND_ORDER and rig.amplifier.resistance is None
@@ -122,10 +131,11 @@ class AmplifierBandwidth(Effect):
             added = float(np.clip((longer - 1.0) * amplitudes[0], -0.8, 5.0 * longer))
             name, nominal = self._lag(rig)
             return {name: nominal * (1.0 + added)}
-        p = tau * (1.0 + float(np.clip((longer - 0.9) * amplitudes[0], -0.8, 4.0 * max(1.0, longer))))
-        bend = tau**2 * float(0.1 * longer * amplitudes[0] + 0.25 * amplitudes[1])
+        far = self._far
+        p = tau * (1.0 + float(np.clip((longer + far - 1.0) * amplitudes[0], -0.8, 4.0 * max(1.0, longer))))
+        bend = tau**2 * far * float(longer * amplitudes[0] + FASTEST_REAL / FAR_OUT * amplitudes[1])
         q = float(np.clip(bend, 1e-3 * p**2, 4.0 * p**2))
-        return {"frequency_hz": 1.0 / (2.0 * pi * np.sqrt(q)), "damping": max(0.06, 0.5 * p / np.sqrt(q))}
+        return _of_series(p, q)
 
     @staticmethod
     def _lag(rig: Rig) -> tuple[str, float]:
@@ -160,7 +170,7 @@ class AmplifierBandwidth(Effect):
             if self._is_second_order(plant.rig):
                 rate = self._second_order(plant, axis, current)
             else:
-                rate = self._first_order(plant, axis, current)
+                (rate,) = plant.of_amplifier(axis, "amplifier", [self._first_order(plant, axis, current)])
             plant.set_rate(f"amplifier.{axis}", rate + plant.cut(axis))
             for name, true in (("i_a", current), ("i_a_free", rate)):
                 plant.inject(f"{name}.{axis}", true - plant.raw(f"{name}.{axis}"))
@@ -170,8 +180,10 @@ class AmplifierBandwidth(Effect):
         frequency, damping = self.slot("frequency_hz"), self.slot("damping")
         scaled = plant.state(f"amplifier_rate.{axis}")
         drive = plant[f"i_set.{axis}"] - current - plant.port(damping, scaled, scale=2.0)
-        plant.set_rate(f"amplifier_rate.{axis}", plant.port(frequency, drive, scale=2.0 * pi))
-        return plant.port(frequency, scaled, scale=2.0 * pi)
+        rates = [plant.port(frequency, own, scale=2.0 * pi) for own in (scaled, drive)]
+        rate, bend = plant.of_amplifier(axis, "amplifier", rates)
+        plant.set_rate(f"amplifier_rate.{axis}", bend)
+        return rate
 
     def _first_order(self, plant: Plant, axis: str, current: Signal) -> Signal:
         """Rate of the current."""
@@ -180,6 +192,11 @@ class AmplifierBandwidth(Effect):
             return plant.port(slot, plant[f"i_set.{axis}"] - current, power=-1)
         slot, resistance = self.slot("inductance"), f"R.{axis}"
         return plant.port(slot, plant[f"i_ref.{axis}"] - plant.port(resistance, current), power=-1)
+
+
+def _of_series(p: float, q: float) -> dict[str, float]:
+    """The amplifier ``1/(1 + p s + q s^2)``."""
+    return {"frequency_hz": float(1.0 / (2.0 * pi * np.sqrt(q))), "damping": max(0.06, float(0.5 * p / np.sqrt(q)))}
 
 
 @dataclass(frozen=True)

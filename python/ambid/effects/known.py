@@ -368,14 +368,10 @@ class KnownAmplifier(Known):
         return rig.axes if rig.amplifier.time_constant > 0.0 else []
 
     def attach(self, plant: Plant) -> None:
-        """The rate of the current is divided by 1 + d."""
+        """The rates of the amplifier's states are divided by 1 + d."""
         for axis in plant.axes:
-            free = plant.raw(f"i_a_free.{axis}")
-            rate = plant.signal(f"i_a_true_rate.{axis}", free)
-            slower = plant.port(self.slot(axis), rate)
-            plant.inject(f"i_a_true_rate.{axis}", -slower)
-            plant.inject(f"i_a_free.{axis}", -slower)
-            plant.set_rate(f"i_a.{axis}", rate + plant.cut(axis))
+            for rate in plant.amplifier_rates[axis]:
+                plant.inject(rate, -plant.port(self.slot(axis), plant[rate]))
 
     def updated(self, rig: Rig, errors: Mapping[str, float]) -> tuple[Rig, dict[str, tuple[float, str]]]:
         """All axes have one time constant, which takes the mean of their errors; what sets axes apart has no key."""

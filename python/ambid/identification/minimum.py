@@ -27,8 +27,8 @@ DRIVEN_OFF = 1e-3
 """Chance of errors of the rig file below which what a model lacks has made them."""
 AT_JUMP, BEHIND_JUMP = 0.1, 0.3
 """Of the tolerance of an instant: how near a jump it counts as at it, how far behind that a descent begins again."""
-SUBSTEPS = 2
-"""Steps per sample of nonlinear effects: neither a choice nor a score needs six digits."""
+SUBSTEPS, MOST_SUBSTEPS = 2, 16
+"""Steps per sample of nonlinear effects, of a score and at the most of a fit: neither needs six digits."""
 
 
 class WhitenedProblem(LeastSquares):
@@ -79,10 +79,10 @@ class WhitenedProblem(LeastSquares):
 
 
 def refit(comparison: Comparison, most: int = 40, step: float = EXACTLY) -> Comparison:
-    """Minimise J over all parameters of the model; of nonlinear effects two steps per sample are exact enough.
+    """Minimise J over all parameters of the model; nonlinear effects in such steps that the noise hides what they miss.
 
-    Roughly, one is, where the noise hides the difference. Of several records, each tells the angle that the waves of
-    the model begin it at: what a channel holds of a wave is turned by the loop, otherwise at every speed.
+    Of several records, each tells the angle that the waves of the model begin it at: what a channel holds of a wave is
+    turned by the loop, otherwise at every speed.
 
     Parameters
     ----------
@@ -103,11 +103,32 @@ def refit(comparison: Comparison, most: int = 40, step: float = EXACTLY) -> Comp
 
 
 def _descended(comparison: Comparison, most: int, step: float) -> Comparison:
-    model = comparison.model if comparison.model.is_linear else comparison.model.with_substeps(SUBSTEPS)
-    coarse, roughly = model.with_substeps(1), step >= ROUGHLY and not model.is_linear
-    is_coarse = roughly and _is_hidden(comparison.noise, model, coarse)
-    roughly = roughly and model.without_nonlinear().is_stable
-    held, near = coarse if is_coarse else model, max(step, ROUGHLY)
+    model = _resolved(comparison)
+    fit = _from(comparison, model, most, step)
+    # what an effect has grown to may need finer steps than what it began with
+    while (finer := _resolved(fit)).structure.substeps != fit.model.structure.substeps:
+        fit = _from(fit, finer, most, step)
+    return fit
+
+
+def _resolved(comparison: Comparison) -> Model:
+    """The model with twice as many steps per sample as change its response, halved, by less than the noise shows."""
+    model, noise = comparison.model, comparison.noise
+    if model.is_linear:
+        return model
+    steps = 1
+    while steps < MOST_SUBSTEPS and not _is_hidden(noise, model.with_substeps(steps), model.with_substeps(2 * steps)):
+        steps *= 2
+    return model.with_substeps(max(2 * steps, model.structure.substeps or 0))
+
+
+def _from(comparison: Comparison, model: Model, most: int, step: float) -> Comparison:
+    """The optimum of a model whose steps are given; roughly, half of them are enough."""
+    roughly = step >= ROUGHLY and not model.is_linear
+    held, near = model, max(step, ROUGHLY)
+    if roughly:
+        held = model.with_substeps((model.structure.substeps or SUBSTEPS) // 2)
+        roughly = model.without_nonlinear().is_stable
     if not _is_near(model) and (exact := held.without_errors()).is_stable:
         # many derivatives, and errors that a model without the effect drove off: both are met near the optimum alone
         begun = WhitenedProblem(exact, comparison.noise, model.free, roughly=roughly)

@@ -51,6 +51,7 @@ class Plant(Assembly):
         self.late: str | None = None
         self.late_outputs: list[LateOutput] = []
         self.gain_errors: list[GainError] = []
+        self.amplifier_rates: dict[str, tuple[str, ...]] = {}
         self.axes = rig.axes
         self.directions = axes_in_planes(rig, rotor.planes)
         self.coordinates = len(rotor.frequencies_rad_s) * rotor.planes
@@ -114,6 +115,12 @@ class Plant(Assembly):
             if onto:
                 self.inject(f"modal_force.{k}", onto * force)
 
+    def of_amplifier(self, axis: str, name: str, rates: Sequence[Signal]) -> list[Signal]:
+        """Rates of the states of the amplifier of an axis, in place of any before; an error of its lag slows them."""
+        names = tuple(f"{name}_{k}.{axis}" for k in range(len(rates)))
+        self.amplifier_rates[axis] = names
+        return [self.signal(own, rate) for own, rate in zip(names, rates, strict=True)]
+
     def cut(self, axis: str) -> Signal:
         """What limits take off the rate of a current [A/s]."""
         return self[f"i_a_rate.{axis}"] - self.raw(f"i_a_rate.{axis}")
@@ -154,7 +161,7 @@ class Plant(Assembly):
         else:
             state = self.state(f"i_a.{axis}")
             i_a = self.signal(f"i_a.{axis}", state)
-            rate = (i_set - state) / amplifier.time_constant
+            rate = self.of_amplifier(axis, "i_a_own", [(i_set - state) / amplifier.time_constant])[0]
             self.signal(f"i_a_rate.{axis}", self.signal(f"i_a_free.{axis}", rate))
             self.set_rate(f"i_a.{axis}", rate + self.cut(axis))
         self.signal(f"i_c.{axis}", i_a)

@@ -192,6 +192,14 @@ class RecordLines(JudgedLines):
         """`Spectrum.spread` of every number."""
         return np.repeat(self.spectrum.spread, 2 * self.measured.channels)
 
+    def on_tones(self, here: Model) -> tuple[float, int]:
+        """J on the lines that are judged beside the excited ones, and how many numbers the waves there are."""
+        if not len(self.more):
+            return 0.0, 0
+        by_line = self.by_line(self.white(here, []).residual[:, None] ** 2)
+        waves = 1 + int(np.sum(np.diff(self.more) > 1))
+        return float(by_line[-len(self.more) :].sum()), 2 * self.measured.channels * waves
+
     def data(self, here: Model) -> _core.LineData:
         """The lines for the core, with the inputs that a model at this operating point has."""
         drives = tuple(here.acting) if here.loop.core.inputs > here.loop.driven else ()

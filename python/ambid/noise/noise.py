@@ -177,6 +177,11 @@ class Noise:
         """Whitened response of a settled model less what was measured; of two models the difference is one of both."""
         return np.concatenate([*(part.departure(part.at(model)) for part in self.parts), -known_residual(model)])
 
+    def on_tones(self, model: Model) -> tuple[float, int]:
+        """See `RecordLines.on_tones`, of all records."""
+        found = [part.on_tones(part.at(model)) for part in self.in_time]
+        return sum(cost for cost, _ in found), sum(numbers for _, numbers in found)
+
     @property
     def measured_cost(self) -> float:
         """J of a model that answers no excitation."""

@@ -29,7 +29,7 @@ const SLOPES: f64 = 5.0;
 /// law bends.
 const PROMISE: f64 = 1e-6;
 const BENT_SLOPES: f64 = 100.0;
-const MOST_SUBSTEPS: usize = 64;
+const MOST_SUBSTEPS: usize = 256;
 /// Samples that decide on the number of substeps.
 const PROBE: usize = 256;
 /// An output beyond this is no response of a machine, be it in metres, amperes or newtons.
