@@ -113,22 +113,22 @@ def _descended(comparison: Comparison, most: int, step: float) -> Comparison:
 
 def _resolved(comparison: Comparison) -> Model:
     """The model with twice as many steps per sample as change its response, halved, by less than the noise shows."""
-    model, noise = comparison.model, comparison.noise
+    model = comparison.model
     if model.is_linear:
         return model
     steps = 1
-    while steps < MOST_SUBSTEPS and not _is_hidden(noise, model.with_substeps(steps), model.with_substeps(2 * steps)):
+    while steps < MOST_SUBSTEPS and not _is_hidden(comparison, *(model.with_substeps(k * steps) for k in (1, 2))):
         steps *= 2
     return model.with_substeps(max(2 * steps, model.structure.substeps or 0))
 
 
 def _from(comparison: Comparison, model: Model, most: int, step: float) -> Comparison:
     """The optimum of a model whose steps are given; roughly, half of them are enough."""
-    roughly = step >= ROUGHLY and not model.is_linear
     held, near = model, max(step, ROUGHLY)
-    if roughly:
+    is_rough = not model.is_linear and model.without_nonlinear().is_stable
+    if step >= ROUGHLY and not model.is_linear:
         held = model.with_substeps((model.structure.substeps or SUBSTEPS) // 2)
-        roughly = model.without_nonlinear().is_stable
+    roughly = is_rough and step >= ROUGHLY
     if not _is_near(model) and (exact := held.without_errors()).is_stable:
         # many derivatives, and errors that a model without the effect drove off: both are met near the optimum alone
         begun = WhitenedProblem(exact, comparison.noise, model.free, roughly=roughly)
@@ -137,8 +137,12 @@ def _from(comparison: Comparison, model: Model, most: int, step: float) -> Compa
     end = _gone(problem, most, step)
     fit = comparison.of(model.with_theta(end))
     if (behind := other_side(problem, end)) is not None:
-        problem.model = held.with_theta(behind)
-        fit = min(fit, comparison.of(model.with_theta(_gone(problem, most, step))), key=lambda own: own.cost)
+        begun = WhitenedProblem(held.with_theta(behind), comparison.noise, roughly=is_rough)
+        there = comparison.of(model.with_theta(_gone(begun, most, near)))
+        if there.cost < fit.cost and near > step:
+            problem.model = held.with_theta(there.model.theta)
+            there = comparison.of(model.with_theta(_gone(problem, most, step)))
+        fit = min(fit, there, key=lambda own: own.cost)
     return fit
 
 
@@ -176,10 +180,12 @@ def _gone(problem: WhitenedProblem, most: int, step: float) -> FloatArray:
     return end.theta
 
 
-def _is_hidden(noise: Noise, model: Model, other: Model) -> bool:
-    """Whether the responses of two models differ by less than the noise shows."""
+def _is_hidden(comparison: Comparison, model: Model, other: Model) -> bool:
+    """Whether the responses of two models differ by less than the noise shows, or than what is left of the records."""
+    noise = comparison.noise
     try:
-        return float(np.linalg.norm(noise.departure(model) - noise.departure(other))) < HIDDEN
+        shown = HIDDEN * np.sqrt(noise.size.variance(comparison.cost))
+        return float(np.linalg.norm(noise.departure(model) - noise.departure(other))) < shown
     except UnstableLoopError:
         return False
 
