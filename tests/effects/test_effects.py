@@ -103,6 +103,22 @@ def test_an_amplifier_with_one_number(rig, i_e, kind):
     assert largest_error(base.simulate(i_e), truth) > 1e-3
 
 
+@pytest.mark.parametrize(
+    ("name", "hidden", "probed"),
+    [("amplifier_voltage_limit", {"slew": 9000.0}, 1.0 / 9000.0), ("command_saturation", {"level": 1.9}, 1.0 / 1.9)],
+)
+def test_a_limit_that_is_hardly_reached_is_as_sharp_as_it_is(rig, i_e, name, hidden, probed):
+    """Within a hundredth of the little that it changes: what a rounded corner misses has been called another effect."""
+    own = replace(find(name), probed=probed)
+    truth = simulate(rig, i_e, {name: hidden}, seed=None, longest_step=1e-6, **TRUTH)
+    base = at_truth(rig)
+    changed = truth.outputs - base.simulate(i_e).outputs
+    (value,) = (p.name for p in own.parameters(rig))
+    missed = base.add(own, {value: probed}).simulate(i_e).outputs - truth.outputs
+    assert 1e-4 < np.linalg.norm(changed) / np.linalg.norm(truth.outputs) < 0.1
+    assert np.linalg.norm(missed) < 0.01 * np.linalg.norm(changed)
+
+
 TURNED = {"zeta": 0.03, "eta": 0.02, "planes": 0.01}
 QUARTER = {"zeta": 0.03, "eta": 0.02}
 MANY = {"zeta": 0.03, "eta": -0.02} | {

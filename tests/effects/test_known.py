@@ -1,10 +1,12 @@
 """An error of a value in the rig file does to the loop what another rig file would, by an independent simulation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from ambid import Model, prbs
-from ambid.effects import CATALOGUE
+from ambid.effects import CATALOGUE, find
 from ambid.effects.known import KNOWN
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.rig import Rig
@@ -153,3 +155,19 @@ def test_every_effect_acts_beside_errors_as_without_them(path, effect):
     found = off.simulate(prbs(6, amplitude=0.01, axes=len(rig.axes)))
     np.testing.assert_allclose(found.y, right.y, atol=1e-6 * np.abs(right.y).max())
     np.testing.assert_allclose(found.i_c, right.i_c, atol=1e-6 * np.abs(right.i_c).max())
+
+
+@pytest.mark.parametrize(
+    ("kind", "hidden", "values"),
+    [
+        ("second order", {"frequency_hz": 1100.0, "damping": 0.7}, {"frequency_hz": 1.05 * 1100.0, "damping": 0.7}),
+        ("other lag", {"time_constant": 3e-4}, {"time_constant": 3e-4 / 1.05}),
+    ],
+)
+def test_an_amplifier_of_any_kind_is_slower_by_the_error_of_its_lag(analog, i_e, kind, hidden, values):
+    """What takes the place of the rig file's amplifier has the errors of that: 5 % slower is a slower clock."""
+    truth = simulate(analog, i_e, {"amplifier_bandwidth": hidden}, seed=None, **TRUTH)
+    slower = {f"amplifier_time_constant.{axis}": 0.05 for axis in analog.axes}
+    effect = replace(find("amplifier_bandwidth"), kind=kind)
+    found = known(analog, slower).add(effect, values).simulate(i_e)
+    np.testing.assert_allclose(found.outputs, truth.outputs, atol=1e-8 * np.abs(truth.outputs).max())

@@ -12,8 +12,8 @@ physics forbids, so that unknown(k) = log(D S_k / (2 pi)^(k/2)), with D the loga
 of the unit sphere. V is 1 where H leaves noise alone.
 
 Something else is smooth over lines and channels and of any power: what is left of it is W numbers at the most, however
-many lines they are seen on. A wave that nothing brings is not: of each there are w numbers more, two for a channel. With
-E and E_w what H leaves beyond noise between the waves, and where they stand, their power integrated out,
+many lines they are seen on. A wave that nothing brings is not: each has two numbers for a channel, w in all. With E and
+E_w what H leaves beyond noise between the waves, and where they stand, their power integrated out,
 
     log p(data | H, something else) = -W/2 log(1 + E/W) - w/2 log(1 + E_w/w) - price,    V = 1 + E/W
 

@@ -52,7 +52,7 @@ class AmplifierBandwidth(Effect):
     slower: float = 1.1
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
-        """A little slower, in each way, or less where the loop bears no more; also slow against a sample, if that is not.
+        """A little slower, in each way, or less where the loop bears no more; slow against a sample too, if it is not.
 
         A voltage-driven coil has one lag and no other.
         """
