@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from scipy.integrate import quad
 
 from ambid import diagnose
