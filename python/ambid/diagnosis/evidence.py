@@ -19,8 +19,8 @@ E_w what H leaves beyond noise between the waves, and where they stand, their po
 
 and what is learnt of these powers, which were known to three decades before.
 
-States that effects add begin each record settled, or nearly so: the n further numbers c, in units of their errors, that
-are fitted to how a record begins have one variance before it, which is found from them. With m the mean of c^2 they
+States that effects add begin each record settled, or at rest, or nearly so: the n further numbers c, in units of their
+errors, that are fitted to how a record begins have one variance before it about the likelier of both, which is found. With m the mean of c^2 they
 then lower J by n (m - 1 - log m) where m > 1, and not at all where they are no more than chance brings (MacKay, Neural
 Comput. 4 (1992) 415).
 """
@@ -286,12 +286,18 @@ class Yardstick:
         fitted, before = (own.noise.quadratic(own.model, []).fitted for own in (fit, base))
         if fitted <= before or not model.is_stable:
             return 0.0
-        departure = fit.noise.departure(model)
-        left = float(departure @ departure)
-        for own, known in zip(fit.noise.by_record(departure), self._transients[id(base)], strict=True):
-            left -= float(np.sum((known.T @ own) ** 2))
+        known = self._transients[id(base)]
+        left = min(
+            _freed_power(fit, way(model), known) for way in (fit.noise.departure, fit.noise.departure_from_rest)
+        )
         mean = (left - fit.noise.quadratic(model, []).cost) / (fitted - before)
         return 0.5 * (fitted - before) * (1.0 + float(np.log(mean)) if mean > 1.0 else max(0.0, mean))
+
+
+def _freed_power(fit: Comparison, departure: FloatArray, transients: Sequence[FloatArray]) -> float:
+    """Sum of squares of a departure, freed from what transients of each record may be."""
+    taken = zip(fit.noise.by_record(departure), transients, strict=True)
+    return float(departure @ departure) - sum(float(np.sum((known.T @ own) ** 2)) for own, known in taken)
 
 
 def _further_cost(fit: Comparison, kept_back: Comparison) -> float:

@@ -284,6 +284,11 @@ class RecordLines(JudgedLines):
             return self.data(here).rows(here.loop.core, here.theta, [], None, False)[:, 0]
         return self.whiten(self._in_time.change(here) - self.measured_lines)
 
+    def departure_from_rest(self, here: Model) -> FloatArray:
+        """The same of a linear model that rests when the record begins."""
+        response = here.loop.core.simulate(here.theta, np.ascontiguousarray(here.excitation(self.record)))
+        return self.whiten(self.judged_lines(response[:, : self.measured.channels]) - self.measured_lines)
+
     @property
     def whitened_measured(self) -> FloatArray:
         """What was measured on the judged lines."""

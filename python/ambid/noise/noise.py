@@ -182,6 +182,14 @@ class Noise:
         found = [part.on_tones(part.at(model)) for part in self.in_time]
         return sum(cost for cost, _ in found), sum(numbers for _, numbers in found)
 
+    def departure_from_rest(self, model: Model) -> FloatArray:
+        """The same of a linear model that rests when the records begin."""
+        found = [
+            (part.departure_from_rest if isinstance(part, RecordLines) else part.departure)(part.at(model))
+            for part in self.parts
+        ]
+        return np.concatenate([*found, -known_residual(model)])
+
     @property
     def measured_cost(self) -> float:
         """J of a model that answers no excitation."""
