@@ -28,10 +28,10 @@ from ambid import Record, Rig, diagnose
 from benchmarks.grid import Row, aligned, markdown, rate_text, read_rows, run_all
 from benchmarks.levitators import sized as sized_levitator
 from hidden.experiment import experiment_on
-from hidden.families import BENCHES, Bench
+from hidden.families import BENCHES, FAMILIES, Bench
 from hidden.levitators import EFFECTS, levitator
 from hidden.physics import CATALOGUE, OUTSIDE
-from hidden.sizes import Sized, find
+from hidden.sizes import Sized, find, score_beside_tolerances
 from hidden.strangers import stranger
 from hidden.tolerances import machine_off
 
@@ -41,7 +41,7 @@ HIDDEN = {"nothing": 0.2, "one": 0.3, "two": 0.25, "three": 0.1, "outside": 0.15
 SCORES = (200.0, 3e4)
 """Rise of J that an effect should cause, drawn evenly in its logarithm."""
 SEEN = 60.0
-"""Score below which an effect counts as invisible, where no physical size reaches what was drawn."""
+"""Score below which an effect counts as invisible, where no physical size reaches what was drawn, or tolerances hide it."""
 SURE = 0.9
 FLOOR = 1e-4
 
@@ -95,6 +95,11 @@ def _rotor(random: np.random.Generator, kind: str, population: str) -> Made | No
         return scores, rig, train, validate
     off = machine_off(bench.known_to(tuple(found)), seed)
     if set(off.hidden) & set(found):
+        return None
+    for name, own in found.items():
+        every = FAMILIES[name].on_all_lines
+        scores[name] = score_beside_tolerances(bench, {name: own.parameters}, own.amplitude, on_all_lines=every)
+    if any(score < SEEN for score in scores.values()):
         return None
     records = [_off_record(off, bench, found, seed, k) for k in range(2)]
     return scores, off.known, records[:1], records[1:]

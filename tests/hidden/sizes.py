@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -22,11 +23,13 @@ from scipy.fft import rfft
 
 from .bench import MachineFailure, simulate, simulate_all
 from .families import BENCHES, FAMILIES, Bench
+from .tolerances import machine_off
 
 FILE = Path(__file__).with_name("sizes.json")
 TARGETS = {"barely": 30.0, "clear": 1e4, "large": 1e6}
 NEIGHBOURS = 2  # lines to each side that share a noise spectrum; a bending mode is hardly wider
 NOISE_RECORDS = 60
+OFF_MACHINES = 60  # twice as many as there are errors
 
 
 @dataclass(frozen=True)
@@ -75,6 +78,33 @@ def score(
     difference = yardstick.whiten(with_it - without).ravel()
     left = difference - yardstick.base @ (yardstick.base.T @ difference)
     return float(left @ left)
+
+
+def score_beside_tolerances(
+    bench: Bench, hidden: Mapping[str, Mapping[str, object]], amplitude: float, *, on_all_lines: bool = False
+) -> float:
+    """The same where the rig file is off by ordinary tolerances: what their errors cannot absorb as likely as not.
+
+    The errors are of first order and normal, so that what machines that are off by a draw each differ by has the
+    covariance T T', and ``d' (1 + T T')^-1 d`` is left of a difference d.
+    """
+    rig, i_e = bench.known_to(tuple(hidden)), bench.excitation(amplitude)
+    yardstick = _yardstick(bench, rig.to_toml(), on_all_lines)
+    job = {"seed": None, **bench.truth}
+    without = _signals(simulate(rig, i_e, **job))
+
+    def change(signals: np.ndarray) -> np.ndarray:
+        white = yardstick.whiten(signals - without).ravel()
+        return white - yardstick.base @ (yardstick.base.T @ white)
+
+    difference, off = change(_signals(simulate(rig, i_e, hidden, **job))), []
+    for seed in range(OFF_MACHINES):
+        with suppress(MachineFailure):
+            off.append(change(_signals(machine_off(rig, seed).record(i_e, None, **job))))
+    spread = np.column_stack(off) / np.sqrt(len(off))
+    seen = spread.T @ difference
+    absorbed = seen @ np.linalg.solve(np.eye(len(off)) + spread.T @ spread, seen)
+    return float(difference @ difference - absorbed)
 
 
 @dataclass(frozen=True)
