@@ -287,9 +287,7 @@ class Yardstick:
         if fitted <= before or not model.is_stable:
             return 0.0
         known = self._transients[id(base)]
-        left = min(
-            _freed_power(fit, way(model), known) for way in (fit.noise.departure, fit.noise.departure_from_rest)
-        )
+        left = min(_freed_power(fit, way(model), known) for way in (fit.noise.departure, fit.noise.departure_from_rest))
         mean = (left - fit.noise.quadratic(model, []).cost) / (fitted - before)
         return 0.5 * (fitted - before) * (1.0 + float(np.log(mean)) if mean > 1.0 else max(0.0, mean))
 

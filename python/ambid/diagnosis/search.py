@@ -165,7 +165,7 @@ def _reconsidered(task: Task, field_: Field) -> Iterator[Field]:
 
 
 def _with_twins(task: Task, field_: Field, names: Names) -> Iterator[Field]:
-    """What shares a trait with an effect of a set, in its place; where the rest is far off, if the score allows it."""
+    """What shares a trait with an effect of a set, in its place; what is dear, where the rest is near or it may win."""
     best = field_.tried[names]
     for effect in best.added:
         rest = names - {effect.name}
@@ -174,8 +174,8 @@ def _with_twins(task: Task, field_: Field, names: Names) -> Iterator[Field]:
             model = field_.tried[rest].fit.model
             is_new = c.effect.name not in names and rest | {c.effect.name} not in field_.tried
             is_twin = is_new and mine & traits_of(c.effect, model).keys()
-            is_near = field_.tried[rest].fit.misfit < FAR_OFF
-            if is_twin and (is_near or _may_win(task, field_, field_.tried[rest], c)):
+            is_cheap = field_.tried[rest].fit.misfit < FAR_OFF or _is_linear(field_.tried[rest], c)
+            if is_twin and (is_cheap or _may_win(task, field_, field_.tried[rest], c)):
                 with suppress(ModelError):
                     yield (field_ := added(task, field_, rest, c))
 
