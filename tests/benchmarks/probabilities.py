@@ -41,7 +41,7 @@ HIDDEN = {"nothing": 0.2, "one": 0.3, "two": 0.25, "three": 0.1, "outside": 0.15
 SCORES = (200.0, 3e4)
 """Rise of J that an effect should cause, drawn evenly in its logarithm."""
 SEEN = 60.0
-"""Score below which an effect counts as invisible, where no physical size reaches what was drawn, or tolerances hide it."""
+"""Score below which an effect is invisible, where no physical size reaches what was drawn, or tolerances hide it."""
 SURE = 0.9
 FLOOR = 1e-4
 

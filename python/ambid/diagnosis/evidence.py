@@ -20,9 +20,9 @@ E_w what H leaves beyond noise between the waves, and where they stand, their po
 and what is learnt of these powers, which were known to three decades before.
 
 States that effects add begin each record settled, or at rest, or nearly so: the n further numbers c, in units of their
-errors, that are fitted to how a record begins have one variance before it about the likelier of both, which is found. With m the mean of c^2 they
-then lower J by n (m - 1 - log m) where m > 1, and not at all where they are no more than chance brings (MacKay, Neural
-Comput. 4 (1992) 415).
+errors, that are fitted to how a record begins have one variance before it about the likelier of both, which is found.
+With m the mean of c^2 they then lower J by n (m - 1 - log m) where m > 1, and not at all where they are no more than
+chance brings (MacKay, Neural Comput. 4 (1992) 415).
 """
 
 from __future__ import annotations
