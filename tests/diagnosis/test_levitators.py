@@ -35,3 +35,14 @@ def test_what_is_hidden_is_named_and_nothing_else(number, effect, size):
     assert (own.verdict, own.effects) == ("explained", (effect,)), own
     assert own.history[0].misfit > 1.2
     assert own.history[-1].misfit < 1.1
+
+
+@pytest.mark.slow
+def test_an_effect_that_may_or_may_not_be_there_has_a_next_step():
+    """Beside a dead band, which the catalogue lacks: a set of one, which is held against nothing."""
+    machine = levitator(64075)
+    train, kept_back = (machine.record({"amplifier_dead_band": {"current": 0.0016972}}, seed) for seed in (1, 2))
+    own = diagnose(machine.rig, train, validate=kept_back)
+    (names,) = own.ambiguous_sets
+    assert len(names) == 1
+    assert own.next_steps[0].values["effects"] == [*names, "nothing"]

@@ -133,13 +133,17 @@ def next_steps(verdict: Verdict, history: Sequence[Step]) -> tuple[Finding, ...]
 
 
 def _distinguish(names: Sequence[str], history: Sequence[Step]) -> Finding:
-    """Periods that would do, by the evidence S (1 - rho^2) of the score for the difference."""
-    effects = list(names)
-    for step in history:
+    """Periods that would do, by the evidence S (1 - rho^2) of the score for the difference; of one effect against none S.
+
+    That one is judged beside all others, a set of several where the first of them is missed most.
+    """
+    effects = [*names, "nothing"] if len(names) == 1 else list(names)
+    for step in history[::-1] if len(names) == 1 else history:
         first, *others = (step.ranking.find(name) for name in names)
         if first is None or None in others:
             continue
-        evidence = min(first.evidence_against(other) for other in others if other is not None)
+        apart = [first.evidence_against(other) for other in others if other is not None]
+        evidence = min(apart, default=first.score)
         if evidence > first.score * (1.0 - TWINS**2):
             factor = max(1.0, TOLD_APART / max(evidence, 1e-9))
             own: dict[str, Any] = {"periods_factor": factor, "amplitude_factor": float(np.sqrt(factor))}
