@@ -133,9 +133,9 @@ def next_steps(verdict: Verdict, history: Sequence[Step]) -> tuple[Finding, ...]
 
 
 def _distinguish(names: Sequence[str], history: Sequence[Step]) -> Finding:
-    """Periods that would do, by the evidence S (1 - rho^2) of the score for the difference; of one effect against none S.
+    """Periods that would do, by the evidence S (1 - rho^2) of the score for the difference.
 
-    That one is judged beside all others, a set of several where the first of them is missed most.
+    Of one effect against nothing it is S, beside all others; of several, where the first of them is missed most.
     """
     effects = [*names, "nothing"] if len(names) == 1 else list(names)
     for step in history[::-1] if len(names) == 1 else history:
