@@ -63,6 +63,8 @@ NAMELESS = float(np.log(0.05))
 """Log of how likely something that the catalogue lacks is before any record."""
 WITNESSES = 20.0
 """W."""
+BOUNDLESS = 1e30
+"""J of records that a loop cannot have made; a number, as odds are reckoned with it."""
 LEVEL = 0.03
 """Relative standard deviation of the level of a noise spectrum, beside what counts its lines."""
 SURE = 0.9
@@ -251,7 +253,7 @@ class Yardstick:
                 further = kept_back.noise.on_tones(kept_back.model)
                 on_tones, waves = on_tones + further[0], waves + further[1]
             except UnstableLoopError:
-                cost = np.inf  # no such record was made by a loop that leaves all bounds
+                cost = BOUNDLESS  # no such record was made by a loop that leaves all bounds
             variance += deviation(self.kept_back) ** 2
         prefixes = tuple(f"{effect.name}." for effect in added)
         parameters = fit.model.parameters

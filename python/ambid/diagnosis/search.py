@@ -155,8 +155,7 @@ def _reconsidered(task: Task, field_: Field) -> Iterator[Field]:
         best = field_.foremost.names
         for effect in field_.tried[best].added if len(best) > 1 else ():  # else what is beside the base was tried
             names = best - {effect.name}
-            if names not in field_.tried:
-                field_ = without(field_, field_.tried[best], effect)
+            field_ = without(field_, field_.tried[best], effect)  # its settings may differ from those tried alone
             if names in field_.tried:
                 for further in _carried_on(task, field_, names):
                     yield (field_ := further)
