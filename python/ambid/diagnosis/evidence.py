@@ -202,8 +202,8 @@ def _of_any_power(beyond: float, numbers: float) -> float:
     if beyond <= 0.0 or not numbers:
         return 0.0
     # the power is known to a factor e^s, s^2 = 2/n (1 + n/E)^2 (Laplace), of the decades that it was within before
-    told = float(np.sqrt(4.0 * np.pi / numbers)) * (1.0 + numbers / beyond)
-    return 0.5 * numbers * float(np.log1p(beyond / numbers)) + max(0.0, float(np.log(DECADES * np.log(10.0) / told)))
+    spread = float(np.sqrt(4.0 * np.pi / numbers)) * (1.0 + numbers / beyond)
+    return 0.5 * numbers * float(np.log1p(beyond / numbers)) + max(0.0, float(np.log(DECADES * np.log(10.0) / spread)))
 
 
 def price_of(score: float, degrees: int, one_sided: int, prior: float) -> float:

@@ -22,10 +22,11 @@ FAR = (3.0, 10.0, 30.0)
 """Lags over that of the rig file that a refit starts from: a coil called ideal has a lag of a sample or less there, and
 in truth one of up to thirty; a refit comes down from up to a factor of three."""
 LITTLE_SLOWER = 1.01
+"""Lag over that of the rig file which a loop bears that is hardly stable."""
 FAR_OUT, FASTEST_REAL = 0.1, 0.25
 """Second pole of an amplifier, its lag and its square term over those of the first: far out, and where both are one."""
 SMOOTHING = 0.01
-"""Part of a limit within which its corners are rounded: of what a limit changes less than 0.2 % is missed."""
+"""Part of a limit within which its corners are rounded: of what a limit changes less than 1 % is missed."""
 CUT = (0.95, 0.8, 0.6, 0.4, 0.25)
 """Parts of a peak at which a limit is probed."""
 

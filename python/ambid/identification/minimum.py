@@ -27,7 +27,7 @@ DRIVEN_OFF = 1e-3
 """Chance of errors of the rig file below which what a model lacks has made them."""
 AT_JUMP, BEHIND_JUMP = 0.1, 0.3
 """Of the tolerance of an instant: how near a jump it counts as at it, how far behind that a descent begins again."""
-SUBSTEPS, MOST_SUBSTEPS = 2, 16
+SUBSTEPS, MOST_SUBSTEPS = 2, 32
 """Steps per sample of nonlinear effects, of a score and at the most of a fit: neither needs six digits."""
 
 
@@ -117,7 +117,7 @@ def _resolved(comparison: Comparison) -> Model:
     if model.is_linear:
         return model
     steps = 1
-    while steps < MOST_SUBSTEPS and not _is_hidden(comparison, *(model.with_substeps(k * steps) for k in (1, 2))):
+    while 2 * steps < MOST_SUBSTEPS and not _is_hidden(comparison, *(model.with_substeps(k * steps) for k in (1, 2))):
         steps *= 2
     return model.with_substeps(max(2 * steps, model.structure.substeps or 0))
 

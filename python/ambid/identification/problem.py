@@ -133,11 +133,9 @@ class LeastSquares(ABC):
         margin = 1e-12 * np.maximum(1.0, np.abs(x))
         inside = np.clip(x, bounds[0] + margin, bounds[1] - margin)
         try:
-            short = self._residual(inside)
-            fall = max(step**1.25, self.enough / float(short @ short))
             result = least_squares(
                 self._residual, inside, self._jacobian, bounds=bounds, method="trf",
-                xtol=step, ftol=fall, gtol=step**1.25, max_nfev=max_evaluations,
+                xtol=step, ftol=step**1.25, gtol=step**1.25, max_nfev=max_evaluations,
             )  # fmt: skip
         except _Arrived as arrived:
             return arrived.end
