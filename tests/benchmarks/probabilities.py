@@ -42,6 +42,8 @@ SCORES = (200.0, 3e4)
 """Rise of J that an effect should cause, drawn evenly in its logarithm."""
 SEEN = 60.0
 """Score below which an effect is invisible, where no physical size reaches what was drawn, or tolerances hide it."""
+SETS = 8
+"""So many of a diagnosis are kept."""
 SURE = 0.9
 FLOOR = 1e-4
 
@@ -68,6 +70,7 @@ def run(population: str, number: int) -> Row:
         "sets": [list(own) for own in found.ambiguous_sets],
         "misfits": [step.misfit for step in found.history],
         "probabilities": found.probabilities.as_dict(),
+        "of_sets": [own.as_dict() for own in found.probabilities.sets[:SETS]],
         "seconds": time.perf_counter() - begun,
     }
 

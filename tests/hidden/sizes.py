@@ -90,17 +90,16 @@ def score_beside_tolerances(
     """
     rig, i_e = bench.known_to(tuple(hidden)), bench.excitation(amplitude)
     yardstick = _yardstick(bench, rig.to_toml(), on_all_lines)
-    job = {"seed": None, **bench.truth}
-    without = _signals(simulate(rig, i_e, **job))
+    without = _signals(simulate(rig, i_e, seed=None, **bench.truth))
 
     def change(signals: np.ndarray) -> np.ndarray:
         white = yardstick.whiten(signals - without).ravel()
         return white - yardstick.base @ (yardstick.base.T @ white)
 
-    difference, off = change(_signals(simulate(rig, i_e, hidden, **job))), []
+    difference, off = change(_signals(simulate(rig, i_e, hidden, seed=None, **bench.truth))), []
     for seed in range(OFF_MACHINES):
         with suppress(MachineFailure):
-            off.append(change(_signals(machine_off(rig, seed).record(i_e, None, **job))))
+            off.append(change(_signals(machine_off(rig, seed).record(i_e, None, **bench.truth))))
     spread = np.column_stack(off) / np.sqrt(len(off))
     seen = spread.T @ difference
     absorbed = seen @ np.linalg.solve(np.eye(len(off)) + spread.T @ spread, seen)
