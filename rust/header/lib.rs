@@ -1,11 +1,13 @@
-//! The header says what the library does.
+//! The header of the stepper says what the library does.
+
+#![cfg(test)]
 
 use std::fs;
 use std::path::Path;
 
 #[test]
 fn the_header_is_that_of_the_source() {
-    let own = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("../c");
     let config = cbindgen::Config::from_file(own.join("cbindgen.toml")).expect("a configuration");
     let made = cbindgen::Builder::new().with_config(config).with_src(own.join("src/stepper.rs")).generate();
     let mut text = Vec::new();
