@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
-from scipy.ndimage import uniform_filter1d
 
 from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray, is_same
@@ -24,16 +23,14 @@ from ambid.loop.effect import Effect, Tone
 from ambid.model import Model
 from ambid.noise.angles import best_angle, undisturbed
 from ambid.noise.chance import SPREAD
-from ambid.noise.colour import back_through_loop
-from ambid.noise.in_time import NEUTRAL, InTime
-from ambid.noise.judged import FEW, JudgedLines
-from ambid.noise.local import beside_excitation, likelier_beside_excitation
+from ambid.noise.in_time import NEUTRAL
 from ambid.noise.measured import Measured
-from ambid.noise.shape import Split, heard
+from ambid.noise.shape import Split
+from ambid.noise.spectra import NoisyLines
 from ambid.noise.still import Louder, louder_in_motion
 from ambid.noise.transients import OWN, freed, lines_beside_poles, orthonormal, some_lines
 from ambid.noise.unexcited import Unexcited
-from ambid.noise.whitener import HALF_WIDTH, Spectrum, require_noise, whitened
+from ambid.noise.whitener import whitened
 
 __all__ = ["RecordLines", "White", "as_lines"]
 
@@ -62,28 +59,10 @@ class White(NamedTuple):
     transients: FloatArray
 
 
-class RecordLines(JudgedLines):
-    """The judged lines of one record, and their noise, which stays the same for all models after.
+class RecordLines(NoisyLines):
+    """The same, against any model: the noise stays the same for all models after.
 
-    Parameters
-    ----------
-    model : Model
-        Its loop shapes the noise, and its transient is no noise.
-    measured : Measured
-    tones : sequence of Tone
-        The lines around them, and around the frequencies of effects in the model, are judged beside the excited ones.
-    rough : bool
-        Few lines, the noise of one channel not told from another's: good enough to come near an optimum.
-    angles : mapping of str to float
-        By which waves of effects, by name, are turned in this record [rad].
-    unexcited : Unexcited, optional
-        The lines that the noise of a record with periods is taken from, as they are known of the same model; by default
-        as if the controller heard all of it.
-
-    Attributes
-    ----------
-    unexcited : Unexcited
-    spectrum : Spectrum
+    See `NoisyLines` for parameters and attributes.
     """
 
     scatter = SPREAD
@@ -98,14 +77,9 @@ class RecordLines(JudgedLines):
         angles: Mapping[str, float] | None = None,
         unexcited: Unexcited | None = None,
     ) -> None:
-        super().__init__(model, measured, tones, rough=rough, angles=angles or {})
-        self.unexcited = Unexcited(self._base, measured) if unexcited is None else unexcited
-        every = 0 if len(self.more) else self._every
-        self._in_time = InTime(self.record, self.window, self.judged_lines, every, measured.folded)
+        super().__init__(model, measured, tones, rough=rough, angles=angles, unexcited=unexcited)
         self._data: dict[tuple[Effect, ...], _core.LineData] = {}  # by the disturbances that drive a model
         self._transients: dict[tuple[_core.ClosedLoop, bytes], tuple[FloatArray, int]] = {}
-        way = self._rough if rough else self._between if self.window.is_periodic else self._without_periods
-        self.spectrum = way()
 
     def with_own_angles(self, model: Model) -> RecordLines:
         """The same, with the angle of every wave of the model where it fits best."""
@@ -156,18 +130,6 @@ class RecordLines(JudgedLines):
         other.angles = self.angles | {effect.name: angle}
         return other
 
-    @property
-    def noise_is_measured(self) -> bool:
-        """Whether there are lines that are not excited."""
-        return self.window.is_periodic
-
-    @property
-    def numbers(self) -> int:
-        """Real numbers that are judged: 2 p per line."""
-        return 2 * self.measured_lines.size
-
-    judged = numbers
-
     def by_channel(self, white: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Excited lines [Hz], and the power of whitened numbers in each channel over its noise, shape (lines, p)."""
         count = len(self.window.excited)
@@ -186,11 +148,6 @@ class RecordLines(JudgedLines):
     def by_line(self, rows: FloatArray) -> FloatArray:
         """Rows of whitened numbers, summed line by line."""
         return np.asarray(rows.reshape(len(self.index), -1, rows.shape[1]).sum(axis=1))
-
-    @property
-    def spreads(self) -> FloatArray:
-        """`Spectrum.spread` of every number."""
-        return np.repeat(self.spectrum.spread, 2 * self.measured.channels)
 
     def on_tones(self, here: Model) -> tuple[float, int]:
         """J on the lines that are judged beside the excited ones, and how many numbers the waves there are."""
@@ -289,15 +246,6 @@ class RecordLines(JudgedLines):
         response = here.loop.core.simulate(here.theta, np.ascontiguousarray(here.excitation(self.record)))
         return self.whiten(self.judged_lines(response[:, : self.measured.channels]) - self.measured_lines)
 
-    @property
-    def whitened_measured(self) -> FloatArray:
-        """What was measured on the judged lines."""
-        return self.whiten(self.measured_lines)
-
-    def whiten(self, lines: ComplexArray) -> FloatArray:
-        """Judged lines of shape (lines, p) or (lines, p, q), whitened, as real numbers."""
-        return whitened(self.spectrum.whitening, lines)
-
     def residual_lines(self, here: Model) -> ComplexArray:
         """Residual on the judged lines at the best transient, not whitened, shape (lines, p)."""
         core, p = here.loop.core, self.measured.channels
@@ -384,57 +332,6 @@ class RecordLines(JudgedLines):
         moved = self.simulated(undisturbed(here))  # a hum never stands still
         return louder_in_motion(left, whitening, self.index, moved, self.record.sample_rate)
 
-    def noise_power(self) -> FloatArray:
-        """Power of the noise of each channel on the judged lines, shape (lines, p), in units of the lines."""
-        inverse = _core.inverses(self.spectrum.whitening)
-        own = 2.0 * np.sum(np.abs(inverse) ** 2, axis=2)
-        return np.asarray(own / self.spectrum.raised[:, None])
-
-    @property
-    def alone(self) -> FloatArray:
-        """Hotelling's factor (n_l - 1)/n_l of a channel by itself, of every line, shape (lines, 1)."""
-        share = 1.0 - 1.0 / self.spectrum.raised  # p / n_l
-        return np.asarray(1.0 - share / self.measured.channels)[:, None]
-
-    @property
-    def constant_responses(self) -> FloatArray:
-        """Whitened responses, in and out of phase, that are the same at every frequency, shape (numbers, 2 p).
-
-        To what drives the axes together as on the loudest line.
-        """
-        drive = self.drive @ self.drive[self.loudest].conj()
-        lines = drive[:, None, None] * np.eye(self.measured.channels)
-        return self.whiten(np.concatenate([lines, 1j * lines], axis=2))
-
-    def _rough(self) -> Spectrum:
-        """The noise of each sensor and reading by itself."""
-        window, p, here = self.window.settled, self.measured.channels, self._base
-        if window.is_periodic:
-            index = window.between(-(-FEW // len(self.window.excited)))
-            lines = _core.through(back_through_loop(here, window.points(index), p), self.measured.quiet[index])
-            back = back_through_loop(here, self.points, p)
-        else:
-            return Spectrum.of(*self._beside_excitation())
-        power = uniform_filter1d(np.abs(lines) ** 2, 2 * HALF_WIDTH + 1, axis=0, mode="nearest")
-        place, judged = index / window.periods, self.index / self.window.periods
-        own = np.stack([np.interp(judged, place, channel) for channel in power.T], axis=1)
-        return Spectrum.of((own[:, :, None] * np.eye(p)).astype(complex), back, np.ones(len(own)))
-
-    def _beside_excitation(self) -> tuple[ComplexArray, ComplexArray, FloatArray]:
-        """The noise of each channel by itself, from what follows neither the model nor, smoothly, the excitation."""
-        window, p, here = self.window, self.measured.channels, self._base
-        points, excitation = window.points(window.excited), here.excitation(self.record)
-        inputs = np.ascontiguousarray(window.excited_lines(excitation))
-        several = [self.measured.excited]
-        if here.is_linear:
-            response, _, _ = here.loop.core.lines(here.theta, [], points, inputs, None, False)
-            several.append(self.measured.excited - response[:, :p])
-        tries = beside_excitation(several, self._as_one(inputs[:, : here.loop.driven], points))
-        found = min(tries, key=lambda own: own.log_determinant)
-        power = np.diagonal(found.spectrum, axis1=1, axis2=2).real[:: self._every]
-        as_recorded = np.tile(np.eye(p, dtype=complex), (len(power), 1, 1))
-        return (power[:, :, None] * np.eye(p)).astype(complex), as_recorded, np.ones(len(power))
-
     @cached_property
     def _basis(self) -> ComplexArray:
         """What each number of a transient of the noise's own model adds on the judged lines, (lines, p, states)."""
@@ -445,54 +342,6 @@ class RecordLines(JudgedLines):
     @cached_property
     def _own_transients(self) -> FloatArray:
         return orthonormal(self.whiten(self._basis))
-
-    def _between(self) -> Spectrum:
-        """The noise, from lines that are not excited."""
-        covariance, spread = self.unexcited.around(self.tones).covariance(self.index / self.window.periods)
-        back = self.unexcited.back(self.points)
-        covariance = self._with_noise_of_i_e(self._with_rounding(covariance, back), back)
-        require_noise(covariance, back, self.measured_lines)
-        raised = 1.0 + self.unexcited.shape.unsure(self.points)
-        return Spectrum.of(covariance * raised[:, None, None], back, spread * raised)
-
-    def _with_noise_of_i_e(self, covariance: ComplexArray, back: ComplexArray) -> ComplexArray:
-        """The noise with what the model answers to noise in the measurement of i_e, which the machine did not hear."""
-        power, here = self.unexcited.unheard(self.index), self._base
-        if power is None:
-            return covariance
-        way = here.loop.transfer(here.theta, self.points)[:, : self.measured.channels, : len(self.record.axes)]
-        way = back @ way
-        return np.asarray(covariance + way @ power @ way.conj().transpose(0, 2, 1))
-
-    def _with_rounding(self, covariance: ComplexArray, back: ComplexArray) -> ComplexArray:
-        """The noise with what the converters round, which a digital controller acts on, too."""
-        rounding = self.measured.rounding
-        way = np.array(back)
-        if self._base.rig.controller.is_digital:
-            read = heard(self._base, self.measured.channels)
-            way[:, :, :read] = np.eye(self.measured.channels)[:, :read]
-        return np.asarray(covariance + (way * rounding) @ way.conj().transpose(0, 2, 1))
-
-    def _without_periods(self) -> Spectrum:
-        """The noise, from what follows neither the excitation nor a transient."""
-        here, p = self._base, self.measured.channels
-        shapes = [np.tile(np.eye(p, dtype=complex), (len(self.points), 1, 1))]
-        for currents_are_read in (True, False) if "i_c" in here.rig.controller.signals else (True,):
-            shapes.append(back_through_loop(here, self.points, p, currents_are_read=currents_are_read))
-        if not here.is_linear:
-            residual = self._without_tones(self.measured_lines - self._simulated(here, [])[0])
-            found = likelier_beside_excitation(residual, self.drive, shapes)
-            return Spectrum.of(*found, np.ones(len(self.points)))
-        core, inputs, transient = here.loop.core, self._inputs(here), None
-        for _ in range(2):  # the first time with a transient that is as smooth as it may be
-            response, _, _ = core.lines(here.theta, [], self.points, inputs, transient, False)
-            residual = self._without_tones(self.measured_lines - response[:, :p])
-            found = likelier_beside_excitation(residual, self.drive, shapes)
-            require_noise(*found[:2], self.measured_lines)
-            spectrum = Spectrum.of(*found, np.ones(len(self.points)))
-            data = _core.LineData(core, self.points, inputs, self.measured_lines, spectrum.whitening)
-            transient = _core.line_equations(core, here.theta, [], [data])[3][0]
-        return spectrum
 
     def _simulated(self, here: Model, free: list[int]) -> tuple[ComplexArray, ComplexArray]:
         """Judged lines of a nonlinear model's response and of its derivatives, simulated in time."""
