@@ -43,6 +43,7 @@ def simulate(
     with_i_c: bool = True,
     period: int | None = None,
     longest_step: float = 10e-6,
+    further: Mapping[str, float] | None = None,
     name: str = "record",
 ) -> Record:
     """Record of a levitated machine whose physics has more in it than its rig file says.
@@ -86,6 +87,9 @@ def simulate(
         Samples per period, noted in the record.
     longest_step : float
         Of the integration of what is nonlinear or delayed [s].
+    further : mapping of str to float, optional
+        Further channels, such as ``b.A_zeta``, with the rms of white noise on each record of them. Of a flux density
+        the true pole area is `Bearing.pole_area`.
 
     Raises
     ------
@@ -107,6 +111,7 @@ def simulate(
         before=warm / rate,
         seconds=len(i_e) / rate,
         adc_step=adc_step if rig.controller.is_digital else 0.0,
+        further=tuple(further or ()),
     )
     random = np.random.default_rng(seed)
     early, late = max(-machine.late, 0), max(machine.late, 0)
@@ -131,7 +136,8 @@ def simulate(
     if recorded is None or np.any(np.abs(recorded[:, :n]).max(axis=0) > 2.0 * gaps):
         raise MachineFailure(f"{rig.name}: the rotor has left its air gap with {dict(hidden or {})}")
     y, i_c = (recorded[first : first + len(i_e)] for first in (early, late))
-    y, i_c = y[:, :n], i_c[:, n:]
+    beyond = dict(zip(further or {}, y[:, 2 * n :].T, strict=True))
+    y, i_c = y[:, :n], i_c[:, n : 2 * n]
     if adc_step:
         y = adc_step * np.rint(y / adc_step)
     if seed is not None:
@@ -140,9 +146,11 @@ def simulate(
     if seed is not None and recorder_noise:
         white = random.standard_normal(y.shape)
         y = y + recorder_noise * (white if recorder_colour is None else coloured(white, *recorder_colour))
+    if seed is not None:
+        beyond = {name: own + further[name] * random.standard_normal(len(own)) for name, own in beyond.items()}
     if recorder_step:
         y = recorder_step * np.rint(y / recorder_step)
-    return Record(name, rate, rig.axes, i_e, y, i_c if with_i_c else None, period=period)
+    return Record(name, rate, rig.axes, i_e, y, i_c if with_i_c else None, period=period, further=beyond)
 
 
 def coloured(white: np.ndarray, numerator: Sequence[float], denominator: Sequence[float]) -> np.ndarray:
@@ -154,9 +162,8 @@ def coloured(white: np.ndarray, numerator: Sequence[float], denominator: Sequenc
 def measured(rig: Rig, i_e: ArrayLike, hidden: Mapping[str, Mapping[str, object]] | None, **more: object) -> Record:
     """A record as a file of it would be loaded: its period is found, its channels are checked."""
     found = simulate(rig, i_e, hidden, **more)
-    return Record.from_arrays(
-        y=found.y, i_e=found.i_e, i_c=found.i_c, sample_rate=rig.sample_rate, axes=rig.axes, rig=rig
-    )
+    signals = {name: getattr(found, name) for name in ("y", "i_e", "i_c", "further")}
+    return Record.from_arrays(**signals, sample_rate=rig.sample_rate, axes=rig.axes, rig=rig)
 
 
 def simulate_all(jobs: Sequence[Mapping[str, object]]) -> list[Record]:

@@ -9,7 +9,7 @@
 #include <string.h>
 
 enum { DELAY, MAGNET, LIMIT, HYSTERESIS, FRICTION, POLYNOMIAL, CONTACT, DEAD_BAND, QUANTISER, RAMP, PARAMETRIC, SOFTENING,
-       ASYMMETRY };
+       ASYMMETRY, FLUX };
 enum { PARAMETERS = 8, MEMORY = 8, STENCIL = 4, BLOCK = 16 };
 
 typedef struct {
@@ -54,6 +54,11 @@ double port_law(int law, const double *p, const double *z, double t, double *mem
         double minus = iron((int)p[5], p[6] * (1.0 - p[7] - i) / (1.0 + s)) / p[6];
         double up = iron((int)p[5], p[6] * (1.0 + p[7])) / p[6], down = iron((int)p[5], p[6] * (1.0 - p[7])) / p[6];
         return p[2] * (plus * plus - minus * minus - up * up + down * down) - p[3] * v - p[4] * z[1];
+    }
+    case FLUX: {                               /* i0, gap, flux density of the iron's unit, -, -, iron, level */
+        double i = v / p[0], s = clip(z[1] / p[1], 0.95);
+        double plus = iron((int)p[5], p[6] * (1.0 + i) / (1.0 - s)), minus = iron((int)p[5], p[6] * (1.0 - i) / (1.0 + s));
+        return p[2] * (plus - minus) / p[6];
     }
     case LIMIT: return clip(v, p[0]) - v;
     case HYSTERESIS:                           /* share, largest half-width: play operators in parallel */

@@ -7,6 +7,7 @@ rotor and housings -> sensors -> controller -> command -> amplifiers -> flux -> 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import ceil
@@ -29,8 +30,8 @@ class Machine:
     Attributes
     ----------
     network : Network
-    outputs : ndarray, shape (2 axes, CAPACITY)
-        y then i_c as they are read at each sample.
+    outputs : ndarray, shape (2 axes and further channels, CAPACITY)
+        y then i_c as they are read at each sample, then the further channels.
     late : int
         By how many rows each row of i_c comes after that of y which it belongs to.
     """
@@ -52,10 +53,11 @@ def build(
     before: float,
     seconds: float,
     adc_step: float = 0.0,
+    further: Sequence[str] = (),
 ) -> Machine:
     """Lay out the machine; parameters as in `bench.simulate`, `before` is the time from its start to t = 0 [s]."""
     return _Builder(rig, hidden, K_i, K_s, tau_e, before, seconds, adc_step).build(
-        TrueRotor(rig, hidden, flexible_modes), gravity
+        TrueRotor(rig, hidden, flexible_modes), gravity, further
     )
 
 
@@ -70,7 +72,7 @@ class _Builder:
         self.i_e, self.noise = self.net.inputs(self.n), self.net.inputs(self.n)
         self.held = self.net.inputs(self.n if rig.controller.is_digital else 0)
 
-    def build(self, rotor: TrueRotor, gravity: float) -> Machine:
+    def build(self, rotor: TrueRotor, gravity: float, further: Sequence[str]) -> Machine:
         net, n = self.net, self.n
         self.rotor = rotor
         self.planes = rotor.planes
@@ -81,7 +83,8 @@ class _Builder:
         s, s_rate = (self._along_axes(places, of) for of in ((self.q, self.house), (self.v, self.house_rate)))
         y = self._sensors()
         i_c, out = self._amplifiers(self._command(y), s_rate)
-        force = self._force(self._flux(i_c), s)
+        i_f = self._flux(i_c)
+        force = self._force(i_f, s)
         for k in range(n):
             direction = self._directions[k]
             self.push += rotor.at(places[k]).T @ direction[:, None] @ force[[k]]
@@ -90,11 +93,21 @@ class _Builder:
         net.rate(self.q, self.v)
         gyroscopic = self.rig.speed * rotor.gyroscopic
         moving = np.diag(rotor.damping) + gyroscopic
-        net.rate(self.v, self.push - np.diag(rotor.squares) @ self.q - moving @ self.v)
+        acceleration = self.push - np.diag(rotor.squares) @ self.q - moving @ self.v
+        net.rate(self.v, acceleration)
         self._support()
+        read = dict(zip((f"f.{axis}" for axis in self.rig.axes), force, strict=True))
+        if any(name.startswith("b.") for name in further):
+            read |= dict(zip((f"b.{axis}" for axis in self.rig.axes), self._hall(i_f, s), strict=True))
+        for sensor in self.rig.sensors:
+            angle = np.deg2rad(sensor.direction)
+            along = np.array([np.cos(angle), np.sin(angle)]) if self.planes == 2 else np.ones(1)
+            modal = acceleration if sensor.signal == "a" else self.q
+            read[sensor.channel] = along @ rotor.at(sensor.z) @ modal
+        beyond = [read[name][None] for name in further]
         skew = self.hidden.get("sampling_skew", {"seconds": 0.0})["seconds"]
         late = ceil(skew * self.rig.sample_rate - 1e-9)
-        return Machine(net, np.concatenate([y, out]), late)
+        return Machine(net, np.concatenate([y, out, *beyond]), late)
 
     # Motion -----------------------------------------------------------------------------------------------------------
 
@@ -245,11 +258,28 @@ class _Builder:
             i_f = i_f + net.each("hysteresis", [[iron["share"], iron["width"]]] * n, i_f)
         return i_f
 
+    def _hall(self, i: np.ndarray, s: np.ndarray) -> np.ndarray:
+        """Flux density of opposed poles, B_+ - B_-, of poles of the area A that pull with A B^2/mu_0 a side."""
+        each = [(b.bias_current, b.pole_area) for b in self.rig.bearings for _ in b.axes]
+        iron, i = self.hidden.get("flux_saturation", {"level": 0.0, "curve": "linear"}), self._coupled(i)
+        laws = [magnet(K_i, K_s, bias, **iron) for K_i, K_s, (bias, _) in zip(self.K_i, self.K_s, each, strict=True)]
+        unit = [np.sqrt(4e-7 * np.pi * law[2] / area) for law, (_, area) in zip(laws, each, strict=True)]
+        if "flux_saturation" not in self.hidden and "force_nonlinearity" not in self.hidden:
+            slopes = [(2.0 * u / law[0], 2.0 * u / law[1]) for u, law in zip(unit, laws, strict=True)]
+            of_i, of_s = (np.diag(own) for own in zip(*slopes, strict=True))
+            return of_i @ i + of_s @ s
+        laws = [[*law[:2], u, 0.0, 0.0, *law[5:]] for u, law in zip(unit, laws, strict=True)]
+        return self.net.each("flux", laws, i, s)
+
+    def _coupled(self, i: np.ndarray) -> np.ndarray:
+        if "axis_cross_coupling" not in self.hidden:
+            return i
+        pairs = [np.ones((len(b.axes),) * 2) - np.eye(len(b.axes)) for b in self.rig.bearings]
+        return i + self.hidden["axis_cross_coupling"]["fraction"] * block_diag(*pairs) @ i
+
     def _force(self, i: np.ndarray, s: np.ndarray) -> np.ndarray:
         hidden, n, net = self.hidden, self.n, self.net
-        if "axis_cross_coupling" in hidden:
-            pairs = [np.ones((len(b.axes),) * 2) - np.eye(len(b.axes)) for b in self.rig.bearings]
-            i = i + hidden["axis_cross_coupling"]["fraction"] * block_diag(*pairs) @ i
+        i = self._coupled(i)
         pull = np.diag(self.K_i) @ i
         force = pull + np.diag(self.K_s) @ s + self._hum("force")
         if "force_nonlinearity" in hidden or "flux_saturation" in hidden:

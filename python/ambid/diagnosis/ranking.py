@@ -170,7 +170,8 @@ def see(comparison: Comparison) -> Seen:
     for record in records:
         here = model.at(record)
         found = np.abs(here.watching(watched).simulate(here.theta, here.excitation(record))).max(axis=0)
-        for k, name in enumerate(watched, start=2):
+        found = found[-len(watched) * n :]
+        for k, name in enumerate(watched):
             peaks[name] = max(peaks[name], float(found[k * n : (k + 1) * n].max()))
     tones = {round(tone.frequency_hz, 3): tone for own in noise.tones for tone in own}
     across = any(effect.across_planes for effect in model.effects)

@@ -11,7 +11,7 @@ import numpy as np
 from ambid.effects.traits import LAG_OF_CURRENT, LAG_ROUND_LOOP
 from ambid.loop.assembly import Signal
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
-from ambid.loop.plant import Plant
+from ambid.loop.plant import READ, Plant
 from ambid.rig import Rig
 
 IDEAL = "the amplifier is ideal: its current is what it is asked for (amplifier.time_constant = 0)"
@@ -348,7 +348,9 @@ class BackEmf(Effect):
         if plant.rig.amplifier.resistance is not None:
             slot, port = self.slot("voltage_per_velocity"), "i_ref"
         for axis in plant.axes:
-            plant.inject(f"{port}.{axis}", -plant.port(slot, plant[f"v.{axis}"]))
+            induced = plant.port(slot, plant[f"v.{axis}"])
+            plant.inject(f"{port}.{axis}", -induced)
+            plant.inject(f"{READ}u.{axis}", induced)
 
 
 EFFECTS = (

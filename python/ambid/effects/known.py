@@ -6,13 +6,14 @@ Each is an effect like those of the catalogue, whose parameters have a standard 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import pi
 from typing import ClassVar
 
 import numpy as np
 
+from ambid.channels import SIGNALS, further
 from ambid.effects.places import on_both_sides
 from ambid.effects.rotor import RotorInertiaError, kept_modes
 from ambid.effects.sensor import SamplingSkew, SensorMisalignment, SensorPositionError
@@ -29,10 +30,10 @@ from ambid.errors import RigError
 from ambid.loop.assembly import combine
 from ambid.loop.effect import Effect, EffectParameter
 from ambid.loop.geometry import rotor_of
-from ambid.loop.plant import Plant
+from ambid.loop.plant import READ, Plant
 from ambid.rig import MatrixRotor, PointMassRotor, Rig
 
-__all__ = ["KNOWN", "Known"]
+__all__ = ["KNOWN", "Known", "KnownGain", "gains_among", "with_gains"]
 
 FARTHEST = 5.0
 """Standard deviations beyond which a value is not known to its tolerance: one in 1.7 million is off by more, and what a
@@ -396,6 +397,65 @@ class KnownControllerGain(Known, ControllerGainError):
 
     def _with(self, rig: Rig, parameter: str, error: float) -> Rig:
         return with_controller_gain(rig, parameter, error)
+
+
+@dataclass(frozen=True)
+class KnownGain(Known):
+    """Gains of instruments beside those of y and i_c.
+
+    Attributes
+    ----------
+    name : str
+        Key of [tolerance].
+    channels : tuple of str
+        That they read, such as ``b.A_zeta``.
+    """
+
+    name: str  # type: ignore[misc]
+    channels: tuple[str, ...]
+    no_key = "the channel is as it was recorded: correct its calibration"
+    physics = "the gain of an instrument"
+    equation = "x = (1 + g) x_true"
+
+    @property
+    def key(self) -> str:  # type: ignore[override]
+        """That of [tolerance]."""
+        return self.name
+
+    def members(self, rig: Rig) -> Sequence[str]:
+        """The axes and sensors of the channels that the rig has."""
+        return [channel.partition(".")[2] for channel in self.channels if not rig.lacks(channel)]
+
+    def attach(self, plant: Plant) -> None:
+        """At every channel."""
+        for channel in self.channels:
+            if not plant.rig.lacks(channel):
+                slot = self.slot(channel.partition(".")[2])
+                plant.inject(READ + channel, plant.port(slot, plant.raw(READ + channel)))
+
+
+def gains_of(channels: Iterable[str]) -> tuple[KnownGain, ...]:
+    """Gains of the instruments that read these channels, one for every key of [tolerance]."""
+    found: dict[str, list[str]] = {}
+    for channel in channels:
+        found.setdefault(SIGNALS[channel.partition(".")[0]].gain, []).append(channel)
+    return tuple(KnownGain(key, tuple(own)) for key, own in found.items())
+
+
+def with_gains(known: tuple[Effect, ...], channels: Iterable[str], axes: Sequence[str]) -> tuple[Effect, ...]:
+    """Known values, if any, with the gains of the instruments of further channels."""
+    had = [channel for own in known if isinstance(own, KnownGain) for channel in own.channels]
+    new = [channel for channel in dict.fromkeys(further(channels, axes)) if channel not in had]
+    if not known or not new:
+        return known
+    return (*(own for own in known if not isinstance(own, KnownGain)), *gains_of([*had, *new]))
+
+
+def gains_among(parameters: Iterable[str], axes: Sequence[str]) -> tuple[KnownGain, ...]:
+    """Those that the parameters of a model are of, by their names, such as ``flux_gain.A_zeta``."""
+    signals = {own.gain: name for name, own in SIGNALS.items() if own.gain}
+    parted = (name.partition(".")[::2] for name in parameters)
+    return gains_of(further((f"{signals[key]}.{place}" for key, place in parted if key in signals), axes))
 
 
 KNOWN: tuple[Known, ...] = (

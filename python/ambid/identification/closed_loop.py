@@ -241,7 +241,7 @@ def _in_time(
     known: list[int],
     limits: Limits,
     origins: list[FloatArray],
-    factors: FloatArray,
+    factors: Mapping[str, float],
     max_evaluations: int,
     progress: Callable[[int, float], None] | None,
     before: list[Finding],
@@ -309,21 +309,20 @@ def _likeliest(
     return Found(problem, best, limits, total, parts, directions, comparison, findings).curved()
 
 
-def _factors(model: Model, weights: Mapping[str, float] | None) -> FloatArray:
-    factors = np.ones(len(model.loop.outputs))
+def _factors(model: Model, weights: Mapping[str, float] | None) -> dict[str, float]:
+    """By channel."""
+    factors = dict.fromkeys(model.rig.outputs, 1.0)
     for name, factor in (weights or {}).items():
-        own = [i for i, out in enumerate(model.loop.outputs) if out == name or out.startswith(f"{name}.")]
+        own = [out for out in factors if out == name or out.startswith(f"{name}.")]
         if not own:
-            raise ModelError(
-                f"weights: {name} is no channel; expected y, i_c, or one of {', '.join(model.loop.outputs)}"
-            )
+            raise ModelError(f"weights: {name} is no channel; expected y, i_c, or one of {', '.join(factors)}")
         if factor != 0.0 and not 1.0 / LARGEST_WEIGHT <= factor <= LARGEST_WEIGHT:
             raise ModelError(
                 f"weights: {name} = {factor}; expected 0, or a number from {1.0 / LARGEST_WEIGHT:g} to "
                 f"{LARGEST_WEIGHT:g}"
             )
-        factors[own] = factor
-    if not factors.any():
+        factors |= dict.fromkeys(own, factor)
+    if not any(factors.values()):
         raise ModelError("weights: every channel has weight 0; leave at least one in")
     return factors
 

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from scipy.fft import rfft
 
 from ambid.arrays import FloatArray
-from ambid.identification.problem import Problem, padded_outputs
+from ambid.identification.problem import Problem, padded
 from ambid.model import Model
 from ambid.model.parameter import nominal
 from ambid.noise import Comparison
@@ -121,7 +121,7 @@ def sandwich(problem: Problem, theta: FloatArray) -> FloatArray:
     for record, weight in zip(problem.records, problem.weights, strict=True):
         y, jacobian = at_end.sensitivity(record, problem.free)
         used = weight > 0.0
-        residual = (padded_outputs(record) - y)[:, used] * weight[used]
+        residual = (padded(at_end, record, record.outputs) - y)[:, used] * weight[used]
         jacobian = jacobian[:, used] * (weight[used, None] * problem.scale)
         residual -= residual.mean(axis=0)
         jacobian -= jacobian.mean(axis=0)

@@ -64,22 +64,22 @@ class FoundInKnownNoise(NamedTuple):
 StepsInKnownNoise = Generator[Descent, End, FoundInKnownNoise]
 
 
-def noise_of_channels(outputs: tuple[str, ...], noise: Mapping[str, float]) -> FloatArray:
-    """Rms of each output of the loop; 0 where nothing is said of it.
+def noise_of_channels(outputs: tuple[str, ...], noise: Mapping[str, float]) -> dict[str, float]:
+    """Rms of each of these outputs; 0 where nothing is said of it.
 
     Raises
     ------
     ModelError
         If a name is no channel, or a number is not positive.
     """
-    rms = np.zeros(len(outputs))
+    rms = dict.fromkeys(outputs, 0.0)
     for name, size in noise.items():
-        own = [k for k, output in enumerate(outputs) if output == name or output.startswith(f"{name}.")]
+        own = [output for output in outputs if output == name or output.startswith(f"{name}.")]
         if not own:
             raise ModelError(f"noise: {name} is no channel; expected y, i_c, or one of {', '.join(outputs)}")
         if not 0.0 < size < np.inf:
-            raise ModelError(f"noise: {name} = {size}; expected its rms, above 0, in m or A")
-        rms[own] = size
+            raise ModelError(f"noise: {name} = {size}; expected its rms, above 0, in its SI unit")
+        rms |= dict.fromkeys(own, size)
     return rms
 
 
@@ -111,11 +111,11 @@ def steps_in_known_noise(
     """
     prepared = prepare(model, records, free, fixed, bounds, starts, seed, max_evaluations)
     model, measured, in_time, indices, limits, origins, _ = prepared
-    rms = noise_of_channels(model.loop.outputs, noise)
+    rms = noise_of_channels(model.rig.outputs, noise)
     if len(in_time) < len(measured):
         raise ModelError("noise: a frequency response has variances of its own; leave noise out, or such records")
-    levels = [np.where(rms > 0.0, rms, 1.0)] * len(in_time)
-    problem = Problem(model, in_time, indices, levels, (rms > 0.0).astype(float), None)
+    levels = [np.array([rms[name] or 1.0 for name in record.channels]) for record in in_time]
+    problem = Problem(model, in_time, indices, levels, {name: float(own > 0.0) for name, own in rms.items()}, None)
     used = [int(np.count_nonzero(weight)) for weight in problem.weights]
     if not all(used):
         raise ModelError(f"noise: only of {', '.join(noise)}, which is not recorded; give that of y")

@@ -161,7 +161,7 @@ def identify_many(
         own.index(() if free is None else free)
         own.index(tuple(fixed))
         if noise is not None:
-            noise_of_channels(own.loop.outputs, noise)
+            noise_of_channels(own.rig.outputs, noise)
     if noise is not None and weights != LIKELIHOOD:
         raise ModelError("noise is given, which the weights follow from; leave weights out")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -172,7 +172,7 @@ class LeastSquares(ABC):
 
 
 class Problem(LeastSquares):
-    """Weighted residuals of y and i_c over all samples; the core forms the normal equations."""
+    """Weighted residuals of the outputs over all samples; the core forms the normal equations."""
 
     def __init__(
         self,
@@ -180,19 +180,20 @@ class Problem(LeastSquares):
         records: tuple[Record, ...],
         free: list[int],
         noise: list[FloatArray],
-        factors: FloatArray,
+        factors: Mapping[str, float],
         progress: Callable[[int, float], None] | None,
     ) -> None:
         super().__init__(model, free, progress)
         self.records, self.factors, self.noise = records, factors, noise
         self.weights = [
-            np.where(np.isin(model.loop.outputs, record.channels), factors / rms, 0.0)
+            padded(model, record, np.array([factors.get(name, 1.0) for name in record.channels]) / rms)
             for record, rms in zip(records, noise, strict=True)
         ]
         self._data: dict[_core.ClosedLoop, list[_core.Data]] = {}  # by operating point
         for record, w in zip(records, self.weights, strict=True):
             core = model.at(record).loop.core
-            data = _core.Data(core, model.excitation(record), padded_outputs(record), w)
+            z = padded(model, record, record.outputs)
+            data = _core.Data(core, model.excitation(record), z, w)
             self._data.setdefault(core, []).append(data)
 
     def _evaluate(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, float]:
@@ -226,8 +227,8 @@ class Problem(LeastSquares):
         """Rms of each channel's residual, per record."""
         at, found = self.model.with_theta(theta), []
         for record in self.records:
-            z = padded_outputs(record)
-            rms = (z - at.response(record)).std(axis=0)
+            p = len(record.channels)
+            rms = (record.outputs - at.response(record)[:, :p]).std(axis=0)
             found.append(np.where(rms > 0.0, rms, 1.0))
         return found
 
@@ -238,23 +239,19 @@ def is_barred(hessian: FloatArray, gradient: FloatArray, cost: float) -> bool:
     return bool(gradient @ np.linalg.lstsq(hessian, gradient, rcond=1e-12)[0] > 0.1 * cost)
 
 
-def padded_outputs(record: Record) -> FloatArray:
-    """The recorded y and i_c as the loop's outputs, shape (N, 2 axes); zeros where i_c was not recorded."""
-    z = np.zeros((record.samples, 2 * len(record.axes)))
-    z[:, : len(record.axes)] = record.y
-    if record.i_c is not None:
-        z[:, len(record.axes) :] = record.i_c
-    return z
+def padded(model: Model, record: Record, values: FloatArray) -> FloatArray:
+    """Values of the channels of a record, in the last dimension, as of all outputs of its loop; zero of the others."""
+    more = len(model.at(record).loop.outputs) - values.shape[-1]
+    return np.pad(values, [*[(0, 0)] * (values.ndim - 1), (0, more)])
 
 
 def noise_levels(records: Sequence[Record]) -> list[FloatArray]:
-    """Noise rms of each output, from the scatter over the periods; without periods, the signal's own rms."""
+    """Noise rms of each recorded channel, from the scatter over the periods; without periods, the signal's own rms."""
     levels = []
     for record in records:
         ceilings = noise_ceiling(record)
-        deviation = padded_outputs(record).std(axis=0)
+        deviation = record.outputs.std(axis=0)
         share = np.array([1.0 - ceilings.get(name, np.nan) / 100.0 for name in record.channels])
-        share = np.append(share, np.ones(len(deviation) - len(share)))
         rms = np.where(np.isnan(share), 1.0, share) * deviation
         levels.append(np.where(rms > 0.0, rms, 1.0))
     return levels

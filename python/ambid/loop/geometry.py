@@ -41,7 +41,7 @@ def rotor_of(rig: Rig, more: int = 0, places: Iterable[float] = ()) -> ReducedRo
         What the rig file gives cannot be a free rotor, or is not known there.
     """
     own = [z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)]
-    own += [support.z for support in rig.rotor.support]
+    own += [support.z for support in rig.rotor.support] + [sensor.z for sensor in rig.sensors]
     try:
         rotor = reduced_rotor(with_more_modes(rig.rotor, more) if more else rig.rotor, [*own, *places])
     except RigError as error:
@@ -69,13 +69,22 @@ def axis_angles(rig: Rig) -> FloatArray:
     return np.array([bearing.tilt - first + quarter[axis] for bearing in rig.bearings for axis in bearing.axes])
 
 
+def sensor_angles(rig: Rig) -> FloatArray:
+    """The same of each sensor beside those of the bearings, shape (sensors,) [degrees]."""
+    return np.array([sensor.direction - rig.bearings[0].tilt for sensor in rig.sensors])
+
+
 def axis_directions(rig: Rig) -> FloatArray:
     """Direction of each axis in the planes of the model, shape (axes, 2).
 
     The rotor is the same in every plane, so the planes are laid along zeta and eta of the first bearing: where all
     bearings have one tilt and nothing turns, the two planes do not act on each other, exactly.
     """
-    angles = np.deg2rad(axis_angles(rig))
+    return _directions(axis_angles(rig))
+
+
+def _directions(degrees: FloatArray) -> FloatArray:
+    angles = np.deg2rad(degrees)
     return np.round(np.column_stack([np.cos(angles), np.sin(angles)]), 15)
 
 
@@ -86,8 +95,18 @@ def lies_in_one_plane(rig: Rig) -> bool:
 
 def axes_in_planes(rig: Rig, planes: int) -> FloatArray:
     """Direction of each axis in so many planes, shape (axes, planes); one plane is that of the first axis."""
-    directions = axis_directions(rig)
-    return directions @ directions[:1].T if planes == 1 else directions
+    return _in_planes(rig, axis_directions(rig), planes)
+
+
+def sensors_in_planes(rig: Rig, planes: int) -> FloatArray:
+    """The same of each sensor beside those of the bearings; that of a plain mass reads along its axis."""
+    if rig.rotor.span is None:
+        return np.ones((len(rig.sensors), 1))
+    return _in_planes(rig, _directions(sensor_angles(rig)), planes)
+
+
+def _in_planes(rig: Rig, directions: FloatArray, planes: int) -> FloatArray:
+    return directions @ axis_directions(rig)[:1].T if planes == 1 else directions
 
 
 def modal_geometry(rig: Rig, rotor: ReducedRotor) -> Geometry:

@@ -48,6 +48,8 @@ class Loop:
         The same machine at the operating point that the parameters of effects are stated for; default: `rig`.
     parameters : int, optional
         Length of the parameter vector; default: up to the last index in `filled_by`.
+    measured : sequence of str
+        Channels that are the first outputs, y among them, where a record holds more than y and i_c.
 
     Attributes
     ----------
@@ -72,8 +74,9 @@ class Loop:
         substeps: int | None = None,
         reference: Rig | None = None,
         parameters: int | None = None,
+        measured: Sequence[str] = (),
     ) -> None:
-        between = open_plant(rig, effects, watch, reference, noise=noise)
+        between = open_plant(rig, effects, watch, reference, noise=noise, measured=measured)
         matrices, errors = _controller(rig), law_errors(between, rig)
         self._is_analog = not rig.controller.is_digital
         late = None if between.late is None else filled_by[between.late]
@@ -351,6 +354,7 @@ def open_plant(
     reference: Rig | None = None,
     *,
     noise: bool = False,
+    measured: Sequence[str] = (),
 ) -> Lft:
     """The plant with all effects attached; bending modes that effects bring are the last of the rotor.
 
@@ -370,7 +374,7 @@ def open_plant(
         effect.attach(built)
     for axis in rig.axes if noise and "i_c" in rig.controller.signals else ():
         built.inject(f"i_c.{axis}", built.input(f"n_i.{axis}"))
-    return built.between_commands_and_outputs(watch)
+    return built.between_commands_and_outputs(watch, measured)
 
 
 def _further_modes(rig: Rig, effects: Sequence[Effect]) -> int:

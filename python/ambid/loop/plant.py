@@ -9,7 +9,7 @@ import numpy as np
 
 from ambid.errors import ModelError
 from ambid.loop.assembly import ZERO, Assembly, GainError, LateOutput, Lft, Signal, combine
-from ambid.loop.geometry import axes_in_planes
+from ambid.loop.geometry import axes_in_planes, sensors_in_planes
 from ambid.rig import Rig
 from ambid.rotor import ReducedRotor
 
@@ -17,6 +17,10 @@ EXCITATION = "excitation"
 """What a `GainError` of i_e is of."""
 READING = ("at_sensor", "turned", "scaled", "y")
 """What becomes of a displacement until it is read, in this order whatever the order of the effects."""
+
+
+READ = "read."
+"""What the name of a signal begins with that an instrument beside those of y and i_c reads."""
 
 
 class Plant(Assembly):
@@ -31,7 +35,8 @@ class Plant(Assembly):
     behind the amplifier, its rate ``i_a_free`` [A/s] before and ``i_a_rate`` behind what limits it, ``i_c`` [A] as
     recorded, ``i_f`` [A] that makes force and its rate
     ``i_f_rate`` [A/s], ``s`` [m] and ``v`` [m/s] at the magnet, ``f`` [N]; ``at_sensor`` [m] at the sensor, ``turned``
-    along its axis, ``scaled`` by its gain, and ``y`` as read, each made of the one before. Of each modal coordinate k:
+    along its axis, ``scaled`` by its gain, and ``y`` as read, each made of the one before; further channels
+    are ``read.<channel>``. Of each modal coordinate k:
     ``eta.k``, ``eta_rate.k``, ``eta_bend.k``, ``modal_force.k``. The parameters of effects are stated for the rig
     `reference`, which is another operating point of this machine where records of several are fitted together.
 
@@ -100,6 +105,23 @@ class Plant(Assembly):
             for plane in np.eye(rotor.planes):
                 u, rate = (self.at(support.z, plane, of) for of in ("eta", "eta_rate"))
                 self.push(support.z, plane, -support.stiffness * u - support.damping * rate)
+        self._further_outputs()
+
+    def _further_outputs(self) -> None:
+        """What further instruments read, by the names of their channels.
+
+        The flux density b = f/(2 A B_0/mu_0) is that of the force which is linear in current and displacement, behind
+        eddy currents and hysteresis. The voltage u = R i_a + L i_a' + e of a coil whose voltage is commanded is the
+        command; back-EMF e and limits add to both sides. Acceleration at a sensor is that by all forces on the rotor.
+        """
+        per_flux = [own for b in self.rig.bearings for own in b.force_per_flux or [0.0] * len(b.axes)]
+        for axis, gain in zip(self.axes, per_flux, strict=True):
+            if gain:
+                self.signal(f"{READ}b.{axis}", self.raw(f"f.{axis}") / gain)
+            self.signal(f"{READ}f.{axis}", self[f"f.{axis}"])
+            self.signal(f"{READ}u.{axis}", self[f"i_ref.{axis}"])
+        for own, direction in zip(self.rig.sensors, sensors_in_planes(self.rig, self.rotor.planes), strict=True):
+            self.signal(f"{READ}{own.channel}", self.at(own.z, direction, "eta" if own.signal == "y" else "eta_bend"))
 
     def shape(self, z: float, direction: np.ndarray) -> np.ndarray:
         """Displacement of every modal coordinate at `z` in a direction of the planes, shape (coordinates,)."""
@@ -176,14 +198,17 @@ class Plant(Assembly):
         self.set_rate(f"i_f.{axis}", rate)
         return self.signal(f"i_f.{axis}", state)
 
-    def between_commands_and_outputs(self, more: Sequence[str] = ()) -> Lft:
+    def between_commands_and_outputs(self, more: Sequence[str] = (), measured: Sequence[str] = ()) -> Lft:
         """Inputs ``i_ref.<axis>``, ``r.<axis>`` where the controller has a reference, and those of effects.
 
-        Outputs are y, i_c, then `more` of every axis.
+        Outputs are channels that are `measured`, those of y and i_c that are not among them, then `more` of every axis.
         """
-        outputs = [f"{signal}.{axis}" for signal in ("y", "i_c", *more) for axis in self.axes]
+        usual = [f"{signal}.{axis}" for signal in ("y", "i_c") for axis in self.axes]
+        first = [*measured, *(name for name in usual if name not in measured)]
+        watched = [f"{signal}.{axis}" for signal in more for axis in self.axes]
+        built = self.lft([*(name if name in usual else READ + name for name in first), *watched])
         late, errors = tuple(self.late_outputs), tuple(self.gain_errors)
-        return replace(self.lft(outputs), late=self.late, late_outputs=late, gain_errors=errors)
+        return replace(built, outputs=(*first, *watched), late=self.late, late_outputs=late, gain_errors=errors)
 
 
 def base_plant(rig: Rig, rotor: ReducedRotor) -> Lft:

@@ -38,7 +38,8 @@ class Contents:
     def _take(self, structure: Structure, parameters: tuple[Parameter, ...]) -> None:
         self.structure, self.parameters = structure, Parameters(parameters)
         self._covariance: NDArray[np.float64] | None = None
-        self._loops: dict[Rig | None, Loop] = {}  # of other operating points, and of this one: None
+        # of other operating points and channels, and of this one: None
+        self._loops: dict[tuple[Rig, tuple[str, ...]] | None, Loop] = {}
         self._noisy: list[Loop] = []  # the one with noise inputs, once it is compiled
 
     @classmethod

@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
 from ambid.arrays import FloatArray
+from ambid.channels import SIGNALS
 from ambid.effects import Effect, find
-from ambid.effects.known import KNOWN
+from ambid.effects.known import KNOWN, gains_among
 from ambid.errors import ModelError
 from ambid.model.parameter import Parameter
 from ambid.model.structure import Structure
@@ -113,7 +114,8 @@ def _model_of(
         )
     try:
         found = tuple(find(name, settings, catalogue) for name, settings in effects)
-        known = tuple(effect for effect in KNOWN if text.get("tolerances") and not effect.why_not(machine))
+        known = (*KNOWN, *gains_among(text["parameters"], machine.axes))
+        known = tuple(effect for effect in known if text.get("tolerances") and not effect.why_not(machine))
         structure = Structure(machine, found, points, machine, known=known)
         if covariance is not None:
             _require_covariance(covariance, len(stored))
@@ -175,7 +177,8 @@ def errors_of_model(path: Path) -> dict[str, float]:
 
 def _is_error(name: str) -> bool:
     """Whether a parameter is the error of a value of the rig file."""
-    return name.partition(".")[0] in {effect.name for effect in KNOWN}
+    keys = {effect.name for effect in KNOWN} | {own.gain for own in SIGNALS.values() if own.gain}
+    return name.partition(".")[0] in keys
 
 
 def _known_here(

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambid.effects import CATALOGUE, Effect, find
+from ambid.effects.known import with_gains
 from ambid.errors import ModelError
 from ambid.loop.loop import Loop, Simulator
 from ambid.model.contents import Contents
 from ambid.model.experiment import inputs_of, simulated, virtual_experiment
 from ambid.model.file import read_model, write_model
-from ambid.model.operating_point import further_points, nominal_of_points, parameters_at
+from ambid.model.operating_point import further_points, nominal_of_points, outputs_of, parameters_at
 from ambid.model.parameter import Parameter, of_effect, shared, split, to_rig
 from ambid.model.structure import Structure, is_nonlinear, require_allowed
 from ambid.record import Measurement, Record
@@ -111,37 +112,52 @@ class Model(Contents):
     def covering(self, records: Iterable[Measurement]) -> Model:
         """Return the model with the operating points of these records.
 
-        A further bias current or air gap brings a K_i and K_s of its own for every axis, such as ``K_i.A_zeta@8A``.
+        A further bias current or air gap brings a K_i and K_s of its own for every axis, such as ``K_i.A_zeta@8A``. Of
+        a model with tolerances, a channel beyond y and i_c brings the gain of its instrument.
 
         Raises
         ------
         ModelError
             If a record is of another machine.
         """
+        records = tuple(records)
         points = further_points(self.rig, self.points, records)
-        if len(points) == len(self.points):
+        known = with_gains(self.structure.known, (name for own in records for name in own.channels), self.rig.axes)
+        if len(points) == len(self.points) and known == self.structure.known:
             return self
-        more = [p for p in nominal_of_points(self.rig, points) if p.name not in self.names]
-        return self._of(replace(self.structure, points=tuple(points)), [*self.parameters, *more])
+        usual = [*nominal_of_points(self.rig, points), *(p for own in known for p in of_effect(self.rig, own, {}))]
+        more = [p for p in usual if p.name not in self.names]
+        return self._of(replace(self.structure, points=tuple(points), known=known), [*self.parameters, *more])
 
     def at(self, where: Measurement | Rig) -> Model:
         """The model at an operating point of the machine: its rig, with the K_i and K_s of that bias and gap.
 
-        Names, order and values of the parameters stay; those of others fill nothing.
+        Names, order and values of the parameters stay; those of others fill nothing. Of a record with more than y and
+        i_c the first outputs of the loop are its channels.
 
         Raises
         ------
         ModelError
             If the point has a bias current or gap that the model does not cover, or is of another machine.
+        RecordError
+            If the machine has no such channel.
         """
-        rig = where if isinstance(where, Rig) else where.point
-        if rig is None or rig is self.rig or rig == self.rig:
+        if isinstance(where, Rig):
+            rig, measured = where, self.structure.measured
+        else:
+            rig, measured = where.point or self.rig, outputs_of(where, self.rig)
+        is_here = rig is self.rig or rig == self.rig
+        if is_here and measured == self.structure.measured:
             return self
-        own = parameters_at(rig, self.rig, self.points, self.parameters, self.effects)
-        here = self._of(replace(self.structure, rig=rig, points=()), own)
-        if rig not in self._loops:
-            self._loops[rig] = here.loop
-        here._loops[None], here._covariance = self._loops[rig], self._covariance
+        structure = replace(self.structure, measured=measured)
+        if is_here:
+            here = self._made_of(structure, tuple(self.parameters))
+        else:
+            own = parameters_at(rig, self.rig, self.points, self.parameters, self.effects)
+            here = self._of(replace(structure, rig=rig, points=()), own)
+        if (rig, measured) not in self._loops:
+            self._loops[rig, measured] = here.loop
+        here._loops[None], here._covariance = self._loops[rig, measured], self._covariance
         return here
 
     def home_of(self, effect: Effect) -> Rig | None:

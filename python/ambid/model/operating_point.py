@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from ambid.errors import ModelError
+from ambid.channels import first_outputs
+from ambid.errors import ModelError, RecordError
 from ambid.loop.effect import Effect
 from ambid.model.parameter import Parameter, nominal
 from ambid.record import Measurement
 from ambid.rig import Rig
 
-__all__ = ["further_points", "nominal_of_points", "parameters_at", "require_same_machine", "suffix"]
+__all__ = ["further_points", "nominal_of_points", "outputs_of", "parameters_at", "require_same_machine", "suffix"]
 
 OF_POINT = ("K_i", "K_s")
 """Parameters that every bias current and gap has of its own."""
@@ -65,6 +66,23 @@ def further_points(reference: Rig, points: Sequence[Rig], records: Iterable[Meas
         if record.point is not None and record.point not in (reference, *found):
             require_same_machine(reference, record.point)
             found.append(record.point)
+    return found
+
+
+def outputs_of(measured: Measurement, rig: Rig) -> tuple[str, ...]:
+    """Outputs that a loop of a rig is to have first for a measurement; none where y and i_c are all that it has.
+
+    Raises
+    ------
+    RecordError
+        If the machine has no such output.
+    """
+    found = first_outputs(tuple(measured.channels), rig.axes)
+    for name in found:
+        if lacking := rig.lacks(name):
+            raise RecordError(
+                f"{measured.path or measured.name}: {name} is not known of {rig.path or rig.name}: {lacking}"
+            )
     return found
 
 

@@ -38,6 +38,8 @@ class Structure:
         Values of the rig file that are known to a tolerance, see `ambid.effects.known`; none where all are exact.
     is_open : bool
         Whether the loop has ports for all of their errors; else for those that are not zero, which it runs faster with.
+    measured : tuple of str
+        Channels of the record that it is compared with, where that holds more than y and i_c: the loop's first outputs.
     """
 
     rig: Rig
@@ -47,6 +49,7 @@ class Structure:
     substeps: int | None = None
     known: tuple[Effect, ...] = ()
     is_open: bool = False
+    measured: tuple[str, ...] = ()
 
     @property
     def acting(self) -> list[Effect]:
@@ -74,7 +77,7 @@ class Structure:
         """The closed loop with these parameters in its slots; see `Loop` for the rest."""
         acting = (*(effect.without_probe() for effect in self.acting), *self.erring(parameters), *more)
         slots = tuple(parameter.slots for parameter in parameters)
-        return _compiled(self.rig, acting, slots, noise, tuple(watch), self.substeps, self.reference)
+        return _compiled(self.rig, acting, slots, noise, tuple(watch), self.substeps, self.reference, self.measured)
 
     def erring(self, parameters: Iterable[Parameter]) -> tuple[Effect, ...]:
         """The known values whose errors the loop has ports for."""
@@ -129,6 +132,7 @@ def _compiled(
     watch: tuple[str, ...],
     substeps: int | None,
     reference: Rig,
+    measured: tuple[str, ...],
 ) -> Loop:
     """The closed loop; many models that are tried after each other differ in their values alone."""
     return Loop(
@@ -140,6 +144,7 @@ def _compiled(
         substeps=substeps,
         reference=reference,
         parameters=len(slots),
+        measured=measured,
     )
 
 

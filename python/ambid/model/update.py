@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.effects.known import KNOWN
+from ambid.effects.known import KNOWN, gains_among
 from ambid.findings import Finding, Kind, Where
 from ambid.model.parameter import Parameter
 from ambid.results import readable
@@ -137,7 +137,7 @@ def update_of(rig: Rig, parameters: Sequence[Parameter], covariance: FloatArray 
     known = {p.name: p for p in parameters if p.prior is not None}
     index = {p.name: i for i, p in enumerate(parameters)}
     new, values = rig, list[UpdatedValue]()
-    for effect in KNOWN:
+    for effect in (*KNOWN, *gains_among(known, rig.axes)):
         own = {p.name: effect.slot(p.name) for p in effect.parameters(rig) if effect.slot(p.name) in known}
         errors = {name: known[slot].value for name, slot in own.items()}
         new, left = effect.updated(new, errors) if any(errors.values()) else (new, {})

@@ -12,15 +12,15 @@ from ambid.errors import UnstableLoopError
 from ambid.loop.loop import Loop
 from ambid.model import Model
 
-__all__ = ["back_through_loop", "loop_noise"]
+__all__ = ["back_through_loop", "inputs_of_noise", "loop_noise"]
 
 
 def loop_noise(model: Model, points: ComplexArray, channels: int) -> ComplexArray:
-    """The way from noise of the instruments to y and i_c, shape (points, channels, channels).
+    """The way from noise of the instruments to the outputs of a record, shape (points, channels, channels).
 
-    Smooth noise of what the controller reads shows in y and i_c with every pole of the loop: that of the sensors, and
-    of the current readings where it reads those, else they show it in i_c alone. Taken back by the inverse, the noise
-    of a record is smooth over frequency again.
+    Smooth noise of what the controller reads shows in all of them with every pole of the loop: that of the sensors, and
+    of the current readings where it reads those. That of every other channel shows in itself alone. Taken back by the
+    inverse, the noise of a record is smooth over frequency again.
 
     Parameters
     ----------
@@ -29,9 +29,9 @@ def loop_noise(model: Model, points: ComplexArray, channels: int) -> ComplexArra
     points : ndarray of complex
         Lines as points of the unit circle.
     channels : int
-        Of y and i_c, or of y alone.
+        Of the record, which are the first outputs of the loop.
     """
-    loop, read = _with_noise(model, channels)
+    loop, read = inputs_of_noise(model, channels)
     way = np.tile(np.eye(channels, dtype=complex), (len(points), 1, 1))
     with suppress(UnstableLoopError):  # at the edge of stability no shape is of help
         way[:, :, : len(read)] = loop.transfer(model.theta, points)[:, :channels, read]
@@ -45,7 +45,7 @@ def back_through_loop(
 
     Without `currents_are_read` of readings of i_c that the controller has not: they are recorded by other instruments.
     """
-    loop, read = _with_noise(model, channels)
+    loop, read = inputs_of_noise(model, channels)
     if not currents_are_read:
         read = read[: len(model.rig.axes)]
     try:
@@ -54,8 +54,10 @@ def back_through_loop(
         return np.tile(np.eye(channels, dtype=complex), (len(points), 1, 1))
 
 
-def _with_noise(model: Model, channels: int) -> tuple[Loop, list[int]]:
-    """The loop with inputs for noise, and which of them are those of the channels that the controller reads."""
+def inputs_of_noise(model: Model, channels: int) -> tuple[Loop, list[int]]:
+    """The loop with inputs for noise, and which of them are those of its first outputs that the controller reads."""
     loop = model.with_noise_inputs()
-    of_y, of_i_c = ([k for k, name in enumerate(loop.inputs) if name.startswith(kind)] for kind in ("n.", "n_i."))
-    return loop, (of_y + of_i_c)[:channels]
+    axes = model.rig.axes
+    of = {f"{read}.{axis}": f"{noise}.{axis}" for read, noise in (("y", "n"), ("i_c", "n_i")) for axis in axes}
+    read = [of[name] for name in loop.outputs[:channels] if of.get(name) in loop.inputs]
+    return loop, [loop.inputs.index(name) for name in read]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import ByValue, ComplexArray, FloatArray
+from ambid.channels import unit_of
 from ambid.findings import Finding, Kind, Where, WithFindings
 from ambid.model import Model
 from ambid.noise.noise import Part
@@ -65,7 +66,7 @@ class RecordComparison(ByValue, WithFindings):
         loop that need not repeat. Of a frequency response that of the model, complex, shape (F, outputs, inputs).
     channels : tuple of ChannelComparison
     misfit : float
-        J/dof of y and i_c judged jointly; NaN where the noise is not known: two periods, too short, or without noise.
+        J/dof of all channels jointly; NaN where the noise is not known: two periods, too short, or without noise.
     repeatable_share : float
         Part of the excited lines' power that is no noise: ``max(0, (J - dof)/J)``.
     findings : tuple of Finding
@@ -181,7 +182,7 @@ def _of_response(here: Model, part: ResponseLines) -> RecordComparison:
         rows.append(
             ChannelComparison(
                 channel=channel,
-                unit=f"{'m' if channel.startswith('y.') else 'A'}/{of}",
+                unit=f"{unit_of(channel)}/{of}",
                 fit_percent=100.0 * (1.0 - missed / in_noise),
                 noise_ceiling_percent=100.0 * (1.0 - 1.0 / in_noise),
                 measured_rms=measured,
@@ -210,16 +211,16 @@ def unjudged(model: Model, record: Measurement) -> RecordComparison:
 def _compared(
     record: Record, simulated: FloatArray, noise_rms: FloatArray, misfits: FloatArray, joint: float
 ) -> RecordComparison:
-    rows, axes = [], len(record.axes)
+    rows, columns = [], record.columns()
     for k, channel in enumerate(record.channels):
-        measured = record.y[:, k] if k < axes or record.i_c is None else record.i_c[:, k - axes]
+        measured = columns[channel]
         left = measured - simulated[:, k]
         known = np.isfinite(left)
         residual, deviation = float(left[known].std()), float(measured[known].std())
         rows.append(
             ChannelComparison(
                 channel=channel,
-                unit="m" if channel.startswith("y.") else "A",
+                unit=unit_of(channel),
                 fit_percent=100.0 * (1.0 - residual / deviation),
                 noise_ceiling_percent=100.0 * (1.0 - float(noise_rms[k]) / deviation),
                 measured_rms=deviation,

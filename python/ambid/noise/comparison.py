@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import FloatArray
+from ambid.channels import read_in
 from ambid.errors import RecordError, UnstableLoopError
 from ambid.findings import NOWHERE, Finding, Kind, WithFindings
 from ambid.loop.effect import Tone
@@ -35,15 +36,6 @@ from ambid.threads import with_one_blas_thread
 
 __all__ = ["Comparison", "compare"]
 
-READ_IN = {
-    "m": (1e6, "um"),
-    "A": (1e3, "mA"),
-    "m/A": (1e6, "um/A"),
-    "A/A": (1e3, "mA/A"),
-    "m/m": (1e6, "um/m"),
-    "A/m": (1e3, "mA/m"),
-}
-"""Factors and names of the units that tables are printed in."""
 ABOVE_LIMIT = Kind(
     "misfit_above_limit",
     "warning",
@@ -358,7 +350,7 @@ class Comparison(WithFindings, Tabular):
                 f"{'noise rms':>13s} {'misfit':>8s}",
             ]
             for c in record.channels:
-                factor, unit = READ_IN[c.unit]
+                factor, unit = read_in(c.unit)
                 lines.append(
                     f"{c.channel:12s} {c.fit_percent:8.2f} {c.noise_ceiling_percent:10.2f} "
                     f"{c.residual_rms * factor:12.4g} {unit} {c.noise_rms * factor:10.4g} {unit} {c.misfit:8.2f}"

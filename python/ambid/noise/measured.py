@@ -42,20 +42,21 @@ class Measured:
 
     @cached_property
     def excited(self) -> ComplexArray:
-        """Excited lines of y and i_c that are judged, shape (lines, p)."""
+        """Excited lines of the outputs that are judged, shape (lines, p)."""
         return np.hstack([self.window.excited_lines(part) for part in self.record.parts])
 
     @cached_property
     def quiet(self) -> ComplexArray:
-        """All lines of y and i_c over the periods that noise is taken from, shape (lines, p)."""
-        settled, axes = self.window.settled, len(self.record.axes)
+        """All lines of the outputs over the periods that noise is taken from, shape (lines, p)."""
+        settled, first = self.window.settled, 0
         lines = np.empty((settled.samples // 2 + 1, self.channels), dtype=complex)
-        for k, part in enumerate(self.record.parts):  # one by one: of a long record both are large
-            lines[:, k * axes : (k + 1) * axes] = settled.lines(part)
+        for part in self.record.parts:  # one by one: of a long record all are large
+            lines[:, first : first + part.shape[1]] = settled.lines(part)
+            first += part.shape[1]
         return lines
 
     def single(self, index: NDArray[np.intp]) -> ComplexArray:
-        """A few lines of y and i_c, shape (lines, p)."""
+        """A few lines of the outputs, shape (lines, p)."""
         return np.hstack([self.window.single_lines(part, index) for part in self.record.parts])
 
     @cached_property

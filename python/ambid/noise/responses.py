@@ -148,6 +148,4 @@ def _modelled(model: Model, own: RecordComparison, measured: FrequencyResponse) 
 
 def _of_signals(record: Record, simulated: FloatArray) -> ComplexArray:
     """What a record with these outputs would tell, at the same frequencies."""
-    axes = len(record.axes)
-    currents = None if record.i_c is None else simulated[:, axes:]
-    return replace(record, y=simulated[:, :axes], i_c=currents).frequency_response().response
+    return record.with_outputs(simulated).frequency_response().response

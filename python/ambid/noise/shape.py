@@ -8,7 +8,7 @@ import numpy as np
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.model import Model
-from ambid.noise.colour import back_through_loop, loop_noise
+from ambid.noise.colour import back_through_loop, inputs_of_noise, loop_noise
 from ambid.noise.split import ROUGHLY, SplitNoise
 
 __all__ = ["Loop", "Recorder", "Shape", "Split", "heard"]
@@ -16,7 +16,7 @@ __all__ = ["Loop", "Recorder", "Shape", "Split", "heard"]
 
 def heard(base: Model, channels: int) -> int:
     """Channels whose noise a controller hears, the first ones: those that it reads."""
-    return channels if "i_c" in base.rig.controller.signals else min(channels, len(base.rig.axes))
+    return len(inputs_of_noise(base, channels)[1])
 
 
 class Shape(Protocol):

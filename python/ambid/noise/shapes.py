@@ -133,7 +133,8 @@ class Shapes:
         outputs = model.watching(WATCHED).simulate(model.theta, model.excitation(record))
         settled = window.settled
         periods = settled.cut(outputs).reshape(settled.periods, settled.period, -1).mean(axis=0)
-        against = {name: periods[:, (2 + k) * axes : (3 + k) * axes] for k, name in enumerate(WATCHED)}
+        watched = periods[:, -len(WATCHED) * axes :]
+        against = {name: watched[:, k * axes : (k + 1) * axes] for k, name in enumerate(WATCHED)}
         other = _other_axis(model.rig)
         against |= {f"{name}_other": against[name][:, other] for name in ("s", "v")}
         residual, slopes = sight.numbers

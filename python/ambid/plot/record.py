@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ambid.channels import unit_of
 from ambid.errors import InputError, did_you_mean
 from ambid.plot.style import AXIS_COLOURS, SMALL, dress, new_figure, shown_in
 from ambid.record import Record
@@ -63,9 +64,8 @@ def plot_record(
         raise InputError(f"{len(own)} axes given; expected one for each of {', '.join(chosen)}")
     for panel, (signal, columns) in zip(own, chosen.items(), strict=True):
         largest = max(float(np.abs(values[inside]).max()) for values in columns.values())
-        factor, unit = shown_in("m" if signal in ("y", "r") else "A", largest)
-        for name, values in columns.items():
-            k = record.axes.index(name)
+        factor, unit = shown_in(unit_of(signal), largest)
+        for k, (name, values) in enumerate(columns.items()):
             style: dict[str, Any] = {"color": AXIS_COLOURS[k % len(AXIS_COLOURS)], "ls": DASHES[k % len(DASHES)]}
             panel.plot(*_thinned(t[inside], factor * values[inside]), lw=0.9, label=name, **style)
         dress(panel, y=f"{signal} [{unit}]")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambid import channels
 from ambid.arrays import FloatArray
 from ambid.model import Model
 from ambid.noise import Comparison
@@ -219,4 +220,4 @@ def legend(figure: Any, *panels: Axes) -> None:
 
 def unit_of(output: str, of: str) -> str:
     """SI unit of a response."""
-    return f"{'m' if output.startswith('y.') else 'A'}/{'m' if of.startswith('r.') else 'A'}"
+    return f"{channels.unit_of(output)}/{channels.unit_of(of)}"

@@ -161,27 +161,30 @@ def draw_record(
     stretch: tuple[float, float] | None = None,
     before: Model | None = None,
 ) -> Figure:
-    """Draw all channels of a record over one stretch: displacements to the left, currents to the right."""
+    """Draw all channels of a record over one stretch, a column a signal: displacements, currents, further ones."""
     one = _record(comparison, record)
     title = f"{one.record.name}: measured against simulated"
     if np.isfinite(one.misfit):
         title += f"   (misfit {one.misfit:.2f}, 1 when the model is right)"
     if isinstance(one.record, FrequencyResponse):
         return draw_responses(frequency_responses(comparison, record, [] if before is None else [before]), title)
-    axes, signals = one.record.axes, sorted({c.channel.split(".")[0] for c in one.channels}, reverse=True)
+    signals: dict[str, list[str]] = {}
+    for c in one.channels:
+        signals.setdefault(c.channel.partition(".")[0], []).append(c.channel)
+    rows = max(map(len, signals.values()))
     earlier = comparison if before is None else comparison.of(before)
     worst = earlier.records[record].worst.channel
     chosen = stretch or worst_stretch(earlier, record)
     title += f"\n{_which(one.record, chosen, worst if stretch is None else '')}"
-    figure = new_figure(6.2 * len(signals), 2.6 * len(axes) + 0.8)
-    grid = figure.add_gridspec(2 * len(axes), len(signals), height_ratios=[3, 1.5] * len(axes))
-    for i, axis in enumerate(axes):
-        for j, signal in enumerate(signals):
+    figure = new_figure(6.2 * len(signals), 2.6 * rows + 0.8)
+    grid = figure.add_gridspec(2 * rows, len(signals), height_ratios=[3, 1.5] * rows)
+    for j, channels in enumerate(signals.values()):
+        for i, channel in enumerate(channels):
             above = figure.add_subplot(grid[2 * i, j])
             below = figure.add_subplot(grid[2 * i + 1, j], sharex=above)
-            plot_comparison(comparison, record, f"{signal}.{axis}", (above, below), stretch=chosen, before=before)
+            plot_comparison(comparison, record, channel, (above, below), stretch=chosen, before=before)
             above.tick_params(labelbottom=False)
-            if i < len(axes) - 1:
+            if i < len(channels) - 1:
                 below.set_xlabel("")
             if i == j == 0:
                 legend(figure, above, below)

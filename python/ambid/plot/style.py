@@ -23,7 +23,7 @@ AXIS_MARKERS = ("o", "s", "^", "D")
 TITLE, LABEL, SMALL = 10, 9, 8
 """Font sizes [pt] of a figure 9 inches wide."""
 FORMATS = (".png", ".pdf", ".svg")
-UNITS = {"m": (1e6, "µm"), "A": (1e3, "mA"), "m/s": (1e3, "mm/s")}
+UNITS = {"m": (1e6, "µm"), "A": (1e3, "mA"), "m/s": (1e3, "mm/s"), "T": (1e3, "mT"), "m/s^2": (1.0, "m/s²")}
 
 
 def shown_in(unit: str, largest: float = 0.0) -> tuple[float, str]:

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambid.channels import SIGNALS, Channel
 from ambid.errors import InputError, RecordError
 from ambid.findings import Finding, Kind
 from ambid.record.content import COLUMNS_NOT_USED, TRANSPOSED, Content, NotNumbers, Stored, unused
-from ambid.record.raw import SIGNALS, RawRecord, numbers, require_agreement
+from ambid.record.raw import RawRecord, numbers, require_agreement
 from ambid.record.timing import aligned
 
 __all__ = ["ChannelMap"]
@@ -45,7 +46,8 @@ class ChannelMap:
     ----------
     channels : mapping of str to str
         Column of each channel, such as ``{"t": "time:1e-3", "y.A_zeta": "ch3:1e-6"}``.
-        A channel is ``t`` [s], ``fs`` [Hz], or ``i_e``, ``r``, ``y``, ``i_c``, ``i_ref`` with an axis [A, m].
+        A channel is ``t`` [s], ``fs`` [Hz], or ``i_e``, ``r``, ``y``, ``i_c``, ``i_ref`` with an axis [A, m], or one of
+        `SIGNALS` beyond them with an axis or sensor.
         A column is meant by its name, or, where none has that name, by its number, counted from 1; column k of a
         matrix ``data`` is ``data[k]``. A number behind the last colon is the factor that makes SI units of it, 1 if
         there is none; a name that itself ends like that needs ``:1`` behind it.
@@ -184,11 +186,7 @@ class ChannelMap:
         if len(set(lengths.values())) > 1:
             found = ", ".join(f"{channel}={names[channel]} {n}" for channel, n in lengths.items())
             raise RecordError(f"{path}: the mapped columns have different lengths ({found}); map columns of one length")
-        for signal in SIGNALS:
-            own = [channel for channel in values if channel.startswith(f"{signal}.")]
-            if own:
-                axes = tuple(channel.removeprefix(f"{signal}.") for channel in own)
-                raw.signals[signal] = (axes, np.stack([values[channel] for channel in own], axis=1))
+        raw.gather(values)
         raw.findings = [*self._findings(names, columns), *side_by_side.findings, *content.findings]
         return raw
 
@@ -220,11 +218,10 @@ class ChannelMap:
 
 
 def _source(channel: str, text: str) -> _Source:
-    signal, dot, axis = channel.partition(".")
-    if channel not in ("t", "fs", *RESPONSE_COLUMNS) and not (signal in SIGNALS and dot and axis):
+    if channel not in ("t", "fs", *RESPONSE_COLUMNS) and Channel.of(channel) is None:
         raise InputError(
             f"map {channel}={text}: {channel!r} is no channel; expected t, fs, or one of {', '.join(SIGNALS)} with an "
-            f"axis, such as {EXAMPLE}"
+            f"axis or sensor, such as {EXAMPLE}"
         )
     column, colon, tail = text.rpartition(":")
     try:

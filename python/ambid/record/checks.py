@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from ambid.channels import SIGNALS
 from ambid.errors import InputError, RecordError, WrongUnit
 from ambid.findings import Finding, Kind, Where
 from ambid.rig import Rig
@@ -190,6 +191,22 @@ def require_ampere(
     raise WrongUnit(where, problem, f"it looks like mA; give ampere{otherwise}")
 
 
+def require_size(where: str, channel: str, values: NDArray[np.float64]) -> None:
+    """Refuse what no machine of ours has, and another unit explains."""
+    own = SIGNALS[channel.partition(".")[0]]
+    largest = float(np.abs(values).max())
+    if largest > own.most:
+        problem = f"{channel} reaches {largest:.4g} {own.unit}, allowed is {own.most:g} {own.unit}"
+        raise WrongUnit(where, problem, f"it looks like {own.slip}; give {own.unit}")
+
+
+def require_known_outputs(where: str, channels: Iterable[str], rig: Rig) -> None:
+    """Refuse channels of which the rig file does not say what they measure."""
+    for channel in channels:
+        if lacking := rig.lacks(channel):
+            raise RecordError(f"{where}: {channel} is not known of {rig.path or rig.name}: {lacking}")
+
+
 def require_metres(
     where: str, signal: str, axes: tuple[str, ...], y: NDArray[np.float64], rig: Rig, *, is_allowed: bool = False
 ) -> list[Finding]:
@@ -307,26 +324,25 @@ def _require_same_rate(where: str, source: str, rate: float, other: str, expecte
     )
 
 
-def findings_of_clipping(
-    where: str, axes: tuple[str, ...], y: NDArray[np.float64], i_c: NDArray[np.float64] | None
-) -> list[Finding]:
-    """Refuse a clipped displacement; find a clipped current.
+def findings_of_clipping(where: str, columns: Mapping[str, NDArray[np.float64]]) -> list[Finding]:
+    """Refuse a clipped output of the loop; find a clipped current.
 
-    Beyond its range a displacement sensor says nothing, and no model can be held against what it reads. A current that
-    stands at a limit is what the amplifier really did: the linear model misses it, but the reading is true.
+    Beyond its range a sensor says nothing, and no model can be held against what it reads. A current that stands at a
+    limit is what the amplifier really did: the linear model misses it, but the reading is true.
     """
-    for axis, values in zip(axes, y.T, strict=True):
-        share, level = _clipped(values)
-        if share:
-            raise RecordError(
-                f"{where}: y.{axis} is clipped: {100 * share:.1f} % of the samples stand at {level:.6g} m; "
-                "lower the excitation or widen the range of the sensor"
-            )
     findings = []
-    for axis, values in zip(axes, () if i_c is None else i_c.T, strict=i_c is not None):
+    for channel, values in columns.items():
+        signal = SIGNALS[channel.partition(".")[0]]
+        if signal.path not in ("heard", "recorder"):
+            continue
         share, level = _clipped(values)
-        if share:
-            findings.append(CURRENT_CLIPPED(Where(channel=f"i_c.{axis}"), share=share, level_a=level))
+        if share and signal.name == "i_c":
+            findings.append(CURRENT_CLIPPED(Where(channel=channel), share=share, level_a=level))
+        elif share and signal.name != "u":
+            raise RecordError(
+                f"{where}: {channel} is clipped: {100 * share:.1f} % of the samples stand at {level:.6g} "
+                f"{signal.unit}; lower the excitation or widen the range of the sensor"
+            )
     return findings
 
 

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.arrays import ComplexArray, FloatArray
+from ambid.channels import FURTHER
 from ambid.errors import RecordError
 from ambid.findings import Finding, Kind
+from ambid.record.checks import require_known_outputs
 from ambid.rig import Rig
 
 PAIRS_MISSING = Kind(
@@ -39,7 +41,7 @@ TOGETHER = 1024
 
 def require_names(where: str, outputs: Sequence[str], inputs: Sequence[str], rig: Rig | None) -> None:
     """Refuse channels that are named twice, are no ``<signal>.<axis>``, or are of an axis that the rig lacks."""
-    for kind, names, signals in (("output", outputs, ("y", "i_c")), ("input", inputs, ("i_e", "r"))):
+    for kind, names, signals in (("output", outputs, ("y", "i_c", *FURTHER)), ("input", inputs, ("i_e", "r"))):
         if not names:
             raise RecordError(f"{where}: no {kind}; name at least one, such as {signals[0]}.A_zeta")
         for name in names:
@@ -48,10 +50,12 @@ def require_names(where: str, outputs: Sequence[str], inputs: Sequence[str], rig
                 raise RecordError(f"{where}: {kind} {name} is there {names.count(name)} times; keep one")
             if signal not in signals or not axis:
                 raise RecordError(
-                    f"{where}: {kind} {name!r} is no channel; expected {' or '.join(signals)} with an axis, such as "
+                    f"{where}: {kind} {name!r} is no channel; expected {', '.join(signals)} with an axis, such as "
                     f"{signals[0]}.A_zeta; rename it, or map it"
                 )
-            if rig is not None and axis not in rig.axes:
+            if rig is not None and kind == "output" and axis not in rig.axes:
+                require_known_outputs(where, [name], rig)
+            elif rig is not None and axis not in rig.axes:
                 raise RecordError(
                     f"{where}: {kind} {name}: the rig has the axes {', '.join(rig.axes)}; rename or map it"
                 )

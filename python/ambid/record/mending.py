@@ -7,12 +7,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ambid.arrays import FloatArray
+from ambid.channels import SIGNALS, unit_of
 from ambid.findings import Finding, Kind, Where
 from ambid.record.repeats import Repeats, repeats
 from ambid.record.spikes import without_spikes
 
 Signals = dict[str, FloatArray]
-"""Arrays (N, axes) by the names that a record gives them."""
+"""Arrays (N, axes) by the names that a record gives them; (N, 1) of single channels."""
 
 __all__ = ["mended_excitation", "mended_outputs"]
 
@@ -123,7 +124,7 @@ def _without_losses(signals: Signals, found: Repeats) -> tuple[Signals, list[Fin
 def mended_outputs(
     signals: Mapping[str, FloatArray], axes: Sequence[str], period: int
 ) -> tuple[Signals, list[Finding]]:
-    """Signals without spikes: single samples of y and i_c that no other period has.
+    """Signals without spikes: single samples of outputs that no other period has.
 
     Parameters
     ----------
@@ -134,11 +135,10 @@ def mended_outputs(
         In samples.
     """
     mended, findings = dict(signals), []
-    for signal in ("y", "i_c"):
-        columns = signals.get(signal)
-        if columns is None:
+    for signal, columns in signals.items():
+        if SIGNALS[signal.partition(".")[0]].path not in ("heard", "recorder"):
             continue
-        for j, axis in enumerate(axes):
+        for j, axis in enumerate(axes if "." not in signal else [""]):
             cleaned, rows = without_spikes(columns[:, j], period)
             if not len(rows):
                 continue
@@ -146,12 +146,12 @@ def mended_outputs(
                 mended[signal] = columns.copy()
             mended[signal][:, j] = cleaned
             spikes = SPIKES(
-                Where(channel=f"{signal}.{axis}"),
+                Where(channel=f"{signal}.{axis}" if axis else signal),
                 count=len(rows),
                 rows=(rows + 1).tolist(),
                 read=columns[rows, j].tolist(),
                 taken=cleaned[rows].tolist(),
-                unit="m" if signal == "y" else "A",
+                unit=unit_of(signal),
             )
             findings.append(spikes)
     return mended, findings

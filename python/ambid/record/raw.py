@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -9,15 +10,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambid.channels import FURTHER, SIGNALS
 from ambid.errors import RecordError
 from ambid.findings import Finding
 from ambid.record.content import COLUMNS_NOT_USED, TRANSPOSED, VARIABLES_NOT_USED, Content, NotNumbers, Stored, unused
 from ambid.record.readers import require_names
 from ambid.record.timing import aligned
 
-SIGNALS = ("i_e", "r", "y", "i_c", "i_ref")
+OF_LOOP = ("i_e", "r", "y", "i_c", "i_ref")
+"""Signals that a record has of every axis, if at all."""
 OF_AXES = tuple(f"{signal}." for signal in SIGNALS)
 """What the names of columns begin with."""
+OF_FURTHER = tuple(f"{signal}." for signal in FURTHER)
+APART = "further"
+"""Structure of a .mat file that holds single channels, such as ``further.a.drive_end``."""
 NAMES = "rename them, or give a map of them: t=COLUMN, y.A_zeta=COLUMN:FACTOR, ..."
 """What to do about a file with names of its own."""
 
@@ -27,13 +33,24 @@ class RawRecord:
     """What a file holds, before any check of its values.
 
     `signals` maps a name of `SIGNALS` to the axis names of its columns (None: the file does not say) and an array
-    (N, axes); `t` [s] and `sample_rate` [Hz] are None where the file lacks them.
+    (N, axes); `further` has single channels, such as ``b.A_zeta``, by name; `t` [s] and `sample_rate` [Hz] are None
+    where the file lacks them.
     """
 
     signals: dict[str, tuple[tuple[str, ...] | None, NDArray[np.float64]]]
     t: NDArray[np.float64] | None = None
     sample_rate: float | None = None
     findings: list[Finding] = field(default_factory=list)
+    further: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+
+    def gather(self, columns: Mapping[str, NDArray[np.float64]]) -> None:
+        """Take columns such as ``y.A_zeta`` and ``b.A_zeta``, shape (N,) each; others are passed over."""
+        for signal in OF_LOOP:
+            own = [name for name in columns if name.startswith(f"{signal}.")]
+            if own:
+                axes = tuple(name.removeprefix(f"{signal}.") for name in own)
+                self.signals[signal] = (axes, np.stack([columns[name] for name in own], axis=1))
+        self.further = {name: column for name, column in columns.items() if name.startswith(OF_FURTHER)}
 
 
 def raw_record(path: Path, content: Content, sample_rate: float | None = None) -> RawRecord:
@@ -54,7 +71,7 @@ def raw_record(path: Path, content: Content, sample_rate: float | None = None) -
     RecordError
         If y, or both t and the sample rate, are missing, or something is not an array of numbers of the right shape.
     """
-    has_columns = any(name.startswith(OF_AXES) for name in content.arrays)
+    has_columns = any(name.startswith(tuple(f"{signal}." for signal in OF_LOOP)) for name in content.arrays)
     gather = _from_columns if content.is_table or has_columns else _from_matrices
     raw = gather(path, content, sample_rate)
     raw.findings += content.findings
@@ -94,11 +111,7 @@ def _from_columns(path: Path, content: Content, sample_rate: float | None) -> Ra
         listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
         raise RecordError(f"{path}: the columns have different lengths ({listed}); give one value a sample")
     raw = RawRecord({}, found.values.get("t"), found.sample_rate, found.findings)
-    for signal in SIGNALS:
-        mine = [name for name in found.values if name.startswith(f"{signal}.")]
-        if mine:
-            axes = tuple(name.removeprefix(f"{signal}.") for name in mine)
-            raw.signals[signal] = (axes, np.stack([found.values[name] for name in mine], axis=1))
+    raw.gather(found.values)
     columns, used = content.arrays, {"t", "fs", *own.values()}
     present = ", ".join(columns)
     if raw.t is None and raw.sample_rate is None and sample_rate is None:
@@ -112,7 +125,7 @@ def _from_columns(path: Path, content: Content, sample_rate: float | None) -> Ra
 def _from_matrices(path: Path, content: Content, sample_rate: float | None) -> RawRecord:
     """Gather arrays fs, t, i_e, y, ... (N x axes) into signals; an array axes x N is turned, with a finding."""
     values = content.arrays
-    axes = None if content.axes is None else _axis_names(path, content.axes)
+    of_axes = None if content.axes is None else _axis_names(path, content.axes)
     present = ", ".join(values)
     if "y" not in values:
         raise RecordError(
@@ -121,7 +134,8 @@ def _from_matrices(path: Path, content: Content, sample_rate: float | None) -> R
         )
     if "fs" not in values and "t" not in values and sample_rate is None:
         raise RecordError(f"{path}: neither 'fs' [Hz] nor 't' [s] is there; add one. The variables are {present}")
-    arrays = {name: numbers(path, name, values[name]) for name in ("fs", "t", *SIGNALS) if name in values}
+    own = ("fs", "t", *SIGNALS)
+    arrays = {name: numbers(path, name, values[name]) for name in own if name in values}
     raw = RawRecord({}, arrays["t"].ravel() if "t" in arrays else None)
     if "fs" in arrays:
         if arrays["fs"].size != 1:
@@ -131,6 +145,7 @@ def _from_matrices(path: Path, content: Content, sample_rate: float | None) -> R
         if signal not in arrays:
             continue
         array = arrays[signal].reshape(-1, 1) if arrays[signal].ndim == 1 else arrays[signal]
+        axes = of_axes if "axis" in SIGNALS[signal].at else None
         if array.ndim != 2:
             raise RecordError(f"{path}: {signal} has the shape {array.shape}; give N x axes")
         wide = array.shape[0] == 1 or (raw.t is not None and array.shape[1] == len(raw.t) != array.shape[0])
@@ -143,7 +158,10 @@ def _from_matrices(path: Path, content: Content, sample_rate: float | None) -> R
                 "make it N x axes"
             )
         raw.signals[signal] = (axes, array)
-    raw.findings += unused(VARIABLES_NOT_USED, (name for name in values if name not in ("fs", "t", "axes", *SIGNALS)))
+    single = {at: at.removeprefix(f"{APART}.") for at in values if at.startswith((f"{APART}.", *OF_FURTHER))}
+    raw.further = {name: numbers(path, at, values[at]).ravel() for at, name in single.items()}
+    used = {"axes", *own, *single}
+    raw.findings += unused(VARIABLES_NOT_USED, (name for name in values if name not in used))
     return raw
 
 

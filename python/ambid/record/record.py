@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambid.arrays import ByValue
+from ambid.channels import FURTHER, SIGNALS, Channel, in_order, unit_of
 from ambid.errors import RecordError
 from ambid.findings import Finding, Kind, WithFindings
 from ambid.reading import Provenance
@@ -21,7 +22,7 @@ from ambid.record.content import remarks
 from ambid.record.driven import driven
 from ambid.record.frequency_response import FrequencyResponse
 from ambid.record.local_response import response_of_signals
-from ambid.record.raw import SIGNALS, raw_record
+from ambid.record.raw import OF_LOOP, RawRecord, raw_record
 from ambid.record.readers import opened
 from ambid.record.rebuild import ExcitationSource
 from ambid.record.writers import write
@@ -75,6 +76,9 @@ class Record(ByValue, WithFindings):
         Samples per period of the excitation.
     findings : tuple of Finding
         Every warning and repair; `notes` are their lines.
+    further : dict of str to ndarray, shape (N,)
+        Further channels, by name, such as ``b.A_zeta`` [T]: of the signals in `ambid.channels.SIGNALS`, at axes and at
+        sensors of the rig; read at t[k].
     excitation_source : str
         Where i_e is from: ``logged``; ``applied_command``, logged, but taken as the recorded command applied it;
         ``rebuilt_from_command`` or ``rebuilt_from_current`` by the rig's controller; ``assumed_zero``; ``unknown``.
@@ -105,12 +109,13 @@ class Record(ByValue, WithFindings):
     provenance: Provenance | None = None
     point: Rig | None = None
     excitation_source: ExcitationSource = "logged"
-    read_only: ClassVar[tuple[str, ...]] = tuple(SIGNALS)
+    further: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    read_only: ClassVar[tuple[str, ...]] = tuple(OF_LOOP)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axes", tuple(self.axes))
         shape = (len(self.y), len(self.axes))
-        for signal in SIGNALS:
+        for signal in OF_LOOP:
             if getattr(self, signal) is None:
                 continue
             array = np.array(getattr(self, signal), dtype=np.float64, order="C")
@@ -121,6 +126,11 @@ class Record(ByValue, WithFindings):
                 )
             array.flags.writeable = False
             object.__setattr__(self, signal, array)
+        columns = {name: np.array(column, dtype=np.float64) for name, column in self.further.items()}
+        for name, column in columns.items():
+            _require_further(str(self.path or self.name), name, column, self.samples, self.axes)
+            column.flags.writeable = False
+        object.__setattr__(self, "further", {name: columns[name] for name in in_order(columns, self.axes)})
 
     @classmethod
     def load(
@@ -171,6 +181,8 @@ class Record(ByValue, WithFindings):
         with opened(path) as content:
             raw = (raw_record if mapping is None else mapping.raw_record)(path, content, sample_rate)
         findings = list(raw.findings)
+        if rig is not None:
+            _take_sensors_out(raw, rig)
         axes = raw.signals["y"][0]
         if axes is None:
             if rig is None:
@@ -180,7 +192,11 @@ class Record(ByValue, WithFindings):
         arrays: dict[str, Any] = {}
         named = {signal: found or axes for signal, (found, _) in raw.signals.items()}
         checks.require_every_y(where, named, None if rig is None else tuple(rig.axes))
-        for signal, (found, array) in raw.signals.items():
+        for signal, (found, array) in list(raw.signals.items()):
+            if signal in FURTHER:
+                names = (found or axes) if "axis" in SIGNALS[signal].at else ()
+                raw.further |= _by_channel(where, signal, array, names, rig)
+                continue
             order = checks.order_of_axes(f"{where}: {signal}", found or axes, axes, "y")
             arrays[signal] = array[:, order] if array.shape[1] == len(order) else array
         if raw.t is not None:
@@ -191,6 +207,7 @@ class Record(ByValue, WithFindings):
         rate, more = checks.sample_rate_of(where, raw.t, raw.sample_rate, rig)
         return cls.from_arrays(
             **arrays,
+            further=raw.further,
             sample_rate=rate,
             axes=axes,
             rig=rig,
@@ -213,6 +230,7 @@ class Record(ByValue, WithFindings):
         i_c: ArrayLike | None = None,
         i_ref: ArrayLike | None = None,
         r: ArrayLike | None = None,
+        further: Mapping[str, ArrayLike] | None = None,
         rig: Rig | None = None,
         period: int | None = None,
         name: str = "record",
@@ -243,6 +261,7 @@ class Record(ByValue, WithFindings):
             i_c=None if i_c is None else _as_array(where, "i_c", i_c),
             i_ref=None if i_ref is None else _as_array(where, "i_ref", i_ref),
             r=None if r is None else _as_array(where, "r", r),
+            further={name: _as_array(where, name, own) for name, own in (further or {}).items()},
             period=period,
             findings=(*findings, *remarks(notes)),
             path=path,
@@ -252,6 +271,7 @@ class Record(ByValue, WithFindings):
         checks.require_finite(where, record._columns())
         if rig is not None:
             record = record._in_order_of(tuple(rig.axes))
+            checks.require_known_outputs(where, record.further, rig)
             rate, more = checks.sample_rate_of(where, None, record.sample_rate, rig)
             record = replace(record, sample_rate=rate)
             for signal, values in (("y", record.y), ("r", record.r)):
@@ -261,21 +281,22 @@ class Record(ByValue, WithFindings):
             more += checks.findings_of_means(record.axes, record.y, rig)
             record = record._with(*more)
         for channel, values in record._columns():
-            if not channel.startswith(("y.", "r.")):
+            if channel.startswith("i_"):
                 record = record._with(
                     *checks.require_ampere(where, channel, values, rig, is_allowed="current" in allow)
                 )
             if not channel.startswith(("i_e.", "r.")):
                 checks.require_alive(where, channel, values)
                 checks.require_moving(where, channel, values)
-        more = checks.findings_of_clipping(where, record.axes, record.y, record.i_c)
+            if channel in record.further:
+                checks.require_size(where, channel, values)
+        more = checks.findings_of_clipping(where, record.columns())
         if record.i_c is None:
             more.append(WITHOUT_I_C())
             if rig is not None and "i_c" in rig.controller.signals:
                 more.append(READ_WITHOUT_I_C())
         signals, source, period, of_drive = driven(where, rig, record.axes, record.sample_rate, record._signals, period)
-        own: dict[str, Any] = {signal: signals.get(signal) for signal in SIGNALS}
-        return replace(record, **own, period=period, excitation_source=source)._with(*more, *of_drive)
+        return replace(record._of(signals), period=period, excitation_source=source)._with(*more, *of_drive)
 
     def at(self, rig: Rig) -> Record:
         """The record as one of another operating point than the model's: other speed, bias current or controller.
@@ -302,8 +323,7 @@ class Record(ByValue, WithFindings):
 
     def rows(self, first: int, end: int) -> Record:
         """The same record from sample `first` up to `end`, counted from 0."""
-        own: dict[str, Any] = {name: array[first:end] for name, array in self._signals.items()}
-        return replace(self, **own)
+        return self._of({name: array[first:end] for name, array in self._signals.items()})
 
     @property
     def samples(self) -> int:
@@ -327,9 +347,9 @@ class Record(ByValue, WithFindings):
 
     @property
     def channels(self) -> list[str]:
-        """Names of the recorded outputs of the loop, such as ``y.A_zeta``; those of i_c only where it was recorded."""
+        """Names of the recorded outputs, such as ``y.A_zeta``: y, i_c where it was recorded, further ones."""
         signals = ["y"] if self.i_c is None else ["y", "i_c"]
-        return [f"{signal}.{axis}" for signal in signals for axis in self.axes]
+        return [*(f"{signal}.{axis}" for signal in signals for axis in self.axes), *self.further]
 
     @property
     def amplitude(self) -> float:
@@ -354,13 +374,21 @@ class Record(ByValue, WithFindings):
 
     @property
     def outputs(self) -> NDArray[np.float64]:
-        """The recorded outputs of the loop, y and i_c, shape (N, channels); a copy, which of a long record is large."""
+        """The recorded outputs of the loop, shape (N, channels), as in `channels`; a copy, large of a long record."""
         return np.hstack(self.parts)
 
     @property
     def parts(self) -> tuple[NDArray[np.float64], ...]:
-        """The same one by one: y, and i_c where it was recorded, shape (N, n) each."""
-        return (self.y,) if self.i_c is None else (self.y, self.i_c)
+        """The same part by part: y, and i_c where it was recorded, shape (N, n) each; each further one, (N, 1)."""
+        own = (self.y,) if self.i_c is None else (self.y, self.i_c)
+        return (*own, *(column[:, None] for column in self.further.values()))
+
+    def with_outputs(self, outputs: NDArray[np.float64]) -> Record:
+        """The same experiment with other outputs, shape (N, channels), as in `channels`."""
+        n, beyond = len(self.axes), len(self.axes) * (1 if self.i_c is None else 2)
+        i_c = None if self.i_c is None else outputs[:, n:beyond]
+        further = dict(zip(self.further, outputs.T[beyond:], strict=True))
+        return replace(self, y=outputs[:, :n], i_c=i_c, further=further)
 
     def frequency_response(self) -> FrequencyResponse:
         """The response from what moves of i_e and r to y and i_c, with its uncertainty, by local polynomials.
@@ -429,15 +457,14 @@ class Record(ByValue, WithFindings):
         return data_frame({"t": self.t, **self.columns()})
 
     def _repr_html_(self) -> str:
-        units = {"y": "m", "r": "m"}
         rows = [
-            [name, units.get(name.partition(".")[0], "A"), *(float(f(x)) for f in (np.mean, np.std, np.min, np.max))]
+            [name, unit_of(name), *(float(f(x)) for f in (np.mean, np.std, np.min, np.max))]
             for name, x in self.columns().items()
         ]
         return html_table(["channel", "unit", "mean", "deviation", "least", "most"], rows, [repr(self), *self.notes])
 
     def __repr__(self) -> str:
-        signals = " ".join(signal for signal in SIGNALS if getattr(self, signal) is not None)
+        signals = " ".join(dict.fromkeys(name.partition(".")[0] for name in self._signals))
         period = f"{self.periods} periods of {self.period}" if self.period else "no period"
         return (
             f"Record({self.name!r}: {self.samples} samples at {self.sample_rate:g} Hz, {self.seconds:.4g} s, {period}; "
@@ -446,19 +473,27 @@ class Record(ByValue, WithFindings):
 
     @property
     def _signals(self) -> dict[str, NDArray[np.float64]]:
-        """What was recorded, by name."""
-        return {name: own for name in SIGNALS if (own := getattr(self, name)) is not None}
+        """What was recorded, by name: signals of shape (N, n), and further channels of shape (N, 1)."""
+        own = {name: own for name in OF_LOOP if (own := getattr(self, name)) is not None}
+        return own | {name: column[:, None] for name, column in self.further.items()}
+
+    def _of(self, signals: Mapping[str, NDArray[np.float64]]) -> Record:
+        """The same with these as `_signals`."""
+        own: dict[str, Any] = {signal: signals.get(signal) for signal in OF_LOOP}
+        return replace(self, **own, further={name: signals[name][:, 0] for name in self.further})
 
     def _columns(self) -> Iterator[tuple[str, NDArray[np.float64]]]:
-        for signal, array in self._signals.items():
-            yield from ((f"{signal}.{axis}", array[:, j]) for j, axis in enumerate(self.axes))
+        for signal in OF_LOOP:
+            if (array := getattr(self, signal)) is not None:
+                yield from ((f"{signal}.{axis}", array[:, j]) for j, axis in enumerate(self.axes))
+        yield from self.further.items()
 
     def _in_order_of(self, axes: tuple[str, ...]) -> Record:
         """The same record with its columns in the rig's order."""
         order = checks.order_of_axes(str(self.path or self.name), self.axes, axes, "the rig")
         if self.axes == axes:
             return self
-        own: dict[str, Any] = {name: array[:, order] for name, array in self._signals.items()}
+        own: dict[str, Any] = {name: array[:, order] for name, array in self._signals.items() if name in OF_LOOP}
         return replace(self, axes=axes, **own)._with(checks.AXES_REORDERED(found=self.axes, wanted=axes))
 
     def _with(self, *findings: Finding) -> Record:
@@ -476,3 +511,39 @@ def _as_array(where: str, signal: str, values: ArrayLike) -> NDArray[np.float64]
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise RecordError(f"{where}: {signal} is not an array of real numbers ({error}); give N x axes") from None
+
+
+def _require_further(where: str, name: str, column: NDArray[np.float64], samples: int, axes: Collection[str]) -> None:
+    """Refuse a further channel of another name or shape."""
+    own = Channel.of(name)
+    is_further = own is not None and (own.signal.name in FURTHER or own.signal.name == "y" and own.place not in axes)
+    if not is_further:
+        expected = ", ".join(FURTHER)
+        raise RecordError(f"{where}: {name} is no further channel; expected {expected} or y with an axis or sensor")
+    if column.shape != (samples,):
+        raise RecordError(f"{where}: {name} has the shape {column.shape}, expected ({samples},), as y has samples")
+
+
+def _take_sensors_out(raw: RawRecord, rig: Rig) -> None:
+    """Make further channels of the displacements that are at a [[sensor]] of a rig."""
+    found, array = raw.signals["y"]
+    apart = [sensor.name for sensor in rig.sensors if sensor.channel == f"y.{sensor.name}"]
+    if found is None or not (at_sensors := [axis for axis in found if axis in apart]):
+        return
+    raw.further |= {f"y.{name}": array[:, found.index(name)] for name in at_sensors}
+    kept = [k for k, axis in enumerate(found) if axis not in apart]
+    raw.signals["y"] = tuple(found[k] for k in kept), array[:, kept]
+
+
+def _by_channel(
+    where: str, signal: str, array: NDArray[np.float64], names: Sequence[str], rig: Rig | None
+) -> dict[str, NDArray[np.float64]]:
+    """Columns of a matrix by channel: of the axes, or of the sensors of a rig."""
+    if not names and rig is not None:
+        names = [sensor.name for sensor in rig.sensors if sensor.signal == signal]
+    if array.shape[1] != len(names):
+        listed = ", ".join(names) or "none"
+        raise RecordError(
+            f"{where}: {signal} has the shape {array.shape}, expected a column for each of {listed}; give N x columns"
+        )
+    return {f"{signal}.{name}": array[:, j] for j, name in enumerate(names)}

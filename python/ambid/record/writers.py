@@ -11,6 +11,7 @@ import numpy as np
 import scipy.io
 
 from ambid.arrays import FloatArray
+from ambid.record.raw import APART
 from ambid.record.readers import by_suffix, extra
 from ambid.writing import whole_file
 
@@ -31,7 +32,7 @@ def write(path: Path, sample_rate: float, axes: Sequence[str], signals: Signals)
     axes : sequence of str
         Names of the columns.
     signals : mapping of str to ndarray, shape (N, axes)
-        By name, such as ``y``, all of one length.
+        By name, such as ``y``, all of one length; a channel by itself, such as ``b.A_zeta``, has one column.
 
     Raises
     ------
@@ -69,7 +70,10 @@ def _time(sample_rate: float, signals: Signals) -> FloatArray:
 def _columns(sample_rate: float, axes: Sequence[str], signals: Signals) -> dict[str, FloatArray]:
     columns = {"t": _time(sample_rate, signals)}
     for signal, array in signals.items():
-        columns |= {f"{signal}.{axis}": array[:, j] for j, axis in enumerate(axes)}
+        if "." in signal:  # a channel by itself
+            columns[signal] = array[:, 0]
+        else:
+            columns |= {f"{signal}.{axis}": array[:, j] for j, axis in enumerate(axes)}
     return columns
 
 
@@ -81,7 +85,13 @@ def _write_csv(stream: BinaryIO, sample_rate: float, axes: Sequence[str], signal
 
 def _write_mat(stream: BinaryIO, sample_rate: float, axes: Sequence[str], signals: Signals) -> None:
     names = np.array(axes, dtype=object).reshape(-1, 1)
-    content = {"fs": sample_rate, "t": _time(sample_rate, signals).reshape(-1, 1), **signals, "axes": names}
+    own = {name: array for name, array in signals.items() if "." not in name}
+    apart: dict[str, dict[str, FloatArray]] = {}
+    for name in (name for name in signals if name not in own):  # a name of MATLAB has no dots
+        signal, _, place = name.partition(".")
+        apart.setdefault(signal, {})[place] = signals[name]
+    content = {"fs": sample_rate, "t": _time(sample_rate, signals).reshape(-1, 1), **own, "axes": names}
+    content |= {APART: apart} if apart else {}
     scipy.io.savemat(stream, content, do_compression=True)
 
 
@@ -91,7 +101,7 @@ def _write_hdf5(stream: BinaryIO, sample_rate: float, axes: Sequence[str], signa
     whole = BytesIO()  # HDF5 leaves a file open, and the process in danger, when the disk under it is full
     with h5py.File(whole, "w") as file:
         for name, value in {"fs": sample_rate, "t": _time(sample_rate, signals), **signals}.items():
-            file[name] = value
+            file[f"{APART}.{name}" if "." in name else name] = value
         file["axes"] = list(axes)
     stream.write(whole.getbuffer())
 

@@ -14,6 +14,7 @@ from ambid.diagnosis import Comparison, Diagnosis, Localisation, MisfitMatrix, R
 from ambid.diagnosis.localisation import SHAPED, MisfitMap
 from ambid.errors import RecordError
 from ambid.noise import frequency_responses
+from ambid.noise.compared import ChannelComparison
 from ambid.plot import (
     plot_comparison,
     plot_frequency_response,
@@ -166,15 +167,17 @@ def needed(where: Localisation, axes: tuple[str, ...]) -> Picture | None:
 
 
 def signals(before: Comparison, after: Comparison | None, index: int) -> Picture | None:
-    """Measured against simulated in time, of the displacement and the current that the base model missed most.
+    """Measured against simulated in time, of each signal the channel that the base model missed most.
 
     None of a frequency response, which has no time.
     """
     one = before.records[index]
     if isinstance(one.record, FrequencyResponse):
         return None
-    groups = [[c for c in one.channels if c.channel.startswith(signal)] for signal in ("y.", "i_c.")]
-    channels = [max(own, key=lambda c: c.beyond_noise).channel for own in groups if own]
+    groups: dict[str, list[ChannelComparison]] = {}
+    for c in one.channels:
+        groups.setdefault(c.channel.partition(".")[0], []).append(c)
+    channels = [max(own, key=lambda c: c.beyond_noise).channel for own in groups.values()]
     figure = new_figure(PAGE, 2.8)
     panels = figure.subplots(2, len(channels), sharex="col", squeeze=False, height_ratios=[3, 1.6])
     for column, channel in zip(panels.T, channels, strict=True):
@@ -195,7 +198,7 @@ def signals(before: Comparison, after: Comparison | None, index: int) -> Picture
 
 
 def responses(before: Comparison, after: Comparison | None, index: int) -> Picture | None:
-    """Frequency responses of a record: of the displacement and of the current that the base model missed most.
+    """Frequency responses of a record: of each signal the channel that the base model missed most.
 
     None where the record is too short for them.
     """
@@ -207,11 +210,11 @@ def responses(before: Comparison, after: Comparison | None, index: int) -> Pictu
         return None
     missed = np.nanmean(compared.left(-1), axis=0)
     pairs = []
-    for signal in ("y.", "i_c."):
-        rows = [k for k, name in enumerate(compared.measured.outputs) if name.startswith(signal)]
-        if rows:
-            o, i = np.unravel_index(int(np.nanargmax(missed[rows])), missed[rows].shape)
-            pairs.append((compared.measured.outputs[rows[o]], compared.measured.inputs[i]))
+    outputs = compared.measured.outputs
+    for signal in dict.fromkeys(name.partition(".")[0] for name in outputs):
+        rows = [k for k, name in enumerate(outputs) if name.startswith(f"{signal}.")]
+        o, i = np.unravel_index(int(np.nanargmax(missed[rows])), missed[rows].shape)
+        pairs.append((outputs[rows[o]], compared.measured.inputs[i]))
     figure = new_figure(PAGE, 3.6)
     panels = figure.subplots(3, len(pairs), sharex=True, squeeze=False, height_ratios=[3, 1.4, 1.8])
     for column, pair in zip(panels.T, pairs, strict=True):

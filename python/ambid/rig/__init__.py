@@ -7,7 +7,7 @@ from ambid.rig.controller import (
     TransferFunctionController,
 )
 from ambid.rig.given import as_rig
-from ambid.rig.parts import Disk, Material, Section, Support
+from ambid.rig.parts import Disk, Material, Section, Sensor, Support
 from ambid.rig.rig import Actuator, Amplifier, Bearing, Rig
 from ambid.rig.rotor import FiniteElementRotor, MatrixRotor, ModalRotor, PointMassRotor, Rotor
 from ambid.rig.tolerance import Tolerance
@@ -27,6 +27,7 @@ __all__ = [
     "Rig",
     "Rotor",
     "Section",
+    "Sensor",
     "StateSpaceController",
     "Support",
     "Tolerance",

@@ -1,15 +1,15 @@
 """What a rotor is made of and held by: sections of a shaft, disks, and known springs and dampers to ground."""
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 from pydantic_core import InitErrorDetails
 
 from ambid.rig.fields import MILLIMETRES, Range, Spec, plain, problem, refuse
 
-__all__ = ["Disk", "MASS", "Material", "Position", "Section", "Support", "polar_over_transverse", "too_polar"]
+__all__ = ["Disk", "MASS", "Material", "Position", "Section", "Sensor", "Support", "polar_over_transverse", "too_polar"]
 
 Position = Annotated[float, Range(unit="m")]
 
@@ -22,6 +22,7 @@ MASS = Range(1e-6, 1e5, "kg")
 INERTIA = Range(0.0, 1e5, "kg m^2", (("kg mm^2", 1e-6),))
 SUPPORT_STIFFNESS = Range(-1e10, 1e10, "N/m", (), "K > 0 centres")
 SUPPORT_DAMPING = Range(0.0, 1e8, "N s/m")
+DIRECTION = Range(-360.0, 360.0, "degrees")
 
 
 class Material(Spec):
@@ -117,6 +118,44 @@ class Support(Spec):
     position: Position | None = None
     stiffness: Annotated[float, SUPPORT_STIFFNESS] = 0.0
     damping: Annotated[float, SUPPORT_DAMPING] = 0.0
+
+    @property
+    def z(self) -> float:
+        """The position [m]; 0 of a plain mass, which moves alike wherever it is asked."""
+        return self.position or 0.0
+
+
+class Sensor(Spec):
+    """A sensor beside those of the bearings, which the controller does not read; its channel is ``<signal>.<name>``.
+
+    Parameters
+    ----------
+    signal : {"a", "y"}
+        Acceleration [m/s^2] or displacement [m] of the rotor.
+    name : str
+        An identifier without dots, none of an axis.
+    position : float, optional
+        z [m]; a plain mass has no places.
+    direction : float
+        In which it reads, from global x to y [degrees]; a plain mass has none.
+    """
+
+    signal: Literal["a", "y"] = Field(description="'a' (acceleration of the rotor) or 'y' (displacement)")
+    name: str = Field(description="a name such as drive_end: letters, digits and _, no dots")
+    position: Position | None = None
+    direction: Annotated[float, DIRECTION] = 0.0
+
+    @field_validator("name")
+    @classmethod
+    def _identifier(cls, name: str) -> str:
+        if not name.isidentifier():
+            refuse(problem("expected a name such as drive_end: letters, digits and _, no dots, no spaces.", name))
+        return name
+
+    @property
+    def channel(self) -> str:
+        """Of records, such as ``a.drive_end``."""
+        return f"{self.signal}.{self.name}"
 
     @property
     def z(self) -> float:

@@ -1,6 +1,7 @@
 """The rig file: everything that is known about the machine before any record is read."""
 
 import io
+import math
 import os
 import tomllib
 from functools import cached_property
@@ -9,6 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, ValidationError, ValidationInfo, field_validator, model_validator
 
+from ambid.channels import SIGNALS, Channel
 from ambid.errors import RigError
 from ambid.reading import Provenance, reading
 from ambid.results import html_table
@@ -31,7 +33,7 @@ from ambid.rig.fields import (
     refuse,
     rig_error,
 )
-from ambid.rig.parts import Position
+from ambid.rig.parts import Position, Sensor
 from ambid.rig.rotor import PointMassRotor, Rotor, off_the_shaft
 from ambid.rig.tolerance import MEASURED_FREQUENCY, TYPICAL, Tolerance
 from ambid.rig.toml import toml_text
@@ -39,10 +41,16 @@ from ambid.writing import whole_file
 
 MOST_BEARINGS = 8
 """Bearings of a rig: sixteen axes, whose loop has some hundred parameters and as many states as a fit can bear."""
+MOST_SENSORS = 32
+"""Beside those of the bearings."""
 SPEED = Range(0.0, 5e4, "rad/s")
 TILT = Range(-360.0, 360.0, "degrees")
 BIAS_CURRENT = Range(1e-3, 500.0, "A", (("milliamperes", 1e-3),))
 AIR_GAP = Range(1e-5, 0.1, "m", (MILLIMETRES, MICROMETRES))
+POLE_AREA = Range(1e-7, 1.0, "m^2", (("mm^2", 1e-6), ("cm^2", 1e-4)))
+BIAS_FLUX = Range(1e-3, 2.4, "T", (("mT", 1e-3), ("gauss", 1e-4)), "iron saturates below 2.4 T")
+MU_0 = 4e-7 * math.pi
+"""Permeability of air [V s/(A m)]."""
 LONGEST_FILE = 1 << 23
 """Characters of a rig file: three matrices of 200 freedoms take a third, and reading as much takes seconds."""
 _CONVENTION = "f = K_i i + K_s s"
@@ -51,6 +59,8 @@ FORCE_DISPLACEMENT = Range(-1e10, 1e10, "N/m", (), f"{_CONVENTION}, K_s > 0 dest
 LEAST_STIFFNESS = 1e-2
 """Smallest size of K_s [N/m]; a magnet has some, and parameters are scaled by it."""
 STIFFNESS_SLIPS = (("N/mm", 1e3), ("N/um", 1e6))
+OUTPUTS = ("heard", "recorder")
+"""Paths of the noise of what a machine gives."""
 SLIPPED = 5.0
 """Factor within which K_s in another unit is that of a magnet: then the unit is wrong, and not the machine another."""
 SHORTEST_LAG = 1e-7
@@ -84,6 +94,11 @@ class Bearing(Spec):
     force_displacement : float or sequence of float
         Nominal K_s of each axis [N/m]; a number stands for all. Kept as one value per axis. Negative of passive or
         repelling magnets, which centre the rotor.
+    pole_area : float, optional
+        A of one pole [m^2], of a bearing with Hall sensors in the gap.
+    bias_flux : float or sequence of float, optional
+        B_0 of each axis [T], flux density in the gap with the rotor in the centre; a number stands for all. Either of
+        both keys is enough, see `force_per_flux`.
     """
 
     name: str = Field(description="a name such as A: letters, digits and _, no dots")
@@ -105,6 +120,10 @@ class Bearing(Spec):
     force_displacement: Annotated[tuple[float, ...], per_axis(FORCE_DISPLACEMENT)] = Field(
         description=f"K_s, {FORCE_DISPLACEMENT.allowed}, a number or one per axis"
     )
+    pole_area: Annotated[float, POLE_AREA] | None = Field(None, description=f"area of a pole, {POLE_AREA.allowed}")
+    bias_flux: Annotated[tuple[float, ...], per_axis(BIAS_FLUX)] | None = Field(
+        None, description=f"B_0, {BIAS_FLUX.allowed}, a number or one per axis"
+    )
 
     @field_validator("name")
     @classmethod
@@ -120,9 +139,11 @@ class Bearing(Spec):
             refuse(problem("expected ['zeta', 'eta'], or ['zeta'] for a single axis.", axes))
         return axes
 
-    @field_validator("force_current", "force_displacement")
+    @field_validator("force_current", "force_displacement", "bias_flux")
     @classmethod
-    def _each_axis(cls, value: float | tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
+    def _each_axis(cls, value: float | tuple[float, ...] | None, info: ValidationInfo) -> tuple[float, ...] | None:
+        if value is None:
+            return None
         n_axes = len(info.data.get("axes", ("zeta", "eta")))
         values = value if isinstance(value, tuple) else (value,) * n_axes
         if len(values) != n_axes:
@@ -154,6 +175,22 @@ class Bearing(Spec):
     def axis_names(self) -> tuple[str, ...]:
         """Names of its axes in records and results, such as ("A_zeta", "A_eta")."""
         return tuple(f"{self.name}_{axis}" for axis in self.axes)
+
+    @property
+    def force_per_flux(self) -> tuple[float, ...] | None:
+        """Force of each axis by the difference b of the flux densities of opposed poles [N/T]; None if not known.
+
+        Two poles a side pull with A B^2/mu_0, so that about the bias f = 2 A B_0 b/mu_0; and from b = 2 B_0 i/i_0 of
+        the same pair K_i = 4 A B_0^2/(mu_0 i_0), which gives A or B_0 where one is not stated (Schweitzer, Maslen
+        (eds.), Magnetic Bearings, 2009, section 4.1).
+        """
+        area, flux, i_0 = self.pole_area, self.bias_flux, self.bias_current
+        if area is not None:
+            own = flux or (math.sqrt(MU_0 * k_i * i_0 / (4.0 * area)) for k_i in self.force_current)
+            return tuple(2.0 * area * b_0 / MU_0 for b_0 in own)
+        if flux is not None:
+            return tuple(k_i * i_0 / (2.0 * b_0) for k_i, b_0 in zip(self.force_current, flux, strict=True))
+        return None
 
 
 class Amplifier(Spec):
@@ -223,6 +260,8 @@ class Rig(Spec):
         Of every axis.
     controller : PidController, StateSpaceController or TransferFunctionController
         From the displacements to the commands of the amplifiers.
+    sensors : sequence of Sensor, optional
+        Beside those of the bearings; `sensor` in the file.
     tolerance : Tolerance, optional
         How well all these are known; without it, typical standard deviations are assumed.
 
@@ -246,6 +285,9 @@ class Rig(Spec):
     actuator: Actuator = Field(description="a table [actuator] with time_constant in s")
     controller: AnyController = Field(
         description="a table [controller] with kind = 'pid', 'state_space' or 'transfer_function'"
+    )
+    sensors: tuple[Sensor, ...] = Field(
+        (), alias="sensor", max_length=MOST_SENSORS, description="[[sensor]] tables, each with double brackets"
     )
     tolerance: Tolerance = Field(
         Tolerance(exact=False), description="a table [tolerance] with standard deviations, or exact = true"
@@ -290,6 +332,28 @@ class Rig(Spec):
             refuse(problem(text, controller.signals, "inputs"))
         return controller
 
+    @field_validator("sensors")
+    @classmethod
+    def _sensors_fit(cls, sensors: tuple[Sensor, ...], info: ValidationInfo) -> tuple[Sensor, ...]:
+        names = [sensor.name for sensor in sensors]
+        axes = [axis for bearing in info.data.get("bearings", ()) for axis in bearing.axis_names]
+        text = "expected a name of its own, {} has this one; rename one of them."
+        problems = [
+            problem(text.format("an axis" if name in axes else "another sensor"), name, k, "name")
+            for k, name in enumerate(names)
+            if name in axes or name in names[:k]
+        ]
+        rotor = info.data.get("rotor")
+        if rotor is not None and rotor.span is not None:
+            required = "expected the sensor's place on the shaft; add it, in m."
+            problems += [
+                problem(complaint, NOTHING if own.position is None else own.position, k, "position")
+                for k, own in enumerate(sensors)
+                if (complaint := required if own.position is None else off_the_shaft(rotor.span, own.position))
+            ]
+        refuse(*problems)
+        return sensors
+
     @property
     def path(self) -> Path | None:
         """The file that it was read from, if any; no part of its equality."""
@@ -304,6 +368,29 @@ class Rig(Spec):
     def axes(self) -> tuple[str, ...]:
         """Names of all axes in order, such as ("A_zeta", "A_eta", "B_zeta", "B_eta")."""
         return tuple(axis for bearing in self.bearings for axis in bearing.axis_names)
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Every channel that a record of the machine may hold as an output of the loop, y and i_c first."""
+        of_axes = [f"{name}.{axis}" for name, own in SIGNALS.items() if own.path in OUTPUTS for axis in self.axes]
+        return (*(name for name in of_axes if not self.lacks(name)), *(sensor.channel for sensor in self.sensors))
+
+    def lacks(self, channel: str) -> str:
+        """Why no such output is known of the machine, and what to add to the rig file; empty where it is."""
+        own = Channel.of(channel)
+        if own is None or own.signal.path not in OUTPUTS:
+            return f"it is no output; expected {', '.join(n for n, s in SIGNALS.items() if s.path in OUTPUTS)}"
+        if channel in (sensor.channel for sensor in self.sensors):
+            return ""
+        if "axis" not in own.signal.at or own.place not in self.axes:
+            hint = f"; or add a [[sensor]] with signal = '{own.signal.name}' and name = '{own.place}'"
+            return f"the rig has the axes {', '.join(self.axes)}; rename it{hint if 'sensor' in own.signal.at else ''}"
+        bearing = next(b for b in self.bearings if own.place in b.axis_names)
+        if own.signal.name == "b" and bearing.force_per_flux is None:
+            return f"add pole_area [m^2] or bias_flux [T] to bearing {bearing.name}"
+        if own.signal.name == "u" and self.amplifier.resistance is None:
+            return "add amplifier.resistance, of a coil whose voltage is commanded"
+        return ""
 
     def known_to(self, key: str) -> float:
         """Standard deviation to which a value is known, see `Tolerance`: the stated one, or what is typical here."""

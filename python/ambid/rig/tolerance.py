@@ -36,6 +36,10 @@ TYPICAL: Mapping[str, float] = {
     "controller_gain": 0.01,
     "bias_current": 0.01,
     "air_gap": 0.05,
+    "flux_gain": 0.05,
+    "voltage_gain": 0.01,
+    "force_gain": 0.01,
+    "acceleration_gain": 0.05,
 }
 """One standard deviation by key: absolute for places [m], angles [degrees] and instants [s], relative for the rest."""
 
@@ -64,6 +68,12 @@ SOURCES: Mapping[str, str] = {
     "controller_gain": "resistors and capacitors of 1 %; none of a digital controller",
     "bias_current": "as the current reading, with its drift: 1 %",
     "air_gap": "stacking of laminations and run-out of the journal: 5 %",
+    "flux_gain": "force by the flux density b: Hall element 2 %, its place under the pole, area and bias flux of that, "
+    "or K_i where one of both is not given: 5 %",
+    "voltage_gain": "divider of resistors of 1 %",
+    "force_gain": "load cell under the stator with its amplifier, calibrated in place: 1 %",
+    "acceleration_gain": "nominal sensitivity of a piezoelectric accelerometer: 5 %; 1 % of one that is calibrated by "
+    "ISO 16063-21",
 }
 """Where each typical value is from."""
 
@@ -77,6 +87,7 @@ class Tolerance(Spec):
         Every value is exact, as in a simulation.
     mass, inertia, sensor_gain, current_gain, excitation_gain, bending_frequency, modal_damping : float, optional
     amplifier_time_constant, controller_gain, bias_current, air_gap : float, optional
+    flux_gain, voltage_gain, force_gain, acceleration_gain : float, optional
         Relative.
     position, sensor_position : float, optional
         [m].
@@ -102,6 +113,10 @@ class Tolerance(Spec):
     controller_gain: Annotated[float, PART] | None = None
     bias_current: Annotated[float, PART] | None = None
     air_gap: Annotated[float, PART] | None = None
+    flux_gain: Annotated[float, PART] | None = None
+    voltage_gain: Annotated[float, PART] | None = None
+    force_gain: Annotated[float, PART] | None = None
+    acceleration_gain: Annotated[float, PART] | None = None
 
     @property
     def typical_keys(self) -> tuple[str, ...]:

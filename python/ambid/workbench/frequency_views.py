@@ -194,7 +194,7 @@ def _modelled(f: FloatArray, response: ComplexArray, least: float, factor: float
 
 def _shown_in(output: str, inlet: str) -> tuple[float, str]:
     """Factor and unit of a response: displacements by currents in µm/A, as displacements are drawn in µm."""
-    of, by = unit_of(output, inlet).split("/")
+    of, _, by = unit_of(output, inlet).rpartition("/")
     factor, name = shown_in(of) if (of, by) == ("m", "A") else (1.0, of)
     return factor, f"{name}/{by}"
 

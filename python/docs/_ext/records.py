@@ -12,8 +12,17 @@ from types import ModuleType
 from typing import Any
 
 import ambid.record
+from ambid.channels import SIGNALS
 from ambid.record import ChannelMap, Record, StaticLoading
 from words import first_paragraph, meanings, paragraphs, table
+
+PATHS = {
+    "drive": "none",
+    "command": "none",
+    "heard": "goes round the loop where the controller reads it",
+    "recorder": "of the recorder alone",
+}
+"""What is said of the noise of each path."""
 
 
 def generate(drawn: Path) -> str:
@@ -51,13 +60,26 @@ def _calls(reader: Callable[..., Any], other: Callable[..., Any]) -> bool:
 
 def _signals() -> str:
     lines = meanings(Record, "Attributes")
-    names = ["sample_rate", "axes", *_constant("SIGNALS"), "period"]
+    names = ["sample_rate", "axes", *_constant("OF_LOOP"), "further", "period"]
     rows = [[f"`{name}`", *lines[name]] for name in names]
+    columns = [
+        [
+            f"`{own.name}.<{'>` or `<'.join(own.at)}>`",
+            own.meaning,
+            own.unit,
+            PATHS[own.path],
+            f"`{own.gain}`" if own.gain else "",
+        ]
+        for own in SIGNALS.values()
+    ]
+    head = ["column", "what it is", "unit", "its noise", "tolerance of its gain"]
     return (
         f"## What a record holds\n\n{paragraphs(Record)}\n\n{table(['in Python', 'type', 'meaning'], rows)}\n\n"
+        f"{table(head, columns)}\n\n"
         f"In a table (`.csv`, `.parquet`, `.tdms`) each signal has a column an axis, such as `y.A_zeta`, beside `t` in "
         "s. In `.mat` and `.h5` a signal is an array of N x axes, beside `fs` in Hz or `t` in s, and `axes`, the names "
-        "of its columns; an array of axes x N is turned, with a note."
+        "of its columns; an array of axes x N is turned, with a note. Further channels are arrays likewise, those of "
+        "sensors in the order of the rig file, or members of structures, such as `b.A_zeta`."
     )
 
 

@@ -1,0 +1,152 @@
+"""Flux density, force, acceleration, further displacements: closed forms, and identification by virtual records."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ambid.identification import identify
+from ambid.model import Model
+from ambid.noise import compare
+from ambid.rig import Rig
+from hidden.bench import measured
+from hidden.families import BENCHES
+from hidden.one_axis import ONE_AXIS
+
+MU_0 = 4e-7 * np.pi
+
+
+def instrumented(bench, area, sensors, **more) -> Rig:
+    """The rig of a bench with sensors; area and true bias flux of its poles are known."""
+    data = bench.rig.model_dump(by_alias=True, exclude_none=True) | {"sensor": sensors} | more
+    gains = iter(bench.K_i)
+    for bearing in data["bearing"]:
+        own = [next(gains) for _ in bearing["axes"]]
+        flux = [float(np.sqrt(MU_0 * k_i * bearing["bias_current"] / (4.0 * area))) for k_i in own]
+        bearing |= {"pole_area": area, "bias_flux": flux}
+    return Rig(**data)
+
+
+MASS = instrumented(ONE_AXIS, 3e-4, [{"signal": "a", "name": "mass"}, {"signal": "y", "name": "other"}])
+NOISE = {"b.A_zeta": 2e-3, "f.A_zeta": 1.0, "a.mass": 0.1, "y.other": 1e-7}
+"""White, of each instrument."""
+BENCH = BENCHES["bench"]
+SHAFT = instrumented(
+    BENCH,
+    5e-4,
+    [
+        {"signal": "a", "name": "middle", "position": 0.43, "direction": 30.0},
+        {"signal": "y", "name": "middle_y", "position": 0.43, "direction": 30.0},
+    ],
+    speed=300.0,
+)
+
+
+def watched(rig, channels, effects=()):
+    """The linear loop of a rig with these outputs beside y, at nominal values."""
+    model = Model(rig)
+    for effect, values in effects:
+        model = model.add(effect, values)
+    first = (*(f"y.{axis}" for axis in rig.axes), *channels)
+    return model._made_of(replace(model.structure, measured=first), tuple(model.parameters))
+
+
+def responses(model, frequency_hz):
+    found = model.loop.frequency_response(model.theta, frequency_hz)
+    return {name: found[:, k, 0] for k, name in enumerate(model.loop.outputs)}
+
+
+def test_acceleration_is_the_second_derivative_with_gyroscopic_and_all_other_forces():
+    f = np.geomspace(5.0, 2e3, 40)
+    seal = ("seal_forces", {"direct_stiffness": 3e5, "cross_stiffness": 2e5})
+    seen = responses(watched(SHAFT, ("a.middle", "y.middle_y"), [seal]), f)
+    np.testing.assert_allclose(seen["a.middle"], -((2.0 * np.pi * f) ** 2) * seen["y.middle_y"], rtol=1e-9)
+
+
+def test_force_on_a_mass_is_mass_times_acceleration_and_flux_goes_with_it():
+    f = np.geomspace(5.0, 2e3, 40)
+    seen = responses(watched(MASS, ("a.mass", "f.A_zeta", "b.A_zeta"), [("eddy_currents", {})]), f)
+    np.testing.assert_allclose(seen["f.A_zeta"], 12.0 * seen["a.mass"], rtol=1e-9)
+    gain = 2.0 * 3e-4 * MASS.bearings[0].bias_flux[0] / MU_0
+    np.testing.assert_allclose(gain * seen["b.A_zeta"], seen["f.A_zeta"], rtol=1e-9)
+
+
+def test_voltage_drives_resistance_inductance_and_back_emf():
+    coil = MASS.replace(
+        amplifier={"time_constant": 1e-3, "resistance": 2.0},
+        controller=MASS.controller.model_copy(update={"proportional": 6e4, "integral": 1e5, "derivative": 150.0}),
+    )
+    f = np.geomspace(5.0, 2e3, 40)
+    emf = ("back_emf", {"voltage_per_velocity": 20.0})
+    seen = responses(watched(coil, ("i_c.A_zeta", "u.A_zeta"), [emf]), f)
+    s = 2j * np.pi * f
+    needed = 2.0 * (1.0 + 1e-3 * s) * seen["i_c.A_zeta"] + 20.0 * s * seen["y.A_zeta"]
+    np.testing.assert_allclose(seen["u.A_zeta"], needed, rtol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def record():
+    return measured(MASS, ONE_AXIS.excitation(1.0), {}, seed=1, further=NOISE, **ONE_AXIS.truth)
+
+
+@pytest.mark.parametrize("channels", [[name] for name in NOISE] + [list(NOISE)])
+@pytest.mark.parametrize("with_i_c", [True, False])
+def test_one_axis(record, channels, with_i_c):
+    own = replace(record, further={name: record.further[name] for name in channels})
+    found = identify(MASS, own if with_i_c else replace(own, i_c=None))
+    truth = {"K_i.A_zeta": 185.0, "K_s.A_zeta": 1.18e6, "tau_e": 2.85e-4}
+    assert found.misfit == pytest.approx(1.0, abs=0.08)
+    for name, value in truth.items():
+        parameter = found.parameters[name]
+        assert abs(parameter.value - value) < 3.5 * parameter.std_error, name
+
+
+def test_a_further_channel_never_widens_an_interval(record):
+    without = identify(MASS.replace(tolerance={}), replace(record, further={}))
+    beside = identify(MASS.replace(tolerance={}), record)
+    for name, parameter in without.parameters.items():
+        assert beside.parameters[name].std_error < 1.05 * parameter.std_error, name
+    assert {"flux_gain.A_zeta", "force_gain.A_zeta", "acceleration_gain.mass", "sensor_gain.other"} <= set(
+        beside.tolerances
+    )
+
+
+def test_the_noise_of_each_instrument_is_told(record):
+    found = compare(Model(MASS).with_values({"K_i.A_zeta": 185.0, "K_s.A_zeta": 1.18e6, "tau_e": 2.85e-4}), record)
+    rows = {own.channel: own for own in found.records[0].channels}
+    silent = measured(MASS, ONE_AXIS.excitation(1.0), {}, seed=None, further=NOISE, **ONE_AXIS.truth)
+    for name, rms in NOISE.items():
+        noise = (record.further[name] - silent.further[name]).std()
+        assert noise > 0.99 * rms  # that of the displacement sensor goes round the loop and adds to it
+        assert rows[name].noise_rms == pytest.approx(noise, rel=0.05)
+        assert rows[name].residual_rms == pytest.approx(noise, rel=0.05)
+    assert "mT" in str(found)
+    assert "m/s^2" in str(found)
+
+
+def test_a_wrong_gain_is_an_error_of_the_instrument(record):
+    loud = replace(record, further=dict(record.further) | {"b.A_zeta": 1.06 * record.further["b.A_zeta"]})
+    found = identify(MASS.replace(tolerance={"flux_gain": 0.1}), loud)
+    own = found.tolerances["flux_gain.A_zeta"]
+    assert abs(own.posterior_value - 0.06) < 3.0 * own.posterior_std < 0.06
+
+
+@pytest.mark.slow
+def test_four_axes():
+    rig = instrumented(
+        BENCH,
+        5e-4,
+        [
+            {"signal": "a", "name": "middle", "position": BENCH.middle, "direction": 30.0},
+            {"signal": "y", "name": "end", "position": 0.1, "direction": -10.0},
+        ],
+    )
+    noise = {f"b.{axis}": 2e-3 for axis in rig.axes} | {"a.middle": 0.05, "y.end": 1e-7, "f.A_zeta": 1.0}
+    given = measured(rig, BENCH.excitation(BENCH.amplitude), {}, seed=2, further=noise, **BENCH.truth, **BENCH.noise)
+    found = identify(rig, given)
+    assert found.misfit == pytest.approx(1.0, abs=0.05)
+    truth = dict(zip((f"K_i.{axis}" for axis in rig.axes), BENCH.K_i, strict=True))
+    truth |= dict(zip((f"K_s.{axis}" for axis in rig.axes), BENCH.K_s, strict=True)) | {"tau_e": BENCH.tau_e}
+    for name, value in truth.items():
+        parameter = found.parameters[name]
+        assert abs(parameter.value - value) < 3.5 * parameter.std_error, name
