@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ambid.errors import ModelError
 from ambid.identification import identify
 from ambid.model import Model
 from ambid.noise import compare
@@ -42,15 +43,6 @@ SHAFT = instrumented(
 )
 
 
-def watched(rig, channels, effects=()):
-    """The linear loop of a rig with these outputs beside y, at nominal values."""
-    model = Model(rig)
-    for effect, values in effects:
-        model = model.add(effect, values)
-    first = (*(f"y.{axis}" for axis in rig.axes), *channels)
-    return model._made_of(replace(model.structure, measured=first), tuple(model.parameters))
-
-
 def responses(model, frequency_hz):
     found = model.loop.frequency_response(model.theta, frequency_hz)
     return {name: found[:, k, 0] for k, name in enumerate(model.loop.outputs)}
@@ -59,13 +51,13 @@ def responses(model, frequency_hz):
 def test_acceleration_is_the_second_derivative_with_gyroscopic_and_all_other_forces():
     f = np.geomspace(5.0, 2e3, 40)
     seal = ("seal_forces", {"direct_stiffness": 3e5, "cross_stiffness": 2e5})
-    seen = responses(watched(SHAFT, ("a.middle", "y.middle_y"), [seal]), f)
+    seen = responses(Model(SHAFT).add(*seal).with_outputs(("a.middle", "y.middle_y")), f)
     np.testing.assert_allclose(seen["a.middle"], -((2.0 * np.pi * f) ** 2) * seen["y.middle_y"], rtol=1e-9)
 
 
 def test_force_on_a_mass_is_mass_times_acceleration_and_flux_goes_with_it():
     f = np.geomspace(5.0, 2e3, 40)
-    seen = responses(watched(MASS, ("a.mass", "f.A_zeta", "b.A_zeta"), [("eddy_currents", {})]), f)
+    seen = responses(Model(MASS).add("eddy_currents").with_outputs(("a", "f", "b")), f)
     np.testing.assert_allclose(seen["f.A_zeta"], 12.0 * seen["a.mass"], rtol=1e-9)
     gain = 2.0 * 3e-4 * MASS.bearings[0].bias_flux[0] / MU_0
     np.testing.assert_allclose(gain * seen["b.A_zeta"], seen["f.A_zeta"], rtol=1e-9)
@@ -78,7 +70,7 @@ def test_voltage_drives_resistance_inductance_and_back_emf():
     )
     f = np.geomspace(5.0, 2e3, 40)
     emf = ("back_emf", {"voltage_per_velocity": 20.0})
-    seen = responses(watched(coil, ("i_c.A_zeta", "u.A_zeta"), [emf]), f)
+    seen = responses(Model(coil).add(*emf).with_outputs("u"), f)
     s = 2j * np.pi * f
     needed = 2.0 * (1.0 + 1e-3 * s) * seen["i_c.A_zeta"] + 20.0 * s * seen["y.A_zeta"]
     np.testing.assert_allclose(seen["u.A_zeta"], needed, rtol=1e-9)
@@ -150,3 +142,17 @@ def test_four_axes():
     for name, value in truth.items():
         parameter = found.parameters[name]
         assert abs(parameter.value - value) < 3.5 * parameter.std_error, name
+
+
+def test_virtual_experiments_have_what_is_asked_for(golden):
+    model = Model(MASS).with_outputs(("b", "a.mass"))
+    i_e = ONE_AXIS.excitation(1.0)[:2000]
+    silent = model.virtual_experiment(i_e, sensor_noise=0.0, current_noise=0.0, seed=1)
+    noisy = model.virtual_experiment(i_e, sensor_noise=0.0, current_noise=0.0, further_noise={"b": 1e-3}, seed=1)
+    assert silent.channels == noisy.channels == ["y.A_zeta", "i_c.A_zeta", "b.A_zeta", "a.mass"]
+    assert (noisy.outputs - silent.outputs).std(axis=0) == pytest.approx([0.0, 0.0, 1e-3, 0.0], rel=0.1)
+    assert silent == replace(model.simulate(i_e), name="virtual experiment")
+    with golden.raises(ModelError):
+        Model(MASS).with_outputs("b.B_zeta")
+    with golden.raises(ModelError):
+        model.virtual_experiment(i_e, further_noise={"f": 1.0})

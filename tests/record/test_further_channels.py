@@ -73,41 +73,41 @@ def test_files_give_back_what_was_saved(record, suffix, tmp_path):
     np.testing.assert_array_equal(again.outputs, record.outputs)
 
 
-def test_matrices_of_axes_and_of_sensors(record, tmp_path):
+def test_matrices_of_axes_and_of_sensors(record, tmp_path, golden):
     own = {"fs": 1e4, "i_e": record.i_e, "y": record.y, "axes": np.array([AXIS], dtype=object)}
     scipy.io.savemat(tmp_path / "own.mat", own | {"b": record.further[f"b.{AXIS}"][:, None]})
     assert Record.load(tmp_path / "own.mat", RIG).channels == [f"y.{AXIS}", f"b.{AXIS}"]
     scipy.io.savemat(tmp_path / "own.mat", own | {"a": record.further["a.middle"][:, None]})
     assert Record.load(tmp_path / "own.mat", RIG).channels == [f"y.{AXIS}", "a.middle"]
     scipy.io.savemat(tmp_path / "own.mat", own | {"a": np.zeros((2000, 3))})
-    with pytest.raises(RecordError, match=r"a has the shape \(2000, 3\), expected a column for each of middle"):
+    with golden.raises(RecordError):
         Record.load(tmp_path / "own.mat", RIG)
 
 
-def test_a_map_makes_si_units_of_foreign_names(record, tmp_path):
+def test_a_map_makes_si_units_of_foreign_names(record, tmp_path, golden):
     table = np.column_stack([record.t, record.i_e, record.y, 1e3 * record.further[f"b.{AXIS}"]])
     np.savetxt(tmp_path / "own.csv", table, delimiter=",", header="time,e,gap,hall", comments="")
     mapping = {"t": "time", f"i_e.{AXIS}": "e", f"y.{AXIS}": "gap", f"b.{AXIS}": "hall:1e-3"}
     again = Record.load(tmp_path / "own.csv", RIG, mapping=mapping)
     np.testing.assert_allclose(again.further[f"b.{AXIS}"], record.further[f"b.{AXIS}"], rtol=1e-12)
-    with pytest.raises(InputError, match="no channel"):
+    with golden.raises(InputError):
         Record.load(tmp_path / "own.csv", RIG, mapping=mapping | {"c.A_zeta": "hall"})
 
 
 @pytest.mark.parametrize("channel", CHANNELS)
-def test_each_channel_passes_the_gates(record, channel):
+def test_each_channel_passes_the_gates(record, channel, golden):
     values = record.further[channel]
-    with pytest.raises(RecordError, match=f"{channel} is nan in row 8"):
+    with golden.raises(RecordError):
         Record.from_arrays(**arrays(record, **{channel: np.where(np.arange(2000) == 7, np.nan, values)}))
-    with pytest.raises(RecordError, match=f"{channel} is constant at"):
+    with golden.raises(RecordError):
         Record.from_arrays(**arrays(record, **{channel: np.full(2000, values[0])}))
-    with pytest.raises(RecordError, match=f"{channel} stands still at"):
+    with golden.raises(RecordError):
         Record.from_arrays(**arrays(record, **{channel: np.where(np.arange(2000) < 200, values[0], values)}))
     limit = 0.5 * CHANNELS[channel]
     clipped = np.repeat(np.clip(values, -limit, limit), 3)[:2000]
-    with pytest.raises(RecordError, match=f"{channel} is clipped: .* {SIGNALS[channel[0]].unit.replace('^', '.')}"):
+    with golden.raises(RecordError):
         Record.from_arrays(**arrays(record, **{channel: clipped}))
-    with pytest.raises(RecordError, match=rf"{channel} has the shape \(1999,\)"):
+    with golden.raises(RecordError):
         Record.from_arrays(**arrays(record, **{channel: values[1:]}))
 
 
@@ -128,61 +128,48 @@ def test_a_spike_is_mended_and_lost_rows_go_with_the_rest(record):
     assert record.rows(5, 25).further["a.middle"].tolist() == record.further["a.middle"][5:25].tolist()
 
 
-@pytest.mark.parametrize(
-    ("channel", "what"),
-    [
-        ("b.B_zeta", "b.B_zeta is not known of levitator: the rig has the axes A_zeta; rename it"),
-        ("a.end", "the rig has the axes A_zeta; rename it; or add a .*sensor.* with signal = 'a' and name = 'end'"),
-        ("u.A_zeta", "add amplifier.resistance"),
-        ("c.A_zeta", "is no further channel; expected b, u, f, a or y"),
-        ("i_e.A_zeta", "is no further channel"),
-        ("y.A_zeta", "is no further channel"),
-    ],
-)
-def test_channels_that_the_rig_has_not(record, channel, what):
-    with pytest.raises(RecordError, match=what):
+@pytest.mark.parametrize("channel", ["b.B_zeta", "a.end", "u.A_zeta", "c.A_zeta", "i_e.A_zeta", "y.A_zeta"])
+def test_channels_that_the_rig_has_not(record, channel, golden):
+    with golden.raises(RecordError):
         Record.from_arrays(**arrays(record, **{channel: record.further["a.middle"]}))
 
 
-def test_flux_density_needs_a_pole_and_looks_like_mt(record):
-    with pytest.raises(RecordError, match=r"add pole_area \[m\^2\] or bias_flux \[T\] to bearing A"):
+def test_flux_density_needs_a_pole_and_looks_like_mt(record, golden):
+    with golden.raises(RecordError):
         Record.from_arrays(**arrays(record) | {"rig": Rig.load(LEVITATOR), "further": {f"b.{AXIS}": record.y[:, 0]}})
-    with pytest.raises(RecordError, match="reaches .* T, allowed is 4.8 T: it looks like mT; give T"):
+    with golden.raises(RecordError):
         Record.from_arrays(**arrays(record, **{f"b.{AXIS}": 1e3 * record.further[f"b.{AXIS}"]}))
 
 
 @pytest.mark.parametrize(
-    ("sensor", "what"),
+    "sensor",
     [
-        ({"position": 0.4, "name": "A_zeta"}, "an axis has this one"),
-        ({"position": 0.4, "name": "far"}, "another sensor has this one"),
-        ({"position": 0.4, "name": "a b"}, "expected a name such as drive_end"),
-        ({"name": "end"}, "expected the sensor's place on the shaft"),
-        ({"position": 40.0, "name": "end"}, "sensor.2..position = 40.0"),
-        ({"position": 0.4, "name": "end", "direction": 400.0}, "expected -360 to 360 degrees"),
-        ({"position": 0.4, "name": "end", "signal": "b"}, "expected 'a' .acceleration of the rotor. or 'y'"),
+        {"position": 0.4, "name": "A_zeta"},
+        {"position": 0.4, "name": "far"},
+        {"position": 0.4, "name": "a b"},
+        {"name": "end"},
+        {"position": 40.0, "name": "end"},
+        {"position": 0.4, "name": "end", "direction": 400.0},
+        {"position": 0.4, "name": "end", "signal": "b"},
     ],
+    ids=str,
 )
-def test_slips_in_a_sensor(sensor, what):
+def test_slips_in_a_sensor(sensor, golden):
     data = instrumented(BENCH).model_dump(by_alias=True, exclude_none=True)
     data["sensor"] = (*data["sensor"], {"signal": "a"} | sensor)
-    with pytest.raises(RigError, match=what):
+    with golden.raises(RigError):
         Rig(**data)
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "what"),
-    [
-        ("pole_area", 300.0, "mm.2"),
-        ("bias_flux", 400.0, "mT"),
-        ("bias_flux", (0.3, 0.3), "found 2"),
-        ("pole_area", -1e-4, "sign"),
-    ],
+    ("key", "value"),
+    [("pole_area", 300.0), ("bias_flux", 400.0), ("bias_flux", (0.3, 0.3)), ("pole_area", -1e-4)],
+    ids=str,
 )
-def test_slips_in_a_pole(key, value, what):
+def test_slips_in_a_pole(key, value, golden):
     data = Rig.load(LEVITATOR).model_dump(by_alias=True, exclude_none=True)
     data["bearing"][0][key] = value
-    with pytest.raises(RigError, match=f"bearing.0. .A..{key}.*{what}"):
+    with golden.raises(RigError):
         Rig(**data)
 
 

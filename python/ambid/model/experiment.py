@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ambid.arrays import FloatArray
+from ambid.channels import further
 from ambid.errors import ModelError, RecordError
 from ambid.loop.loop import Loop
 from ambid.model.structure import Structure
@@ -61,7 +64,7 @@ def simulated(
     """
     excitation, reference = _drives(structure, i_e, r)
     outputs = loop.simulate(theta, inputs(structure, excitation, reference))
-    return _record("simulated", structure, excitation, reference, outputs)
+    return _record("simulated", structure, loop, excitation, reference, outputs)
 
 
 def virtual_experiment(
@@ -73,12 +76,18 @@ def virtual_experiment(
     *,
     sensor_noise: float,
     current_noise: float,
+    further_noise: Mapping[str, float],
     seed: int | None,
 ) -> Record:
     """What an instrument would record; `loop` has noise as further inputs, see `Model.virtual_experiment`."""
-    for name, rms in {"sensor_noise": sensor_noise, "current_noise": current_noise}.items():
+    measured = [name for name in loop.outputs if further((name,), structure.rig.axes)]
+    unknown = [name for name in further_noise if name not in (*measured, *(own.partition(".")[0] for own in measured))]
+    if unknown:
+        expected = f"expected {', '.join(measured)}" if measured else "the model has none; see Model.with_outputs"
+        raise ModelError(f"further_noise: {unknown[0]} is no further channel; {expected}")
+    for name, rms in {"sensor_noise": sensor_noise, "current_noise": current_noise, **further_noise}.items():
         if not (np.isfinite(rms) and rms >= 0.0):
-            raise ModelError(f"{name} = {rms:g}: expected an rms of 0 or more, in m or A")
+            raise ModelError(f"{name} = {rms:g}: expected an rms of 0 or more, in its SI unit")
     if seed is not None and seed < 0:
         raise ModelError(f"seed = {seed}: expected a whole number of 0 or more")
     excitation, reference = _drives(structure, i_e, r)
@@ -89,8 +98,11 @@ def virtual_experiment(
     noise = [of_i_c, of_y] if is_read else [of_y]
     outputs = loop.simulate(theta, np.hstack([inputs(structure, excitation, reference), *noise]))
     if not is_read:
-        outputs[:, len(structure.rig.axes) :] += of_i_c
-    return _record("virtual experiment", structure, excitation, reference, outputs)
+        outputs[:, [loop.outputs.index(f"i_c.{axis}") for axis in structure.rig.axes]] += of_i_c
+    for name in measured:
+        rms = further_noise.get(name, further_noise.get(name.partition(".")[0], 0.0))
+        outputs[:, loop.outputs.index(name)] += rms * random.standard_normal(len(outputs))
+    return _record("virtual experiment", structure, loop, excitation, reference, outputs)
 
 
 def _drives(structure: Structure, i_e: ArrayLike | None, r: ArrayLike | None) -> tuple[FloatArray, FloatArray | None]:
@@ -105,15 +117,22 @@ def _drives(structure: Structure, i_e: ArrayLike | None, r: ArrayLike | None) ->
 
 
 def _record(
-    name: str, structure: Structure, excitation: FloatArray, reference: FloatArray | None, outputs: FloatArray
+    name: str,
+    structure: Structure,
+    loop: Loop,
+    excitation: FloatArray,
+    reference: FloatArray | None,
+    outputs: FloatArray,
 ) -> Record:
-    rig, n = structure.rig, len(structure.rig.axes)
-    signals = {"i_e": excitation, "r": reference, "y": outputs[:, :n], "i_c": outputs[:, n:]}
+    rig, columns = structure.rig, dict(zip(loop.outputs, outputs.T, strict=True))
+    beyond = {channel: columns[channel] for channel in further(loop.outputs, rig.axes)}
+    y, i_c = (np.stack([columns[f"{signal}.{axis}"] for axis in rig.axes], axis=1) for signal in ("y", "i_c"))
+    signals = {"i_e": excitation, "r": reference, "y": y, "i_c": i_c, **beyond}
     for signal, values in signals.items():
         if values is not None and not (np.abs(values) <= LARGEST_VALUE).all():
             raise ModelError(
                 f"{name}: {signal} reaches {np.abs(values).max():.4g}, allowed is {LARGEST_VALUE:g}: its square would "
                 "leave floating point; give a smaller excitation, or less noise"
             )
-    record = Record(name, rig.sample_rate, rig.axes, excitation, outputs[:, :n], outputs[:, n:], r=reference)
+    record = Record(name, rig.sample_rate, rig.axes, excitation, y, i_c, r=reference, further=beyond)
     return record if structure.reference is rig else record.at(rig)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambid.channels import first_outputs
 from ambid.effects import CATALOGUE, Effect, find
 from ambid.effects.known import with_gains
 from ambid.errors import ModelError
@@ -16,7 +17,13 @@ from ambid.loop.loop import Loop, Simulator
 from ambid.model.contents import Contents
 from ambid.model.experiment import inputs_of, simulated, virtual_experiment
 from ambid.model.file import read_model, write_model
-from ambid.model.operating_point import further_points, nominal_of_points, outputs_of, parameters_at
+from ambid.model.operating_point import (
+    further_points,
+    nominal_of_points,
+    outputs_of,
+    parameters_at,
+    selected_outputs,
+)
 from ambid.model.parameter import Parameter, of_effect, shared, split, to_rig
 from ambid.model.structure import Structure, is_nonlinear, require_allowed
 from ambid.record import Measurement, Record
@@ -240,6 +247,24 @@ class Model(Contents):
         """
         return self.structure.compiled(self.parameters, watch=signals, more=inlets)
 
+    def with_outputs(self, channels: str | Iterable[str]) -> Model:
+        """Return the model whose loop, and whose virtual records, have further channels.
+
+        Parameters
+        ----------
+        channels : str or iterable of str
+            Of `Rig.outputs`, such as ``a.drive_end``, or signals such as ``b``, with all their channels.
+
+        Raises
+        ------
+        ModelError
+            If the machine has no such output.
+        """
+        names = selected_outputs(self.rig, channels)
+        usual = (f"{signal}.{axis}" for signal in ("y", "i_c") for axis in self.rig.axes)
+        measured = first_outputs((*usual, *names), self.rig.axes)
+        return self._made_of(replace(self.structure, measured=measured), tuple(self.parameters))
+
     def with_noise_inputs(self) -> Loop:
         """The loop with noise of the sensors as further inputs, and of i_c where the controller reads it."""
         if not self._noisy:
@@ -265,7 +290,7 @@ class Model(Contents):
         Returns
         -------
         Record
-            With y [m] and i_c [A].
+            With y [m], i_c [A] and what `with_outputs` says.
 
         Raises
         ------
@@ -283,6 +308,7 @@ class Model(Contents):
         *,
         sensor_noise: float = 50e-9,
         current_noise: float = 1e-2,
+        further_noise: Mapping[str, float] | None = None,
         seed: int | None = None,
     ) -> Record:
         """Simulate what an instrument would record: noise on the displacements goes round the loop.
@@ -295,6 +321,8 @@ class Model(Contents):
             Rms of white noise on every displacement [m]; the controller reads it too.
         current_noise : float
             Rms of white noise on every recorded current [A]; a controller that reads currents reads it too.
+        further_noise : mapping of str to float, optional
+            Rms of white noise by further signal or channel, see `with_outputs`; none on others.
         seed : int, optional
 
         Raises
@@ -312,6 +340,7 @@ class Model(Contents):
             r,
             sensor_noise=sensor_noise,
             current_noise=current_noise,
+            further_noise=further_noise or {},
             seed=seed,
         )
 

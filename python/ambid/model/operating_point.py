@@ -9,14 +9,22 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from ambid.channels import first_outputs
+from ambid.channels import first_outputs, further, in_order
 from ambid.errors import ModelError, RecordError
 from ambid.loop.effect import Effect
 from ambid.model.parameter import Parameter, nominal
 from ambid.record import Measurement
 from ambid.rig import Rig
 
-__all__ = ["further_points", "nominal_of_points", "outputs_of", "parameters_at", "require_same_machine", "suffix"]
+__all__ = [
+    "further_points",
+    "nominal_of_points",
+    "outputs_of",
+    "parameters_at",
+    "require_same_machine",
+    "selected_outputs",
+    "suffix",
+]
 
 OF_POINT = ("K_i", "K_s")
 """Parameters that every bias current and gap has of its own."""
@@ -84,6 +92,26 @@ def outputs_of(measured: Measurement, rig: Rig) -> tuple[str, ...]:
                 f"{measured.path or measured.name}: {name} is not known of {rig.path or rig.name}: {lacking}"
             )
     return found
+
+
+def selected_outputs(rig: Rig, channels: str | Iterable[str]) -> tuple[str, ...]:
+    """Channels, or all of signals, beyond y and i_c, in the order of a record.
+
+    Raises
+    ------
+    ModelError
+        If the machine has no such output.
+    """
+    every, found = further(rig.outputs, rig.axes), list[str]()
+    for name in (channels,) if isinstance(channels, str) else channels:
+        own = [output for output in every if output == name or output.startswith(f"{name}.")]
+        if not own:
+            raise ModelError(
+                f"{name} is no further output of {rig.path or rig.name}, which has {', '.join(every)}"
+                f"{'; ' if '.' in name else ''}{rig.lacks(name) if '.' in name else ''}"
+            )
+        found += own
+    return tuple(in_order(dict.fromkeys(found), rig.axes))
 
 
 def parameters_at(

@@ -380,11 +380,14 @@ class Rig(Spec):
         own = Channel.of(channel)
         if own is None or own.signal.path not in OUTPUTS:
             return f"it is no output; expected {', '.join(n for n, s in SIGNALS.items() if s.path in OUTPUTS)}"
-        if channel in (sensor.channel for sensor in self.sensors):
+        at_sensors = [sensor.name for sensor in self.sensors if sensor.signal == own.signal.name]
+        if own.place in at_sensors:
             return ""
         if "axis" not in own.signal.at or own.place not in self.axes:
-            hint = f"; or add a [[sensor]] with signal = '{own.signal.name}' and name = '{own.place}'"
-            return f"the rig has the axes {', '.join(self.axes)}; rename it{hint if 'sensor' in own.signal.at else ''}"
+            places = [*(self.axes if "axis" in own.signal.at else ()), *at_sensors]
+            hint = f", or add a [[sensor]] with signal = '{own.signal.name}' and name = '{own.place}'"
+            known = f"the rig has {own.signal.name} of {', '.join(places) or 'nothing'}; rename it"
+            return known + hint if "sensor" in own.signal.at else known
         bearing = next(b for b in self.bearings if own.place in b.axis_names)
         if own.signal.name == "b" and bearing.force_per_flux is None:
             return f"add pole_area [m^2] or bias_flux [T] to bearing {bearing.name}"

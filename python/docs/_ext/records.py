@@ -63,16 +63,10 @@ def _signals() -> str:
     names = ["sample_rate", "axes", *_constant("OF_LOOP"), "further", "period"]
     rows = [[f"`{name}`", *lines[name]] for name in names]
     columns = [
-        [
-            f"`{own.name}.<{'>` or `<'.join(own.at)}>`",
-            own.meaning,
-            own.unit,
-            PATHS[own.path],
-            f"`{own.gain}`" if own.gain else "",
-        ]
+        [f"`{own.name}`", " or ".join(own.at), own.meaning, own.unit, PATHS[own.path], own.gain and f"`{own.gain}`"]
         for own in SIGNALS.values()
     ]
-    head = ["column", "what it is", "unit", "its noise", "tolerance of its gain"]
+    head = ["signal", "of each", "what it is", "unit", "its noise", "tolerance of its gain"]
     return (
         f"## What a record holds\n\n{paragraphs(Record)}\n\n{table(['in Python', 'type', 'meaning'], rows)}\n\n"
         f"{table(head, columns)}\n\n"
