@@ -43,7 +43,7 @@ class _DigitalController(TypedDict):
     errors: NotRequired[Sequence[tuple[int, _Matrix, _Matrix, float]]]
 
 class _Block(TypedDict):
-    law: Literal["force_law", "slew_limit", "bouc_wen", "table", "polynomial"]
+    law: Literal["force_law", "slew_limit", "bouc_wen", "stop", "table", "polynomial"]
     curve: NotRequired[Literal["unsaturated", "power", "tanh"]]
     parameters: NotRequired[Mapping[str, int | None]]
     constants: NotRequired[Mapping[str, float]]

@@ -13,7 +13,6 @@ from hidden.sizes import sized
 pytestmark = pytest.mark.slow
 BEYOND_JUDGEMENT = {
     "command_quantisation": "of this size it adds noise, and nothing that repeats",
-    "one_sided_stop": "its search takes a minute on four axes; on one axis it is in test_one_axis",
 }
 NAMELESS = {
     "cubic_bearing_force": ("clear", 8),

@@ -278,7 +278,7 @@ def test_sensitivities_of_effects(rig, i_e, effect):
     effect = AmplifierVoltageLimit(1.5e-4) if effect.name == "amplifier_voltage_limit" else effect
     parameters = effect.parameters(rig)
     assert parameters, "every effect applies to this rig"
-    model = at_truth(rig).add(effect)
+    model = at_truth(rig).add(effect).with_substeps(32)
     u = np.hstack([i_e[:300], effect.waveform(rig, 300, None)])
     for k, p in enumerate(parameters, start=len(model.names) - len(parameters)):
         _, jacobian = model.loop.sensitivity(model.theta, u, [k])

@@ -187,7 +187,7 @@ FAMILIES: dict[str, Family] = {
         lambda x, b: {"frequency_hz": 50.0, "amplitude": x, "port": "current"}, 1e-4, on_all_lines=True
     ),
     "cubic_bearing_force": Family(lambda x, b: {"coefficient": x}, 1e13, 1e17),
-    "one_sided_stop": Family(lambda x, b: {"stiffness": x, "gap": 5e-6}, 1e8, 1e12),
+    "rotor_contact": Family(lambda x, b: {"stiffness": x, "damping": 10.0, "clearance": 1e-5}, 1e4, 1e9),
     "coulomb_friction": Family(lambda x, b: {"force": x, "z": b.middle}, 1.0, 200.0),
     "amplifier_dead_band": Family(lambda x, b: {"current": x}, 1e-3, 0.3),
     "amplifier_asymmetry": Family(lambda x, b: {"fraction": x}, 1e-3, 0.3),

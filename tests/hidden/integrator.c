@@ -9,7 +9,7 @@
 #include <string.h>
 
 enum { DELAY, MAGNET, LIMIT, HYSTERESIS, FRICTION, POLYNOMIAL, CONTACT, DEAD_BAND, QUANTISER, RAMP, PARAMETRIC, SOFTENING,
-       ASYMMETRY, FLUX };
+       ASYMMETRY, FLUX, PRODUCT };
 enum { PARAMETERS = 8, MEMORY = 8, STENCIL = 4, BLOCK = 16 };
 
 typedef struct {
@@ -68,11 +68,23 @@ double port_law(int law, const double *p, const double *z, double t, double *mem
             sum += v - memory[k];
         }
         return -p[0] * sum / MEMORY;
-    case FRICTION:                             /* force, stiffness before it slips */
-        memory[0] = fmin(fmax(memory[0], v - p[0] / p[1]), v + p[0] / p[1]);
+    case FRICTION: {                           /* force, stiffness before it slips, whether by Dahl; v across too */
+        double m[2] = { memory[0], memory[1] }, d[2] = { v - m[0], z[1] - m[1] }, r = hypot(d[0], d[1]);
+        if (p[2]) {                            /* spring force in memory 2, 3: it turns towards the way that was gone */
+            double kept = exp(-p[1] / p[0] * r), gained = r > 0.0 ? p[0] * (1.0 - kept) / r : 0.0;
+            for (int k = 0; k < 2; k++) memory[k] += d[k], memory[2 + k] = kept * memory[2 + k] + gained * d[k];
+            return -memory[2];
+        }
+        if (r > p[0] / p[1])                   /* where the spring is held */
+            for (int k = 0; k < 2; k++) memory[k] += d[k] * (1.0 - p[0] / p[1] / r);
         return -p[1] * (v - memory[0]);
+    }
     case POLYNOMIAL: return (p[0] + p[1] * v) * v * v;
-    case CONTACT: return v > p[1] ? -p[0] * (v - p[1]) * (v - p[1]) : 0.0;
+    case CONTACT: {                            /* stiffness, clearance, whether over the radius; v across too */
+        double r = hypot(v, z[1]);
+        return r > p[1] ? -p[0] * (r - p[1]) * v / (p[2] ? r * r : r) : 0.0;
+    }
+    case PRODUCT: return v * z[1];
     case DEAD_BAND: return -clip(v, p[0]);
     case QUANTISER: return p[0] * rint(v / p[0]) - v;
     case RAMP: return t > 0.0 ? p[0] * t / p[1] * v : 0.0;

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from math import ceil
 
 import numpy as np
@@ -17,10 +16,9 @@ from scipy.linalg import block_diag
 
 from ambid.rig import Rig
 
-from .network import CAPACITY, Network, library
+from .laws import half_order, magnet
+from .network import CAPACITY, Network
 from .rotor import TrueRotor
-
-IRON = {"linear": 0, "tanh": 1, "blend": 2}
 
 
 @dataclass(frozen=True)
@@ -84,7 +82,7 @@ class _Builder:
         y = self._sensors()
         i_c, out = self._amplifiers(self._command(y), s_rate)
         i_f = self._flux(i_c)
-        force = self._force(i_f, s)
+        force = self._force(i_f, s, s_rate)
         for k in range(n):
             direction = self._directions[k]
             self.push += rotor.at(places[k]).T @ direction[:, None] @ force[[k]]
@@ -277,7 +275,7 @@ class _Builder:
         pairs = [np.ones((len(b.axes),) * 2) - np.eye(len(b.axes)) for b in self.rig.bearings]
         return i + self.hidden["axis_cross_coupling"]["fraction"] * block_diag(*pairs) @ i
 
-    def _force(self, i: np.ndarray, s: np.ndarray) -> np.ndarray:
+    def _force(self, i: np.ndarray, s: np.ndarray, s_rate: np.ndarray) -> np.ndarray:
         hidden, n, net = self.hidden, self.n, self.net
         i = self._coupled(i)
         pull = np.diag(self.K_i) @ i
@@ -296,11 +294,11 @@ class _Builder:
         if "cubic_bearing_force" in hidden:
             cubic = -hidden["cubic_bearing_force"]["coefficient"]
             force = force + net.each("polynomial", [[0.0, cubic]] * n, s)
-        if "one_sided_stop" in hidden:
-            stop = hidden["one_sided_stop"]
-            force = force + net.each("contact", [[stop["stiffness"], stop["gap"]]] * n, s)
+        across = block_diag(*(np.eye(len(b.axes))[::-1] * (len(b.axes) - 1) for b in self.rig.bearings))
+        if "rotor_contact" in hidden and hidden["rotor_contact"]["z"] is None:
+            force = force + self._contact(s, s_rate, across)
         if "coulomb_friction" in hidden and hidden["coulomb_friction"]["z"] is None:
-            force = force + net.each("friction", [self._friction] * n, s)
+            force = force + net.each("friction", [self._friction] * n, s, across @ s)
         if "force_current_drift" in hidden:
             drift = hidden["force_current_drift"]["fraction"]
             force = force + net.each("ramp", [[drift, self.seconds]] * n, pull)
@@ -343,7 +341,11 @@ class _Builder:
             self._spring(z, -end["stiffness"] * eye, -end["damping"] * eye)
         if "coulomb_friction" in hidden and hidden["coulomb_friction"]["z"] is not None:
             at = rotor.at(hidden["coulomb_friction"]["z"])
-            self.push += at.T @ self.net.each("friction", [self._friction] * self.planes, at @ self.q)
+            u = at @ self.q
+            self.push += at.T @ self.net.each("friction", [self._friction] * self.planes, u, abs(across) @ u)
+        if "rotor_contact" in hidden and hidden["rotor_contact"]["z"] is not None:
+            at = rotor.at(hidden["rotor_contact"]["z"])
+            self.push += at.T @ self._contact(at @ self.q, at @ self.v, abs(across))
         if "unbalance" in hidden and self.rig.speed:
             mass = hidden["unbalance"]
             turning = self._oscillator(self.rig.speed, mass["phase"])
@@ -357,10 +359,19 @@ class _Builder:
         at = self.rotor.at(z)
         self.push += at.T @ (stiffness @ at @ self.q + damping @ at @ self.v)
 
+    def _contact(self, u: np.ndarray, rate: np.ndarray, across: np.ndarray) -> np.ndarray:
+        """Force of a stop all round: stiffness times depth, and as much more as it gets deeper faster."""
+        stop, n, net = self.hidden["rotor_contact"], len(u), self.net
+        stiffness, clearance = stop["stiffness"], stop["clearance"]
+        turns = net.each("product", [[]] * n, u, rate)  # radius times its rate, of each coordinate
+        damped = net.each("contact", [[stiffness * stop["damping"], clearance, 1.0]] * n, u, across @ u)
+        straight = net.each("contact", [[stiffness, clearance]] * n, u, across @ u)
+        return straight + net.each("product", [[]] * n, damped, turns + across @ turns)
+
     @property
     def _friction(self) -> list[float]:
         friction = self.hidden["coulomb_friction"]
-        return [friction["force"], friction["stiffness"]]
+        return [friction["force"], friction["stiffness"], float(friction["dahl"])]
 
     def _hum(self, port: str) -> np.ndarray:
         hum, found = self.hidden.get("periodic_disturbance"), np.zeros((self.n, CAPACITY))
@@ -383,33 +394,3 @@ class _Builder:
 
     def _per_bearing(self, effect: str, name: str) -> np.ndarray:
         return np.broadcast_to(self.hidden.get(effect, {name: 0.0})[name], len(self.rig.bearings))
-
-
-def magnet(K_i: float, K_s: float, bias_current: float, level: float = 0.0, curve: str = "linear") -> list[float]:
-    """Numbers of the port law "magnet", whose slopes at rest are K_i and K_s.
-
-    f = scale (beta_+^2 - beta_-^2), beta the flux density that the iron allows for the linear one,
-    (i0 +- i) / (gap -+ s) gap / i0, which is 1 at rest. Both slopes share beta beta', so that gap = i0 K_i / K_s.
-    """
-    kind = IRON[curve if level else "linear"]
-    level = level or 1.0
-    step = 1e-4 * level
-    value = library().iron(kind, level) / level
-    slope = (library().iron(kind, level + step) - library().iron(kind, level - step)) / (2.0 * step)
-    scale = K_i * bias_current / (4.0 * value * slope)
-    return [bias_current, bias_current * K_i / K_s, scale, K_i, K_s, kind, level]
-
-
-@cache
-def half_order(tau: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Poles p [rad/s], weights w and constant c of ``1/(1 + sqrt(tau s)) ~ c + sum w p / (s + p)``.
-
-    The error from 0.1 Hz to 20 kHz is below 1e-4; the value at rest is 1.
-    """
-    poles = 2.0 * np.pi * np.geomspace(0.01, 5e5, 20)
-    s = 2j * np.pi * np.geomspace(0.05, 3e4, 600)
-    basis = poles / (s[:, None] + poles) - 1.0  # 1 + sum w (p / (s + p) - 1)
-    wanted = 1.0 / (1.0 + np.sqrt(tau * s)) - 1.0
-    both = np.concatenate([basis.real, basis.imag]), np.concatenate([wanted.real, wanted.imag])
-    weights = np.linalg.lstsq(*both, rcond=1e-10)[0]
-    return poles, weights, 1.0 - float(weights.sum())

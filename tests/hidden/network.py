@@ -19,7 +19,7 @@ SOURCE = Path(__file__).with_name("integrator.c")
 CAPACITY = 384  # states, inputs and ports of one machine
 LAWS = (
     *("delay", "magnet", "limit", "hysteresis", "friction", "polynomial", "contact", "dead_band", "quantiser"),
-    *("ramp", "parametric", "softening", "asymmetry", "flux"),
+    *("ramp", "parametric", "softening", "asymmetry", "flux", "product"),
 )
 PARAMETERS, MEMORY, BLOCK = 8, 8, 16
 

@@ -25,6 +25,7 @@ ONE_AXIS = Bench(
 NAMED = {
     "external_damping": {"rate": 60.0},
     "coulomb_friction": {"force": 0.25, "z": ONE_AXIS.middle},
+    "rotor_contact": {"stiffness": 3e5, "damping": 10.0, "clearance": 1e-5},
     "foundation_resonance": {"frequency_hz": 170.0, "damping": 0.04, "mass_kg": 100.0},
     "force_nonlinearity": {"share": 1.0},
     "flux_saturation": {"level": 0.75, "curve": "blend"},
@@ -44,7 +45,6 @@ NAMED = {
 """Of these the catalogue has the name."""
 NAMELESS = {
     "cubic_bearing_force": {"coefficient": 1e15},
-    "one_sided_stop": {"stiffness": 2e8, "gap": 5e-6},
     "amplifier_dead_band": {"current": 0.001},
     "amplifier_asymmetry": {"fraction": 0.05},
     "rate_softening": {"knee": 3e5},

@@ -91,16 +91,22 @@ CATALOGUE: dict[str, dict[str, tuple[object, str]]] = {
         "axis": (0, "index of the axis; None: all"),
         "phase": (0.0, "rad at t = 0"),
     },
+    "rotor_contact": {
+        "stiffness": (NEEDED, "N/m"),
+        "clearance": (NEEDED, "m, all round"),
+        "damping": (0.0, "s/m: by how much the stiffness grows with the speed of approach"),
+        "z": (None, "m; None: at every magnet"),
+    },
     "coulomb_friction": {
         "force": (NEEDED, "N"),
         "stiffness": (2e7, "N/m before it slips"),
+        "dahl": (False, "whether it begins to slip gradually, as by Dahl, in place of a slider on a spring"),
         "z": (None, "m; None: at every magnet"),
     },
 }
 
 OUTSIDE: dict[str, dict[str, tuple[object, str]]] = {
     "cubic_bearing_force": {"coefficient": (NEEDED, "N/m^3, centring, at every axis")},
-    "one_sided_stop": {"stiffness": (NEEDED, "N/m^2, quadratic"), "gap": (0.0, "m, towards +s of every axis")},
     "amplifier_dead_band": {"current": (NEEDED, "A, half-width")},
     "amplifier_asymmetry": {"fraction": (NEEDED, "current that is wanted positive comes out larger, negative smaller")},
     "command_quantisation": {"step": (NEEDED, "A")},

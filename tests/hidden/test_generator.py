@@ -18,7 +18,7 @@ from reference.whitening import Whitening
 from .bench import MachineFailure, simulate, simulate_all
 from .experiment import KINDS, experiment
 from .families import AT_SPEED, BENCHES, FAMILIES
-from .machine import half_order, magnet
+from .laws import half_order, magnet
 from .network import MEMORY, compiler, law, library
 from .one_axis import ONE_AXIS
 from .physics import CATALOGUE, OUTSIDE, settle
@@ -180,7 +180,7 @@ NOTHING = {
     "back_emf": {"coefficient": 0.0},
     "periodic_disturbance": {"frequency_hz": 50.0, "amplitude": 0.0},
     "cubic_bearing_force": {"coefficient": 0.0},
-    "one_sided_stop": {"stiffness": 0.0},
+    "rotor_contact": {"stiffness": 0.0, "clearance": 1e-5},
     "coulomb_friction": {"force": 0.0, "z": 0.43},
     "amplifier_dead_band": {"current": 0.0},
     "amplifier_asymmetry": {"fraction": 0.0},
@@ -235,8 +235,24 @@ def test_the_iron_curves_start_with_slope_1_and_end_at_1():
         assert_allclose(library().iron(kind, 0.01), -library().iron(kind, -0.01))
 
 
+def test_a_stop_all_round_pushes_back_and_knows_no_axes():
+    for u in ([3e-5, 1e-5], [-1e-5, 2e-5], [0.5e-5, 0.2e-5]):
+        r = np.hypot(*u)
+        force = [law("contact", [1e6, 1e-5], u), law("contact", [1e6, 1e-5], u[::-1])]
+        assert_allclose(force, -1e6 * max(r - 1e-5, 0.0) * np.array(u) / r)
+        assert_allclose(law("contact", [1e6, 1e-5, 1.0], u), force[0] / r)
+
+
+def test_a_slider_and_dahl_hold_with_their_force_against_the_way_that_is_gone():
+    for dahl in (0.0, 1.0):
+        memory, force = np.zeros(MEMORY), []
+        for s in np.linspace(0.0, 1e-4, 20_000):
+            force = [law("friction", [3.0, 2e6, dahl], [0.8 * s, 0.6 * s], memory=memory)]
+        assert_allclose(force, -2.4, rtol=1e-9)
+
+
 def test_hysteresis_and_friction_do_not_know_the_rate_and_take_energy():
-    for name, numbers in (("hysteresis", [0.2, 0.5]), ("friction", [3.0, 2e3])):
+    for name, numbers in (("hysteresis", [0.2, 0.5]), ("friction", [3.0, 2e3]), ("friction", [3.0, 2e3, 1.0])):
         areas = []
         for points in (400, 4000):
             memory, z = np.zeros(MEMORY), np.sin(np.linspace(0.0, 4.0 * np.pi, 2 * points + 1))

@@ -247,22 +247,45 @@ def slew_limit(**digital) -> Plant:
     return machine([{"z": [{"rate": 1.0}], "w": {"i_a": 1.0}}], [taken], [block], (1 / 8e3,), **digital)
 
 
-def bouc_wen(**digital) -> Plant:
-    rate, state = 200.0, 2.0
+def bouc_wen(n, coordinates=1, **digital) -> Plant:
+    rate, state = 200.0, 0.05
 
-    @law(2)
+    @law(2 * coordinates)
     def hysteresis(theta, z):
-        def size(v, e):
-            return np.hypot(v, e) - e
+        a, beta, gamma, inverse_n = theta[3:7]
+        rates, states = z[::2], z[1::2]
+        radius = np.sqrt((states**2).sum(axis=0) + state**2)
+        along = (rates * states).sum(axis=0) / radius
+        power = np.where(radius < 1.0, radius ** (1.0 / inverse_n), 1.0 + (radius - 1.0) / inverse_n)
+        back = beta * (np.hypot(along, rate) - rate) + gamma * along
+        return a * rates[0] - back * power * states[0] / radius
 
-        a, beta, gamma = theta[3:6]
-        return a * z[0] - beta * size(z[0], rate) * z[1] - gamma * z[0] * size(z[1], state)
-
-    parameters = {"A": 3, "beta": 4, "gamma": 5}
-    constants = {"rate_smoothing": rate, "state_smoothing": state}
+    parameters = {"A": 3, "beta": 4, "gamma": 5, "inverse_n": 6}
+    constants = {"coordinates": coordinates, "rate_smoothing": rate, "state_smoothing": state}
     block = {"law": "bouc_wen", "parameters": parameters, "constants": constants}
-    port = {"z": [{"flux rate": 1.0}, {"h": 1.0}], "w": {"h": 1.0}}
-    return machine([port], [hysteresis], [block], (60.0, 0.5, 0.3), **digital)
+    z = [{"flux rate": 1.0}, {"h": 1.0 / 60.0}, {"v": 2e4}, {"i_f": 0.3}]
+    port = {"z": z[: 2 * coordinates], "w": {"h": 1.0}}
+    return machine([port], [hysteresis], [block], (60.0, 36.0, 24.0, 1.0 / n), **digital)
+
+
+def stop(coordinates, **digital) -> Plant:
+    smoothing = 4e-6
+
+    @law(2 * coordinates)
+    def contact(theta, z):
+        clearance, damping = theta[3:5]
+        places, rates = z[::2], z[1::2]
+        radius = np.sqrt((places**2).sum(axis=0)) + 1e-30
+        t = np.clip((radius - clearance + smoothing) / (2 * smoothing), 0.0, 1.0)
+        depth = 2 * smoothing * (t**3 - t**4 / 2) + np.maximum(radius - clearance - smoothing, 0.0)
+        return -depth * (1 + damping * (places * rates).sum(axis=0) / radius) * places[0] / radius
+
+    parameters = {"clearance": 3, "damping": 4}
+    constants = {"coordinates": coordinates, "smoothing": smoothing}
+    block = {"law": "stop", "parameters": parameters, "constants": constants}
+    z = [{"s": 1.0}, {"v": 1.0}, {"i_f": 1e-5}, {"flux rate": 1e-5}]
+    port = {"z": z[: 2 * coordinates], "w": {"v": 1e6 / MASS}}
+    return machine([port], [contact], [block], (1e-5, 20.0), **digital)
 
 
 def polynomials(**digital) -> Plant:
@@ -305,7 +328,11 @@ KINDS = {
     "single": lambda **k: force_law("unsaturated", 1.0, single=True, **k),
     "single power": lambda **k: force_law("power", 0.8, single=True, **k),
     "slew": slew_limit,
-    "hysteresis": bouc_wen,
+    "hysteresis": lambda **k: bouc_wen(1.0, **k),
+    "sharp hysteresis": lambda **k: bouc_wen(4.0, **k),
+    "biaxial hysteresis": lambda **k: bouc_wen(2.0, 2, **k),
+    "stop": lambda **k: stop(1, **k),
+    "round stop": lambda **k: stop(2, **k),
     "polynomials": polynomials,
 }
 LOOPS = {

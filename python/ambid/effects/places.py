@@ -8,8 +8,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from ambid.arrays import FloatArray
 from ambid.loop.effect import Effect, Seen
 from ambid.loop.geometry import rotor_of, why_unknown
+from ambid.loop.plant import Plant
 from ambid.rig import FiniteElementRotor, PointMassRotor, Rig
 from ambid.rotor import further_modes
 
@@ -17,6 +19,22 @@ from ambid.rotor import further_modes
 def size_of_stiffness(rig: Rig) -> float:
     """Mean size of K_s [N/m], by which forces to ground are probed."""
     return float(np.mean([abs(k) for b in rig.bearings for k in b.force_displacement]))
+
+
+def mass_of(rig: Rig) -> float:
+    """Mass of a rotor [kg] by its rigid modes; NaN where they hold no translation."""
+    rotor = rotor_of(rig)
+    rigid = rotor.shapes[:, rotor.frequencies_rad_s == 0.0]
+    if not rigid.size:
+        return float("nan")
+    translation = np.linalg.lstsq(rigid, np.ones(len(rigid)), rcond=None)[0]
+    return float(translation @ translation)
+
+
+def mass_or_one(rig: Rig) -> float:
+    """Mass of the rotor [kg]; 1 kg where its modes do not tell."""
+    mass = mass_of(rig)
+    return mass if mass > 0.0 else 1.0
 
 
 def half_way(rig: Rig) -> float:
@@ -44,6 +62,14 @@ def on_both_sides(rig: Rig, places: Iterable[float], step: float) -> list[float]
         return []
     low, high = rig.rotor.span
     return [float(np.clip(z + d, low, high)) for z in places for d in (-step, step)]
+
+
+def acting_at(plant: Plant, z: float | None) -> dict[float, dict[str, FloatArray]]:
+    """Directions by name in which something acts on the rotor, by place: in every plane at z, or at every magnet."""
+    if z is not None:
+        return {z: {f"plane.{k}": plane for k, plane in enumerate(np.eye(plant.rotor.planes))}}
+    own = dict(zip(plant.axes, plant.directions, strict=True))
+    return {b.position: {axis: own[axis] for axis in b.axis_names} for b in plant.rig.bearings}
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,19 @@ from math import pi
 
 import numpy as np
 
-from ambid.effects.places import AtPlace, size_of_stiffness
+from ambid.effects.places import AtPlace, acting_at, mass_or_one, size_of_stiffness
 from ambid.effects.traits import DAMPING, RESONANCE, STIFFNESS
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
 from ambid.loop.plant import Plant
 from ambid.rig import PointMassRotor, Rig
 
 UNBOUNDED = float("inf")
+WITHIN = (1.2, 0.9, 0.6, 0.3)
+"""Clearances that are tried, as parts of the largest displacement along an axis; in the plane it is larger."""
+ROUNDED_TOUCH = 0.01
+"""Half width of the bend where it begins to touch, as a part of the clearance."""
+HUNT_CROSSLEY = 1.5
+"""Damping times velocity up to which a body that touches springs back: e = 1 - 2/3 a v of the source."""
 SLOWEST_HZ, OF_RATE, OF_FALL = 10.0, 0.1, 0.25
 """From there on a mode of the housing is looked for, or from this part of the sample rate; of a levitator, from this
 part of the rate at which it falls."""
@@ -176,6 +182,85 @@ class MagneticPull(AtPlace):
 
 
 @dataclass(frozen=True)
+class RotorContact(AtPlace):
+    """The rotor touches its touch-down bearing, or another stop all round, at every magnet or at one place.
+
+    Attributes
+    ----------
+    z : float, optional
+        Its place [m]; default: at every magnet.
+    clearance : float
+        That the probe has [m].
+    fastest : float
+        Velocity of the rotor, the largest [m/s].
+    """
+
+    name = "rotor_contact"
+    physics = "the rotor touches a touch-down bearing where its displacement exceeds the clearance"
+    equation = "F = -k (r - c)+ (1 + a r') u/r, r = |u|, of the displacement u in the plane, or along one axis"
+    signature = "odd; nothing below an amplitude, and a spring beyond: only where motion is largest"
+    source = (
+        "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 13 (touch-down bearings); "
+        "Hunt, Crossley, ASME J. Appl. Mech. 42 (1975) 440"
+    )
+    everywhere = True
+    across_planes = True
+
+    clearance: float = 1e-5
+    fastest: float = 1e-2
+
+    def variants(self, seen: Seen) -> Sequence[Effect]:
+        """At every magnet, half-way between them and at every disk, with clearances within the largest displacement."""
+        peak = float(seen.peaks["s"])
+        fastest = peak * float(np.sqrt(size_of_stiffness(seen.rig) / mass_or_one(seen.rig)))
+        places = [own.z for own in super().variants(seen) if isinstance(own, RotorContact)]
+        return [RotorContact(z, share * peak, fastest) for z in places for share in WITHIN]
+
+    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
+        """Stiffness [N/m], clearance [m], and how much stiffer it is against approach [s/m]."""
+        gap = min(bearing.air_gap for bearing in rig.bearings)
+        return [
+            EffectParameter("stiffness", "N/m", size_of_stiffness(rig), meaning="stiffness k where it touches"),
+            EffectParameter(
+                "clearance", "m", self.clearance, 1e-3 * gap, max(gap, self.clearance), "clearance c all round"
+            ),
+            EffectParameter(
+                "damping",
+                "s/m",
+                0.1 / self.fastest,
+                upper=HUNT_CROSSLEY / self.fastest,
+                meaning="damping a: by how much of itself the force grows with the velocity of approach",
+            ),
+        ]
+
+    def probes(self, rig: Rig) -> Sequence[Mapping[str, float]]:
+        """A spring beyond the clearance of this variant."""
+        stiffness, clearance, damping = self.parameters(rig)
+        return [{stiffness.name: stiffness.probe, clearance.name: clearance.probe, damping.name: damping.probe}]
+
+    def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
+        """A stop pushes back."""
+        return np.zeros(1), np.full(1, np.inf)
+
+    def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
+        """The clearance of the probe, and the stiffness that the residual calls for."""
+        wanted = float(np.clip(amplitudes[0], 0.01, 1e3))
+        return {p.name: p.probe * (wanted if p.name == "stiffness" else 1.0) for p in self.parameters(rig)}
+
+    def attach(self, plant: Plant) -> None:
+        """Rounded where it begins to touch."""
+        slots = {name: self.slot(name) for name in ("clearance", "damping")}
+        for z, directions in acting_at(plant, self.z).items():
+            pairs = [(plant.at(z, own), plant.at(z, own, "eta_rate")) for own in directions.values()]
+            constants = {"coordinates": float(len(pairs)), "smoothing": ROUNDED_TOUCH * self.clearance}
+            for k, direction in enumerate(directions.values()):
+                seen = [signal for pair in (pairs[k], *pairs[:k], *pairs[k + 1 :]) for signal in pair]
+                plant.push(
+                    z, direction, plant.port(self.slot("stiffness"), plant.block("stop", seen, slots, constants))
+                )
+
+
+@dataclass(frozen=True)
 class FoundationResonance(Effect):
     """A mode of the housing that carries magnets and sensors.
 
@@ -258,5 +343,6 @@ EFFECTS = (
     SealForces(),
     CouplingStiffness(),
     MagneticPull(),
+    RotorContact(),
     FoundationResonance(),
 )

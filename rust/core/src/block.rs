@@ -1,9 +1,11 @@
-//! What a nonlinear block of Delta computes: one number w from one or two signals z, without memory.
+//! What a nonlinear block of Delta computes: one number w from a few signals z, without memory.
 
 mod curve;
 mod element;
 mod elementary;
 mod force;
+mod hysteresis;
+mod stop;
 mod table;
 
 use std::sync::Arc;
@@ -22,6 +24,9 @@ pub enum Coefficient {
     /// Its value.
     Constant(f64),
 }
+
+/// Most signals z of a block.
+pub(crate) const SIGNALS: usize = 4;
 
 /// What the block computes. Every law is zero where its strength is.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,15 +56,32 @@ pub enum Law {
         /// Half width, relative to R, of the bend between free and limited; in 0..1, not 0.
         smoothing: f64,
     },
-    /// Rate of a hysteresis state h by its input u: z = (u', h), `w = A u' - beta |u'| h - gamma u' |h|`.
+    /// Rate of a hysteresis state by its input u, vectors of one or two coordinates of which the first is w:
+    /// z = (u1', h1, u2', h2), `w = A u1' - (beta |v| + gamma v) |h|^(n-1) h1` with `v = u' h / |h|`.
     ///
-    /// Coefficients `A`, `beta`, `gamma`; `|v|` is `sqrt(v^2 + e^2) - e`. The state itself belongs to G.
-    /// Source: Wen (1976), "Method for random vibration of hysteretic systems", exponent 1.
+    /// Coefficients `A`, `beta`, `gamma`, `inverse_n` = 1/n in 0..1: with `beta + gamma = A` the state ends at one, in
+    /// an exponential for n = 1, and like a slider on a spring for n without limit. `|v|` is `sqrt(v^2 + e^2) - e`, and
+    /// `|h|` is `sqrt(h^2 + e^2)`; beyond one the power goes on as a straight line. The state itself belongs to G.
+    /// Source: Wen (1976), "Method for random vibration of hysteretic systems"; Park, Wen, Ang (1986), "Random
+    /// vibration of hysteretic systems under bi-directional ground motions".
     BoucWen {
+        /// One or two.
+        coordinates: usize,
         /// e of the rate, in its unit.
         rate_smoothing: f64,
-        /// e of the state, in its unit.
+        /// e of the state.
         state_smoothing: f64,
+    },
+    /// What a stop does, over its stiffness, to a body of one or two coordinates of which the first is w:
+    /// z = (x1, x1', x2, x2'), `w = -(r - c)+ (1 + a r') x1 / r` with `r = |x|`.
+    ///
+    /// Coefficients `clearance` = c, `damping` = a.
+    /// Source: Hunt, Crossley (1975), "Coefficient of restitution interpreted as damping in vibroimpact".
+    Stop {
+        /// One or two.
+        coordinates: usize,
+        /// Half width of the bend between free and in touch, in m.
+        smoothing: f64,
     },
     /// `w = g F(z)` with a tabulated function of one or two signals; coefficient `g`.
     Table(Arc<Table>),
@@ -83,7 +105,8 @@ impl Law {
     /// Number of signals z.
     pub fn inputs(&self) -> usize {
         match self {
-            Self::Force { .. } | Self::BoucWen { .. } => 2,
+            Self::Force { .. } => 2,
+            Self::BoucWen { coordinates, .. } | Self::Stop { coordinates, .. } => 2 * coordinates,
             Self::Slew { .. } => 1,
             Self::Table(table) => table.inputs(),
             Self::Polynomial { inputs, .. } => *inputs,
@@ -97,7 +120,8 @@ impl Law {
             Self::Force { curve: Curve::Tanh, .. } => &["K_i", "K_s", "nu", "sigma"],
             Self::Force { curve: Curve::Power, .. } => &["K_i", "K_s", "nu", "sigma", "n"],
             Self::Slew { .. } => &["inverse_limit"],
-            Self::BoucWen { .. } => &["A", "beta", "gamma"],
+            Self::BoucWen { .. } => &["A", "beta", "gamma", "inverse_n"],
+            Self::Stop { .. } => &["clearance", "damping"],
             Self::Table(_) => &["g"],
             Self::Polynomial { exponents, .. } => return (0..exponents.len()).map(|k| format!("c{k}")).collect(),
         };
@@ -110,8 +134,12 @@ impl Law {
                 *bias > 0.0 && bias.is_finite() && held.abs() < *bias && *level > 0.0 && level.is_finite()
             }
             Self::Slew { smoothing } => *smoothing > 0.0 && *smoothing < 1.0,
-            Self::BoucWen { rate_smoothing, state_smoothing } => {
-                [rate_smoothing, state_smoothing].iter().all(|e| **e >= 0.0 && e.is_finite())
+            Self::BoucWen { coordinates, rate_smoothing, state_smoothing } => {
+                (1..=2).contains(coordinates)
+                    && [rate_smoothing, state_smoothing].iter().all(|e| **e > 0.0 && e.is_finite())
+            }
+            Self::Stop { coordinates, smoothing } => {
+                (1..=2).contains(coordinates) && *smoothing > 0.0 && smoothing.is_finite()
             }
             Self::Table(_) => true,
             Self::Polynomial { inputs, exponents } => {
@@ -123,7 +151,9 @@ impl Law {
                 "a force law needs a finite bias and level above zero, and a holding current below the bias"
             }
             Self::Slew { .. } => "a slew limit needs a smoothing between 0 and 1, both excluded",
-            Self::BoucWen { .. } => "a hysteresis needs finite smoothings of at least zero",
+            Self::BoucWen { .. } | Self::Stop { .. } => {
+                "a hysteresis or a stop has one or two coordinates, and finite smoothings above zero"
+            }
             _ => "a polynomial has one or two inputs, and no exponent of an input that it lacks",
         };
         if allowed { Ok(()) } else { Err(Error::Block { what }) }

@@ -9,7 +9,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::block::Block;
+use crate::block::{Block, SIGNALS};
 use crate::error::{Error, Result, check_finite};
 
 /// One diagonal entry of Delta: `scale * theta[parameter]^power`.
@@ -194,7 +194,7 @@ impl Lft {
         let mut first = 0;
         for (v, block) in self.blocks.iter().enumerate() {
             let mut by_coefficient = vec![0.0; block.coefficients()];
-            let (_, by_z) = block.at(theta)?.evaluate::<false, true>([0.0; 2], &mut by_coefficient);
+            let (_, by_z) = block.at(theta)?.evaluate::<false, true>([0.0; SIGNALS], &mut by_coefficient);
             (0..block.inputs()).for_each(|i| slopes[(v, first + i)] = by_z[i]);
             first += block.inputs();
         }

@@ -23,7 +23,8 @@ fn blocks() -> Problem {
     let laws = [
         Law::Force { curve: Curve::Power, single: true, bias: 2.0, held: 0.1, level: 1.5 },
         Law::Slew { smoothing: 0.1 },
-        Law::BoucWen { rate_smoothing: 0.1, state_smoothing: 0.2 },
+        Law::BoucWen { coordinates: 2, rate_smoothing: 0.1, state_smoothing: 0.2 },
+        Law::Stop { coordinates: 1, smoothing: 0.1 },
         Law::Table(Arc::new(table)),
         Law::Polynomial { inputs: 1, exponents: vec![[3, 0]] },
     ];

@@ -67,12 +67,19 @@ impl NonlinearBlock<'_> {
             "bouc_wen" => {
                 let [rate_smoothing, state_smoothing] =
                     [self.constant("rate_smoothing")?, self.constant("state_smoothing")?];
-                (Law::BoucWen { rate_smoothing, state_smoothing }, &["rate_smoothing", "state_smoothing"])
+                (
+                    Law::BoucWen { coordinates: self.coordinates()?, rate_smoothing, state_smoothing },
+                    &["coordinates", "rate_smoothing", "state_smoothing"],
+                )
+            }
+            "stop" => {
+                let smoothing = self.constant("smoothing")?;
+                (Law::Stop { coordinates: self.coordinates()?, smoothing }, &["coordinates", "smoothing"])
             }
             "table" => (Law::Table(Arc::new(self.table()?)), &[]),
             "polynomial" => (self.polynomial()?, &[]),
             _ => {
-                let known = "force_law, slew_limit, bouc_wen, table, polynomial";
+                let known = "force_law, slew_limit, bouc_wen, stop, table, polynomial";
                 return Err(self.error(&format!("is not known; there are {known}")));
             }
         })
@@ -111,6 +118,12 @@ impl NonlinearBlock<'_> {
             _ => Err(wrong()),
         });
         Ok(Law::Polynomial { inputs, exponents: terms.collect::<PyResult<_>>()? })
+    }
+
+    fn coordinates(&self) -> PyResult<usize> {
+        let found = self.constant("coordinates")?;
+        let whole = [1_u8, 2].into_iter().find(|count| f64::from(*count) == found);
+        whole.map(usize::from).ok_or_else(|| self.error(&format!("has {found} coordinates; allowed are 1 and 2")))
     }
 
     fn constant(&self, name: &str) -> PyResult<f64> {

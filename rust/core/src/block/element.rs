@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use crate::block::force::Force;
-use crate::block::{Law, Table};
+use crate::block::hysteresis::BoucWen;
+use crate::block::stop::Stop;
+use crate::block::{Law, SIGNALS, Table};
 use crate::error::Result;
 
 /// A block with its coefficients put in.
@@ -11,7 +13,8 @@ use crate::error::Result;
 pub(crate) enum Element {
     Force(Force),
     Slew { inverse_limit: f64, smoothing: f64 },
-    BoucWen { coefficients: [f64; 3], smoothing: [f64; 2] },
+    BoucWen(BoucWen),
+    Stop(Stop),
     Table { gain: f64, table: Arc<Table> },
     Polynomial { coefficients: Vec<f64>, exponents: Vec<[u32; 2]> },
 }
@@ -23,10 +26,12 @@ impl Element {
                 Self::Force(Force::new(*curve, *single, [*bias, *held, *level], &values)?)
             }
             Law::Slew { smoothing } => Self::Slew { inverse_limit: values[0], smoothing: *smoothing },
-            Law::BoucWen { rate_smoothing, state_smoothing } => Self::BoucWen {
-                coefficients: [values[0], values[1], values[2]],
-                smoothing: [*rate_smoothing, *state_smoothing],
-            },
+            Law::BoucWen { rate_smoothing, state_smoothing, .. } => {
+                Self::BoucWen(BoucWen::new(&values, *rate_smoothing, *state_smoothing)?)
+            }
+            Law::Stop { smoothing, .. } => {
+                Self::Stop(Stop { clearance: values[0], damping: values[1], smoothing: *smoothing })
+            }
             Law::Table(table) => Self::Table { gain: values[0], table: Arc::clone(table) },
             Law::Polynomial { exponents, .. } => {
                 Self::Polynomial { coefficients: values, exponents: exponents.clone() }
@@ -38,20 +43,23 @@ impl Element {
     #[inline(always)]
     pub fn evaluate<const FMA: bool, const SLOPES: bool>(
         &self,
-        z: [f64; 2],
+        z: [f64; SIGNALS],
         by_coefficient: &mut [f64],
-    ) -> (f64, [f64; 2]) {
-        match self {
-            Self::Force(force) => force.evaluate::<FMA, SLOPES>(z, by_coefficient),
+    ) -> (f64, [f64; SIGNALS]) {
+        let two = [z[0], z[1]];
+        let (value, [first, second]) = match self {
+            Self::BoucWen(law) => return law.evaluate(z, by_coefficient),
+            Self::Stop(stop) => return stop.evaluate(z, by_coefficient),
+            Self::Force(force) => force.evaluate::<FMA, SLOPES>(two, by_coefficient),
             Self::Slew { inverse_limit, smoothing } => slew(z[0], *inverse_limit, *smoothing, by_coefficient),
-            Self::BoucWen { coefficients, smoothing } => bouc_wen(z, coefficients, smoothing, by_coefficient),
             Self::Table { gain, table } => {
-                let (value, slopes) = table.evaluate(z);
+                let (value, slopes) = table.evaluate(two);
                 by_coefficient[0] = value;
                 (gain * value, slopes.map(|s| gain * s))
             }
-            Self::Polynomial { coefficients, exponents } => polynomial(z, coefficients, exponents, by_coefficient),
-        }
+            Self::Polynomial { coefficients, exponents } => polynomial(two, coefficients, exponents, by_coefficient),
+        };
+        (value, [first, second, 0.0, 0.0])
     }
 }
 
@@ -68,26 +76,6 @@ fn slew(z: f64, inverse_limit: f64, smoothing: f64, by_coefficient: &mut [f64]) 
     let value = if t < 1.0 { 1.0 - smoothing + 2.0 * smoothing * (t - t * t * t * (1.0 - 0.5 * t)) } else { 1.0 };
     by_coefficient[0] = (value - slope * v).copysign(-z * inverse_limit) / (inverse_limit * inverse_limit);
     ((value / inverse_limit.abs()).copysign(z) - z, [slope - 1.0, 0.0])
-}
-
-fn bouc_wen(
-    [rate, state]: [f64; 2],
-    [a, beta, gamma]: &[f64; 3],
-    smoothing: &[f64; 2],
-    by_coefficient: &mut [f64],
-) -> (f64, [f64; 2]) {
-    let (size_rate, sign_rate) = magnitude(rate, smoothing[0]);
-    let (size_state, sign_state) = magnitude(state, smoothing[1]);
-    let parts = [rate, -size_rate * state, -rate * size_state];
-    by_coefficient.copy_from_slice(&parts);
-    let slopes = [a - beta * sign_rate * state - gamma * size_state, -beta * size_rate - gamma * rate * sign_state];
-    (a * parts[0] + beta * parts[1] + gamma * parts[2], slopes)
-}
-
-/// `sqrt(v^2 + e^2) - e` and its slope.
-fn magnitude(v: f64, e: f64) -> (f64, f64) {
-    let size = (v * v + e * e).sqrt();
-    (size - e, if size > 0.0 { v / size } else { 0.0 })
 }
 
 fn polynomial(

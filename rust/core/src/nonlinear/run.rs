@@ -1,5 +1,6 @@
 //! A nonlinear loop under way: states, derivatives, and the buffers of a step. Nothing is allocated per sample.
 
+use crate::block::SIGNALS;
 use crate::error::{Error, Result};
 use crate::instructions::dispatch;
 use crate::model::Controller;
@@ -96,7 +97,7 @@ struct Buffers {
     /// w of the blocks at the four stages, in rows.
     w: Vec<f64>,
     /// dw/dz of each block.
-    slopes: Vec<[f64; 2]>,
+    slopes: Vec<[f64; SIGNALS]>,
     by_coefficient: Vec<f64>,
     /// z at the ports of free gains, at the four stages; and what the inputs bring to it.
     read: Vec<f64>,
@@ -141,7 +142,7 @@ impl Run {
             last: vec![0.0; rows * layout.width],
             held: vec![0.0; rows * layout.width],
             w: vec![0.0; rows * 4 * blocks],
-            slopes: vec![[0.0; 2]; blocks],
+            slopes: vec![[0.0; SIGNALS]; blocks],
             by_coefficient: vec![0.0; coefficients],
             read: vec![0.0; 4 * layout.read],
             held_read: vec![0.0; 4 * layout.read],
@@ -399,7 +400,8 @@ fn stage<const FMA: bool, const SLOPES: bool>(
     let w = &mut w[s * blocks..];
     for block in &plant.blocks {
         let first = signals + block.first;
-        let z = [step[first], if block.inputs > 1 { step[first + 1] } else { 0.0 }];
+        let mut z = [0.0; SIGNALS];
+        z[..block.inputs].copy_from_slice(&step[first..first + block.inputs]);
         let (value, slope) = block.element.evaluate::<FMA, SLOPES>(z, &mut by_coefficient[..block.coefficients]);
         w[block.place] = value;
         if SLOPES {
@@ -426,10 +428,10 @@ fn stage<const FMA: bool, const SLOPES: bool>(
             let step = &mut step[row * width..][..width];
             let w = &mut w[row * w_width..][..blocks];
             for block in &plant.blocks {
-                let ([by_first, by_second], z) = (slopes[block.place], &step[signals + block.first..]);
-                let mut sum = fused::<FMA>(by_first, z[0], w[block.place]);
-                if block.inputs > 1 {
-                    sum = fused::<FMA>(by_second, z[1], sum);
+                let z = &step[signals + block.first..][..block.inputs];
+                let mut sum = w[block.place];
+                for (slope, z) in slopes[block.place].iter().zip(z) {
+                    sum = fused::<FMA>(*slope, *z, sum);
                 }
                 w[block.place] = sum;
                 for (z, factor) in &block.feeds {

@@ -50,8 +50,8 @@ impl Part for Law {
                 [bias, held, level].into_iter().for_each(|value| value.put(out));
             }
             Self::Slew { smoothing } => (1_u8, *smoothing).put(out),
-            Self::BoucWen { rate_smoothing, state_smoothing } => {
-                2_u8.put(out);
+            Self::BoucWen { coordinates, rate_smoothing, state_smoothing } => {
+                (2_u8, *coordinates).put(out);
                 (*rate_smoothing, *state_smoothing).put(out);
             }
             Self::Table(table) => (3_u8, (table.grid(), table.values())).put(out),
@@ -59,6 +59,7 @@ impl Part for Law {
                 let exponents: Vec<_> = exponents.iter().map(|[a, b]| (*a, *b)).collect();
                 (4_u8, (*inputs, exponents)).put(out);
             }
+            Self::Stop { coordinates, smoothing } => (5_u8, (*coordinates, *smoothing)).put(out),
         }
     }
 
@@ -72,7 +73,11 @@ impl Part for Law {
                 level: source.take()?,
             },
             1 => Self::Slew { smoothing: source.take()? },
-            2 => Self::BoucWen { rate_smoothing: source.take()?, state_smoothing: source.take()? },
+            2 => Self::BoucWen {
+                coordinates: source.take()?,
+                rate_smoothing: source.take()?,
+                state_smoothing: source.take()?,
+            },
             3 => {
                 let axes: Vec<(f64, (f64, usize))> = source.take()?;
                 let grid: Vec<_> = axes.into_iter().map(|(first, (spacing, nodes))| (first, spacing, nodes)).collect();
@@ -82,6 +87,7 @@ impl Part for Law {
                 let (inputs, exponents): (usize, Vec<(u32, u32)>) = source.take()?;
                 Self::Polynomial { inputs, exponents: exponents.into_iter().map(|(a, b)| [a, b]).collect() }
             }
+            5 => Self::Stop { coordinates: source.take()?, smoothing: source.take()? },
             _ => return Err(source.error("a law is not known to this version")),
         })
     }
