@@ -35,12 +35,13 @@ _Matrices = tuple[_Matrix, _Matrix, _Matrix, _Matrix]
 class _DigitalController(TypedDict):
     matrices: _Matrices
     reads: NotRequired[_Matrix | None]
+    hidden: NotRequired[int]
     takes: NotRequired[_Matrix | None]
     delay: float
     late: NotRequired[int | None]
     steps: int
-    noise: bool
-    errors: NotRequired[Sequence[tuple[int, _Matrix, _Matrix, float]]]
+    excitation: NotRequired[_Matrix | None]
+    errors: NotRequired[Sequence[tuple[int, _Matrix, _Matrix, _Matrix]]]
 
 class _Block(TypedDict):
     law: Literal["force_law", "slew_limit", "bouc_wen", "stop", "table", "polynomial"]

@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import ambid
 from ambid import diagnose
-from ambid.effects import slips
+from ambid.effects import channels, slips
 from benchmarks.grid import aligned, markdown, rate_text, read_rows, run_all
 from hidden.experiment import KINDS, experiment
 from hidden.physics import CATALOGUE, OUTSIDE
@@ -193,7 +193,7 @@ def draw(lines: list[dict[str, Any]], path: Path) -> None:
     rows = ["nothing", *CATALOGUE, *OUTSIDE]
     columns = [
         *CATALOGUE,
-        *(slip.name for slip in slips.EFFECTS),
+        *(slip.name for slip in (*slips.EFFECTS, *channels.EFFECTS)),
         "adequate",
         "none_of_the_candidates",
         "not_informative",

@@ -102,8 +102,9 @@ def test_eq_9_updates_nothing(here, command, refused):
 
 def test_a_diagnosis_that_cannot_begin_updates_nothing(here, command):
     record = ambid.Record.load("run.csv", ambid.Rig.load("rig.toml"))
-    dataclasses.replace(record, y=-record.y).save("turned.csv")
-    made = command("diagnose", "rig.toml", "turned.csv", "--save-rig", "new.toml", "--json", "d.json")
+    other = np.random.default_rng(0).choice([-0.1, 0.1], (record.period, 1))
+    dataclasses.replace(record, i_e=np.tile(other, (record.periods, 1))).save("foreign.csv")
+    made = command("diagnose", "rig.toml", "foreign.csv", "--save-rig", "new.toml", "--json", "d.json")
     found = json.loads(Path("d.json").read_text())
     assert found["verdict"] == "not_informative"
     assert found["rig_update"] == {}

@@ -8,7 +8,7 @@ import pytest
 
 import ambid
 from ambid.diagnosis import diagnose
-from ambid.effects import find, slips
+from ambid.effects import channels, find, slips
 from ambid.rig import StateSpaceController
 from hidden.bench import measured
 from hidden.families import BENCHES
@@ -68,6 +68,80 @@ def test_a_channel_that_is_recorded_late_is_named(machine, channel, samples):
     assert values(found)["K_i.A_zeta"] == pytest.approx(own.K_i[0], rel=0.01)
     (wrong,) = [finding for finding in found.findings if finding.code == "channel_late"]
     assert wrong.where.channel == channel
+
+
+def with_column(signal, k, factor):
+    return signal * np.where(np.arange(signal.shape[1]) == k, factor, 1.0)
+
+
+def exchanged(signal, a, b):
+    order = np.arange(signal.shape[1])
+    order[[a, b]] = b, a
+    return signal[:, order]
+
+
+# channels that a record holds wrongly: settings of the effect, how, and the gain that is found
+WRONG = {
+    "y turned": ("channel_sign", {"channel": "y"}, {"y": lambda x: -x}),
+    "i_c turned": ("channel_sign", {"channel": "i_c"}, {"i_c": lambda x: -x}),
+    "i_e turned": ("channel_sign", {"channel": "i_e"}, {"i_e": lambda x: -x}),
+    "y scaled": ("channel_gain", {"channel": "y"}, {"y": lambda x: 1.3 * x}),
+    "y in mm": ("channel_gain", {"channel": "y"}, {"y": lambda x: 1e3 * x}),
+    "i_c scaled": ("channel_gain", {"channel": "i_c"}, {"i_c": lambda x: 0.8 * x}),
+}
+OF_ONE_AXIS = {
+    "one y turned": ("channel_sign", {"channel": "y.B_zeta"}, {"y": lambda x: with_column(x, 2, -1.0)}),
+    "one i_e turned": ("channel_sign", {"channel": "i_e.A_zeta"}, {"i_e": lambda x: with_column(x, 0, -1.0)}),
+    "one y scaled": ("channel_gain", {"channel": "y.B_zeta"}, {"y": lambda x: with_column(x, 2, 1.1)}),
+    "one i_e scaled": ("channel_gain", {"channel": "i_e.A_eta"}, {"i_e": lambda x: with_column(x, 1, 0.7)}),
+    "y exchanged": (
+        "channels_exchanged",
+        {"signal": "y", "first": "A_eta", "second": "B_zeta"},
+        {"y": lambda x: exchanged(x, 1, 2)},
+    ),
+    "i_c exchanged": (
+        "channels_exchanged",
+        {"signal": "i_c", "first": "A_zeta", "second": "A_eta"},
+        {"i_c": lambda x: exchanged(x, 0, 1)},
+    ),
+    "i_e exchanged": (
+        "channels_exchanged",
+        {"signal": "i_e", "first": "A_eta", "second": "B_eta"},
+        {"i_e": lambda x: exchanged(x, 1, 3)},
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("machine", "case"),
+    first_fast(
+        [
+            ("one axis", "y turned"),
+            ("one axis", "i_c scaled"),
+            ("two bearings", "y exchanged"),
+            *(("one axis", case) for case in WRONG if case not in ("y turned", "i_c scaled")),
+            *(("two bearings", case) for case in WRONG | OF_ONE_AXIS if case != "y exchanged"),
+        ],
+        3,
+    ),
+)
+def test_a_channel_that_is_recorded_wrongly_is_named_and_mended(machine, case):
+    """Whatever the base model makes of it: a sign is no gain, and an exchange no pile of cross couplings."""
+    own, clean = MACHINES[machine], nothing_hidden(machine)
+    name, settings, makes = (WRONG | OF_ONE_AXIS)[case]
+    record = replace(clean, **{signal: make(getattr(clean, signal)) for signal, make in makes.items()})
+    found = diagnose(own.rig, record)
+    assert (found.verdict, found.effects) == ("explained", (name,)), found
+    (effect,) = found.model.effects
+    assert effect == find(name, settings)
+    assert found.to_json()["probabilities"][name] > 0.99
+    assert values(found)["K_i.A_zeta"] == pytest.approx(own.K_i[0], rel=0.01)
+    (wrong,) = found.findings
+    assert wrong.where.channel.split(".")[0] in makes
+    mended = effect.mended(record, {p.name: values(found)[effect.slot(p.name)] for p in effect.parameters(own.rig)})
+    for signal in makes:
+        assert getattr(mended, signal) == pytest.approx(getattr(clean, signal), rel=2e-3)
+    assert diagnose(own.rig, mended).verdict == "adequate"
 
 
 def shifted(signal, samples):
@@ -153,7 +227,7 @@ def test_a_wrong_scale_of_the_excitation_is_named(machine, factor):
 def test_without_i_c_the_two_slips_are_one():
     """A common factor on the controller and its inverse on all K_i are a scale of i_e, as far as y goes."""
     right = nothing_hidden("two bearings", 9)
-    few = [*slips.EFFECTS, find("sensor_gain_error"), find("loop_delay")]
+    few = [*slips.EFFECTS, *channels.EFFECTS, find("sensor_gain_error"), find("loop_delay")]
     found = diagnose(BENCHES["bench"].rig, replace(right, i_e=1.25 * right.i_e, i_c=None), catalogue=few)
     assert "excitation_gain_error" in named(found), found  # which has fewer parameters
     assert "controller_gain_error" in found.families["excitation_gain_error"].members

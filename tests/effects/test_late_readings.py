@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import ambid
+from ambid.effects.channels import ChannelDelay
 from ambid.effects.sensor import SamplingSkew
-from ambid.effects.slips import ChannelDelay
 from hidden.bench import simulate
 from hidden.families import BENCHES
 

@@ -22,7 +22,7 @@ AXES, DISTURBANCES, STEPS = 4, 2, 2
 
 
 class Disturbed:
-    """The plant of a rig with two forces that push its modes, under the rig's digital controller, noise on."""
+    """A rig's plant with two forces that push its modes and noise of the sensors, under its digital controller."""
 
     def __init__(self, machine: Rig = MACHINE) -> None:
         places = [z for b in machine.bearings for z in (b.position, b.sensor_position)]
@@ -31,13 +31,15 @@ class Disturbed:
             force = plant.input(f"d.{d}")
             for k, factor in pushes.items():
                 plant.inject(f"modal_force.{k}", factor * force)
+        for axis in machine.axes:
+            plant.inject(f"y.{axis}", plant.input(f"n.{axis}"))
         self.lft = plant.between_commands_and_outputs()
         fills = filled_by(machine)
         self.gains = [(fills[port.slot], port.scale, port.power) for port in self.lft.ports]
         self.dt = 1.0 / machine.sample_rate
         self.theta = parameters(machine)
         matrices = machine.controller.state_space(len(machine.axes), machine.sample_rate)
-        self.digital = {"matrices": matrices, "delay": machine.controller.delay_samples, "steps": STEPS, "noise": True}
+        self.digital = {"matrices": matrices, "delay": machine.controller.delay_samples, "steps": STEPS}
 
     @property
     def matrices(self) -> tuple[np.ndarray, ...]:
@@ -94,7 +96,7 @@ def by_integration(A, B, x, u, duration):
 
 
 def respond(matrices, digital, dt, u, propagate):
-    """Outputs from rest; u is excitation, further inputs, noise. `propagate(A, B, x, u, duration)` moves the plant."""
+    """Outputs from rest; u is excitation and further inputs. `propagate(A, B, x, u, duration)` moves the plant."""
     A, B, C, D = matrices
     a, b, c, d = digital["matrices"]
     m, step = len(d), dt / digital["steps"]
@@ -103,15 +105,14 @@ def respond(matrices, digital, dt, u, propagate):
     x, state = np.zeros(len(A), dtype=A.dtype), np.zeros(len(a), dtype=A.dtype)
     commands = [np.zeros(m, dtype=A.dtype)] * (whole + 2)  # newest first
     rows = []
-    for excitation, further, noise in zip(u[:, :m], u[:, m:-m], u[:, -m:], strict=True):
+    for excitation, further in zip(u[:, :m], u[:, m:], strict=True):
         for turn in range(digital["steps"]):
-            read = C[:m] @ x + D[:m, m:] @ further + noise
+            read = C[:m] @ x + D[:m, m:] @ further
             commands = [excitation - c @ state - d @ read, *commands[:-1]]
             state = a @ state + b @ read
             first = np.concatenate([commands[whole + late], further])
             if turn == 0:
                 rows.append(C @ x + D @ first)
-                rows[-1][:m] += noise
             if late:
                 x = propagate(A, B, x, first, fraction * step)
             x = propagate(A, B, x, np.concatenate([commands[whole], further]), (1.0 - fraction) * step)
@@ -224,7 +225,7 @@ class Levitated:
         D = np.insert(D, 1, [np.zeros(len(C)), error], axis=1)
         self.matrices, self.plant, self.theta = (A, B, C, np.ascontiguousarray(D)), plant, plant.theta
         self.gains = [(0, 1.0, 1), (1, 1.0, 1), (2, 1.0, -1)]
-        self.digital = plant.digital | {"noise": True}
+        self.digital = plant.digital
 
     def core(self) -> _core.ClosedLoop:
         blocks = self.plant.blocks
@@ -246,7 +247,7 @@ class Levitated:
 @pytest.mark.parametrize("delay", [{"delay": 0.0}, {"delay": 1.3, "steps": 2}], ids=["at once", "delayed"])
 def test_disturbances_of_a_nonlinear_loop(delay):
     loop, rng = Levitated(**delay), np.random.default_rng(6)
-    u = rng.choice([-1.0, 1.0], (20, 4)) * [1.0, 150.0, 3e-6, 1e-6]
+    u = rng.choice([-1.0, 1.0], (20, 3)) * [1.0, 150.0, 3e-6]
     y, slopes = loop.core().sensitivity(loop.theta, list(range(len(loop.theta))), u)
     assert_close(y, loop.reference(loop.theta, u), 1e-7)
     for j, value in enumerate(loop.theta):

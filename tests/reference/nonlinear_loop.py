@@ -169,7 +169,7 @@ def machine(ports, laws, blocks, extra=(), delay=None, steps=1, late=None) -> Pl
             np.array([[I, -D * (1 - pole) ** 2 / t]]),
             np.array([[P + D * (1 - pole) / t]]),
         )
-        digital = {"matrices": matrices, "delay": delay, "steps": steps, "noise": False}
+        digital = {"matrices": matrices, "delay": delay, "steps": steps}
         digital["late"] = None if late is None else 3 + len(extra)
     first = 5
     for k, port in enumerate(ports):

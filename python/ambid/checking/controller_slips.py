@@ -17,15 +17,14 @@ from ambid.checking.machine import taken_as
 from ambid.checking.nominal import Lines, NominalLoop, moves
 from ambid.checking.scales import SLIPS, wrong_unit
 from ambid.checking.signs import UNEXPLAINED, opposite_sign, turned
-from ambid.effects.slips import LEAST, MOST, ControllerGainError, ExcitationGainError
+from ambid.effects.channels import ExcitationGainError
+from ambid.effects.slips import LEAST, MOST, ControllerGainError
 from ambid.findings import Finding, Kind, Severity, Where
 from ambid.record import Record
 
 __all__ = [
-    "CHANNELS_EXCHANGED",
-    "CURRENT_WITHOUT_EXCITATION",
     "DOUBTFUL_GAIN",
-    "GAINS_BEYOND_RANGE",
+    "GAINS_DIFFER",
     "slips_of_controller",
 ]
 

@@ -23,8 +23,6 @@ from ambid.findings import Finding, Kind, Where
 from ambid.record import Record
 
 __all__ = [
-    "EXCITATION_ORDER",
-    "EXCITATION_SHIFTED",
     "FOREIGN_EXCITATION",
     "slips_of_closed_loop",
     "slips_of_excitation",

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from ambid.findings import Finding, Kind, Where
 from ambid.record import Record
 
-__all__ = ["SLIPS", "WRONG_UNIT", "wrong_unit"]
+__all__ = ["SLIPS", "wrong_unit"]
 
 SLIPS = (-1.0, 1e3, 1e-3, 1e6, 1e-6)
 """Factors by which a sign or a unit goes wrong."""

@@ -12,11 +12,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from ambid.checking.controller import FEWEST
-from ambid.checking.controller_slips import DOUBTFUL_GAIN, slips_of_controller
+from ambid.checking.controller_slips import DOUBTFUL_GAIN, GAINS_DIFFER, slips_of_controller
 from ambid.checking.equations import FEWEST_LINES
 from ambid.checking.excitation_slips import slips_of_closed_loop
 from ambid.checking.foreign import slips_of_another_rig
-from ambid.checking.instants import slips_of_clocks
+from ambid.checking.instants import CHANNEL_DELAY, slips_of_clocks
 from ambid.checking.law import Law, find_laws
 from ambid.checking.law_slips import slips_of_laws
 from ambid.checking.machine import slips_of_machine
@@ -28,7 +28,7 @@ from ambid.checking.signs import opposite_sign
 from ambid.checking.soundness import LoopFigures, RecordFigures, ResponseFigures, Soundness
 from ambid.checking.stopping import stops_diagnosis
 from ambid.errors import RecordError
-from ambid.findings import SEVERITIES, Finding, Kind, Where
+from ambid.findings import SEVERITIES, Finding, Kind, Where, has
 from ambid.record import Record, Source, load_measurement
 from ambid.results import speed_text
 from ambid.rig import Rig, as_rig
@@ -86,11 +86,11 @@ def check(rig: Rig | str | Path, records: Source | Sequence[Source] = ()) -> Sou
         findings += of_record
         if not foreign:
             described.append(RecordFigures.of(record, own))
-            stops = any(map(stops_diagnosis, of_record))
+            is_readable = not any(stops_diagnosis(found) or _hides(found) for found in of_record)
             if found := _laws(record, own):
                 laws[record.name] = found
-                findings += [] if stops else slips_of_laws(record.name, found)
-            elif not stops:
+                findings += slips_of_laws(record.name, found) if is_readable else []
+            elif is_readable:
                 findings += _turned_reference(record, own)
     listed = tuple(map(ResponseFigures.of, responses))
     implementation = f"{rig.controller.implementation} {rig.controller.kind}"
@@ -108,6 +108,11 @@ def _laws(record: Record, rig: Rig) -> tuple[Law, ...]:
         return find_laws(record, rig)
     except RecordError:  # another rate, or a current that was not recorded; told where it matters
         return ()
+
+
+def _hides(finding: Finding) -> bool:
+    """Whether an error leaves nothing of the machine to be checked; what is a matter of degree does not."""
+    return finding.severity == "error" and not has([finding], GAINS_DIFFER, CHANNEL_DELAY)
 
 
 def _responses(record: Record) -> Lines | None:
@@ -146,6 +151,6 @@ def _record(record: Record, loop: NominalLoop) -> list[Finding]:
     else:
         found.append(FEW_LINES(where, lines=len(lines.index), fewest=FEWEST_LINES))
     has_error = any(finding.severity == "error" for finding in found)
-    if any(stops_diagnosis(finding) for finding in found if finding.severity == "error"):
+    if any(map(_hides, found)):
         return found
     return found + slips_of_machine(record, loop, lines, is_rig_right=is_held and not has_error)

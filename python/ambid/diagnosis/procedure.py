@@ -38,7 +38,7 @@ from ambid.identification.tolerances import NOISE, budget_by_name, known_values
 from ambid.identification.tolerances import findings_of as findings_of_tolerances
 from ambid.model import Given, Model, as_model
 from ambid.model.parameter import nominal
-from ambid.noise import Comparison
+from ambid.noise import Comparison, compare
 from ambid.record import Measurement, Record, Source, measured
 from ambid.record.twice import findings_of_repeats, findings_of_validation
 from ambid.threads import with_one_blas_thread
@@ -131,10 +131,7 @@ def diagnose(
     stops = [finding for finding in findings if stops_diagnosis(finding)]
     if stops:
         return Diagnosis.uninformative(start, records, stops, begun_at)
-    try:
-        estimate = identify(start, records)
-    except UnstableStartError:
-        estimate = None
+    estimate, bases = _base(start, records)
     if estimate is not None and (why := list(_uninformed(start, estimate))):
         return Diagnosis.uninformative(estimate.model, records, why, begun_at)
     task = Task(
@@ -145,7 +142,7 @@ def diagnose(
         as_given=tuple(effect for effect in chosen or () if effect.settings()),
         given_prior=dict(prior or {}),
     )
-    if estimate is None:
+    if not bases:
         bases = standing(start, records, catalogue if chosen is None else chosen)
         if not bases and chosen:
             others = holders(start, catalogue, records)
@@ -153,10 +150,8 @@ def diagnose(
         if not bases:
             return Diagnosis.uninformative(start, records, [nothing_holds(start)], begun_at)
         findings = (*findings, base_unstable(start, bases))
-    else:
-        bases = [estimate.comparison]
-        if not bases[0].is_adequate and not all(part.noise_is_measured for part in bases[0].noise.parts):
-            bases = [refit(bases[0])]  # `identify` did not trust the weights, as physics is missing
+    elif not bases[0].is_adequate and not all(part.noise_is_measured for part in bases[0].noise.parts):
+        bases = [refit(bases[0])]  # `identify` did not trust the weights, as physics is missing
     field = begun(task, *bases)
 
     def told(*, is_stopped: bool) -> Diagnosis:
@@ -175,6 +170,17 @@ def diagnose(
     except KeyboardInterrupt:
         pass  # what is told of the sets that were tried is no part of the stack that was interrupted
     raise Stopped(told(is_stopped=True))
+
+
+def _base(start: Model, records: tuple[Measurement, ...]) -> tuple[Estimate | None, list[Comparison]]:
+    """The estimate of the base model and its comparison; none of an unstable one."""
+    try:
+        estimate = identify(start, records)
+    except UnstableStartError:
+        return None, []
+    except UnstableLoopError:  # driven to the edge of stability by records that no such loop has made
+        return None, [compare(start, records)]
+    return estimate, [estimate.comparison]
 
 
 def _chosen(task: Task, field: Field, effects: Sequence[Effect]) -> Iterator[Field]:
@@ -251,8 +257,7 @@ def _told(
     history = steps_to(task, field, best, base)
     near = families(field, best)
     unnamed = verdict.word == "none_of_the_candidates"
-    instants = [finding for finding in findings if unnamed and has([finding], CURRENT_AHEAD, CURRENT_BEHIND)]
-    slips = [finding for finding in instants if has([finding], CURRENT_AHEAD)]
+    slips = [finding for finding in findings if unnamed and _is_slip(finding)]
     return Diagnosis(
         verdict=verdict.word,
         effects=verdict.effects,
@@ -286,9 +291,15 @@ def _told(
             *findings_of(verdict, verdict.fit.noise, history),
             *findings_of_tolerances(start.rig, tolerances),
             *(finding for finding in findings if has([finding], BASE_UNSTABLE, OPERATING_POINT_DRIFT, FORCE_TOO_SMALL)),
-            *instants,
+            *slips,
+            *(finding for finding in findings if unnamed and has([finding], CURRENT_BEHIND)),
         ),
     )
+
+
+def _is_slip(finding: Finding) -> bool:
+    """Whether it is to be set right first where no hypothesis explains the records."""
+    return finding.severity == "error" or has([finding], CURRENT_AHEAD)
 
 
 def _nominal(start: Model) -> Model:

@@ -347,12 +347,12 @@ class _Call:
 
 
 def _smallest_visible(probes: Sequence[Mapping[str, float]], sizes: FloatArray) -> dict[str, float]:
-    """Value of each parameter at which its score would just count, where each probe moves one parameter alone."""
+    """Value of each parameter at which its score would just count, where each probe moves one parameter."""
     least = np.sqrt(chdtri(1, VISIBLE))
     found = {}
     for probe, size in zip(probes, sizes.tolist(), strict=True):
         moved = [name for name, value in probe.items() if value != 0.0]
-        if len(moved) > 1:
+        if len(moved) != 1:
             return {}
         if size > 0.0:
             found[moved[0]] = float(least / size * abs(probe[moved[0]]))

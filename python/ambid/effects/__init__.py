@@ -1,10 +1,10 @@
-"""The catalogue of physical effects that a model may lack, and of slips: a file per family, each with its `EFFECTS`."""
+"""The catalogue of physical effects that a model may lack, and of errors of rig and record: a file per family."""
 
 from collections.abc import Mapping, Sequence
 from inspect import signature
 from typing import Any
 
-from ambid.effects import amplifier, damping, disturbance, magnet, rotor, sensor, slips, support
+from ambid.effects import amplifier, channels, damping, disturbance, magnet, rotor, sensor, slips, support
 from ambid.effects.measured import MeasuredShape
 from ambid.errors import ModelError, did_you_mean
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
@@ -20,6 +20,7 @@ CATALOGUE: tuple[Effect, ...] = (
     *sensor.EFFECTS,
     *disturbance.EFFECTS,
     *slips.EFFECTS,
+    *channels.EFFECTS,
 )
 
 

@@ -243,8 +243,7 @@ class _OfReading(Known):
     def attach(self, plant: Plant) -> None:
         """At every axis."""
         for axis in plant.axes:
-            read = f"{self.signal}.{axis}"
-            plant.inject(read, plant.port(self.slot(axis), plant.raw(read)))
+            plant.scale(f"{self.signal}.{axis}", self.slot(axis))
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,8 @@ from ambid.effects.traits import CURVATURE, GAIN_OF_READING, LAG_OF_CURRENT, LAG
 from ambid.loop.assembly import combine
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
 from ambid.loop.plant import Plant
+from ambid.record import Record
+from ambid.record.shifting import shifted
 from ambid.rig import Bearing, PointMassRotor, Rig, StateSpaceController
 
 APART = 5.0
@@ -307,6 +309,11 @@ class SamplingSkew(Effect):
         late, early = values.get("current_late", 0.0), values.get("displacement_early", 0.0)
         lags = {LAG_OF_READING: early - late}
         return lags | {LAG_ROUND_LOOP: early} if self._reads_y_early(rig) else lags | {LAG_OF_CURRENT: late}
+
+    def mended(self, record: Record, values: Mapping[str, float]) -> Record:
+        """i_c moved to the instants of y, where y itself is not early."""
+        late = values.get("current_late", 0.0) * record.sample_rate
+        return record if self.moves_y else shifted(record, ("i_c",), late)
 
     def attach(self, plant: Plant) -> None:
         """Exact: from the instants at which y is read, commands come late by e, and i_c is read by d + e after them."""

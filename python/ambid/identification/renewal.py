@@ -6,6 +6,7 @@ from collections.abc import Generator
 
 import numpy as np
 
+from ambid.errors import UnstableLoopError
 from ambid.identification.damped import NearStart, damped_start
 from ambid.identification.edge import is_at_edge
 from ambid.identification.minimum import ROUGHLY, WhitenedProblem, other_side
@@ -75,7 +76,10 @@ def way_around(
     at_edge = is_at_edge(rough, best)
     if not at_edge and best.status != "at_bound":
         return best
-    x, spent = damped_start(stable, records, rough.free, limits, NearStart if at_edge else WhitenedProblem)
+    try:
+        x, spent = damped_start(stable, records, rough.free, limits, NearStart if at_edge else WhitenedProblem)
+    except UnstableLoopError:
+        return best  # records of no such loop drive it to the edge all the same
     rough.evaluations += spent
     near = NearStart(stable, rough.noise, rough.free, rough.progress) if at_edge else rough
     second = yield Descent(near, x, limits, most, ROUGHLY)

@@ -71,10 +71,13 @@ class GainError:
         What the error stands for, such as ``controller_gain_error.proportional``.
     gain : str
         One of `Controller.gains`, ``gain`` for all of the controller, or ``excitation``.
+    axes : tuple of str
+        Whose excitation it is of.
     """
 
     slot: str
     gain: str
+    axes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -118,6 +121,8 @@ class Lft:
         Outputs that are recorded late or early.
     gain_errors : tuple of GainError
         Of the controller that is to be closed around it.
+    excitation : ndarray, shape (axes, axes), or None
+        What acts of the excitations that are recorded; None where it is these.
     """
 
     A: FloatArray
@@ -131,6 +136,7 @@ class Lft:
     late: str | None = None
     late_outputs: tuple[LateOutput, ...] = ()
     gain_errors: tuple[GainError, ...] = ()
+    excitation: FloatArray | None = None
 
     def closed(self, values: Mapping[str, float]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """A, B, C, D between inputs and outputs, with a value for each slot; without the nonlinear blocks."""
@@ -317,6 +323,10 @@ class Assembly:
     def inject(self, name: str, value: Signal) -> None:
         """Add to a named signal wherever it is used."""
         self._injected[name] = self._injected.get(name, ZERO) + value
+
+    def is_changed(self, *names: str) -> bool:
+        """Whether anything is injected into one of these signals."""
+        return any(name in self._injected for name in names)
 
     def lft(self, outputs: Sequence[str]) -> Lft:
         """The transformation, with these named signals as outputs."""

@@ -11,7 +11,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import ModelError
 from ambid.loop.assembly import Lft, Port
 from ambid.loop.delay import with_late_commands
-from ambid.loop.plant import EXCITATION
+from ambid.loop.plant import HEARD
 from ambid.loop.response import frequency_response
 from ambid.rig import Rig
 
@@ -25,14 +25,14 @@ class LawError:
     slot : str
     C : ndarray, shape (axes, states of the controller)
     D : ndarray, shape (axes, signals read)
-    excitation : float
-        1 or 0.
+    excitation : ndarray, shape (axes, axes)
+        Zero of an error of the controller.
     """
 
     slot: str
     C: FloatArray
     D: FloatArray
-    excitation: float
+    excitation: FloatArray
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,9 @@ class Reading:
         read = [(signal, axis) for signal in own.signals for axis in rig.axes]
         of_outputs, of_inputs = np.zeros((len(read), len(outputs))), np.zeros((len(read), len(inputs)))
         for row, (signal, axis) in enumerate(read):
-            if (name := f"{signal}.{axis}") in outputs:
-                of_outputs[row, outputs.index(name)] = 1.0  # the first: what is watched may be there again
+            name = f"{signal}.{axis}"
+            if (own_name := next((n for n in (f"{HEARD}{name}", name) if n in outputs), None)) is not None:
+                of_outputs[row, outputs.index(own_name)] = 1.0  # the first: what is watched may be there again
             if (name := f"r.{axis}") in inputs:
                 of_inputs[row, inputs.index(name)] = share.get(signal, 0.0)
         return cls(of_outputs, of_inputs)
@@ -81,10 +82,12 @@ def of_reference(rig: Rig, points: ComplexArray) -> ComplexArray:
 def law_errors(plant: Lft, rig: Rig) -> list[LawError]:
     """The gain errors of a plant as its rig's controller takes them; gains that it has not are left out."""
     found = []
+    acts = np.eye(len(rig.axes)) if plant.excitation is None else plant.excitation
     for error in plant.gain_errors:
         c, d = rig.controller.part_of(error.gain, len(rig.axes), rig.sample_rate)
-        own = LawError(error.slot, np.ascontiguousarray(c), np.ascontiguousarray(d), float(error.gain == EXCITATION))
-        if own.excitation or c.any() or d.any():
+        excitation = acts * np.isin(rig.axes, error.axes)
+        own = LawError(error.slot, *map(np.ascontiguousarray, (c, d, excitation)))
+        if any(part.any() for part in (c, d, excitation)):
             found.append(own)
     return found
 
@@ -94,10 +97,8 @@ def close_analog(
     rig: Rig,
     controller: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     errors: Sequence[LawError] = (),
-    *,
-    noise: bool,
 ) -> Lft:
-    """Close ``i_ref = -K read + i_e`` around the plant, what is read being ``y + n - r``, and i_c where K reads that.
+    """Close ``i_ref = -K read + i_e`` around the plant, what is read being ``y - r``, and i_c where K reads that.
 
     Parameters
     ----------
@@ -111,13 +112,11 @@ def close_analog(
         A, B, C, D of K.
     errors : sequence of LawError
         They become further ports.
-    noise : bool
-        Whether the loop has the sensor noise n of each axis as further inputs; it is part of the output y.
 
     Returns
     -------
     Lft
-        Inputs ``i_e.<axis>``, further ones of the plant such as ``r.<axis>`` and, with `noise`, ``n.<axis>``.
+        Inputs ``i_e.<axis>``, as recorded, and further ones of the plant such as ``r.<axis>``.
 
     Raises
     ------
@@ -148,28 +147,27 @@ def close_analog(
     C = np.hstack([plant.C, np.zeros((len(plant.C), control))]) + d_u @ by_x
 
     b_rest, d_rest = np.vstack([b_rest + b_u @ by_rest, b_k @ y_rest]), d_rest + d_u @ by_rest
-    further = len(others)
-    B = [np.vstack([plant.B[:, excited], np.zeros((control, n))]), b_rest[:, :further]]
-    D = [plant.D[:, excited], d_rest[:, :further]]
+    enters = np.vstack([plant.B[:, excited], np.zeros((control, n))]), plant.D[:, excited]
+    acts = np.eye(n) if plant.excitation is None else plant.excitation
     names = (*(f"i_e.{axis}" for axis in axes), *(plant.inputs[k] for k in others))
-    if noise:
-        noisy = reading.outputs[:, :n]
-        read = d_u @ -d_k @ noisy
-        read[:n] += np.eye(n)
-        B.append(np.vstack([b_u @ -d_k, b_k]) @ noisy)
-        D.append(read)
-        names += tuple(f"n.{axis}" for axis in axes)
-    B.append(b_rest[:, further:])
-    D.append(d_rest[:, further:])
-    closed = replace(plant, A=A, B=np.hstack(B), C=C, D=np.hstack(D), inputs=names)
-    if not errors:
-        return closed
-    return _with_ports(closed, rig, errors, np.vstack([b_u, np.zeros((control, n))]), d_u)
+    B, D = np.hstack([enters[0] @ acts, b_rest]), np.hstack([enters[1] @ acts, d_rest])
+    closed = replace(plant, A=A, B=B, C=C, D=D, inputs=names)
+    if errors:
+        closed = _with_ports(closed, rig, errors, enters, (np.vstack([b_u, np.zeros((control, n))]), d_u))
+    heard = [k for k, name in enumerate(closed.outputs) if name.startswith(HEARD)]
+    shown = tuple(name for name in closed.outputs if not name.startswith(HEARD))
+    return replace(closed, C=np.delete(closed.C, heard, 0), D=np.delete(closed.D, heard, 0), outputs=shown)
 
 
-def _with_ports(closed: Lft, rig: Rig, errors: Sequence[LawError], b_u: FloatArray, d_u: FloatArray) -> Lft:
-    """A closed loop with a port for each error and axis; the feedback enters it by the columns `b_u` and `d_u`."""
-    n, states, inputs, outputs = d_u.shape[1], len(closed.A), closed.B.shape[1], len(closed.C)
+def _with_ports(
+    closed: Lft,
+    rig: Rig,
+    errors: Sequence[LawError],
+    excites: tuple[FloatArray, FloatArray],
+    feeds_back: tuple[FloatArray, FloatArray],
+) -> Lft:
+    """A closed loop with a port for each error and axis; excitation and feedback enter it by columns of B and D."""
+    n, states, inputs, outputs = excites[1].shape[1], len(closed.A), closed.B.shape[1], len(closed.C)
     z, b, d = np.zeros((0, states + inputs)), np.zeros((states, 0)), np.zeros((outputs, 0))
     reading, rows = Reading.of(rig, closed.outputs, closed.inputs), len(closed.outputs)
     read = reading.outputs @ np.hstack([closed.C[:rows], closed.D[:rows]])
@@ -177,8 +175,8 @@ def _with_ports(closed: Lft, rig: Rig, errors: Sequence[LawError], b_u: FloatArr
     for error in errors:
         seen = -error.D @ read
         seen[:, states - error.C.shape[1] : states] -= error.C
-        seen[:, states : states + n] += error.excitation * np.eye(n)
-        enters = (closed.B[:, :n], closed.D[:, :n]) if error.excitation else (b_u, d_u)
+        seen[:, states : states + n] += error.excitation
+        enters = excites if error.excitation.any() else feeds_back
         z, b, d = np.vstack([z, seen]), np.hstack([b, enters[0]]), np.hstack([d, enters[1]])
     more, ports = len(z), len(closed.ports)
     column, row = [len(closed.inputs) + ports] * more, [len(closed.outputs) + ports] * more

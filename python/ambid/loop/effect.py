@@ -143,6 +143,8 @@ class Effect(ABC):
         Whether it makes one plane of the rotor act on the other.
     within_command : bool
         Whether it is an error of what makes the command: an i_e that was rebuilt from the recorded command holds it.
+    in_record : bool
+        Whether it is an error of the record alone, which the machine does not have.
     formula_error : float
         Part of what it explains that its formula may leave, for another effect to be no better an explanation of.
     unseen : str
@@ -164,6 +166,7 @@ class Effect(ABC):
     plural: ClassVar[bool] = False
     across_planes: ClassVar[bool] = False
     within_command: ClassVar[bool] = False
+    in_record: ClassVar[bool] = False
     formula_error: ClassVar[float] = 0.0
     fine: ClassVar[tuple[str, ...]] = ()
     in_series: ClassVar[Mapping[str, str]] = MappingProxyType({})
@@ -229,6 +232,14 @@ class Effect(ABC):
         None in place of values: another effect is named, and this one does as well.
         """
         return ()
+
+    def mended(self, record: Record, values: Mapping[str, float]) -> Record:
+        """The record without what it holds of the effect at these values; physics stays."""
+        return record
+
+    def corrected(self, rig: Rig, values: Mapping[str, float]) -> Rig:
+        """The rig with what of the effect is an error of its file set right; physics stays."""
+        return rig
 
     def settings(self) -> dict[str, Any]:
         """Arguments of the constructor that make this variant, as saved with a model: fields that are not default."""

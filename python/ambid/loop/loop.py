@@ -19,7 +19,7 @@ from ambid.loop.delay import with_late_rows
 from ambid.loop.effect import Effect
 from ambid.loop.geometry import rotor_of
 from ambid.loop.mode import Modes, eigenmodes, moved_by_worst
-from ambid.loop.plant import Plant
+from ambid.loop.plant import HEARD, Plant
 from ambid.loop.response import frequency_response
 from ambid.rig import Rig
 from ambid.rotor import ReducedRotor
@@ -87,21 +87,21 @@ class Loop:
                 "matrices": matrices,
                 "reads": reading.outputs,
                 "takes": reading.inputs,
+                "hidden": sum(name.startswith(HEARD) for name in between.outputs),
                 "delay": rig.controller.delay_samples,
                 "late": late,
                 "steps": round(rig.controller.rate(rig.sample_rate) / rig.sample_rate),
-                "noise": noise,
+                "excitation": between.excitation,
                 "errors": [(filled_by[error.slot], error.C, error.D, error.excitation) for error in errors],
             }
             self.lft = between
             self.inputs = tuple(name.replace("i_ref.", "i_e.") for name in between.inputs)
-            self.inputs += tuple(f"n.{axis}" for axis in rig.axes) if noise else ()
         else:
-            self.lft = close_analog(between, rig, matrices, errors, noise=noise)
+            self.lft = close_analog(between, rig, matrices, errors)
             self.inputs = self.lft.inputs
             if late is not None:
-                controller = {"matrices": _idle(rig), "delay": 0.0, "late": late, "steps": 1, "noise": False}
-        self.outputs = self.lft.outputs
+                controller = {"matrices": _idle(rig), "delay": 0.0, "late": late, "steps": 1}
+        self.outputs = tuple(name for name in self.lft.outputs if not name.startswith(HEARD))
         self.driven = sum(name.startswith(("i_e.", "r.")) for name in self.inputs)
         self._rotor = rotor_of(rig, _further_modes(rig, effects))
         self.sample_time = 1.0 / rig.sample_rate
@@ -358,7 +358,8 @@ def open_plant(
 ) -> Lft:
     """The plant with all effects attached; bending modes that effects bring are the last of the rotor.
 
-    With `noise`, that of i_c is a further input ``n_i.<axis>``, the last, where the controller reads it.
+    With `noise`, that of i_c is a further input ``n_i.<axis>`` where the controller reads it, and that of y
+    ``n.<axis>``, the last.
     """
     more = _further_modes(rig, effects)
     rotor = rotor_of(rig, more)
@@ -372,8 +373,10 @@ def open_plant(
     built.reference = rig if reference is None else reference
     for effect in effects:
         effect.attach(built)
-    for axis in rig.axes if noise and "i_c" in rig.controller.signals else ():
-        built.inject(f"i_c.{axis}", built.input(f"n_i.{axis}"))
+    noisy = {"i_c": "n_i"} if "i_c" in rig.controller.signals else {}
+    for signal, of_signal in (noisy | {"y": "n"}).items() if noise else ():
+        for axis in rig.axes:
+            built.inject(f"{signal}.{axis}", built.input(f"{of_signal}.{axis}"))
     return built.between_commands_and_outputs(watch, measured)
 
 

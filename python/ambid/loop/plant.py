@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ambid.arrays import FloatArray
 from ambid.errors import ModelError
 from ambid.loop.assembly import ZERO, Assembly, GainError, LateOutput, Lft, Signal, combine
 from ambid.loop.geometry import axes_in_planes, sensors_in_planes
@@ -17,6 +18,10 @@ EXCITATION = "excitation"
 """What a `GainError` of i_e is of."""
 READING = ("at_sensor", "turned", "scaled", "y")
 """What becomes of a displacement until it is read, in this order whatever the order of the effects."""
+RECORDING = ("exchanged", "reversed", "recorded")
+"""What becomes of y and i_c on the way into the record, likewise: cables, polarity, scale."""
+HEARD = "heard."
+"""Before the name of a channel: as the controller reads it, where the record holds something else."""
 
 
 READ = "read."
@@ -35,7 +40,8 @@ class Plant(Assembly):
     behind the amplifier, its rate ``i_a_free`` [A/s] before and ``i_a_rate`` behind what limits it, ``i_c`` [A] as
     recorded, ``i_f`` [A] that makes force and its rate
     ``i_f_rate`` [A/s], ``s`` [m] and ``v`` [m/s] at the magnet, ``f`` [N]; ``at_sensor`` [m] at the sensor, ``turned``
-    along its axis, ``scaled`` by its gain, and ``y`` as read, each made of the one before; further channels
+    along its axis, ``scaled`` by its gain, and ``y`` as read, each made of the one before. y and i_c go on into the
+    record as ``exchanged.y``, ``reversed.y`` and ``recorded.y``, which no controller reads; further channels
     are ``read.<channel>``. Of each modal coordinate k:
     ``eta.k``, ``eta_rate.k``, ``eta_bend.k``, ``modal_force.k``. The parameters of effects are stated for the rig
     `reference`, which is another operating point of this machine where records of several are fitted together.
@@ -56,6 +62,7 @@ class Plant(Assembly):
         self.late: str | None = None
         self.late_outputs: list[LateOutput] = []
         self.gain_errors: list[GainError] = []
+        self.excitation = {stage: np.eye(len(rig.axes)) for stage in RECORDING[:2]}
         self.amplifier_rates: dict[str, tuple[str, ...]] = {}
         self.axes = rig.axes
         self.directions = axes_in_planes(rig, rotor.planes)
@@ -91,6 +98,10 @@ class Plant(Assembly):
             read = self.at(z, direction)
             for signal in READING:
                 read = self.signal(f"{signal}.{axis}", read)
+        for name in self.channels:
+            read = self[name]
+            for stage in RECORDING:
+                read = self.signal(f"{stage}.{name}", read)
 
         onto = np.array([self.shape(z, d) for z, d in zip(self.magnets, self.directions, strict=True)])
         forces = [self[f"f.{axis}"] for axis in self.axes]
@@ -147,6 +158,33 @@ class Plant(Assembly):
         """What limits take off the rate of a current [A/s]."""
         return self[f"i_a_rate.{axis}"] - self.raw(f"i_a_rate.{axis}")
 
+    @property
+    def channels(self) -> list[str]:
+        """Names of y, then i_c of every axis."""
+        return [f"{signal}.{axis}" for signal in ("y", "i_c") for axis in self.axes]
+
+    def scale(self, signal: str, slot: str) -> None:
+        """Let a named signal differ by the relative error that fills a slot."""
+        self.inject(signal, self.port(slot, self.raw(signal)))
+
+    def mix(self, stage: str, signal: str, matrix: FloatArray) -> None:
+        """Let a signal of all axes be recorded as a matrix times itself, at a stage of `RECORDING`; of i_e its inverse.
+
+        Parameters
+        ----------
+        stage : str
+        signal : {"y", "i_c", "i_e"}
+        matrix : ndarray, shape (axes, axes)
+            Its own inverse: of signs, or one that exchanges axes.
+        """
+        if signal == "i_e":
+            self.excitation[stage] = matrix @ self.excitation[stage]
+            return
+        true = [self.raw(f"{stage}.{signal}.{axis}") for axis in self.axes]
+        for axis, change in zip(self.axes, matrix - np.eye(len(true)), strict=True):
+            if change.any():
+                self.inject(f"{stage}.{signal}.{axis}", combine(change, true))
+
     def delay_commands(self, slot: str) -> None:
         """Let everything that leaves the controller arrive late, by what fills a slot [s].
 
@@ -167,9 +205,9 @@ class Plant(Assembly):
         """Let a gain of the controller, or all of it (``gain``), differ by the relative error that fills a slot."""
         self.gain_errors.append(GainError(slot, gain))
 
-    def scale_excitation(self, slot: str) -> None:
-        """Let the excitation i_e of every axis differ from the record by the relative error that fills a slot."""
-        self.gain_errors.append(GainError(slot, EXCITATION))
+    def scale_excitation(self, slot: str, axes: Sequence[str] = ()) -> None:
+        """Let i_e of some axes, or all, differ from the record by the relative error that fills a slot."""
+        self.gain_errors.append(GainError(slot, EXCITATION, tuple(axes or self.axes)))
 
     def _amplifier(self, axis: str, command: Signal) -> Signal:
         i_ref = self.signal(f"i_ref.{axis}", command)
@@ -201,14 +239,19 @@ class Plant(Assembly):
     def between_commands_and_outputs(self, more: Sequence[str] = (), measured: Sequence[str] = ()) -> Lft:
         """Inputs ``i_ref.<axis>``, ``r.<axis>`` where the controller has a reference, and those of effects.
 
-        Outputs are channels that are `measured`, those of y and i_c that are not among them, then `more` of every axis.
+        Outputs are channels that are `measured`, those of y and i_c that are not among them, both as recorded, then
+        `more` of every axis, then what the controller reads and the record does not hold.
         """
-        usual = [f"{signal}.{axis}" for signal in ("y", "i_c") for axis in self.axes]
-        first = [*measured, *(name for name in usual if name not in measured)]
+        first = [*measured, *(name for name in self.channels if name not in measured)]
         watched = [f"{signal}.{axis}" for signal in more for axis in self.axes]
-        built = self.lft([*(name if name in usual else READ + name for name in first), *watched])
+        read = [name for name in self.channels if name.split(".")[0] in self.rig.controller.signals]
+        heard = [name for name in read if self.is_changed(*(f"{stage}.{name}" for stage in RECORDING))]
+        recorded = [f"{RECORDING[-1]}.{name}" if name in self.channels else READ + name for name in first]
+        own = self.lft([*recorded, *watched, *heard])
+        outputs = (*first, *watched, *(f"{HEARD}{name}" for name in heard))
         late, errors = tuple(self.late_outputs), tuple(self.gain_errors)
-        return replace(built, outputs=(*first, *watched), late=self.late, late_outputs=late, gain_errors=errors)
+        acts = self.excitation["exchanged"] @ self.excitation["reversed"]
+        return replace(own, outputs=outputs, late=self.late, late_outputs=late, gain_errors=errors, excitation=acts)
 
 
 def base_plant(rig: Rig, rotor: ReducedRotor) -> Lft:

@@ -54,7 +54,7 @@ class Structure:
     @property
     def acting(self) -> list[Effect]:
         """Effects that make sense at this operating point."""
-        return [effect for effect in self.effects if effect.parameters(self.rig)]
+        return [effect for effect in self.effects if effect.parameters(self.rig) or not effect.why_not(self.rig)]
 
     def home_of(self, effect: Effect) -> Rig | None:
         """The first operating point where an effect makes sense; None if it does nowhere."""

@@ -156,7 +156,10 @@ class SplitNoise:
         level = np.log(powers / self._source_scale**2)
         smooth = np.linalg.solve(basis.T @ basis + 1e-6 * np.eye(self.curves.splines), basis.T @ level)
         nothing = np.zeros((len(few), way.shape[1]), dtype=complex)
-        *_, information = self._sources(own, at).likely(nothing, np.ascontiguousarray(smooth.T), np.inf)
+        try:
+            *_, information = self._sources(own, at).likely(nothing, np.ascontiguousarray(smooth.T), np.inf)
+        except ModelError:  # a loop at the edge of stability makes more of what is heard than numbers hold
+            return np.zeros((len(angle), self.heard), dtype=bool)
         variance = np.linalg.inv(information * (self._lines / len(few)) + self._cost(way.shape[1] + self.heard))
         blocks = variance.reshape(len(smooth.T), self.curves.splines, -1, self.curves.splines).transpose(0, 2, 1, 3)
         every, found = self.curves.matrix(angle), np.zeros((len(angle), self.heard), dtype=bool)

@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.effects.slips import ExcitationGainError
 from ambid.errors import InputError, UnstableLoopError
 from ambid.findings import Finding, Kind
 from ambid.model import Given, Model, as_model
@@ -148,11 +147,12 @@ def sensitivity_peaks(model: Model) -> tuple[FloatArray, FloatArray]:
 
 
 def of_small_motion(model: Model) -> tuple[Model, list[Finding]]:
-    """The model as its loop answers small motion, and what was left out; the scale of i_e is not in the loop."""
+    """The model as its loop answers small motion, and what was left out; errors of the record are not in the loop."""
     linear = model.without_nonlinear()
     left_out = [effect.name for effect in model.effects if effect not in linear.effects]
-    if ExcitationGainError() in linear.effects:
-        linear = linear.without(ExcitationGainError.name)
+    for effect in linear.effects:
+        if effect.in_record:
+            linear = linear.without(effect.name)
     if linear is model:
         return model, []
     kept = [model.names.index(name) for name in linear.names]

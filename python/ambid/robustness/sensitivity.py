@@ -107,7 +107,9 @@ class Law:
         self._read = Reading.of(rig, model.loop.outputs, ()).outputs
         plant = open_plant(rig, model.acting, (), model.structure.reference)
         filled_by = {slot: k for k, p in enumerate(model.parameters) for slot in p.slots}
-        self._errors = [(filled_by[error.slot], error) for error in law_errors(plant, rig) if not error.excitation]
+        self._errors = [
+            (filled_by[error.slot], error) for error in law_errors(plant, rig) if not error.excitation.any()
+        ]
 
     def state_space(self, theta: FloatArray) -> StateSpace:
         """A, B, C, D of K, from the outputs, in samples if it is digital."""

@@ -58,7 +58,7 @@ def _part(effect: Effect, bench: Bench, shown: Shown) -> str:
         f"**Equation.** {_code(effect.equation)}",
         _said(effect.attach),
         f"**Parameters.** {_said(effect.parameters)}",
-        table(HEAD, rows),
+        *([table(HEAD, rows)] if rows else []),
     ]
     settings = meanings(type(effect), "Attributes")
     for name, parameter in inspect.signature(type(effect)).parameters.items():

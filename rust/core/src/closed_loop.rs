@@ -94,7 +94,7 @@ impl ClosedLoop {
 
     /// The response from rest, samples x outputs, to `u`, samples x inputs, both row by row.
     ///
-    /// Inputs are excitations, further inputs of the plant, and sensor noise, each held until the next sample.
+    /// Inputs are excitations and further inputs of the plant, each held until the next sample.
     ///
     /// # Errors
     /// [`crate::Error::Unstable`], [`crate::Error::Shape`], [`crate::Error::NotFinite`], and as

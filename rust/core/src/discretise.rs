@@ -199,7 +199,6 @@ fn sampled(
     let (nk, ny) = (k.a.nrows(), plant.c.value.nrows());
     let queue = m * (whole + usize::from(in_two));
     let n = nx + nk + queue;
-    let inputs = if k.noise { nu + m } else { nu };
     let constant = |value| Dual::constant(value, np);
     let place = |rows: usize, columns: usize, at: (usize, usize), block: &DMatrix<f64>| {
         let mut out = DMatrix::zeros(rows, columns);
@@ -210,30 +209,28 @@ fn sampled(
     // derivatives of the delay in seconds, and the law of the controller, by each parameter
     let later: Vec<f64> = free.iter().map(|p| f64::from(u8::from(k.late == Some(*p)))).collect();
     let slopes: Vec<_> = free.iter().map(|p| k.slope(*p)).collect();
-    let law = |value: DMatrix<f64>, of: fn(&GainError, usize) -> DMatrix<f64>| {
+    let law = |value: DMatrix<f64>, of: fn(&GainError) -> DMatrix<f64>| {
         let zero = DMatrix::zeros(value.nrows(), value.ncols());
-        let slopes = slopes.iter().map(|s| s.as_ref().map_or_else(|| zero.clone(), |s| of(s, m)));
+        let slopes = slopes.iter().map(|s| s.as_ref().map_or_else(|| zero.clone(), of));
         Dual { slopes: slopes.collect(), value }
     };
-    let k_c = law(k.c.clone(), |error, _| error.c.clone());
-    let k_d = law(k.d.clone(), |error, _| error.d.clone());
-    let k_e = law(DMatrix::identity(m, m) * k.excitation, |error, m| DMatrix::identity(m, m) * error.excitation);
+    let k_c = law(k.c.clone(), |error| error.c.clone());
+    let k_d = law(k.d.clone(), |error| error.d.clone());
+    let k_e = law(k.excitation.clone(), |error| error.excitation.clone());
 
-    // what is read, noise included, and the fresh command -C_k x_k - D_k read + e i_e, as rows over states and inputs
-    let noise = |rows: usize| place(rows, inputs, (0, nu), &DMatrix::identity(m, inputs - nu));
+    // what is read, and the fresh command -C_k x_k - D_k read + e i_e, as rows over states and inputs
     let read_x = plant.c.map(|c| place(q, n, (0, 0), &(&k.reads * c)));
-    let taken = place(q, inputs, (0, 0), &k.takes) + &k.reads * noise(ny);
-    let read_u = plant.d.map(|d| place(q, inputs, (0, 0), &(&k.reads * d))).plus(&constant(taken));
+    let read_u = plant.d.map(|d| &k.reads * d).plus(&constant(k.takes.clone()));
     let fresh_x = k_d.times(&read_x).map(|y| -y).plus(&k_c.map(|c| place(m, n, (0, nx), &-c)));
-    let fresh_u = k_d.times(&read_u).map(|y| -y).plus(&k_e.map(|e| place(m, inputs, (0, 0), e)));
+    let fresh_u = k_d.times(&read_u).map(|y| -y).plus(&k_e.map(|e| place(m, nu, (0, 0), e)));
     // what acts on the plant: the command of `age` samples ago, and the further inputs
-    let further = place(nu, inputs, (m, m), &DMatrix::identity(nu - m, nu - m));
+    let further = place(nu, nu, (m, m), &DMatrix::identity(nu - m, nu - m));
     let acting = |age: usize| -> (Dual, Dual) {
         let (x, u) = if age == 0 {
             (fresh_x.map(Clone::clone), fresh_u.map(Clone::clone))
         } else {
             let row = place(m, n, (0, nx + nk + m * (age - 1)), &DMatrix::identity(m, m));
-            (constant(row), constant(DMatrix::zeros(m, inputs)))
+            (constant(row), constant(DMatrix::zeros(m, nu)))
         };
         let among_all = |commands: Dual| commands.map(|c| c.clone().resize_vertically(nu, 0.0));
         (among_all(x), among_all(u).plus(&constant(further.clone())))
@@ -274,9 +271,9 @@ fn sampled(
     let aged = place(queue, n, (m.min(queue), nx + nk), &DMatrix::identity(queue.saturating_sub(m), queue));
     let newest = |d: &Dual, columns| d.map(|v| place(queue, columns, (0, 0), &v.rows(0, m.min(queue)).into_owned()));
     let queue_x = newest(&fresh_x, n).plus(&constant(aged));
-    let queue_u = newest(&fresh_u, inputs);
+    let queue_u = newest(&fresh_u, nu);
     let step_a = stack([&plant_x, &control_x, &queue_x], n);
-    let step_b = stack([&plant_u, &control_u, &queue_u], inputs);
+    let step_b = stack([&plant_u, &control_u, &queue_u], nu);
 
     // several controller samples to one of the record, the excitation held
     let (mut a, mut b) = (step_a.map(Clone::clone), step_b.map(Clone::clone));
@@ -288,9 +285,8 @@ fn sampled(
             a = step_a.times(&a);
         }
     }
-    let noise = constant(noise(ny));
     let mut c = plant.c.map(|c| place(ny, n, (0, 0), c)).plus(&plant.d.times(&first.0));
-    let mut d = plant.d.times(&first.1).plus(&noise);
+    let mut d = plant.d.times(&first.1);
     for Group { instant, outputs } in groups {
         // whole controller samples, then as far as the instant reaches into the one that follows
         let before = (instant.phase / step).floor().min(k.steps as f64 - 1.0);
@@ -321,9 +317,10 @@ fn sampled(
             x = x.times(&step_a);
         }
         c.replace(outputs, &x);
-        d.replace(outputs, &u.plus(&noise));
+        d.replace(outputs, &u);
     }
-    Ok(collect(&a, &b, &c, &d))
+    let shown = |part: &Dual| part.map(|m| m.rows(0, ny - k.hidden).into_owned());
+    Ok(collect(&a, &b, &shown(&c), &shown(&d)))
 }
 
 fn collect(a: &Dual, b: &Dual, c: &Dual, d: &Dual) -> (Discrete, Vec<Discrete>) {

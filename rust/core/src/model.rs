@@ -28,6 +28,8 @@ pub struct Controller {
     pub d: DMatrix<f64>,
     /// Signals that it reads x the first outputs of the plant; those beyond its columns it does not read.
     pub reads: DMatrix<f64>,
+    /// So many outputs of the plant, the last, are no outputs of the loop: it alone reads them.
+    pub hidden: usize,
     /// Signals that it reads x the first inputs of the plant, likewise; commands have a zero here.
     pub takes: DMatrix<f64>,
     /// Delay of everything that leaves the controller, in controller samples; need not be whole.
@@ -36,10 +38,8 @@ pub struct Controller {
     pub late: Option<usize>,
     /// Controller samples per sample of the record.
     pub steps: usize,
-    /// True where an input a channel, the last of the loop, is added to the first outputs (sensor noise).
-    pub noise: bool,
-    /// Gain of the excitation, 1 where it is as recorded.
-    pub excitation: f64,
+    /// Channels x channels: what acts of the excitations that are recorded; the unit matrix where it is these.
+    pub excitation: DMatrix<f64>,
     /// By what its gains depend on parameters.
     pub errors: Vec<GainError>,
 }
@@ -53,8 +53,8 @@ pub struct GainError {
     pub c: DMatrix<f64>,
     /// Channels x signals that are read.
     pub d: DMatrix<f64>,
-    /// Share of the excitation.
-    pub excitation: f64,
+    /// Channels x channels, of the excitations that are recorded.
+    pub excitation: DMatrix<f64>,
 }
 
 /// A closed loop: an analog one is an LFT alone; a digital one an LFT between commands and outputs, and a controller.
@@ -74,11 +74,12 @@ pub struct Model {
 }
 
 impl Controller {
-    /// At the rate of the record, without delay and noise, its gains known; it reads the first outputs of the plant.
+    /// At the rate of the record, without delay, its gains known; it reads the first outputs of the plant.
     pub fn new(a: DMatrix<f64>, b: DMatrix<f64>, c: DMatrix<f64>, d: DMatrix<f64>) -> Self {
         let (reads, takes) = (DMatrix::identity(d.ncols(), d.ncols()), DMatrix::zeros(d.ncols(), 0));
-        let (delay, late, steps, noise, excitation) = (0.0, None, 1, false, 1.0);
-        Self { a, b, c, d, reads, takes, delay, late, steps, noise, excitation, errors: Vec::new() }
+        let excitation = DMatrix::identity(d.nrows(), d.nrows());
+        let (hidden, delay, late, steps, errors) = (0, 0.0, None, 1, Vec::new());
+        Self { a, b, c, d, reads, hidden, takes, delay, late, steps, excitation, errors }
     }
 
     /// Number of commands given.
@@ -114,7 +115,7 @@ impl Controller {
                 let theta = theta[error.parameter];
                 at.c += &error.c * theta;
                 at.d += &error.d * theta;
-                at.excitation += error.excitation * theta;
+                at.excitation += &error.excitation * theta;
             }
             return Ok(at);
         }
@@ -155,24 +156,27 @@ impl Model {
             check_len("controller C (columns)", k.c.ncols(), n)?;
             check_len("what the controller reads (rows)", k.reads.nrows(), q)?;
             check_len("what the controller takes (rows)", k.takes.nrows(), q)?;
-            for part in [&k.a, &k.b, &k.c, &k.d, &k.reads, &k.takes] {
+            check_len("excitation (rows)", k.excitation.nrows(), m)?;
+            check_len("excitation (columns)", k.excitation.ncols(), m)?;
+            for part in [&k.a, &k.b, &k.c, &k.d, &k.reads, &k.takes, &k.excitation] {
                 check_finite("controller", part.as_slice())?;
             }
-            check_finite("gain of the excitation", &[k.excitation])?;
             for GainError { c, d, excitation, .. } in &k.errors {
                 for (what, found, expected) in [
                     ("gain error C (rows)", c.nrows(), m),
                     ("gain error C (columns)", c.ncols(), n),
                     ("gain error D (rows)", d.nrows(), m),
                     ("gain error D (columns)", d.ncols(), q),
+                    ("gain error of the excitation (rows)", excitation.nrows(), m),
+                    ("gain error of the excitation (columns)", excitation.ncols(), m),
                 ] {
                     check_len(what, found, expected)?;
                 }
-                check_finite("gain error", c.as_slice())?;
-                check_finite("gain error", d.as_slice())?;
-                check_finite("gain error", &[*excitation])?;
+                for part in [c, d, excitation] {
+                    check_finite("gain error", part.as_slice())?;
+                }
             }
-            let (inputs, outputs) = (m.max(k.takes.ncols()), m.max(k.reads.ncols()));
+            let (inputs, outputs) = (m.max(k.takes.ncols()), m.max(k.reads.ncols()).max(k.hidden));
             for (what, found, needed) in
                 [("plant inputs", lft.inputs(), inputs), ("plant outputs", lft.outputs(), outputs)]
             {
@@ -213,10 +217,9 @@ impl Model {
         Ok(self)
     }
 
-    /// Number of inputs of the closed loop: excitations, further inputs of the plant, then noise where there is any.
+    /// Number of inputs of the closed loop: excitations, then further inputs of the plant.
     pub fn inputs(&self) -> usize {
-        let noise = self.controller.as_ref().filter(|k| k.noise).map_or(0, Controller::channels);
-        self.lft.inputs() + noise
+        self.lft.inputs()
     }
 
     /// The parameter of every gain, coefficient, delay and gain error that has one.
@@ -236,6 +239,6 @@ impl Model {
 
     /// Number of outputs.
     pub fn outputs(&self) -> usize {
-        self.lft.outputs()
+        self.lft.outputs() - self.controller.as_ref().map_or(0, |k| k.hidden)
     }
 }

@@ -48,6 +48,7 @@ pub struct Nonlinear {
     dt: f64,
     substeps: Option<usize>,
     inputs: usize,
+    outputs: usize,
     /// Derivatives less than this share of the peak of their output count as this large.
     floors: Vec<f64>,
 }
@@ -67,6 +68,7 @@ impl Nonlinear {
             dt: model.dt,
             substeps: model.substeps,
             inputs: model.inputs(),
+            outputs: model.outputs(),
             floors: [1.0].into_iter().chain(floors).collect(),
         })
     }
@@ -178,7 +180,7 @@ impl Nonlinear {
     }
 
     fn columns(&self) -> usize {
-        self.plant.c_y.nrows() * self.plant.rows
+        self.outputs * self.plant.rows
     }
 
     fn check(&self, y: &[f64], sample: usize) -> Result<()> {

@@ -1,16 +1,16 @@
 //! A loop at one parameter set as a file, for programs without Python: written by one of its own, read by any.
 //!
 //! ```text
-//! "ambid stepper 2\n"
+//! "ambid stepper 3\n"
 //! names of inputs, of outputs, of parameters       lists of text
 //! theta                                            list of numbers
 //! dt, substeps                                     number, optional count
 //! A, B, C, D                                       matrices
 //! gains                                            list of: parameter (count), scale (number), power (i32)
 //! blocks                                           list of: law, coefficients (list)
-//! controller                                       optional: A, B, C, D, reads, takes, delay (number),
-//!                                                  late (optional count), steps (count), noise (flag),
-//!                                                  excitation (number), gain errors (list of: parameter, C, D,
+//! controller                                       optional: A, B, C, D, reads, hidden (count), takes,
+//!                                                  delay (number), late (optional count), steps (count),
+//!                                                  excitation, gain errors (list of: parameter, C, D,
 //!                                                  excitation)
 //! late outputs                                     list of: output, parameter (counts), scale (number)
 //! checksum                                         u64, FNV-1a of all bytes before
@@ -31,7 +31,7 @@ use crate::reading::Late;
 use part::{Part, Source};
 
 /// How a file begins; the number grows with every change of what follows.
-const MAGIC: &[u8] = b"ambid stepper 2\n";
+const MAGIC: &[u8] = b"ambid stepper 3\n";
 /// Size of the checksum.
 const CHECK: usize = 8;
 /// States of a loop, commands under way among them: its exponential then takes seconds, and some 100 MB.
@@ -75,7 +75,7 @@ impl Packed {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         let broken = |what| Error::Format { what, at: 0 };
         let body = bytes.strip_prefix(MAGIC);
-        let body = body.ok_or(broken("it does not begin as a stepper file of version 2 does"))?;
+        let body = body.ok_or(broken("it does not begin as a stepper file of version 3 does"))?;
         let (body, check) = body.split_last_chunk::<CHECK>().ok_or(broken("it is cut short"))?;
         if checksum(&bytes[..bytes.len() - CHECK]) != u64::from_le_bytes(*check) {
             return Err(broken("its checksum is wrong: it has been cut or changed"));
@@ -170,12 +170,13 @@ impl Part for Late {
 
 impl Part for Controller {
     fn put(&self, out: &mut Vec<u8>) {
-        let Self { a, b, c, d, reads, takes, delay, late, steps, noise, excitation, errors } = self;
-        [a, b, c, d, reads, takes].into_iter().for_each(|m| m.put(out));
+        let Self { a, b, c, d, reads, hidden, takes, delay, late, steps, excitation, errors } = self;
+        [a, b, c, d, reads].into_iter().for_each(|m| m.put(out));
+        hidden.put(out);
+        takes.put(out);
         delay.put(out);
         late.put(out);
         steps.put(out);
-        noise.put(out);
         excitation.put(out);
         errors.put(out);
     }
@@ -187,11 +188,11 @@ impl Part for Controller {
             c: source.take()?,
             d: source.take()?,
             reads: source.take()?,
+            hidden: source.take()?,
             takes: source.take()?,
             delay: source.take()?,
             late: source.take()?,
             steps: source.take()?,
-            noise: source.take()?,
             excitation: source.take()?,
             errors: source.take()?,
         })

@@ -70,7 +70,9 @@ pub fn split(model: &Model) -> Vec<Part> {
         sets.join_pattern(&c.c, |i| command + i, |j| control + j);
         sets.join_pattern(&c.d, |i| command + i, |j| read + j);
         sets.join_pattern(&c.reads, |i| read + i, |j| output + j);
+        sets.join_pattern(&c.excitation, |i| command + i, |j| command + j);
         for error in &c.errors {
+            sets.join_pattern(&error.excitation, |i| command + i, |j| command + j);
             sets.join_pattern(&error.c, |i| command + i, |j| control + j);
             sets.join_pattern(&error.d, |i| command + i, |j| read + j);
         }
@@ -78,7 +80,7 @@ pub fn split(model: &Model) -> Vec<Part> {
             sets.join(command + i, output + i);
         }
     }
-    let mut roots: Vec<usize> = (0..ny).map(|i| sets.find(output + i)).collect();
+    let mut roots: Vec<usize> = (0..model.outputs()).map(|i| sets.find(output + i)).collect();
     roots.sort_unstable();
     roots.dedup();
     roots
@@ -105,11 +107,12 @@ fn part(
     model: &Model,
     states: &[usize],
     commands: &[usize],
-    outputs: Vec<usize>,
+    mut outputs: Vec<usize>,
     entries: &[usize],
     [controls, reads]: [&[usize]; 2],
 ) -> Part {
     let lft = &model.lft;
+    outputs.retain(|o| *o < model.outputs() || !commands.is_empty()); // nobody else reads what is hidden
     let (nu, ny, k) = (lft.inputs(), lft.outputs(), lft.gains.len());
     let signals = readers(lft).into_iter().enumerate().filter(|(_, entry)| entries.contains(entry));
     let rows: Vec<usize> = outputs.iter().copied().chain(signals.map(|(z, _)| ny + z)).collect();
@@ -118,7 +121,7 @@ fn part(
         states.iter().any(|i| lft.b[(*i, *j)] != 0.0) || rows.iter().any(|i| lft.d[(*i, *j)] != 0.0) || taken(*j)
     };
     let further = (model.commands()..nu).filter(acts);
-    let mut inputs: Vec<usize> = commands.iter().copied().chain(further).collect();
+    let inputs: Vec<usize> = commands.iter().copied().chain(further).collect();
     let columns: Vec<usize> = inputs.iter().copied().chain(entries.iter().map(|e| nu + e)).collect();
     let (gains, blocks) = entries.split_at(entries.partition_point(|e| *e < k));
     let sub = Lft {
@@ -129,30 +132,31 @@ fn part(
         gains: gains.iter().map(|e| lft.gains[*e]).collect(),
         blocks: blocks.iter().map(|e| lft.blocks[*e - k].clone()).collect(),
     };
+    let hidden = outputs.iter().filter(|o| **o >= model.outputs()).count();
     let controller = model.controller.as_ref().filter(|_| !commands.is_empty()).map(|c| {
-        let takes = select(&c.takes, reads, &inputs);
-        if c.noise {
-            inputs.extend(commands.iter().map(|i| nu + i));
-        }
         let error = |error: &GainError| GainError {
             c: select(&error.c, commands, controls),
             d: select(&error.d, commands, reads),
-            ..*error
+            excitation: select(&error.excitation, commands, commands),
+            parameter: error.parameter,
         };
-        let acts = |e: &GainError| e.excitation != 0.0 || e.c.iter().chain(&e.d).any(|x| *x != 0.0);
+        let acts = |e: &GainError| e.c.iter().chain(&e.d).chain(&e.excitation).any(|x| *x != 0.0);
         Controller {
             a: select(&c.a, controls, controls),
             b: select(&c.b, controls, reads),
             c: select(&c.c, commands, controls),
             d: select(&c.d, commands, reads),
             reads: select(&c.reads, reads, &outputs),
-            takes,
+            hidden,
+            takes: select(&c.takes, reads, &inputs),
+            excitation: select(&c.excitation, commands, commands),
             errors: c.errors.iter().map(error).filter(acts).collect(),
             ..*c
         }
     });
     let place = |output: usize| outputs.iter().position(|o| *o == output);
     let late = model.late.iter().filter_map(|late| place(late.output).map(|output| Late { output, ..*late })).collect();
+    outputs.truncate(outputs.len() - hidden);
     Part { model: Model { lft: sub, dt: model.dt, controller, substeps: model.substeps, late }, inputs, outputs }
 }
 

@@ -182,14 +182,16 @@ fn controllers_that_do_not_fit() {
     assert!(not_finite(model(Controller { delay: -1.0, ..good() })));
     assert!(not_finite(model(Controller { delay: f64::NAN, ..good() })));
     assert!(not_finite(model(Controller { steps: 0, ..good() })));
-    assert!(not_finite(model(Controller { excitation: f64::NAN, ..good() })));
+    assert!(not_finite(model(Controller { excitation: zeros(1, 1).add_scalar(f64::NAN), ..good() })));
     let with =
         |c, d, excitation| model(Controller { errors: vec![GainError { parameter: 0, c, d, excitation }], ..good() });
-    assert!(with(zeros(1, 2), zeros(1, 1), 1.0).is_ok());
-    assert!(shape(with(zeros(1, 3), zeros(1, 1), 1.0)));
-    assert!(shape(with(zeros(1, 2), zeros(2, 1), 1.0)));
-    assert!(not_finite(with(zeros(1, 2).add_scalar(f64::NAN), zeros(1, 1), 1.0)));
-    assert!(not_finite(with(zeros(1, 2), zeros(1, 1), f64::INFINITY)));
+    assert!(shape(model(Controller { excitation: zeros(2, 1), ..good() })));
+    assert!(with(zeros(1, 2), zeros(1, 1), zeros(1, 1)).is_ok());
+    assert!(shape(with(zeros(1, 3), zeros(1, 1), zeros(1, 1))));
+    assert!(shape(with(zeros(1, 2), zeros(2, 1), zeros(1, 1))));
+    assert!(shape(with(zeros(1, 2), zeros(1, 1), zeros(1, 2))));
+    assert!(not_finite(with(zeros(1, 2).add_scalar(f64::NAN), zeros(1, 1), zeros(1, 1))));
+    assert!(not_finite(with(zeros(1, 2), zeros(1, 1), zeros(1, 1).add_scalar(f64::INFINITY))));
     // inputs and outputs beyond those of the controller are the plant's own
     let mut wide = lag().model.lft;
     wide.b = wide.b.insert_column(1, 1.0);
@@ -251,7 +253,7 @@ fn a_delay_out_of_reach() {
 fn a_controller_of_nothing() {
     let zeros = DMatrix::<f64>::zeros;
     let nothing = Controller::new(zeros(0, 0), zeros(0, 0), zeros(0, 0), zeros(0, 0));
-    let controller = Controller { delay: 0.5, steps: 2, noise: true, ..nothing };
+    let controller = Controller { delay: 0.5, steps: 2, ..nothing };
     let system = |controller| ClosedLoop::new(Model::new(nonlinear(), 0.1, controller).unwrap(), 1).unwrap();
     let (idle, analog) = (system(Some(controller)), system(None));
     assert_eq!(idle.sensitivity(&[0.3], &[0], &[1.0, 2.0]), analog.sensitivity(&[0.3], &[0], &[1.0, 2.0]));

@@ -93,7 +93,7 @@ fn gains_couple() {
     assert_exact(&p);
 }
 
-/// A digital controller couples by any of its matrices; its noise inputs go with their channels.
+/// A digital controller couples by any of its matrices, and by excitations that act on several commands.
 #[test]
 fn digital_controllers_split_with_the_plant() {
     let plant = || {
@@ -106,14 +106,14 @@ fn digital_controllers_split_with_the_plant() {
             m[(1, 0)] = if couple == i { 0.1 } else { 0.0 };
             m
         };
-        let [a, b, c, d] = [0, 1, 2, 3].map(part);
-        let controller = Controller { delay: 1.5, steps: 2, noise: true, ..Controller::new(a, b, c, d) };
+        let [a, b, c, d, excitation] = [0, 1, 2, 3, 4].map(part);
+        let controller = Controller { delay: 1.5, steps: 2, excitation, ..Controller::new(a, b, c, d) };
         Problem { model: Model::new(plant(), 0.1, Some(controller)).expect("consistent"), theta: vec![] }
     };
     let apart = controlled(usize::MAX);
     assert_eq!(apart.system().parts(), 2);
     assert_exact(&apart);
-    for couple in 0..4 {
+    for couple in 0..5 {
         let p = controlled(couple);
         assert_eq!(p.system().parts(), 1, "matrix {couple}");
         assert_exact(&p);
@@ -128,10 +128,10 @@ fn further_inputs_of_a_digital_loop_keep_their_places() {
     let lft = first_orders(b, c, entries(4, 5, &[(0, 3), (2, 2), (3, 3)]));
     let eye = |factor| DMatrix::from_diagonal_element(2, 2, factor);
     let law = Controller::new(eye(0.3), eye(0.1), eye(0.2), eye(0.3));
-    let controller = Controller { delay: 1.5, steps: 2, noise: true, ..law };
+    let controller = Controller { delay: 1.5, steps: 2, ..law };
     let p = Problem { model: Model::new(lft, 0.1, Some(controller)).expect("consistent"), theta: vec![] };
     assert_eq!(p.system().parts(), 3);
-    assert_eq!(p.system().inputs(), 7);
+    assert_eq!(p.system().inputs(), 5);
     assert_exact(&p);
 }
 

@@ -23,6 +23,8 @@ pub struct DigitalController<'py> {
     #[pyo3(item, default)]
     reads: Option<Matrix<'py>>,
     #[pyo3(item, default)]
+    hidden: usize,
+    #[pyo3(item, default)]
     takes: Option<Matrix<'py>>,
     #[pyo3(item)]
     delay: f64,
@@ -30,14 +32,14 @@ pub struct DigitalController<'py> {
     late: Option<usize>,
     #[pyo3(item)]
     steps: usize,
-    #[pyo3(item)]
-    noise: bool,
+    #[pyo3(item, default)]
+    excitation: Option<Matrix<'py>>,
     #[pyo3(item, default)]
     errors: Vec<OneError<'py>>,
 }
 
-/// Parameter, C, D, share of the excitation; see `ambid_core::GainError`.
-type OneError<'py> = (usize, Matrix<'py>, Matrix<'py>, f64);
+/// Parameter, C, D, excitation; see `ambid_core::GainError`.
+type OneError<'py> = (usize, Matrix<'py>, Matrix<'py>, Matrix<'py>);
 
 #[pyclass(frozen, module = "ambid._core")]
 pub struct ClosedLoop {
@@ -71,10 +73,13 @@ impl ClosedLoop {
                 parameter: *parameter,
                 c: matrix(c),
                 d: matrix(d),
-                excitation: *excitation,
+                excitation: matrix(excitation),
             });
-            let (delay, late, steps, noise, errors) = (k.delay, k.late, k.steps, k.noise, errors.collect());
-            let mut own = Controller { delay, late, steps, noise, errors, ..Controller::new(a, b, c, d) };
+            let (hidden, delay, late, steps, errors) = (k.hidden, k.delay, k.late, k.steps, errors.collect());
+            let mut own = Controller { hidden, delay, late, steps, errors, ..Controller::new(a, b, c, d) };
+            if let Some(excitation) = &k.excitation {
+                own.excitation = matrix(excitation);
+            }
             if let Some(reads) = &k.reads {
                 own.reads = matrix(reads);
             }

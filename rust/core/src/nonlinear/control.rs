@@ -18,8 +18,8 @@ pub struct Control {
     takes: Vec<(usize, usize, f64)>,
     /// `[state | read]` to `[command | next state]`.
     weights: Weights,
-    /// Gain of the excitation.
-    excitation: f64,
+    /// What acts of the excitations.
+    excitation: DMatrix<f64>,
     /// Rows of the derivatives by gain errors, and these.
     errors: Vec<(usize, GainError)>,
     state: Vec<f64>,
@@ -52,7 +52,7 @@ impl Control {
             next: vec![0.0; rows * weights.columns],
             commands: vec![0.0; kept * rows * m],
             weights,
-            excitation: controller.excitation,
+            excitation: controller.excitation.clone(),
             errors,
         }
     }
@@ -80,7 +80,7 @@ impl Control {
     }
 
     /// Computes the next command, and goes on to the next state. Rows of y stand `stride` apart.
-    pub fn update(&mut self, inputs: [&[f64]; 3], y: &[f64], stride: usize) {
+    pub fn update(&mut self, inputs: [&[f64]; 2], y: &[f64], stride: usize) {
         self.compute(inputs, y, stride);
         let Self { channels: m, signals, rows, weights, state, next, commands, .. } = self;
         let (m, columns, width) = (*m, weights.columns, state.len() / *rows);
@@ -99,7 +99,7 @@ impl Control {
     }
 
     /// Computes the next command, `-C x - D read + e i_e`, and the next state.
-    pub fn compute(&mut self, [excitation, further, noise]: [&[f64]; 3], y: &[f64], stride: usize) {
+    pub fn compute(&mut self, [excitation, further]: [&[f64]; 2], y: &[f64], stride: usize) {
         let Self { channels: m, signals, rows, reads, takes, weights, state, next, errors, .. } = self;
         let (m, columns, width) = (*m, weights.columns, state.len() / *rows);
         let n = width - *signals;
@@ -108,17 +108,15 @@ impl Control {
             reads.iter().for_each(|(i, j, share)| state[n + i] += share * y[*j]);
         }
         takes.iter().for_each(|(i, j, share)| state[n + i] += share * further[*j]);
-        for (i, j, share) in reads.iter().filter(|(_, j, _)| *j < noise.len()) {
-            state[n + i] += share * noise[*j];
-        }
         next.fill(0.0);
-        next[..m].iter_mut().zip(excitation).for_each(|(next, i_e)| *next = self.excitation * i_e);
+        let fed = |weights: &DMatrix<f64>, i: usize, by: &[f64]| {
+            weights.row(i).iter().zip(by).map(|(w, b)| w * b).sum::<f64>()
+        };
+        next[..m].iter_mut().enumerate().for_each(|(i, next)| *next = fed(&self.excitation, i, excitation));
         for (row, error) in errors {
             let (x, read) = state[..width].split_at(n);
             for (i, next) in next[*row * columns..][..m].iter_mut().enumerate() {
-                let fed =
-                    |weights: &DMatrix<f64>, by: &[f64]| weights.row(i).iter().zip(by).map(|(w, b)| w * b).sum::<f64>();
-                *next = error.excitation * excitation[i] - fed(&error.c, x) - fed(&error.d, read);
+                *next = fed(&error.excitation, i, excitation) - fed(&error.c, i, x) - fed(&error.d, i, read);
             }
         }
         accumulate(*rows, (state, width), weights, (next, columns), columns);

@@ -194,16 +194,14 @@ fn outputs(run: &mut Run, u: &[f64], y: &mut [f64]) {
 #[inline(always)]
 fn outputs_any<const FMA: bool>(run: &mut Run, u: &[f64], y: &mut [f64]) {
     let Run { plant, layout, segments, control, buffers, .. } = run;
-    let (u, noise) = u.split_at(plant.inputs);
     let (excitation, further) = u.split_at(plant.driven);
     let Segment { scheme, age, .. } = &segments[0];
     at_once::<FMA, false>(plant, layout, buffers, scheme, &[], further);
     if let Some(control) = control {
-        control.compute([excitation, further, noise], &buffers.step[layout.y..], layout.width);
+        control.compute([excitation, further], &buffers.step[layout.y..], layout.width);
         at_once::<FMA, false>(plant, layout, buffers, scheme, control.coming(*age), further);
     }
     y.copy_from_slice(&buffers.step[layout.y..][..y.len()]);
-    y.iter_mut().zip(noise).for_each(|(y, noise)| *y += noise);
 }
 
 fn sample(run: &mut Run, u: &[f64], y: &mut [f64]) {
@@ -219,7 +217,6 @@ fn sample_any<const FMA: bool>(run: &mut Run, u: &[f64], y: &mut [f64]) {
 fn advance<const FMA: bool, const SLOPES: bool>(run: &mut Run, u: &[f64], y: &mut [f64]) {
     let Run { plant, layout, segments, substeps, control, late, buffers } = run;
     let (rows, whole) = (plant.rows, layout.width);
-    let (u, noise) = u.split_at(plant.inputs);
     let (excitation, further) = u.split_at(plant.driven);
     let mut fresh = true;
     for step in 0..control.as_ref().map_or(1, |control| control.steps) {
@@ -227,7 +224,7 @@ fn advance<const FMA: bool, const SLOPES: bool>(run: &mut Run, u: &[f64], y: &mu
             // what the controller reads follows the further inputs at once, but no command
             let scheme = &segments[0].scheme;
             at_once::<FMA, SLOPES>(plant, layout, buffers, scheme, &[], further);
-            control.update([excitation, further, noise], &buffers.step[layout.y..], whole);
+            control.update([excitation, further], &buffers.step[layout.y..], whole);
         }
         for Segment { scheme, age, arrives, reads } in segments.iter() {
             let commands = control.as_ref().map_or(&[][..], |control| control.command(*age));
@@ -259,7 +256,6 @@ fn advance<const FMA: bool, const SLOPES: bool>(run: &mut Run, u: &[f64], y: &mu
             }
         }
     }
-    y.iter_mut().step_by(rows).zip(noise).for_each(|(y, noise)| *y += noise);
 }
 
 /// Without derivatives the compiler knows that there is one row.

@@ -83,7 +83,7 @@ pub fn machine(gyroscopic: f64, spread: f64) -> Problem {
 
 /// The machine under a digital PID at twice the rate of the record, its delay a tenth parameter.
 ///
-/// The further inputs are noise; outputs are the displacements of the four axes.
+/// Outputs are the displacements of the four axes.
 pub fn digital(gyroscopic: f64, delay: f64) -> Problem {
     let Problem { model, mut theta } = machine(gyroscopic, 0.02);
     let lft = &model.lft;
@@ -111,7 +111,7 @@ pub fn digital(gyroscopic: f64, delay: f64) -> Problem {
         (law.a[(filter, filter)], law.b[(filter, axis)]) = (held, 1.0 - held);
         (law.c[(axis, integral)], law.c[(axis, filter)]) = (INTEGRAL, -DERIVATIVE / FILTER);
     }
-    let controller = Controller { steps: 2, noise: true, late: Some(theta.len()), ..law };
+    let controller = Controller { steps: 2, late: Some(theta.len()), ..law };
     theta.push(delay * step);
     let lft = Lft::new(a, b, c, d, lft.gains.clone()).expect("consistent");
     Problem { model: Model::new(lft, dt, Some(controller)).expect("consistent"), theta }

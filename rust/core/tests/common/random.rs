@@ -69,9 +69,9 @@ impl Random {
         let controller = Controller {
             delay: if late.is_some() { (1.0 - share) * delay } else { delay },
             late,
+            hidden: self.pick(&[0, 1]).min(outputs - 1),
             steps,
-            noise: self.pick(&[false, true]),
-            excitation: self.between(0.5, 1.5),
+            excitation: self.matrix(channels, channels),
             errors,
             ..Controller::new(a, b, c, d)
         };
@@ -89,7 +89,7 @@ impl Random {
             parameter,
             c: self.matrix(channels, states) * 0.3,
             d: self.matrix(channels, channels) * 0.3,
-            excitation: self.pick(&[0.0, 1.0]),
+            excitation: self.matrix(channels, channels) * self.pick(&[0.0, 1.0]),
         };
         [first, first, other].map(error).into()
     }

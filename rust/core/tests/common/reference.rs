@@ -112,12 +112,12 @@ fn digital(
     rows: impl Iterator<Item = DVector<C64>>,
 ) -> Vec<C64> {
     let [ka, kb, mut kc, mut kd] = [&k.a, &k.b, &k.c, &k.d].map(|m| m.map(C64::from));
-    let mut excitation = C64::from(k.excitation);
+    let mut excitation = k.excitation.map(C64::from);
     for error in &k.errors {
         let theta = theta[error.parameter];
         kc += error.c.map(C64::from) * theta;
         kd += error.d.map(C64::from) * theta;
-        excitation += theta * error.excitation;
+        excitation += error.excitation.map(C64::from) * theta;
     }
     let (m, all, step) = (k.d.nrows(), plant.b.ncols(), dt / k.steps as f64);
     let delay = k.late.map_or(C64::from(0.0), |late| theta[late] * k.steps as f64 / dt) + k.delay;
@@ -132,17 +132,12 @@ fn digital(
         let mut acting = u.rows(0, all).into_owned();
         for sample in 0..k.steps {
             acting.rows_mut(0, m).fill(C64::from(0.0));
-            let mut read = (&plant.c * &x + &plant.d * &acting).rows(0, m).into_owned();
-            if k.noise {
-                read += u.rows(all, m);
-            }
-            commands.push_front(u.rows(0, m) * excitation - &kc * &controller - &kd * &read);
+            let read = (&plant.c * &x + &plant.d * &acting).rows(0, m).into_owned();
+            commands.push_front(&excitation * u.rows(0, m) - &kc * &controller - &kd * &read);
             commands.pop_back();
             acting.rows_mut(0, m).copy_from(&commands[at_first]);
             if sample == 0 {
-                let mut outputs = &plant.c * &x + &plant.d * &acting;
-                outputs.rows_mut(0, m).copy_from(&read);
-                y.extend(outputs.iter());
+                y.extend((&plant.c * &x + &plant.d * &acting).iter().take(plant.c.nrows() - k.hidden));
             }
             controller = &ka * &controller + &kb * &read;
             x = &early.0 * &x + &early.1 * &acting;
