@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from io import StringIO
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: threads of several workers only wait for each other
+os.environ.setdefault("RAYON_NUM_THREADS", "1")  # as those of the core do
 
 import pytest
 from hypothesis import settings

@@ -51,4 +51,4 @@ def test_points_that_share_everything_are_told_nothing():
 def test_what_has_no_name_at_any_point_stays_nameless():
     hidden = {"amplifier_asymmetry": NAMELESS["amplifier_asymmetry"]}
     records = at_two_points(hidden, (2.85e-4, 3.1e-4), replace(ONE_AXIS, order=7))
-    assert diagnose(records[0].point, records).verdict == "none_of_the_candidates"
+    assert diagnose(records[0].point, records, catalogue=FEW).verdict == "none_of_the_candidates"

@@ -43,7 +43,7 @@ def hide(effects, size, order, kind="analog"):
 
 @pytest.mark.parametrize("effect", [name for name in CATALOGUE if name != STICKS])
 def test_a_hidden_effect_is_in_the_reported_set(effect):
-    rig, train, validate, truth = hide([effect], "clear", 10 if effect in BY_HEIGHT else 8)
+    rig, train, validate, truth = hide([effect], "clear", 10 if effect in BY_HEIGHT else 7)
     found = diagnose(rig, train, validate=validate)
     assert found.verdict in ("explained", "ambiguous"), found
     assert set(truth.effects) <= named(found), found
