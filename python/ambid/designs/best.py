@@ -18,6 +18,7 @@ from ambid.designs.sight import Visibility, visible
 from ambid.effects import Effect, find
 from ambid.errors import InputError, ModelError
 from ambid.findings import NOWHERE, Finding, Kind, Where, WithFindings
+from ambid.identification.estimate import NORMAL_95
 from ambid.identification.tolerances import NOISE
 from ambid.model import Given, Model, as_model
 from ambid.noise.foreseen import Instruments
@@ -32,8 +33,6 @@ PERIODS = (512, 16384)
 """Samples of a period, least and most."""
 ROUNDING = 1e-9
 """Part of the largest response of a parameter below which one moves nothing."""
-NORMAL_95 = 1.96
-"""Standard errors on either side that a 95 % interval reaches."""
 FINEST, COARSEST = 1e-15, 1e15
 """Of a parameter's scale: half of the narrowest and of the widest interval that can be wanted."""
 LONGEST = 3600.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import chdtrc, chdtri, gammaln
 
-__all__ = ["ADEQUATE", "RESPONSE_SPREAD", "SPREAD", "log_chance", "misfit_bound"]
+__all__ = ["ADEQUATE", "RESPONSE_SPREAD", "SPREAD", "UNUSUAL", "log_chance", "misfit_bound"]
 
 ADEQUATE = 1.10
 """Largest misfit J/dof of a model that is called adequate, if chance does not bring more on a short record."""
@@ -21,6 +21,9 @@ Of 60 responses made from records, with a right model, J/dof lies on average 1.4
 about 1 is 0.024, of some 21 750 degrees of freedom."""
 RARE = 1e-3
 """Chance that the misfit of a right model is above its bound."""
+UNUSUAL = 1e-4
+"""Chance of noise below which it is taken for something else: for uneven, for louder in motion, or, on a line, for what
+a model misses."""
 
 
 def misfit_bound(dof: int, chance: float = RARE, spread: float = SPREAD) -> float:

@@ -13,15 +13,13 @@ from scipy.special import fdtrc
 from ambid.arrays import FloatArray
 from ambid.errors import RecordError
 from ambid.findings import Finding, Kind, Where
+from ambid.noise.chance import UNUSUAL
 from ambid.noise.local import beside_excitation, driving, regression
 from ambid.noise.window import Window, thinned
 from ambid.record import Record
 
 __all__ = ["UNEVEN", "uneven"]
 
-CHANCE = 1e-4
-"""Chance that even noise is called uneven, over all channels of a record; noise that doubles has far smaller ones, and
-sharp modes in short records spread the ratio by a third more than the formula has it."""
 MATTERS = 1.25
 """Ratio r of both powers below which nothing is said: the variance of J grows by 2 (1 + r²) / (1 + r)², a hundredth."""
 LEAST_SAMPLES = 500
@@ -69,7 +67,7 @@ def uneven(record: Record, residual: FloatArray, excitation: FloatArray) -> Find
     k = int(np.argmax(np.abs(np.log(ratio))))
     fitted, width = regression(len(level), driving(excitation).shape[1])
     free, larger = 2.0 * len(level) * (1.0 - fitted / width), max(ratio[k], 1.0 / ratio[k])
-    if larger < MATTERS or 2.0 * fdtrc(free, free, larger) > CHANCE / len(ratio):
+    if larger < MATTERS or 2.0 * fdtrc(free, free, larger) > UNUSUAL / len(ratio):
         return None
     return UNEVEN(Where(record=record.name, channel=record.channels[k]), ratio=float(ratio[k]))
 

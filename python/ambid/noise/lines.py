@@ -23,7 +23,7 @@ from ambid.loop.effect import Effect, Tone
 from ambid.model import Model
 from ambid.noise.angles import best_angle, undisturbed
 from ambid.noise.chance import SPREAD
-from ambid.noise.in_time import NEUTRAL
+from ambid.noise.in_time import NEUTRAL, REMEMBERED
 from ambid.noise.measured import Measured
 from ambid.noise.shape import Split
 from ambid.noise.spectra import NoisyLines
@@ -33,9 +33,6 @@ from ambid.noise.unexcited import Unexcited
 from ambid.noise.whitener import whitened
 
 __all__ = ["RecordLines", "White", "as_lines"]
-
-REMEMBERED = 8
-"""Models whose transients are kept."""
 
 
 class White(NamedTuple):

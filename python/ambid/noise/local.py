@@ -17,6 +17,7 @@ from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
 from ambid.noise.envelope import Envelope
+from ambid.noise.whitener import SMOOTH
 
 __all__ = ["beside_excitation", "driving", "likelier_beside_excitation", "regression"]
 
@@ -28,8 +29,6 @@ MOST_TAKEN = 0.95
 """Part of a line's noise that a regression may take, at the most, for the rest to tell its power."""
 FEW = 4000
 """Lines up to which regressions are wide beside the colour of the noise, and are weighted by it."""
-SMOOTH = 1.0 / 3.0
-"""Part of a line's number over which the power of noise is even."""
 NARROWEST, WIDEST = 8, 40
 """Lines to each side that the power around a line is taken from, at the least and at the most."""
 

@@ -14,8 +14,9 @@ from ambid.arrays import FloatArray
 from ambid.errors import UnstableLoopError
 from ambid.loop.effect import Tone
 from ambid.model import Model
+from ambid.noise.in_time import REMEMBERED
 from ambid.noise.known import BANDS, Size, known_residual, known_slopes
-from ambid.noise.lines import REMEMBERED, RecordLines, White
+from ambid.noise.lines import RecordLines, White
 from ambid.noise.measured import Measured
 from ambid.noise.response_lines import ResponseLines
 from ambid.noise.tones import confirmed, find_tones, misses_tone

@@ -32,8 +32,6 @@ parameter by more than half a standard error."""
 
 INDEPENDENT = np.array([1e-2, 1e6])
 """Between these the number of independent pairs is sought."""
-TINY = 1e-300
-"""In place of nothing, where a logarithm is taken."""
 
 
 class ResponseLines:
@@ -88,7 +86,7 @@ class ResponseLines:
             return np.full(self.numbers, self.record.spread)
         pairs = self._known.sum(axis=1)
         power = np.sum(self.white(self._base, []).residual.reshape(len(pairs), -1) ** 2, axis=1)[pairs > 0]
-        apart = np.diff(np.log(np.maximum(power / pairs[pairs > 0], TINY)), n=2)
+        apart = np.diff(np.log(np.maximum(power / pairs[pairs > 0], np.finfo(float).tiny)), n=2)
         most = float(np.median(pairs[pairs > 0]))
         independent = independent_numbers(float(np.mean(apart**2)) / 6.0)
         return np.full(self.numbers, np.clip(most / independent, 1.0, most))

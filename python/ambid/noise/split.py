@@ -30,6 +30,7 @@ from scipy.special import gammainccinv
 from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import ModelError
+from ambid.noise.chance import UNUSUAL
 
 __all__ = ["FITTED", "ROUGHLY", "Curves", "SplitNoise"]
 
@@ -49,8 +50,6 @@ STEPS, LARGEST, CLOSE = 25, 3.0, 0.1
 likelihood that is not worth another."""
 QUIETER = 4.0
 """Logarithm of a power over another that one start of the scoring takes for all of it."""
-UNUSUAL = 1e-4
-"""Chance of noise beyond which a line counts for less: it may be what a model misses."""
 
 
 class Curves(NamedTuple):

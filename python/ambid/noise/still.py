@@ -15,6 +15,7 @@ from scipy.special import fdtrc
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.findings import Finding, Kind, Where
+from ambid.noise.chance import UNUSUAL
 
 __all__ = ["LOUDER", "Louder", "louder_in_motion"]
 
@@ -30,8 +31,6 @@ AT_REST = 0.01
 """Part of the motion, by power of its rate, that all stretches which stand still have together: 20 dB down."""
 LEAST_STILL = 0.5
 """Part of the stretches that must stand still; below it the record is excited all along."""
-AT_MOST = 1e-4
-"""Chance that noise alone is called louder in motion, as for noise that is uneven; a step that is missed has less."""
 LOUDER = Kind(
     "residual_higher_in_motion",
     "warning",
@@ -104,7 +103,7 @@ def louder_in_motion(
     still, moved = powers[is_still], powers[~is_still]
     whole = still[: len(still) // together * together].reshape(-1, together).mean(axis=1)
     ratio, free = moved.mean() / still.mean(), 2.0 * still.mean() ** 2 / whole.var(ddof=1) / together
-    if fdtrc(free * len(moved), free * len(still), ratio) > AT_MOST:
+    if fdtrc(free * len(moved), free * len(still), ratio) > UNUSUAL:
         return None
     return Louder(float(ratio), float(index[top - 1] * rate / samples), len(moved) / len(powers))
 

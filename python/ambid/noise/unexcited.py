@@ -36,8 +36,6 @@ SEVERAL, AROUND = 4, 60
 shapes it."""
 SHAPED = 3000
 """Unexcited lines that tell the shape of the noise."""
-TINY = 1e-300
-"""In place of nothing, where a logarithm is taken."""
 
 
 class _Told(NamedTuple):
@@ -157,8 +155,9 @@ class Unexcited:
             return True
         some = self.window.between(1)
         back = Loop(self.base, self.measured.channels).back(self.window.points(some))
-        heard, unheard = (self._left(some, (), back, is_heard=own) for own in (True, False))
-        return bool(np.mean(np.log(np.abs(heard) + TINY)) <= np.mean(np.log(np.abs(unheard) + TINY)))
+        powers = (np.abs(self._left(some, (), back, is_heard=own)) for own in (True, False))
+        heard, unheard = (np.mean(np.log(power + np.finfo(float).tiny)) for power in powers)
+        return bool(heard <= unheard)
 
     def unheard(self, judged: NDArray[np.intp]) -> ComplexArray | None:
         """Power that noise in the measurement of i_e adds to judged lines of it, shape (lines, axes, axes), if any.

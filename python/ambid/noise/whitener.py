@@ -23,6 +23,7 @@ from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import ModelError, RecordError
 from ambid.noise.envelope import Envelope
+from ambid.noise.wave import OUTSTANDING
 
 __all__ = [
     "PER_CHANNEL",
@@ -53,8 +54,6 @@ SILENT = (
 )
 ROUNDING = 1e-20
 """Power of noise over that of the signal below which it is rounding."""
-OUTLYING = 70.0
-"""Power of a channel on a line, over its spectrum, above which it is no noise but a tone."""
 
 
 @dataclass(frozen=True)
@@ -178,7 +177,7 @@ def around(quiet: ComplexArray, at: FloatArray) -> Around:
         lines = _Lines(quiet, at, usual)
         way, likelihood = lines.likeliest(ways, tried[usual[tried]])
         power = lines.powers(at, way)
-        outlying = np.any(quiet.real**2 + quiet.imag**2 > OUTLYING * power, axis=1)
+        outlying = np.any(quiet.real**2 + quiet.imag**2 > OUTSTANDING * power, axis=1)
         if not np.any(outlying):
             break
         usual = np.logical_not(outlying)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ambid.identification.estimate import NORMAL_95
 from ambid.plot.style import AXIS_COLOURS, LABEL, SMALL, dress, new_figure, plain_log, save_drawn
 from ambid.robustness import Campbell
 from ambid.robustness.whirl import whirl_of
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 RPM = 30.0 / np.pi
-NORMAL_95 = 1.959964
-"""Half width of a 95 % interval, in standard errors."""
 LONG = 8.0
 """Ratio of the highest to the lowest frequency from which on the scale is logarithmic."""
 WHIRLS: dict[str, dict[str, Any]] = {

@@ -11,11 +11,11 @@ from scipy.stats import chi2
 from ambid.arrays import ComplexArray
 from ambid.plot.style import AXIS_COLOURS, BAND, GUIDE, SIMULATED, SMALL, dress, new_figure, save_drawn
 from ambid.robustness import PoleMap
+from ambid.robustness.uncertainty import COVERED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COVERED = 0.95
 LINEAR_HZ = 1.0
 """Within this frequency the scales are linear: poles on the real axis have a place, and slow ones are apart."""
 CLOSED: dict[str, Any] = {"marker": "x", "ms": 7, "mew": 1.5, "ls": "none", "color": SIMULATED, "zorder": 5}

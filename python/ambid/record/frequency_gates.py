@@ -13,6 +13,7 @@ from ambid.channels import FURTHER
 from ambid.errors import RecordError
 from ambid.findings import Finding, Kind
 from ambid.record.checks import require_known_outputs
+from ambid.record.passed_over import MOST_TOLD
 from ambid.rig import Rig
 
 PAIRS_MISSING = Kind(
@@ -33,8 +34,6 @@ LARGEST_TRAVEL = 1e3
 """Air gaps that the bias current of a bearing may move y by, by the response; a weakly damped mode moves some ten."""
 FEWEST = 3
 """Frequencies of a response: each is held against both of its neighbours, which tells how much errors go together."""
-MOST_TOLD = 3
-"""Pairs, or frequencies, that a finding names one by one."""
 TOGETHER = 1024
 """Frequencies whose covariances are looked at together: of 32 pairs they are 16 MB."""
 

@@ -9,6 +9,7 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.channels import SIGNALS, unit_of
 from ambid.findings import Finding, Kind, Where
+from ambid.record.passed_over import MOST_TOLD
 from ambid.record.repeats import Repeats, repeats
 from ambid.record.spikes import without_spikes
 
@@ -39,8 +40,6 @@ SPIKES = Kind(
     "spikes that no other period has: {count}, in rows {rows} ({read:.4g} {unit}): left out, what the other periods "
     "have there is taken ({taken:.4g} {unit})",
 )
-TOLD = 3
-"""Wrong samples that have a finding each."""
 ENOUGH = 3
 """Periods in one piece that are enough, so that no rows need be joined."""
 AROUND = 50
@@ -88,8 +87,8 @@ def _right(logged: FloatArray, axes: Sequence[str], found: Repeats) -> tuple[Flo
         at = Where(channel=f"i_e.{axes[axis]}")
         findings.append(WRONG_SAMPLE(at, row=row + 1, logged_a=float(i_e[row, axis]), usual_a=usual))
         i_e[row, axis] = usual
-    if len(findings) > TOLD:
-        findings = [*findings[:TOLD], WRONG_SAMPLES(Where(channel="i_e"), count=len(findings) - TOLD)]
+    if len(findings) > MOST_TOLD:
+        findings = [*findings[:MOST_TOLD], WRONG_SAMPLES(Where(channel="i_e"), count=len(findings) - MOST_TOLD)]
     return i_e, findings
 
 

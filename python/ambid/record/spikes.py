@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.arrays import FloatArray
+from ambid.record.repeats import OUTLIER
 
 __all__ = ["without_spikes"]
 
-OUTLIER = 8.0
-"""Robust standard deviations of its surroundings beyond which a sample is a spike; chance has none in 1e14."""
 SURROUNDINGS = 100
 """Samples by which the deviation around a sample is judged. At a beginning at rest they are spared."""
 MOST = 20

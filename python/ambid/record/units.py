@@ -6,16 +6,13 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.constants import foot, g, inch
 
-__all__ = ["GRAVITY", "Unit", "frequency_unit", "ratio_of", "unit_of"]
+__all__ = ["Unit", "frequency_unit", "ratio_of", "unit_of"]
 
-GRAVITY = 9.80665
-"""Standard acceleration of free fall [m/s^2] (ISO 80000-3)."""
-INCH, FOOT = 0.0254, 0.3048
-"""[m] (international yard and pound agreement of 1959)."""
 _LENGTHS = {
     **{"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "micron": 1e-6, "microns": 1e-6, "nm": 1e-9},
-    **{"in": INCH, "inch": INCH, "ft": FOOT, "mil": 1e-3 * INCH, "mils": 1e-3 * INCH, "thou": 1e-3 * INCH},
+    **{"in": inch, "inch": inch, "ft": foot, **dict.fromkeys(("mil", "mils", "thou"), 1e-3 * inch)},
 }
 _FORMS = {"displacement": ("",), "velocity": ("/s", "/sec"), "acceleration": ("/s2", "/sec2", "/s/s", "/sec/sec")}
 _UNITS = {
@@ -25,9 +22,9 @@ _UNITS = {
         for form in forms
         for length, factor in _LENGTHS.items()
     },
-    "ips": ("velocity", INCH),
-    **dict.fromkeys(("g", "gn", "g's"), ("acceleration", GRAVITY)),
-    "mg": ("acceleration", 1e-3 * GRAVITY),
+    "ips": ("velocity", inch),
+    **dict.fromkeys(("g", "gn", "g's"), ("acceleration", g)),
+    "mg": ("acceleration", 1e-3 * g),
     "gal": ("acceleration", 1e-2),
     **{"a": ("current", 1.0), "amp": ("current", 1.0), "ma": ("current", 1e-3), "ua": ("current", 1e-6)},
     **{"v": ("voltage", 1.0), "volt": ("voltage", 1.0), "mv": ("voltage", 1e-3), "uv": ("voltage", 1e-6)},

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from ambid.arrays import FloatArray
 from ambid.errors import InputError, ModelError
+from ambid.identification.estimate import NORMAL_95
 from ambid.interop import require_linear
 from ambid.loop.assembly import Lft
 from ambid.loop.delay import with_late_commands
@@ -25,9 +26,6 @@ from ambid.results import of_unit
 from ambid.robustness.sensitivity import Law
 from ambid.robustness.uncertainty import Uncertainty
 from ambid.writing import whole_file
-
-NORMAL_95 = 1.959964
-"""Half width of a 95 % range of the normal distribution, in standard errors."""
 
 
 @dataclass(frozen=True, repr=False)
