@@ -52,6 +52,7 @@ def test_every_option_that_writes_is_tried():
     once = {
         ("identify", "--save-rig"),
         ("diagnose", "--save-rig"),
+        ("diagnose", "--mend"),
     }  # which replace no file: there is no old one to lose
     assert written - tried == once | {("workbench", "--json")}, (
         "it writes when a signal comes: tests/cli/test_working.py"

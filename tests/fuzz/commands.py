@@ -63,6 +63,7 @@ SAVE: Options = {
     "--save": ("saved.json", "model.json", "rig.toml", "out.json", "none/x.json", ".", "/dev/full", ""),
     "--save-rig": ("new.toml", "new.toml", "rig.toml", "new.json", "out.json", "none/x.toml", ".", "/dev/full", ""),
 }
+MEND: Options = {"--mend": ("mended.csv", "mended.mat", "mended.xyz", "run.csv", "rig.toml", "none/x.csv", "", ".")}
 EXACT: Options = {"--exact": ()}
 READ: Options = {
     "--period": ("1", "3", "4", "5", "126", "126", "630", "-1", "315", "252", "100"),
@@ -215,7 +216,9 @@ COMMANDS = {
         "--predict": ("loop_delay", "sensor_lag", "flux_saturation", "x", ""),
     }, often=2),
     "diagnose": Command(
-        ("rig.toml", "RECORD"), QUIET | EXACT | RECORDS | ALLOW | MODEL | SAVE | PLOT | VALIDATE | OF_DIAGNOSE, often=2
+        ("rig.toml", "RECORD"),
+        QUIET | EXACT | RECORDS | ALLOW | MODEL | SAVE | PLOT | VALIDATE | OF_DIAGNOSE | MEND,
+        often=2,
     ),
     "frequency-response": Command(("rig.toml", "RECORD"), QUIET | EXACT | FORCE | RECORDS | MODEL | BEFORE | PLOT | {
         "--out": ("frf.csv", "frf.mat", "frf.uff", "response.csv", "run.csv", "rig.toml", "none/frf.csv", "/dev/full"),

@@ -44,7 +44,7 @@ from ambid.cli.outputs import (
 )
 from ambid.cli.signals import came, done_of, droppable, exit_code, stoppable, stopped
 from ambid.cli.terminal import choose, progress, require_terminal, say, with_time_left
-from ambid.cli.updating import require_rig, updated
+from ambid.cli.updating import files_of_mended, mended, require_rig, updated
 from ambid.errors import InputError, RecordError
 from ambid.results import band_text
 
@@ -221,6 +221,10 @@ def diagnose_command(
     json_file: JsonFile = None,
     save: Annotated[Path | None, typer.Option(metavar="MODEL", help="Write the last model.")] = None,
     save_rig: SaveRig = None,
+    mend: Annotated[
+        Path | None,
+        typer.Option(metavar="RECORD", help="Write the records without the errors of theirs that are named."),
+    ] = None,
     plot: PlotFile = None,
     report: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write a report to read and print.")] = None,
     pdf: Annotated[
@@ -232,12 +236,14 @@ def diagnose_command(
     quiet: Quiet = False,
 ) -> None:
     """Name the physics that the model lacks, add it, and watch the misfit fall."""
+    mended_files = files_of_mended(mend, records)
     require_outputs(
         {"RIG": rig, "RECORD": records, "--validate": validate, "--model": model},
         {
             "--json": json_file,
             "--save": save,
             "--save-rig": save_rig,
+            "--mend": mended_files,
             "--plot": pictures(plot, records),
             "--report": report,
             "--pdf": pdf,
@@ -284,17 +290,19 @@ def diagnose_command(
             if is_stopped := came():
                 text, further = f"\n{stopped()} when the diagnosis was finished; no experiment was foreseen", {}
     command = command_of(found.next_steps)
-    update = updated(found, save_rig)
+    update, mends = updated(found, save_rig), mended(found, mended_files)
+    own = {"next_command": command} | further | update.data | mends.data | {"stopped": is_stopped}
     conclude(
-        f"{with_command(repr(found), command)}{text}{update.text}",
-        lambda: found.to_json() | {"next_command": command} | further | update.data | {"stopped": is_stopped},
+        f"{with_command(repr(found), command)}{text}{update.text}{mends.text}",
+        lambda: found.to_json() | own,
         json_file,
         quiet,
         lambda: saved(found, save),
         update.write,
+        mends.write,
         lambda: drawn(found.model, loaded, plot),
         lambda: reported(found, reports),
-        findings=update.findings,
+        findings=(*update.findings, *mends.findings),
         is_stopped=is_stopped,
     )
     if is_stopped:

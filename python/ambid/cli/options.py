@@ -38,7 +38,7 @@ SaveRig = Annotated[
     typer.Option(
         "--save-rig",
         metavar="RIG",
-        help="Write the rig file (.toml) with its values that are known to a tolerance updated by the records.",
+        help="Write the rig file (.toml), its values known to a tolerance and named gains updated by the records.",
     ),
 ]
 Period = Annotated[int | None, typer.Option(help="Samples per period of the excitation; default: found from i_e.")]

@@ -1,4 +1,4 @@
-"""``--save-rig``: the rig file with its values that are known to a tolerance updated by records."""
+"""``--save-rig``: the rig file, updated by records; ``--mend``: records without the errors that a diagnosis names."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import ambid
 from ambid.errors import InputError
 from ambid.findings import Finding, Kind, Where, has
 
-__all__ = ["Updated", "require_rig", "updated"]
+__all__ = ["Updated", "files_of_mended", "mended", "require_rig", "updated"]
 
 DOUBTFUL = Kind(
     "rig_update_doubtful",
@@ -22,6 +22,9 @@ NOT_UPDATED = Kind(
     "rig_not_updated",
     "warning",
     "not written: the records were not fitted with the errors of the rig file's values",
+)
+NOT_MENDED = Kind(
+    "record_not_mended", "warning", "not written: no error of a record is named that could be taken out of it"
 )
 HINT = "--save-rig RIG writes the rig file with these values"
 
@@ -71,3 +74,40 @@ def updated(result: ambid.Estimate | ambid.Diagnosis, path: Path | None) -> Upda
         return [path]
 
     return Updated("\n".join(lines), {"rig_update": update.to_json()}, findings, write)
+
+
+def files_of_mended(path: Path | None, records: Sequence[Path]) -> list[Path]:
+    """Where mended records are written, numbered where there are several; their format is checked before any work."""
+    if path is None:
+        return []
+    from ambid.record.writers import require_format  # not at the top: --help need not open that room
+
+    require_format(path)
+    count = sum(record.suffix.lower() != ".toml" for record in records)
+    return [path.with_stem(f"{path.stem}_{k + 1}") for k in range(count)] if count > 1 else [path]
+
+
+def mended(found: ambid.Diagnosis, files: Sequence[Path]) -> Updated:
+    """The records without the errors that are named, and what was corrected."""
+    if not files:
+        return Updated("", {}, (), lambda: ())
+    pairs = zip(files, found.records, found.mended(), strict=True)
+    changed = [(path, new) for path, old, new in pairs if isinstance(new, ambid.Record) and new is not old]
+    if not changed:
+        none = NOT_MENDED(Where(file=str(files[0])))
+        return Updated(f"\n{none.severity}: {none.line()}", {"mended": {}}, (none,), lambda: ())
+    values = {p.name: p.value for p in found.model.parameters}
+    told = []
+    for effect in found.model.effects:
+        own = {p.name: values[effect.slot(p.name)] for p in effect.parameters(found.model.rig)}
+        if effect.mended(changed[0][1], own) is not changed[0][1]:
+            told += [finding.line(advises=False) for finding in effect.findings(found.model.rig, own)]
+
+    def write() -> Sequence[Path]:
+        for path, record in changed:
+            record.save(path)
+        return [path for path, _ in changed]
+
+    names = [str(path) for path, _ in changed]
+    lines = ["", "", f"corrected in {', '.join(names)}:", *(f"  {line}" for line in told)]
+    return Updated("\n".join(lines), {"mended": dict.fromkeys(names, told)}, (), write)

@@ -15,7 +15,7 @@ from ambid.diagnosis.candidates import Ranking
 from ambid.diagnosis.localisation import Cell, Localisation, MisfitMap, misfit_maps
 from ambid.diagnosis.moves import TOLD, Moved
 from ambid.diagnosis.probabilities import Probabilities
-from ambid.effects import Effect
+from ambid.effects import CATALOGUE, Effect
 from ambid.findings import NOWHERE, Finding, Kind, WithFindings
 from ambid.identification import ParameterEstimate
 from ambid.identification.tolerances import Budget, KnownValue
@@ -23,7 +23,7 @@ from ambid.identification.tolerances import lines as tolerance_lines
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.window import findings_of
-from ambid.record import Measurement
+from ambid.record import Measurement, Record
 from ambid.results import Tabular, band_text, picture, plain
 from ambid.rig import Rig
 
@@ -268,6 +268,20 @@ class Diagnosis(ByValue, WithFindings, Tabular):
         )
 
     plot = picture("plot_staircase")
+
+    def mended(self) -> tuple[Measurement, ...]:
+        """The records without the errors of theirs that are named: moved, scaled, turned and exchanged back.
+
+        What the machine does stays in them, and frequency responses are as they were.
+        """
+        order = [effect.name for effect in CATALOGUE]  # of the errors of a record: the last to have come into it first
+        effects = sorted(self.model.effects, key=lambda effect: effect.name in order and order.index(effect.name))
+        values = {p.name: p.value for p in self.model.parameters}
+        found = list(self.records)
+        for effect in effects:
+            own = {p.name: values[effect.slot(p.name)] for p in effect.parameters(self.model.rig)}
+            found = [effect.mended(record, own) if isinstance(record, Record) else record for record in found]
+        return tuple(found)
 
     def budget(self) -> Budget:
         """Variance of every parameter of the last model by what it comes from, as `Estimate.budget` has it."""

@@ -179,9 +179,10 @@ class Contents:
     def updated_rig(self) -> RigUpdate:
         """The rig with the errors of its values in their keys: what records say of the rig file.
 
-        Values that are known to a tolerance are updated, and nominal K_i, K_s, R and tau_e stay; see `to_rig`.
+        Values that are known to a tolerance are updated, and what effects of the model say of it is corrected, such as
+        gains of the controller. Nominal K_i, K_s, R and tau_e stay; see `to_rig`.
         """
-        return update_of(self.rig, self.parameters, self._covariance)
+        return update_of(self.rig, self.parameters, self._covariance, self.effects)
 
     def __getitem__(self, name: str) -> Parameter:
         """A parameter, such as ``model["tau_e"]``.

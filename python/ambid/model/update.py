@@ -12,6 +12,7 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.effects.known import KNOWN, gains_among
 from ambid.findings import Finding, Kind, Where
+from ambid.loop.effect import Effect
 from ambid.model.parameter import Parameter
 from ambid.results import readable
 from ambid.rig import Rig
@@ -39,8 +40,8 @@ class UpdatedValue:
         Such as ``sensor_position.A``.
     unit : str
         ``1`` for a relative error.
-    prior : float
-        Standard deviation before the records.
+    prior : float or None
+        Standard deviation before the records; None of what an effect of the model corrects, of which nothing was known.
     error : float
         That the records and the tolerance together give.
     std : float or None
@@ -53,7 +54,7 @@ class UpdatedValue:
 
     name: str
     unit: str
-    prior: float
+    prior: float | None
     error: float
     std: float | None
     left: float
@@ -65,7 +66,8 @@ class UpdatedValue:
             "unknown" if value is None else readable(value, self.unit).removeprefix("+")
             for value in (self.std, self.prior)
         )
-        return f"{self.name} {readable(self.error, self.unit)}, standard deviation {std} (tolerance {prior})"
+        known = "named as wrong" if self.prior is None else f"tolerance {prior}"
+        return f"{self.name} {readable(self.error, self.unit)}, standard deviation {std} ({known})"
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, as in JSON."""
@@ -107,7 +109,10 @@ class RigUpdate:
     def to_toml(self, more: Sequence[str] = ()) -> str:
         """Text of a rig file, whose first lines say what was updated, what is not in it, and `more`."""
         held = [f"#   {own.line()}" for own in self.values if not own.why]
-        lines = ["# Values that were known to a tolerance, with the errors that records gave them:", *held]
+        lines = [
+            "# Values that were known to a tolerance, or are named as wrong, with the errors that records gave them:",
+            *held,
+        ]
         left = [own for own in self.values if own.why]
         if left:
             lines.append("# Not in this file, since no key holds it:")
@@ -132,22 +137,32 @@ class RigUpdate:
         return {own.name: own.as_dict() for own in self.values}
 
 
-def update_of(rig: Rig, parameters: Sequence[Parameter], covariance: FloatArray | None) -> RigUpdate:
-    """The update of a rig by the errors of its values among the parameters of a model."""
+def update_of(
+    rig: Rig, parameters: Sequence[Parameter], covariance: FloatArray | None, effects: Sequence[Effect] = ()
+) -> RigUpdate:
+    """The update of a rig by the errors of its values among the parameters of a model, and by what effects correct."""
     known = {p.name: p for p in parameters if p.prior is not None}
     index = {p.name: i for i, p in enumerate(parameters)}
     new, values = rig, list[UpdatedValue]()
+
+    def std_of(slot: str) -> float | None:
+        variance = np.nan if covariance is None else float(covariance[index[slot], index[slot]])
+        return float(np.sqrt(variance)) if np.isfinite(variance) else None
+
+    for effect in effects:
+        named = {p.name: parameters[index[effect.slot(p.name)]] for p in effect.parameters(rig)}
+        corrected = effect.corrected(new, {name: p.value for name, p in named.items()})
+        if corrected is not new:
+            new = corrected
+            values += [UpdatedValue(p.name, p.unit, None, p.value, std_of(p.name), 0.0, "") for p in named.values()]
     for effect in (*KNOWN, *gains_among(known, rig.axes)):
         own = {p.name: effect.slot(p.name) for p in effect.parameters(rig) if effect.slot(p.name) in known}
         errors = {name: known[slot].value for name, slot in own.items()}
         new, left = effect.updated(new, errors) if any(errors.values()) else (new, {})
         for name, slot in own.items():
             p, (rest, why) = known[slot], left.get(name, (0.0, ""))
-            variance = np.nan if covariance is None else float(covariance[index[slot], index[slot]])
-            std = float(np.sqrt(variance)) if np.isfinite(variance) else None
-            prior = float(p.prior or 0.0)
-            is_left = abs(rest) > ROUNDING
-            values.append(UpdatedValue(slot, p.unit, prior, p.value, std, rest * is_left, why * is_left))
+            prior, is_left = float(p.prior or 0.0), abs(rest) > ROUNDING
+            values.append(UpdatedValue(slot, p.unit, prior, p.value, std_of(slot), rest * is_left, why * is_left))
     return RigUpdate(_as_well_known(new, rig), tuple(values))
 
 
