@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambid.arrays import ByValue
-from ambid.channels import FURTHER, SIGNALS, Channel, in_order, unit_of
+from ambid.channels import FURTHER, Channel, in_order, unit_of
 from ambid.errors import RecordError
 from ambid.findings import Finding, Kind, WithFindings
 from ambid.reading import Provenance
@@ -21,9 +21,9 @@ from ambid.record.channel_map import ChannelMap
 from ambid.record.content import remarks
 from ambid.record.driven import driven
 from ambid.record.frequency_response import FrequencyResponse
+from ambid.record.loading import arguments_from
 from ambid.record.local_response import response_of_signals
-from ambid.record.raw import OF_LOOP, RawRecord, raw_record
-from ambid.record.readers import opened
+from ambid.record.raw import OF_LOOP
 from ambid.record.rebuild import ExcitationSource
 from ambid.record.writers import write
 from ambid.results import data_frame, html_table, picture
@@ -44,7 +44,6 @@ READ_WITHOUT_I_C = Kind(
     "where it is large, K_s may be further off than its interval says",
     "record the current that the controller reads",
 )
-AXES_OF_RIG = Kind("axes_of_rig", "note", "the file names no axes: its columns are taken as {axes}, the rig's order")
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -174,50 +173,8 @@ class Record(ByValue, WithFindings):
         InputError
             If the format needs a package that is not installed, or the mapping names no channel of ours.
         """
-        path = Path(path)
-        where = str(path)
-        if mapping is not None and not isinstance(mapping, ChannelMap):
-            mapping = ChannelMap(mapping)
-        with opened(path) as content:
-            raw = (raw_record if mapping is None else mapping.raw_record)(path, content, sample_rate)
-        findings = list(raw.findings)
-        if rig is not None:
-            _take_sensors_out(raw, rig)
-        axes = raw.signals["y"][0]
-        if axes is None:
-            if rig is None:
-                raise RecordError(f"{where}: the file names no axes; add 'axes', or give the rig")
-            axes = tuple(rig.axes)
-            findings.append(AXES_OF_RIG(axes=axes))
-        arrays: dict[str, Any] = {}
-        named = {signal: found or axes for signal, (found, _) in raw.signals.items()}
-        checks.require_every_y(where, named, None if rig is None else tuple(rig.axes))
-        for signal, (found, array) in list(raw.signals.items()):
-            if signal in FURTHER:
-                names = (found or axes) if "axis" in SIGNALS[signal].at else ()
-                raw.further |= _by_channel(where, signal, array, names, rig)
-                continue
-            order = checks.order_of_axes(f"{where}: {signal}", found or axes, axes, "y")
-            arrays[signal] = array[:, order] if array.shape[1] == len(order) else array
-        if raw.t is not None:
-            if len(raw.t) != len(arrays["y"]):
-                raise RecordError(f"{where}: t has {len(raw.t)} rows, y has {len(arrays['y'])}; give one t per sample")
-            checks.require_finite(where, [("t", raw.t)])
-        checks.require_length(where, len(arrays["y"]), period)
-        rate, more = checks.sample_rate_of(where, raw.t, raw.sample_rate, rig)
-        return cls.from_arrays(
-            **arrays,
-            further=raw.further,
-            sample_rate=rate,
-            axes=axes,
-            rig=rig,
-            period=period,
-            name=path.stem.encode("utf-8", "surrogateescape").decode("utf-8", "replace"),  # where LANG=C
-            findings=(*findings, *more),
-            path=path,
-            provenance=content.provenance,
-            allow=allow,
-        )
+        own = arguments_from(Path(path), rig, mapping, sample_rate=sample_rate, period=period)
+        return cls.from_arrays(**own, rig=rig, period=period, allow=allow)
 
     @classmethod
     def from_arrays(
@@ -522,28 +479,3 @@ def _require_further(where: str, name: str, column: NDArray[np.float64], samples
         raise RecordError(f"{where}: {name} is no further channel; expected {expected} or y with an axis or sensor")
     if column.shape != (samples,):
         raise RecordError(f"{where}: {name} has the shape {column.shape}, expected ({samples},), as y has samples")
-
-
-def _take_sensors_out(raw: RawRecord, rig: Rig) -> None:
-    """Make further channels of the displacements that are at a [[sensor]] of a rig."""
-    found, array = raw.signals["y"]
-    apart = [sensor.name for sensor in rig.sensors if sensor.channel == f"y.{sensor.name}"]
-    if found is None or not (at_sensors := [axis for axis in found if axis in apart]):
-        return
-    raw.further |= {f"y.{name}": array[:, found.index(name)] for name in at_sensors}
-    kept = [k for k, axis in enumerate(found) if axis not in apart]
-    raw.signals["y"] = tuple(found[k] for k in kept), array[:, kept]
-
-
-def _by_channel(
-    where: str, signal: str, array: NDArray[np.float64], names: Sequence[str], rig: Rig | None
-) -> dict[str, NDArray[np.float64]]:
-    """Columns of a matrix by channel: of the axes, or of the sensors of a rig."""
-    if not names and rig is not None:
-        names = [sensor.name for sensor in rig.sensors if sensor.signal == signal]
-    if array.shape[1] != len(names):
-        listed = ", ".join(names) or "none"
-        raise RecordError(
-            f"{where}: {signal} has the shape {array.shape}, expected a column for each of {listed}; give N x columns"
-        )
-    return {f"{signal}.{name}": array[:, j] for j, name in enumerate(names)}
