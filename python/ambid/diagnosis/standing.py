@@ -134,7 +134,7 @@ def _held(start: Model, records: Sequence[Measurement], effects: Sequence[Effect
     knows_command = bool(records) and all(isinstance(record, Record) and record.has_known_command for record in records)
     for effect in effects:
         home = start.home_of(effect)
-        if home is None or is_nonlinear(home, effect) or (effect.within_command and knows_command):
+        if home is None or effect.in_record or is_nonlinear(home, effect) or (effect.within_command and knows_command):
             continue  # what is not linear is judged at rest, where a loop must be stable anyway
         variants = effect.variants(Seen(home, {}, points=start.points))
         some = variants[:: max(1, len(variants) // MOST_VARIANTS)]
