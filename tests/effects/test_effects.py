@@ -19,7 +19,7 @@ from ambid.loop.loop import open_plant
 from ambid.loop.response import frequency_response
 from ambid.rig import Rig
 from hidden.bench import simulate
-from hidden.families import BENCHES
+from hidden.families import BENCHES, voltage_driven
 from hidden.long import LONG
 
 TRUTH = BENCHES["bench"].truth
@@ -279,6 +279,7 @@ def disturbed(base: ambid.Model, effect: Effect, truth: ambid.Record) -> np.ndar
 def test_sensitivities_of_effects(rig, i_e, effect):
     """Against central differences of the response, every parameter of every effect."""
     rig = rig if effect.parameters(rig) else rig.replace(speed=800.0)
+    rig = rig if effect.parameters(rig) else voltage_driven(rig)
     effect = AmplifierVoltageLimit(1.5e-4) if effect.name == "amplifier_voltage_limit" else effect
     parameters = effect.parameters(rig)
     model = at_truth(rig).add(effect).with_substeps(32)

@@ -17,6 +17,11 @@ SPEED = 200.0  # rad/s, of experiments on what only acts at speed
 AT_SPEED = ("gyroscopic_coupling", "internal_damping", "unbalance", "sensor_runout")
 
 
+def voltage_driven(rig: Rig) -> Rig:
+    """The same loop with coils of 1 ohm, whose voltage the controller commands."""
+    return rig.replace(amplifier=rig.amplifier.model_copy(update={"resistance": 1.0}))
+
+
 @dataclass(frozen=True)
 class Bench:
     """A machine with its true parameters and an excitation of about two seconds.
@@ -72,6 +77,8 @@ class Bench:
             rig = rig.replace(speed=SPEED)
         if "rotor_bending_mode" in effects:
             rig = rig.replace(rotor=rig.rotor.model_copy(update={"flexible_modes": 0}))
+        if "inductance_error" in effects:  # of a coil whose voltage is commanded
+            rig = voltage_driven(rig)
         return rig
 
     def excitation(self, amplitude: float, seed: int = 0) -> np.ndarray:
@@ -183,6 +190,7 @@ FAMILIES: dict[str, Family] = {
     "sensor_position_error": Family(lambda x, b: {"dz": [x, 0.0]}, 1e-4, 0.03),
     "sampling_skew": Family(lambda x, b: {"seconds": x}, 1e-6, 0.9e-4),
     "back_emf": Family(lambda x, b: {"coefficient": x}, 0.1, 50.0),
+    "inductance_error": Family(lambda x, b: {"error": 0.5 * x, "gap_part": min(x, 1.0)}, 0.01, 10.0),
     "periodic_disturbance": Family(
         lambda x, b: {"frequency_hz": 50.0, "amplitude": x, "port": "current"}, 1e-4, on_all_lines=True
     ),

@@ -80,7 +80,7 @@ class _Builder:
         places = [b.position for b in self.rig.bearings for _ in b.axes]
         s, s_rate = (self._along_axes(places, of) for of in ((self.q, self.house), (self.v, self.house_rate)))
         y = self._sensors()
-        i_c, out = self._amplifiers(self._command(y), s_rate)
+        i_c, out = self._amplifiers(self._command(y), s, s_rate)
         i_f = self._flux(i_c)
         force = self._force(i_f, s, s_rate)
         for k in range(n):
@@ -89,8 +89,7 @@ class _Builder:
             self.house_push[self.of_bearing[k]] -= direction[:, None] @ force[[k]]
         self._surroundings(gravity)
         net.rate(self.q, self.v)
-        gyroscopic = self.rig.speed * rotor.gyroscopic
-        moving = np.diag(rotor.damping) + gyroscopic
+        moving = np.diag(rotor.damping) + self.rig.speed * rotor.gyroscopic
         acceleration = self.push - np.diag(rotor.squares) @ self.q - moving @ self.v
         net.rate(self.v, acceleration)
         self._support()
@@ -209,16 +208,21 @@ class _Builder:
 
     # Amplifiers and magnets -------------------------------------------------------------------------------------------
 
-    def _amplifiers(self, i_ref: np.ndarray, s_rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _amplifiers(self, i_ref: np.ndarray, s: np.ndarray, s_rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coil currents, and these as they are read."""
         hidden, n, net = self.hidden, self.n, self.net
-        drive = i_ref - hidden.get("back_emf", {"coefficient": 0.0})["coefficient"] * s_rate
+        induced = hidden["back_emf"]["coefficient"] * s_rate if "back_emf" in hidden else 0.0
+        drive = i_ref / (self.rig.amplifier.resistance or 1.0) - induced
         other = hidden.get("amplifier_bandwidth", {"frequency_hz": None, "time_constant": None})
         tau = self.rig.amplifier.time_constant if other["time_constant"] is None else other["time_constant"]
         if other["frequency_hz"] is None and tau == 0.0:
-            if "amplifier_voltage_limit" in hidden:
-                raise ValueError("amplifier_voltage_limit needs an amplifier with a time constant")
+            assert "amplifier_voltage_limit" not in hidden, "amplifier_voltage_limit needs an amplifier with a lag"
             i_c = drive
+        elif "inductance_error" in hidden:
+            coil, linked = hidden["inductance_error"], net.states(np.zeros(n))  # flux linkage over the known inductance
+            per_gap = np.diag([coil["gap_part"] / b.air_gap for b in self.rig.bearings for _ in b.axes])
+            i_c = linked - per_gap @ net.each("product", [[]] * n, linked, s)
+            net.rate(linked, (drive - i_c) / (tau * (1.0 + coil["error"])))
         else:
             i_c = net.states(np.zeros(n))
             if other["frequency_hz"] is None:
@@ -365,13 +369,13 @@ class _Builder:
         stiffness, clearance = stop["stiffness"], stop["clearance"]
         turns = net.each("product", [[]] * n, u, rate)  # radius times its rate, of each coordinate
         damped = net.each("contact", [[stiffness * stop["damping"], clearance, 1.0]] * n, u, across @ u)
-        straight = net.each("contact", [[stiffness, clearance]] * n, u, across @ u)
-        return straight + net.each("product", [[]] * n, damped, turns + across @ turns)
+        return net.each("contact", [[stiffness, clearance]] * n, u, across @ u) + net.each(
+            "product", [[]] * n, damped, turns + across @ turns
+        )
 
     @property
     def _friction(self) -> list[float]:
-        friction = self.hidden["coulomb_friction"]
-        return [friction["force"], friction["stiffness"], float(friction["dahl"])]
+        return [float(self.hidden["coulomb_friction"][number]) for number in ("force", "stiffness", "dahl")]
 
     def _hum(self, port: str) -> np.ndarray:
         hum, found = self.hidden.get("periodic_disturbance"), np.zeros((self.n, CAPACITY))

@@ -84,6 +84,10 @@ CATALOGUE: dict[str, dict[str, tuple[object, str]]] = {
         "phase": (0.0, "rad at t = 0"),
     },
     "back_emf": {"coefficient": (NEEDED, "A s/m: drop of the amplifier's drive per velocity towards the magnet")},
+    "inductance_error": {
+        "error": (0.0, "relative, of the inductance at rest"),
+        "gap_part": (0.0, "part of the reluctance that lies in the gap"),
+    },
     "periodic_disturbance": {
         "frequency_hz": (NEEDED, "Hz"),
         "amplitude": (NEEDED, "N or A"),

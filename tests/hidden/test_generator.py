@@ -181,6 +181,7 @@ NOTHING = {
     "periodic_disturbance": {"frequency_hz": 50.0, "amplitude": 0.0},
     "cubic_bearing_force": {"coefficient": 0.0},
     "rotor_contact": {"stiffness": 0.0, "clearance": 1e-5},
+    "inductance_error": {"error": 0.0, "gap_part": 0.0},
     "coulomb_friction": {"force": 0.0, "z": 0.43},
     "amplifier_dead_band": {"current": 0.0},
     "amplifier_asymmetry": {"fraction": 0.0},

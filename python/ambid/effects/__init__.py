@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from inspect import signature
 from typing import Any
 
-from ambid.effects import amplifier, channels, damping, disturbance, magnet, rotor, sensor, slips, support
+from ambid.effects import amplifier, channels, coil, damping, disturbance, magnet, rotor, sensor, slips, support
 from ambid.effects.measured import MeasuredShape
 from ambid.errors import ModelError, did_you_mean
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
@@ -17,6 +17,7 @@ CATALOGUE: tuple[Effect, ...] = (
     *damping.EFFECTS,
     *magnet.EFFECTS,
     *amplifier.EFFECTS,
+    *coil.EFFECTS,
     *sensor.EFFECTS,
     *disturbance.EFFECTS,
     *slips.EFFECTS,

@@ -11,7 +11,7 @@ import numpy as np
 from ambid.effects.traits import LAG_OF_CURRENT, LAG_ROUND_LOOP
 from ambid.loop.assembly import Signal
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
-from ambid.loop.plant import READ, Plant
+from ambid.loop.plant import Plant
 from ambid.rig import Rig
 
 IDEAL = "the amplifier is ideal: its current is what it is asked for (amplifier.time_constant = 0)"
@@ -317,46 +317,9 @@ class LoopDelay(Effect):
         plant.delay_commands(self.slot("delay"))
 
 
-@dataclass(frozen=True)
-class BackEmf(Effect):
-    """Motion induces voltage."""
-
-    name = "back_emf"
-    physics = "motion of the rotor induces voltage in the coil: the current responds to velocity"
-    equation = "tau_a i_a' = i_set - i_a - b v; of a voltage-driven coil L i' = u - R i - b v"
-    signature = "i_c in phase with velocity, in a band where the amplifier does not hold the current"
-    source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, section 4.3"
-
-    def why_not(self, rig: Rig) -> str:
-        """An ideal amplifier of current."""
-        return "" if rig.amplifier.resistance is not None or rig.amplifier.time_constant > 0.0 else IDEAL
-
-    def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
-        """Current per velocity [A s/m]; of a voltage-driven coil [V s/m], where it is K_i if nothing is lost."""
-        if self.why_not(rig):
-            return []
-        if rig.amplifier.resistance is not None:
-            probe, meaning = 0.1 * rig.bearings[0].force_current[0], "induced voltage per velocity b"
-            return [EffectParameter("voltage_per_velocity", "V s/m", probe, meaning=meaning)]
-        scale = rig.bearings[0].bias_current / rig.bearings[0].air_gap * rig.amplifier.time_constant
-        meaning = "current that velocity drives against the command, b"
-        return [EffectParameter("current_per_velocity", "A s/m", 0.02 * scale, meaning=meaning)]
-
-    def attach(self, plant: Plant) -> None:
-        """What the amplifier is set to falls by b v; of a voltage-driven coil, its voltage."""
-        slot, port = self.slot("current_per_velocity"), "i_set"
-        if plant.rig.amplifier.resistance is not None:
-            slot, port = self.slot("voltage_per_velocity"), "i_ref"
-        for axis in plant.axes:
-            induced = plant.port(slot, plant[f"v.{axis}"])
-            plant.inject(f"{port}.{axis}", -induced)
-            plant.inject(f"{READ}u.{axis}", induced)
-
-
 EFFECTS = (
     AmplifierBandwidth(),
     AmplifierVoltageLimit(),
     CommandSaturation(),
     LoopDelay(),
-    BackEmf(),
 )

@@ -15,11 +15,12 @@ HEAD = ("parameter", "meaning", "unit", "allowed", "typical small value", "drawn
 
 def generate(drawn: Path) -> str:
     """A section of each family, a part of each effect; the pictures go to the folder."""
-    bench = Bench()
+    benches = Bench(), Bench(resistance=1.0)
     parts = [_contents()]
     for family, effects in groupby(CATALOGUE, key=_family):
         parts.append(f"## {family.capitalize()}")
         for effect in effects:
+            bench = next(own for own in benches if effect.parameters(own.rig))
             shown = bench.shown(effect)
             draw(bench, shown, drawn / f"{effect.name}.svg")
             parts.append(_part(effect, bench, shown))

@@ -53,10 +53,17 @@ class Shown:
 
 
 class Bench:
-    """The demo's bench in a virtual experiment, with its noise."""
+    """The demo's bench in a virtual experiment, with its noise.
 
-    def __init__(self) -> None:
-        self.rig = ambid.Rig.load(DATA / "rig.toml").replace(speed=SPEED)
+    Parameters
+    ----------
+    resistance : float, optional
+        Of coils whose voltage the controller commands [ohm]; by default it commands their current.
+    """
+
+    def __init__(self, resistance: float | None = None) -> None:
+        rig = ambid.Rig.load(DATA / "rig.toml").replace(speed=SPEED)
+        self.rig = rig.replace(amplifier=rig.amplifier.model_copy(update={"resistance": resistance}))
         self.base = ambid.Model(self.rig)
         rate = self.rig.sample_rate
         self.i_e = ambid.multisine(
