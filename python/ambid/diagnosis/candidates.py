@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.diagnosis.chance import log_chance_bounded
+from ambid.diagnosis.chance import independent_tests, log_chance_bounded
 from ambid.diagnosis.evidence import USUAL, by_score, posterior
 from ambid.effects import Effect
 from ambid.findings import Finding, WithFindings
@@ -155,6 +155,12 @@ class Ranking(WithFindings, Tabular):
         return next((c for c in self.candidates if c.effect.name == name), None)
 
     @cached_property
+    def told_apart(self) -> float:
+        """How many independent changes of the response the candidates are, as far as these records tell them apart."""
+        directions = np.array([c.direction for c in self.candidates if c.size > 0.0])
+        return independent_tests(directions @ directions.T, len(directions)) if len(directions) else 1.0
+
+    @cached_property
     def probabilities(self) -> dict[str, float]:
         """Of each candidate: that it alone is missing, by its score, or it beside something without a name.
 
@@ -169,7 +175,7 @@ class Ranking(WithFindings, Tabular):
             own = by_score(self.comparison, c.predicted_misfit, c.score, c.degrees, c.one_sided, prior)
             tried.append(own)
         names = [c.effect.name for c in self.candidates]
-        return dict(zip(names, posterior(tried)[1:].tolist(), strict=True))
+        return dict(zip(names, posterior(tried, self.told_apart)[1:].tolist(), strict=True))
 
     @property
     def significant(self) -> tuple[Candidate, ...]:

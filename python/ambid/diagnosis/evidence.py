@@ -11,13 +11,15 @@ it but the three decades that it is within (Jeffreys' prior), and of its directi
 physics forbids, so that unknown(k) = log(D S_k / (2 pi)^(k/2)), with D the logarithm of the decades and S_k the surface
 of the unit sphere. V is 1 where H leaves noise alone.
 
-Something else is smooth over lines and channels and of any power: what is left of it is W numbers at the most, however
-many lines they are seen on. A wave that nothing brings is not: each has two numbers for a channel, w in all. With E and
-E_w what H leaves beyond noise between the waves, and where they stand, their power integrated out,
+Something else changes the response in as many ways, W, as the effects of the catalogue do that these records tell
+apart, however many lines show it, by any power. A wave that nothing brings is not smooth: each has two numbers for a
+channel, w in all. With E and E_w what H leaves beyond noise between the waves, and where they stand, their power
+integrated out,
 
     log p(data | H, something else) = -W/2 log(1 + E/W) - w/2 log(1 + E_w/w) - price,    V = 1 + E/W
 
-and what is learnt of these powers, which were known to three decades before.
+and what is learnt of these powers, which were known to three decades before. Where something else shows a nonlinear
+shape, its linear part has no less power than that: a set that leaves none of it has taken its place by luck.
 
 States that effects add begin each record settled, or at rest, or nearly so: the n further numbers c, in units of their
 errors, that are fitted to how a record begins have one variance before it about the likelier of both, which is found.
@@ -46,6 +48,7 @@ __all__ = [
     "OF_FORMULAS",
     "SURE",
     "TOLD_APART",
+    "UNRANKED",
     "USUAL",
     "Evidence",
     "Yardstick",
@@ -61,8 +64,8 @@ USUAL = 0.3
 """Effects that a machine has, on average, that its rig file does not hold."""
 NAMELESS = float(np.log(0.05))
 """Log of how likely something that the catalogue lacks is before any record."""
-WITNESSES = 20.0
-"""W."""
+UNRANKED = 20.0
+"""W where no effects were ranked."""
 BOUNDLESS = 1e30
 """J of records that a loop cannot have made; a number, as odds are reckoned with it."""
 LEVEL = 0.03
@@ -148,16 +151,17 @@ class Evidence:
         log_p = float(log_ndtr((self.expected - self.cost) / self.deviation))
         return max(0.0, -1.0 - log_p - np.log(-log_p)) if log_p < -1.0 else 0.0
 
-    def beside(self, left: float, least: Evidence) -> float:
+    def beside(self, left: float, least: Evidence, witnesses: float, shape: float = 0.0) -> float:
         """Log evidence beside something else, where this set leaves so much of J beyond noise, and that the least.
 
-        Something else has states of its own, too, which begin as those do of the set that leaves least.
+        Something else changes the response in so many ways, and shows a shape of such a score. It has states of its
+        own, too, which begin as those do of the set that leaves least.
         """
         of_waves = min(left, max(0.0, self.on_tones - least.on_tones))
         smooth = left - of_waves
-        cost = _of_any_power(smooth, WITNESSES) - _of_any_power(least.beyond, WITNESSES)
+        cost = _of_any_power(smooth, witnesses, shape) - _of_any_power(least.beyond, witnesses)
         cost += _of_any_power(of_waves, self.waves)
-        variance = 1.0 + smooth / WITNESSES
+        variance = 1.0 + smooth / witnesses
         own = replace(self, beginnings=variance * max(self.beginnings, least.beginnings))
         return NAMELESS - cost - own.price(variance)
 
@@ -179,12 +183,12 @@ def by_score(fit: Comparison, misfit: float, score: float, degrees: int, one_sid
     )
 
 
-def posterior(tried: Sequence[Evidence]) -> FloatArray:
+def posterior(tried: Sequence[Evidence], witnesses: float) -> FloatArray:
     """Probability of each of some sets, whatever is beside it."""
     least = max(tried, key=lambda own: own.alone)
     left = [least.beyond + max(0.0, own.cost - least.cost) for own in tried]
     logs = [
-        np.logaddexp(own.alone + 0.5 * least.cost - least.against, own.beside(beyond, least))
+        np.logaddexp(own.alone + 0.5 * least.cost - least.against, own.beside(beyond, least, witnesses))
         for own, beyond in zip(tried, left, strict=True)
     ]
     weight = np.exp(np.array(logs) - max(logs))
@@ -197,8 +201,11 @@ def _unknown_size(k: int) -> float:
     return float(np.log(DECADES * np.log(10.0)) + log_surface - 0.5 * k * np.log(2.0 * np.pi))
 
 
-def _of_any_power(beyond: float, numbers: float) -> float:
-    """What so many numbers of one unknown power cost that hold so much beyond noise."""
+def _of_any_power(beyond: float, numbers: float, least: float = 0.0) -> float:
+    """What so many numbers of one unknown power cost that hold so much beyond noise, of which at least is expected."""
+    if beyond < least:
+        power = 1.0 + least / numbers
+        return 0.5 * (numbers * (float(np.log(power)) - 1.0) + (numbers + beyond) / power)
     if beyond <= 0.0 or not numbers:
         return 0.0
     # the power is known to a factor e^s, s^2 = 2/n (1 + n/E)^2 (Laplace), of the decades that it was within before

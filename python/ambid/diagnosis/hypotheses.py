@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ambid.diagnosis.candidates import Ranking
-from ambid.diagnosis.evidence import OF_FORMULAS, Evidence, Yardstick
+from ambid.diagnosis.evidence import OF_FORMULAS, UNRANKED, Evidence, Yardstick
 from ambid.diagnosis.task import Task
 from ambid.effects import Effect
 from ambid.noise import Comparison, compare
@@ -98,9 +98,15 @@ class Field:
         """Log evidence of a set where nothing else is missing, up to what all have in common."""
         return -0.5 * self._above(own) - own.price() - self._lowest.against
 
-    def beside(self, own: Evidence) -> float:
-        """The same beside something else that has no name."""
-        return own.beside(self._left(own), self._lowest)
+    @cached_property
+    def witnesses(self) -> float:
+        """In how many ways something else may change the response: so many as the effects do that are told apart."""
+        own = self.rankings.get(self.root)
+        return UNRANKED if own is None else own.told_apart
+
+    def beside(self, own: Evidence, shape: float = 0.0) -> float:
+        """The same beside something else that has no name, which shows a shape of such a score."""
+        return own.beside(self._left(own), self._lowest, self.witnesses, shape)
 
     def left_by(self, hypothesis: Hypothesis) -> float:
         """What a set leaves beyond noise, of J."""

@@ -102,7 +102,9 @@ class Probabilities:
         return own | {"nothing": self.nothing, "something_else": self.something_else}
 
 
-def probabilities(field: Field, against: float = 0.0, local: frozenset[str] = frozenset()) -> Probabilities:
+def probabilities(
+    field: Field, against: float = 0.0, local: frozenset[str] = frozenset(), shape: float = 0.0
+) -> Probabilities:
     """Of all sets of a field.
 
     Parameters
@@ -112,13 +114,15 @@ def probabilities(field: Field, against: float = 0.0, local: frozenset[str] = fr
         Log of the odds that other tests than J have against noise alone in what the best set leaves.
     local : frozenset of str
         Effects that parts of the records do not show: no set that holds one of them is taken for an explanation.
+    shape : float
+        Score of a nonlinear shape that something else shows in what the best set leaves.
     """
     logs, names, elsewhere = [], [], []
     for own in field.tried.values():
         if own.names & local:
             continue
         effects = tuple(effect.name for effect in own.added)
-        logs += [field.alone(own.evidence) - against, field.beside(own.evidence)]
+        logs += [field.alone(own.evidence) - against, field.beside(own.evidence, shape)]
         names += [effects, effects]
         elsewhere += [False, against > 0.0 or not field.is_of_formulas(own)]
     weight = np.exp(np.array(logs) - max(logs))

@@ -166,7 +166,7 @@ def judged(
     local = frozenset[str]()
     if best.added and not task.validate and base.is_within and not is_everywhere(base, best.fit):
         local = best.names
-    found = probabilities(field, left.against, local)
+    found = probabilities(field, left.against, local, left.shape.score if left.shape else 0.0)
     if local:
         best = field.base
     changes: tuple[Changing, ...] = ()

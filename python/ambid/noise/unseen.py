@@ -59,11 +59,12 @@ class OverCeiling(NamedTuple):
 
 
 class ShapeLeft(NamedTuple):
-    """What a model leaves that is neither noise nor linear: at which port, odd or even, and which function it is."""
+    """What a model leaves that is neither noise nor linear: at which port, odd or even, which function, its score."""
 
     port: str
     kind: str
     shape: str
+    score: float
 
 
 def over_ceiling(part: RecordLines, here: Model) -> OverCeiling | None:
@@ -120,7 +121,7 @@ def shape_left(part: RecordLines, model: Model, least: float = 0.0) -> ShapeLeft
         for term in shapes.terms(port):
             own = log_chance(term.score / spread, len(term.coefficients))
             if term.kind != "linear" and own < chance and term.score > least:
-                chance, found = own, ShapeLeft(port, term.kind, term.shape)
+                chance, found = own, ShapeLeft(port, term.kind, term.shape, term.score / spread)
     return found
 
 
