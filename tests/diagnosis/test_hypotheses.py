@@ -1,15 +1,24 @@
 """Sets of effects: without noise, and what the states of effects may do when a record begins."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
 from ambid import diagnose
-from ambid.diagnosis.evidence import DECADES, WITNESSES, Evidence
+from ambid.diagnosis.candidates import Candidate, Ranking
+from ambid.diagnosis.evidence import DECADES, Evidence
+from ambid.diagnosis.hypotheses import Field, Hypothesis
+from ambid.diagnosis.probabilities import probabilities
 from hidden.bench import simulate
 from hidden.dirt import MARGIN, NOISE_FREE, soiled
 from hidden.families import BENCHES
 from hidden.sizes import sized
+
+WAYS = 12.0
 
 
 @pytest.mark.slow
@@ -39,21 +48,82 @@ def test_something_else_is_so_many_numbers_of_an_unknown_power(left):
 
     def likelihood(log_power):
         power = np.exp(log_power)
-        cost = (WITNESSES + left) / (1.0 + power) - WITNESSES
-        return np.exp(-0.5 * (cost + WITNESSES * np.log1p(power)) + shift)
+        cost = (WAYS + left) / (1.0 + power) - WAYS
+        return np.exp(-0.5 * (cost + WAYS * np.log1p(power)) + shift)
 
-    best, reach = np.log(left / WITNESSES), DECADES * np.log(10.0)
-    shift = 0.5 * WITNESSES * np.log1p(left / WITNESSES)
+    best, reach = np.log(left / WAYS), DECADES * np.log(10.0)
+    shift = 0.5 * WAYS * np.log1p(left / WAYS)
     expected = np.log(quad(likelihood, best - reach / 2.0, best + reach / 2.0, points=[best])[0] / reach) - shift
     right = of(0.0)
-    assert of(left).beside(left, right) - right.beside(0.0, right) == pytest.approx(expected, abs=0.3)
+    assert of(left).beside(left, right, WAYS) - right.beside(0.0, right, WAYS) == pytest.approx(expected, abs=0.3)
+
+
+def test_a_set_that_leaves_nothing_of_what_has_a_shape_did_so_by_luck():
+    """Of so many numbers with the power of the shape, against their normal density; no more than that is expected."""
+    right, score = of(0.0), 300.0
+    power = 1.0 + score / WAYS
+    density = -0.5 * WAYS * np.log(power) + 0.5 * WAYS * (1.0 - 1.0 / power)  # over that of noise alone
+    assert right.beside(0.0, right, WAYS, score) - right.beside(0.0, right, WAYS) == pytest.approx(density)
+    assert of(1e3).beside(1e3, right, WAYS, score) == of(1e3).beside(1e3, right, WAYS)
+
+
+MODELLED = SimpleNamespace(model=SimpleNamespace(rig=None))
+
+
+class Named(NamedTuple):
+    """An effect as far as a set of hypotheses asks."""
+
+    name: str
+    formula_error: float = 0.0
+
+    def frequencies_hz(self, rig):
+        return ()
+
+
+def direction_among(angles):
+    """Candidates whose changes of the response lie at these angles of a plane."""
+    rows = np.column_stack([np.cos(angles), np.sin(angles)])
+    return tuple(Candidate(None, 0.0, 1, {}, 1.0, direction=row, size=1.0) for row in rows)
+
+
+def test_what_has_no_name_lies_as_near_to_effects_as_these_to_one_another():
+    """Two of three leave a hundredth where one stands for the other, the third all; one more may do either."""
+    ranking = Ranking(direction_among([0.0, np.arcsin(0.1), np.pi / 2.0 + 0.05]), 5.0, ())
+    assert ranking.is_stood_in_for(0.005) == pytest.approx(1.0 / 5.0)
+    assert ranking.is_stood_in_for(0.011) == pytest.approx(3.0 / 5.0)
+    assert ranking.is_stood_in_for(1.0) == pytest.approx(4.0 / 5.0)
+    assert ranking.told_apart == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_dead_band_is_no_error_of_a_gain():
+    """Neither is what else takes its linear part; beside what has no name an effect is sure where it leaves little."""
+    ranking = Ranking(direction_among(np.linspace(0.0, 1.5, 6)), 5.0, ())
+    yardstick = SimpleNamespace(prior={f"effect {k}": 0.05 for k in range(6)})
+
+    def found(left, against, shape):
+        base, one = of(3e4), replace(of(left), kinds=(1,), information=np.eye(1) * 3e4, prior=3.0)
+        tried = {
+            frozenset(names): Hypothesis(tuple(Named(name) for name in names), MODELLED, None, 1.0, evidence)
+            for names, evidence in (((), base), (("effect 0",), one))
+        }
+        field = Field(yardstick, tried, {frozenset(): ranking})
+        return probabilities(field, against, shape=shape)
+
+    sure = found(0.0, 0.0, 0.0)
+    assert sure.effects["effect 0"] > 0.9
+    nameless = found(0.0, 40.0, 300.0)
+    assert nameless.something_else > 0.999
+    assert nameless.effects["effect 0"] < 0.7 < sure.effects["effect 0"]
 
 
 def test_a_wave_is_not_smooth():
     """What stands on lines of its own is dearer to something else than as much that is smooth, and free once named."""
     right = of(0.0, on_tones=16.0, waves=16)
     smooth, standing = of(3000.0, 16.0, 16), of(3000.0, 3016.0, 16)
-    assert standing.beside(3000.0, right) != smooth.beside(3000.0, right)
+    assert standing.beside(3000.0, right, WAYS) != smooth.beside(3000.0, right, WAYS)
     both = of(6000.0, 3016.0, 16)
-    assert both.beside(6000.0, right) < min(smooth.beside(3000.0, right), standing.beside(3000.0, right)) - 20.0
-    assert of(6000.0).beside(6000.0, right) > both.beside(6000.0, right) + 10.0
+    assert (
+        both.beside(6000.0, right, WAYS)
+        < min(smooth.beside(3000.0, right, WAYS), standing.beside(3000.0, right, WAYS)) - 20.0
+    )
+    assert of(6000.0).beside(6000.0, right, WAYS) > both.beside(6000.0, right, WAYS) + 10.0

@@ -155,10 +155,26 @@ class Ranking(WithFindings, Tabular):
         return next((c for c in self.candidates if c.effect.name == name), None)
 
     @cached_property
+    def cosines(self) -> FloatArray:
+        """Between the changes of the response by the candidates that these records show at all, shape (c, c)."""
+        directions = [c.direction for c in self.candidates if c.direction is not None and c.size > 0.0]
+        return np.array([[float(one @ other) for other in directions] for one in directions]).reshape(
+            len(directions), len(directions)
+        )
+
+    @cached_property
     def told_apart(self) -> float:
         """How many independent changes of the response the candidates are, as far as these records tell them apart."""
-        directions = np.array([c.direction for c in self.candidates if c.size > 0.0])
-        return independent_tests(directions @ directions.T, len(directions)) if len(directions) else 1.0
+        return independent_tests(self.cosines, len(self.cosines)) if len(self.cosines) else 1.0
+
+    def is_stood_in_for(self, share: float) -> float:
+        """Of the candidates the part of which another one leaves no larger share than this where it stands alone.
+
+        As likely does one of them stand in so well for something that the catalogue lacks; chance of the next one
+        among as many (Laplace's rule of succession).
+        """
+        left = 1.0 - np.max(np.abs(self.cosines) - np.eye(len(self.cosines)), axis=1, initial=0.0) ** 2
+        return float((np.sum(left <= share) + 1.0) / (len(left) + 2.0))
 
     @cached_property
     def probabilities(self) -> dict[str, float]:

@@ -117,19 +117,19 @@ def probabilities(
     shape : float
         Score of a nonlinear shape that something else shows in what the best set leaves.
     """
-    logs, names, elsewhere = [], [], []
+    told: list[tuple[float, tuple[str, ...], bool]] = []
     for own in field.tried.values():
         if own.names & local:
             continue
-        effects = tuple(effect.name for effect in own.added)
-        logs += [field.alone(own.evidence) - against, field.beside(own.evidence, shape)]
-        names += [effects, effects]
-        elsewhere += [False, against > 0.0 or not field.is_of_formulas(own)]
-    weight = np.exp(np.array(logs) - max(logs))
-    weight /= weight.sum()
+        beside = field.beside(own.evidence, shape)
+        told.append((field.alone(own.evidence) - against, own.effects, False))
+        told.append((beside, own.effects, against > 0.0 or not field.is_of_formulas(own)))
+        told += [(beside + odds, rest.effects, True) for rest, odds in field.stood_in_for(own, shape)]
+    most = max(log for log, _, _ in told)
+    total = sum(np.exp(log - most) for log, _, _ in told)
     found: dict[tuple[str, ...], list[float]] = {}
-    for p, own_names, is_else in zip(weight.tolist(), names, elsewhere, strict=True):
-        found.setdefault(own_names, [0.0, 0.0])[is_else] += p
+    for log, names, is_else in told:
+        found.setdefault(names, [0.0, 0.0])[is_else] += float(np.exp(log - most) / total)
     sets = [SetProbability(own_names, *p) for own_names, p in found.items()]
     kept = [own for own in sets if own.total > NEGLIGIBLE or not own.effects]
     return Probabilities(tuple(sorted(kept, key=lambda own: -own.total)))

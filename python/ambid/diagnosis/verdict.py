@@ -219,11 +219,12 @@ def _word(found: Probabilities, best: Hypothesis, *, is_nameless: bool, is_chose
     """The verdict where more than noise is left by the base model, or more is likely than nothing."""
     if is_nameless:
         return "none_of_the_candidates"
-    if found.named < SURE and not is_chosen:
+    if found.named < SURE * (found.named + found.nothing) and not is_chosen:
         return "adequate"
     if not best.added:
         return "none_of_the_candidates"
-    return "explained" if is_chosen or all(found.effects[name] > SURE for name in best.effects) else "ambiguous"
+    is_sure = all(found.effects[name] > SURE * found.named for name in best.effects)
+    return "explained" if is_chosen or is_sure else "ambiguous"
 
 
 def _left(field: Field, best: Hypothesis, where: Localisation) -> _Left:
