@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,8 @@ __all__ = ["ALPHA", "Candidate", "Ranking"]
 
 ALPHA = 0.005
 """Chance of a false alarm over the whole catalogue: half of the 1 % that all tests of a diagnosis may have together."""
+SAME = 1e-6
+"""Part of what a candidate does that another must leave for both to be told apart at all."""
 SMALLEST_TOLD = 1e-300
 """Smaller p-values are not printed as numbers: they are as good as none, and their order is that of the scores."""
 
@@ -155,17 +159,30 @@ class Ranking(WithFindings, Tabular):
         return next((c for c in self.candidates if c.effect.name == name), None)
 
     @cached_property
+    def shown(self) -> tuple[Candidate, ...]:
+        """The candidates that change the response at all, as these records show it."""
+        return tuple(c for c in self.candidates if c.size > 0.0)
+
+    @cached_property
     def cosines(self) -> FloatArray:
-        """Between the changes of the response by the candidates that these records show at all, shape (c, c)."""
-        directions = [c.direction for c in self.candidates if c.direction is not None and c.size > 0.0]
-        return np.array([[float(one @ other) for other in directions] for one in directions]).reshape(
-            len(directions), len(directions)
-        )
+        """Between the changes of the response by those, shape (shown, shown)."""
+        directions = np.array([c.direction for c in self.shown])
+        return np.asarray(directions @ directions.T) if self.shown else np.zeros((0, 0))
 
     @cached_property
     def told_apart(self) -> float:
         """How many independent changes of the response the candidates are, as far as these records tell them apart."""
         return independent_tests(self.cosines, len(self.cosines)) if len(self.cosines) else 1.0
+
+    def joint_scores(self) -> Iterator[tuple[Candidate, Candidate, float]]:
+        """Fall of J, to first order, by each two of them at once, unless that needs a sign that physics forbids."""
+        alone = [float(np.dot(c.direction, c.residual)) for c in self.shown]  # type: ignore[arg-type]
+        for k, j in combinations(range(len(alone)), 2):
+            cosine = self.cosines[k, j]
+            own, other = alone[k] - cosine * alone[j], alone[j] - cosine * alone[k]
+            is_allowed = all(way > 0.0 or not self.shown[i].one_sided for way, i in ((own, k), (other, j)))
+            if is_allowed and cosine**2 < 1.0 - SAME:
+                yield self.shown[k], self.shown[j], (alone[k] * own + alone[j] * other) / (1.0 - cosine**2)
 
     def is_stood_in_for(self, share: float) -> float:
         """Of the candidates the part of which another one leaves no larger share than this where it stands alone.

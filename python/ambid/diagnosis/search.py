@@ -56,6 +56,8 @@ def explored(task: Task, field_: Field) -> Iterator[Field]:
                 break  # what it leaves, another set has explained
             for further in _carried_on(task, field_, one.names):
                 yield (field_ := further)
+        for further in _in_pairs(task, field_) if size == len(field_.root) else ():
+            yield (field_ := further)
         if field_.foremost is not before:
             yield (field_ := refined(task, field_, field_.foremost.names))
     for further in _reconsidered(task, field_):
@@ -120,6 +122,22 @@ def _carried_on(task: Task, field_: Field, names: Names) -> Iterator[Field]:
     yield field_
 
 
+def _in_pairs(task: Task, field_: Field) -> Iterator[Field]:
+    """Two candidates beside the base model at once: each may explain nothing alone, or another effect both of them."""
+    found = list[tuple[float, Candidate, Candidate]]()
+    for one, other, score in field_.rankings[field_.root].joint_scores() if field_.root in field_.rankings else ():
+        names = field_.root | {one.effect.name, other.effect.name}
+        if not (field_.is_explained and field_.foremost.names <= names):
+            first, second = (one, other) if one.score > other.score else (other, one)
+            found.append((0.5 * score - _price(task, one) - _price(task, other), first, second))
+    for _, first, second in sorted(found, key=lambda pair: -pair[0])[:CARRIED]:
+        names = field_.root | {first.effect.name}
+        is_new = names in field_.tried and names | {second.effect.name} not in field_.tried
+        if is_new and _may_win(task, field_, field_.tried[names], second):
+            with suppress(ModelError):
+                yield (field_ := added(task, field_, names, second))
+
+
 def _is_linear(hypothesis: Hypothesis, c: Candidate) -> bool:
     return hypothesis.fit.model.add(c.effect, c.start).is_linear
 
@@ -144,8 +162,11 @@ def _may_win(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate) ->
 
 def _promised(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate, fall: float) -> float:
     own = hypothesis.evidence
-    price = price_of(c.score, c.degrees, c.one_sided, task.price(c.effect) + float(np.log(c.variants)))
-    return field_.promise(replace(own, cost=own.cost - fall, prior=own.prior + price))
+    return field_.promise(replace(own, cost=own.cost - fall, prior=own.prior + _price(task, c)))
+
+
+def _price(task: Task, c: Candidate) -> float:
+    return price_of(c.score, c.degrees, c.one_sided, task.price(c.effect) + float(np.log(c.variants)))
 
 
 def _reconsidered(task: Task, field_: Field) -> Iterator[Field]:
@@ -164,7 +185,10 @@ def _reconsidered(task: Task, field_: Field) -> Iterator[Field]:
 
 
 def _with_twins(task: Task, field_: Field, names: Names) -> Iterator[Field]:
-    """What shares a trait with an effect of a set, in its place; what is dear, where the rest is near or it may win."""
+    """What acts as an effect of a set does, or shares a trait with it, in its place.
+
+    What is dear is tried where the rest is near, or where it may win.
+    """
     best = field_.tried[names]
     for effect in best.added:
         rest = names - {effect.name}
@@ -172,7 +196,7 @@ def _with_twins(task: Task, field_: Field, names: Names) -> Iterator[Field]:
         for c in field_.rankings[rest].candidates if rest in field_.rankings and rest in field_.tried else ():
             model = field_.tried[rest].fit.model
             is_new = c.effect.name not in names and rest | {c.effect.name} not in field_.tried
-            is_twin = is_new and mine & traits_of(c.effect, model).keys()
+            is_twin = is_new and (effect.name in c.confusable_with or mine & traits_of(c.effect, model).keys())
             is_cheap = field_.tried[rest].fit.misfit < FAR_OFF or _is_linear(field_.tried[rest], c)
             if is_twin and (is_cheap or _may_win(task, field_, field_.tried[rest], c)):
                 with suppress(ModelError):
