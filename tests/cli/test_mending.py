@@ -1,4 +1,4 @@
-"""``--mend`` and ``--save-rig``: what a diagnosis names as wrong in record or rig is corrected, and named no more."""
+"""``--mend`` and ``--save-rig``: what a diagnosis names as wrong in record or rig is corrected."""
 
 import json
 from dataclasses import replace
