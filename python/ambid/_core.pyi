@@ -45,7 +45,7 @@ class _DigitalController(TypedDict):
 
 class _Block(TypedDict):
     law: Literal["force_law", "slew_limit", "bouc_wen", "stop", "table", "polynomial"]
-    curve: NotRequired[Literal["unsaturated", "power", "tanh"]]
+    curve: NotRequired[Literal["unsaturated", "power", "tanh", "root_unsaturated", "root_power"]]
     parameters: NotRequired[Mapping[str, int | None]]
     constants: NotRequired[Mapping[str, float]]
     values: NotRequired[NDArray[np.float64]]

@@ -33,3 +33,17 @@ def test_notes_are_printed_and_in_json_and_name_the_amplitude(here, command):
 def test_what_no_machine_does_is_not_written_and_the_amplitude_is_named(here, command, refused):
     refused(command("simulate", here[0], "--out", "v.csv", "--amplitude", "1e5"), "--amplitude 100000")
     assert not Path("v.csv").exists()
+
+
+def test_further_channels_are_written_in_their_noise(here, command, refused):
+    options = ("--sensor-noise", "0", "--current-noise", "0")
+    result = command("simulate", here[0], "--out", "v.csv", *options, "--channel", "f:0.5", "--channel", "f.A_zeta:2")
+    assert (result.code, result.err) == (0, "")
+    command("simulate", here[0], "--out", "w.csv", *options, "--channel", "f")
+    rig = ambid.Rig.load(here[0])
+    noisy, silent = (ambid.Record.load(name, rig).further for name in ("v.csv", "w.csv"))
+    assert list(noisy) == [f"f.{axis}" for axis in rig.axes]
+    off = {name: (column - silent[name]).std() for name, column in noisy.items()}
+    assert all(abs(rms / (2.0 if name == "f.A_zeta" else 0.5) - 1.0) < 0.1 for name, rms in off.items())
+    refused(command("simulate", here[0], "--out", "x.csv", "--channel", "f:loud"), "--channel f:loud")
+    refused(command("simulate", here[0], "--out", "x.csv", "--channel", "g:1"), "g is no further output")

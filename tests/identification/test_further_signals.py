@@ -8,10 +8,13 @@ import pytest
 from ambid.errors import ModelError
 from ambid.identification import identify
 from ambid.model import Model
+from ambid.monte_carlo import Plan, run_monte_carlo
 from ambid.noise import compare
 from ambid.rig import Rig
 from hidden.bench import measured
 from hidden.families import BENCHES
+from hidden.machine import magnet
+from hidden.network import library
 from hidden.one_axis import ONE_AXIS
 
 MU_0 = 4e-7 * np.pi
@@ -123,6 +126,30 @@ def test_a_wrong_gain_is_an_error_of_the_instrument(record):
     assert abs(own.posterior_value - 0.06) < 3.0 * own.posterior_std < 0.06
 
 
+@pytest.mark.parametrize(
+    ("name", "hidden"),
+    [("force_nonlinearity", {"share": 1.0}), ("flux_saturation", {"level": 0.75, "curve": "blend"})],
+)
+def test_iron_lets_the_flux_level_off_and_the_force_goes_with_its_square(name, hidden):
+    iron = {key: value for key, value in hidden.items() if key != "share"}
+    law = magnet(185.0, 1.18e6, 4.0, **iron)
+    flux = np.sqrt(MU_0 * law[2] / 3e-4) * library().iron(law[5], law[6]) / law[6]
+    data = MASS.model_dump(by_alias=True, exclude_none=True)
+    data["bearing"][0].update(bias_flux=float(flux))
+    rig = Rig(**data)
+    given = measured(
+        rig, ONE_AXIS.excitation(1.0), {name: hidden}, seed=3, further={"b.A_zeta": 2e-3}, **ONE_AXIS.truth
+    )
+    start = Model(rig).add(name)
+    beside, without = identify(start, given), identify(start, replace(given, further={}))
+    for name, value in {"K_i.A_zeta": 185.0, "K_s.A_zeta": 1.18e6, "tau_e": 2.85e-4}.items():
+        assert abs(beside.parameters[name].value - value) < 3.5 * beside.parameters[name].std_error, name
+    assert beside.misfit == pytest.approx(1.0, abs=0.08)
+    assert identify(Model(rig), given).misfit > 10.0
+    widths = [[p.std_error for key, p in own.parameters.items() if "." in key] for own in (beside, without)]
+    assert (np.array(widths[0]) < 1.05 * np.array(widths[1])).all()
+
+
 @pytest.mark.slow
 def test_four_axes():
     rig = instrumented(
@@ -145,14 +172,25 @@ def test_four_axes():
 
 
 def test_virtual_experiments_have_what_is_asked_for(golden):
-    model = Model(MASS).with_outputs(("b", "a.mass"))
-    i_e = ONE_AXIS.excitation(1.0)[:2000]
-    silent = model.virtual_experiment(i_e, sensor_noise=0.0, current_noise=0.0, seed=1)
-    noisy = model.virtual_experiment(i_e, sensor_noise=0.0, current_noise=0.0, further_noise={"b": 1e-3}, seed=1)
+    model, i_e = Model(MASS).with_outputs("a.mass"), ONE_AXIS.excitation(1.0)[:2000]
+    quiet = {"sensor_noise": 0.0, "current_noise": 0.0, "seed": 1}
+    silent = model.virtual_experiment(i_e, further_noise={"b": 0.0}, **quiet)
+    noisy = model.virtual_experiment(i_e, further_noise={"b.A_zeta": 1e-3}, **quiet)
     assert silent.channels == noisy.channels == ["y.A_zeta", "i_c.A_zeta", "b.A_zeta", "a.mass"]
     assert (noisy.outputs - silent.outputs).std(axis=0) == pytest.approx([0.0, 0.0, 1e-3, 0.0], rel=0.1)
-    assert silent == replace(model.simulate(i_e), name="virtual experiment")
+    assert silent == replace(model.with_outputs(("b", "a")).simulate(i_e), name="virtual experiment")
     with golden.raises(ModelError):
-        Model(MASS).with_outputs("b.B_zeta")
+        model.with_outputs("b.B_zeta")
     with golden.raises(ModelError):
-        model.virtual_experiment(i_e, further_noise={"f": 1.0})
+        model.virtual_experiment(i_e, further_noise={"u": 1.0}, **quiet)
+
+
+def test_many_virtual_experiments_scatter_as_their_intervals_say():
+    rig = MASS.replace(tolerance={"flux_gain": 0.02, "exact": False})
+    i_e = ONE_AXIS.excitation(1.0)[: 2 * ONE_AXIS.period]
+    plan = Plan(rig, np.tile(i_e, (2, 1)), further_noise={"b": 2e-3, "a.mass": 0.1}, seed=5)
+    assert {"flux_gain.A_zeta", "acceleration_gain.mass"} <= set(plan.drawn)
+    found = run_monte_carlo(plan, 12)
+    assert [row["status"] for row in found.rows] == ["converged"] * 12
+    off = [(row["K_i.A_zeta.value"] - row["K_i.A_zeta.true"]) / row["K_i.A_zeta.std_error"] for row in found.rows]
+    assert 0.4 < np.std(off) < 1.8

@@ -11,7 +11,17 @@ import typer
 import ambid
 from ambid.cli.effect_option import with_effects
 from ambid.cli.files import load_model, load_rig, naming_unstable
-from ambid.cli.options import Exact, Force, JsonFile, ModelFile, Quiet, RigFile, known_effects
+from ambid.cli.options import (
+    Channels,
+    Exact,
+    Force,
+    JsonFile,
+    ModelFile,
+    Quiet,
+    RigFile,
+    known_effects,
+    noise_of,
+)
 from ambid.cli.outputs import conclude, require_outputs
 from ambid.cli.signals import stoppable
 from ambid.errors import InputError, WrongUnit
@@ -81,6 +91,7 @@ def simulate_command(
     ] = [],  # noqa: B006
     sensor_noise: Annotated[float, typer.Option(help="Rms on every displacement [m].")] = 50e-9,
     current_noise: Annotated[float, typer.Option(help="Rms on every recorded current [A].")] = 0.01,
+    channel: Channels = [],  # noqa: B006
     seed: Annotated[int, typer.Option(help="Of the noise.")] = 0,
     model: ModelFile = None,
     force: Force = False,
@@ -101,7 +112,13 @@ def simulate_command(
     start = with_effects(load_model(machine, model), effect)
     excitation = excitation_of(machine, seconds, amplitude)
     with stoppable(), naming_unstable(rig, start, model):
-        made = start.virtual_experiment(excitation, sensor_noise=sensor_noise, current_noise=current_noise, seed=seed)
+        made = start.virtual_experiment(
+            excitation,
+            sensor_noise=sensor_noise,
+            current_noise=current_noise,
+            further_noise=noise_of(channel),
+            seed=seed,
+        )
     _require_possible(made, machine, out, amplitude)
     made.save(out)
     record = ambid.Record.load(out, machine)

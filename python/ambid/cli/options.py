@@ -51,6 +51,14 @@ Columns = Annotated[
         "these; repeatable.",
     ),
 ]
+Channels = Annotated[
+    list[str],
+    typer.Option(
+        "--channel",
+        metavar="NAME[:RMS]",
+        help="Further signal or channel that is recorded, in white noise: b:2e-3, a.drive_end:0.05; repeatable.",
+    ),
+]
 SampleRate = Annotated[float | None, typer.Option(metavar="HZ", help="Of records whose files state none.")]
 Validation = Annotated[
     list[Path],
@@ -163,3 +171,15 @@ def bound(text: str) -> tuple[str, tuple[float, float]]:
     if not colon:
         raise InputError(f"--bound {text}: expected NAME=LOW:HIGH, such as --bound tau_e=1e-4:1e-3")
     return name, (number("--bound", low), number("--bound", high))
+
+
+def noise_of(channels: Sequence[str]) -> dict[str, float]:
+    """Rms of the noise of further channels, by name, of options such as ``b:2e-3``; 0 where none is stated."""
+    found = dict[str, float]()
+    for text in channels:
+        name, colon, rms = text.partition(":")
+        try:
+            found[name] = float(rms) if colon else 0.0
+        except ValueError:
+            raise InputError(f"--channel {text}: {rms!r} is no number; give an rms, such as b:2e-3") from None
+    return found

@@ -12,7 +12,7 @@ import ambid
 from ambid.cli.effect_option import with_effects
 from ambid.cli.experiments import excitation_of
 from ambid.cli.files import load_model, load_rig
-from ambid.cli.options import Exact, JsonFile, ModelFile, Quiet, RigFile, known_effects
+from ambid.cli.options import Channels, Exact, JsonFile, ModelFile, Quiet, RigFile, known_effects, noise_of
 from ambid.cli.outputs import conclude, require_outputs
 from ambid.cli.signals import done_of, exit_code, stoppable
 from ambid.cli.terminal import progress, with_time_left
@@ -49,6 +49,7 @@ def monte_carlo_command(
     amplitude: Annotated[float, typer.Option(help="Of the pseudo-random binary excitation [A].")] = 0.1,
     sensor_noise: Annotated[float, typer.Option(help="Rms on every displacement [m].")] = 50e-9,
     current_noise: Annotated[float, typer.Option(help="Rms on every recorded current [A].")] = 0.01,
+    channel: Channels = [],  # noqa: B006
     workers: Annotated[int, typer.Option(metavar="N", help="Processes; 1 works in this one, over all cores.")] = 1,
     cluster: Annotated[
         str | None,
@@ -71,6 +72,7 @@ def monte_carlo_command(
         spreads=tuple(ambid.Spread.parse(text) for text in spread),
         sensor_noise=sensor_noise,
         current_noise=current_noise,
+        further_noise=noise_of(channel),
         seed=seed,
         diagnose=diagnose,
     )

@@ -14,7 +14,7 @@ from ambid.effects.hysteresis import drawn_along, gradual
 from ambid.effects.traits import CURVATURE, LAG_OF_READING, LAG_ROUND_LOOP
 from ambid.loop.assembly import combine
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
-from ambid.loop.plant import Plant
+from ambid.loop.plant import READ, Plant
 from ambid.rig import Rig
 
 HOLDING = 0.8
@@ -171,7 +171,8 @@ def _force_law(plant: Plant, curve: str, slots: Mapping[str, str], held: Sequenc
     """Add to the force of every axis what a force law has beyond ``K_i i + K_s s``.
 
     At another bias and gap than those of the reference the flux at rest is in proportion to bias over gap, and the
-    current that holds the weight goes with one over K_i.
+    current that holds the weight goes with one over K_i. The force goes with the square of the flux density that Hall
+    sensors read.
     """
     here, there = _of_axes(plant.rig), _of_axes(plant.reference)
     loads = held or [0.0] * len(here)
@@ -182,6 +183,9 @@ def _force_law(plant: Plant, curve: str, slots: Mapping[str, str], held: Sequenc
         signals = [plant[f"i_f.{axis}"], plant[f"s.{axis}"]]
         constants = {"bias": bias, "held": load * gain_there / gain, "level": bias / stated * gap_there / gap}
         plant.inject(f"f.{axis}", plant.block("force_law", signals, own, constants, curve=curve, single=single))
+        if f"b.{axis}" in plant.measured:
+            root = plant.block("force_law", signals, own, constants, curve=f"root_{curve}", single=single)
+            plant.inject(f"{READ}b.{axis}", root / plant.rig.force_per_flux[axis])
 
 
 def _of_axes(rig: Rig) -> list[tuple[float, float, float]]:

@@ -9,6 +9,7 @@ from importlib.metadata import version
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
+from ambid.channels import Channel
 from ambid.errors import printable
 from ambid.model import Model
 
@@ -23,11 +24,12 @@ BASE_UNITS = {
     "N/m": {"kg": 1, "s": -2},
     "N s/m": {"kg": 1, "s": -1},
     "kg": {"kg": 1},
+    "T": {"kg": 1, "s": -2, "A": -1},
+    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
+    "m/s^2": {"m": 1, "s": -2},
     "rad": {"rad": 1},
 }
 """Exponents of units that importers can compare; others go by their name."""
-SIGNAL_UNITS = {"i_e": "A", "i_c": "A", "y": "m", "r": "m"}
-"""Of the channels; waves of disturbances have none."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,9 @@ def _variables(model: Model) -> Iterator[_Variable]:
 
 
 def _unit(channel: str) -> str:
-    return SIGNAL_UNITS.get(channel.split(".")[0], "1")
+    """Waves of disturbances have none."""
+    own = Channel.of(channel)
+    return "1" if own is None else own.signal.unit
 
 
 def _write(parent: Element, reference: int, variable: _Variable, fmi: int) -> None:

@@ -370,14 +370,14 @@ def open_plant(
         except RigError as error:  # a place that is known without the bending modes that other effects bring
             raise ModelError(f"{effect.name}: {error}") from None
     built = _base_plant(rig, rotor, more).copy()
-    built.reference = rig if reference is None else reference
+    built.reference, built.measured = rig if reference is None else reference, tuple(measured)
     for effect in effects:
         effect.attach(built)
     noisy = {"i_c": "n_i"} if "i_c" in rig.controller.signals else {}
     for signal, of_signal in (noisy | {"y": "n"}).items() if noise else ():
         for axis in rig.axes:
             built.inject(f"{signal}.{axis}", built.input(f"{of_signal}.{axis}"))
-    return built.between_commands_and_outputs(watch, measured)
+    return built.between_commands_and_outputs(watch)
 
 
 def _further_modes(rig: Rig, effects: Sequence[Effect]) -> int:

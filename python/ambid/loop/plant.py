@@ -44,7 +44,8 @@ class Plant(Assembly):
     record as ``exchanged.y``, ``reversed.y`` and ``recorded.y``, which no controller reads; further channels
     are ``read.<channel>``. Of each modal coordinate k:
     ``eta.k``, ``eta_rate.k``, ``eta_bend.k``, ``modal_force.k``. The parameters of effects are stated for the rig
-    `reference`, which is another operating point of this machine where records of several are fitted together.
+    `reference`, which is another operating point of this machine where records of several are fitted together; further
+    channels are read where they are among those `measured`.
 
     Parameters
     ----------
@@ -65,6 +66,7 @@ class Plant(Assembly):
         self.excitation = {stage: np.eye(len(rig.axes)) for stage in RECORDING[:2]}
         self.amplifier_rates: dict[str, tuple[str, ...]] = {}
         self.axes = rig.axes
+        self.measured: tuple[str, ...] = ()
         self.directions = axes_in_planes(rig, rotor.planes)
         self.coordinates = len(rotor.frequencies_rad_s) * rotor.planes
         self.magnets = [b.position for b in rig.bearings for _ in b.axes]
@@ -125,10 +127,9 @@ class Plant(Assembly):
         eddy currents and hysteresis. The voltage u = R i_a + L i_a' + e of a coil whose voltage is commanded is the
         command; back-EMF e and limits add to both sides. Acceleration at a sensor is that by all forces on the rotor.
         """
-        per_flux = [own for b in self.rig.bearings for own in b.force_per_flux or [0.0] * len(b.axes)]
-        for axis, gain in zip(self.axes, per_flux, strict=True):
-            if gain:
-                self.signal(f"{READ}b.{axis}", self.raw(f"f.{axis}") / gain)
+        for axis, gain in self.rig.force_per_flux.items():
+            self.signal(f"{READ}b.{axis}", self.raw(f"f.{axis}") / gain)
+        for axis in self.axes:
             self.signal(f"{READ}f.{axis}", self[f"f.{axis}"])
             self.signal(f"{READ}u.{axis}", self[f"i_ref.{axis}"])
         for own, direction in zip(self.rig.sensors, sensors_in_planes(self.rig, self.rotor.planes), strict=True):
@@ -236,13 +237,13 @@ class Plant(Assembly):
         self.set_rate(f"i_f.{axis}", rate)
         return self.signal(f"i_f.{axis}", state)
 
-    def between_commands_and_outputs(self, more: Sequence[str] = (), measured: Sequence[str] = ()) -> Lft:
+    def between_commands_and_outputs(self, more: Sequence[str] = ()) -> Lft:
         """Inputs ``i_ref.<axis>``, ``r.<axis>`` where the controller has a reference, and those of effects.
 
         Outputs are channels that are `measured`, those of y and i_c that are not among them, both as recorded, then
         `more` of every axis, then what the controller reads and the record does not hold.
         """
-        first = [*measured, *(name for name in self.channels if name not in measured)]
+        first = [*self.measured, *(name for name in self.channels if name not in self.measured)]
         watched = [f"{signal}.{axis}" for signal in more for axis in self.axes]
         read = [name for name in self.channels if name.split(".")[0] in self.rig.controller.signals]
         heard = [name for name in read if self.is_changed(*(f"{stage}.{name}" for stage in RECORDING))]

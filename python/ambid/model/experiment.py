@@ -81,10 +81,6 @@ def virtual_experiment(
 ) -> Record:
     """What an instrument would record; `loop` has noise as further inputs, see `Model.virtual_experiment`."""
     measured = [name for name in loop.outputs if further((name,), structure.rig.axes)]
-    unknown = [name for name in further_noise if name not in (*measured, *(own.partition(".")[0] for own in measured))]
-    if unknown:
-        expected = f"expected {', '.join(measured)}" if measured else "the model has none; see Model.with_outputs"
-        raise ModelError(f"further_noise: {unknown[0]} is no further channel; {expected}")
     for name, rms in {"sensor_noise": sensor_noise, "current_noise": current_noise, **further_noise}.items():
         if not (np.isfinite(rms) and rms >= 0.0):
             raise ModelError(f"{name} = {rms:g}: expected an rms of 0 or more, in its SI unit")

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambid.channels import first_outputs
+from ambid.channels import first_outputs, further
 from ambid.effects import CATALOGUE, Effect, find
 from ambid.effects.known import with_gains
 from ambid.errors import ModelError
@@ -322,7 +322,8 @@ class Model(Contents):
         current_noise : float
             Rms of white noise on every recorded current [A]; a controller that reads currents reads it too.
         further_noise : mapping of str to float, optional
-            Rms of white noise by further signal or channel, see `with_outputs`; none on others.
+            Rms of white noise by further signal, such as ``b``, or channel, such as ``a.drive_end``, in its unit;
+            they are recorded beside those of `with_outputs`, which have none.
         seed : int, optional
 
         Raises
@@ -332,15 +333,18 @@ class Model(Contents):
         UnstableLoopError
             If the closed loop is unstable.
         """
+        noise, model = further_noise or {}, self
+        if noise:
+            model = self.with_outputs((*further(self.structure.measured, self.rig.axes), *noise))
         return virtual_experiment(
-            self.structure,
-            self.with_noise_inputs(),
-            self.theta,
+            model.structure,
+            model.with_noise_inputs(),
+            model.theta,
             i_e,
             r,
             sensor_noise=sensor_noise,
             current_noise=current_noise,
-            further_noise=further_noise or {},
+            further_noise=noise,
             seed=seed,
         )
 

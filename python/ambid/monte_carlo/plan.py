@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from importlib.metadata import version
 from typing import Any
@@ -63,6 +63,8 @@ class Plan:
     spreads : tuple of Spread
     sensor_noise, current_noise : float
         As for `Model.virtual_experiment` [m], [A].
+    further_noise : mapping of str to float
+        Of further signals or channels that are recorded, as for `Model.virtual_experiment`.
     seed : int
         The one number that all randomness comes from.
     diagnose : bool
@@ -82,6 +84,7 @@ class Plan:
     current_noise: float = 1e-2
     seed: int = 0
     diagnose: bool = False
+    further_noise: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.seed < 0:
@@ -100,7 +103,11 @@ class Plan:
     @cached_property
     def machine(self) -> Model:
         """What is simulated, without spreads."""
-        return Model(self.rig) if self.truth is None else self.truth
+        return self._recorded(Model(self.rig) if self.truth is None else self.truth)
+
+    def _recorded(self, model: Model) -> Model:
+        """With the further channels that are recorded."""
+        return model.with_outputs(tuple(self.further_noise)) if self.further_noise else model
 
     @cached_property
     def start(self) -> Model:
@@ -126,6 +133,7 @@ class Plan:
             "current_noise": self.current_noise,
             "seed": self.seed,
             "diagnose": self.diagnose,
+            **({"further_noise": dict(self.further_noise)} if self.further_noise else {}),
         }
 
     @cached_property
@@ -180,8 +188,9 @@ class Plan:
             at_run = {p.name: spread.draw(p.value, random) for p in model.parameters if p.name in own}
             drawn |= at_run
             model = model.with_values(at_run)
-        errors = self._errors(model.with_tolerances(), run)
-        model = model.with_tolerances().with_values(errors)
+        model = self._recorded(model).with_tolerances()
+        errors = self._errors(model, run)
+        model = model.with_values(errors)
         return Truth(model, amplitude, drawn | errors, seed)
 
     def _errors(self, model: Model, run: int) -> dict[str, float]:
@@ -196,6 +205,7 @@ class Plan:
             truth.amplitude * self.excitation,
             sensor_noise=self.sensor_noise,
             current_noise=self.current_noise,
+            further_noise=self.further_noise,
             seed=truth.seed,
         )
         return replace(made, name=f"run {run}", period=self.period)

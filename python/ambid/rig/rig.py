@@ -370,6 +370,12 @@ class Rig(Spec):
         return tuple(axis for bearing in self.bearings for axis in bearing.axis_names)
 
     @property
+    def force_per_flux(self) -> dict[str, float]:
+        """`Bearing.force_per_flux` of each axis where it is known."""
+        known = [(b.axis_names, own) for b in self.bearings if (own := b.force_per_flux) is not None]
+        return {axis: gain for axes, own in known for axis, gain in zip(axes, own, strict=True)}
+
+    @property
     def outputs(self) -> tuple[str, ...]:
         """Every channel that a record of the machine may hold as an output of the loop, y and i_c first."""
         of_axes = [f"{name}.{axis}" for name, own in SIGNALS.items() if own.path in OUTPUTS for axis in self.axes]
@@ -388,9 +394,8 @@ class Rig(Spec):
             hint = f", or add a [[sensor]] with signal = '{own.signal.name}' and name = '{own.place}'"
             known = f"the rig has {own.signal.name} of {', '.join(places) or 'nothing'}; rename it"
             return known + hint if "sensor" in own.signal.at else known
-        bearing = next(b for b in self.bearings if own.place in b.axis_names)
-        if own.signal.name == "b" and bearing.force_per_flux is None:
-            return f"add pole_area [m^2] or bias_flux [T] to bearing {bearing.name}"
+        if own.signal.name == "b" and own.place not in self.force_per_flux:
+            return f"add pole_area [m^2] or bias_flux [T] to the bearing of {own.place}"
         if own.signal.name == "u" and self.amplifier.resistance is None:
             return "add amplifier.resistance, of a coil whose voltage is commanded"
         return ""

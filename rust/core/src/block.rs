@@ -37,7 +37,8 @@ pub enum Law {
     /// `s0 = K_i i0 / K_s`, `f = K_i i0 / (2 (B^2)'(1)) (B^2(x+) - B^2(x-))`, `x+- = (1 +- i/i0) / (1 -+ s/s0)`: near
     /// rest f is `K_i i + K_s s`, for any curve and any `nu`. `nu` is 1 at the nominal bias and 0 for the linear law,
     /// where w vanishes as `nu^2`. A magnet does not push: x is zero beyond the bias. The gap closes to a fiftieth.
-    /// A single magnet holds a constant load: `f = K_i i0 / (B^2)'(1) (B^2(x+) - B^2(1))`; its w vanishes as `nu`.
+    /// With the root of a curve, f is K_i i0 / B'(1) times half the difference of the fluxes themselves, which Hall
+    /// sensors read. A single magnet holds a constant load: `f = K_i i0 / (B^2)'(1) (B^2(x+) - B^2(1))`; its w vanishes as `nu`.
     /// Source: Schweitzer, Maslen (2009), "Magnetic Bearings", chapter 4.
     Force {
         /// Flux against magnetomotive force, both relative to rest.
@@ -116,9 +117,9 @@ impl Law {
     /// Names of the coefficients, in order.
     pub fn coefficients(&self) -> Vec<String> {
         let names: &[&str] = match self {
-            Self::Force { curve: Curve::Unsaturated, .. } => &["K_i", "K_s", "nu"],
+            Self::Force { curve: Curve::Unsaturated | Curve::RootUnsaturated, .. } => &["K_i", "K_s", "nu"],
             Self::Force { curve: Curve::Tanh, .. } => &["K_i", "K_s", "nu", "sigma"],
-            Self::Force { curve: Curve::Power, .. } => &["K_i", "K_s", "nu", "sigma", "n"],
+            Self::Force { curve: Curve::Power | Curve::RootPower, .. } => &["K_i", "K_s", "nu", "sigma", "n"],
             Self::Slew { .. } => &["inverse_limit"],
             Self::BoucWen { .. } => &["A", "beta", "gamma", "inverse_n"],
             Self::Stop { .. } => &["clearance", "damping"],

@@ -90,7 +90,11 @@ impl NonlinearBlock<'_> {
             Some("unsaturated") => Ok(Curve::Unsaturated),
             Some("power") => Ok(Curve::Power),
             Some("tanh") => Ok(Curve::Tanh),
-            found => Err(self.error(&format!("has the curve {found:?}; allowed are unsaturated, power, tanh"))),
+            Some("root_unsaturated") => Ok(Curve::RootUnsaturated),
+            Some("root_power") => Ok(Curve::RootPower),
+            found => Err(self.error(&format!(
+                "has the curve {found:?}; allowed are unsaturated, power, tanh, root_unsaturated, root_power"
+            ))),
         }
     }
 

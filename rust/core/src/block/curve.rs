@@ -11,7 +11,30 @@ pub enum Curve {
     Power,
     /// `B = tanh(sigma x) / sigma`.
     Tanh,
+    /// The root of [`Self::Unsaturated`]: its square, which the force goes with, is the flux.
+    RootUnsaturated,
+    /// The root of [`Self::Power`].
+    RootPower,
 }
+
+impl Curve {
+    /// The curve that this is the root of.
+    fn squared(self) -> Option<Self> {
+        match self {
+            Self::RootUnsaturated => Some(Self::Unsaturated),
+            Self::RootPower => Some(Self::Power),
+            _ => None,
+        }
+    }
+
+    /// Whether `sigma` and `n` are those of a power curve.
+    pub(super) fn is_power(self) -> bool {
+        matches!(self, Self::Power | Self::RootPower)
+    }
+}
+
+/// Flux below which its root has no slope.
+const NONE: f64 = 1e-12;
 
 /// B at one x, and its derivatives by x, `sigma` and `n`.
 #[derive(Debug, Clone, Copy)]
@@ -19,6 +42,16 @@ pub(super) struct Flux {
     pub value: f64,
     pub by_x: f64,
     pub by_shape: [f64; 2],
+}
+
+impl Flux {
+    /// Its root, with the derivatives of that.
+    #[inline(always)]
+    fn root(self) -> Self {
+        let value = self.value.sqrt();
+        let half = if self.value > NONE { 0.5 / value } else { 0.0 };
+        Self { value, by_x: half * self.by_x, by_shape: self.by_shape.map(|slope| half * slope) }
+    }
 }
 
 /// A curve with its numbers.
@@ -34,6 +67,8 @@ impl Shape {
     #[inline(always)]
     pub fn pull<const FMA: bool>(&self, x: Pair) -> Pair {
         let flux = match self.curve {
+            Curve::RootUnsaturated => return x,
+            Curve::RootPower => return power::<FMA>(x, self.sigma, self.n).map(|power| power.value),
             Curve::Tanh if self.sigma != 0.0 => {
                 let per_sigma = 1.0 / self.sigma;
                 let t = tanh::<FMA>([self.sigma * x[0], self.sigma * x[1]]);
@@ -49,6 +84,9 @@ impl Shape {
     #[inline(always)]
     pub fn flux<const FMA: bool>(&self, x: Pair) -> [Flux; 2] {
         let Self { curve, sigma, n } = *self;
+        if let Some(curve) = curve.squared() {
+            return Self { curve, ..*self }.flux::<FMA>(x).map(Flux::root);
+        }
         match curve {
             Curve::Tanh if sigma != 0.0 => {
                 let t = tanh::<FMA>([sigma * x[0], sigma * x[1]]);
@@ -78,6 +116,15 @@ impl Shape {
                 let by_n = value * (2.0 * (1.0 + q).ln() / (n * n) - (2.0 / n + 1.0) * share * sigma.ln());
                 (value, [-(2.0 + n) * value * share / sigma, by_n])
             }
+            Curve::RootUnsaturated => (0.5, [0.0; 2]),
+            Curve::RootPower if sigma > 0.0 => {
+                let q = sigma.powf(n);
+                let share = q / (1.0 + q);
+                let value = 0.5 * (1.0 + q).powf(-1.0 / n - 1.0);
+                let by_n = value * ((1.0 + q).ln() / (n * n) - (1.0 / n + 1.0) * share * sigma.ln());
+                (value, [-(1.0 + n) * value * share / sigma, by_n])
+            }
+            Curve::RootPower => (0.5, [0.0; 2]),
             _ => (1.0, [0.0; 2]),
         }
     }
@@ -139,11 +186,11 @@ mod tests {
     #[test]
     fn derivatives_are_those_of_the_values() {
         let h = 1e-6;
-        for curve in [Curve::Tanh, Curve::Power] {
+        for curve in [Curve::Tanh, Curve::Power, Curve::RootPower] {
             for sigma in [1e-3, 0.04, 0.06, 0.5, 1.5] {
                 let shape = Shape { curve, sigma, n: 3.5 };
                 let with = |sigma: f64, n: f64| Shape { sigma, n, ..shape };
-                for x in [0.0, 0.3, 1.0, 4.0] {
+                for x in [0.0, 0.3, 1.0, 4.0].into_iter().filter(|x| *x > 0.0 || curve != Curve::RootPower) {
                     let [flux, _] = shape.flux::<false>([x; 2]);
                     assert!((flux.value.powi(2) - shape.pull::<false>([x; 2])[0]).abs() < 1e-14);
                     let at = |s: Shape, x: f64| s.flux::<false>([x; 2])[0].value;

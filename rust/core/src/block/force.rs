@@ -65,7 +65,7 @@ impl Force {
             at_held_slopes: [0.0; 5],
         };
         let constants = [force.per_displacement, force.scale, force.normal];
-        let allowed = curve != Curve::Power || (shape.sigma >= 0.0 && shape.n > 0.0);
+        let allowed = !curve.is_power() || (shape.sigma >= 0.0 && shape.n > 0.0);
         if !allowed || constants.iter().chain(&force.normal_slopes).any(|c| !c.is_finite()) {
             return Err(Error::Singular {
                 what: "a force law needs K_i other than zero; a power curve sigma >= 0, n > 0",

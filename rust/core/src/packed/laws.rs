@@ -99,6 +99,8 @@ impl Part for Curve {
             Self::Unsaturated => 0,
             Self::Power => 1,
             Self::Tanh => 2,
+            Self::RootUnsaturated => 3,
+            Self::RootPower => 4,
         };
         number.put(out);
     }
@@ -108,6 +110,8 @@ impl Part for Curve {
             0 => Ok(Self::Unsaturated),
             1 => Ok(Self::Power),
             2 => Ok(Self::Tanh),
+            3 => Ok(Self::RootUnsaturated),
+            4 => Ok(Self::RootPower),
             _ => Err(source.error("a curve is not known to this version")),
         }
     }
