@@ -101,9 +101,29 @@ def test_a_further_channel_never_widens_an_interval(record):
     beside = identify(MASS.replace(tolerance={}), record)
     for name, parameter in without.parameters.items():
         assert beside.parameters[name].std_error < 1.05 * parameter.std_error, name
-    assert {"flux_gain.A_zeta", "force_gain.A_zeta", "acceleration_gain.mass", "sensor_gain.other"} <= set(
-        beside.tolerances
+    gains = {"flux_gain.A_zeta", "force_gain.A_zeta", "acceleration_gain.mass", "sensor_gain.other"}
+    assert gains | {"instant.b", "instant.f", "instant.a", "instant.y"} <= set(beside.tolerances)
+
+
+def test_a_late_instrument_is_within_its_tolerance_and_a_saved_model_has_it(record, tmp_path):
+    column = record.further["a.mass"]
+    lines = np.fft.rfft(column[ONE_AXIS.period :]) * np.exp(
+        -2j * np.pi * np.fft.rfftfreq(len(column) - ONE_AXIS.period) * 0.02
     )
+    late = replace(
+        record,
+        **{name: getattr(record, name)[ONE_AXIS.period :] for name in ("y", "i_c", "i_e")},
+        further={"a.mass": np.fft.irfft(lines, n=len(column) - ONE_AXIS.period)},
+    )
+    rig = MASS.replace(tolerance={"instant": 2e-6, "acceleration_gain": 0.01})
+    found = identify(rig, late)
+    own = found.tolerances["instant.a"]
+    assert abs(own.posterior_value + 2e-6) < 3.0 * own.posterior_std < 2e-6
+    found.model.save(tmp_path / "own.json")
+    again = Model.load(tmp_path / "own.json")
+    assert again.names == found.model.names
+    assert again.at(late).loop.outputs == found.model.at(late).loop.outputs
+    assert {p.name: p.prior for p in again.tolerances} == {p.name: p.prior for p in found.model.tolerances}
 
 
 def test_the_noise_of_each_instrument_is_told(record):

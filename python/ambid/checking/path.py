@@ -55,7 +55,8 @@ def _ramps(record: Record) -> dict[str, Any]:
     """Channels that go on slowly at one rate through the last half of the periods."""
     if record.period is None or record.periods < LEAST_PERIODS:
         return {}
-    periods = record.outputs[: record.periods * record.period].reshape(record.periods, record.period, -1)
+    usual = record.y if record.i_c is None else np.hstack([record.y, record.i_c])
+    periods = usual[: record.periods * record.period].reshape(record.periods, record.period, -1)
     means, late = periods.mean(axis=1), periods[record.periods // 2 :]
     change = np.diff(late, axis=0)
     noise = np.sqrt(np.mean((change - change.mean(axis=1, keepdims=True)) ** 2, axis=(0, 1)) / 2.0)

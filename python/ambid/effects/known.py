@@ -33,7 +33,7 @@ from ambid.loop.geometry import rotor_of
 from ambid.loop.plant import READ, Plant
 from ambid.rig import MatrixRotor, PointMassRotor, Rig
 
-__all__ = ["KNOWN", "Known", "KnownGain", "gains_among", "with_gains"]
+__all__ = ["KNOWN", "Known", "KnownGain", "instruments_among", "with_instruments"]
 
 FARTHEST = 5.0
 """Standard deviations beyond which a value is not known to its tolerance: one in 1.7 million is off by more, and what a
@@ -433,28 +433,64 @@ class KnownGain(Known):
                 plant.inject(READ + channel, plant.port(slot, plant.raw(READ + channel)))
 
 
-def gains_of(channels: Iterable[str]) -> tuple[KnownGain, ...]:
-    """Gains of the instruments that read these channels, one for every key of [tolerance]."""
+@dataclass(frozen=True)
+class KnownInstants(Known):
+    """Instants at which further signals are read, against those of y.
+
+    Attributes
+    ----------
+    channels : tuple of str
+    """
+
+    name = key = "instant"
+    unit = "s"
+    no_key = KnownInstant.no_key.replace("i_c", "the channel")
+    physics = "the instants at which further instruments are read"
+    equation = "x(t + d)"
+
+    channels: tuple[str, ...]
+
+    def members(self, rig: Rig) -> Sequence[str]:
+        """Signals, all channels of each together."""
+        return list(dict.fromkeys(channel.partition(".")[0] for channel in self.channels if not rig.lacks(channel)))
+
+    def attach(self, plant: Plant) -> None:
+        """At every channel that is read."""
+        for channel in self.channels:
+            if channel in plant.measured:
+                plant.record_late(channel, self.slot(channel.partition(".")[0]), -1.0)
+
+
+Instrument = KnownGain | KnownInstants
+
+
+def instruments_of(channels: Sequence[str]) -> tuple[Instrument, ...]:
+    """Gains, one for every key of [tolerance], and instants of the instruments that read these channels."""
     found: dict[str, list[str]] = {}
     for channel in channels:
         found.setdefault(SIGNALS[channel.partition(".")[0]].gain, []).append(channel)
-    return tuple(KnownGain(key, tuple(own)) for key, own in found.items())
+    gains = (KnownGain(key, tuple(own)) for key, own in found.items())
+    return (*gains, KnownInstants(tuple(channels))) if channels else ()
 
 
-def with_gains(known: tuple[Effect, ...], channels: Iterable[str], axes: Sequence[str]) -> tuple[Effect, ...]:
-    """Known values, if any, with the gains of the instruments of further channels."""
-    had = [channel for own in known if isinstance(own, KnownGain) for channel in own.channels]
+def with_instruments(known: tuple[Effect, ...], channels: Iterable[str], axes: Sequence[str]) -> tuple[Effect, ...]:
+    """Known values, if any, with those of the instruments that read further channels."""
+    had = next((own.channels for own in known if isinstance(own, KnownInstants)), ())
     new = [channel for channel in dict.fromkeys(further(channels, axes)) if channel not in had]
     if not known or not new:
         return known
-    return (*(own for own in known if not isinstance(own, KnownGain)), *gains_of([*had, *new]))
+    return (*(own for own in known if not isinstance(own, Instrument)), *instruments_of([*had, *new]))
 
 
-def gains_among(parameters: Iterable[str], axes: Sequence[str]) -> tuple[KnownGain, ...]:
-    """Those that the parameters of a model are of, by their names, such as ``flux_gain.A_zeta``."""
-    signals = {own.gain: name for name, own in SIGNALS.items() if own.gain}
-    parted = (name.partition(".")[::2] for name in parameters)
-    return gains_of(further((f"{signals[key]}.{place}" for key, place in parted if key in signals), axes))
+def instruments_among(parameters: Iterable[str], rig: Rig) -> tuple[Instrument, ...]:
+    """Those that the parameters of a model are of, by their names: ``flux_gain.A_zeta``, ``instant.b``."""
+    signals, channels = {own.gain: name for name, own in SIGNALS.items() if own.gain}, list[str]()
+    for key, place in (name.partition(".")[::2] for name in parameters):
+        if key in signals:
+            channels.append(f"{signals[key]}.{place}")
+        elif key == KnownInstants.key and place:
+            channels += [output for output in rig.outputs if output.startswith(f"{place}.")]
+    return instruments_of(list(dict.fromkeys(further(channels, rig.axes))))
 
 
 KNOWN: tuple[Known, ...] = (

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambid.arrays import is_same
 from ambid.effects import Effect
-from ambid.effects.known import KNOWN, with_gains
+from ambid.effects.known import KNOWN, with_instruments
 from ambid.errors import ModelError
 from ambid.loop.loop import Loop
 from ambid.model.parameter import Parameter, Parameters, of_effect, selected
@@ -165,7 +165,7 @@ class Contents:
         known: tuple[Effect, ...] = tuple(effect for effect in KNOWN if not effect.why_not(self.rig))
         if self.structure.known or not known:
             return self
-        known = with_gains(known, self.structure.measured, self.rig.axes)
+        known = with_instruments(known, self.structure.measured, self.rig.axes)
         more = [p for effect in known for p in of_effect(self.rig, effect, {})]
         return self._made_of(replace(self.structure, known=known), (*self.parameters, *more))
 

@@ -15,7 +15,7 @@ from scipy.linalg import block_diag
 from ambid.arrays import FloatArray
 from ambid.channels import SIGNALS
 from ambid.effects import Effect, find
-from ambid.effects.known import KNOWN, gains_among
+from ambid.effects.known import KNOWN, instruments_among
 from ambid.errors import ModelError
 from ambid.model.parameter import Parameter
 from ambid.model.structure import Structure
@@ -114,7 +114,7 @@ def _model_of(
         )
     try:
         found = tuple(find(name, settings, catalogue) for name, settings in effects)
-        known = (*KNOWN, *gains_among(text["parameters"], machine.axes))
+        known = (*KNOWN, *instruments_among(text["parameters"], machine))
         known = tuple(effect for effect in known if text.get("tolerances") and not effect.why_not(machine))
         structure = Structure(machine, found, points, machine, known=known)
         if covariance is not None:

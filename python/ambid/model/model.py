@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambid.channels import first_outputs, further
 from ambid.effects import CATALOGUE, Effect, find
-from ambid.effects.known import with_gains
+from ambid.effects.known import with_instruments
 from ambid.errors import ModelError
 from ambid.loop.loop import Loop, Simulator
 from ambid.model.contents import Contents
@@ -120,7 +120,7 @@ class Model(Contents):
         """Return the model with the operating points of these records.
 
         A further bias current or air gap brings a K_i and K_s of its own for every axis, such as ``K_i.A_zeta@8A``. Of
-        a model with tolerances, a channel beyond y and i_c brings the gain of its instrument.
+        a model with tolerances, a channel beyond y and i_c brings gain and instant of its instrument.
 
         Raises
         ------
@@ -129,7 +129,9 @@ class Model(Contents):
         """
         records = tuple(records)
         points = further_points(self.rig, self.points, records)
-        known = with_gains(self.structure.known, (name for own in records for name in own.channels), self.rig.axes)
+        known = with_instruments(
+            self.structure.known, (name for own in records for name in own.channels), self.rig.axes
+        )
         if len(points) == len(self.points) and known == self.structure.known:
             return self
         usual = [*nominal_of_points(self.rig, points), *(p for own in known for p in of_effect(self.rig, own, {}))]

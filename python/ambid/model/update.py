@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.effects.known import KNOWN, gains_among
+from ambid.effects.known import KNOWN, instruments_among
 from ambid.findings import Finding, Kind, Where
 from ambid.loop.effect import Effect
 from ambid.model.parameter import Parameter
@@ -155,7 +155,7 @@ def update_of(
         if corrected is not new:
             new = corrected
             values += [UpdatedValue(p.name, p.unit, None, p.value, std_of(p.name), 0.0, "") for p in named.values()]
-    for effect in (*KNOWN, *gains_among(known, rig.axes)):
+    for effect in (*KNOWN, *instruments_among(known, rig)):
         own = {p.name: effect.slot(p.name) for p in effect.parameters(rig) if effect.slot(p.name) in known}
         errors = {name: known[slot].value for name, slot in own.items()}
         new, left = effect.updated(new, errors) if any(errors.values()) else (new, {})
