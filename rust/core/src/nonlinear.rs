@@ -10,6 +10,7 @@ mod plant;
 mod rows;
 mod run;
 mod scheme;
+mod segments;
 
 use crate::error::{Error, Result};
 use crate::kernel::BLOCK;

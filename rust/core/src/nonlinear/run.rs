@@ -8,6 +8,7 @@ use crate::nonlinear::control::Control;
 use crate::nonlinear::plant::Plant;
 use crate::nonlinear::rows::{accumulate, add};
 use crate::nonlinear::scheme::{Layout, Scheme};
+use crate::nonlinear::segments::{Read, Segment, cut};
 use crate::product::fused;
 use crate::reading::Group;
 
@@ -25,66 +26,6 @@ pub struct Run {
     /// Outputs that are not read at the sample itself.
     late: Vec<usize>,
     buffers: Buffers,
-}
-
-/// A stretch of time over which all inputs are held.
-#[derive(Debug, Clone)]
-struct Segment {
-    scheme: Scheme,
-    /// The command that acts, in controller samples before the newest.
-    age: usize,
-    /// Whether that command arrives as it begins.
-    arrives: bool,
-    /// What is read as it begins.
-    reads: Vec<Read>,
-}
-
-/// Outputs that are read within a sample of the record.
-#[derive(Debug, Clone)]
-struct Read {
-    /// Controller samples after the sample of the record.
-    after: usize,
-    outputs: Vec<usize>,
-    /// By how much later they are read, by each free parameter.
-    slopes: Vec<f64>,
-}
-
-/// Cuts segments, each of a length, an age and whether its command arrives, where something is read.
-fn cut(
-    plant: &Plant,
-    lengths: &[(f64, usize, bool)],
-    steps: usize,
-    late: &[Group],
-    substeps: usize,
-) -> Result<Vec<Segment>> {
-    let step: f64 = lengths.iter().map(|(length, ..)| length).sum();
-    let after = |phase: f64| (phase / step).floor().min(steps as f64 - 1.0);
-    let mut places: Vec<(f64, &Group)> =
-        late.iter().map(|g| (g.instant.phase - after(g.instant.phase) * step, g)).collect();
-    places.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let (mut segments, mut begin, mut left) = (Vec::new(), 0.0, places.as_slice());
-    for (i, (length, age, arrives)) in lengths.iter().enumerate() {
-        let (end, is_last) = (begin + length, i + 1 == lengths.len());
-        let count = left.iter().take_while(|(at, _)| is_last || *at < end).count();
-        let (own, rest) = left.split_at(count);
-        let bounds: Vec<f64> = [begin].into_iter().chain(own.iter().map(|(at, _)| at.clamp(begin, end))).collect();
-        let (mut arrives, mut reads) = (*arrives, Vec::new());
-        for (k, at) in bounds.iter().enumerate() {
-            if let Some((_, Group { instant, outputs })) = own.get(k.wrapping_sub(1)) {
-                let (after, slopes) = (after(instant.phase) as usize, instant.slopes.clone());
-                reads.push(Read { after, outputs: outputs.clone(), slopes });
-            }
-            let next = bounds.get(k + 1);
-            if next == Some(at) {
-                continue; // nothing happens in no time
-            }
-            let scheme = Scheme::new(plant, (next.unwrap_or(&end) - at) / substeps as f64)?;
-            segments.push(Segment { scheme, age: *age, arrives, reads: std::mem::take(&mut reads) });
-            arrives = false;
-        }
-        (begin, left) = (end, rest);
-    }
-    Ok(segments)
 }
 
 #[derive(Debug, Clone)]
