@@ -45,6 +45,8 @@ from ambid.noise import Comparison
 from ambid.noise.known import known_residual, known_slopes
 
 __all__ = [
+    "INEXACT",
+    "NAMELESS",
     "OF_FORMULAS",
     "SURE",
     "TOLD_APART",
@@ -64,6 +66,8 @@ USUAL = 0.3
 """Effects that a machine has, on average, that its rig file does not hold."""
 NAMELESS = float(np.log(0.05))
 """Log of how likely something that the catalogue lacks is before any record."""
+INEXACT = float(np.log(0.5))
+"""Log of how likely formulas leave what these records show, before any: all are idealised."""
 UNRANKED = 20.0
 """W where no effects were ranked."""
 BOUNDLESS = 1e30
@@ -151,11 +155,14 @@ class Evidence:
         log_p = float(log_ndtr((self.expected - self.cost) / self.deviation))
         return max(0.0, -1.0 - log_p - np.log(-log_p)) if log_p < -1.0 else 0.0
 
-    def beside(self, left: float, least: Evidence, witnesses: float, shape: float = 0.0) -> float:
+    def beside(
+        self, left: float, least: Evidence, witnesses: float, shape: float = 0.0, prior: float = NAMELESS
+    ) -> float:
         """Log evidence beside something else, where this set leaves so much of J beyond noise, and that the least.
 
-        Something else changes the response in so many ways, and shows a shape of such a score. It has states of its
-        own, too, which begin as those do of the set that leaves least.
+        Something else changes the response in so many ways, and shows a shape of such a score; `prior` is the log of
+        how likely it is before any record. It has states of its own, too, which begin as those do of the set that
+        leaves least.
         """
         of_waves = min(left, max(0.0, self.on_tones - least.on_tones))
         smooth = left - of_waves
@@ -163,7 +170,7 @@ class Evidence:
         cost += _of_any_power(of_waves, self.waves)
         variance = 1.0 + smooth / witnesses
         own = replace(self, beginnings=variance * max(self.beginnings, least.beginnings))
-        return NAMELESS - cost - own.price(variance)
+        return prior - cost - own.price(variance)
 
 
 def by_score(fit: Comparison, misfit: float, score: float, degrees: int, one_sided: int, prior: float) -> Evidence:

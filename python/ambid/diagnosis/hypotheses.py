@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ambid.diagnosis.candidates import Ranking
-from ambid.diagnosis.evidence import OF_FORMULAS, UNRANKED, Evidence, Yardstick
+from ambid.diagnosis.evidence import INEXACT, NAMELESS, OF_FORMULAS, UNRANKED, Evidence, Yardstick
 from ambid.diagnosis.task import Task
 from ambid.effects import Effect
 from ambid.noise import Comparison, compare
@@ -104,9 +104,9 @@ class Field:
         own = self.rankings.get(self.root)
         return UNRANKED if own is None else own.told_apart
 
-    def beside(self, own: Evidence, shape: float = 0.0) -> float:
-        """The same beside something else that has no name, which shows a shape of such a score."""
-        return own.beside(self._left(own), self._lowest, self.witnesses, shape)
+    def beside(self, own: Evidence, shape: float = 0.0, prior: float = NAMELESS) -> float:
+        """The same beside something else that has no name and shows a shape of such a score, or what formulas leave."""
+        return own.beside(self._left(own), self._lowest, self.witnesses, shape, prior)
 
     def stood_in_for(self, hypothesis: Hypothesis, shape: float = 0.0) -> Iterator[tuple[Hypothesis, float]]:
         """Sets within a set, and how much likelier something else that acts as its other effects do is than these.
@@ -149,10 +149,10 @@ class Field:
 
     def worth(self, hypothesis: Hypothesis) -> float:
         """Log evidence of a set, whatever is beside it."""
-        return self._worth(hypothesis.evidence)
+        return self._worth(hypothesis.evidence, INEXACT if self.is_of_formulas(hypothesis) else NAMELESS)
 
-    def _worth(self, own: Evidence) -> float:
-        return float(np.logaddexp(self.alone(own), self.beside(own)))
+    def _worth(self, own: Evidence, prior: float = NAMELESS) -> float:
+        return float(np.logaddexp(self.alone(own), self.beside(own, prior=prior)))
 
     def is_of_formulas(self, hypothesis: Hypothesis) -> bool:
         """Whether what a set leaves beyond noise is so little of what it explains that its formulas may leave it.

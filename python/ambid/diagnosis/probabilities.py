@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ambid.diagnosis.evidence import INEXACT
 from ambid.diagnosis.hypotheses import Field
 
 __all__ = ["Probabilities", "SetProbability", "probabilities"]
@@ -123,7 +124,10 @@ def probabilities(
             continue
         beside = field.beside(own.evidence, shape)
         told.append((field.alone(own.evidence) - against, own.effects, False))
-        told.append((beside, own.effects, against > 0.0 or not field.is_of_formulas(own)))
+        if field.is_of_formulas(own) and not against:
+            told.append((field.beside(own.evidence, prior=INEXACT), own.effects, False))
+        else:
+            told.append((beside, own.effects, True))
         told += [(beside + odds, rest.effects, True) for rest, odds in field.stood_in_for(own, shape)]
     most = max(log for log, _, _ in told)
     total = sum(np.exp(log - most) for log, _, _ in told)

@@ -154,7 +154,7 @@ fn values_with_and_without_derivatives_agree() {
         let without = system.lines(&p.theta, &[], &w, &cut.u, &[], false).expect("stable");
         assert!(without.basis.is_empty() && without.slopes.is_empty());
         for (i, (a, b)) in with.response.iter().zip(&without.response).enumerate() {
-            assert!((a - b).norm() < 1e-11 * size[i % size.len()], "{name}: {a} and {b}");
+            assert!((a - b).norm() < 1e-10 * size[i % size.len()], "{name}: {a} and {b}");
         }
     }
 }
