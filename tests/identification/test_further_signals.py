@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ambid.designs import Instruments, prospect
 from ambid.errors import ModelError
 from ambid.identification import identify
 from ambid.model import Model
@@ -124,6 +125,19 @@ def test_a_late_instrument_is_within_its_tolerance_and_a_saved_model_has_it(reco
     assert again.names == found.model.names
     assert again.at(late).loop.outputs == found.model.at(late).loop.outputs
     assert {p.name: p.prior for p in again.tolerances} == {p.name: p.prior for p in found.model.tolerances}
+
+
+def test_what_an_experiment_with_further_channels_would_tell_is_foreseen(record):
+    own = replace(record, further={name: record.further[name] for name in ("b.A_zeta", "a.mass")})
+    found = identify(MASS, own)
+    stated = Instruments.stated(1, 50e-9, 5e-3, {name: NOISE[name] for name in own.further})
+    for instruments in (stated, Instruments.of(found.comparison)):
+        for currents, i_c in ((instruments, own.i_c), (instruments.without_currents(), None)):
+            seen = identify(MASS, replace(own, i_c=i_c))
+            told = prospect(found.model, ONE_AXIS.excitation(1.0), period=ONE_AXIS.period, instruments=currents)
+            for name, parameter in seen.parameters.items():
+                assert told.parameters[name].std_error == pytest.approx(parameter.std_error, rel=0.2), name
+    assert stated.without_currents().with_currents(5e-3).channels == stated.channels == 4
 
 
 def test_the_noise_of_each_instrument_is_told(record):

@@ -13,6 +13,7 @@ from ambid.cli.effect_option import with_effects
 from ambid.cli.experiments import LONGEST_SIMULATION
 from ambid.cli.files import load_model, load_records, load_rig, naming_unstable
 from ambid.cli.options import (
+    Channels,
     Columns,
     Exact,
     Force,
@@ -25,6 +26,7 @@ from ambid.cli.options import (
     assignment,
     known_effects,
     names,
+    noise_of,
     number,
 )
 from ambid.cli.outputs import Files, conclude, require_outputs
@@ -134,6 +136,7 @@ def design_command(
     signal: Annotated[str | None, typer.Option(help="prbs or multisine; default: the better.")] = None,
     sensor_noise: Annotated[float | None, typer.Option(help="Rms on every displacement [m]; default 5e-8.")] = None,
     current_noise: Annotated[float | None, typer.Option(help="Rms on every current [A]; default 0.01.")] = None,
+    channel: Channels = [],  # noqa: B006
     without_currents: Annotated[bool, typer.Option("--without-currents", help="i_c is not recorded.")] = False,
     spread: Annotated[
         float, typer.Option(help="Part of a multisine's power on all lines, so that misfit shows.")
@@ -159,8 +162,10 @@ def design_command(
     require_outputs(inputs, {"--json": json_file})
     from ambid.designs.separation import CURRENT_NOISE  # not at the top: --help need not open that room
 
-    if record and (sensor_noise is not None or current_noise is not None):
-        raise InputError("--record tells the noise; leave --sensor-noise and --current-noise out, or the record")
+    if record and (sensor_noise is not None or current_noise is not None or channel):
+        raise InputError(
+            "--record tells the noise; leave --sensor-noise, --current-noise and --channel out, or the record"
+        )
     of_record = {"--period": period, "--map": columns or None, "--sample-rate": sample_rate}
     if not record and (given := [option for option, value in of_record.items() if value is not None]):
         raise InputError(f"{given[0]} is of a record; name it with --record, or leave it out")
@@ -177,6 +182,7 @@ def design_command(
                 len(machine.axes),
                 SENSOR_NOISE if sensor_noise is None else sensor_noise,
                 CURRENT_NOISE if current_noise is None else current_noise,
+                noise_of(channel, machine),
             )
         found = ambid.design(
             start,

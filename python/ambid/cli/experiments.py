@@ -116,7 +116,7 @@ def simulate_command(
             excitation,
             sensor_noise=sensor_noise,
             current_noise=current_noise,
-            further_noise=noise_of(channel),
+            further_noise=noise_of(channel, machine),
             seed=seed,
         )
     _require_possible(made, machine, out, amplitude)

@@ -173,8 +173,10 @@ def bound(text: str) -> tuple[str, tuple[float, float]]:
     return name, (number("--bound", low), number("--bound", high))
 
 
-def noise_of(channels: Sequence[str]) -> dict[str, float]:
-    """Rms of the noise of further channels, by name, of options such as ``b:2e-3``; 0 where none is stated."""
+def noise_of(channels: Sequence[str], rig: ambid.Rig) -> dict[str, float]:
+    """Rms of the noise of further channels, of options such as ``b:2e-3``; 0 where none is stated."""
+    from ambid.model.operating_point import selected_outputs  # not at the top: --help need not open that room
+
     found = dict[str, float]()
     for text in channels:
         name, colon, rms = text.partition(":")
@@ -182,4 +184,5 @@ def noise_of(channels: Sequence[str]) -> dict[str, float]:
             found[name] = float(rms) if colon else 0.0
         except ValueError:
             raise InputError(f"--channel {text}: {rms!r} is no number; give an rms, such as b:2e-3") from None
-    return found
+    own = selected_outputs(rig, found)
+    return {name: found[name] if name in found else found[name.partition(".")[0]] for name in own}

@@ -72,7 +72,7 @@ def monte_carlo_command(
         spreads=tuple(ambid.Spread.parse(text) for text in spread),
         sensor_noise=sensor_noise,
         current_noise=current_noise,
-        further_noise=noise_of(channel),
+        further_noise=noise_of(channel, machine),
         seed=seed,
         diagnose=diagnose,
     )

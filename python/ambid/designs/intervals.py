@@ -136,6 +136,6 @@ def planned(model: Model, i_e: FloatArray, period: int, instruments: Instruments
     """The record as it would come without noise."""
     if period < 1 or len(i_e) < 2 * period:
         raise InputError(f"{len(i_e)} samples of i_e, periods of {period}: expected two periods or more")
-    record = model.simulate(i_e)
-    i_c = record.i_c if instruments.channels > len(model.rig.axes) else None
+    record = instruments.of_model(model).simulate(i_e)
+    i_c = record.i_c if instruments.channels - len(instruments.further) > len(model.rig.axes) else None
     return replace(record, period=period, i_c=i_c)

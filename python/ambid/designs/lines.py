@@ -67,7 +67,9 @@ class PoweredLines:
         scale : ndarray, shape (free,)
             What they are relative to.
         """
+        model = instruments.of_model(model)
         rig, p, axes = model.rig, instruments.channels, len(model.rig.axes)
+        currents = [model.loop.outputs.index(f"i_c.{axis}") for axis in rig.axes]
         lines = np.arange(1, 1 + min((period - 1) // 2, int(HIGHEST * period)))
         points = np.exp(2j * np.pi * lines / period)
         inputs = np.zeros((len(lines), model.loop.core.inputs), dtype=complex)
@@ -78,8 +80,9 @@ class PoweredLines:
         white = whitening @ slopes[:, :p] * scale
         information = 0.5 * np.real(white.conj().transpose(0, 2, 1) @ white)
         count, own = np.arange(len(lines)), np.arange(len(lines)) % axes
-        answers = {"i_e": inputs[count, own], "y": response[count, own], "i_c": response[count, axes + own]}
-        return cls(lines, information, _costs(inputs, response, points, limits, model), answers)
+        answers = {"i_e": inputs[count, own], "y": response[count, own], "i_c": response[count, np.take(currents, own)]}
+        usual = response[:, [*range(axes), *currents]]
+        return cls(lines, information, _costs(inputs, usual, points, limits, model), answers)
 
 
 def _costs(

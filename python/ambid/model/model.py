@@ -249,13 +249,15 @@ class Model(Contents):
         """
         return self.structure.compiled(self.parameters, watch=signals, more=inlets)
 
-    def with_outputs(self, channels: str | Iterable[str]) -> Model:
+    def with_outputs(self, channels: str | Iterable[str], *, currents: bool = True) -> Model:
         """Return the model whose loop, and whose virtual records, have further channels.
 
         Parameters
         ----------
         channels : str or iterable of str
             Of `Rig.outputs`, such as ``a.drive_end``, or signals such as ``b``, with all their channels.
+        currents : bool
+            Whether they come behind y and i_c; else behind y, as of a record without i_c.
 
         Raises
         ------
@@ -263,7 +265,7 @@ class Model(Contents):
             If the machine has no such output.
         """
         names = selected_outputs(self.rig, channels)
-        usual = (f"{signal}.{axis}" for signal in ("y", "i_c") for axis in self.rig.axes)
+        usual = (f"{signal}.{axis}" for signal in ("y", "i_c")[: 1 + currents] for axis in self.rig.axes)
         measured = first_outputs((*usual, *names), self.rig.axes)
         return self._made_of(replace(self.structure, measured=measured), tuple(self.parameters))
 

@@ -343,17 +343,19 @@ class Comparison(WithFindings, Tabular):
     def __repr__(self) -> str:
         lines = []
         for record in self.records:
+            width = max(len(read_in(c.unit)[1]) for c in record.channels)
             lines += [
                 f"{record.record.name}: misfit {record.misfit:.2f} (J/dof, 1 when the model is right), "
                 f"{100 * record.repeatable_share:.0f} % of the residual on excited lines repeats",
-                f"{'channel':12s} {'fit %':>8s} {'ceiling %':>10s} {'residual rms':>15s} "
-                f"{'noise rms':>13s} {'misfit':>8s}",
+                f"{'channel':12s} {'fit %':>8s} {'ceiling %':>10s} {'residual rms':>{13 + width}s} "
+                f"{'noise rms':>{11 + width}s} {'misfit':>8s}",
             ]
             for c in record.channels:
                 factor, unit = read_in(c.unit)
                 lines.append(
                     f"{c.channel:12s} {c.fit_percent:8.2f} {c.noise_ceiling_percent:10.2f} "
-                    f"{c.residual_rms * factor:12.4g} {unit} {c.noise_rms * factor:10.4g} {unit} {c.misfit:8.2f}"
+                    f"{c.residual_rms * factor:12.4g} {unit:{width}s} {c.noise_rms * factor:10.4g} {unit:{width}s} "
+                    f"{c.misfit:8.2f}"
                 )
         return "\n".join(lines)
 

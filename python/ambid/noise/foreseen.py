@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,20 +32,38 @@ class Instruments:
     frequency_hz : ndarray, shape (F,)
         Rising.
     covariance : ndarray, shape (F, p, p)
-        Of y, then of i_c where it is recorded, of each sample if it were white [m^2, m A, A^2].
+        Of y, then of i_c where it is recorded, then of `further`, of each sample if it were white [m^2, m A, A^2, ...].
+    further : tuple of str
+        Channels beyond y and i_c, such as ``b.A_zeta``.
     """
 
     frequency_hz: FloatArray
     covariance: ComplexArray
+    further: tuple[str, ...] = ()
 
     @property
     def channels(self) -> int:
-        """Channels p of y and i_c."""
+        """Channels p of y, i_c and what is recorded beside them."""
         return self.covariance.shape[1]
 
+    def of_model(self, model: Model) -> Model:
+        """A model whose first outputs are the channels."""
+        if not self.further:
+            return model
+        has_currents = self.channels - len(self.further) > len(model.rig.axes)
+        return model.with_outputs(self.further, currents=has_currents)
+
     @classmethod
-    def stated(cls, axes: int, sensor_noise: float, current_noise: float | None) -> Instruments:
+    def stated(
+        cls,
+        axes: int,
+        sensor_noise: float,
+        current_noise: float | None,
+        further: Mapping[str, float] | None = None,
+    ) -> Instruments:
         """White noise on every displacement [m rms] and recorded current [A rms]; None where i_c is not recorded.
+
+        `further` has the rms of each further channel by its name, in its unit.
 
         Raises
         ------
@@ -53,13 +71,14 @@ class Instruments:
             If a noise is zero, or so small or large that its power is none in floating point: nothing can be foreseen.
         """
         levels = {"sensor_noise": sensor_noise} | ({} if current_noise is None else {"current_noise": current_noise})
-        for name, rms in levels.items():
+        beyond = dict(further or {})
+        for name, rms in {**levels, **beyond}.items():
             if not SMALLEST_CHANGE <= rms <= LARGEST_VALUE:
                 raise InputError(
-                    f"{name} = {rms!r}: expected an rms from {SMALLEST_CHANGE:g} to {LARGEST_VALUE:g}, in m or A"
+                    f"{name} = {rms!r}: expected an rms from {SMALLEST_CHANGE:g} to {LARGEST_VALUE:g}, in its SI unit"
                 )
-        power = np.repeat([rms**2 for rms in levels.values()], axes)
-        return cls(np.zeros(1), np.diag(power).astype(complex)[None])
+        power = np.append(np.repeat([rms**2 for rms in levels.values()], axes), [rms**2 for rms in beyond.values()])
+        return cls(np.zeros(1), np.diag(power).astype(complex)[None], tuple(beyond))
 
     @classmethod
     def of(cls, comparison: Comparison) -> Instruments:
@@ -80,7 +99,8 @@ class Instruments:
         back = back_through_loop(part.unexcited.base, part.points[:count], part.measured.channels)
         root = back @ _core.inverses(np.ascontiguousarray(part.spectrum.whitening[:count]))
         covariance = 2.0 * root @ root.conj().transpose(0, 2, 1) / part.spectrum.raised[:count, None, None]
-        return cls(part.window.excited * part.record.sample_rate / part.window.samples, covariance)
+        frequency_hz = part.window.excited * part.record.sample_rate / part.window.samples
+        return cls(frequency_hz, covariance, tuple(part.record.further))
 
     def with_currents(self, current_noise: float) -> Instruments:
         """The same where i_c is recorded too, in white noise [A rms]; of instruments that have y alone.
@@ -90,20 +110,22 @@ class Instruments:
         InputError
             If the noise is not above zero.
         """
-        axes = self.channels
-        stated = Instruments.stated(axes, 1.0, current_noise).covariance
+        axes = self.channels - len(self.further)
+        stated = Instruments.stated(axes, 1.0, current_noise, dict.fromkeys(self.further, 1.0)).covariance
         covariance = np.repeat(stated, len(self.covariance), axis=0)
-        covariance[:, :axes, :axes] = self.covariance
-        return Instruments(self.frequency_hz, covariance)
+        kept = np.r_[:axes, 2 * axes : covariance.shape[1]]
+        covariance[:, kept[:, None], kept] = self.covariance
+        return Instruments(self.frequency_hz, covariance, self.further)
 
     def averaged(self, times: float) -> Instruments:
         """Noise of the mean of so many records, which tells as much as one that is so many times as long."""
-        return Instruments(self.frequency_hz, self.covariance / times)
+        return Instruments(self.frequency_hz, self.covariance / times, self.further)
 
     def without_currents(self) -> Instruments:
         """The same where y alone is recorded."""
-        axes = self.channels // 2
-        return Instruments(self.frequency_hz, self.covariance[:, :axes, :axes])
+        axes = (self.channels - len(self.further)) // 2
+        kept = np.r_[:axes, 2 * axes : self.channels]
+        return Instruments(self.frequency_hz, self.covariance[:, kept[:, None], kept], self.further)
 
     def at(self, frequency_hz: FloatArray) -> ComplexArray:
         """Covariance at frequencies, shape (frequencies, p, p): between its own ones straight, beyond them constant."""
