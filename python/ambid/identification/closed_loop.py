@@ -226,7 +226,7 @@ def steps(
             f"{free_response.path or free_response.name}: nothing drives this record, and eq. 9 simulates from rest; "
             f"{found[0].message if found else 'leave the weights out'}"
         )
-    factors = _factors(model, None if isinstance(weights, str) else weights)
+    factors = _factors(model, in_time, None if isinstance(weights, str) else weights)
     return (
         yield from _in_time(
             model, in_time, free_indices, tolerated, limits, origins, factors, max_evaluations, progress, found
@@ -292,7 +292,7 @@ def _likeliest(
     is_known = all(part.noise_is_measured for part in comparison.noise.parts)
     missing = not is_known and comparison.misfit > comparison.bound
     if missing and has_eq_9 and best.status != "stopped":
-        factors = _factors(given, None)
+        factors = _factors(given, in_time, None)
         other = yield from _in_time(
             given, in_time, exact, known, sides, origins, factors, max_evaluations, progress, []
         )
@@ -309,7 +309,7 @@ def _likeliest(
     return Found(problem, best, limits, total, parts, directions, comparison, findings).curved()
 
 
-def _factors(model: Model, weights: Mapping[str, float] | None) -> dict[str, float]:
+def _factors(model: Model, records: Sequence[Record], weights: Mapping[str, float] | None) -> dict[str, float]:
     """By channel."""
     factors = dict.fromkeys(model.rig.outputs, 1.0)
     for name, factor in (weights or {}).items():
@@ -322,7 +322,7 @@ def _factors(model: Model, weights: Mapping[str, float] | None) -> dict[str, flo
                 f"{LARGEST_WEIGHT:g}"
             )
         factors |= dict.fromkeys(own, factor)
-    if not any(factors.values()):
+    if not any(factors[name] for record in records for name in record.channels):
         raise ModelError("weights: every channel has weight 0; leave at least one in")
     return factors
 
