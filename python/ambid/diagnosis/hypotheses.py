@@ -111,18 +111,18 @@ class Field:
     def stood_in_for(self, hypothesis: Hypothesis, shape: float = 0.0) -> Iterator[tuple[Hypothesis, float]]:
         """Sets within a set, and how much likelier something else that acts as its other effects do is than these.
 
-        What has no name lies as near to effects of the catalogue as these do to one another. It acts as one of them as
-        likely as another.
+        What has no name lies as near to effects of the catalogue as these do to one another, or anywhere, one as likely
+        as the other. It acts as one of them as likely as another, and as no disturbance, which has lines of its own.
         """
         ranking = self.rankings.get(self.root)
         if ranking is None:
             return
         prior, least = self.yardstick.prior, max(self.left_by(hypothesis), shape, self.witnesses)
         for rest in self.tried.values():
-            if rest.names < hypothesis.names:
+            if self._waves(hypothesis) <= rest.names < hypothesis.names:
                 share = least / max(least, self.left_by(rest))
                 by_prior = sum(float(np.log(len(prior) * prior[name])) for name in hypothesis.names - rest.names)
-                yield rest, float(np.log(ranking.is_stood_in_for(share))) - by_prior
+                yield rest, float(np.log(0.5 * ranking.is_stood_in_for(share))) - by_prior
 
     def left_by(self, hypothesis: Hypothesis) -> float:
         """What a set leaves beyond noise, of J."""

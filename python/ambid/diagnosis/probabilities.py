@@ -104,7 +104,11 @@ class Probabilities:
 
 
 def probabilities(
-    field: Field, against: float = 0.0, local: frozenset[str] = frozenset(), shape: float = 0.0
+    field: Field,
+    against: float = 0.0,
+    local: frozenset[str] = frozenset(),
+    shape: float = 0.0,
+    clean: frozenset[str] | None = None,
 ) -> Probabilities:
     """Of all sets of a field.
 
@@ -117,14 +121,17 @@ def probabilities(
         Effects that parts of the records do not show: no set that holds one of them is taken for an explanation.
     shape : float
         Score of a nonlinear shape that something else shows in what the best set leaves.
+    clean : frozenset of str, optional
+        A set that leaves nothing to these tests, nor do those that hold it.
     """
     told: list[tuple[float, tuple[str, ...], bool]] = []
     for own in field.tried.values():
         if own.names & local:
             continue
+        is_clean = not against or (clean is not None and clean <= own.names)
         beside = field.beside(own.evidence, shape)
-        told.append((field.alone(own.evidence) - against, own.effects, False))
-        if field.is_of_formulas(own) and not against:
+        told.append((field.alone(own.evidence) - (0.0 if is_clean else against), own.effects, False))
+        if is_clean and field.is_of_formulas(own):
             told.append((field.beside(own.evidence, prior=INEXACT), own.effects, False))
         else:
             told.append((beside, own.effects, True))

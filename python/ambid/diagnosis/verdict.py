@@ -12,7 +12,7 @@ from ambid.diagnosis.apart import Changing, changing
 from ambid.diagnosis.confirmation import is_everywhere
 from ambid.diagnosis.drift import Change, largest_change
 from ambid.diagnosis.evidence import OF_FORMULAS, SURE
-from ambid.diagnosis.hypotheses import Field, Hypothesis
+from ambid.diagnosis.hypotheses import Field, Hypothesis, Names
 from ambid.diagnosis.localisation import Cell, Localisation, largest_cell, localise
 from ambid.diagnosis.probabilities import Probabilities, probabilities
 from ambid.diagnosis.task import Task
@@ -166,7 +166,8 @@ def judged(
     local = frozenset[str]()
     if best.added and not task.validate and base.is_within and not is_everywhere(base, best.fit):
         local = best.names
-    found = probabilities(field, left.against, local, left.shape.score if left.shape else 0.0)
+    score = left.shape.score if left.shape else 0.0
+    found = probabilities(field, left.against, local, score, _clean(field, best, where) if left.against else None)
     if local:
         best = field.base
     changes: tuple[Changing, ...] = ()
@@ -225,6 +226,13 @@ def _word(found: Probabilities, best: Hypothesis, *, is_nameless: bool, is_chose
         return "none_of_the_candidates"
     is_sure = all(found.effects[name] > SURE * found.named for name in best.effects)
     return "explained" if is_chosen or is_sure else "ambiguous"
+
+
+def _clean(field: Field, best: Hypothesis, where: Localisation) -> Names | None:
+    """The set that comes nearest to noise, where it holds the best one and leaves nothing to tests other than J."""
+    nearest = max(field.tried.values(), key=lambda own: field.alone(own.evidence))
+    is_clean = nearest.names > best.names and not _left(field, nearest, where).against
+    return nearest.names if is_clean else None
 
 
 def _left(field: Field, best: Hypothesis, where: Localisation) -> _Left:
