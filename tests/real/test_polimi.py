@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ambid import Model, Record, Rig, check, diagnose, identify
-from found import codes, the
+from found import codes
 from places import TESTS
 
 RUN = TESTS / "data/mls2em"
