@@ -1,18 +1,17 @@
 """Sets of effects: without noise, and what the states of effects may do when a record begins."""
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from ambid import diagnose
+from ambid import compare, diagnose
 from ambid.diagnosis.candidates import Candidate, Ranking
-from ambid.diagnosis.evidence import DECADES, Evidence
+from ambid.diagnosis.evidence import DECADES, Evidence, Yardstick
 from ambid.diagnosis.hypotheses import Field, Hypothesis
 from ambid.diagnosis.probabilities import probabilities
+from ambid.effects import find
 from hidden.bench import simulate
 from hidden.dirt import MARGIN, NOISE_FREE, soiled
 from hidden.families import BENCHES
@@ -67,19 +66,6 @@ def test_a_set_that_leaves_nothing_of_what_has_a_shape_did_so_by_luck():
     assert of(1e3).beside(1e3, right, WAYS, score) == of(1e3).beside(1e3, right, WAYS)
 
 
-MODELLED = SimpleNamespace(model=SimpleNamespace(rig=None))
-
-
-class Named(NamedTuple):
-    """An effect as far as a set of hypotheses asks."""
-
-    name: str
-    formula_error: float = 0.0
-
-    def frequencies_hz(self, rig):
-        return ()
-
-
 def direction_among(angles):
     """Candidates whose changes of the response lie at these angles of a plane."""
     rows = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -95,25 +81,22 @@ def test_what_has_no_name_lies_as_near_to_effects_as_these_to_one_another():
     assert ranking.told_apart == pytest.approx(2.0, abs=0.1)
 
 
-def test_a_dead_band_is_no_error_of_a_gain():
-    """Neither is what else takes its linear part; beside what has no name an effect is sure where it leaves little."""
+def test_an_effect_is_less_sure_beside_what_has_no_name():
+    """Neither is what else takes its linear part; alone it is sure, since it leaves so little."""
+    bench = BENCHES["bench"]
+    i_e = bench.excitation(bench.amplitude, 1)
+    fit = compare(bench.rig, simulate(bench.rig, i_e, {}, period=bench.period, seed=1, **bench.truth, **bench.noise))
     ranking = Ranking(direction_among(np.linspace(0.0, 1.5, 6)), 5.0, ())
-    yardstick = SimpleNamespace(prior={f"effect {k}": 0.05 for k in range(6)})
-
-    def found(left, against, shape):
-        base, one = of(3e4), replace(of(left), kinds=(1,), information=np.eye(1) * 3e4, prior=3.0)
-        tried = {
-            frozenset(names): Hypothesis(tuple(Named(name) for name in names), MODELLED, None, 1.0, evidence)
-            for names, evidence in (((), base), (("effect 0",), one))
-        }
-        field = Field(yardstick, tried, {frozenset(): ranking})
-        return probabilities(field, against, shape=shape)
-
-    sure = found(0.0, 0.0, 0.0)
-    assert sure.effects["effect 0"] > 0.9
-    nameless = found(0.0, 40.0, 300.0)
+    yardstick = Yardstick(fit, None, {"loop_delay": 0.05} | {f"effect {k}": 0.05 for k in range(5)})
+    base, one = of(3e4), replace(of(0.0), kinds=(1,), information=np.eye(1) * 3e4, prior=3.0)
+    tried = {
+        frozenset(effect.name for effect in added): Hypothesis(added, fit, None, 1.0, evidence)
+        for added, evidence in (((), base), ((find("loop_delay"),), one))
+    }
+    field = Field(yardstick, tried, {frozenset(): ranking})
+    sure, nameless = probabilities(field), probabilities(field, 40.0, shape=300.0)
     assert nameless.something_else > 0.999
-    assert nameless.effects["effect 0"] < 0.7 < sure.effects["effect 0"]
+    assert nameless.effects["loop_delay"] < 0.8 < 0.9 < sure.effects["loop_delay"]
 
 
 def test_a_wave_is_not_smooth():
