@@ -114,7 +114,10 @@ def test_a_loop_that_an_effect_makes_unstable_is_told_as_that(here, command, ref
         (("diagnose", "RIG", "RUN", "--effects", ""), ""),
         (("diagnose", "RIG", "RUN", "--effects", "Loop-Delay"), "loop_delay"),
         (("excitation", "RIG", "--out", "e.csv", "--axes", ""), ""),
-        (("rank", "RIG", "RUN", "--predict", "gain"), "sensor_gain_error, controller_gain_error or"),
+        (
+            ("rank", "RIG", "RUN", "--predict", "gain"),
+            "sensor_gain_error, controller_gain_error, excitation_gain_error or",
+        ),
     ],
     ids=lambda value: "_".join(value) if isinstance(value, tuple) else "",
 )

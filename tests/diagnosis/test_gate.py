@@ -53,6 +53,7 @@ def test_controller_of_another_day_is_no_refusal(rig, measured):
     assert diagnose(other, loaded(other, measured), catalogue=few).effects == ("controller_gain_error",)
 
 
+@pytest.mark.slow
 def test_excitation_of_another_record(rig, measured):
     """Another seed of a maximum-length sequence is the same sequence, shifted by more than any card is late."""
     i_e = ambid.prbs(9, amplitude=1.0, hold=4, axes=4, periods=4, seed=77)

@@ -91,6 +91,7 @@ LIMITS: Options = {
     "--full-scale": ("1", "0.01", "nan", "inf", "1e300"),
 }
 EXPERIMENT: Options = SEED | {
+    "--channel": ("b.A_zeta:1e-3", "b", "b:1e-3", "y:1", "x", "b.A_zeta:nan", "u:-1", "f:inf", ""),
     "--seconds": ("0.05", "0.1", "nan", "inf", "-1", "1e300"),
     "--amplitude": ("1e300", "1e-300", "0", "nan", "-1", "1e8"),
     "--effect": (
@@ -142,6 +143,7 @@ OF_EXCITATION: Options = SEED | {
     "--axes": ("A_zeta", "x", ",", "A_zeta,A_zeta", ""),
 }
 OF_DESIGN: Options = {
+    "--channel": ("b.A_zeta:1e-3", "b", "b:1e-3", "y:1", "x", "b.A_zeta:nan", "u:-1", "f:inf", ""),
     "--record": ("run.csv", "run.csv", "response.csv", "load.csv", "none.csv", "rig.toml"),
     "--accuracy": ("K_i=1%", "tau_e=2e-6", "K_i=0", "K_i=nan", "K_i=1e-300", "K_s=1e300", "x=1", "K_i=%"),
     "--effect": ("loop_delay", "sensor_lag", "flux_saturation", "x", ""),

@@ -135,12 +135,15 @@ class Ranking(WithFindings, Tabular):
         Of each effect that makes no sense on this rig or could not be judged, why; its name is the value ``effect``.
     comparison : Comparison or None
         What it was judged in.
+    ways : ndarray
+        Powers of the independent ways in which candidates may change the response, each as much; their sum is one.
     """
 
     candidates: tuple[Candidate, ...]
     misfit: float
     findings: tuple[Finding, ...]
     comparison: Comparison | None = None
+    ways: FloatArray = field(default_factory=lambda: np.ones(1))
 
     plot = picture("plot_ranking")
 
@@ -208,7 +211,7 @@ class Ranking(WithFindings, Tabular):
             own = by_score(self.comparison, c.predicted_misfit, c.score, c.degrees, c.one_sided, prior)
             tried.append(own)
         names = [c.effect.name for c in self.candidates]
-        return dict(zip(names, posterior(tried, self.told_apart)[1:].tolist(), strict=True))
+        return dict(zip(names, posterior(tried, self.ways)[1:].tolist(), strict=True))
 
     @property
     def significant(self) -> tuple[Candidate, ...]:

@@ -11,15 +11,16 @@ it but the three decades that it is within (Jeffreys' prior), and of its directi
 physics forbids, so that unknown(k) = log(D S_k / (2 pi)^(k/2)), with D the logarithm of the decades and S_k the surface
 of the unit sphere. V is 1 where H leaves noise alone.
 
-Something else changes the response in as many ways, W, as the effects of the catalogue do that these records tell
-apart, however many lines show it, by any power. A wave that nothing brings is not smooth: each has two numbers for a
-channel, w in all. With E and E_w what H leaves beyond noise between the waves, and where they stand, their power
-integrated out,
+Something else changes the response as effects of the catalogue may, by any power: w_i are the eigenvalues, of the sum
+1, of the mean of the projectors on what each of them can do, so that few ways count where little is left, and more
+where much is, however many lines show it. A wave that nothing brings is not smooth: each has two numbers for a channel,
+n in all. With E and E_n what H leaves beyond noise between the waves, and where they stand, their power integrated out,
 
-    log p(data | H, something else) = -W/2 log(1 + E/W) - w/2 log(1 + E_w/w) - price,    V = 1 + E/W
+    log p(data | H, something else) = -1/2 sum log(1 + E w_i) - n/2 log(1 + E_n/n) - price,    V = 1 + E/W
 
-and what is learnt of these powers, which were known to three decades before. Where something else shows a nonlinear
-shape, its linear part has no less power than that: a set that leaves none of it has taken its place by luck.
+with the number W = sum E w_i/(1 + E w_i) of ways that count, and what is learnt of these powers, which were known to
+three decades before. Where something else shows a nonlinear shape, its linear part has no less power than that: a set
+that leaves none of it has taken its place by luck.
 
 States that effects add begin each record settled, or at rest, or nearly so: the n further numbers c, in units of their
 errors, that are fitted to how a record begins have one variance before it about the likelier of both, which is found.
@@ -68,8 +69,8 @@ NAMELESS = float(np.log(0.05))
 """Log of how likely something that the catalogue lacks is before any record."""
 INEXACT = float(np.log(0.5))
 """Log of how likely formulas leave what these records show, before any: all are idealised."""
-UNRANKED = 20.0
-"""W where no effects were ranked."""
+UNRANKED = np.full(20, 0.05)
+"""w where no effects were ranked."""
 BOUNDLESS = 1e30
 """J of records that a loop cannot have made; a number, as odds are reckoned with it."""
 LEVEL = 0.03
@@ -156,19 +157,19 @@ class Evidence:
         return max(0.0, -1.0 - log_p - np.log(-log_p)) if log_p < -1.0 else 0.0
 
     def beside(
-        self, left: float, least: Evidence, witnesses: float, shape: float = 0.0, prior: float = NAMELESS
+        self, left: float, least: Evidence, ways: FloatArray, shape: float = 0.0, prior: float = NAMELESS
     ) -> float:
         """Log evidence beside something else, where this set leaves so much of J beyond noise, and that the least.
 
-        Something else changes the response in so many ways, and shows a shape of such a score; `prior` is the log of
-        how likely it is before any record. It has states of its own, too, which begin as those do of the set that
-        leaves least.
+        Something else changes the response in ways of such powers, and shows a shape of such a score; `prior` is the
+        log of how likely it is before any record. It has states of its own, too, which begin as those do of the set
+        that leaves least.
         """
         of_waves = min(left, max(0.0, self.on_tones - least.on_tones))
         smooth = left - of_waves
-        cost = _of_any_power(smooth, witnesses, shape) - _of_any_power(least.beyond, witnesses)
-        cost += _of_any_power(of_waves, self.waves)
-        variance = 1.0 + smooth / witnesses
+        cost = _of_any_power(smooth, ways, shape) - _of_any_power(least.beyond, ways)
+        cost += _of_any_power(of_waves, np.full(self.waves, 1.0 / max(1, self.waves)))
+        variance = 1.0 + smooth / max(1.0, float(np.sum(smooth * ways / (1.0 + smooth * ways))))
         own = replace(self, beginnings=variance * max(self.beginnings, least.beginnings))
         return prior - cost - own.price(variance)
 
@@ -190,12 +191,12 @@ def by_score(fit: Comparison, misfit: float, score: float, degrees: int, one_sid
     )
 
 
-def posterior(tried: Sequence[Evidence], witnesses: float) -> FloatArray:
+def posterior(tried: Sequence[Evidence], ways: FloatArray) -> FloatArray:
     """Probability of each of some sets, whatever is beside it."""
     least = max(tried, key=lambda own: own.alone)
     left = [least.beyond + max(0.0, own.cost - least.cost) for own in tried]
     logs = [
-        np.logaddexp(own.alone + 0.5 * least.cost - least.against, own.beside(beyond, least, witnesses))
+        np.logaddexp(own.alone + 0.5 * least.cost - least.against, own.beside(beyond, least, ways))
         for own, beyond in zip(tried, left, strict=True)
     ]
     weight = np.exp(np.array(logs) - max(logs))
@@ -208,16 +209,20 @@ def _unknown_size(k: int) -> float:
     return float(np.log(DECADES * np.log(10.0)) + log_surface - 0.5 * k * np.log(2.0 * np.pi))
 
 
-def _of_any_power(beyond: float, numbers: float, least: float = 0.0) -> float:
-    """What so many numbers of one unknown power cost that hold so much beyond noise, of which at least is expected."""
+def _of_any_power(beyond: float, ways: FloatArray, least: float = 0.0) -> float:
+    """What numbers of one unknown power cost that hold so much beyond noise, of which at least is expected.
+
+    Their powers are as `ways`, whose sum is one.
+    """
     if beyond < least:
-        power = 1.0 + least / numbers
-        return 0.5 * (numbers * (float(np.log(power)) - 1.0) + (numbers + beyond) / power)
-    if beyond <= 0.0 or not numbers:
+        power = 1.0 + least * ways
+        return 0.5 * float(np.sum(np.log(power) + (1.0 + beyond * ways) / power - 1.0))
+    if beyond <= 0.0 or not len(ways):
         return 0.0
-    # the power is known to a factor e^s, s^2 = 2/n (1 + n/E)^2 (Laplace), of the decades that it was within before
-    spread = float(np.sqrt(4.0 * np.pi / numbers)) * (1.0 + numbers / beyond)
-    return 0.5 * numbers * float(np.log1p(beyond / numbers)) + max(0.0, float(np.log(DECADES * np.log(10.0) / spread)))
+    power = 1.0 + beyond * ways
+    # it is known to a factor e^s, 2/s^2 = sum (1 - 1/power)^2 (Laplace), of the decades that it was within before
+    spread = float(np.sqrt(4.0 * np.pi / np.sum((1.0 - 1.0 / power) ** 2)))
+    return 0.5 * float(np.sum(np.log(power))) + max(0.0, float(np.log(DECADES * np.log(10.0) / spread)))
 
 
 def price_of(score: float, degrees: int, one_sided: int, prior: float) -> float:

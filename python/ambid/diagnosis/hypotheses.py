@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ambid.arrays import FloatArray
 from ambid.diagnosis.candidates import Ranking
 from ambid.diagnosis.evidence import INEXACT, NAMELESS, OF_FORMULAS, UNRANKED, Evidence, Yardstick
 from ambid.diagnosis.task import Task
@@ -99,14 +100,14 @@ class Field:
         return -0.5 * self._above(own) - own.price() - self._lowest.against
 
     @cached_property
-    def witnesses(self) -> float:
-        """In how many ways something else may change the response: so many as the effects do that are told apart."""
+    def ways(self) -> FloatArray:
+        """In which ways something else may change the response, as the effects do: powers, whose sum is one."""
         own = self.rankings.get(self.root)
-        return UNRANKED if own is None else own.told_apart
+        return UNRANKED if own is None else own.ways
 
     def beside(self, own: Evidence, shape: float = 0.0, prior: float = NAMELESS) -> float:
         """The same beside something else that has no name and shows a shape of such a score, or what formulas leave."""
-        return own.beside(self._left(own), self._lowest, self.witnesses, shape, prior)
+        return own.beside(self._left(own), self._lowest, self.ways, shape, prior)
 
     def stood_in_for(self, hypothesis: Hypothesis, shape: float = 0.0) -> Iterator[tuple[Hypothesis, float]]:
         """Sets within a set, and how much likelier something else that acts as its other effects do is than these.
@@ -117,7 +118,7 @@ class Field:
         ranking = self.rankings.get(self.root)
         if ranking is None:
             return
-        prior, least = self.yardstick.prior, max(self.left_by(hypothesis), shape, self.witnesses)
+        prior, least = self.yardstick.prior, max(self.left_by(hypothesis), shape, ranking.told_apart)
         for rest in self.tried.values():
             if self._waves(hypothesis) <= rest.names < hypothesis.names:
                 share = least / max(least, self.left_by(rest))

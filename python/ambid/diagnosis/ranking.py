@@ -110,6 +110,7 @@ def rank(
     seen = see(comparison)
 
     candidates: list[Candidate] = []
+    bases: list[FloatArray] = []
     not_tried: list[Finding] = []
     present = {effect.name for effect in model.effects}
     for done, effect in enumerate(catalogue):
@@ -124,15 +125,16 @@ def rank(
             not_tried.append(kind(NOWHERE, effect=effect.name))
             continue
         variants = effect.variants(replace(seen, rig=home))
-        best, why = _best(here, variants, here.cost)
+        best, basis, why = _best(here, variants, here.cost)
         if variants and best is None and start is not None and start.is_stable:
             elsewhere = elsewhere or Point(comparison.of(start))
-            found, _ = _best(elsewhere, variants, here.cost)
+            found, basis, _ = _best(elsewhere, variants, here.cost)
             best = None if found is None else replace(found, from_start=True)
         if best is None:
             not_tried.append(NOT_APPLICABLE(NOWHERE, effect=effect.name, reason=why or effect.unseen))
         else:
             candidates.append(best)
+            bases.append(basis / np.sqrt(max(1, len(basis))))
     candidates.sort(key=lambda candidate: candidate.chance)
     directions = np.array([candidate.direction for candidate in candidates])
     cosines = np.abs(directions @ directions.T) if candidates else np.zeros((0, 0))
@@ -140,7 +142,14 @@ def rank(
     for k, candidate in enumerate(candidates):
         near = [c.effect.name for j, c in enumerate(candidates) if j != k and cosines[k, j] > CONFUSABLE]
         ranked.append(replace(candidate, confusable_with=tuple(near)))
-    return Ranking(tuple(ranked), comparison.misfit, tuple(not_tried), comparison)
+    return Ranking(tuple(ranked), comparison.misfit, tuple(not_tried), comparison, _ways(bases))
+
+
+def _ways(bases: Sequence[FloatArray]) -> FloatArray:
+    """Powers of the independent ways in which effects may change the response, all as much; their sum is one."""
+    every = np.concatenate(bases) if bases else np.zeros((0, 1))
+    powers = np.maximum(np.linalg.eigvalsh(every @ every.T), 0.0)
+    return np.asarray(powers / powers.sum()) if powers.any() else np.ones(1)
 
 
 def _not_shown(comparison: Comparison, effect: Effect, home: Rig) -> Kind | None:
@@ -237,8 +246,11 @@ class Point:
         return self._before[id(base)]
 
 
-def _best(point: Point, variants: Sequence[Effect], cost: float) -> tuple[Candidate | None, str]:
-    """The best variant of an effect at a point, or why none can be judged; scores are falls from `cost`."""
+def _best(point: Point, variants: Sequence[Effect], cost: float) -> tuple[Candidate | None, FloatArray, str]:
+    """The best variant of an effect at a point with what it can do, or why none can be judged.
+
+    Scores are falls from `cost`; what it can do is an orthonormal basis of the changes of the response.
+    """
     tried, changes, why = [], [], ""
     for variant in variants:
         try:
@@ -247,7 +259,7 @@ def _best(point: Point, variants: Sequence[Effect], cost: float) -> tuple[Candid
         except (UnstableLoopError, ModelError) as error:
             why = str(error)
     if not tried:
-        return None, why
+        return None, np.zeros((0, 1)), why
     ends = np.cumsum([len(own) for own in changes])
     rows = point.freed(np.concatenate(changes))
     changes.clear()
@@ -265,7 +277,8 @@ def _best(point: Point, variants: Sequence[Effect], cost: float) -> tuple[Candid
     best, *others = sorted(calls, key=lambda call: call.chance(independent))
     linear = [c for c in others if c.fall > NEAR * best.fall and not is_nonlinear(c.rig, c.effect)]
     near = [(c.effect, c.predicted, c.fall / best.fall) for c in linear if best.fall > 0.0]
-    return replace(best.candidate(independent), near=tuple(near[:MOST_NEAR])), why
+    basis = best.of.turned.T @ best.of.rows
+    return replace(best.candidate(independent), near=tuple(near[:MOST_NEAR])), basis, why
 
 
 def _nonzero(size: FloatArray) -> FloatArray:
