@@ -172,8 +172,7 @@ def test_a_wrong_gain_of_the_rig_file_is_named(machine, gain, factor):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("factor", [0.9, 1.2])
-@pytest.mark.parametrize("gain", ["integral", "proportional", "derivative"])
+@pytest.mark.parametrize(("gain", "factor"), [("integral", 0.9), ("proportional", 1.2), ("derivative", 0.9)])
 def test_a_gain_that_is_off_by_less(gain, factor):
     found = diagnose(with_gains(ONE_AXIS.rig, **{gain: factor}), nothing_hidden("one axis"))
     assert found.effects == ("controller_gain_error",), found
