@@ -20,7 +20,7 @@ def generate(drawn: Path) -> str:
     for family, effects in groupby(CATALOGUE, key=_family):
         parts.append(f"## {family.capitalize()}")
         for effect in effects:
-            bench = next(own for own in benches if effect.parameters(own.rig))
+            bench = next(own for own in benches if not effect.why_not(own.rig))
             shown = bench.shown(effect)
             draw(bench, shown, drawn / f"{effect.name}.svg")
             parts.append(_part(effect, bench, shown))
