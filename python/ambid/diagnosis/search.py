@@ -187,7 +187,7 @@ def _reconsidered(task: Task, field_: Field) -> Iterator[Field]:
 def _with_twins(task: Task, field_: Field, names: Names) -> Iterator[Field]:
     """What acts as an effect of a set does, or shares a trait with it, in its place.
 
-    What is dear is tried where the rest is near, or where it may win.
+    What is dear, or shares no trait, is tried where it may win.
     """
     best = field_.tried[names]
     for effect in best.added:
@@ -195,10 +195,12 @@ def _with_twins(task: Task, field_: Field, names: Names) -> Iterator[Field]:
         mine = traits_of(effect, best.fit.model).keys()
         for c in field_.rankings[rest].candidates if rest in field_.rankings and rest in field_.tried else ():
             model = field_.tried[rest].fit.model
-            is_new = c.effect.name not in names and rest | {c.effect.name} not in field_.tried
-            is_twin = is_new and (effect.name in c.confusable_with or mine & traits_of(c.effect, model).keys())
+            if c.effect.name in names or rest | {c.effect.name} in field_.tried:
+                continue
+            is_twin = bool(mine & traits_of(c.effect, model).keys())
             is_cheap = field_.tried[rest].fit.misfit < FAR_OFF or _is_linear(field_.tried[rest], c)
-            if is_twin and (is_cheap or _may_win(task, field_, field_.tried[rest], c)):
+            acts_alike = is_twin or effect.name in c.confusable_with
+            if (is_twin and is_cheap) or (acts_alike and _may_win(task, field_, field_.tried[rest], c)):
                 with suppress(ModelError):
                     yield (field_ := added(task, field_, rest, c))
 

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambid.arrays import is_same
 from ambid.effects import Effect
-from ambid.effects.known import KNOWN, with_instruments
+from ambid.effects.instruments import with_instruments
+from ambid.effects.known import KNOWN
 from ambid.errors import ModelError
 from ambid.loop.loop import Loop
 from ambid.model.parameter import Parameter, Parameters, of_effect, selected

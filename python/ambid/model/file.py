@@ -15,7 +15,8 @@ from scipy.linalg import block_diag
 from ambid.arrays import FloatArray
 from ambid.channels import SIGNALS
 from ambid.effects import Effect, find
-from ambid.effects.known import KNOWN, instruments_among
+from ambid.effects.instruments import instruments_among
+from ambid.effects.known import KNOWN
 from ambid.errors import ModelError
 from ambid.model.parameter import Parameter
 from ambid.model.structure import Structure

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambid.channels import first_outputs, further
 from ambid.effects import CATALOGUE, Effect, find
-from ambid.effects.known import with_instruments
+from ambid.effects.instruments import with_instruments
 from ambid.errors import ModelError
 from ambid.loop.loop import Loop, Simulator
 from ambid.model.contents import Contents

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.effects.known import KNOWN, instruments_among
+from ambid.effects.instruments import instruments_among
+from ambid.effects.known import KNOWN
 from ambid.findings import Finding, Kind, Where
 from ambid.loop.effect import Effect
 from ambid.model.parameter import Parameter

@@ -8,7 +8,7 @@ is from, linearised at rest, takes up what is left.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from copy import copy
 from functools import cached_property, partial
 from typing import Any, NamedTuple
@@ -19,17 +19,15 @@ from scipy.fft import irfft, rfft
 
 from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray, is_same
-from ambid.loop.effect import Effect, Tone
+from ambid.loop.effect import Effect
 from ambid.model import Model
 from ambid.noise.angles import best_angle, undisturbed
 from ambid.noise.chance import SPREAD
 from ambid.noise.in_time import NEUTRAL, REMEMBERED
-from ambid.noise.measured import Measured
 from ambid.noise.shape import Split
 from ambid.noise.spectra import NoisyLines
 from ambid.noise.still import Louder, louder_in_motion
 from ambid.noise.transients import OWN, freed, lines_beside_poles, orthonormal, some_lines
-from ambid.noise.unexcited import Unexcited
 from ambid.noise.whitener import whitened
 
 __all__ = ["RecordLines", "White", "as_lines"]
@@ -64,19 +62,14 @@ class RecordLines(NoisyLines):
 
     scatter = SPREAD
 
-    def __init__(
-        self,
-        model: Model,
-        measured: Measured,
-        tones: Sequence[Tone] = (),
-        *,
-        rough: bool = False,
-        angles: Mapping[str, float] | None = None,
-        unexcited: Unexcited | None = None,
-    ) -> None:
-        super().__init__(model, measured, tones, rough=rough, angles=angles, unexcited=unexcited)
-        self._data: dict[tuple[Effect, ...], _core.LineData] = {}  # by the disturbances that drive a model
-        self._transients: dict[tuple[_core.ClosedLoop, bytes], tuple[FloatArray, int]] = {}
+    @cached_property
+    def _data(self) -> dict[tuple[Effect, ...], _core.LineData]:
+        """By the disturbances that drive a model."""
+        return {}
+
+    @cached_property
+    def _transients(self) -> dict[tuple[_core.ClosedLoop, bytes], tuple[FloatArray, int]]:
+        return {}
 
     def with_own_angles(self, model: Model) -> RecordLines:
         """The same, with the angle of every wave of the model where it fits best."""
