@@ -1,8 +1,7 @@
-"""What a run of the tests costs, counted so that any machine counts about the same.
+"""What a run of the tests costs, counted in what any machine counts alike; time is shown, and judges nothing.
 
-Counted are evaluations of the compiled core, processes that are started, pictures that are drawn, and tests that work
-for more than a second of a reference machine, against which a yardstick measures this one. What a fixture of a module
-or a session costs is counted once, however many workers make it, and not with the test that came first.
+Counted are evaluations of the compiled core, processes that are started, and pictures that are drawn. What a fixture of
+a module or a session costs is counted once, however many workers make it, and not with the test that came first.
 `pytest --budget` fails where the fast tier passes `BUDGETS`: what costs most belongs into the slow tier, or shares a
 result with others.
 """
@@ -10,22 +9,19 @@ result with others.
 from __future__ import annotations
 
 import functools
-import resource
 import sys
-import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 import ambid._core as core
 
-EVALUATIONS, PROCESSES, PICTURES, LONG = "evaluations", "processes", "pictures", "longer than 1 s"
+EVALUATIONS, PROCESSES, PICTURES = "evaluations", "processes", "pictures"
 
 
 @dataclass(frozen=True)
@@ -40,7 +36,6 @@ BUDGETS = {
     EVALUATIONS: Budget(10_000, 230_000),
     PROCESSES: Budget(10, 35),
     PICTURES: Budget(30, 48),
-    LONG: Budget(1, 77),
 }
 """About a fifth more than the fast tier took when they were set."""
 OUTSIDE = "outside"
@@ -51,17 +46,12 @@ MANY = 200
 """A run of fewer tests lists none."""
 
 
-REFERENCE = 0.0148
-"""Seconds that the reference machine takes for the yardstick, an AMD EPYC of 2025."""
-
-
 class Meter:
     """What has been spent, by account: a test, or a fixture that several share."""
 
     def __init__(self) -> None:
         self._accounts = [OUTSIDE]
         self._spent: dict[str, Counter[str]] = {}
-        self._since = seconds()
 
     def charge(self, what: str, number: float = 1) -> None:
         """Charge the account that was opened last."""
@@ -70,47 +60,17 @@ class Meter:
     @contextmanager
     def account(self, name: str) -> Iterator[None]:
         """Charge this account with what is done inside."""
-        self._charge_time()
         self._accounts.append(name)
         try:
             yield
         finally:
-            self._charge_time()
             self._accounts.pop()
-
-    def _charge_time(self) -> None:
-        now = seconds()
-        self.charge("seconds", now - self._since)
-        self._since = now
 
     def take(self) -> dict[str, dict[str, float]]:
         """What has been spent since the last call, by account."""
-        self._charge_time()
         spent, self._spent = self._spent, {}
         spent.pop(OUTSIDE, None)
-        return {name: {**own, LONG: int(own["seconds"] > 1.0)} for name, own in spent.items()}
-
-
-def seconds() -> float:
-    """Seconds that this thread and processes that have ended have worked, in those of the reference machine."""
-    children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return (time.thread_time() + children.ru_utime + children.ru_stime) / yardstick()
-
-
-@functools.cache
-def yardstick() -> float:
-    """Seconds that this machine takes for what takes the reference machine one."""
-    return min(_measured() for _ in range(5)) / REFERENCE
-
-
-def _measured() -> float:
-    """A mixture of what tests do, in Python and in NumPy [s]."""
-    begun = time.thread_time()
-    matrix = np.random.default_rng(1).standard_normal((20, 20))
-    sum(k % 7 for k in range(150_000))
-    for _ in range(150):
-        np.linalg.eigvals(matrix)
-    return time.thread_time() - begun
+        return {name: dict(own) for name, own in spent.items()}
 
 
 METER = Meter()
