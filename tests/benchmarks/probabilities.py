@@ -31,9 +31,9 @@ from hidden.experiment import experiment_on
 from hidden.families import BENCHES, FAMILIES, Bench
 from hidden.levitators import EFFECTS, levitator
 from hidden.physics import CATALOGUE, OUTSIDE
-from hidden.sizes import Sized, find, score_beside_tolerances
+from hidden.sizes import Sized, find, score, score_beside_tolerances
 from hidden.strangers import stranger
-from hidden.tolerances import machine_off
+from hidden.tolerances import Machine, machine_off
 
 POPULATIONS = ("strangers", "levitators", "benches")
 HIDDEN = {"nothing": 0.2, "one": 0.3, "two": 0.25, "three": 0.1, "outside": 0.15}
@@ -90,26 +90,27 @@ def _rotor(random: np.random.Generator, kind: str, population: str) -> Made | No
     found = {}
     for name in _drawn(random, kind, list(CATALOGUE), list(OUTSIDE)):
         found[name] = find(name, float(np.exp(random.uniform(*np.log(SCORES)))), bench)
-    if any(own.score < SEEN for own in found.values()):
+    amplitude = min((own.amplitude for own in found.values()), default=bench.amplitude)
+    is_off = random.random() >= 0.5
+    scores = {}
+    for name, own in found.items():
+        others = {other: each.parameters for other, each in found.items() if other != name}
+        scored = score_beside_tolerances if is_off else score
+        every = FAMILIES[name].on_all_lines
+        scores[name] = scored(bench, {name: own.parameters}, amplitude, on_all_lines=every, beside=others)
+    if any(own < SEEN for own in scores.values()):
         return None
-    scores = {name: own.score for name, own in found.items()}
-    if random.random() < 0.5:
+    if not is_off:
         rig, train, validate, _ = experiment_on(bench, found, seed)
         return scores, rig, train, validate
     off = machine_off(bench.known_to(tuple(found)), seed)
     if set(off.hidden) & set(found):
         return None
-    for name, own in found.items():
-        every = FAMILIES[name].on_all_lines
-        scores[name] = score_beside_tolerances(bench, {name: own.parameters}, own.amplitude, on_all_lines=every)
-    if any(score < SEEN for score in scores.values()):
-        return None
-    records = [_off_record(off, bench, found, seed, k) for k in range(2)]
+    records = [_off_record(off, bench, found, amplitude, seed, k) for k in range(2)]
     return scores, off.known, records[:1], records[1:]
 
 
-def _off_record(off: object, bench: Bench, found: dict[str, Sized], seed: int, k: int) -> Record:
-    amplitude = min((own.amplitude for own in found.values()), default=bench.amplitude)
+def _off_record(off: Machine, bench: Bench, found: dict[str, Sized], amplitude: float, seed: int, k: int) -> Record:
     return off.record(
         bench.excitation(amplitude, seed + k),
         2 * seed + k,

@@ -61,45 +61,53 @@ def _stored() -> dict:
     return json.loads(FILE.read_text())
 
 
+Hidden = Mapping[str, Mapping[str, object]]
+"""Parameters of effects, by name."""
+
+
 def score(
-    bench: Bench, hidden: Mapping[str, Mapping[str, object]], amplitude: float, *, on_all_lines: bool = False
+    bench: Bench, hidden: Hidden, amplitude: float, *, on_all_lines: bool = False, beside: Hidden | None = None
 ) -> float:
-    """Rise of J that hidden effects should cause in a noisy record of the bench.
+    """Rise of J that hidden effects should cause in a noisy record of the bench, beside others that are known.
 
     Raises
     ------
     MachineFailure
         If the rotor leaves its air gap.
     """
-    effects = tuple(hidden)
+    others = dict(beside or {})
+    effects = (*hidden, *others)
     yardstick = _yardstick(bench, bench.known_to(effects).to_toml(), on_all_lines)
     job = _job(bench, effects, amplitude)
-    with_it, without = (_signals(simulate(**job, hidden=h)) for h in (hidden, {}))
+    with_it, without = (_signals(simulate(**job, hidden=h)) for h in (others | dict(hidden), others))
     difference = yardstick.whiten(with_it - without).ravel()
     left = difference - yardstick.base @ (yardstick.base.T @ difference)
     return float(left @ left)
 
 
 def score_beside_tolerances(
-    bench: Bench, hidden: Mapping[str, Mapping[str, object]], amplitude: float, *, on_all_lines: bool = False
+    bench: Bench, hidden: Hidden, amplitude: float, *, on_all_lines: bool = False, beside: Hidden | None = None
 ) -> float:
     """The same where the rig file is off by ordinary tolerances: what their errors cannot absorb as likely as not.
 
     The errors are of first order and normal, so that what machines that are off by a draw each differ by has the
     covariance T T', and ``d' (1 + T T')^-1 d`` is left of a difference d.
     """
-    rig, i_e = bench.known_to(tuple(hidden)), bench.excitation(amplitude)
+    others = dict(beside or {})
+    rig, i_e = bench.known_to((*hidden, *others)), bench.excitation(amplitude)
     yardstick = _yardstick(bench, rig.to_toml(), on_all_lines)
-    without = _signals(simulate(rig, i_e, seed=None, **bench.truth))
+    with_it, without = (
+        _signals(simulate(rig, i_e, h, seed=None, **bench.truth)) for h in (others | dict(hidden), others)
+    )
 
     def change(signals: np.ndarray) -> np.ndarray:
         white = yardstick.whiten(signals - without).ravel()
         return white - yardstick.base @ (yardstick.base.T @ white)
 
-    difference, off = change(_signals(simulate(rig, i_e, hidden, seed=None, **bench.truth))), []
+    difference, off = change(with_it), []
     for seed in range(OFF_MACHINES):
         with suppress(MachineFailure):
-            off.append(change(_signals(machine_off(rig, seed).record(i_e, None, **bench.truth))))
+            off.append(change(_signals(machine_off(rig, seed).record(i_e, None, others, **bench.truth))))
     spread = np.column_stack(off) / np.sqrt(len(off))
     seen = spread.T @ difference
     absorbed = seen @ np.linalg.solve(np.eye(len(off)) + spread.T @ spread, seen)
