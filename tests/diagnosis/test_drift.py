@@ -5,8 +5,7 @@ import pytest
 
 import ambid
 from ambid.diagnosis import diagnose
-from ambid.diagnosis.drift import largest_change
-from ambid.diagnosis.verdict import OVERTURNS
+from ambid.diagnosis.drift import OVERTURNS, largest_change
 from hidden.bench import simulate
 from hidden.experiment import experiment
 from hidden.families import BENCHES
@@ -82,6 +81,9 @@ def test_a_record_of_a_drifting_force_is_not_adequate():
     assert found.verdict != "adequate"
     (change,) = (own for own in found.findings if own.code == "parameter_seems_to_change")
     assert change.values["power"] > OVERTURNS
+    (drift,) = (own for own in found.to_json()["adequacy"] if own["test"] == "drift")
+    assert drift["statistic"] == pytest.approx(change.values["power"] / 2.0)
+    assert drift["statistic"] > drift["limit"] >= OVERTURNS / 2.0
 
 
 MACHINES = {

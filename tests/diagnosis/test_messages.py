@@ -13,6 +13,8 @@ from ambid.diagnosis.messages import findings_of
 from ambid.diagnosis.ports import needed_at_ports
 from ambid.diagnosis.probabilities import Probabilities
 from ambid.diagnosis.verdict import Verdict, share_explained
+from ambid.noise import Adequacy, Criterion
+from ambid.noise.adequacy import WHEN
 from ambid.report.words import left_sentence
 from hidden.bench import measured
 from hidden.one_axis import ONE_AXIS, record
@@ -21,6 +23,7 @@ RIG = ONE_AXIS.rig
 TRUE = {"K_i.A_zeta": ONE_AXIS.K_i[0], "K_s.A_zeta": ONE_AXIS.K_s[0], "tau_e": ONE_AXIS.tau_e}
 CELL = Cell("run", "y.A_zeta", (18.0, 36.0), 21.6, "linear")
 HUM = effects.find("periodic_disturbance")
+KEPT_BACK = Criterion("validation", 1.53, 1000.0)
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +40,7 @@ def loud():
     friction = {"coulomb_friction": {"force": 3.0, "z": ONE_AXIS.middle}}
     found = identify(RIG, measured(RIG, i_e, friction, seed=0, **ONE_AXIS.truth)).comparison
     assert found.misfit < found.bound
-    assert found.loudest > 1.1
+    assert found.adequacy.failed("power")
     return found
 
 
@@ -59,7 +62,6 @@ def verdict(fit, **facts):
         misfit=1.0,
         tolerance=1.1,
         share=0.99,
-        tones=(),
         change=None,
         tried=(),
         tried_share=0.0,
@@ -68,8 +70,8 @@ def verdict(fit, **facts):
         is_chosen=False,
         changes=(),
         remains=None,
-        kept_back=None,
-        shape=None,
+        left=fit.adequacy,
+        adequacy=fit.adequacy,
     )
     return replace(usual, **facts)
 
@@ -84,8 +86,9 @@ def test_what_remains_is_reported_with_the_limit_that_it_exceeds(hum, loud):
     assert (left.values["misfit"], left.values["limit"], left.values["ratio"]) == (1.1004, 1.1, None)
     assert {"1.1004", "1.1000"} <= set(left.message.split())  # with so many digits that they differ
     left = found(verdict(loud, misfit=loud.misfit))["mostly_explained"]
-    assert (left.values["misfit"], left.values["ratio"], left.values["most"]) == (None, loud.loudest, 1.1)
-    assert left.values["when"] == loud.when_loudest
+    (power,) = loud.adequacy.failed("power", "motion")
+    assert (left.values["misfit"], left.values["ratio"], left.values["most"]) == (None, power.statistic, power.limit)
+    assert left.values["when"] == WHEN[power.name]
     assert "mostly_explained" not in found(verdict(hum))
 
 
@@ -104,7 +107,7 @@ def test_what_is_good_enough_is_not_called_nothing(hum):
 
 
 def test_a_misfit_of_records_kept_back_is_reported_and_asked_for(hum):
-    poor = verdict(hum, kept_back=1.53)
+    poor = verdict(hum, left=Adequacy().beside(KEPT_BACK))
     assert found(poor)["validation_above_limit"].values["misfit"] == 1.53
     assert [step.code for step in next_steps(poor, ())] == ["next_diagnose_validation"]
     assert next_steps(replace(poor, word="adequate"), ()) == next_steps(poor, ())
@@ -112,7 +115,8 @@ def test_a_misfit_of_records_kept_back_is_reported_and_asked_for(hum):
 
 
 def test_what_is_above_the_noise_within_the_tolerance_is_not_called_missing_physics(loud):
-    assert "residual_above_noise" not in found(verdict(loud, tolerance=1.01 * loud.loudest))
+    (power,) = loud.adequacy.failed("power", "motion")
+    assert "residual_above_noise" not in found(verdict(loud, tolerance=1.01 * power.statistic))
     assert "residual_above_noise" in found(verdict(loud))
 
 
@@ -150,14 +154,14 @@ def test_each_set_asks_for_an_experiment_of_its_own(hum):
 
 def test_the_sentences_are_those_that_were_read(hum, golden):
     """Of a verdict with all that may stand beside one."""
-    facts = {"misfit": 1.3, "kept_back": 1.53, "is_stopped": True, "remains": CELL}
+    facts = {"misfit": 1.3, "left": Adequacy().beside(KEPT_BACK), "is_stopped": True, "remains": CELL}
     some = verdict(hum, **facts)
     none = replace(some, word="none_of_the_candidates", tried=(HUM.name,), tried_share=0.4, is_chosen=True)
     good_enough = verdict(hum, word="adequate", effects=(), misfit=1.093)
     for own in (some, none, replace(good_enough, where=replace(good_enough.where, cells=(CELL,)))):
         shown = (finding for code, finding in found(own).items() if not code.startswith("missing"))  # what is measured
         golden.holds("\n".join(finding.line() for finding in shown))
-        golden.holds("\n".join(step.message for step in next_steps(replace(own, kept_back=None), ())))
+        golden.holds("\n".join(step.message for step in next_steps(replace(own, left=Adequacy()), ())))
 
 
 def test_the_share_that_is_explained_lies_between_none_and_all(hum):

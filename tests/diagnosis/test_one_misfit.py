@@ -19,7 +19,16 @@ def test_identify_compare_rank_and_diagnose_state_one_misfit(effect, tmp_path):
     estimate.model.save(tmp_path / "model.json")
     model = ambid.Model.load(tmp_path / "model.json")
     comparison = ambid.compare(model, train)
-    assert comparison.misfit == pytest.approx(estimate.comparison.misfit, rel=1e-9)
-    assert ambid.rank(comparison).misfit == pytest.approx(comparison.misfit, rel=1e-9)
+    assert comparison.misfit == pytest.approx(estimate.misfit, rel=1e-12)
+    assert ambid.rank(comparison).misfit == comparison.misfit
     found = ambid.diagnose(model, train, catalogue=[find("loop_delay"), find("seal_forces")])
-    assert found.history[0].misfit == pytest.approx(comparison.misfit, rel=1e-3), "it is fitted once more"
+    again = ambid.identify(model, train)  # a diagnosis fits the model once more
+    assert found.history[0].misfit == pytest.approx(again.misfit, rel=1e-12)
+    assert again.misfit == pytest.approx(comparison.misfit, rel=1e-3)
+    for result, misfit, bound in (
+        (again.to_json(), again.misfit, again.misfit_bound),
+        (comparison.to_json(), comparison.misfit, comparison.bound),
+        (found.to_json(), found.fit.misfit, found.fit.bound),
+    ):
+        (own,) = (test for test in result["adequacy"] if test["test"] == "misfit")
+        assert (own["statistic"], own["limit"]) == (misfit, bound)

@@ -10,6 +10,7 @@ import ambid
 from ambid.demo import DATA
 from ambid.effects import CATALOGUE
 from ambid.findings import Kind
+from ambid.noise.adequacy import INCONSISTENT, Adequacy, Criterion
 from parsed import read_by_the_command_line
 from places import ROOT
 
@@ -209,6 +210,16 @@ def test_every_key_of_the_results_is_told():
     diagnosis = ambid.Diagnosis.uninformative(estimate.model, [record], [], 0.0)
     for shown, result in ((of_identify, estimate), (of_diagnose, diagnosis)):
         assert [key for key in result.to_json() if f"`{key}`" not in shown] == []
+
+
+def test_every_test_that_a_model_must_pass_is_told():
+    shown = text("results.md").partition("## Tests that a model must pass")[2].partition("\n## ")[0]
+    told = set(re.findall(r"^\| `(\w+)` \|", shown, re.MULTILINE)) - {"test"}
+    of_diagnosis = {"line", "drift", "validation"}
+    assert told == INCONSISTENT.keys() | of_diagnosis
+    assert all(f"``{name}``" in (Criterion.__doc__ or "") for name in told)
+    made = Adequacy().beside(Criterion("power", 2.0, 10.0)).as_dict()[0]
+    assert [key for key in made if f"`{key}`" not in shown] == []
 
 
 def test_rooms_and_plant():

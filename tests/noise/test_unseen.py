@@ -41,9 +41,9 @@ def test_friction_is_seen_where_the_misfit_takes_it_for_noise(seed):
 def test_a_small_dead_band_is_seen_by_its_shape_alone(seed):
     found = identify(ONE_AXIS.rig, record(seed, {"amplifier_dead_band": {"current": 0.002}}))
     assert found.misfit < found.misfit_bound
-    assert found.comparison.loudest == 1.0
+    (shape,) = found.comparison.adequacy.failed()
     assert found.inconsistency.code == "nonlinear_residual"
-    assert found.inconsistency.values["kind"] == found.comparison.shape.kind == "odd"
+    assert found.inconsistency.values["kind"] == shape.values["kind"] == "odd"
 
 
 def test_the_shape_is_looked_for_in_the_beginning_of_a_long_record(monkeypatch):
@@ -58,8 +58,8 @@ def test_the_shape_is_looked_for_in_the_beginning_of_a_long_record(monkeypatch):
 
     monkeypatch.setattr(unseen, "Shapes", Watched)
     found = identify(ONE_AXIS.rig, record(5, {"amplifier_dead_band": {"current": 0.002}}, chips=2500))
-    assert found.comparison.shape.kind == "odd"
+    assert [own.values["kind"] for own in found.comparison.adequacy.failed("shape")] == ["odd"]
     assert [part.record.samples for part in searched] == [4000]
     model = Model(ONE_AXIS.rig).with_values(TRUE)
-    assert [compare(model, record(seed, {}, chips=2500)).shape for seed in range(2)] == [None] * 2
+    assert [compare(model, record(seed, {}, chips=2500)).is_adequate for seed in range(2)] == [True] * 2
     assert {part.record.samples for part in searched} == {4000}

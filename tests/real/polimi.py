@@ -118,7 +118,8 @@ def why(folder: Path) -> None:
     print("PID, eq. 9:", line(by_eq_9))
     for effects in SUSPECTS:
         found = diagnose(pid_rig(folder), record, effects=effects)
-        left = f"J {found.fit.cost:.0f}, {found.fit.loudest:.1f} times the noise in motion"
+        louder = max((own.statistic for own in found.fit.adequacy.failed("motion")), default=1.0)
+        left = f"J {found.fit.cost:.0f}, {louder:.1f} times the noise in motion"
         print(f"PID, {' + '.join(effects) or 'base'}:", line(found.parameters), left, sep="  ")
     values = []
     for name, firsts in STEPS.items():

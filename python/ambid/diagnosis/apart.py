@@ -71,7 +71,7 @@ def changing(fit: Comparison) -> tuple[Changing, ...]:
     fits = []
     for members in groups.values():
         own = _alone(fit, members)
-        if own is None or not own.is_within:
+        if own is None or not own.adequacy.is_within:
             return ()
         fits.append(own)
     names = tuple(own.noise.records[0].name for own in fits)

@@ -11,7 +11,7 @@ it is. So what is suspected is taken out of them by least squares, and all is wh
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,20 +21,24 @@ from scipy.special import chdtri
 from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.diagnosis.chance import independent_tests
+from ambid.findings import Where
 from ambid.model import Model
-from ambid.noise import Comparison
+from ambid.noise import Comparison, Criterion
+from ambid.noise.chance import UNUSUAL
 from ambid.noise.lines import RecordLines, as_lines
 from ambid.noise.tones import Between
 from ambid.noise.whitener import Spectrum, between_lines
 
-__all__ = ["Change", "largest_change"]
+__all__ = ["OVERTURNS", "Change", "largest_change"]
 
 FASTEST = 24
 """Cycles per record up to which changes are looked for."""
-RARE = 1e-4
-"""Chance that noise alone is taken for a change of some parameter."""
 SUSPECTED = 0.01
-"""The same, below which a change is taken out of the lines that tell the noise."""
+"""Chance that noise alone is taken for a change of some parameter, below which a change is taken out of the
+lines that tell the noise."""
+OVERTURNS = 65.0
+"""Power of a change during a record that noise alone never has: what has none stays below it, and one of half a per
+cent of K_i on four axes has 200. Smaller ones are stated beside a verdict."""
 
 SHARE, EVENED = 0.05, 30
 """Of a pattern's energy on any one line, by so many roundings off: a peak of noise that the spectrum does not follow
@@ -57,6 +61,8 @@ class Change:
         Amplitude of the change over the parameter's value.
     power : float
         In units of noise, 2 where nothing changes.
+    trials : float
+        How many independent patterns and shifts it is the largest of.
     """
 
     record: str
@@ -65,6 +71,13 @@ class Change:
     cycles: int
     relative: float
     power: float
+    trials: float
+
+    @property
+    def criterion(self) -> Criterion:
+        """Of a model beside which it stays."""
+        where = Where(record=self.record, key=self.parameter)
+        return Criterion("drift", self.power / 2.0, 2.0, trials=self.trials, least=OVERTURNS / 2.0, where=where)
 
 
 def largest_change(comparison: Comparison) -> Change | None:
@@ -92,9 +105,9 @@ def largest_change(comparison: Comparison) -> Change | None:
         index, name = bases[acting[j]]
         relative = 2.0 * float(np.abs(amplitudes[k, j])) / abs(model.theta[index])
         d, per_line = int(shifts[k]), record.sample_rate / window.samples
-        found.append(Change(record.name, name, d * per_line, d, relative, float(powers[k, j])))
+        found.append(Change(record.name, name, d * per_line, d, relative, float(powers[k, j]), tried))
     best = max(found, key=lambda change: change.power, default=None)
-    return best if best is not None and best.power > chdtri(2, RARE / tried) else None
+    return replace(best, trials=tried) if best is not None and best.power > chdtri(2, UNUSUAL / tried) else None
 
 
 def _patterns(part: RecordLines, model: Model, free: list[int]) -> ComplexArray:

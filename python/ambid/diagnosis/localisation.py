@@ -16,7 +16,7 @@ from ambid.findings import NOWHERE, Finding, Kind, Where, WithFindings
 from ambid.loop.effect import Tone
 from ambid.model import Model
 from ambid.noise import Comparison
-from ambid.noise.chance import SPREAD, misfit_bound
+from ambid.noise.chance import RARE, SPREAD, misfit_bound
 from ambid.noise.lines import RecordLines
 from ambid.noise.response_lines import ResponseLines
 from ambid.noise.shapes import TERMS
@@ -99,9 +99,9 @@ class MisfitMap:
 
     @property
     def by_chance(self) -> FloatArray:
-        """Misfit of each band that chance may bring, by its number of lines, shape (bands,)."""
+        """Misfit of each band that chance may bring to some cell, by its number of lines, shape (bands,)."""
         lines = np.maximum(np.diff(self.edges_hz) / self.line_hz, 1.0)
-        return np.array([misfit_bound(int(2.0 * count)) for count in lines])
+        return np.array([misfit_bound(2.0 * count, RARE / self.misfit.size) for count in lines])
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, as in JSON."""

@@ -10,6 +10,7 @@ from ambid.diagnosis.result import EXPLAINED_BY_POINT, GOOD_ENOUGH, MOSTLY_EXPLA
 from ambid.diagnosis.verdict import Verdict
 from ambid.findings import NOWHERE, Finding, Kind, Where
 from ambid.noise import Noise
+from ambid.noise.adequacy import WHEN
 from ambid.noise.halves import UNEVEN
 from ambid.noise.response_lines import ResponseLines
 from ambid.noise.still import LOUDER
@@ -116,7 +117,7 @@ def findings_of(verdict: Verdict, noise: Noise, history: Sequence[Step]) -> Iter
         own: dict[str, Any] = {"change": change.relative, "frequency_hz": change.frequency_hz, "power": change.power}
         yield CHANGES(Where(record=change.record), parameter=change.parameter, **own)
     if verdict.shows_elsewhere:
-        yield VALIDATION(NOWHERE, misfit=verdict.kept_back)
+        yield VALIDATION(NOWHERE, misfit=verdict.left.failed("validation")[0].statistic)
     for part in noise.parts:
         if isinstance(part, ResponseLines):
             yield SMALL_MOTION(Where(record=part.record.name))
@@ -140,14 +141,15 @@ def _of_what_remains(verdict: Verdict) -> Iterator[Finding]:
     fit, limit = verdict.fit, max(verdict.tolerance, verdict.fit.bound)
     if verdict.word in ("explained", "ambiguous") and not verdict.is_to_the_noise:
         is_misfit = verdict.misfit > limit
+        louder = None if is_misfit else verdict.louder
         yield (EXPLAINED_BY_POINT if verdict.changes else MOSTLY_EXPLAINED)(
             NOWHERE,
             explained=verdict.share,
             misfit=verdict.misfit if is_misfit else None,
             limit=limit if is_misfit else None,
-            ratio=None if is_misfit else fit.loudest,
-            most=None if is_misfit else verdict.tolerance,
-            when=None if is_misfit else fit.when_loudest,
+            ratio=None if louder is None else louder.statistic,
+            most=None if louder is None else max(louder.limit, verdict.tolerance),
+            when=None if louder is None else WHEN[louder.name],
         )
         yield from (CHANGING(NOWHERE, **own.as_dict()) for own in verdict.changes)
     if verdict.is_only_good_enough:
@@ -175,7 +177,7 @@ def _of_the_nameless(verdict: Verdict) -> Iterator[Finding]:
     tried = list(verdict.tried) or None
     if tried is not None:
         yield TRIED(NOWHERE, effects=tried, explained=verdict.tried_share)
-    if verdict.shape is not None:
-        yield SHAPE(NOWHERE, effects=tried, **verdict.shape._asdict())
-    yield from (LINE(NOWHERE, frequency_hz=tone.frequency_hz) for tone in verdict.tones)
+    for shape in verdict.left.failed("shape")[:1]:
+        yield SHAPE(NOWHERE, effects=tried, **shape.values)
+    yield from (LINE(NOWHERE, **line.values) for line in verdict.left.failed("line"))
     yield from verdict.where.findings

@@ -284,6 +284,7 @@ def _told(
         validation=task.validate,
         next_steps=tuple(slips[:1]) or next_steps(verdict, history),
         seconds=time.perf_counter() - begun_at,
+        adequacy=verdict.adequacy,
         findings=(
             *findings_of_repeats(records),
             *findings_of_validation(records, task.validate),

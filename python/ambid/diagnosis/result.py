@@ -21,7 +21,7 @@ from ambid.identification import ParameterEstimate
 from ambid.identification.tolerances import Budget, KnownValue
 from ambid.identification.tolerances import lines as tolerance_lines
 from ambid.model import Model
-from ambid.noise import Comparison
+from ambid.noise import Adequacy, Comparison
 from ambid.noise.window import findings_of
 from ambid.record import Measurement, Record
 from ambid.results import Tabular, band_text, picture, plain
@@ -215,6 +215,8 @@ class Diagnosis(ByValue, WithFindings, Tabular):
         What to do now, by their codes.
     seconds : float
     findings : tuple of Finding
+    adequacy : Adequacy
+        Of the last model, with lines, drift and the records for validation.
     """
 
     verdict: str
@@ -235,6 +237,7 @@ class Diagnosis(ByValue, WithFindings, Tabular):
     next_steps: tuple[Finding, ...]
     seconds: float
     findings: tuple[Finding, ...] = ()
+    adequacy: Adequacy = Adequacy()
     tolerances: dict[str, KnownValue] = field(default_factory=dict)
     variances: Budget = field(default_factory=dict)
     incidental = ("seconds",)
@@ -347,6 +350,7 @@ class Diagnosis(ByValue, WithFindings, Tabular):
                 "budget": self.variances,
                 "misfit": np.nan if self.fit is None else self.fit.misfit,
                 "misfit_bound": np.nan if self.fit is None else self.fit.bound,
+                "adequacy": self.adequacy.as_dict(),
                 "explained_percent": self.explained_percent,
                 "families": {name: family.as_dict() for name, family in self.families.items()},
                 "not_tried": self.not_tried,

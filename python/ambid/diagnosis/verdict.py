@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtri
@@ -16,12 +16,13 @@ from ambid.diagnosis.hypotheses import Field, Hypothesis, Names
 from ambid.diagnosis.localisation import Cell, Localisation, largest_cell, localise
 from ambid.diagnosis.probabilities import Probabilities, probabilities
 from ambid.diagnosis.task import Task
+from ambid.findings import Where
 from ambid.identification.covariance import covariance
-from ambid.loop.effect import Tone
-from ambid.noise import Comparison
+from ambid.noise import Adequacy, Comparison, Criterion
+from ambid.noise.adequacy import misfit_criterion
 from ambid.noise.chance import RARE
-from ambid.noise.tones import OUTSTANDING
-from ambid.noise.unseen import ShapeLeft, shape_left
+from ambid.noise.tones import BESIDE, OUTSTANDING
+from ambid.noise.unseen import shape_left
 from ambid.record import Measurement, Record
 
 __all__ = ["Verdict", "judged", "share_explained"]
@@ -32,9 +33,6 @@ LIKELY = 0.5
 """Probability from which on something else is taken for granted."""
 EXCLUDED = 40.0
 """Log of the odds that a test has against noise alone whose chance is past all counting."""
-OVERTURNS = 65.0
-"""Power of a change during a record that noise alone never has: what has none stays below it, and one of half a per
-cent of K_i on four axes has 200. Smaller ones are stated beside a verdict."""
 SHAPE_OF_FORMULAS = 0.05
 """Part of what effects explain of records without periods that their formulas may leave as a shape: what stood in for
 friction and dead bands left 17 to 60 % of that, the coil of a levitator that was bought 0.6 to 1.7 %."""
@@ -65,8 +63,6 @@ class Verdict:
         Misfit up to which a model is good enough.
     share : float
         Part of the excess misfit of the base model that is explained, 0 to 1.
-    tones : tuple of Tone
-        That stand out in what is left.
     change : Change or None
         Parameter that changes in what is left.
     tried : tuple of str
@@ -82,10 +78,10 @@ class Verdict:
         What is left where the effects explain each of several operating points by itself.
     remains : Cell or None
         Where most is left by the effects that explain.
-    kept_back : float or None
-        Misfit of the last model on the records to validate on, where it is above their bound.
-    shape : ShapeLeft or None
-        What the last model leaves that is more than noise, and neither linear nor of a name, where that decides.
+    left : Adequacy
+        Of the best set that was tried, with lines, drift, shape and the records to validate on.
+    adequacy : Adequacy
+        The same of the last model.
     """
 
     word: str
@@ -97,7 +93,6 @@ class Verdict:
     misfit: float
     tolerance: float
     share: float
-    tones: tuple[Tone, ...]
     change: Change | None
     tried: tuple[str, ...]
     tried_share: float
@@ -106,42 +101,30 @@ class Verdict:
     is_chosen: bool
     changes: tuple[Changing, ...]
     remains: Cell | None
-    kept_back: float | None
-    shape: ShapeLeft | None
+    left: Adequacy
+    adequacy: Adequacy
+
+    @property
+    def louder(self) -> Criterion | None:
+        """What the last model leaves above the noise and above what is good enough, though no misfit shows it."""
+        failed = self.fit.adequacy.failed("power", "motion")
+        return next((own for own in failed if own.statistic > self.tolerance), None)
 
     @property
     def is_to_the_noise(self) -> bool:
         """Whether the last model leaves no more than chance, or than is good enough, leaves."""
-        return self.misfit <= max(self.tolerance, self.fit.bound) and self.fit.loudest <= self.tolerance
+        return self.misfit <= max(self.tolerance, self.fit.bound) and self.louder is None
 
     @property
     def shows_elsewhere(self) -> bool:
         """Whether records to validate on show what those that the model was fitted to do not."""
         is_named = self.word != "none_of_the_candidates"
-        return self.kept_back is not None and (is_named or self.is_to_the_noise)
+        return bool(self.left.failed("validation")) and (is_named or self.is_to_the_noise)
 
     @property
     def is_only_good_enough(self) -> bool:
         """Whether it is called adequate while more than chance is left."""
         return self.word == "adequate" and self.fit.by_chance < self.misfit <= self.tolerance
-
-
-@dataclass(frozen=True)
-class _Left:
-    """What a model leaves that J does not see."""
-
-    tones: tuple[Tone, ...]
-    change: Change | None
-    shape: ShapeLeft | None
-    kept_back: float | None
-    loudest: float
-    is_explained: bool
-
-    @property
-    def against(self) -> float:
-        """Log of the odds against noise alone, or what formulas leave: a tone, or a change, is of none."""
-        is_clean = not self.tones and (self.change is None or self.change.power < OVERTURNS)
-        return 0.0 if is_clean and self.shape is None and (self.is_explained or self.loudest <= 1.0) else EXCLUDED
 
 
 def judged(
@@ -162,22 +145,23 @@ def judged(
     """
     best = chosen or field.best
     base, where = field.base.fit, localise(field.base.fit)
-    left = _left(field, best, where)
-    local = frozenset[str]()
-    if best.added and not task.validate and base.is_within and not is_everywhere(base, best.fit):
+    change, left = _left(field, best, where)
+    of, against, local = best.fit, _against(best, left), frozenset[str]()
+    if best.added and not task.validate and base.adequacy.is_within and not is_everywhere(base, best.fit):
         local = best.names
-    score = left.shape.score if left.shape else 0.0
-    found = probabilities(field, left.against, local, score, _clean(field, best, where) if left.against else None)
+    score = max((own.values["score"] for own in left.failed("shape")), default=0.0)
+    found = probabilities(field, against, local, score, _clean(field, best, where) if against else None)
     if local:
         best = field.base
     changes: tuple[Changing, ...] = ()
-    is_noise = best.fit.is_within and found.something_else < LIKELY
-    if best.added and not is_noise and not is_stopped and not left.against:
+    is_noise = left.is_within and found.something_else < LIKELY
+    if best.added and not is_noise and not is_stopped and not against:
         changes = changing(best.fit)
     enough = best.fit.by_chance if tolerance is None else tolerance
-    is_small = best.fit.misfit <= max(enough, best.fit.by_chance) and left.loudest <= enough
-    is_good = tolerance is not None and not best.added and is_small and not left.against
-    is_good &= left.kept_back is None or left.kept_back <= enough
+    is_small = best.fit.misfit <= max(enough, best.fit.by_chance)
+    is_small &= all(own.statistic <= enough for own in left.failed("power", "motion"))
+    is_good = tolerance is not None and not best.added and is_small and not against
+    is_good &= all(own.statistic <= enough for own in left.failed("validation"))
     is_nameless = found.something_else > LIKELY and not changes
     word = "adequate" if is_good else _word(found, best, is_nameless=is_nameless, is_chosen=chosen is not None)
     if is_stopped and word in ("adequate", "none_of_the_candidates") and not (word == "adequate" and is_small):
@@ -202,17 +186,16 @@ def judged(
         best.fit.misfit,
         enough,
         share,
-        left.tones,
-        left.change,
+        change,
         tried,
         share if tried else 0.0,
         _others(task, base),
         is_stopped,
         chosen is not None,
         changes,
-        largest_cell(fit, best.fit.renewed(), left.change) if word == "explained" else None,
-        left.kept_back,
-        left.shape,
+        largest_cell(fit, best.fit.renewed(), change) if word == "explained" else None,
+        left,
+        left if fit is of else _left(field, field.base, where)[1],
     )
 
 
@@ -231,40 +214,48 @@ def _word(found: Probabilities, best: Hypothesis, *, is_nameless: bool, is_chose
 def _clean(field: Field, best: Hypothesis, where: Localisation) -> Names | None:
     """The set that comes nearest to noise, where it holds the best one and leaves nothing to tests other than J."""
     nearest = max(field.tried.values(), key=lambda own: field.alone(own.evidence))
-    is_clean = nearest.names > best.names and not _left(field, nearest, where).against
+    is_clean = nearest.names > best.names and not _against(nearest, _left(field, nearest, where)[1])
     return nearest.names if is_clean else None
 
 
-def _left(field: Field, best: Hypothesis, where: Localisation) -> _Left:
-    """What the best set leaves."""
-    fit = best.fit.renewed() if best.added else best.fit
-    shape = fit.shape
-    if best.added:
-        shape = _shape_left(field, best)
-    return _Left(
-        tones=tuple(tone for tone in fit.tones if tone.power > OUTSTANDING),
-        change=largest_change(fit) if best.added else where.change,
-        shape=shape,
-        kept_back=_beyond_bound(best),
-        loudest=best.fit.loudest,
-        is_explained=bool(best.added),
-    )
+def _against(own: Hypothesis, left: Adequacy) -> float:
+    """Log of the odds against noise alone, or what formulas leave, in what a set leaves; a line is of neither."""
+    return EXCLUDED if left.failed("line", "drift", "shape", *(() if own.added else ("power", "motion"))) else 0.0
 
 
-def _shape_left(field: Field, best: Hypothesis) -> ShapeLeft | None:
-    """The nonlinear shape that a set leaves of a record; None where none is sure, or formulas may leave as much.
+def _left(field: Field, own: Hypothesis, where: Localisation) -> tuple[Change | None, Adequacy]:
+    """What a set leaves: the largest change of a parameter, and all tests of a diagnosis."""
+    fit, made, change = own.fit, own.fit.adequacy, where.change
+    if own.added:  # formulas may leave some of a shape
+        fit = fit.renewed()
+        made = Adequacy().beside(*(test for test in made.tests if test.name != "shape"), *_shapes_left(field, own))
+        change = largest_change(fit)
+    return change, made.beside(*_lines(fit), *([change.criterion] if change else ()), *_validation(own))
+
+
+def _shapes_left(field: Field, best: Hypothesis) -> Iterator[Criterion]:
+    """The nonlinear shapes that a set leaves of the records beyond what formulas may leave.
 
     Linear effects can take the place of friction, of a dead band or of a stop at one amplitude, and leave little more
     than noise in all. A score for one shape sees less than the sum over all lines does.
     """
     if field.is_of_formulas(best) and best.evidence.fitted_beyond > 0.0:
-        return None
+        return
     fall = field.fall_by_physics(best)
     for part in best.fit.noise.in_time:
         share = OF_FORMULAS if part.noise_is_measured else SHAPE_OF_FORMULAS
-        if shape := shape_left(part, best.fit.model, max(share * fall, field.of_formulas(best.evidence))):
-            return shape
-    return None
+        if own := shape_left(part, best.fit.model, max(share * fall, field.of_formulas(best.evidence))):
+            yield own
+
+
+def _lines(fit: Comparison) -> Iterator[Criterion]:
+    """The tones of each record, of all its lines and channels, each over the lines beside it."""
+    for part in fit.noise.in_time:
+        channels, trials = part.record.channels, 0.5 * part.window.samples * len(part.record.channels)
+        for tone in part.tones:
+            at = Where(record=part.record.name, channel=channels[tone.channel])
+            own = {"frequency_hz": tone.frequency_hz}
+            yield Criterion("line", tone.power, 2.0, 2.0 * BESIDE.sum(), trials, OUTSTANDING, where=at, values=own)
 
 
 def _told_apart(found: Probabilities, effects: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
@@ -292,21 +283,23 @@ def share_explained(base: Comparison, fit: Comparison) -> float:
     return 1.0 if excess <= 0.0 else min(1.0, max(0.0, (base.cost - fit.cost) / excess))
 
 
-def _beyond_bound(best: Hypothesis) -> float | None:
-    """Misfit of the records to validate on, where it is above their bound, and what errors of the fit bring to it.
+def _validation(best: Hypothesis) -> Iterator[Criterion]:
+    """Misfit of the records to validate on against their bound, and what errors of the fit bring to it.
 
     The parameters' covariance C of the fit makes the J of a record with the Hessian H larger by tr(C H) on average:
     the larger, the more a record tells that was kept back. It is bounded as chi-squared with that mean and the variance
     2 tr(C H C H) (Satterthwaite).
     """
     misfit, kept_back = best.validation_misfit, best.kept_back
-    if misfit is None or kept_back is None or not misfit > kept_back.bound:
-        return None
-    free = range(len(kept_back.model.names))
-    carried = covariance(best.fit, free) @ kept_back.noise.quadratic(kept_back.model, free).hessian
-    mean, square = float(np.trace(carried)), float(np.trace(carried @ carried))
-    brought = square / mean * float(chdtri(mean**2 / square, RARE))
-    return misfit if misfit > kept_back.bound + brought / kept_back.dof else None
+    if misfit is None or kept_back is None:
+        return
+    least = kept_back.bound
+    if misfit > least:
+        free = range(len(kept_back.model.names))
+        carried = covariance(best.fit, free) @ kept_back.noise.quadratic(kept_back.model, free).hessian
+        mean, square = float(np.trace(carried)), float(np.trace(carried @ carried))
+        least += square / mean * float(chdtri(mean**2 / square, RARE)) / kept_back.dof
+    yield replace(misfit_criterion(misfit, kept_back.dof, kept_back.noise.scatter), name="validation", least=least)
 
 
 def _others(task: Task, base: Comparison) -> str:

@@ -13,7 +13,7 @@ from ambid.arrays import FloatArray
 from ambid.errors import ModelError, RecordError, Stopped
 from ambid.findings import NOWHERE, Finding, Kind
 from ambid.identification.covariance import budget, covariance, propagated, sandwich
-from ambid.identification.curvature import Curvature, curvature
+from ambid.identification.curvature import Curvature, curvature, with_curvature
 from ambid.identification.edge import findings_at_edge
 from ambid.identification.estimate import Estimate, ParameterEstimate
 from ambid.identification.identifiability import identifiability, judged
@@ -24,7 +24,7 @@ from ambid.identification.renewal import improbability, renewed, way_around
 from ambid.identification.starts import best_of, stable_model
 from ambid.identification.tolerances import budget_by_name, findings_of, known_values
 from ambid.model import Given, Model
-from ambid.noise import Comparison, Noise, compare
+from ambid.noise import Adequacy, Comparison, Noise, compare
 from ambid.record import Measurement, Record, Source
 from ambid.rig.notes import notes_of
 from ambid.threads import with_one_blas_thread
@@ -81,14 +81,9 @@ class Found(NamedTuple):
         return self.comparison.misfit
 
     @property
-    def bound(self) -> float:
-        """Misfit up to which the model may be right."""
-        return self.comparison.bound
-
-    @property
-    def is_adequate(self) -> bool:
-        """See `Comparison.is_adequate`."""
-        return self.comparison.is_adequate
+    def adequacy(self) -> Adequacy:
+        """As `Estimate.adequacy`."""
+        return with_curvature(self.comparison.adequacy, self.curvature)
 
     @property
     def status(self) -> str:

@@ -19,14 +19,15 @@ from ambid.errors import ModelError, UnstableLoopError
 from ambid.findings import NOWHERE, Finding, Kind
 from ambid.identification.minimum import ROUGHLY, SUBSTEPS, WhitenedProblem
 from ambid.identification.problem import Limits
-from ambid.noise import Comparison
+from ambid.noise import Adequacy, Comparison, Criterion
 from ambid.record import Record
 
-__all__ = ["Curvature", "curvature"]
+__all__ = ["Curvature", "curvature", "with_curvature"]
 
 SEEN = 12.0
-"""Fall of J by which records tell the law from its slopes, with no parameter more: three and a half standard deviations
-of what chance brings at the worst."""
+"""Fall of J by which records tell the law from its slopes, with no parameter more. Of two such models that differ by
+the mean lambda, the right one has the larger J by as much as f with a chance that is largest at lambda = f: that of
+sqrt(f) standard deviations, three and a half of them."""
 MATTERS = 0.5
 """Standard errors by which a parameter must move for it to be told: less widens no interval by more than an eighth."""
 MOVES = "y moves by {travel:.2g|%} of the gap and i_c by {swing:.2g|%} of the bias, and the force of a single magnet "
@@ -57,8 +58,8 @@ class Curvature:
         Largest departure of y and of i_c from where a record begins, over the air gap and over the bias current.
     misfits : tuple of float
         J/dof of both fits.
-    is_seen : bool
-        Whether the records tell the law from its slopes.
+    fall : float
+        Of J by the law, over J/dof where that is above 1.
     """
 
     values: dict[str, tuple[float, float]]
@@ -66,7 +67,12 @@ class Curvature:
     travel: float
     swing: float
     misfits: tuple[float, float]
-    is_seen: bool
+    fall: float
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether the records tell the law from its slopes."""
+        return self.fall > SEEN
 
     def finding(self) -> Finding:
         """What is to be known beside the estimate."""
@@ -79,6 +85,13 @@ class Curvature:
             by_law={name: law for name, (_, law) in self.values.items()},
             by_slopes={name: slope for name, (slope, _) in self.values.items()},
         )
+
+
+def with_curvature(adequacy: Adequacy, found: Curvature | None) -> Adequacy:
+    """The tests of a fit beside that of what the law of a single magnet would change, where it was asked."""
+    if found is None:
+        return adequacy
+    return adequacy.beside(Criterion("curvature", max(0.0, found.fall), 1.0, trials=0.5, least=SEEN))
 
 
 def curvature(comparison: Comparison, free: Sequence[int], limits: Limits, covariance: FloatArray) -> Curvature | None:
@@ -114,11 +127,9 @@ def curvature(comparison: Comparison, free: Sequence[int], limits: Limits, covar
         return None
     if end.status == "stopped":
         raise KeyboardInterrupt from None
-    fall, level = comparison.cost - end.cost, SEEN * max(1.0, comparison.misfit)
-    if fall < -level:
-        return None
-    shift, is_seen = slopes.theta[at] - end.theta[at], fall > level
-    if not is_seen and np.all(np.abs(shift) < MATTERS * np.sqrt(np.diag(covariance))):
+    fall, shift = float(comparison.cost - end.cost) / max(1.0, comparison.misfit), slopes.theta[at] - end.theta[at]
+    leaves_all = fall <= SEEN and np.all(np.abs(shift) < MATTERS * np.sqrt(np.diag(covariance)))
+    if fall < -SEEN or leaves_all:
         return None
     travel, swing = _excursion(comparison)
     return Curvature(
@@ -127,7 +138,7 @@ def curvature(comparison: Comparison, free: Sequence[int], limits: Limits, covar
         travel=travel,
         swing=swing,
         misfits=(comparison.misfit, float(end.cost) / comparison.dof),
-        is_seen=bool(is_seen),
+        fall=fall,
     )
 
 

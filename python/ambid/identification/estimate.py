@@ -12,10 +12,10 @@ from ambid.arrays import ByValue, ComplexArray, FloatArray
 from ambid.effects.magnet import ForceNonlinearity
 from ambid.errors import UnknownParameterError, did_you_mean
 from ambid.findings import NOWHERE, Finding, Kind, WithFindings
-from ambid.identification.curvature import Curvature
+from ambid.identification.curvature import Curvature, with_curvature
 from ambid.identification.tolerances import Budget, KnownValue, lines, percent
 from ambid.model import Model, Parameter
-from ambid.noise import Comparison
+from ambid.noise import Adequacy, Comparison
 from ambid.record import Measurement
 from ambid.results import Named, Tabular, of_unit, plain
 
@@ -29,12 +29,6 @@ STATUS = {
     "not_identifiable": "these records do not determine the parameters that have no value, alone or together; which "
     "changes of them leave no trace is in the JSON as `not_identifiable`",
 }
-CURVED = Kind(
-    "curved_force_inconsistent",
-    "warning",
-    "the model is inconsistent with the data: misfit {misfit:{limit}|against}, limit {limit:{misfit}|against} (J/dof), "
-    "but the curved force of a single magnet is seen: K_i and K_s change during the motion",
-)
 RECORD_PERIODS = Kind(
     "next_record_periods",
     "note",
@@ -229,17 +223,19 @@ class Estimate(ByValue, WithFindings, Tabular):
         return self.comparison.bound
 
     @property
+    def adequacy(self) -> Adequacy:
+        """Of the comparison, and whether the force has a curvature that its slopes cannot have."""
+        return with_curvature(self.comparison.adequacy, self.curvature)
+
+    @property
     def is_adequate(self) -> bool:
-        """Whether the misfit is within its bound, and no curvature of the force is seen that a slope cannot have."""
-        return self.comparison.is_adequate and not (self.curvature is not None and self.curvature.is_seen)
+        """Whether nothing is left but noise, see `adequacy`."""
+        return self.adequacy.is_adequate
 
     @property
     def inconsistency(self) -> Finding | None:
         """What keeps the model from being adequate, with value and limit; None where nothing does."""
-        is_within = bool(self.misfit <= self.misfit_bound)
-        if is_within and self.curvature is not None and self.curvature.is_seen:
-            return CURVED(NOWHERE, misfit=self.misfit, limit=self.misfit_bound)
-        return self.comparison.inconsistency
+        return self.adequacy.finding
 
     @property
     def next_step(self) -> Finding:
@@ -288,6 +284,7 @@ class Estimate(ByValue, WithFindings, Tabular):
             "misfit": plain(self.misfit),
             "misfit_bound": plain(self.misfit_bound),
             "adequate": self.is_adequate,
+            "adequacy": plain(self.adequacy.as_dict()),
             "next": self.next,
             "next_step": self.next_step.as_dict(),
             "tolerances": {name: known.as_dict() for name, known in self.tolerances.items()},

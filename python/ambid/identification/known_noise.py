@@ -20,7 +20,7 @@ from ambid.identification.preparation import prepare
 from ambid.identification.problem import Descent, End, Problem
 from ambid.identification.starts import stable_model
 from ambid.model import Given
-from ambid.noise.chance import ADEQUATE, misfit_bound
+from ambid.noise.adequacy import Adequacy, misfit_criterion
 from ambid.record import Source
 
 __all__ = ["FoundInKnownNoise", "StepsInKnownNoise", "noise_of_channels", "steps_in_known_noise"]
@@ -41,14 +41,9 @@ class FoundInKnownNoise(NamedTuple):
         return self.end.cost / self.dof
 
     @property
-    def bound(self) -> float:
-        """Misfit up to which the model may be right."""
-        return max(ADEQUATE, misfit_bound(self.dof, spread=1.0))  # the noise is not estimated
-
-    @property
-    def is_adequate(self) -> bool:
-        """Whether the misfit is within its bound."""
-        return self.misfit <= self.bound
+    def adequacy(self) -> Adequacy:
+        """Of the misfit alone; the noise is not estimated."""
+        return Adequacy.of([misfit_criterion(self.misfit, self.dof, spread=1.0)])
 
     @property
     def status(self) -> str:

@@ -21,6 +21,7 @@ from ambid.identification.known_noise import (
 from ambid.identification.preparation import several
 from ambid.identification.problem import Descent, End
 from ambid.model import Given, as_model
+from ambid.noise import Adequacy
 from ambid.record import Source
 from ambid.results import Tabular
 from ambid.threads import with_one_blas_thread
@@ -208,8 +209,7 @@ class _Row:
     values: FloatArray | None = None
     covariance: FloatArray | None = None
     misfit: float = np.nan
-    bound: float = np.nan
-    adequate: bool = False
+    adequacy: Adequacy = Adequacy()
     evaluations: int = 0
 
     @classmethod
@@ -229,8 +229,7 @@ class _Row:
             values=values,
             covariance=covariance,
             misfit=found.misfit,
-            bound=found.bound,
-            adequate=found.is_adequate,
+            adequacy=found.adequacy,
             evaluations=found.problem.evaluations,
         )
 
@@ -324,8 +323,8 @@ def _estimates(rows: Sequence[_Row]) -> Estimates:
         std_errors=np.sqrt(np.einsum("rpp->rp", covariances)),
         covariances=covariances,
         misfit=np.array([row.misfit for row in rows]),
-        misfit_bound=np.array([row.bound for row in rows]),
-        adequate=np.array([row.adequate for row in rows], dtype=bool),
+        misfit_bound=np.array([row.adequacy.bound for row in rows]),
+        adequate=np.array([row.adequacy.is_adequate for row in rows], dtype=bool),
         status=tuple(row.status for row in rows),
         evaluations=np.array([row.evaluations for row in rows], dtype=np.int64),
         reasons=tuple(row.reason for row in rows),

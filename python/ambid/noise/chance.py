@@ -20,13 +20,13 @@ RESPONSE_SPREAD = 2.5
 Of 60 responses made from records, with a right model, J/dof lies on average 1.4 % above 1, and its root mean square
 about 1 is 0.024, of some 21 750 degrees of freedom."""
 RARE = 1e-3
-"""Chance that the misfit of a right model is above its bound."""
+"""Chance that the misfit of a right model is above its bound, and that any other test fails it."""
 UNUSUAL = 1e-4
-"""Chance of noise below which it is taken for something else: for uneven, for louder in motion, or, on a line, for what
-a model misses."""
+"""Chance of noise below which it is taken for something else: for uneven, for a parameter that changes, or, on a line,
+for what a model misses."""
 
 
-def misfit_bound(dof: int, chance: float = RARE, spread: float = SPREAD) -> float:
+def misfit_bound(dof: float, chance: float = RARE, spread: float = SPREAD) -> float:
     """J/dof that the right model exceeds with so small a chance: of chi-squared with dof / spread^2 degrees."""
     own = dof / spread**2
     return float(chdtri(own, chance) / own)

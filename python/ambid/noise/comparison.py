@@ -16,19 +16,19 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.channels import read_in
 from ambid.errors import RecordError, UnstableLoopError
-from ambid.findings import NOWHERE, Finding, Kind, WithFindings
+from ambid.findings import Finding, WithFindings
 from ambid.loop.effect import Tone
 from ambid.model import Given, Model, as_model
 from ambid.model.operating_point import suffix
-from ambid.noise.chance import ADEQUATE, misfit_bound
+from ambid.noise.adequacy import Adequacy, Criterion, misfit_criterion
 from ambid.noise.compared import ChannelComparison, RecordComparison, record_against, unjudged, with_average
 from ambid.noise.halves import uneven
 from ambid.noise.known import known_weights, tempered
 from ambid.noise.lines import RecordLines
 from ambid.noise.noise import Noise
 from ambid.noise.response_lines import ResponseLines
-from ambid.noise.still import Louder
-from ambid.noise.unseen import OverCeiling, ShapeLeft, over_ceiling, shape_left
+from ambid.noise.still import LOUDER, motion_left
+from ambid.noise.unseen import OVER_CEILING, power_left, shape_left
 from ambid.noise.window import findings_of
 from ambid.record import FrequencyResponse, Measurement, Record, Source, measured
 from ambid.results import Tabular, picture, plain
@@ -36,26 +36,8 @@ from ambid.threads import with_one_blas_thread
 
 __all__ = ["Comparison", "compare"]
 
-ABOVE_LIMIT = Kind(
-    "misfit_above_limit",
-    "warning",
-    "the model is inconsistent with the data: misfit {misfit:{limit}|against}, limit {limit:{misfit}|against} (J/dof)",
-)
-WITHIN = "(misfit {misfit:{limit}|against}, within its limit {limit:{misfit}|against})"
-TOO_MUCH_LEFT = Kind(
-    "residual_inconsistent",
-    "warning",
-    "the model is inconsistent with the data: the residual has {ratio:{most}|against} times the power of the noise "
-    f"{{when}}, limit {{most:{{ratio}}|against}} {WITHIN}",
-)
-NONLINEAR = Kind(
-    "nonlinear_residual",
-    "warning",
-    "the model is inconsistent with the data: what is left acts as a {port}, is {kind} and looks like {shape} "
-    f"{WITHIN}",
-)
 
-
+LOUDER_THAN_NOISE = {"power": OVER_CEILING, "motion": LOUDER}
 SETTLED = 0.1
 """Fall of J at which they end: that of a right model scatters by more than one."""
 
@@ -175,77 +157,53 @@ class Comparison(WithFindings, Tabular):
     @property
     def by_chance(self) -> float:
         """Misfit that chance may bring to the right model at these degrees of freedom; NaN as `misfit`."""
-        return misfit_bound(self.dof, spread=self.noise.scatter) if self._noise is not None else np.nan
+        return self._against_bound.by_chance if self.is_judged else np.nan
 
     @property
     def bound(self) -> float:
         """Misfit up to which a model is good enough: `ADEQUATE`, or what chance may bring; NaN as `misfit`."""
-        return max(self.by_chance, ADEQUATE)
+        return self._against_bound.limit if self.is_judged else np.nan
+
+    @property
+    def _against_bound(self) -> Criterion:
+        return misfit_criterion(self.misfit, self.dof, self.noise.scatter)
 
     @property
     def is_judged(self) -> bool:
         """Whether the noise is known."""
         return self._noise is not None
 
+    @cached_property
+    def adequacy(self) -> Adequacy:
+        """Of the misfit, and of what it does not see in records without periods."""
+        if not self.is_judged:
+            return Adequacy()
+        parts = [part for part in self.noise.in_time if not part.noise_is_measured]
+        shapes = (own for part in parts if (own := shape_left(part, self.model)))
+        return Adequacy.of([self._against_bound], self._powers(parts), shapes)
+
+    def _powers(self, parts: Sequence[RecordLines]) -> Iterator[Criterion]:
+        for part in parts:
+            here = part.at(self.model)
+            yield power_left(part, here)
+            if own := motion_left(part, here):
+                yield own
+
     @property
     def is_adequate(self) -> bool:
-        """Whether nothing is left but noise, by the misfit and by what it does not see in records without periods."""
-        return self.is_within and self.shape is None
-
-    @property
-    def is_within(self) -> bool:
-        """Whether the misfit is within its bound, and no record holds more than its noise, in motion or in all."""
-        return bool(self.misfit <= self.bound) and self.loudest <= 1.0
-
-    @property
-    def loudest(self) -> float:
-        """Largest power of what is left over the noise, in motion or in all, beyond chance; 1 where none is larger."""
-        return max((own.ratio for own in self._unseen if own is not None), default=1.0)
-
-    @property
-    def when_loudest(self) -> str:
-        """In motion or in all, in words; empty where no record holds more than its noise."""
-        found = [own for own in self._unseen if own is not None]
-        return max(found, key=lambda own: own.ratio).when if found else ""
-
-    @cached_property
-    def shape(self) -> ShapeLeft | None:
-        """Nonlinear shape of what is left of a record without periods, whose noise has room for it; None if none."""
-        if not self.is_within:
-            return None
-        parts = (part for part in self.noise.in_time if not part.noise_is_measured)
-        return next((shape for part in parts if (shape := shape_left(part, self.model))), None)
+        """Whether nothing is left but noise, see `adequacy`."""
+        return self.adequacy.is_adequate
 
     @property
     def inconsistency(self) -> Finding | None:
         """Which limit the model does not keep; None where it keeps all, or the noise is not known."""
-        own: dict[str, Any] = {"misfit": self.misfit, "limit": self.bound}
-        if not self.is_judged:
-            return None
-        if not self.misfit <= self.bound:
-            return ABOVE_LIMIT(NOWHERE, **own)
-        if self.loudest > 1.0:
-            return TOO_MUCH_LEFT(NOWHERE, ratio=self.loudest, most=1.0, when=self.when_loudest, **own)
-        return None if self.shape is None else NONLINEAR(NOWHERE, **self.shape._asdict(), **own)
+        return self.adequacy.finding
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
         """Which limit the model does not keep, and what is to be known of each record."""
         own = () if self.inconsistency is None else (self.inconsistency,)
         return (*own, *(finding for record in self.records for finding in record.findings))
-
-    @cached_property
-    def _unseen(self) -> tuple[Louder | OverCeiling | None, ...]:
-        """Of each record; nothing where the misfit tells it already, or the noise is not known."""
-        if not self.misfit <= self.bound:
-            return (None,) * len(self._records)
-        return tuple(self._unseen_in(part) if isinstance(part, RecordLines) else None for part in self.noise.parts)
-
-    def _unseen_in(self, part: RecordLines) -> Louder | OverCeiling | None:
-        """Of both, what is louder."""
-        here = part.at(self.model)
-        found = [own for own in (part.louder_in_motion(here), over_ceiling(part, here)) if own is not None]
-        return max(found, key=lambda own: own.ratio, default=None)
 
     @property
     def held(self) -> tuple[float, ...]:
@@ -267,19 +225,20 @@ class Comparison(WithFindings, Tabular):
         for k, record in enumerate(self._records):
             part = None if self._noise is None else self._noise.parts[k]
             own = unjudged(self.model, record) if part is None else record_against(self.model, part)
-            findings = (*findings_of(record), *own.findings, *self._findings_in(own, self._unseen[k]))
+            findings = (*findings_of(record), *own.findings, *self._findings_in(own))
             found.append(replace(own, findings=findings))
         return tuple(found)
 
-    def _findings_in(self, own: RecordComparison, louder: Louder | OverCeiling | None) -> Iterator[Finding]:
+    def _findings_in(self, own: RecordComparison) -> Iterator[Finding]:
         """What is left of a record that the misfit does not show."""
         record = own.record
         if self.is_adequate and isinstance(record, Record) and record.period is None:
             driven = self.model.excitation(record)[:, : len(record.axes)]
             if found := uneven(record, own.residual.real, driven):
                 yield found
-        if louder is not None:
-            yield louder.finding(record.name)
+        for louder in self.adequacy.failed(*LOUDER_THAN_NOISE):
+            if louder.where.record == record.name:
+                yield LOUDER_THAN_NOISE[louder.name](louder.where, ratio=louder.statistic, **louder.values)
 
     @cached_property
     def fit_percent(self) -> dict[str, float]:
@@ -319,7 +278,8 @@ class Comparison(WithFindings, Tabular):
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""
-        return plain({"records": [record.as_dict() for record in self.records], **self.findings_as_dict()})
+        records, adequacy = [record.as_dict() for record in self.records], self.adequacy.as_dict()
+        return plain({"records": records, "adequacy": adequacy, **self.findings_as_dict()})
 
     def table(self) -> dict[str, list[Any]]:
         """Channels of all records, a row each."""

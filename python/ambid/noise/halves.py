@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
-from scipy.special import fdtrc
 
 from ambid.arrays import FloatArray
 from ambid.errors import RecordError
 from ambid.findings import Finding, Kind, Where
+from ambid.noise.adequacy import Criterion
 from ambid.noise.chance import UNUSUAL
 from ambid.noise.local import beside_excitation, driving, regression
 from ambid.noise.window import Window, thinned
@@ -66,8 +66,9 @@ def uneven(record: Record, residual: FloatArray, excitation: FloatArray) -> Find
     ratio = np.mean(second / level, axis=0) / np.mean(first / level, axis=0)
     k = int(np.argmax(np.abs(np.log(ratio))))
     fitted, width = regression(len(level), driving(excitation).shape[1])
-    free, larger = 2.0 * len(level) * (1.0 - fitted / width), max(ratio[k], 1.0 / ratio[k])
-    if larger < MATTERS or 2.0 * fdtrc(free, free, larger) > UNUSUAL / len(ratio):
+    free = 2.0 * len(level) * (1.0 - fitted / width)
+    larger, trials = max(ratio[k], 1.0 / ratio[k]), 2.0 * len(ratio)  # either half may be louder
+    if not Criterion("halves", larger, free, free, trials, least=MATTERS, level=UNUSUAL).fails:
         return None
     return UNEVEN(Where(record=record.name, channel=record.channels[k]), ratio=float(ratio[k]))
 

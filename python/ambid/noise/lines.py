@@ -21,12 +21,11 @@ from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray, is_same
 from ambid.loop.effect import Effect
 from ambid.model import Model
-from ambid.noise.angles import best_angle, undisturbed
+from ambid.noise.angles import best_angle
 from ambid.noise.chance import SPREAD
 from ambid.noise.in_time import NEUTRAL, REMEMBERED
 from ambid.noise.shape import Split
 from ambid.noise.spectra import NoisyLines
-from ambid.noise.still import Louder, louder_in_motion
 from ambid.noise.transients import OWN, freed, lines_beside_poles, orthonormal, some_lines
 from ambid.noise.whitener import whitened
 
@@ -313,14 +312,6 @@ class RecordLines(NoisyLines):
         d = np.asarray(np.linalg.lstsq(columns, white, rcond=np.sqrt(OWN))[0])
         free = base.loop.core.free_response(base.theta, d, window.samples, self.record.samples)[:, :p]
         return np.asarray(steady + free)
-
-    def louder_in_motion(self, here: Model) -> Louder | None:
-        """Whether a model leaves more where the machine moves than where it stands still; not asked of periods."""
-        if self.window.is_periodic:
-            return None
-        left, whitening = self.residual_lines(here), self.spectrum.whitening
-        moved = self.simulated(undisturbed(here))  # a hum never stands still
-        return louder_in_motion(left, whitening, self.index, moved, self.record.sample_rate)
 
     @cached_property
     def _basis(self) -> ComplexArray:

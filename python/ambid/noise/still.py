@@ -6,18 +6,18 @@ and over the whole record what is missing then is lost in the noise, however far
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
-from scipy.special import fdtrc
 
 from ambid.arrays import ComplexArray, FloatArray
-from ambid.findings import Finding, Kind, Where
-from ambid.noise.chance import UNUSUAL
+from ambid.findings import Kind, Where
+from ambid.model import Model
+from ambid.noise.adequacy import Criterion
+from ambid.noise.angles import undisturbed
+from ambid.noise.lines import RecordLines
 
-__all__ = ["LOUDER", "Louder", "louder_in_motion"]
+__all__ = ["LOUDER", "motion_left"]
 
 PARTS = 40
 """Stretches of a record that are held against each other: short beside the time between steps, and enough to tell how
@@ -41,26 +41,7 @@ LOUDER = Kind(
 )
 
 
-class Louder(NamedTuple):
-    """What is left in motion: its power over that at rest, below which frequency, and the part of the time."""
-
-    ratio: float
-    below_hz: float
-    part: float
-
-    @property
-    def when(self) -> str:
-        """In two words."""
-        return "in motion"
-
-    def finding(self, record: str) -> Finding:
-        """Of the record with this name."""
-        return LOUDER(Where(record=record), ratio=self.ratio, below_hz=self.below_hz, moving_share=self.part)
-
-
-def louder_in_motion(
-    left: ComplexArray, whitening: ComplexArray, index: NDArray[np.intp], response: FloatArray, rate: float
-) -> Louder | None:
+def motion_left(part: RecordLines, here: Model) -> Criterion | None:
     """Hold what is left of a record without periods, where it moves, against what is left where it stands still.
 
     In the band where the machine moves, the mean power of the whitened residual over the stretches that move, over that
@@ -69,22 +50,17 @@ def louder_in_motion(
 
     Parameters
     ----------
-    left : ndarray, shape (lines, p)
-        Residual on lines.
-    whitening : ndarray, shape (lines, p, p)
-    index : ndarray of int
-        The lines.
-    response : ndarray, shape (N, p)
-        Of the model, with its transient.
-    rate : float
-        Samples per second.
+    part : RecordLines
+    here : Model
+        At the operating point of the record.
 
     Returns
     -------
-    Louder or None
-        None where chance would bring as much, the record moves all along, or it is too short or too long to tell.
+    Criterion or None
+        None where the record moves all along, or it is too short or too long to tell.
     """
-    samples = len(response)
+    response, index = part.simulated(undisturbed(here)), part.index  # a hum never stands still
+    left, whitening, samples = part.residual_lines(here), part.spectrum.whitening, len(response)
     change = np.diff(response, axis=0, append=response[-1:])
     together, is_still = 1, _still(change, samples // PARTS)
     while is_still.sum() < LEAST_STILL * len(is_still):
@@ -103,9 +79,9 @@ def louder_in_motion(
     still, moved = powers[is_still], powers[~is_still]
     whole = still[: len(still) // together * together].reshape(-1, together).mean(axis=1)
     ratio, free = moved.mean() / still.mean(), 2.0 * still.mean() ** 2 / whole.var(ddof=1) / together
-    if fdtrc(free * len(moved), free * len(still), ratio) > UNUSUAL:
-        return None
-    return Louder(float(ratio), float(index[top - 1] * rate / samples), len(moved) / len(powers))
+    below_hz, where = float(index[top - 1] * part.record.sample_rate / samples), Where(record=part.record.name)
+    values = {"below_hz": below_hz, "moving_share": len(moved) / len(powers)}
+    return Criterion("motion", float(ratio), free * len(moved), free * len(still), where=where, values=values)
 
 
 def _still(change: FloatArray, length: int) -> NDArray[np.bool_]:

@@ -9,24 +9,20 @@ excitation cannot follow a function of the motion that the excitation brings.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ambid.errors import UnstableLoopError
-from ambid.findings import Finding, Kind, Where
+from ambid.findings import Kind, Where
 from ambid.model import Model
-from ambid.noise.chance import ADEQUATE, RARE, log_chance, misfit_bound
+from ambid.noise.adequacy import Criterion
+from ambid.noise.chance import ADEQUATE
 from ambid.noise.inlets import Sight
 from ambid.noise.lines import RecordLines
 from ambid.noise.measured import Measured
 from ambid.noise.shapes import Shapes
 
-__all__ = ["OVER_CEILING", "OverCeiling", "ShapeLeft", "over_ceiling", "shape_left"]
+__all__ = ["OVER_CEILING", "power_left", "shape_left"]
 
-SHAPE_LEFT = 1e-5
-"""Chance of the score of a shape that is no chance, over some twenty shapes: right models leave none below 1e-2 with
-periods; without, of 452 records under random excitation none below 5e-5, of 600 of stairs one."""
 LONGEST = 131_072
 """Samples of a record without periods that are searched for a shape, from the first on: as many lines are judged of
 these as of all, and the signals at the ports of four axes would take another third of a gigabyte a million samples."""
@@ -42,32 +38,7 @@ OVER_CEILING = Kind(
 )
 
 
-class OverCeiling(NamedTuple):
-    """A channel that holds more than its noise: power of what is left over that of the noise."""
-
-    channel: str
-    ratio: float
-
-    @property
-    def when(self) -> str:
-        """In two words."""
-        return "in all"
-
-    def finding(self, record: str) -> Finding:
-        """Of the record with this name."""
-        return OVER_CEILING(Where(record=record, channel=self.channel), ratio=self.ratio)
-
-
-class ShapeLeft(NamedTuple):
-    """What a model leaves that is neither noise nor linear: at which port, odd or even, which function, its score."""
-
-    port: str
-    kind: str
-    shape: str
-    score: float
-
-
-def over_ceiling(part: RecordLines, here: Model) -> OverCeiling | None:
+def power_left(part: RecordLines, here: Model) -> Criterion:
     """The channel of a record without periods that is left with most beyond its noise.
 
     The sum of the powers of all lines is held against that of the noise there, which is about chi-squared with
@@ -79,25 +50,21 @@ def over_ceiling(part: RecordLines, here: Model) -> OverCeiling | None:
     part : RecordLines
     here : Model
         At the operating point of the record.
-
-    Returns
-    -------
-    OverCeiling or None
-        None where chance would bring as much, or with periods, or where it is no more than the misfit may be.
     """
-    if part.noise_is_measured:
-        return None
     power, usual = part.noise_power(), part.beside_tones
     left, power = np.abs(part.residual_lines(here)[usual]) ** 2, power[usual]
     ratio = left.sum(axis=0) / power.sum(axis=0)
     degrees = 2.0 * power.sum(axis=0) ** 2 / np.sum(power**2, axis=0)
-    bounds = np.array([max(ADEQUATE, misfit_bound(own, RARE / len(ratio), spread=1.0)) for own in degrees])
-    k = int(np.argmax(ratio / bounds))
-    return OverCeiling(part.record.channels[k], float(ratio[k])) if ratio[k] > bounds[k] else None
+    name, trials = part.record.name, len(ratio)
+    channels = [
+        Criterion("power", own, free, np.inf, trials, ADEQUATE, where=Where(record=name, channel=channel))
+        for channel, own, free in zip(part.record.channels, ratio.tolist(), degrees.tolist(), strict=True)
+    ]
+    return max(channels, key=lambda own: own.statistic / own.limit)
 
 
-def shape_left(part: RecordLines, model: Model, least: float = 0.0) -> ShapeLeft | None:
-    """The nonlinear shape that a model leaves of a record most surely; None where none is sure.
+def shape_left(part: RecordLines, model: Model, least: float = 0.0) -> Criterion | None:
+    """The nonlinear shape that a model leaves of a record most surely; None where it cannot be told.
 
     Parameters
     ----------
@@ -115,14 +82,20 @@ def shape_left(part: RecordLines, model: Model, least: float = 0.0) -> ShapeLeft
         sight = Sight.of(here, part, PORTS, through)
     except UnstableLoopError:
         return None
-    shapes, chance, found = Shapes.of(sight, part), float(np.log(SHAPE_LEFT)), None
+    shapes = Shapes.of(sight, part)
     spread = 1.0 if part.noise_is_measured else float(np.mean(part.spectrum.spread))
-    for port in PORTS:
-        for term in shapes.terms(port):
-            own = log_chance(term.score / spread, len(term.coefficients))
-            if term.kind != "linear" and own < chance and term.score > least:
-                chance, found = own, ShapeLeft(port, term.kind, term.shape, term.score / spread)
-    return found
+    found = [(port, term) for port in PORTS for term in shapes.terms(port) if term.kind != "linear"]
+    port, term = max(found, key=lambda own: own[1].score)
+    degrees = len(term.coefficients)
+    return Criterion(
+        "shape",
+        term.score / spread / degrees,
+        degrees,
+        trials=len(found),
+        least=least / spread / degrees,
+        where=Where(record=part.record.name),
+        values={"port": port, "kind": term.kind, "shape": term.shape, "score": term.score / spread},
+    )
 
 
 def _beginning(part: RecordLines, model: Model) -> RecordLines:
