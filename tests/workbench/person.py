@@ -43,10 +43,10 @@ class Person:
         for _ in range(6):
             self.page.keyboard.press("ArrowRight")
             self.page.wait_for_timeout(150)  # it is not let go yet
-        return self.page.evaluate(
-            """performance.getEntriesByType("resource").filter((own) => own.name.includes("/preview"))
-                .map((own) => own.duration)"""
-        )
+        answers = """performance.getEntriesByType("resource").filter((own) => own.name.includes("/preview"))
+            .map((own) => own.duration)"""
+        self.page.wait_for_function(f"{answers}.length > 0")
+        return self.page.evaluate(answers)
 
     def misfits(self):
         return [float(re.match(r"[\d.e+]+", self.page.inner_text(at))[0]) for at in ("#misfit", "#validation")]
