@@ -16,7 +16,7 @@ import numpy as np
 from ambid.diagnosis.candidates import Candidate, Ranking
 from ambid.diagnosis.evidence import price_of
 from ambid.diagnosis.hypotheses import Field, Hypothesis, Names
-from ambid.diagnosis.refits import FAR_OFF, LOST, added, home, ranked, refined, without
+from ambid.diagnosis.refits import added, home, ranked, refined, without
 from ambid.diagnosis.task import Task
 from ambid.effects import Effect, Trait
 from ambid.errors import ModelError, UnstableLoopError
@@ -110,9 +110,7 @@ def _carried_on(task: Task, field_: Field, names: Names) -> Iterator[Field]:
             return  # it is stable where it was fitted, and nowhere beside
         field_ = replace(field_, rankings={**field_.rankings, names: ranking})
     most = WIDTHS[min(len(names), len(WIDTHS) - 1)]
-    order = _by_promise(task, field_, hypothesis, field_.rankings[names])
-    # beside the base model a score may see nothing of what explains all of it: of what is linear, everything is tried
-    order = order[:most] + ([] if names != field_.root else [c for c in order[most:] if _is_linear(hypothesis, c)])
+    order = _by_promise(task, field_, hypothesis, field_.rankings[names])[:most]
     for done, candidate in enumerate(order):
         so_far = f"{len(field_.tried)} sets tried, misfit {field_.foremost.fit.misfit:.3g}"
         task.progress(f"refitting {candidate.effect.name} ({so_far})", done, len(order))
@@ -138,10 +136,6 @@ def _in_pairs(task: Task, field_: Field) -> Iterator[Field]:
                 yield (field_ := added(task, field_, names, second))
 
 
-def _is_linear(hypothesis: Hypothesis, c: Candidate) -> bool:
-    return hypothesis.fit.model.add(c.effect, c.start).is_linear
-
-
 def _by_promise(task: Task, field_: Field, hypothesis: Hypothesis, ranking: Ranking) -> list[Candidate]:
     """The candidates, those first whose scores promise most."""
     return sorted(ranking.candidates, key=lambda c: _promised(task, field_, hypothesis, c, c.score), reverse=True)
@@ -150,12 +144,11 @@ def _by_promise(task: Task, field_: Field, hypothesis: Hypothesis, ranking: Rank
 def _may_win(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate) -> bool:
     """Whether a candidate beside a set could make it as likely as the foremost.
 
-    Where a set leaves more than noise a score may err; beside parameters that misfit has driven off,
-    as long as no set explains, by any; so it may where an effect is sought far from where scores are taken.
+    Where a set leaves more than noise a score may err, and by any factor where an effect is sought far from where
+    scores are taken.
     """
     room = field_.left_by(hypothesis)
-    is_lost = hypothesis.fit.cost > LOST * hypothesis.fit.dof and not field_.is_explained
-    is_blind = is_lost or bool(c.effect.far_starts(home(hypothesis.fit.model, c.effect)))
+    is_blind = bool(c.effect.far_starts(home(hypothesis.fit.model, c.effect)))
     promised = _promised(task, field_, hypothesis, c, max(c.score, room if is_blind else min(room, ERR * c.score)))
     return promised > field_.promise(field_.foremost.evidence) - BEHIND
 
@@ -185,22 +178,21 @@ def _reconsidered(task: Task, field_: Field) -> Iterator[Field]:
 
 
 def _with_twins(task: Task, field_: Field, names: Names) -> Iterator[Field]:
-    """What acts as an effect of a set does, or shares a trait with it, in its place.
-
-    What is dear, or shares no trait, is tried where it may win.
-    """
+    """What acts as an effect of a set does, in its place, if it may win; what shares a trait, if it explains half."""
     best = field_.tried[names]
     for effect in best.added:
         rest = names - {effect.name}
+        if rest not in field_.rankings or rest not in field_.tried:
+            continue
+        before = field_.tried[rest]
         mine = traits_of(effect, best.fit.model).keys()
-        for c in field_.rankings[rest].candidates if rest in field_.rankings and rest in field_.tried else ():
-            model = field_.tried[rest].fit.model
+        for c in field_.rankings[rest].candidates:
             if c.effect.name in names or rest | {c.effect.name} in field_.tried:
                 continue
-            is_twin = bool(mine & traits_of(c.effect, model).keys())
-            is_cheap = field_.tried[rest].fit.misfit < FAR_OFF or _is_linear(field_.tried[rest], c)
+            is_twin = bool(mine & traits_of(c.effect, before.fit.model).keys())
+            explains = is_twin and ERR * c.score > 0.5 * field_.left_by(before)
             acts_alike = is_twin or effect.name in c.confusable_with
-            if (is_twin and is_cheap) or (acts_alike and _may_win(task, field_, field_.tried[rest], c)):
+            if explains or (acts_alike and _may_win(task, field_, before, c)):
                 with suppress(ModelError):
                     yield (field_ := added(task, field_, rest, c))
 
