@@ -43,6 +43,7 @@ def explored(task: Task, field_: Field) -> Iterator[Field]:
     if field_.root:
         yield (field_ := refined(task, field_, field_.foremost.names))
     for size in range(len(field_.root), MOST_EFFECTS):
+        field_ = _ranked(task, field_, field_.foremost.names)
         if size > len(field_.root) and not _leads_on(field_, size):
             break
         sets = sorted(
@@ -65,10 +66,17 @@ def explored(task: Task, field_: Field) -> Iterator[Field]:
 
 
 def _leads_on(field_: Field, size: int) -> bool:
-    """Whether more effects than so many may explain: the last did, and each so far its share of as many as may be."""
+    """Whether more effects than so many may explain.
+
+    The last did, each so far its share of as many as may be, and scores promise that these will.
+    """
     best, base = field_.foremost, field_.unexplained.beyond
-    is_due = field_.is_explained or best.evidence.beyond <= base * (1.0 - size / MOST_EFFECTS)
-    return len(best.names) >= size and is_due
+    if len(best.names) < size or field_.is_explained:
+        return len(best.names) >= size
+    ranking, left = field_.rankings.get(best.names), field_.left_by(best)
+    promised = max((c.score for c in ranking.candidates), default=0.0) if ranking else 0.0
+    is_due = best.evidence.beyond <= base * (1.0 - size / MOST_EFFECTS)
+    return is_due and left <= (MOST_EFFECTS - size) * ERR * promised
 
 
 def asked(task: Task, field_: Field, ask: Ask) -> Iterator[Field]:
@@ -102,15 +110,13 @@ def _of_the_way(field_: Field, names: Names) -> Field:
 
 def _carried_on(task: Task, field_: Field, names: Names) -> Iterator[Field]:
     """The best candidates beside a set, as far as one of them may still make it as likely as the best."""
-    hypothesis = field_.tried[names]
+    field_ = _ranked(task, field_, names)
     if names not in field_.rankings:
-        try:
-            ranking = ranked(task, hypothesis.fit)
-        except UnstableLoopError:
-            return  # it is stable where it was fitted, and nowhere beside
-        field_ = replace(field_, rankings={**field_.rankings, names: ranking})
+        return
+    hypothesis = field_.tried[names]
     most = WIDTHS[min(len(names), len(WIDTHS) - 1)]
-    order = _by_promise(task, field_, hypothesis, field_.rankings[names])[:most]
+    order = _by_promise(task, field_, hypothesis, field_.rankings[names])
+    order = order[:most] + [c for c in order[most:] if _is_blind(hypothesis, c)]
     for done, candidate in enumerate(order):
         so_far = f"{len(field_.tried)} sets tried, misfit {field_.foremost.fit.misfit:.3g}"
         task.progress(f"refitting {candidate.effect.name} ({so_far})", done, len(order))
@@ -118,6 +124,15 @@ def _carried_on(task: Task, field_: Field, names: Names) -> Iterator[Field]:
             with suppress(ModelError):
                 yield (field_ := added(task, field_, names, candidate))
     yield field_
+
+
+def _ranked(task: Task, field_: Field, names: Names) -> Field:
+    """The field with what is outside a set, ranked; as it is where that is stable where it was fitted alone."""
+    if names in field_.rankings:
+        return field_
+    with suppress(UnstableLoopError):
+        return replace(field_, rankings={**field_.rankings, names: ranked(task, field_.tried[names].fit)})
+    return field_
 
 
 def _in_pairs(task: Task, field_: Field) -> Iterator[Field]:
@@ -144,13 +159,18 @@ def _by_promise(task: Task, field_: Field, hypothesis: Hypothesis, ranking: Rank
 def _may_win(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate) -> bool:
     """Whether a candidate beside a set could make it as likely as the foremost.
 
-    Where a set leaves more than noise a score may err, and by any factor where an effect is sought far from where
-    scores are taken.
+    Where a set leaves more than noise a score may err.
     """
     room = field_.left_by(hypothesis)
-    is_blind = bool(c.effect.far_starts(home(hypothesis.fit.model, c.effect)))
-    promised = _promised(task, field_, hypothesis, c, max(c.score, room if is_blind else min(room, ERR * c.score)))
+    promised = _promised(
+        task, field_, hypothesis, c, max(c.score, room if _is_blind(hypothesis, c) else min(room, ERR * c.score))
+    )
     return promised > field_.promise(field_.foremost.evidence) - BEHIND
+
+
+def _is_blind(hypothesis: Hypothesis, c: Candidate) -> bool:
+    """Whether a score, which is of a small step, says nothing: of what is sought far off, or may not step that way."""
+    return (c.one_sided > 0 and c.score <= 0.0) or bool(c.effect.far_starts(home(hypothesis.fit.model, c.effect)))
 
 
 def _promised(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate, fall: float) -> float:
