@@ -33,7 +33,7 @@ class Budget:
 
 
 BUDGETS = {
-    EVALUATIONS: Budget(10_000, 230_000),
+    EVALUATIONS: Budget(10_000, 250_000),
     PROCESSES: Budget(10, 35),
     PICTURES: Budget(30, 48),
 }
