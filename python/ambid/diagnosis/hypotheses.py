@@ -158,11 +158,11 @@ class Field:
     def is_of_formulas(self, hypothesis: Hypothesis) -> bool:
         """Whether what a set leaves beyond noise is so little of what it explains that its formulas may leave it.
 
-        Those of a disturbance leave nothing, and it has lines of its own; nor do those of what explains nothing.
+        Those of a disturbance leave nothing, and it has lines of its own.
         """
         before = self.without_physics(hypothesis)
         left = max(OF_FORMULAS * before.fitted_beyond, self.of_formulas(hypothesis.evidence))
-        return bool(hypothesis.added) and left > 0.0 and hypothesis.evidence.fitted_beyond <= left
+        return bool(hypothesis.added) and hypothesis.evidence.fitted_beyond <= left
 
     def without_physics(self, hypothesis: Hypothesis) -> Evidence:
         """The disturbances of a set alone, which have lines of their own; the base model where that was not tried."""
