@@ -105,7 +105,7 @@ def simulate_command(
     require_format(out)
     require_outputs({"RIG": rig, "--model": model}, {"--out": out, "--json": json_file}, replaced=["--out"])
     if is_device(out):
-        raise InputError(f"--out {out}: is no regular file, from which the record could be read back; give one")
+        raise InputError(f"--out {out}: is no regular file; give one")
     if out.exists() and not force:
         raise InputError(f"--out {out}: is there already; give another file, or replace it with --force")
     machine = load_rig(rig, exact)
@@ -120,8 +120,12 @@ def simulate_command(
             seed=seed,
         )
     _require_possible(made, machine, out, amplitude)
+    record = ambid.Record.from_arrays(
+        **{signal: getattr(made, signal) for signal in ("y", "i_e", "i_c", "r", "further", "axes", "sample_rate")},
+        name=out.stem,
+        rig=machine,
+    )  # what a reader will find: the file may be somebody else's by the time that it is read
     made.save(out)
-    record = ambid.Record.load(out, machine)
     findings = [_of_virtual(own) for own in record.findings]
     summary = {
         "record": str(out),
