@@ -103,8 +103,9 @@ class Evidence:
         J of all records, those to validate on included.
     expected, deviation : float
         Of a right model, mean and standard deviation of that.
-    fitted_beyond : float
-        By how much J of the fitted records alone is above that of a right model, beyond chance.
+    beyond_each : tuple of float
+        By how much J of the fitted records alone is above that of a right model, beyond chance; and so of the records to
+        validate on, where there are such.
     formula_errors : mapping of frozenset of str to float
         By the names of the others, part of what an effect explains beside them that its formula is known to leave.
     beginnings : float
@@ -124,7 +125,7 @@ class Evidence:
     cost: float
     expected: float
     deviation: float
-    fitted_beyond: float
+    beyond_each: tuple[float, ...]
     formula_errors: Mapping[frozenset[str], float]
     beginnings: float
     information: FloatArray
@@ -148,7 +149,7 @@ class Evidence:
     @property
     def beyond(self) -> float:
         """By how much J is above that of a right model, beyond chance."""
-        return max(0.0, self.cost - self.expected - BEYOND * self.deviation)
+        return _beyond(self.cost, self.expected, self.deviation)
 
     @property
     def against(self) -> float:
@@ -174,6 +175,11 @@ class Evidence:
         return prior - cost - own.price(variance)
 
 
+def _beyond(cost: float, expected: float, spread: float) -> float:
+    """By how much J is above that of a right model, beyond chance."""
+    return max(0.0, cost - expected - BEYOND * spread)
+
+
 def by_score(fit: Comparison, misfit: float, score: float, degrees: int, one_sided: int, prior: float) -> Evidence:
     """Of a set with one effect more than a fit has, by its score and the misfit J/dof that it promises."""
     cost = max(1.0, misfit) * fit.dof
@@ -181,7 +187,7 @@ def by_score(fit: Comparison, misfit: float, score: float, degrees: int, one_sid
         cost=cost,
         expected=float(fit.dof),
         deviation=deviation(fit),
-        fitted_beyond=max(0.0, cost - fit.dof - BEYOND * deviation(fit)),
+        beyond_each=(_beyond(cost, fit.dof, deviation(fit)),),
         formula_errors={},
         beginnings=0.0,
         information=np.eye(degrees) * max(0.0, score),
@@ -262,17 +268,20 @@ class Yardstick:
     ) -> Evidence:
         """Of a set at its optimum, whose effects are the best of so many independent variants."""
         cost, expected, variance = fit.cost, float(fit.dof), deviation(fit) ** 2
+        beyond_each = [_beyond(cost, expected, deviation(fit))]
         on_tones, waves = fit.noise.on_tones(fit.model)
         beginnings = self._beginnings(fit, self.base)
         if kept_back is not None and self.kept_back is not None:
             try:
-                cost += _further_cost(fit, kept_back)
+                further, own = _further_cost(fit, kept_back), kept_back.dof + len(fit.model.free)  # none is fitted to them
+                cost, expected = cost + further, expected + own
+                beyond_each.append(_beyond(further, own, deviation(kept_back)))
                 beginnings += self._beginnings(kept_back, self.kept_back)
-                expected += kept_back.dof + len(fit.model.free)  # nothing further is fitted to them
-                further = kept_back.noise.on_tones(kept_back.model)
-                on_tones, waves = on_tones + further[0], waves + further[1]
+                at_waves = kept_back.noise.on_tones(kept_back.model)
+                on_tones, waves = on_tones + at_waves[0], waves + at_waves[1]
             except UnstableLoopError:
                 cost = BOUNDLESS  # no such record was made by a loop that leaves all bounds
+                beyond_each.append(BOUNDLESS)
             variance += deviation(self.kept_back) ** 2
         prefixes = tuple(f"{effect.name}." for effect in added)
         parameters = fit.model.parameters
@@ -283,7 +292,7 @@ class Yardstick:
             cost=cost,
             expected=expected,
             deviation=float(np.sqrt(variance)),
-            fitted_beyond=max(0.0, fit.cost - fit.dof - BEYOND * deviation(fit)),
+            beyond_each=tuple(beyond_each),
             formula_errors={names - {own.name}: own.formula_error for own in added if own.formula_error},
             beginnings=beginnings,
             information=_information(fit, kinds),
@@ -296,10 +305,10 @@ class Yardstick:
 
     def motion(self, base: Evidence) -> Evidence:
         """Of a machine that does not move at all, beside that of the base model."""
-        measured = self.base.noise.measured_cost
-        kept_back = 0.0 if self.kept_back is None else self.kept_back.noise.measured_cost
-        beyond = max(0.0, measured - self.base.dof - BEYOND * deviation(self.base))
-        return replace(base, cost=measured + kept_back, fitted_beyond=beyond)
+        each = [own for own in (self.base, self.kept_back) if own is not None]
+        costs = [own.noise.measured_cost for own in each]
+        beyond_each = tuple(_beyond(cost, own.dof, deviation(own)) for cost, own in zip(costs, each, strict=True))
+        return replace(base, cost=sum(costs), beyond_each=beyond_each)
 
     def _beginnings(self, fit: Comparison, base: Comparison) -> float:
         """What the numbers cost that say how the states of linear effects begin the records."""

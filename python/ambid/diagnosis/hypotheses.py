@@ -158,11 +158,13 @@ class Field:
     def is_of_formulas(self, hypothesis: Hypothesis) -> bool:
         """Whether what a set leaves beyond noise is so little of what it explains that its formulas may leave it.
 
-        Those of a disturbance leave nothing, and it has lines of its own.
+        They leave a part of it wherever it acts, in the records to validate on no larger a part than in those that were
+        fitted. Those of a disturbance leave nothing, and it has lines of its own; nor do those of what explains nothing.
         """
-        before = self.without_physics(hypothesis)
-        left = max(OF_FORMULAS * before.fitted_beyond, self.of_formulas(hypothesis.evidence))
-        return bool(hypothesis.added) and hypothesis.evidence.fitted_beyond <= left
+        before, known = self.without_physics(hypothesis), self.of_formulas(hypothesis.evidence)
+        each = list(zip(hypothesis.evidence.beyond_each, before.beyond_each, strict=True))
+        explains = known > 0.0 or any(base > 0.0 for _, base in each)
+        return bool(hypothesis.added) and explains and all(own <= max(OF_FORMULAS * base, known) for own, base in each)
 
     def without_physics(self, hypothesis: Hypothesis) -> Evidence:
         """The disturbances of a set alone, which have lines of their own; the base model where that was not tried."""
@@ -187,7 +189,7 @@ class Field:
 
     def share_of_motion(self, hypothesis: Hypothesis) -> float:
         """Part of what the records hold beyond noise that a set explains, 0 to 1."""
-        before, left = self.unexplained.fitted_beyond, hypothesis.evidence.fitted_beyond
+        before, left = self.unexplained.beyond_each[0], hypothesis.evidence.beyond_each[0]
         return max(0.0, 1.0 - left / before) if before else 1.0
 
     def promise(self, own: Evidence) -> float:

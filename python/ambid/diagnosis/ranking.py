@@ -190,6 +190,9 @@ def see(comparison: Comparison) -> Seen:
 class Point:
     """A model at which effects are judged, with its residual freed from what its parameters absorb.
 
+    Where more than noise is left, errors of the rig file absorb no more of it than they do in the fit, see
+    `noise.known`: what is known of them beforehand counts V times.
+
     The change that a linear effect makes to a nonlinear loop is taken from the loop without its nonlinear effects: it
     ranks as well, a hundred times as fast, and the refit is exact.
     """
@@ -199,10 +202,12 @@ class Point:
         every = list(range(len(model.names)))
         own = self.noise.white(model, every)
         self.transients = [white.transients for white in own]
-        known = np.vstack([*(white.slopes for white in own), known_slopes(model, every)])
+        residual = np.concatenate([white.residual for white in own])
+        self.known = float(np.sqrt(self.noise.size.variance(float(residual @ residual))))
+        known = np.vstack([*(white.slopes for white in own), self.known * known_slopes(model, every)])
         self.spreads = np.append(self.noise.spreads, np.ones(len(known) - len(self.noise.spreads)))
         self.basis, _ = np.linalg.qr(known / _nonzero(np.linalg.norm(known, axis=0)))
-        residual = np.concatenate([*(white.residual for white in own), known_residual(model)])
+        residual = np.concatenate([residual, self.known * known_residual(model)])
         self.residual = self.freed(residual[None])[0]
         self.cost = float(self.residual @ self.residual)
         self.dof = comparison.dof

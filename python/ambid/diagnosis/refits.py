@@ -20,7 +20,7 @@ from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.rig import Rig
 
-__all__ = ["FAR_OFF", "LOST", "Start", "added", "home", "nominal_beside", "ranked", "refined", "without"]
+__all__ = ["Start", "added", "home", "nominal_beside", "ranked", "refined", "without"]
 
 LOST = 2.0
 """Misfit J/dof above which parameters that have left their start say nothing."""

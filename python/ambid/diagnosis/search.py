@@ -16,7 +16,7 @@ import numpy as np
 from ambid.diagnosis.candidates import Candidate, Ranking
 from ambid.diagnosis.evidence import price_of
 from ambid.diagnosis.hypotheses import Field, Hypothesis, Names
-from ambid.diagnosis.refits import FAR_OFF, LOST, added, home, ranked, refined, without
+from ambid.diagnosis.refits import added, home, ranked, refined, without
 from ambid.diagnosis.task import Task
 from ambid.effects import Effect, Trait
 from ambid.errors import ModelError, UnstableLoopError
@@ -43,6 +43,7 @@ def explored(task: Task, field_: Field) -> Iterator[Field]:
     if field_.root:
         yield (field_ := refined(task, field_, field_.foremost.names))
     for size in range(len(field_.root), MOST_EFFECTS):
+        field_ = _ranked(task, field_, field_.foremost.names)
         if size > len(field_.root) and not _leads_on(field_, size):
             break
         sets = sorted(
@@ -65,10 +66,17 @@ def explored(task: Task, field_: Field) -> Iterator[Field]:
 
 
 def _leads_on(field_: Field, size: int) -> bool:
-    """Whether more effects than so many may explain: the last did, and each so far its share of as many as may be."""
+    """Whether more effects than so many may explain.
+
+    The last did, each so far its share of as many as may be, and scores promise that these will.
+    """
     best, base = field_.foremost, field_.unexplained.beyond
-    is_due = field_.is_explained or best.evidence.beyond <= base * (1.0 - size / MOST_EFFECTS)
-    return len(best.names) >= size and is_due
+    if len(best.names) < size or field_.is_explained:
+        return len(best.names) >= size
+    ranking, left = field_.rankings.get(best.names), field_.left_by(best)
+    promised = max((c.score for c in ranking.candidates), default=0.0) if ranking else 0.0
+    is_due = best.evidence.beyond <= base * (1.0 - size / MOST_EFFECTS)
+    return is_due and left <= (MOST_EFFECTS - size) * ERR * promised
 
 
 def asked(task: Task, field_: Field, ask: Ask) -> Iterator[Field]:
@@ -100,19 +108,21 @@ def _of_the_way(field_: Field, names: Names) -> Field:
     return replace(field_, tried={own: h for own, h in field_.tried.items() if own <= names})
 
 
-def _carried_on(task: Task, field_: Field, names: Names) -> Iterator[Field]:
-    """The best candidates beside a set, as far as one of them may still make it as likely as the best."""
-    hypothesis = field_.tried[names]
+def _carried_on(task: Task, field_: Field, names: Names, *, by_scores: bool = False) -> Iterator[Field]:
+    """The best candidates beside a set, as far as one of them may still make it as likely as the best.
+
+    So may those of which scores say nothing, unless it is to go by scores.
+    """
+    field_ = _ranked(task, field_, names)
     if names not in field_.rankings:
-        try:
-            ranking = ranked(task, hypothesis.fit)
-        except UnstableLoopError:
-            return  # it is stable where it was fitted, and nowhere beside
-        field_ = replace(field_, rankings={**field_.rankings, names: ranking})
+        return
+    hypothesis = field_.tried[names]
     most = WIDTHS[min(len(names), len(WIDTHS) - 1)]
     order = _by_promise(task, field_, hypothesis, field_.rankings[names])
-    # beside the base model a score may see nothing of what explains all of it: of what is linear, everything is tried
-    order = order[:most] + ([] if names != field_.root else [c for c in order[most:] if _is_linear(hypothesis, c)])
+    if by_scores:
+        order = [c for c in order[:most] if not _is_blind(hypothesis, c)]
+    else:
+        order = order[:most] + [c for c in order[most:] if _is_blind(hypothesis, c)]
     for done, candidate in enumerate(order):
         so_far = f"{len(field_.tried)} sets tried, misfit {field_.foremost.fit.misfit:.3g}"
         task.progress(f"refitting {candidate.effect.name} ({so_far})", done, len(order))
@@ -120,6 +130,15 @@ def _carried_on(task: Task, field_: Field, names: Names) -> Iterator[Field]:
             with suppress(ModelError):
                 yield (field_ := added(task, field_, names, candidate))
     yield field_
+
+
+def _ranked(task: Task, field_: Field, names: Names) -> Field:
+    """The field with what is outside a set, ranked; as it is where that is stable where it was fitted alone."""
+    if names in field_.rankings:
+        return field_
+    with suppress(UnstableLoopError):
+        return replace(field_, rankings={**field_.rankings, names: ranked(task, field_.tried[names].fit)})
+    return field_
 
 
 def _in_pairs(task: Task, field_: Field) -> Iterator[Field]:
@@ -138,10 +157,6 @@ def _in_pairs(task: Task, field_: Field) -> Iterator[Field]:
                 yield (field_ := added(task, field_, names, second))
 
 
-def _is_linear(hypothesis: Hypothesis, c: Candidate) -> bool:
-    return hypothesis.fit.model.add(c.effect, c.start).is_linear
-
-
 def _by_promise(task: Task, field_: Field, hypothesis: Hypothesis, ranking: Ranking) -> list[Candidate]:
     """The candidates, those first whose scores promise most."""
     return sorted(ranking.candidates, key=lambda c: _promised(task, field_, hypothesis, c, c.score), reverse=True)
@@ -150,14 +165,18 @@ def _by_promise(task: Task, field_: Field, hypothesis: Hypothesis, ranking: Rank
 def _may_win(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate) -> bool:
     """Whether a candidate beside a set could make it as likely as the foremost.
 
-    Where a set leaves more than noise a score may err; beside parameters that misfit has driven off,
-    as long as no set explains, by any; so it may where an effect is sought far from where scores are taken.
+    Where a set leaves more than noise a score may err.
     """
     room = field_.left_by(hypothesis)
-    is_lost = hypothesis.fit.cost > LOST * hypothesis.fit.dof and not field_.is_explained
-    is_blind = is_lost or bool(c.effect.far_starts(home(hypothesis.fit.model, c.effect)))
-    promised = _promised(task, field_, hypothesis, c, max(c.score, room if is_blind else min(room, ERR * c.score)))
+    promised = _promised(
+        task, field_, hypothesis, c, max(c.score, room if _is_blind(hypothesis, c) else min(room, ERR * c.score))
+    )
     return promised > field_.promise(field_.foremost.evidence) - BEHIND
+
+
+def _is_blind(hypothesis: Hypothesis, c: Candidate) -> bool:
+    """Whether a score, which is of a small step, says nothing: of what is sought far off, or may not step that way."""
+    return (c.one_sided > 0 and c.score <= 0.0) or bool(c.effect.far_starts(home(hypothesis.fit.model, c.effect)))
 
 
 def _promised(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate, fall: float) -> float:
@@ -170,7 +189,10 @@ def _price(task: Task, c: Candidate) -> float:
 
 
 def _reconsidered(task: Task, field_: Field) -> Iterator[Field]:
-    """The best set with each of its effects taken out, and with another in its place, until it is the best of these."""
+    """The best set with each of its effects taken out, and with another in its place, until it is the best of these.
+
+    Where it does not explain, another is in its place where scores call for it: all else was tried on the way to it.
+    """
     best = None
     while best is None or field_.foremost.names != best:
         best = field_.foremost.names
@@ -178,29 +200,28 @@ def _reconsidered(task: Task, field_: Field) -> Iterator[Field]:
             names = best - {effect.name}
             field_ = without(field_, field_.tried[best], effect)  # its settings may differ from those tried alone
             if names in field_.tried:
-                for further in _carried_on(task, field_, names):
+                for further in _carried_on(task, field_, names, by_scores=not field_.is_explained):
                     yield (field_ := further)
         for further in _with_twins(task, field_, best):
             yield (field_ := further)
 
 
 def _with_twins(task: Task, field_: Field, names: Names) -> Iterator[Field]:
-    """What acts as an effect of a set does, or shares a trait with it, in its place.
-
-    What is dear, or shares no trait, is tried where it may win.
-    """
+    """What acts as an effect of a set does, in its place, if it may win; what shares a trait, if it explains half."""
     best = field_.tried[names]
     for effect in best.added:
         rest = names - {effect.name}
+        if rest not in field_.rankings or rest not in field_.tried:
+            continue
+        before = field_.tried[rest]
         mine = traits_of(effect, best.fit.model).keys()
-        for c in field_.rankings[rest].candidates if rest in field_.rankings and rest in field_.tried else ():
-            model = field_.tried[rest].fit.model
+        for c in field_.rankings[rest].candidates:
             if c.effect.name in names or rest | {c.effect.name} in field_.tried:
                 continue
-            is_twin = bool(mine & traits_of(c.effect, model).keys())
-            is_cheap = field_.tried[rest].fit.misfit < FAR_OFF or _is_linear(field_.tried[rest], c)
+            is_twin = bool(mine & traits_of(c.effect, before.fit.model).keys())
+            explains = is_twin and ERR * c.score > 0.5 * field_.left_by(before)
             acts_alike = is_twin or effect.name in c.confusable_with
-            if (is_twin and is_cheap) or (acts_alike and _may_win(task, field_, field_.tried[rest], c)):
+            if explains or (acts_alike and _may_win(task, field_, before, c)):
                 with suppress(ModelError):
                     yield (field_ := added(task, field_, rest, c))
 

@@ -39,6 +39,10 @@ class SensorLag(Effect):
         meaning = "time constant tau of the sensor's first-order lag"
         return [EffectParameter("time_constant", "s", 0.05 * sample, lower=5e-5 * sample, upper=0.1, meaning=meaning)]
 
+    def far_starts(self, rig: Rig) -> Sequence[Mapping[str, float]]:
+        """A sample, and ten, as a loop answers within some ten: the fit takes a long lag for one of the magnet."""
+        return [{"time_constant": count / rig.sample_rate} for count in (1.0, 10.0)]
+
     def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
         """Its time constant."""
         return dict.fromkeys((LAG_OF_READING, LAG_ROUND_LOOP), values["time_constant"])
