@@ -43,7 +43,6 @@ def explored(task: Task, field_: Field) -> Iterator[Field]:
     if field_.root:
         yield (field_ := refined(task, field_, field_.foremost.names))
     for size in range(len(field_.root), MOST_EFFECTS):
-        field_ = _ranked(task, field_, field_.foremost.names)
         if size > len(field_.root) and not _leads_on(field_, size):
             break
         sets = sorted(
@@ -66,17 +65,15 @@ def explored(task: Task, field_: Field) -> Iterator[Field]:
 
 
 def _leads_on(field_: Field, size: int) -> bool:
-    """Whether more effects than so many may explain.
+    """Whether more effects than so many may explain: the last one explained its share of what was left.
 
-    The last did, each so far its share of as many as may be, and scores promise that these will.
+    Of n effects that are missing, the largest explains no less than 1/n.
     """
-    best, base = field_.foremost, field_.unexplained.beyond
+    best = field_.foremost
     if len(best.names) < size or field_.is_explained:
         return len(best.names) >= size
-    ranking, left = field_.rankings.get(best.names), field_.left_by(best)
-    promised = max((c.score for c in ranking.candidates), default=0.0) if ranking else 0.0
-    is_due = best.evidence.beyond <= base * (1.0 - size / MOST_EFFECTS)
-    return is_due and left <= (MOST_EFFECTS - size) * ERR * promised
+    before = min(h.evidence.beyond for h in field_.tried.values() if len(h.names) == size - 1)
+    return best.evidence.beyond <= before * (1.0 - 1.0 / (MOST_EFFECTS - size + 1))
 
 
 def asked(task: Task, field_: Field, ask: Ask) -> Iterator[Field]:
