@@ -77,7 +77,7 @@ def test_a_name_with_formulas_and_escapes_is_drawn_as_it_is(bases, tmp_path, mon
     assert "\x1b" not in (tmp_path / "out.svg").read_text()
 
 
-@pytest.mark.parametrize("count", [40, pytest.param(150, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [40, pytest.param(100, marks=pytest.mark.slow)])
 def test_damaged_inputs(count, tmp_path):
     found = list(verdicts(1, range(count), tmp_path, workers=1, longest=HANGS))
     assert len(found) == count

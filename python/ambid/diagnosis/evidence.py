@@ -104,8 +104,8 @@ class Evidence:
     expected, deviation : float
         Of a right model, mean and standard deviation of that.
     beyond_each : tuple of float
-        By how much J of the fitted records alone is above that of a right model, beyond chance; and so of the records to
-        validate on, where there are such.
+        By how much J of the fitted records alone is above that of a right model, beyond chance; and so of the records
+        to validate on, where there are such.
     formula_errors : mapping of frozenset of str to float
         By the names of the others, part of what an effect explains beside them that its formula is known to leave.
     beginnings : float
@@ -273,9 +273,10 @@ class Yardstick:
         beginnings = self._beginnings(fit, self.base)
         if kept_back is not None and self.kept_back is not None:
             try:
-                further, own = _further_cost(fit, kept_back), kept_back.dof + len(fit.model.free)  # none is fitted to them
-                cost, expected = cost + further, expected + own
-                beyond_each.append(_beyond(further, own, deviation(kept_back)))
+                further = _further_cost(fit, kept_back)
+                dof = kept_back.dof + len(fit.model.free)  # nothing further is fitted to them
+                cost, expected = cost + further, expected + dof
+                beyond_each.append(_beyond(further, dof, deviation(kept_back)))
                 beginnings += self._beginnings(kept_back, self.kept_back)
                 at_waves = kept_back.noise.on_tones(kept_back.model)
                 on_tones, waves = on_tones + at_waves[0], waves + at_waves[1]

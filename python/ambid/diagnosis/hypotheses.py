@@ -158,8 +158,9 @@ class Field:
     def is_of_formulas(self, hypothesis: Hypothesis) -> bool:
         """Whether what a set leaves beyond noise is so little of what it explains that its formulas may leave it.
 
-        They leave a part of it wherever it acts, in the records to validate on no larger a part than in those that were
-        fitted. Those of a disturbance leave nothing, and it has lines of its own; nor do those of what explains nothing.
+        They leave a part of it wherever it acts, in the records to validate on no larger a part than in those that
+        were fitted. Those of a disturbance leave nothing, and it has lines of its own; nor do those of what explains
+        nothing.
         """
         before, known = self.without_physics(hypothesis), self.of_formulas(hypothesis.evidence)
         each = list(zip(hypothesis.evidence.beyond_each, before.beyond_each, strict=True))
