@@ -5,9 +5,12 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.stats import norm
 
 import ambid
 from ambid.designs import Instruments, Limits, next_experiments, tell_apart
+from ambid.designs.separation import gained
 from ambid.diagnosis.evidence import TOLD_APART
 from ambid.errors import InputError
 from ambid.identification.minimum import refit
@@ -130,6 +133,31 @@ def test_the_proposed_experiment_names_the_truth_alone(case):
     ends = [run(case, seed, SHORT) for seed in range(4)]
     assert case.with_i_c or sum(best is not None for _, best, _ in ends) >= 3
     assert sum(is_truth_alone(case, after or before) for before, _, after in ends) >= 3
+
+
+@pytest.mark.parametrize("likely", [0.5, 0.9])
+@pytest.mark.parametrize("evidence", [0.3, 4.0, 30.0])
+def test_information_is_no_more_than_that_of_two_normal_densities(likely, evidence):
+    """Against the integral; by Kullback's distance, lambda / 2, the same sum is no less than it."""
+    p = np.array([likely, 1.0 - likely])
+
+    def integrand(x):
+        own = p * norm.pdf(x, [0.0, np.sqrt(evidence)])
+        return -float(np.sum(own * np.log2(own.sum() / norm.pdf(x, [0.0, np.sqrt(evidence)]))))
+
+    exact = quad(integrand, -8.0, 8.0 + np.sqrt(evidence), limit=200)[0]
+    least, most = (gained(p, np.full(2, factor * evidence)) for factor in (1.0, 4.0))
+    assert 0.0 < 0.25 * exact < least <= exact <= most
+
+
+def test_the_information_that_a_record_brings():
+    found = tell_apart(PAIR, I_E, 510, STATED)
+    again, half = row(found, "the same once more"), row(found, "0.5 times the amplitude")
+    assert found.unknown == pytest.approx(1.0)
+    assert 0.0 < half.information < again.information < found.unknown
+    sure = tell_apart(PAIR, I_E, 510, STATED, probabilities={"back_emf": 0.99, "controller_gain_error": 0.01})
+    assert sure.unknown == pytest.approx(0.0808, abs=1e-3)
+    assert row(sure, "the same once more").information < sure.unknown
 
 
 def test_proposals_refuse(golden):

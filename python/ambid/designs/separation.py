@@ -3,6 +3,13 @@
 Of each experiment that may be made the record is simulated as each hypothesis would have it, beside the present one,
 and every other hypothesis is fitted to both: what that fit leaves, J without noise, is the evidence lambda against it
 (T-optimality; Atkinson and Fedorov 1975), S (1 - rho^2) where effects are small. 63 tell in 95 % of records.
+
+What a record is expected to tell at all is the information that it brings of which hypothesis is true: with
+probabilities p_k now and the lambda_kj that it adds, no less than
+
+    I = -sum_k p_k log2 sum_j p_j exp(-lambda_kj / 8)    bits
+
+(Kolchinsky and Tracey, Entropy 19 (2017) 361, by Bhattacharyya's distance of normal densities of one covariance).
 """
 
 from __future__ import annotations
@@ -21,6 +28,7 @@ from ambid.designs.intervals import planned
 from ambid.designs.peaks import Limits, forecast
 from ambid.diagnosis import Diagnosis
 from ambid.diagnosis.evidence import TOLD_APART
+from ambid.diagnosis.probabilities import NEGLIGIBLE
 from ambid.errors import InputError, ModelError, UnstableLoopError
 from ambid.identification.minimum import ROUGHLY, refit
 from ambid.model import Model
@@ -50,6 +58,8 @@ class Proposal:
         What is different from the present one.
     evidence : float
         Least lambda of any hypothesis against any other, of both records together, the next as long as the present one.
+    information : float
+        That such a next record is expected to bring at the least, of which hypothesis is true [bits].
     repeats : float
         So many times as long as the present record must it be to tell them apart; infinite where no length would do.
     seconds : float
@@ -62,6 +72,7 @@ class Proposal:
 
     change: Change
     evidence: float
+    information: float
     repeats: float
     seconds: float
     load: float
@@ -84,11 +95,14 @@ class Proposals(Tabular):
     experiments : tuple of Proposal
     not_tried : dict of str to str
         Experiments that cannot be made, and why.
+    unknown : float
+        What is not known yet of which hypothesis is true [bits].
     """
 
     hypotheses: tuple[str, ...]
     experiments: tuple[Proposal, ...]
     not_tried: dict[str, str]
+    unknown: float
 
     @property
     def best(self) -> Proposal | None:
@@ -104,19 +118,24 @@ class Proposals(Tabular):
         """What to do."""
         names = " from ".join(self.hypotheses)
         if self.best is None:
-            return [f"to tell {names}: none of these experiments would do"]
+            most = max(self.experiments, key=lambda own: own.information, default=None)
+            told = f"; {most.change.what} tells most" if most is not None else ""
+            return [f"to tell {names}: none of these experiments would do{told}"]
         return [f"to tell {names}: {self.best.change.what}; {self.best.seconds:.3g} s are to be recorded"]
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""
         rows = [own.as_dict() for own in self.experiments]
-        return plain({"hypotheses": list(self.hypotheses), "experiments": rows, "not_tried": self.not_tried})
+        own = {"hypotheses": list(self.hypotheses), "unknown": self.unknown}
+        return plain(own | {"experiments": rows, "not_tried": self.not_tried})
 
     def __repr__(self) -> str:
-        lines = [*self.summary(), f"{'experiment':36s} {'evidence':>10s} {'seconds':>10s} {'load':>6s}"]
+        bits = f"of {self.unknown:.2g} bits"
+        lines = [*self.summary(), f"{'experiment':36s} {bits:>12s} {'evidence':>10s} {'seconds':>10s} {'load':>6s}"]
         for own in self.experiments:
             seconds = f"{own.seconds:10.3g}" if np.isfinite(own.seconds) else f"{'never':>10s}"
-            lines.append(f"{own.change.what:36s} {own.evidence:10.3g} {seconds} {own.load:6.2f}")
+            told = f"{own.information:12.2g} {own.evidence:10.3g} {seconds} {own.load:6.2f}"
+            lines.append(f"{own.change.what:36s} {told}")
         lines += [f"{what}: not tried, {why}" for what, why in self.not_tried.items()]
         return "\n".join(lines)
 
@@ -130,6 +149,7 @@ def tell_apart(
     *,
     more_instruments: Instruments | None = None,
     limits: Limits | None = None,
+    probabilities: Mapping[str, float] | None = None,
 ) -> Proposals:
     """Foresee which next experiment tells hypotheses apart.
 
@@ -147,10 +167,13 @@ def tell_apart(
         Noise with that of i_c, where it was not recorded and could be.
     limits : Limits, optional
         An experiment beyond them is not tried.
+    probabilities : mapping of str to float, optional
+        Of each hypothesis now, up to a factor; by default all are as likely.
 
     Returns
     -------
     Proposals
+        Those that would do by their cost, then the others by the information that they bring.
 
     Raises
     ------
@@ -161,6 +184,8 @@ def tell_apart(
         raise InputError(f"{len(hypotheses)} hypothesis: give two or more that are to be told apart")
     limits = limits or Limits()
     rig = next(iter(hypotheses.values())).rig
+    likely = np.array([(probabilities or {}).get(name, 0.0 if probabilities else 1.0) for name in hypotheses])
+    likely = likely / likely.sum()
     found, not_tried = [], {}
     for change in changes(rig, currents=more_instruments is not None):
         further = more_instruments if change.currents and more_instruments is not None else instruments
@@ -177,15 +202,32 @@ def tell_apart(
                 for truth, other in permutations(hypotheses.values(), 2)
             ]
             evidence, repeats = min(pair.once for pair in pairs), max(pair.repeats() for pair in pairs)
+            information = gained(likely, np.array([pair.adds for pair in pairs]))
         except (UnstableLoopError, ModelError) as error:
             not_tried[change.what] = str(error)
             continue
         seconds = repeats * len(i_e) / rig.sample_rate
         # seconds that another operating point costs beside its record: the machine is stopped, set up and warmed again
         cost = seconds + (600.0 if change.rig is not None or change.currents else 0.0)
-        found.append(Proposal(change, evidence, repeats, seconds, load * change.amplitude, cost))
-    found.sort(key=lambda own: (own.cost, -own.evidence))
-    return Proposals(tuple(hypotheses), tuple(found), not_tried)
+        found.append(Proposal(change, evidence, information, repeats, seconds, load * change.amplitude, cost))
+    found.sort(key=lambda own: (own.cost, -own.information))
+    return Proposals(tuple(hypotheses), tuple(found), not_tried, gained(likely, np.inf))
+
+
+def gained(probabilities: FloatArray, evidence: FloatArray | float) -> float:
+    """Least expected information about which of n hypotheses is true [bits], see the module.
+
+    Parameters
+    ----------
+    probabilities : ndarray, shape (n,)
+        Before the record; their sum is one.
+    evidence : ndarray, shape (n (n - 1),), or float
+        lambda of the record against each other hypothesis where one is true, in the order of permutations.
+    """
+    n = len(probabilities)
+    apart = np.zeros((n, n))
+    apart[~np.eye(n, dtype=bool)] = evidence
+    return float(-probabilities @ np.log2(np.exp(-apart / 8.0) @ probabilities))
 
 
 def next_experiments(
@@ -221,7 +263,22 @@ def next_experiments(
     whole = record.periods * record.period
     i_e = record.i_e[:whole] - record.i_e[:whole].mean(axis=0)
     hypotheses = _members(diagnosis, diagnosis.fit)
-    return tell_apart(hypotheses, i_e, record.period, instruments, more_instruments=more, limits=limits)
+    return tell_apart(
+        hypotheses,
+        i_e,
+        record.period,
+        instruments,
+        more_instruments=more,
+        limits=limits,
+        probabilities=_likely(diagnosis, hypotheses),
+    )
+
+
+def _likely(diagnosis: Diagnosis, hypotheses: Mapping[str, Model]) -> dict[str, float]:
+    """Probability of the model of a diagnosis, and of the same with another member in place of the one it has."""
+    shared = frozenset(diagnosis.effects) - hypotheses.keys()
+    totals = {frozenset(own.effects): own.total for own in diagnosis.probabilities.sets}
+    return {name: max(totals.get(shared | {name}, 0.0), NEGLIGIBLE) for name in hypotheses}
 
 
 def _members(diagnosis: Diagnosis, fit: Comparison) -> dict[str, Model]:
@@ -249,6 +306,7 @@ class _Pair:
         following = planned(change.at(truth), change.amplitude * i_e, period, self.further)
         self.records = [planned(truth, i_e, period, self.present), replace(following, name="next")]
         self.once = self._evidence(1.0)
+        self.adds = max(0.0, self.once - refit(foreseen(other, self.records[:1], (self.present,))).cost)
 
     def repeats(self) -> float:
         """So many times as long as the present one must the next record be; infinite where no length would do."""

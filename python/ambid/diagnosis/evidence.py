@@ -272,17 +272,16 @@ class Yardstick:
         on_tones, waves = fit.noise.on_tones(fit.model)
         beginnings = self._beginnings(fit, self.base)
         if kept_back is not None and self.kept_back is not None:
+            dof = kept_back.dof + len(fit.model.free)  # nothing further is fitted to them
             try:
                 further = _further_cost(fit, kept_back)
-                dof = kept_back.dof + len(fit.model.free)  # nothing further is fitted to them
-                cost, expected = cost + further, expected + dof
-                beyond_each.append(_beyond(further, dof, deviation(kept_back)))
                 beginnings += self._beginnings(kept_back, self.kept_back)
                 at_waves = kept_back.noise.on_tones(kept_back.model)
                 on_tones, waves = on_tones + at_waves[0], waves + at_waves[1]
             except UnstableLoopError:
-                cost = BOUNDLESS  # no such record was made by a loop that leaves all bounds
-                beyond_each.append(BOUNDLESS)
+                further = BOUNDLESS  # no such record was made by a loop that leaves all bounds
+            cost, expected = cost + further, expected + dof
+            beyond_each.append(_beyond(further, dof, deviation(self.kept_back)))
             variance += deviation(self.kept_back) ** 2
         prefixes = tuple(f"{effect.name}." for effect in added)
         parameters = fit.model.parameters
