@@ -37,7 +37,7 @@ def test_without_any_noise_nothing_is_left():
 def of(left, on_tones=0.0, waves=0):
     """A base model that leaves so much beyond the noise of 1000 numbers."""
     return Evidence(
-        cost=1000.0 + left, expected=1000.0, deviation=45.0, beyond_each=(left,), formula_errors={}, beginnings=0.0,
+        cost=1000.0 + left, expected=1000.0, deviation=45.0, formula_errors={}, beginnings=0.0,
         information=np.zeros((0, 0)), kinds=(), one_sided=0, prior=0.0, on_tones=on_tones, waves=waves,
     )  # fmt: skip
 

@@ -103,9 +103,6 @@ class Evidence:
         J of all records, those to validate on included.
     expected, deviation : float
         Of a right model, mean and standard deviation of that.
-    beyond_each : tuple of float
-        By how much J of the fitted records alone is above that of a right model, beyond chance; and so of the records
-        to validate on, where there are such.
     formula_errors : mapping of frozenset of str to float
         By the names of the others, part of what an effect explains beside them that its formula is known to leave.
     beginnings : float
@@ -125,7 +122,6 @@ class Evidence:
     cost: float
     expected: float
     deviation: float
-    beyond_each: tuple[float, ...]
     formula_errors: Mapping[frozenset[str], float]
     beginnings: float
     information: FloatArray
@@ -149,7 +145,7 @@ class Evidence:
     @property
     def beyond(self) -> float:
         """By how much J is above that of a right model, beyond chance."""
-        return _beyond(self.cost, self.expected, self.deviation)
+        return max(0.0, self.cost - self.expected - BEYOND * self.deviation)
 
     @property
     def against(self) -> float:
@@ -175,11 +171,6 @@ class Evidence:
         return prior - cost - own.price(variance)
 
 
-def _beyond(cost: float, expected: float, spread: float) -> float:
-    """By how much J is above that of a right model, beyond chance."""
-    return max(0.0, cost - expected - BEYOND * spread)
-
-
 def by_score(fit: Comparison, misfit: float, score: float, degrees: int, one_sided: int, prior: float) -> Evidence:
     """Of a set with one effect more than a fit has, by its score and the misfit J/dof that it promises."""
     cost = max(1.0, misfit) * fit.dof
@@ -187,7 +178,6 @@ def by_score(fit: Comparison, misfit: float, score: float, degrees: int, one_sid
         cost=cost,
         expected=float(fit.dof),
         deviation=deviation(fit),
-        beyond_each=(_beyond(cost, fit.dof, deviation(fit)),),
         formula_errors={},
         beginnings=0.0,
         information=np.eye(degrees) * max(0.0, score),
@@ -268,7 +258,6 @@ class Yardstick:
     ) -> Evidence:
         """Of a set at its optimum, whose effects are the best of so many independent variants."""
         cost, expected, variance = fit.cost, float(fit.dof), deviation(fit) ** 2
-        beyond_each = [_beyond(cost, expected, deviation(fit))]
         on_tones, waves = fit.noise.on_tones(fit.model)
         beginnings = self._beginnings(fit, self.base)
         if kept_back is not None and self.kept_back is not None:
@@ -281,7 +270,6 @@ class Yardstick:
             except UnstableLoopError:
                 further = BOUNDLESS  # no such record was made by a loop that leaves all bounds
             cost, expected = cost + further, expected + dof
-            beyond_each.append(_beyond(further, dof, deviation(self.kept_back)))
             variance += deviation(self.kept_back) ** 2
         prefixes = tuple(f"{effect.name}." for effect in added)
         parameters = fit.model.parameters
@@ -292,7 +280,6 @@ class Yardstick:
             cost=cost,
             expected=expected,
             deviation=float(np.sqrt(variance)),
-            beyond_each=tuple(beyond_each),
             formula_errors={names - {own.name}: own.formula_error for own in added if own.formula_error},
             beginnings=beginnings,
             information=_information(fit, kinds),
@@ -305,10 +292,8 @@ class Yardstick:
 
     def motion(self, base: Evidence) -> Evidence:
         """Of a machine that does not move at all, beside that of the base model."""
-        each = [own for own in (self.base, self.kept_back) if own is not None]
-        costs = [own.noise.measured_cost for own in each]
-        beyond_each = tuple(_beyond(cost, own.dof, deviation(own)) for cost, own in zip(costs, each, strict=True))
-        return replace(base, cost=sum(costs), beyond_each=beyond_each)
+        measured = [own.noise.measured_cost for own in (self.base, self.kept_back) if own is not None]
+        return replace(base, cost=sum(measured))
 
     def _beginnings(self, fit: Comparison, base: Comparison) -> float:
         """What the numbers cost that say how the states of linear effects begin the records."""

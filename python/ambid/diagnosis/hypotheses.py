@@ -158,14 +158,11 @@ class Field:
     def is_of_formulas(self, hypothesis: Hypothesis) -> bool:
         """Whether what a set leaves beyond noise is so little of what it explains that its formulas may leave it.
 
-        They leave a part of it wherever it acts, in the records to validate on no larger a part than in those that
-        were fitted. Those of a disturbance leave nothing, and it has lines of its own; nor do those of what explains
-        nothing.
+        They leave a part of it in all records, those to validate on included. Those of a disturbance leave nothing, and
+        it has lines of its own; nor do those of what explains nothing.
         """
-        before, known = self.without_physics(hypothesis), self.of_formulas(hypothesis.evidence)
-        each = list(zip(hypothesis.evidence.beyond_each, before.beyond_each, strict=True))
-        explains = known > 0.0 or any(base > 0.0 for _, base in each)
-        return bool(hypothesis.added) and explains and all(own <= max(OF_FORMULAS * base, known) for own, base in each)
+        left = max(OF_FORMULAS * self.without_physics(hypothesis).beyond, self.of_formulas(hypothesis.evidence))
+        return bool(hypothesis.added) and left > 0.0 and hypothesis.evidence.beyond <= left
 
     def without_physics(self, hypothesis: Hypothesis) -> Evidence:
         """The disturbances of a set alone, which have lines of their own; the base model where that was not tried."""
@@ -190,7 +187,7 @@ class Field:
 
     def share_of_motion(self, hypothesis: Hypothesis) -> float:
         """Part of what the records hold beyond noise that a set explains, 0 to 1."""
-        before, left = self.unexplained.beyond_each[0], hypothesis.evidence.beyond_each[0]
+        before, left = self.unexplained.beyond, hypothesis.evidence.beyond
         return max(0.0, 1.0 - left / before) if before else 1.0
 
     def promise(self, own: Evidence) -> float:

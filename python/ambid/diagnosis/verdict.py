@@ -239,7 +239,7 @@ def _shapes_left(field: Field, best: Hypothesis) -> Iterator[Criterion]:
     Linear effects can take the place of friction, of a dead band or of a stop at one amplitude, and leave little more
     than noise in all. A score for one shape sees less than the sum over all lines does.
     """
-    if field.is_of_formulas(best) and any(best.evidence.beyond_each):
+    if field.is_of_formulas(best) and best.evidence.beyond > 0.0:
         return
     fall = field.fall_by_physics(best)
     for part in best.fit.noise.in_time:
