@@ -276,7 +276,7 @@ def next_experiments(
 
 def _likely(diagnosis: Diagnosis, hypotheses: Mapping[str, Model]) -> dict[str, float]:
     """Probability of the model of a diagnosis, and of the same with another member in place of the one it has."""
-    shared = frozenset(diagnosis.effects) - hypotheses.keys()
+    shared = frozenset(diagnosis.effects) - set(hypotheses)
     totals = {frozenset(own.effects): own.total for own in diagnosis.probabilities.sets}
     return {name: max(totals.get(shared | {name}, 0.0), NEGLIGIBLE) for name in hypotheses}
 
