@@ -64,7 +64,7 @@ def test_what_has_no_name_is_given_none(effect):
     assert found.effects == ()
 
 
-@pytest.mark.parametrize("kind", ["analog", "digital", "other_rotor", "gravity", "without_i_c", "two_amplitudes"])
+@pytest.mark.parametrize("kind", ["analog", "digital", "other_rotor", "two_amplitudes"])
 def test_nothing_hidden_is_adequate(kind):
     rig, train, _, _ = experiment(None, "clear", 101, kind=kind)
     found = diagnose(rig, train)

@@ -20,7 +20,6 @@ def diagnosed(machine, hidden, size):
     [
         pytest.param(43, "seal_forces", id="six millimetres from where it was looked for"),
         pytest.param(43, "unbalance", id="a hundredth of a hertz from where it was found"),
-        pytest.param(42, "coupling_stiffness", id="far off, the score of the other end is larger"),
     ],
 )
 def test_a_large_effect_is_named_alone(machine, hidden):

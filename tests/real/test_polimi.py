@@ -72,7 +72,7 @@ def test_the_inductance_is_the_same_where_a_diagnosis_is_asked_for_it(run):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("time_constant", [0.0005, 0.002])
+@pytest.mark.parametrize("time_constant", [0.002])
 def test_from_the_ideal_coil_on_its_inductance_is_found(run, time_constant):
     """From a lag of a sample the score sees nothing of one of 28 samples; refits start further off.
 
