@@ -107,7 +107,7 @@ def test_one_device_for_several_outputs(files, command):
     assert (result.code, result.err) == (0, "")
 
 
-def test_a_pipe_is_no_place_for_a_record_that_is_read_back(files, command, refused):
+def test_a_pipe_is_no_place_for_a_record(files, command, refused):
     os.mkfifo("v.csv")
     refused(command("simulate", "rig.toml", "--out", "v.csv", "--force"), "v.csv")
 

@@ -160,6 +160,12 @@ def test_the_information_that_a_record_brings():
     assert row(sure, "the same once more").information < sure.unknown
 
 
+@pytest.mark.parametrize("wrong", [{"back_emf": 1.0}, {"back_emf": 1.0, "controller_gain_error": 0.0}, {"else": 1.0}])
+def test_probabilities_are_of_each_hypothesis_and_above_zero(wrong):
+    with pytest.raises(InputError, match="controller_gain_error, and no other"):
+        tell_apart(PAIR, I_E, 510, STATED, probabilities=wrong)
+
+
 def test_proposals_refuse(golden):
     with golden.raises(InputError):
         tell_apart({"back_emf": PAIR["back_emf"]}, I_E, 510, STATED)

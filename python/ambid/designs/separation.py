@@ -168,7 +168,7 @@ def tell_apart(
     limits : Limits, optional
         An experiment beyond them is not tried.
     probabilities : mapping of str to float, optional
-        Of each hypothesis now, up to a factor; by default all are as likely.
+        Of each hypothesis now, above zero, up to a factor; by default all are as likely.
 
     Returns
     -------
@@ -178,14 +178,13 @@ def tell_apart(
     Raises
     ------
     InputError
-        If there are fewer than two hypotheses, or periods.
+        If there are fewer than two hypotheses, or periods, or one has no probability above zero.
     """
     if len(hypotheses) < 2:
         raise InputError(f"{len(hypotheses)} hypothesis: give two or more that are to be told apart")
     limits = limits or Limits()
     rig = next(iter(hypotheses.values())).rig
-    likely = np.array([(probabilities or {}).get(name, 0.0 if probabilities else 1.0) for name in hypotheses])
-    likely = likely / likely.sum()
+    likely = _normalised(dict.fromkeys(hypotheses, 1.0) if probabilities is None else probabilities, hypotheses)
     found, not_tried = [], {}
     for change in changes(rig, currents=more_instruments is not None):
         further = more_instruments if change.currents and more_instruments is not None else instruments
@@ -212,6 +211,18 @@ def tell_apart(
         found.append(Proposal(change, evidence, information, repeats, seconds, load * change.amplitude, cost))
     found.sort(key=lambda own: (own.cost, -own.information))
     return Proposals(tuple(hypotheses), tuple(found), not_tried, gained(likely, np.inf))
+
+
+def _normalised(probabilities: Mapping[str, float], hypotheses: Mapping[str, Model]) -> FloatArray:
+    own = {name: probabilities.get(name) for name in {**hypotheses, **probabilities}}
+    for name, p in own.items():
+        if name not in hypotheses or p is None or not 0.0 < p < np.inf:
+            raise InputError(
+                f"probabilities[{name!r}] = {p}: expected one above zero for each of {', '.join(hypotheses)}, "
+                "and no other"
+            )
+    values = np.array([probabilities[name] for name in hypotheses])
+    return values / values.sum()
 
 
 def gained(probabilities: FloatArray, evidence: FloatArray | float) -> float:
