@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -34,8 +35,9 @@ MOST_RENEWALS = 3
 """So often is the noise renewed after the best set has changed, at the most."""
 RENEWED = 0.02
 """Relative change of J by renewing the noise that is small enough."""
-HOPELESS = 1e3
-"""Log evidence by which no other noise lets a set catch up."""
+HOPELESS, FAR_BEHIND = 1e3, 30.0
+"""Log evidence by which no other noise lets a set catch up, and by which none that is hardly other does, as that where
+the best set explains."""
 Start = tuple[Model, Effect, Mapping[str, float]]
 
 
@@ -97,7 +99,8 @@ def _nearest(task: Task, fit: Comparison, effects: Sequence[Effect]) -> list[Sta
         for values in effect.far_starts(home(fit.model, effect)):
             for base in (fit.model, nominal_beside(task, fit.model)):
                 with suppress(UnstableLoopError, ModelError):
-                    found.append((fit.of(base.add(effect, values)).cost, (base, effect, dict(values))))
+                    left = fit.noise.departure(base.add(effect, values))  # without transients, at a part of the time
+                    found.append((float(left @ left), (base, effect, dict(values))))
     return [min(found, key=lambda own: own[0])[1]] if found else []
 
 
@@ -137,18 +140,14 @@ def refined(task: Task, field_: Field, names: Names) -> Field:
     for own in field_.tried.values():
         if own is best:
             renewed = renewed.with_(effects, fit, best.variants)
-        elif own.added and (own.names < best.names or _is_rival(field_, own, best)):
-            try:
-                renewed = renewed.with_(own.added, refit(fit.of(own.fit.model), step=ROUGHLY), own.variants)
-            except UnstableLoopError:
-                continue
+        elif own.added and (own.names < best.names or len(own.added) >= len(best.added)):
+            behind = field_.promise(best.evidence) - field_.promise(own.evidence)
+            if field_.is_explained and behind > FAR_BEHIND and not own.names < best.names:
+                renewed = replace(renewed, tried={**renewed.tried, own.names: own})
+            elif behind < HOPELESS or own.names < best.names:
+                with suppress(UnstableLoopError):
+                    renewed = renewed.with_(own.added, refit(fit.of(own.fit.model), step=ROUGHLY), own.variants)
     return renewed
-
-
-def _is_rival(field_: Field, own: Hypothesis, best: Hypothesis) -> bool:
-    """Whether a set of no fewer effects may still become as likely as the best."""
-    is_near = field_.promise(own.evidence) > field_.promise(best.evidence) - HOPELESS
-    return len(own.added) >= len(best.added) and is_near
 
 
 def _nearer_the_rig(task: Task, fit: Comparison, effect: Effect) -> Comparison:

@@ -10,15 +10,13 @@ from scipy.special import chdtri
 from ambid import _core
 from ambid.arrays import FloatArray
 from ambid.errors import UnstableLoopError
-from ambid.identification.problem import EXACTLY, End, LeastSquares
+from ambid.identification.problem import EXACTLY, NEAR, ROUGHLY, End, LeastSquares
 from ambid.model import Model
 from ambid.noise import Comparison, Noise, Quadratic
 from ambid.noise.known import Size, known_residual, known_weights
 
 __all__ = ["ROUGHLY", "SUBSTEPS", "WhitenedProblem", "criterion", "other_side", "refit"]
 
-ROUGHLY = 1e-4
-"""Relative step at which a fit is near enough to be judged among others."""
 HIDDEN = 0.5
 """Whitened difference of two responses that moves no parameter by more than so many standard errors."""
 SETTLED = 0.01
@@ -55,6 +53,12 @@ class WhitenedProblem(LeastSquares):
         found = self.noise.quadratic(self.model.with_theta(theta), self.free, near, roughly=self.roughly)
         self._before = (theta, found)
         return found.hessian, found.gradient, found.cost
+
+    def promises(self, other: FloatArray, theta: FloatArray) -> bool:
+        """Whether J may be lower about another place than at one, by the parabola there."""
+        short, _ = self._short(other[self.free] / self.scale)
+        here, _ = self._short(theta[self.free] / self.scale)
+        return float(short[-1] ** 2) < float(here @ here) - NEAR
 
     @property
     def prior(self) -> FloatArray:
@@ -136,7 +140,7 @@ def _from(comparison: Comparison, model: Model, most: int, step: float) -> Compa
     problem = WhitenedProblem(held, comparison.noise, roughly=roughly)
     end = _gone(problem, most, step)
     fit = comparison.of(model.with_theta(end))
-    if (behind := other_side(problem, end)) is not None:
+    if (behind := other_side(problem, end)) is not None and problem.promises(behind, fit.model.theta):
         begun = WhitenedProblem(held.with_theta(behind), comparison.noise, roughly=is_rough)
         there = comparison.of(model.with_theta(_gone(begun, most, near)))
         if there.cost < fit.cost and near > step:
@@ -174,7 +178,7 @@ def _gone(problem: WhitenedProblem, most: int, step: float) -> FloatArray:
     """All parameters where a descent from those of the problem's model ends."""
     parameters = [problem.model.parameters[i] for i in problem.free]
     lower, upper, at = np.array([(p.lower, p.upper, p.value) for p in parameters]).T / problem.scale
-    end = problem.descend(at, (lower, upper), most, step)
+    end = problem.descend(at, (lower, upper), most, step, among_others=step >= ROUGHLY)
     if end.status == "stopped":
         raise KeyboardInterrupt from None
     return end.theta

@@ -24,6 +24,11 @@ ENOUGH = 1e-3
 nothing to be gained where values are known to a tolerance, whose derivatives make an evaluation costly."""
 
 
+ROUGHLY, NEAR, UPHILL = 1e-4, 0.1, 2
+"""Of a fit that is judged among others: relative step at which it ends, fall of J that tells none apart, and how many
+steps in a row may lead uphill, each a quarter of the one before."""
+
+
 class End(NamedTuple):
     """Where a descent ended: all parameters, cost, and a status of `estimate.STATUS`."""
 
@@ -69,7 +74,7 @@ class LeastSquares(ABC):
         self.scale = np.array([model.parameters[i].scale for i in free])
         self.evaluations = 0
         self._best: tuple[float, FloatArray] = (np.inf, self.scale)
-        self._gain = 0.0
+        self._gain, self._least, self._most_uphill, self._uphill = 0.0, 0.0, np.inf, 0
         self._last: tuple[bytes, FloatArray, FloatArray, float] | None = None
 
     @abstractmethod
@@ -115,7 +120,9 @@ class LeastSquares(ABC):
             hessian, gradient, cost = self._evaluate(self.theta(x))
             self.evaluations += 1
             self._last = (x.tobytes(), hessian * np.outer(self.scale, self.scale), gradient * self.scale, cost)
-            if cost < self._best[0]:
+            is_lower = cost < self._best[0]
+            self._uphill = 0 if is_lower else self._uphill + 1
+            if is_lower:
                 self._best = (cost, x.copy())
             if self.progress is not None:
                 self.progress(self.evaluations, cost)
@@ -125,9 +132,15 @@ class LeastSquares(ABC):
         """See `is_barred`."""
         return is_barred(*self.normal_equations(theta[self.free] / self.scale))
 
-    def descend(self, x: FloatArray, limits: Limits, max_evaluations: int, step: float = EXACTLY) -> End:
-        """Go downhill from x with SciPy's trust-region method; a step into an unstable loop is rejected."""
+    def descend(
+        self, x: FloatArray, limits: Limits, max_evaluations: int, step: float = EXACTLY, *, among_others: bool = False
+    ) -> End:
+        """Go downhill from x with SciPy's trust-region method; a step into an unstable loop is rejected.
+
+        To be judged `among_others` J, in units of noise, need be no nearer to its least than tells them apart.
+        """
         self._best, self._gain = (np.inf, x), step**1.5
+        self._least, self._most_uphill, self._uphill = (NEAR, UPHILL, 0) if among_others else (self.enough, np.inf, 0)
         tiny = 1e-9  # bounds of zero are open: a gain or time constant of zero is no model
         bounds = (np.where(limits[0] == 0.0, tiny, limits[0]), limits[1])
         margin = 1e-12 * np.maximum(1.0, np.abs(x))
@@ -150,14 +163,18 @@ class LeastSquares(ABC):
     def _residual(self, x: FloatArray) -> FloatArray:
         """The short residual; infinite, which SciPy rejects as a step, where the loop is unstable."""
         try:
-            return self._short(x)[0]
+            short, _ = self._short(x)
         except (UnstableLoopError, ModelError):
             return np.full(len(x) + 1, np.inf)
+        if self._uphill > self._most_uphill:
+            cost, best = self._best
+            raise _Arrived(End(self.theta(best), cost, "converged"))
+        return short
 
     def _jacobian(self, x: FloatArray) -> FloatArray:
         short, jacobian = self._short(x)
         cost = float(short @ short)
-        if short[:-1] @ short[:-1] < max(self._gain * cost, self.enough):  # what a step would still gain, bounds or not
+        if short[:-1] @ short[:-1] < max(self._gain * cost, self._least):  # what a step would still gain, bounds or not
             raise _Arrived(End(self.theta(x), self.normal_equations(x)[2], "converged"))
         return jacobian
 
