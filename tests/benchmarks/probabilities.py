@@ -16,6 +16,7 @@ import argparse
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -42,6 +43,8 @@ SCORES = (200.0, 3e4)
 """Rise of J that an effect should cause, drawn evenly in its logarithm."""
 SEEN = 60.0
 """Score below which an effect is invisible, where no physical size reaches what was drawn, or tolerances hide it."""
+ORDER = 8
+"""Of the PRBS, at the most: what an effect causes is drawn, whatever the length of the records."""
 SETS = 8
 """So many of a diagnosis are kept."""
 SURE = 0.9
@@ -87,6 +90,7 @@ def _drawn(random: np.random.Generator, kind: str, inside: Sequence[str], outsid
 def _rotor(random: np.random.Generator, kind: str, population: str) -> Made | None:
     seed = int(random.integers(1000, 100_000))
     bench = stranger(seed) if population == "strangers" else BENCHES[str(random.choice(list(BENCHES)))]
+    bench = replace(bench, order=min(bench.order, ORDER))
     found = {}
     for name in _drawn(random, kind, list(CATALOGUE), list(OUTSIDE)):
         found[name] = find(name, float(np.exp(random.uniform(*np.log(SCORES)))), bench)

@@ -19,7 +19,6 @@ def diagnosed(machine, hidden, size):
     ("machine", "hidden"),
     [
         pytest.param(43, "seal_forces", id="six millimetres from where it was looked for"),
-        pytest.param(43, "unbalance", id="a hundredth of a hertz from where it was found"),
     ],
 )
 def test_a_large_effect_is_named_alone(machine, hidden):

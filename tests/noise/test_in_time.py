@@ -30,7 +30,7 @@ def test_a_start_from_the_linear_steady_state_is_as_good_as_a_long_lead(judged):
     folded, _ = here.loop.core.folded(here.theta, [], inputs, 19 * PERIOD, PERIOD, 4.0)
     long = part.whiten(part.window.of_period(folded[:, : in_time.channels]))
     basis = part.transients(here)
-    for near in (in_time.change(here), in_time.lines(here, [], at_rest=False)[0]):
+    for near in (in_time.nearly(here, [])[0], in_time.lines(here, [], at_rest=False)[0]):
         left = part.whiten(near) - long
         assert np.linalg.norm(left - basis @ (basis.T @ left)) < 0.05
     linear = here.without("force_nonlinearity").response(part.record)[-PERIOD:]

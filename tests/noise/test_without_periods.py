@@ -80,7 +80,6 @@ def test_too_short_a_record_is_refused(golden):
 
 
 DELAY = {"loop_delay": {"seconds": 5e-5}}
-SEAL = {"seal_forces": {"z": 0.43, "direct": 8e5, "cross": 6e5, "damping": 300.0}}
 
 
 @pytest.mark.parametrize(
@@ -90,7 +89,6 @@ SEAL = {"seal_forces": {"z": 0.43, "direct": 8e5, "cross": 6e5, "damping": 300.0
         pytest.param(ONE_AXIS, DELAY, id="one axis-loop_delay", marks=pytest.mark.slow),
         pytest.param(BENCHES["bench"], {}, id="bench-nothing", marks=pytest.mark.slow),
         pytest.param(BENCHES["bench"], DELAY, id="bench-loop_delay", marks=pytest.mark.slow),
-        pytest.param(BENCHES["bench"], SEAL, id="bench-seal_forces", marks=pytest.mark.slow),
     ],
 )
 def test_what_is_hidden_is_named_without_periods(machine, hidden):

@@ -13,6 +13,7 @@ from ambid.diagnosis.candidates import Ranking
 from ambid.diagnosis.evidence import INEXACT, NAMELESS, OF_FORMULAS, UNRANKED, Evidence, Yardstick
 from ambid.diagnosis.task import Task
 from ambid.effects import Effect
+from ambid.identification.minimum import ROUGHLY
 from ambid.noise import Comparison, compare
 
 __all__ = ["Field", "Hypothesis", "Names", "begun"]
@@ -73,12 +74,15 @@ class Field:
         Of what is outside each set that was carried on.
     root : frozenset of str
         What makes an unstable base model stable, in the set that the search began with; nothing of a stable one.
+    parts : mapping of (frozenset of str, str) to float
+        Part of what a set left that a refit of an effect beside it took away.
     """
 
     yardstick: Yardstick
     tried: Mapping[Names, Hypothesis] = field(default_factory=dict)
     rankings: Mapping[Names, Ranking] = field(default_factory=dict)
     root: Names = frozenset()
+    parts: Mapping[tuple[Names, str], float] = field(default_factory=dict)
 
     @property
     def base(self) -> Hypothesis:
@@ -124,6 +128,18 @@ class Field:
                 share = least / max(least, self.left_by(rest))
                 by_prior = sum(float(np.log(len(prior) * prior[name])) for name in hypothesis.names - rest.names)
                 yield rest, float(np.log(0.5 * ranking.is_stood_in_for(share))) - by_prior
+
+    def felt(self, names: Names, effect: str) -> Field:
+        """The field that remembers what a refit beside a set took away, within what two descents may miss."""
+        before, after = (self.tried[own].evidence.cost for own in (names, names | {effect}))
+        part = (before - after + ROUGHLY * before) / max(1.0, self.left_by(self.tried[names]))
+        return replace(self, parts={**self.parts, (names, effect): part})
+
+    def felt_before(self, hypothesis: Hypothesis, effect: str) -> float | None:
+        """Fall of J by an effect, as refits of it beside smaller sets found it; None where there are none."""
+        own = [(names, part) for (names, name), part in self.parts.items() if name == effect and names in self.tried]
+        falls = [part * self.left_by(self.tried[names]) for names, part in own if names < hypothesis.names]
+        return max(falls, default=None)
 
     def left_by(self, hypothesis: Hypothesis) -> float:
         """What a set leaves beyond noise, of J."""

@@ -21,7 +21,7 @@ from ambid.diagnosis.hypotheses import Field, Hypothesis, begun
 from ambid.diagnosis.ledger import steps_to
 from ambid.diagnosis.messages import findings_of, not_determined
 from ambid.diagnosis.ranking import Progress, rank, silent
-from ambid.diagnosis.refits import added, nominal_beside, refined
+from ambid.diagnosis.refits import added, ended, nominal_beside, refined
 from ambid.diagnosis.result import Diagnosis
 from ambid.diagnosis.search import Ask, asked, explored
 from ambid.diagnosis.standing import BASE_UNSTABLE, base_unstable, choice_unstable, holders, nothing_holds, standing
@@ -155,9 +155,17 @@ def diagnose(
     field = begun(task, *bases)
 
     def told(*, is_stopped: bool) -> Diagnosis:
-        end = None if chosen is None else max(field.tried.values(), key=lambda own: len(own.added))
-        verdict = judged(task, field, tolerance, is_stopped=is_stopped, chosen=end)
-        return _told(verdict, field, end or field.best, bases[0], task, records, start, findings, begun_at)
+        own = (
+            field
+            if is_stopped or not (chosen or field.is_explained)
+            else ended(field, (of_choice(field) or field.best).names)
+        )
+        end = of_choice(own)
+        verdict = judged(task, own, tolerance, is_stopped=is_stopped, chosen=end)
+        return _told(verdict, own, end or own.best, bases[0], task, records, start, findings, begun_at)
+
+    def of_choice(field: Field) -> Hypothesis | None:
+        return None if chosen is None else max(field.tried.values(), key=lambda own: len(own.added))
 
     try:
         say(_line(field.base, field.base))

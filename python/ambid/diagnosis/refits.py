@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.rig import Rig
 
-__all__ = ["Start", "added", "home", "nominal_beside", "ranked", "refined", "without"]
+__all__ = ["Start", "added", "ended", "home", "nominal_beside", "ranked", "refined", "without"]
 
 LOST = 2.0
 """Misfit J/dof above which parameters that have left their start say nothing."""
@@ -35,9 +34,10 @@ MOST_RENEWALS = 3
 """So often is the noise renewed after the best set has changed, at the most."""
 RENEWED = 0.02
 """Relative change of J by renewing the noise that is small enough."""
+MOST = 12
+"""Evaluations of a set that is not the last one, at the most."""
 HOPELESS, FAR_BEHIND = 1e3, 30.0
-"""Log evidence by which no other noise lets a set catch up, and by which none that is hardly other does, as that where
-the best set explains."""
+"""Log evidence by which no other noise lets a set catch up, and by which none does that is hardly another."""
 Start = tuple[Model, Effect, Mapping[str, float]]
 
 
@@ -56,7 +56,7 @@ def added(task: Task, field_: Field, names: Names, candidate: Candidate) -> Fiel
         with suppress(UnstableLoopError):  # it stands at the edge of stability
             further = further.with_((*before.added, effect), fit, before.variants * candidate.variants)
     if names | {candidate.effect.name} in further.tried:
-        return further
+        return further.felt(names, candidate.effect.name)
     raise ModelError(f"{candidate.effect.name}: no stable loop with it was found; leave it out, or choose another")
 
 
@@ -130,24 +130,31 @@ def refined(task: Task, field_: Field, names: Names) -> Field:
         fit = refit(fit.renewed(), step=ROUGHLY)
         if abs(fit.cost - before) <= RENEWED * before:
             break
-    fit = refit(fit)
+    fit = refit(fit, MOST)
     base = refit(fit.of(field_.base.fit.model), step=ROUGHLY)
     kept_back = field_.yardstick.kept_back
     if kept_back is not None:
         kept_back = kept_back.of(fit.model).renewed().of(base.model)
-    renewed = Field(Yardstick(base, kept_back, task.prior), {}, field_.rankings, field_.root)
-    renewed = renewed.with_(field_.base.added, base)
+    renewed = Field(Yardstick(base, kept_back, task.prior), {}, field_.rankings, field_.root, field_.parts)
+    renewed = renewed.with_(field_.base.added, base).with_(effects, fit, best.variants)
     for own in field_.tried.values():
-        if own is best:
-            renewed = renewed.with_(effects, fit, best.variants)
-        elif own.added and (own.names < best.names or len(own.added) >= len(best.added)):
-            behind = field_.promise(best.evidence) - field_.promise(own.evidence)
-            if field_.is_explained and behind > FAR_BEHIND and not own.names < best.names:
-                renewed = replace(renewed, tried={**renewed.tried, own.names: own})
-            elif behind < HOPELESS or own.names < best.names:
-                with suppress(UnstableLoopError):
-                    renewed = renewed.with_(own.added, refit(fit.of(own.fit.model), step=ROUGHLY), own.variants)
+        is_rival = len(own.names) >= len(best.names) > 0 and not _is_hopeless(field_, own, best)
+        if (own.names < best.names or is_rival) and own.names not in renewed.tried:
+            with suppress(UnstableLoopError):
+                renewed = renewed.with_(own.added, refit(fit.of(own.fit.model), step=ROUGHLY), own.variants)
     return renewed
+
+
+def _is_hopeless(field_: Field, own: Hypothesis, best: Hypothesis) -> bool:
+    """Whether no other noise makes a set as likely as the best; where that explains, noise is hardly another."""
+    behind = field_.promise(best.evidence) - field_.promise(own.evidence)
+    return behind > (FAR_BEHIND if field_.is_explained else HOPELESS)
+
+
+def ended(field_: Field, names: Names) -> Field:
+    """The field with a set at its optimum to the last digit, which the search comes near."""
+    own = field_.tried[names]
+    return field_.with_(own.added, refit(own.fit), own.variants) if own.added else field_
 
 
 def _nearer_the_rig(task: Task, fit: Comparison, effect: Effect) -> Comparison:

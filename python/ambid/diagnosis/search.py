@@ -162,13 +162,17 @@ def _by_promise(task: Task, field_: Field, hypothesis: Hypothesis, ranking: Rank
 def _may_win(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate) -> bool:
     """Whether a candidate beside a set could make it as likely as the foremost.
 
-    Where a set leaves more than noise a score may err.
+    Where a set leaves more than noise a score may err. Where scores say nothing, refits beside smaller sets do; a refit
+    beside the set itself, in another noise, says all.
     """
-    room = field_.left_by(hypothesis)
-    promised = _promised(
-        task, field_, hypothesis, c, max(c.score, room if _is_blind(hypothesis, c) else min(room, ERR * c.score))
-    )
-    return promised > field_.promise(field_.foremost.evidence) - BEHIND
+    room, known = field_.left_by(hypothesis), field_.parts.get((hypothesis.names, c.effect.name))
+    if known is not None:
+        fall = known * room
+    elif _is_blind(hypothesis, c) and (felt := field_.felt_before(hypothesis, c.effect.name)) is not None:
+        fall = min(room, ERR * felt)
+    else:
+        fall = max(c.score, room if _is_blind(hypothesis, c) else min(room, ERR * c.score))
+    return _promised(task, field_, hypothesis, c, fall) > field_.promise(field_.foremost.evidence) - BEHIND
 
 
 def _is_blind(hypothesis: Hypothesis, c: Candidate) -> bool:

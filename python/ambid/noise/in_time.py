@@ -90,14 +90,18 @@ class InTime:
             self._known.pop(next(iter(self._known)))
         return response, slopes
 
-    def change(self, here: Model) -> ComplexArray:
-        """Judged lines of the settled response, for comparison with that of a like model: after a short lead."""
+    def nearly(self, here: Model, free: list[int]) -> Lines:
+        """The same of a settled response after a short lead, for comparison with that of a like model.
+
+        The parameters in `free` are those of nonlinear effects alone.
+        """
         lead = self._samples_until(here, NEARLY)
         if not self._repeats(here) or lead >= self.window.samples or here.decay_rate < -NEUTRAL:
-            return self.lines(here, [], at_rest=False)[0]
+            return self.lines(here, free, at_rest=False)
         period = self.window.period
         inputs = np.take(self._mean_period(here), np.arange(-lead, period), axis=0, mode="wrap")
-        return self._of_period(self.window.periods * here.loop.core.settled(here.theta, inputs, period))
+        y, slopes = here.loop.core.settled(here.theta, free, inputs, period)
+        return self._of_period(self.window.periods * y), self._of_period(self.window.periods * slopes)
 
     def samples(self, here: Model, *, at_rest: bool) -> FloatArray:
         """The response in all samples of the record, shape (samples, p)."""

@@ -183,8 +183,9 @@ class RecordLines(NoisyLines):
         free : sequence of int
         roughly : bool
             Of a nonlinear model take the derivatives by all but its nonlinear effects' parameters from the model
-            without those: near enough to lead a descent, several times as fast. Those by errors of values that are
-            known to a tolerance are taken so wherever that model is stable.
+            without those, and a settled response after a short lead: near enough to lead a descent, several times as
+            fast. Derivatives by errors of values that are known to a tolerance are taken so wherever that model is
+            stable.
         """
         core, theta, own = here.loop.core, here.theta, list(free)
         if here.is_linear:
@@ -197,7 +198,7 @@ class RecordLines(NoisyLines):
         some = roughly or linear.is_stable
         shared = [k for k, i in enumerate(own) if some and self._is_near_enough(here, linear, i, roughly=roughly)]
         exact = [k for k in range(len(own)) if k not in shared]
-        response, derivatives = self._simulated(here, [own[k] for k in exact])
+        response, derivatives = self._simulated(here, [own[k] for k in exact], roughly=roughly)
         basis, left = self._own_transients, self.whiten(self.measured_lines - response)
         columns = np.empty((len(left), len(own)))
         if exact:
@@ -228,7 +229,7 @@ class RecordLines(NoisyLines):
         """Whitened response of a settled model less what was measured; of two models the difference is one of both."""
         if here.is_linear:
             return self.data(here).rows(here.loop.core, here.theta, [], None, False)[:, 0]
-        return self.whiten(self._in_time.change(here) - self.measured_lines)
+        return self.whiten(self._in_time.nearly(here, [])[0] - self.measured_lines)
 
     def departure_from_rest(self, here: Model) -> FloatArray:
         """The same of a linear model that rests when the record begins."""
@@ -324,10 +325,12 @@ class RecordLines(NoisyLines):
     def _own_transients(self) -> FloatArray:
         return orthonormal(self.whiten(self._basis))
 
-    def _simulated(self, here: Model, free: list[int]) -> tuple[ComplexArray, ComplexArray]:
+    def _simulated(self, here: Model, free: list[int], *, roughly: bool = False) -> tuple[ComplexArray, ComplexArray]:
         """Judged lines of a nonlinear model's response and of its derivatives, simulated in time."""
         if self._starts_at_rest is None:
             self._starts_at_rest = self._begins_at_rest(here)
+        if roughly and not self._starts_at_rest:
+            return self._in_time.nearly(here, free)
         return self._in_time.lines(here, free, at_rest=self._starts_at_rest)
 
     _starts_at_rest: bool | None = None
@@ -336,7 +339,7 @@ class RecordLines(NoisyLines):
         """Whether the record is nearer to a response from rest than to a settled one."""
         if not self.window.is_periodic:
             return True
-        responses = self._in_time.change(here), self._in_time.lines(here, [], at_rest=True)[0]
+        responses = self._in_time.nearly(here, [])[0], self._in_time.lines(here, [], at_rest=True)[0]
         settled, from_rest = (
             float(np.linalg.norm(self.whiten(self.measured_lines - response))) for response in responses
         )

@@ -139,41 +139,40 @@ impl ClosedLoop {
         let mut y = vec![0.0; period * ny];
         let mut jacobian = vec![0.0; period * ny * np];
         for (part, sum) in prepared.iter().zip(sums) {
-            let width = 1 + part.free.len();
-            for (k, row) in sum.chunks_exact((part.outputs.len() * width).max(1)).enumerate() {
-                for (o, own) in part.outputs.iter().zip(row.chunks_exact(width)) {
-                    y[k * ny + o] = own[0];
-                    let slopes = &mut jacobian[(k * ny + o) * np..][..np];
-                    part.free.iter().zip(&own[1..]).for_each(|(free, slope)| slopes[*free] = *slope);
-                }
-            }
+            place(&sum, &part.outputs, &part.free, (&mut y, &mut jacobian), [ny, np]);
         }
         Ok((y, jacobian))
     }
 
-    /// One period of the response to an excitation that repeats every `period` samples: the last one of `u`.
+    /// One period of the response to an excitation that repeats every `period` samples, the last one of `u`, and its
+    /// derivative by the parameters in `free`.
     ///
     /// It starts from the steady state of the loop linearised at rest, so that a nonlinear loop needs less of a lead
-    /// than from rest, and a linear one none.
+    /// than from rest, and a linear one none; derivatives start with nothing, and a linear part that has some at rest.
     ///
     /// # Errors
     /// As [`ClosedLoop::simulate`], and [`crate::Error::Shape`] where `u` is shorter than a period.
-    pub fn settled(&self, theta: &[f64], u: &[f64], period: usize) -> Result<Vec<f64>> {
-        self.check(theta, &[])?;
-        let (inputs, ny) = (self.inputs(), self.outputs());
+    pub fn settled(&self, theta: &[f64], free: &[usize], u: &[f64], period: usize) -> Result<(Vec<f64>, Vec<f64>)> {
+        self.check(theta, free)?;
+        let (inputs, ny, np) = (self.inputs(), self.outputs(), free.len());
         let samples = u.len().checked_div(inputs).unwrap_or(0);
         check_len("excitation", u.len(), samples.max(period) * inputs)?;
         check_finite("excitation", u)?;
-        let mut y = vec![0.0; period * ny];
+        let (mut y, mut jacobian) = (vec![0.0; period * ny], vec![0.0; period * ny * np]);
         for part in self.parts.iter().filter(|p| !p.inputs.is_empty()) {
-            let own = columns(u, inputs, &part.inputs);
-            let found = from_steady_state(&part.model, theta, &own, period)?;
-            let last = last_period(&found, &shifts(&part.model, theta)?, period);
-            for (y, found) in y.chunks_exact_mut(ny).zip(last.chunks_exact(part.outputs.len().max(1))) {
-                part.outputs.iter().zip(found).for_each(|(o, found)| y[*o] = *found);
+            let acts: Vec<usize> = (0..np).filter(|j| part.model.parameters().any(|p| p == free[*j])).collect();
+            if part.model.lft.blocks.is_empty() && !acts.is_empty() {
+                let fold = Fold { first: samples - period, period, periods: 1, last: 1.0 };
+                let last = Prepared::new(part, theta, free)?.folded(u, inputs, fold)?;
+                place(&last, &part.outputs, &acts, (&mut y, &mut jacobian), [ny, np]);
+                continue;
             }
+            let parameters: Vec<usize> = acts.iter().map(|j| free[*j]).collect();
+            let found = from_steady_state(&part.model, theta, &parameters, &columns(u, inputs, &part.inputs), period)?;
+            let last = last_period(&found, 1 + acts.len(), &shifts(&part.model, theta)?, period);
+            place(&last, &part.outputs, &acts, (&mut y, &mut jacobian), [ny, np]);
         }
-        Ok(y)
+        Ok((y, jacobian))
     }
 
     /// Every part at `theta`, with the derivatives by those of `free` that act on it.
@@ -297,6 +296,24 @@ impl<'a> Prepared<'a> {
             }
         })?;
         Ok(sum)
+    }
+}
+
+/// Rows of some outputs, each followed by its derivatives by some parameters, where they belong among all.
+fn place(
+    rows: &[f64],
+    outputs: &[usize],
+    free: &[usize],
+    (y, jacobian): (&mut [f64], &mut [f64]),
+    [ny, np]: [usize; 2],
+) {
+    let width = 1 + free.len();
+    for (k, row) in rows.chunks_exact((outputs.len() * width).max(1)).enumerate() {
+        for (o, own) in outputs.iter().zip(row.chunks_exact(width)) {
+            y[k * ny + o] = own[0];
+            let slopes = &mut jacobian[(k * ny + o) * np..][..np];
+            free.iter().zip(&own[1..]).for_each(|(free, slope)| slopes[*free] = *slope);
+        }
     }
 }
 

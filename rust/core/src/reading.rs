@@ -129,10 +129,12 @@ impl<'a> Shifted<'a> {
     }
 }
 
-/// Rows of a response whose last `period` repeat, displaced by the shift of each output: that period.
-pub(crate) fn last_period(y: &[f64], shifts: &[isize], period: usize) -> Vec<f64> {
-    let ny = shifts.len();
-    let first = y.len() / ny.max(1) - period;
+/// Rows of a response, `width` columns an output, whose last `period` repeat, displaced by the shift of each output:
+/// that period.
+pub(crate) fn last_period(y: &[f64], width: usize, shifts: &[isize], period: usize) -> Vec<f64> {
+    let columns = shifts.len() * width;
+    let first = y.len() / columns.max(1) - period;
     let place = |k: usize, shift: isize| first + (k as isize - shift).rem_euclid(period.max(1) as isize).unsigned_abs();
-    (0..period).flat_map(|k| shifts.iter().enumerate().map(move |(o, m)| y[place(k, *m) * ny + o])).collect()
+    let of = |k: usize, o: usize, m: isize| &y[place(k, m) * columns + o * width..][..width];
+    (0..period).flat_map(|k| shifts.iter().enumerate().flat_map(move |(o, m)| of(k, o, *m))).copied().collect()
 }

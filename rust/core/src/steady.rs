@@ -19,11 +19,12 @@ const REPEATS: f64 = 1e-6;
 const ITERATIONS: usize = 30;
 
 /// Response (samples x outputs) to `u`, whose first `period` samples repeat, from the steady state of the linearised
-/// loop on; from rest where that has none.
+/// loop on; from rest where that has none. Of a nonlinear loop each output is followed by its derivatives by `free`, which
+/// begin with none; a linear one has none.
 ///
 /// # Errors
 /// As [`crate::ClosedLoop::simulate`].
-pub fn from_steady_state(model: &Model, theta: &[f64], u: &[f64], period: usize) -> Result<Vec<f64>> {
+pub fn from_steady_state(model: &Model, theta: &[f64], free: &[usize], u: &[f64], period: usize) -> Result<Vec<f64>> {
     let inputs = model.inputs();
     let (discrete, _, sizes) = discretise_scaled(model, theta, &[])?;
     let state = steady_state(&discrete, &u[..period * inputs])?;
@@ -34,7 +35,7 @@ pub fn from_steady_state(model: &Model, theta: &[f64], u: &[f64], period: usize)
     }
     let mut state: Vec<f64> = state.iter().copied().collect();
     state.iter_mut().zip(sizes).for_each(|(x, size)| *x *= size);
-    Nonlinear::stable(model, theta, &[])?.run_from(&state, u)
+    Nonlinear::stable(model, theta, free)?.run_from(&state, u)
 }
 
 /// The state at the beginning of a period of inputs that repeats; of directions that do not decay, such as the flux of

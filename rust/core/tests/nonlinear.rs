@@ -134,7 +134,7 @@ fn blocks_without_strength_leave_digital_loops_alone() {
             }
             let off = deviation(&stepped, &y, system.outputs());
             assert!(off < 1e-10, "{what}: steps off by {off:.1e}");
-            let settled = |p: &Problem, u: &[f64]| p.system().settled(&p.theta, u, 100).expect("stable");
+            let settled = |p: &Problem, u: &[f64]| p.system().settled(&p.theta, &[], u, 100).expect("stable").0;
             let expected = settled(&p, &u);
             for found in [settled(&p, &u.repeat(2)), settled(&dull, &u), settled(&dull, &u.repeat(2))] {
                 let off = deviation(&found, &expected, system.outputs());
@@ -183,9 +183,16 @@ fn a_periodic_response_starts_from_the_linear_steady_state() {
         let expected = last(&u.repeat(12));
         for periods in [1, 2] {
             let u = u.repeat(periods);
-            let off = deviation(&system.settled(&p.theta, &u, SAMPLES).expect("stable"), &expected, ny);
+            let off = deviation(&system.settled(&p.theta, &[], &u, SAMPLES).expect("stable").0, &expected, ny);
             let from_rest = deviation(&last(&u), &expected, ny);
             assert!(off < 0.02 * from_rest, "{axes} axes: off by {off:.1e}, from rest by {from_rest:.1e}");
         }
+        let free: Vec<usize> = (0..p.theta.len()).collect();
+        let (y, slopes) = system.settled(&p.theta, &free, &u.repeat(12), SAMPLES).expect("stable");
+        let (again, sums) = system.folded(&p.theta, &free, &u.repeat(12), 11 * SAMPLES, SAMPLES, 1.0).expect("stable");
+        let off = deviation(&y, &again, ny);
+        assert!(off < 1e-4, "{axes} axes: the last period off by {off:.1e}");
+        let off = common::slope_deviation(&slopes, &sums, &again, ny);
+        assert!(off < 1e-2, "{axes} axes: derivatives of the last period off by {off:.1e}");
     }
 }

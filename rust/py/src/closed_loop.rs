@@ -255,17 +255,20 @@ impl ClosedLoop {
         table(py, y, self.core.outputs())
     }
 
-    /// The last period of the response to an excitation that repeats, from the steady state of the linearised loop on.
+    /// The last period of the response to an excitation that repeats, from the steady state of the linearised loop on,
+    /// and its derivatives.
     fn settled<'py>(
         &self,
         py: Python<'py>,
         theta: PyReadonlyArray1<'py, f64>,
+        free: Vec<usize>,
         u: PyReadonlyArray2<'py, f64>,
         period: usize,
-    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>)> {
         let (theta, u) = (theta.as_slice()?, signal("excitation", &u, self.core.inputs())?);
-        let y = py.detach(|| self.core.settled(theta, u, period)).map_err(raise)?;
-        table(py, y, self.core.outputs())
+        let (y, jacobian) = py.detach(|| self.core.settled(theta, &free, u, period)).map_err(raise)?;
+        let outputs = self.core.outputs();
+        Ok((table(py, y, outputs)?, cube(py, jacobian, [period, outputs, free.len()])?))
     }
 
     /// Response and derivatives, whole periods from `first` on added up, the last one `last` times.

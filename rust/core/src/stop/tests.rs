@@ -40,7 +40,7 @@ fn samples_of_a_linear_loop() {
     let u = |samples: usize| vec![1.0; samples];
     assert_asks("simulate", |n| drop(system.simulate(&p.theta, &u(n)).unwrap()));
     assert_asks("sensitivity", |n| drop(system.folded(&p.theta, &[0], &u(n), 0, 100, 1.0).unwrap()));
-    assert_asks("settled", |n| drop(system.settled(&p.theta, &u(n), 1).unwrap()));
+    assert_asks("settled", |n| drop(system.settled(&p.theta, &[], &u(n), 1).unwrap()));
     assert_asks("stepper", |n| Stepper::new(&system, &p.theta).unwrap().run(&u(n), &mut vec![0.0; n]).unwrap());
 }
 
