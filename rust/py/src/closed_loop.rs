@@ -257,6 +257,7 @@ impl ClosedLoop {
 
     /// The last period of the response to an excitation that repeats, from the steady state of the linearised loop on,
     /// and its derivatives.
+    #[allow(clippy::type_complexity)]
     fn settled<'py>(
         &self,
         py: Python<'py>,
