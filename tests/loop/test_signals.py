@@ -11,7 +11,7 @@ HANGS = 300.0
 LONG = {
     "simulate": "lambda: (lambda u: loop.core.simulate(theta, u), np.ones((4_000_000, 4)))",
     "sensitivity": "lambda: (lambda u: loop.core.folded(theta, list(range(9)), u, 0, 100), np.ones((4_000_000, 4)))",
-    "settled": "lambda: (lambda u: loop.core.settled(theta, u, 1), np.ones((2_000_000, 4)))",
+    "settled": "lambda: (lambda u: loop.core.settled(theta, [], u, 1), np.ones((2_000_000, 4)))",
     "lines of many records": "lambda: (lambda many: equations(many), [lines()] * 100)",
     "nonlinear": "lambda: (lambda u: bent.loop.core.simulate(bent.theta, u), np.full((2_000_000, 4), 0.01))",
     "stepper": "lambda: (lambda u: loop.simulator(theta).run(u), np.ones((2_000_000, 4)))",

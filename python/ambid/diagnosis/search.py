@@ -169,7 +169,7 @@ def _may_win(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate) ->
     if known is not None:
         fall = known * room
     elif _is_blind(hypothesis, c) and (felt := field_.felt_before(hypothesis, c.effect.name)) is not None:
-        fall = min(room, ERR * felt)
+        fall = min(room, ERR * max(felt, c.score))
     else:
         fall = max(c.score, room if _is_blind(hypothesis, c) else min(room, ERR * c.score))
     return _promised(task, field_, hypothesis, c, fall) > field_.promise(field_.foremost.evidence) - BEHIND
