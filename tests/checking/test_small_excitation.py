@@ -4,7 +4,8 @@ import numpy as np
 
 from ambid import Record, check
 from ambid.checking.controller import fit_controller
-from ambid.checking.nominal import Lines, NominalLoop
+from ambid.checking.lines import Lines
+from ambid.checking.nominal import NominalLoop
 from reference.levitator import Levitator, pid, pid_matrices
 
 RATE, GAINS = 1000.0, (300.0, 900.0, 12.0)

@@ -19,7 +19,8 @@ from scipy.optimize import least_squares
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.checking.equations import commanded
-from ambid.checking.nominal import AROUND, CLEAR, HIGHEST_FREQUENCY, Lines, NominalLoop, times
+from ambid.checking.lines import AROUND, CLEAR, HIGHEST_FREQUENCY, Lines
+from ambid.checking.nominal import NominalLoop
 from ambid.rig import PidController
 
 __all__ = ["ControllerFit", "Late", "current_late", "fit_controller", "read_late"]
@@ -197,13 +198,6 @@ def _alone(loop: NominalLoop, lines: Lines) -> NDArray[np.bool_]:
     return np.asarray(near.any(axis=1))
 
 
-def _answered(loop: NominalLoop, lines: Lines) -> Lines:
-    """Spectra as the nominal loop makes them of the excitation."""
-    y = times(loop.closed(lines.frequency_hz), loop.driven(lines))
-    i_c = np.asarray(np.linalg.solve(loop.machine(lines.frequency_hz), y[..., None])[..., 0], np.complex128)
-    return replace(lines, y=y, i_c=i_c)
-
-
 def _equations(loop: NominalLoop, lines: Lines) -> dict[int, _Equation]:
     """That of every axis that shows it clear of noise on enough lines, on these.
 
@@ -234,7 +228,9 @@ def _equations(loop: NominalLoop, lines: Lines) -> dict[int, _Equation]:
 def _on_lines(loop: NominalLoop, lines: Lines) -> list[_Equation]:
     """That of every axis, on all of some lines."""
     f = lines.frequency_hz
-    of_y, ideal = (-np.stack([*commanded(loop, own).values()], axis=2) for own in (lines, _answered(loop, lines)))
+    of_y = ideal = -np.stack([*commanded(loop, lines).values()], axis=2)
+    if lines.are_responses:
+        ideal = -np.stack([*commanded(loop, loop.answered(lines)).values()], axis=2)
     held, i_c = _held_by_controller(loop, lines), np.asarray(lines.i_c)
     step = 1.0 / (2.0 * np.pi * HIGHEST_FREQUENCY * loop.rig.sample_rate)
 
@@ -434,7 +430,7 @@ def _held_by_controller(loop: NominalLoop, lines: Lines) -> ComplexArray:
     poles = np.linalg.eigvals(a)
     poles = poles ** (own.rate(rate) / rate) if own.is_digital else np.exp(poles / rate)
     w = np.exp(2j * np.pi * lines.frequency_hz / rate)[:, None]
-    left = loop.amplifier(lines.frequency_hz)[:, None] * w / (w - poles[poles.imag >= 0.0])
+    left = loop.paths(lines.frequency_hz)[1][:, None] * w / (w - poles[poles.imag >= 0.0])
     turned = 1j * left[:, poles[poles.imag >= 0.0].imag > 0.0]
     return np.asarray(np.hstack([left, turned]))
 

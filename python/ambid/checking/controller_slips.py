@@ -13,8 +13,9 @@ from ambid.checking.controller import ControllerFit, fit_controller
 from ambid.checking.equations import controller_missed, reordered
 from ambid.checking.excitation_slips import slips_of_excitation
 from ambid.checking.instants import slips_of_instants
+from ambid.checking.lines import Lines, moves
 from ambid.checking.machine import taken_as
-from ambid.checking.nominal import Lines, NominalLoop, moves
+from ambid.checking.nominal import NominalLoop
 from ambid.checking.scales import SLIPS, wrong_unit
 from ambid.checking.signs import UNEXPLAINED, opposite_sign, turned
 from ambid.effects.channels import ExcitationGainError

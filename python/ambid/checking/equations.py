@@ -17,10 +17,9 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from ambid.arrays import ComplexArray, FloatArray
-from ambid.checking.nominal import Lines, NominalLoop, moves, times
-from ambid.errors import RecordError
-from ambid.rig import Controller, PidController, Rig
-from ambid.rig.controller import PID_GAINS
+from ambid.checking.lines import Lines, moves, times
+from ambid.checking.nominal import NominalLoop
+from ambid.rig import Rig
 
 FEWEST_LINES = 8
 """Complex values for the up to 15 real unknowns of a controller's equation."""
@@ -28,16 +27,8 @@ FEWEST_LINES = 8
 
 def commanded(loop: NominalLoop, lines: Lines) -> dict[str, ComplexArray]:
     """What every gain of the controller makes of what it reads, before delay, hold and amplifier, (lines, axes) [A]."""
-    own = loop.rig.controller
-    read = {"y": lines.y - lines.r if own.reference else lines.y, "i_c": lines.i_c, "r": lines.r}
-    if "i_c" in own.signals and lines.i_c is None:
-        raise RecordError("the controller reads i_c, which was not recorded; record it too")
-    seen = np.hstack([columns for signal in own.signals if (columns := read[signal]) is not None])
-    parts: dict[str, Controller] = {"K": own}
-    if isinstance(own, PidController):
-        off = dict.fromkeys(PID_GAINS, 0.0)
-        parts = {g: own.model_copy(update={**off, g: getattr(own, g)}) for g in own.gains}
-    return {name: times(loop.sampled(lines.frequency_hz, part), seen) for name, part in parts.items()}
+    seen = np.hstack([lines.y, np.zeros_like(lines.y) if lines.i_c is None else lines.i_c, lines.r])
+    return {gain: times(response, seen) for gain, response in loop.law(lines.frequency_hz).items()}
 
 
 def controller_terms(loop: NominalLoop, lines: Lines) -> tuple[ComplexArray, dict[str, ComplexArray]]:
@@ -67,7 +58,9 @@ def reordered(loop: NominalLoop, lines: Lines) -> tuple[str, list[int], float]:
         Part of i_c that is then missed.
     """
     excited, fed_back = controller_terms(loop, lines)
-    own_gain = np.einsum("ljj->lj", loop.controller(lines.frequency_hz)) * loop.amplifier(lines.frequency_hz)[:, None]
+    of_y = loop.paths(lines.frequency_hz)[1][:, None]
+    own_gains = [np.einsum("ljj->lj", part[:, :, : loop.axes]) for part in loop.law(lines.frequency_hz).values()]
+    own_gain = of_y * np.sum(own_gains, axis=0)
     i_c = np.asarray(lines.i_c)
     left = excited - sum(fed_back.values()) - i_c
     ways = {
@@ -93,7 +86,7 @@ def called_for(loop: NominalLoop, lines: Lines) -> tuple[ComplexArray, ComplexAr
         excited, fed_back = controller_terms(loop, replace(lines, r=np.zeros_like(lines.r)))
         of_reference = sum(fed_back.values()) - sum(controller_terms(loop, lines)[1].values())
         return lines.i_c + sum(fed_back.values()), excited + of_reference
-    closed = loop.closed(lines.frequency_hz)
+    closed = loop.closed(lines.frequency_hz)[:, : loop.axes, : loop.axes]
     weight = np.linalg.norm(closed, axis=(1, 2))[:, None]
     return weight * np.linalg.solve(closed, lines.y[..., None])[..., 0], weight * loop.driven(lines)
 
@@ -134,7 +127,7 @@ def expected_displacement(loop: NominalLoop, lines: Lines) -> ComplexArray:
     """y that the nominal machine makes of i_c, or, where that was not recorded, the nominal closed loop of i_e."""
     if lines.i_c is not None:
         return times(loop.machine(lines.frequency_hz), lines.i_c)
-    return times(loop.closed(lines.frequency_hz), loop.driven(lines))
+    return loop.answered(lines).y
 
 
 def exchanged_axes(loop: NominalLoop, lines: Lines) -> tuple[list[int], float]:
@@ -150,7 +143,7 @@ def exchanged_axes(loop: NominalLoop, lines: Lines) -> tuple[list[int], float]:
         What is then missed of y, up to a common factor, over what is missed in the record as it stands.
     """
     f = lines.frequency_hz
-    response = loop.closed(f) if lines.i_c is None else loop.machine(f)
+    response = loop.closed(f)[:, : loop.axes, : loop.axes] if lines.i_c is None else loop.machine(f)
     cause = loop.driven(lines) if lines.i_c is None else lines.i_c
     alike = {o: correlation(lines.y[:, o], times(response, cause[:, o])) for o in _namings(loop.rig)}
     missed = {order: np.sqrt(1.0 - value**2) for order, value in alike.items()}

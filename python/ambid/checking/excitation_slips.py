@@ -15,8 +15,9 @@ from ambid.checking.equations import (
     expected_displacement,
     gain_of,
 )
+from ambid.checking.lines import Lines
 from ambid.checking.machine import taken_as
-from ambid.checking.nominal import Lines, NominalLoop
+from ambid.checking.nominal import NominalLoop
 from ambid.checking.scales import SLIPS, wrong_unit
 from ambid.checking.signs import opposite_sign
 from ambid.findings import Finding, Kind, Where

@@ -11,6 +11,7 @@ from ambid.noise import noise_ceiling
 from ambid.record import FrequencyResponse, Record
 from ambid.rig import Rig
 from ambid.robustness import sensitivity_peaks, zone_of
+from ambid.robustness.sensitivity import BrokenLoop
 
 __all__ = ["LoopFigures", "RecordFigures", "ResponseFigures"]
 
@@ -66,7 +67,8 @@ class LoopFigures:
         open_poles = loop.open_poles[loop.open_poles.real > 1e-6 * np.abs(loop.open_poles).max()]
         f = np.union1d(np.geomspace(min(1.0, 0.01 * rate), 0.4 * rate, 500), swinging.imag / (2.0 * np.pi))
         f = f[f <= 0.4 * rate]
-        follows = f[(np.abs(1.0 - np.einsum("ljj->lj", loop.sensitivity(f))) > 0.7).any(axis=1)]
+        sensitivity = BrokenLoop(loop.model, "controller").sensitivity(loop.model.theta, f)
+        follows = f[(np.abs(1.0 - np.einsum("ljj->lj", sensitivity)) > 0.7).any(axis=1)]
         stable = loop.gain_factor is not None
         peak, at_hz = sensitivity_peaks(loop.model) if stable else (np.array([np.nan]),) * 2
         worst = int(np.argmax(peak))

@@ -8,7 +8,8 @@ import numpy as np
 
 from ambid.checking.clocks import Clock, out_of_step
 from ambid.checking.controller import current_late, read_late
-from ambid.checking.nominal import Lines, NominalLoop
+from ambid.checking.lines import Lines
+from ambid.checking.nominal import NominalLoop
 from ambid.findings import Finding, Kind, Where
 from ambid.record import Record
 

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from ambid.checking.equations import correlation, exchanged_axes, expected_displacement, gain_of
-from ambid.checking.nominal import Lines, NominalLoop
+from ambid.checking.lines import Lines
+from ambid.checking.nominal import NominalLoop
 from ambid.checking.signs import opposite_sign
 from ambid.findings import Finding, Kind, Where
 from ambid.record import Record

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from ambid.checking.controller import fit_controller
-from ambid.checking.nominal import Lines, NominalLoop
+from ambid.checking.lines import Lines
+from ambid.checking.nominal import NominalLoop
 from ambid.findings import Finding, Kind, Where
 from ambid.record import Record
 

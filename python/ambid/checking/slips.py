@@ -19,8 +19,9 @@ from ambid.checking.foreign import slips_of_another_rig
 from ambid.checking.instants import CHANNEL_DELAY, slips_of_clocks
 from ambid.checking.law import Law, find_laws
 from ambid.checking.law_slips import slips_of_laws
+from ambid.checking.lines import HIGHEST_FREQUENCY, Lines
 from ambid.checking.machine import slips_of_machine
-from ambid.checking.nominal import HIGHEST_FREQUENCY, Lines, NominalLoop
+from ambid.checking.nominal import NominalLoop
 from ambid.checking.path import path
 from ambid.checking.ranges import slips_of_periods, slips_of_ranges
 from ambid.checking.rig_slips import slips_of_rig
