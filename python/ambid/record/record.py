@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,15 +12,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambid.arrays import ByValue
-from ambid.channels import FURTHER, Channel, in_order, unit_of
+from ambid.channels import in_order, unit_of
 from ambid.errors import RecordError
-from ambid.findings import Finding, Kind, WithFindings
+from ambid.findings import Finding, WithFindings
 from ambid.reading import Provenance
-from ambid.record import checks
 from ambid.record.channel_map import ChannelMap
+from ambid.record.checks import require_known
 from ambid.record.content import remarks
 from ambid.record.driven import driven
 from ambid.record.frequency_response import FrequencyResponse
+from ambid.record.gates import as_array, columns_of, gated, require_driven, require_further
 from ambid.record.loading import arguments_from
 from ambid.record.local_response import response_of_signals
 from ambid.record.raw import OF_LOOP
@@ -30,20 +31,6 @@ from ambid.results import data_frame, html_table, picture
 from ambid.rig import Rig
 
 __all__ = ["Record"]
-
-WITHOUT_I_C = Kind(
-    "current_not_recorded",
-    "note",
-    "i_c was not recorded: K_i, K_s and tau_e are estimated from y alone; "
-    "a lag of the amplifier, a delay of the loop and a lag of the sensor cannot be distinguished",
-)
-READ_WITHOUT_I_C = Kind(
-    "read_current_not_recorded",
-    "warning",
-    "the controller reads i_c, which was not recorded: its noise goes round the loop and is taken for noise of y; "
-    "where it is large, K_s may be further off than its interval says",
-    "record the current that the controller reads",
-)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -127,7 +114,7 @@ class Record(ByValue, WithFindings):
             object.__setattr__(self, signal, array)
         columns = {name: np.array(column, dtype=np.float64) for name, column in self.further.items()}
         for name, column in columns.items():
-            _require_further(str(self.path or self.name), name, column, self.samples, self.axes)
+            require_further(str(self.path or self.name), name, column, self.samples, self.axes)
             column.flags.writeable = False
         object.__setattr__(self, "further", {name: columns[name] for name in in_order(columns, self.axes)})
 
@@ -207,53 +194,21 @@ class Record(ByValue, WithFindings):
         RecordError
             If a gate refuses the values.
         """
-        checks.require_known(allow)
+        require_known(allow)
         where = str(path or name)
-        record = cls(
-            name=name,
-            sample_rate=float(sample_rate),
-            axes=tuple(axes),
-            i_e=None if i_e is None else _as_array(where, "i_e", i_e),
-            y=_as_array(where, "y", y),
-            i_c=None if i_c is None else _as_array(where, "i_c", i_c),
-            i_ref=None if i_ref is None else _as_array(where, "i_ref", i_ref),
-            r=None if r is None else _as_array(where, "r", r),
-            further={name: _as_array(where, name, own) for name, own in (further or {}).items()},
-            period=period,
-            findings=(*findings, *remarks(notes)),
-            path=path,
-            provenance=provenance,
+        loop = {"i_e": i_e, "y": y, "i_c": i_c, "i_ref": i_ref, "r": r}
+        own: dict[str, Any] = {name: None if x is None else as_array(where, name, x) for name, x in loop.items()}
+        own["further"] = {channel: as_array(where, channel, x) for channel, x in (further or {}).items()}
+        known: dict[str, Any] = {"name": name, "period": period, "path": path, "provenance": provenance}
+        found = (*findings, *remarks(notes))
+        given = cls(sample_rate=float(sample_rate), axes=tuple(axes), findings=found, **own, **known)
+        about = given.axes, given.sample_rate, given._signals
+        order, rate, passed, of_gates = gated(where, rig, *about, period=period, allow=allow)
+        signals, source, period, of_drive = driven(where, rig, order, rate, passed, period)
+        found = (*found, *of_gates, *of_drive)
+        return replace(
+            given._of(signals), sample_rate=rate, axes=order, period=period, findings=found, excitation_source=source
         )
-        checks.require_length(where, record.samples, period)
-        checks.require_finite(where, record._columns())
-        if rig is not None:
-            record = record._in_order_of(tuple(rig.axes))
-            checks.require_known_outputs(where, record.further, rig)
-            rate, more = checks.sample_rate_of(where, None, record.sample_rate, rig)
-            record = replace(record, sample_rate=rate)
-            for signal, values in (("y", record.y), ("r", record.r)):
-                if values is not None:
-                    is_allowed = "travel" in allow
-                    more += checks.require_metres(where, signal, record.axes, values, rig, is_allowed=is_allowed)
-            more += checks.findings_of_means(record.axes, record.y, rig)
-            record = record._with(*more)
-        for channel, values in record._columns():
-            if channel.startswith("i_"):
-                record = record._with(
-                    *checks.require_ampere(where, channel, values, rig, is_allowed="current" in allow)
-                )
-            if not channel.startswith(("i_e.", "r.")):
-                checks.require_alive(where, channel, values)
-                checks.require_moving(where, channel, values)
-            if channel in record.further:
-                checks.require_size(where, channel, values)
-        more = checks.findings_of_clipping(where, record.columns())
-        if record.i_c is None:
-            more.append(WITHOUT_I_C())
-            if rig is not None and "i_c" in rig.controller.signals:
-                more.append(READ_WITHOUT_I_C())
-        signals, source, period, of_drive = driven(where, rig, record.axes, record.sample_rate, record._signals, period)
-        return replace(record._of(signals), period=period, excitation_source=source)._with(*more, *of_drive)
 
     def at(self, rig: Rig) -> Record:
         """The record as one of another operating point than the model's: other speed, bias current or controller.
@@ -311,8 +266,7 @@ class Record(ByValue, WithFindings):
     @property
     def amplitude(self) -> float:
         """Rms of what drives it: of i_e [A], or, where that is still, of the reference r [m]; NaN of neither."""
-        signals = (own for own in (self.i_e, self.r) if own is not None and np.any(np.ptp(own, axis=0)))
-        return next((float(own.std()) for own in signals), np.nan)
+        return next((float(own.std()) for own in self._driving.values()), np.nan)
 
     @property
     def is_rebuilt(self) -> bool:
@@ -322,7 +276,7 @@ class Record(ByValue, WithFindings):
     @property
     def is_free_response(self) -> bool:
         """Whether nothing drives it: all that it tells is how it comes to rest."""
-        return not any(_moves(own) for own in (self.i_e, self.r) if own is not None)
+        return not self._driving
 
     @property
     def has_known_command(self) -> bool:
@@ -369,18 +323,15 @@ class Record(ByValue, WithFindings):
     def _frequency_response(self) -> FrequencyResponse:
         """Found once: a record without a period takes a second for 50 000 samples."""
         where = str(self.path or self.name)
-        if self.i_e is None:
-            raise RecordError(
-                f"{where}: i_e was not logged; load the record with its rig, whose controller rebuilds it"
-            )
-        if self.is_free_response:
-            raise RecordError(
-                f"{where}: a free response: nothing drives it, so that there is no input that y and i_c could be the "
-                "response to; expected i_e or r that moves. Excite the loop, or identify the record as it is"
-            )
-        moving = {name: own for name, own in (("i_e", self.i_e), ("r", self.r)) if own is not None and _moves(own)}
+        require_driven(where, self.i_e is not None, self._driving)
         made = response_of_signals(
-            where, moving, self.axes, self.outputs, self.channels, sample_rate=self.sample_rate, period=self.period
+            where,
+            self._driving,
+            self.axes,
+            self.outputs,
+            self.channels,
+            sample_rate=self.sample_rate,
+            period=self.period,
         )
         about = {name: getattr(self, name) for name in ("name", "path", "provenance", "point")}
         return replace(made, **about, findings=(*self.findings, *made.findings))
@@ -401,7 +352,7 @@ class Record(ByValue, WithFindings):
 
     def columns(self) -> dict[str, NDArray[np.float64]]:
         """Every recorded channel by its name, such as ``y.A_zeta``, SI units."""
-        return dict(self._columns())
+        return dict(columns_of(self.axes, self._signals))
 
     def to_pandas(self) -> Any:
         """Convert to a pandas.DataFrame: a column a channel, such as ``y.A_zeta``, SI units, and `t` [s] before them.
@@ -434,48 +385,13 @@ class Record(ByValue, WithFindings):
         own = {name: own for name in OF_LOOP if (own := getattr(self, name)) is not None}
         return own | {name: column[:, None] for name, column in self.further.items()}
 
+    @property
+    def _driving(self) -> dict[str, NDArray[np.float64]]:
+        """What drives it: those of i_e and r of which any axis changes."""
+        own = {"i_e": self.i_e, "r": self.r}
+        return {name: one for name, one in own.items() if one is not None and np.any(one != one[:1])}
+
     def _of(self, signals: Mapping[str, NDArray[np.float64]]) -> Record:
         """The same with these as `_signals`."""
         own: dict[str, Any] = {signal: signals.get(signal) for signal in OF_LOOP}
         return replace(self, **own, further={name: signals[name][:, 0] for name in self.further})
-
-    def _columns(self) -> Iterator[tuple[str, NDArray[np.float64]]]:
-        for signal in OF_LOOP:
-            if (array := getattr(self, signal)) is not None:
-                yield from ((f"{signal}.{axis}", array[:, j]) for j, axis in enumerate(self.axes))
-        yield from self.further.items()
-
-    def _in_order_of(self, axes: tuple[str, ...]) -> Record:
-        """The same record with its columns in the rig's order."""
-        order = checks.order_of_axes(str(self.path or self.name), self.axes, axes, "the rig")
-        if self.axes == axes:
-            return self
-        own: dict[str, Any] = {name: array[:, order] for name, array in self._signals.items() if name in OF_LOOP}
-        return replace(self, axes=axes, **own)._with(checks.AXES_REORDERED(found=self.axes, wanted=axes))
-
-    def _with(self, *findings: Finding) -> Record:
-        """The same with further findings."""
-        return replace(self, findings=(*self.findings, *findings))
-
-
-def _moves(signal: NDArray[np.float64]) -> bool:
-    """Whether any axis of it changes."""
-    return bool(np.any(signal != signal[:1]))
-
-
-def _as_array(where: str, signal: str, values: ArrayLike) -> NDArray[np.float64]:
-    try:
-        return np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise RecordError(f"{where}: {signal} is not an array of real numbers ({error}); give N x axes") from None
-
-
-def _require_further(where: str, name: str, column: NDArray[np.float64], samples: int, axes: Collection[str]) -> None:
-    """Refuse a further channel of another name or shape."""
-    own = Channel.of(name)
-    is_further = own is not None and (own.signal.name in FURTHER or own.signal.name == "y" and own.place not in axes)
-    if not is_further:
-        expected = ", ".join(FURTHER)
-        raise RecordError(f"{where}: {name} is no further channel; expected {expected} or y with an axis or sensor")
-    if column.shape != (samples,):
-        raise RecordError(f"{where}: {name} has the shape {column.shape}, expected ({samples},), as y has samples")
