@@ -318,11 +318,20 @@ def test_what_is_left_out_of_ross_is_a_finding(name, golden):
     assert finding in check(RIG.replace(rotor=rotor)).findings
 
 
-def test_damping_of_ross_that_no_mode_has_is_a_finding():
-    rotor = rotor_from_ross(held_like_ross([], alpha=2.5, uneven=50.0), flexible_modes=2)
-    (finding,) = rotor.findings
-    assert finding.code == "ross_damping_simplified"
-    assert 0.0 < finding.values["share"] < 1.0
+def test_damping_of_ross_that_no_mode_has_is_taken_over():
+    """A damper that acts on one plane at one end, beside damping in proportion to the mass: all of C."""
+    theirs = held_like_ross([], alpha=2.5, uneven=50.0)
+    rotor = rotor_from_ross(theirs, flexible_modes=2)
+    assert not rotor.findings
+    ours = reduced_rotor(rotor, [])
+    n, w = len(ours.frequencies_rad_s), np.tile(ours.frequencies_rad_s, 2)
+    ends = np.zeros((8, 8))
+    ends[:n, :n] = 50.0 * np.outer(ours.shape(0.0), ours.shape(0.0))
+    found = np.diag(2.0 * np.tile(ours.damping, 2) * w + ours.mass_damping) + ours.coupling(0.0)
+    assert_allclose(found, 2.5 * np.eye(2 * n) + ends, atol=1e-9 * np.abs(ends).max())
+    slowest = Model(rig("analog").replace(rotor=rotor)).poles().real.max()
+    undamped = Model(rig("analog").replace(rotor=rotor_from_ross(like_ross(6), flexible_modes=2))).poles().real.max()
+    assert slowest != pytest.approx(undamped, rel=1e-3)
 
 
 def test_a_damped_and_held_cone_of_ross_itself():

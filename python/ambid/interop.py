@@ -36,12 +36,6 @@ ROSS_BEARING = Kind(
     "the bearing element {element} of ROSS at z = {position_m:.4g} m is left out: {why}",
     "give it in the rig if it is known, as a magnet or as a plain rotor.support",
 )
-ROSS_DAMPING = Kind(
-    "ross_damping_simplified",
-    "warning",
-    "{share:.2g} of the damping matrix of ROSS couples modes or damps rigid motions unlike each other, and is left out",
-    "give known dampers as rotor.support",
-)
 
 
 @dataclass(frozen=True)
@@ -102,6 +96,10 @@ def rotor_from_ross(
     bending_frequencies_hz: tuple[float, ...] | None = None,
 ) -> MatrixRotor:
     """Take over a ROSS rotor: its shaft, cones and disks, its damping, and bearings that are plain springs and dampers.
+
+    Its damping is as exact as its mass: what couples modes, or damps rigid motions unlike each other, is the rotor's
+    `C`, beside its `mass_damping` and `modal_damping`. Left out, and told in `findings`, are bearings that no `Support`
+    describes; axial motion and torsion; and what ROSS has at other frequencies than 0, in bearings alone.
 
     Parameters
     ----------
@@ -168,17 +166,16 @@ def rotor_from_ross(
         M=M.tolist(),
         K=K.tolist(),
         G=G.tolist(),
+        C=None,
         flexible_modes=flexible_modes,
         modal_damping=modal_damping or 0.0,
         bending_frequencies_hz=bending_frequencies_hz,
         support=tuple(supports),
     )
-    mass_damping, ratios, left = _modal_damping(free, C)
+    mass_damping, ratios, further = _modal_damping(free, C)
     if modal_damping is not None or not any(ratios):
         ratios = ()
-    if left > RIGID:
-        findings.append(ROSS_DAMPING(share=left))
-    damped = {"mass_damping": mass_damping, "modal_damping": ratios or free.modal_damping}
+    damped = {"mass_damping": mass_damping, "modal_damping": ratios or free.modal_damping, "C": further}
     return free.model_copy(update=damped).with_findings(findings)
 
 
@@ -197,8 +194,8 @@ def _why_no_support(bearing: Any, M: FloatArray, K: FloatArray, C: FloatArray) -
     return "it damps negatively" if C[0, 0] < 0.0 else ""
 
 
-def _modal_damping(rotor: MatrixRotor, C: FloatArray) -> tuple[float, tuple[float, ...], float]:
-    """Damping of the whole rotor over its mass [1/s], ratio of each kept mode, and the part of C that is neither."""
+def _modal_damping(rotor: MatrixRotor, C: FloatArray) -> tuple[float, tuple[float, ...], tuple[Any, ...] | None]:
+    """Damping of the whole rotor over its mass [1/s], ratio of each kept mode, and the rest of C among kept modes."""
     reduced = reduced_rotor(rotor, ())
     modal = reduced.T_R.T @ C @ reduced.T_R
     n, rigid, w = len(reduced.frequencies_rad_s), reduced.rigid_modes, reduced.frequencies_rad_s
@@ -206,9 +203,11 @@ def _modal_damping(rotor: MatrixRotor, C: FloatArray) -> tuple[float, tuple[floa
     mass_damping = max(0.0, float(of_modes[:rigid].mean()))
     ratios = np.maximum(0.0, (of_modes[rigid:] - mass_damping) / (2.0 * w[rigid:]))
     taken = np.concatenate([np.full(rigid, mass_damping), mass_damping + 2.0 * ratios * w[rigid:]])
-    size = float(np.abs(modal).max())
-    left = float(np.abs(modal - np.diag(np.tile(taken, 2))).max()) / size if size else 0.0
-    return mass_damping, tuple(ratios.tolist()), left
+    rest = modal - np.diag(np.tile(taken, 2))
+    if np.abs(rest).max() <= RIGID * np.abs(modal).max():
+        return mass_damping, tuple(ratios.tolist()), None
+    further = reduced.T_L.T @ rest @ reduced.T_L
+    return mass_damping, tuple(ratios.tolist()), tuple(map(tuple, ((further + further.T) / 2.0).tolist()))
 
 
 def to_scipy(model: Model) -> scipy.signal.StateSpace:

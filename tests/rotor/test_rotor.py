@@ -269,6 +269,17 @@ def test_matrices_without_g_do_not_couple_the_planes():
     assert not np.any(matrix_model(matrices(assemble(bench(), NODES), G=None)).G)
 
 
+def test_a_damping_matrix_in_proportion_to_mass_and_stiffness_is_mass_damping_and_modal_damping():
+    """C = 3 M + 2e-5 K damps every mode at 3 + 2e-5 w^2, in either plane and the rigid motions too."""
+    model = assemble(bench(2), NODES)
+    rotor = reduced_rotor(matrices(model, C=3.0 * model.M + 2e-5 * model.K), NODES)
+    w = np.tile(rotor.frequencies_rad_s, 2)
+    assert_allclose(rotor.coupling(0.0), np.diag(3.0 + 2e-5 * w**2), atol=1e-6 * w.max() ** 2 * 2e-5)
+    assert_allclose(rotor.coupling(50.0) - rotor.coupling(0.0), 50.0 * rotor.gyroscopic, atol=1e-9)
+    one = rotor.in_one_plane()
+    assert_allclose(one.coupling(50.0), rotor.coupling(0.0)[:4, :4])
+
+
 def test_given_modes_are_taken_as_they_are():
     coupling = [[0.0, 0.0, 0.0], [0.0, 0.4, 0.1], [0.0, 0.1, 0.2]]
     rotor = reduced_rotor(modes(gyroscopic=coupling), [0.1])
@@ -334,6 +345,7 @@ WRONG_MATRICES = {
     "stiffer in x": lambda m: {"K": _stiffer_in_x(m.K)},
     "cross-coupled": lambda m: {"K": _cross_coupled(m.K)},
     "not skew": lambda m: {"G": np.abs(m.G)},
+    "damping not symmetric": lambda m: {"C": m.M + m.G},
     "too many modes": lambda m: {"flexible_modes": 100},
 }
 

@@ -134,11 +134,12 @@ class RotorBendingMode(Effect):
         more = self.flexible_modes(plant.rig)
         n = len(plant.rotor.frequencies_rad_s)
         rates = [plant[f"eta_rate.{k}"] for k in range(plant.coordinates)]
+        coupling = plant.rotor.coupling(plant.rig.speed)
         for j in range(more):
             frequency, damping = self.slot(f"frequency_{j + 1}_hz"), self.slot(f"damping_{j + 1}")
             for plane in range(plant.rotor.planes):
                 k = plane * n + n - more + j
-                turning = combine(-plant.rig.speed * plant.rotor.gyroscopic[k], rates)
+                turning = combine(-coupling[k], rates)
                 force = plant.raw(f"modal_force.{k}") + turning
                 taking_part = plant.port(self.slot(f"participation_{j + 1}"), force) - force
                 w_eta = plant.port(frequency, plant[f"eta.{k}"], scale=2.0 * pi)

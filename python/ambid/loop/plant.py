@@ -107,9 +107,10 @@ class Plant(Assembly):
 
         onto = np.array([self.shape(z, d) for z, d in zip(self.magnets, self.directions, strict=True)])
         forces = [self[f"f.{axis}"] for axis in self.axes]
+        coupling = rotor.coupling(rig.speed)
         for k in range(self.coordinates):
             force = self.signal(f"modal_force.{k}", combine(onto[:, k], forces))
-            turning = combine(-rig.speed * rotor.gyroscopic[k], rates)
+            turning = combine(-coupling[k], rates)
             self.set_rate(f"eta.{k}", rates[k])
             damping = rotor.mass_damping + 2.0 * zeta[k] * omega[k]
             held_back = -(omega[k] ** 2) * eta[k] - damping * rates[k]

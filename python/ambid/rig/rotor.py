@@ -29,7 +29,7 @@ FAR_OFF = 10.0
 MOST_SECTIONS = 1000
 """Sections, or disks, of a rotor: its bending modes then take two seconds and half a gigabyte."""
 MOST_NODES = 400
-"""Nodes of a rotor given as matrices: the three then hold eight million numbers, a quarter of a gigabyte to read."""
+"""Nodes of a rotor given as matrices: the four then hold ten million numbers, a third of a gigabyte to read."""
 
 
 class _AnyRotor(Spec):
@@ -140,7 +140,7 @@ class FiniteElementRotor(_FlexibleRotor):
 
 
 class MatrixRotor(_FlexibleRotor):
-    """Free rotor by its matrices, M q'' + speed G q' + K q = f, freedoms [u_x, u_y, theta_x, theta_y] per node.
+    """Free rotor by its matrices, M q'' + (C + speed G) q' + K q = f, freedoms [u_x, u_y, theta_x, theta_y] per node.
 
     Parameters
     ----------
@@ -152,8 +152,10 @@ class MatrixRotor(_FlexibleRotor):
         Stiffness matrix, SI units; symmetric.
     G : (4 N, 4 N) array_like, optional
         Gyroscopic matrix, SI units; it is multiplied by the speed in rad/s.
+    C : (4 N, 4 N) array_like, optional
+        Damping matrix, SI units; symmetric. It damps beside `modal_damping` and `mass_damping`.
     file : path, optional
-        `.npz` or `.mat` with these four instead, relative to the rig file. It is read at once: the rotor
+        `.npz` or `.mat` with these five instead, relative to the rig file. It is read at once: the rotor
         keeps the matrices, not the path.
     flexible_modes, modal_damping, bending_frequencies_hz, mass_damping, support
         As for `FiniteElementRotor`.
@@ -166,6 +168,7 @@ class MatrixRotor(_FlexibleRotor):
     M: Matrix = Field(description="a square matrix, 4 rows per node")
     K: Matrix = Field(description="a square matrix, 4 rows per node")
     G: Matrix | None = Field(None, description="a square matrix, 4 rows per node")
+    C: Matrix | None = Field(None, description="a square matrix, 4 rows per node")
 
     _findings: tuple[Finding, ...] = PrivateAttr(())
 
@@ -212,9 +215,10 @@ class MatrixRotor(_FlexibleRotor):
         if list(self.node_positions) != sorted(set(self.node_positions)):
             refuse(problem("expected ascending positions; sort the nodes.", self.node_positions, "node_positions"))
         size = 4 * len(self.node_positions)
-        shape_problems = _wrong_shapes({"M": self.M, "K": self.K, "G": self.G}, size)
+        shape_problems = _wrong_shapes({"M": self.M, "K": self.K, "G": self.G, "C": self.C}, size)
         refuse(*shape_problems, *self.supports_off_the_shaft(self.span))
-        for key, matrix in (("M", np.array(self.M)), ("K", np.array(self.K))):
+        for key, given in (("M", self.M), ("K", self.K), ("C", self.C or ((0.0,),))):
+            matrix = np.array(given)
             gap = float(np.abs(matrix - matrix.T).max())
             if gap > 1e-6 * float(np.abs(matrix).max()):
                 text = f"expected a symmetric matrix, entries differ by {gap:.3g}; is a row or an entry misplaced?"

@@ -15,7 +15,7 @@ from ambid.rig.fields import problem, refuse
 
 __all__ = ["MATRIX_KEYS", "matrices_of_file"]
 
-MATRIX_KEYS = ("node_positions", "M", "K", "G")
+MATRIX_KEYS = ("node_positions", "M", "K", "G", "C")
 MOST_ENTRIES = 1600 * 1600
 """Of a matrix that is read from a file: 400 nodes, more than is reduced in seconds."""
 

@@ -26,7 +26,7 @@ _SAME_MODE = 2.0  # a measured frequency farther than this factor from the compu
 class ReducedRotor:
     """Rotor in mass-normalised modal coordinates eta, the n modes of plane x before the same n modes of plane y.
 
-    eta'' + (mass_damping + diag(2 damping frequencies)) eta' + speed * gyroscopic eta' + diag(frequencies^2) eta =
+    eta'' + (mass_damping + diag(2 damping frequencies)) eta' + coupling(speed) eta' + diag(frequencies^2) eta =
     T_R^T f, speed in rad/s, f the forces on the full freedoms q = T_R eta, those of supports among them. Rigid modes
     come first, their frequency is exactly zero.
 
@@ -54,6 +54,8 @@ class ReducedRotor:
         2, or 1 for a point mass on one axis and for a rotor that is looked at in one plane.
     mass_damping : float
         Viscous damping to ground over mass [1/s], the same of every mode, of the rigid ones too.
+    further_damping : ndarray, shape (planes n, planes n), or a scalar zero
+        Damping matrix beside these [1/s], of a rotor whose matrices hold one.
     """
 
     frequencies_rad_s: FloatArray
@@ -66,6 +68,11 @@ class ReducedRotor:
     between: bool = False
     planes: int = 2
     mass_damping: float = 0.0
+    further_damping: FloatArray | float = 0.0
+
+    def coupling(self, speed: float) -> FloatArray:
+        """Damping that couples the modes at a speed [rad/s]: gyroscopic and `further_damping`, [1/s]."""
+        return speed * self.gyroscopic + self.further_damping
 
     @property
     def rigid_modes(self) -> int:
@@ -88,8 +95,9 @@ class ReducedRotor:
     def in_one_plane(self) -> ReducedRotor:
         """The same rotor where something else guides it across one plane, and holds its gyroscopic moments."""
         n = len(self.frequencies_rad_s)
-        still = np.zeros((n, n))
-        return replace(self, gyroscopic=still, T_R=self.T_R[:, :n], T_L=self.T_L[:n], planes=1)
+        still, further = np.zeros((n, n)), self.coupling(0.0)[:n, :n]
+        one = replace(self, gyroscopic=still, further_damping=further, planes=1)
+        return replace(one, T_R=self.T_R[:, :n], T_L=self.T_L[:n])
 
     def shape(self, z: float) -> FloatArray:
         """Lateral displacement of each mode at an axial position, identical for both planes.
@@ -195,7 +203,9 @@ def _reduced(
             model = assemble(rotor, nodes_at) if isinstance(rotor, FiniteElementRotor) else matrix_model(rotor)
             reduced = reduce(model, rotor.flexible_modes, rotor.modal_damping, rotor.bending_frequencies_hz)
             if isinstance(rotor, MatrixRotor):
-                reduced = replace(reduced, between=_lie_close(rotor.node_positions, rotor.flexible_modes))
+                further = reduced.T_R.T @ np.array(rotor.C) @ reduced.T_R if rotor.C else 0.0
+                close = _lie_close(rotor.node_positions, rotor.flexible_modes)
+                reduced = replace(reduced, between=close, further_damping=further)
         case ModalRotor():
             reduced = _given_modes(rotor)
         case PointMassRotor():
