@@ -1,4 +1,4 @@
-"""Write ross_rotors.json: reference values of the rotor tests, computed by ROSS 2.3.0.
+"""Write ross_rotors.json and ross_taken.npz: reference values of the rotor tests, computed by ROSS 2.3.0.
 
 To run it again, outside the environment of ambid:
 
@@ -42,6 +42,11 @@ HELD = {
     "mass_damping": 2.5,
     "speeds_rad_s": [0.0, 900.0],
 }
+TAKEN_SPEEDS = (0.0, 300.0)
+"""Of the poles of the rotors that are taken over [rad/s]; BELOW is the fastest of them [1/s]."""
+BELOW = 5000.0
+RESPONSE_SPEEDS = np.linspace(20.0, 900.0, 23)
+UNBALANCE = 1e-4
 ELEMENT = {"length": 0.08, "outer_diameter": 0.07, "inner_diameter": 0.03}
 
 
@@ -140,7 +145,71 @@ def element() -> dict:
     return ELEMENT | MATERIAL | {name: lateral(getattr(one, name)()).tolist() for name in ("M", "G", "K")}
 
 
+def friswell_steel() -> rs.Material:
+    return rs.Material(name="steel", rho=7810.0, E=211e9, G_s=81.2e9)
+
+
+def two_disks() -> rs.Rotor:
+    """Friswell, Penny, Garvey, Lees, Dynamics of Rotating Machines, 2010, example 5.9.1."""
+    shaft = [rs.ShaftElement(0.25, 0.0, 0.05, material=friswell_steel()) for _ in range(6)]
+    disks = [
+        rs.DiskElement.from_geometry(n, friswell_steel(), width=0.07, i_d=0.05, o_d=o_d)
+        for n, o_d in ((2, 0.28), (4, 0.35))
+    ]
+    return rs.Rotor(shaft, disks, [rs.BearingElement(n, kxx=1e6, cxx=100.0) for n in (0, 6)])
+
+
+def overhung() -> rs.Rotor:
+    """The same shaft with the larger disk beyond the second bearing."""
+    shaft = [rs.ShaftElement(0.25, 0.0, 0.05, material=friswell_steel()) for _ in range(6)]
+    disk = rs.DiskElement.from_geometry(6, friswell_steel(), width=0.07, i_d=0.05, o_d=0.35)
+    return rs.Rotor(shaft, [disk], [rs.BearingElement(n, kxx=1e7, cxx=500.0) for n in (0, 4)])
+
+
+def tapered() -> rs.Rotor:
+    """The same book, example 5.9.9: from 25 to 40 mm over 1.5 m, a disk at the middle."""
+    ends = np.linspace(0.025, 0.040, 31)
+    shaft = [
+        rs.ShaftElement(0.05, 0.0, a, 0.0, b, material=friswell_steel())
+        for a, b in zip(ends[:-1], ends[1:], strict=True)
+    ]
+    disk = rs.DiskElement.from_geometry(15, friswell_steel(), width=0.04, i_d=0.0325, o_d=0.25)
+    return rs.Rotor(shaft, [disk], [rs.BearingElement(n, kxx=1e7, cxx=1000.0) for n in (0, 30)])
+
+
+def taken(name: str, model: rs.Rotor) -> dict[str, np.ndarray]:
+    """What `rotor_from_ross` reads, and ROSS's poles and unbalance response at the first bearing."""
+    speeds = [0.0, *TAKEN_SPEEDS, *RESPONSE_SPEEDS]
+    own = {key: np.asarray(getattr(model, key)(0.0), float) for key in ("M", "K", "C")}
+    own |= {"G": np.asarray(model.G(), float), "z": np.asarray(model.nodes_pos, float)}
+    own |= {"bearing_nodes": np.array([bearing.n for bearing in model.bearing_elements])}
+    own |= {"magnetic": np.array(["Magnetic" in type(bearing).__name__ for bearing in model.bearing_elements])}
+    for key in ("M", "K", "C"):
+        lateral_parts = [
+            [np.asarray(getattr(bearing, key)(speed), float)[:2, :2] for speed in speeds]
+            for bearing in model.bearing_elements
+        ]
+        own[f"bearing_{key}"] = np.array(lateral_parts)
+    for k, speed in enumerate(TAKEN_SPEEDS):
+        poles = eigvals(model.A(speed, frequency=speed))
+        own[f"poles_{k}"] = poles[(poles.imag > 0.0) & (np.abs(poles) < BELOW)]
+    node, probe = model.disk_elements[0].n, model.bearing_elements[0].n
+    response = model.run_unbalance_response(node, UNBALANCE, 0.0, RESPONSE_SPEEDS)
+    own |= {"unbalance_node": np.array(node), "response": response.forced_resp[6 * probe]}
+    return {f"{name}/{key}": value for key, value in own.items()} | {"speeds": np.array(speeds)}
+
+
 if __name__ == "__main__":
+    rotors = {
+        "magnetic": rs.rotor_amb_example(),
+        "two disks": two_disks(),
+        "overhung": overhung(),
+        "tapered": tapered(),
+    }
+    arrays: dict[str, np.ndarray] = {}
+    for label, its_model in rotors.items():
+        arrays |= taken(label, its_model)
+    np.savez_compressed(Path(__file__).with_name("ross_taken.npz"), **arrays)
     target = Path(__file__).with_name("ross_rotors.json")
     target.write_text(
         json.dumps({"ross": "2.3.0", "element": element(), "rotor": rotor(), "held": held_rotor()}, indent=1) + "\n"
