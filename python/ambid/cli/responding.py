@@ -66,7 +66,7 @@ def frequency_response_command(
     machine = load_rig(rig, exact)
     start, loaded = load_model(machine, model), load_records(machine, records, period, columns, sample_rate)
     with stoppable():
-        measured = [own.frequency_response() if isinstance(own, ambid.Record) else own for own in loaded]
+        measured = [own.frequency_response() for own in loaded]
         comparison = ambid.compare(start, measured)
         in_signals = ambid.compare(start, loaded)
         others = [] if before is None else [load_model(machine, before).covering(loaded)]

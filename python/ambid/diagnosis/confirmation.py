@@ -15,7 +15,7 @@ from ambid.errors import RecordError, UnstableLoopError
 from ambid.identification.minimum import ROUGHLY, refit
 from ambid.noise import Comparison
 from ambid.noise.angles import undisturbed
-from ambid.record import FrequencyResponse, Measurement, Record
+from ambid.record import FrequencyResponse, Measurement
 
 __all__ = ["is_everywhere"]
 
@@ -48,7 +48,7 @@ def is_everywhere(before: Comparison, after: Comparison) -> bool:
     split = [halves(record) for record in records]
     for k in (0, 1) if all(split) else ():
         some = [half[k] for half in split]
-        if all(isinstance(record, Record) and record.is_free_response for record in some) and not is_wave:
+        if all(record.is_free_response for record in some) and not is_wave:
             continue  # a step moves one half only
         try:
             fall = (_fall_by_wave if is_wave else _fall)(before, after, some)

@@ -324,7 +324,7 @@ def _uninformed(start: Model, estimate: Estimate) -> Iterator[Finding]:
     frequency = only_frequency(comparison, names) if comparison.is_judged else None
     if estimate.inconsistency is None:
         yield from not_determined(estimate.directions, frequency) if estimate.directions else ()
-    elif all(isinstance(record, Record) and record.is_free_response for record in estimate.records):
+    elif all(record.is_free_response for record in estimate.records):
         yield from (estimate.inconsistency, UNDRIVEN(NOWHERE))
     elif frequency is not None:
         directions = estimate.directions or (weakest(comparison.of(start), names) if start.is_stable else [])

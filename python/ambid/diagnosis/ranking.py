@@ -33,7 +33,6 @@ from ambid.model import Model
 from ambid.model.structure import is_nonlinear
 from ambid.noise import Comparison
 from ambid.noise.known import known_residual, known_slopes
-from ambid.record import Record
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
@@ -156,7 +155,7 @@ def _not_shown(comparison: Comparison, effect: Effect, home: Rig) -> Kind | None
     """Why these records cannot show an effect, whatever they hold; None where they can."""
     records = comparison.noise.records
     in_time = [part.record for part in comparison.noise.in_time]
-    if all(isinstance(record, Record) and record.is_free_response for record in records):
+    if all(record.is_free_response for record in records):
         return UNDRIVEN
     if not in_time and effect.waveform(home, 1, None).shape[1]:
         return NOT_IN_RESPONSES

@@ -20,7 +20,7 @@ from ambid.identification.minimum import ROUGHLY, refit
 from ambid.model import Model
 from ambid.model.structure import is_nonlinear
 from ambid.noise import Comparison
-from ambid.record import Measurement, Record
+from ambid.record import Measurement
 from ambid.rig import Rig
 
 __all__ = ["BASE_UNSTABLE", "base_unstable", "choice_unstable", "holders", "nothing_holds", "standing"]
@@ -131,7 +131,7 @@ def _factor(start: Model, letters: str) -> float | None:
 
 def _held(start: Model, records: Sequence[Measurement], effects: Sequence[Effect]) -> Iterator[Model]:
     """The model with each effect at the values that make its loop most stable, if any do."""
-    knows_command = bool(records) and all(isinstance(record, Record) and record.has_known_command for record in records)
+    knows_command = bool(records) and all(record.has_known_command for record in records)
     for effect in effects:
         home = start.home_of(effect)
         if home is None or effect.in_record or is_nonlinear(home, effect) or (effect.within_command and knows_command):

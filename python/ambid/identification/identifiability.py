@@ -18,7 +18,6 @@ from ambid.identification.covariance import UNSEEN_VARIANCE, inverted, sizes
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.transients import freed, orthonormal
-from ambid.record import Record
 
 __all__ = ["Identifiability", "identifiability", "judged", "lost", "only_frequency", "undetermined", "weakest"]
 
@@ -68,7 +67,7 @@ def identifiability(comparison: Comparison, free: Sequence[int]) -> Identifiabil
     model, scale = comparison.model, sizes(comparison.model, free)
     by_all = _covariance(comparison.noise.quadratic(model, free).hessian * np.outer(scale, scale))
     worst = float(np.sqrt(np.diag(by_all).max(initial=0.0)))
-    is_driven = not any(isinstance(record, Record) and record.is_free_response for record in comparison.noise.records)
+    is_driven = not any(record.is_free_response for record in comparison.noise.records)
     if not is_driven or worst <= DOUBTFUL / NEAR:
         return judged(by_all * np.outer(scale, scale), model, free)
     by_excitation = _covariance(_by_excitation(comparison, free))

@@ -12,7 +12,7 @@ from ambid.errors import ModelError, RecordError
 from ambid.identification.problem import Limits
 from ambid.identification.starts import spread_starts
 from ambid.model import Given, Model, as_model
-from ambid.record import FrequencyResponse, Measurement, Record, Source, measured
+from ambid.record import Measurement, Record, Source, measured
 
 __all__ = ["Prepared", "beside_known", "prepare", "several"]
 
@@ -75,6 +75,10 @@ def prepare(
     in_time = tuple(record for record in records if isinstance(record, Record))
     for record in in_time:
         model.excitation(record)  # refuses a record without one
+        rate = (record.point or model.rig).sample_rate
+        if abs(record.sample_rate / rate - 1.0) > 1e-6:
+            where = record.path or record.name
+            raise RecordError(f"{where}: {record.sample_rate:g} Hz, the rig samples at {rate:g} Hz")
     held = set(model.index(several(fixed)))
     chosen = set(model.free if free is None else model.index(several(free))) & set(model.free) - held
     if not chosen:
@@ -102,17 +106,7 @@ def _check_records(model: Model, records: tuple[Measurement, ...]) -> None:
     if not records:
         raise RecordError("no record was given; give at least one")
     for record in records:
-        where = record.path or record.name
-        if isinstance(record, FrequencyResponse):
-            continue  # the channels of the loop are looked up by name
-        if record.axes != model.rig.axes:
-            raise RecordError(
-                f"{where}: axes {', '.join(record.axes)}, the rig has {', '.join(model.rig.axes)}; "
-                "load the record with its rig"
-            )
-        rate = (record.point or model.rig).sample_rate
-        if abs(record.sample_rate / rate - 1.0) > 1e-6:
-            raise RecordError(f"{where}: {record.sample_rate:g} Hz, the rig samples at {rate:g} Hz")
+        record.require_rig(model.rig)
 
 
 def _limits(model: Model, free: list[int], bounds: Mapping[str, tuple[float, float]] | None) -> Limits:

@@ -55,14 +55,9 @@ class Comparison(WithFindings, Tabular):
     def __init__(self, model: Model, records: Sequence[Measurement], noise: Noise | None = None) -> None:
         self.model, self._records, self._noise, self._why = model, tuple(records), noise, ""
         for record in self._records:
-            if isinstance(record, FrequencyResponse):
-                continue  # the channels of the loop are looked up by name
-            if record.axes != model.rig.axes:
-                where, rig_axes = record.path or record.name, ", ".join(model.rig.axes)
-                raise RecordError(
-                    f"{where}: axes {', '.join(record.axes)}, the rig has {rig_axes}; load the record with its rig"
-                )
-            model.excitation(record)  # refuses a record without one
+            record.require_rig(model.rig)
+            if isinstance(record, Record):
+                model.excitation(record)  # refuses a record without one
         if noise is None:
             try:
                 self._noise = Noise(model, self._records)

@@ -121,17 +121,11 @@ class Noise:
 
     def renewed(self, model: Model) -> Noise:
         """The noise of the same records by the residual of another model, with the angles that are known."""
-        return Noise.of_parts(
-            [
-                _judged(model, part.measured, part.angles if isinstance(part, RecordLines) else None)
-                for part in self.parts
-            ]
-        )
+        return Noise.of_parts([_judged(model, part.measured, part.angles) for part in self.parts])
 
     def with_own_angles(self, model: Model) -> Noise:
         """The same noise, with the angle of every wave of a model where it fits each record best."""
-        parts = self.parts
-        return Noise.of_parts([p.with_own_angles(model) if isinstance(p, RecordLines) else p for p in parts])
+        return Noise.of_parts([part.with_own_angles(model) for part in self.parts])
 
     @property
     def in_time(self) -> tuple[RecordLines, ...]:
@@ -185,10 +179,7 @@ class Noise:
 
     def departure_from_rest(self, model: Model) -> FloatArray:
         """The same of a linear model that rests when the records begin."""
-        found = [
-            (part.departure_from_rest if isinstance(part, RecordLines) else part.departure)(part.at(model))
-            for part in self.parts
-        ]
+        found = [part.departure_from_rest(part.at(model)) for part in self.parts]
         return np.concatenate([*found, -known_residual(model)])
 
     @property

@@ -54,6 +54,7 @@ class ResponseLines:
     noise_is_measured = True
     scatter = RESPONSE_SPREAD
     tones: tuple[Tone, ...] = ()
+    angles = None
 
     def __init__(self, response: FrequencyResponse, model: Model) -> None:
         self.record = self.measured = response
@@ -108,6 +109,12 @@ class ResponseLines:
     def departure(self, here: Model) -> FloatArray:
         """Whitened response less what was measured."""
         return self.whiten(self._response(here, [])[0] - self._z)
+
+    departure_from_rest = departure
+
+    def with_own_angles(self, model: Model) -> ResponseLines:
+        """The same: no wave runs through it."""
+        return self
 
     @property
     def whitened_measured(self) -> FloatArray:

@@ -124,7 +124,7 @@ def frequency_responses(comparison: Comparison, record: int = 0, before: Sequenc
     if not 0 <= record < count:
         raise InputError(f"record = {record}: expected 0 to {count - 1}, the comparison has {count}")
     own = comparison.records[record]
-    measured = own.record.frequency_response() if isinstance(own.record, Record) else own.record
+    measured = own.record.frequency_response()
     found = [_modelled(comparison.model, own, measured)]
     for model in before:
         other = comparison.of(model) if comparison.is_judged else Comparison(model, [own.record])

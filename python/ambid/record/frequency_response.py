@@ -90,6 +90,8 @@ class FrequencyResponse(ByValue, WithFindings):
     provenance: Provenance | None = None
     point: Rig | None = None
     read_only: ClassVar[tuple[str, ...]] = ("frequency_hz", "response", "std", "covariance")
+    is_free_response: ClassVar[bool] = False
+    has_known_command: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         for name in ("outputs", "inputs"):
@@ -259,9 +261,17 @@ class FrequencyResponse(ByValue, WithFindings):
         RecordError
             If the rig lacks an axis.
         """
-        require_names(str(self.path or self.name), self.outputs, self.inputs, rig)
+        self.require_rig(rig)
         name = self.name if self.point is not None else f"{self.name} ({rig.name})"
         return replace(self, name=name, point=rig)
+
+    def require_rig(self, rig: Rig) -> None:
+        """Refuse a rig that lacks a channel, with a RecordError, as `Record.require_rig`."""
+        require_names(str(self.path or self.name), self.outputs, self.inputs, rig)
+
+    def frequency_response(self) -> FrequencyResponse:
+        """Itself, as `Record.frequency_response` is one of a record in time."""
+        return self
 
     def some(self, kept: NDArray[np.bool_] | NDArray[np.intp] | slice) -> FrequencyResponse:
         """The same at some of its frequencies."""

@@ -225,13 +225,17 @@ class Record(ByValue, WithFindings):
         RecordError
             If the rig has other axes.
         """
+        self.require_rig(rig)
+        name = self.name if self.point is not None else f"{self.name} ({rig.name})"
+        return replace(self, name=name, point=rig)
+
+    def require_rig(self, rig: Rig) -> None:
+        """Refuse a rig with other axes, with a RecordError."""
         if rig.axes != self.axes:
             raise RecordError(
                 f"{self.path or self.name}: axes {', '.join(self.axes)}, {rig.path or rig.name} has "
                 f"{', '.join(rig.axes)}; load the record with its rig"
             )
-        name = self.name if self.point is not None else f"{self.name} ({rig.name})"
-        return replace(self, name=name, point=rig)
 
     def rows(self, first: int, end: int) -> Record:
         """The same record from sample `first` up to `end`, counted from 0."""
