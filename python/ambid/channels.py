@@ -105,14 +105,15 @@ def further(channels: Iterable[str], axes: Sequence[str]) -> tuple[str, ...]:
 
 @lru_cache(maxsize=256)
 def first_outputs(channels: tuple[str, ...], axes: tuple[str, ...]) -> tuple[str, ...]:
-    """Outputs that a loop is to have first so that it has these channels: y, then the others in their order.
+    """Outputs that a loop is to have first so that it has these channels: y, if any is there, then the others.
 
     None where it has them anyway: where they are y and i_c of axes alone.
     """
     if not further(channels, axes):
         return ()
     y = [f"y.{axis}" for axis in axes]
-    return (*y, *(name for name in channels if name not in y))
+    has_y = not set(y).isdisjoint(channels)
+    return (*(y if has_y else ()), *(name for name in channels if name not in y))
 
 
 def read_in(unit: str) -> tuple[float, str]:

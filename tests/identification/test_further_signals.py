@@ -5,12 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ambid.checking import check
 from ambid.designs import Instruments, prospect
-from ambid.errors import ModelError
+from ambid.diagnosis import diagnose
+from ambid.errors import ModelError, RecordError
 from ambid.identification import identify
 from ambid.model import Model
 from ambid.monte_carlo import Plan, run_monte_carlo
 from ambid.noise import compare
+from ambid.record import Record
 from ambid.rig import Rig
 from hidden.bench import measured
 from hidden.families import BENCHES
@@ -95,6 +98,104 @@ def test_one_axis(record, channels, with_i_c):
     for name, value in truth.items():
         parameter = found.parameters[name]
         assert abs(parameter.value - value) < 3.5 * parameter.std_error, name
+
+
+TILT = BENCH.rig.bearings[0].tilt
+FOUR = instrumented(
+    BENCH,
+    5e-4,
+    [
+        {"signal": "a", "name": f"{place}_{axis}", "position": z, "direction": TILT + angle}
+        for place, z in (("middle", 0.43), ("left", 0.2))
+        for axis, angle in (("zeta", 0.0), ("eta", 90.0))
+    ],
+)
+
+
+def without_y(record, rig) -> Record:
+    """What a machine without displacement sensors on the recorder gives, by the gates."""
+    return Record.from_arrays(
+        i_e=record.i_e,
+        i_c=record.i_c,
+        further=record.further,
+        axes=record.axes,
+        sample_rate=record.sample_rate,
+        rig=rig,
+    )
+
+
+@pytest.fixture(scope="module")
+def shaken():
+    noise = dict.fromkeys((sensor.channel for sensor in FOUR.sensors), 0.1)
+    return measured(FOUR, BENCH.excitation(1.0), {}, seed=1, further=noise, **BENCH.truth)
+
+
+def errors(found) -> np.ndarray:
+    """Errors of all parameters, relative to the truth, and in standard errors."""
+    truth = {f"{k}.{axis}": v for k in ("K_i", "K_s") for axis, v in zip(FOUR.axes, BENCH.truth[k], strict=True)}
+    truth["tau_e"] = BENCH.truth["tau_e"]
+    return np.array(
+        [
+            (found.parameters[name].value - value) / np.array([value, found.parameters[name].std_error])
+            for name, value in truth.items()
+        ]
+    )
+
+
+def test_accelerations_and_currents_without_displacements_give_all_parameters(shaken):
+    own = without_y(shaken, FOUR)
+    assert own.channels == [*(f"i_c.{axis}" for axis in FOUR.axes), *sorted(shaken.further)]
+    found = identify(FOUR, own)
+    assert found.is_adequate
+    assert np.abs(errors(found)[:, 1]).max() < 3.5  # of nine standard normal ones once in 240
+    assert "displacement_not_recorded" in {finding.code for finding in check(FOUR, own).findings}
+
+
+@pytest.mark.slow
+def test_noise_that_the_controller_hears_is_in_the_intervals_without_y():
+    noise = dict.fromkeys((sensor.channel for sensor in FOUR.sensors), 0.1)
+    given = (measured(FOUR, BENCH.excitation(1.0), {}, seed=s, further=noise, **BENCH.truth) for s in range(11, 17))
+    of_tau_e = [errors(identify(FOUR, without_y(own, FOUR)))[-1, 1] for own in given]
+    assert np.sum(np.square(of_tau_e)) < 22.5  # chi-square of six, 0.001
+
+
+def test_accelerations_alone_give_all_parameters_with_a_warning(shaken):
+    own = without_y(replace(shaken, i_c=None), FOUR)
+    codes = [finding.code for finding in own.findings if finding.severity == "warning"]
+    assert codes == ["loop_noise_not_recorded"]
+    assert np.abs(errors(identify(FOUR, own))[:, 0]).max() < 3e-3
+
+
+def test_an_accelerometer_that_sees_one_plane_says_nothing_of_the_other(shaken):
+    alone = replace(shaken, i_c=None, further={"a.middle_zeta": shaken.further["a.middle_zeta"]})
+    own = without_y(alone, FOUR)
+    found = diagnose(FOUR, own)
+    assert found.verdict == "not_informative"
+    assert "not_determined" in {finding.code for finding in found.findings}
+    lost = identify(FOUR, own).directions
+    assert {name for direction in lost for name in direction} == {f"{k}.{b}_eta" for k in ("K_i", "K_s") for b in "AB"}
+
+
+def test_an_effect_is_named_by_an_accelerometer_and_a_current():
+    hidden = {"eddy_currents": {"tau": 3e-5}}
+    given = measured(MASS, ONE_AXIS.excitation(1.0), hidden, seed=2, further={"a.mass": 0.1}, **ONE_AXIS.truth)
+    found = diagnose(MASS, without_y(given, MASS))
+    assert found.effects == ("eddy_currents",)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mat"])
+def test_a_file_without_y_is_read_where_sensors_of_their_own_were_recorded(shaken, tmp_path, suffix):
+    own = without_y(shaken, FOUR)
+    own.save(tmp_path / f"shaken{suffix}")
+    again = Record.load(tmp_path / f"shaken{suffix}", FOUR)
+    assert again.channels == own.channels
+    np.testing.assert_allclose(again.outputs, own.outputs, rtol=1e-15)
+    assert [finding.code for finding in again.findings] == ["displacement_not_recorded"]
+
+
+def test_without_y_the_excitation_must_be_recorded(shaken):
+    with pytest.raises(RecordError, match="neither i_e nor y"):
+        without_y(replace(shaken, i_e=None), FOUR)
 
 
 def test_a_further_channel_never_widens_an_interval(record):

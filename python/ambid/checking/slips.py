@@ -59,8 +59,8 @@ def check(rig: Rig | str | Path, records: Source | Sequence[Source] = ()) -> Sou
     ----------
     rig : Rig, or path of its file
     records : Record, FrequencyResponse, path of a file, or sequence of them
-        Loaded with this rig, or with that of the operating point that they state. Frequency responses are listed with
-        the findings of their own.
+        Loaded with this rig, or with that of the operating point that they state. Frequency responses, and records
+        without y as such, are listed with the findings of their own.
 
     Returns
     -------
@@ -70,8 +70,8 @@ def check(rig: Rig | str | Path, records: Source | Sequence[Source] = ()) -> Sou
     rig = as_rig(rig)
     several = (records,) if isinstance(records, Source) else tuple(records)
     given = [load_measurement(own, rig) if isinstance(own, str | Path) else own for own in several]
-    loaded = [own for own in given if isinstance(own, Record)]
-    responses = [own for own in given if not isinstance(own, Record)]
+    loaded = [own for own in given if isinstance(own, Record) and own.y.size]
+    responses = [own.frequency_response() for own in given if not isinstance(own, Record) or not own.y.size]
     points = dict.fromkeys(record.point for record in loaded if record.point not in (None, rig))
     loops = {own: NominalLoop(own) for own in (rig, *(point for point in points if point is not None))}
     figures = {own: LoopFigures.of(loop) for own, loop in loops.items()}

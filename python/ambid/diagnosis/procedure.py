@@ -126,7 +126,7 @@ def diagnose(
         rig = start.to_rig()
     except RigError:  # a fit has driven its values beyond what a rig file may hold
         rig = start.rig
-    in_time = [record for record in (*records, *validate) if isinstance(record, Record)]
+    in_time = [record for record in (*records, *validate) if isinstance(record, Record) and record.y.size]
     findings = check(rig, in_time).findings
     stops = [finding for finding in findings if stops_diagnosis(finding)]
     if stops:

@@ -59,11 +59,13 @@ def cosine_and_sine(
     """Cosine and sine, shape (samples, 2), that count their angle from that of a record's displacement or current.
 
     The start of a record has no fixed angle to the rotor or to the mains; what one channel holds at that frequency has.
-    `reference` counts y of all axes, then i_c of all axes; where i_c was not recorded, y stands for it.
+    `reference` counts y of all axes, then i_c of all axes; where one of them was not recorded, the
+    other stands for it, and where neither was, the further channels do.
     """
     angle = 2.0 * pi * frequency / sample_rate * np.arange(samples)
     if record is not None:
-        signals = record.y if record.i_c is None else np.hstack([record.y, record.i_c])
+        usual = record.y if record.i_c is None else np.hstack([record.y, record.i_c])
+        signals = usual if usual.size else record.outputs
         own = signals[:, [reference % signals.shape[1]]]
         table = np.column_stack([np.cos(angle), np.sin(angle)])[: len(own)]
         rows = _between_excited if _is_apart(frequency, record) else partial(_beside_excitation, frequency=frequency)

@@ -20,7 +20,8 @@ def loop_noise(model: Model, points: ComplexArray, channels: int) -> ComplexArra
 
     Smooth noise of what the controller reads shows in all of them with every pole of the loop: that of the sensors, and
     of the current readings where it reads those. That of every other channel shows in itself alone. Taken back by the
-    inverse, the noise of a record is smooth over frequency again.
+    inverse, the noise of a record is smooth over frequency again. Where y was not recorded, i_c shows the noise of the
+    sensors that the controller read.
 
     Parameters
     ----------
@@ -58,6 +59,7 @@ def inputs_of_noise(model: Model, channels: int) -> tuple[Loop, list[int]]:
     """The loop with inputs for noise, and which of them are those of its first outputs that the controller reads."""
     loop = model.with_noise_inputs()
     axes = model.rig.axes
-    of = {f"{read}.{axis}": f"{noise}.{axis}" for read, noise in (("y", "n"), ("i_c", "n_i")) for axis in axes}
+    shows = {"y": "n", "i_c": "n_i"} if f"y.{axes[0]}" in loop.outputs[:channels] else {"i_c": "n"}
+    of = {f"{read}.{axis}": f"{noise}.{axis}" for read, noise in shows.items() for axis in axes}
     read = [of[name] for name in loop.outputs[:channels] if of.get(name) in loop.inputs]
     return loop, [loop.inputs.index(name) for name in read]

@@ -161,7 +161,7 @@ def record_against(model: Model, part: Part) -> RecordComparison:
     joint = float(white @ white) / free
     noise, misfits = np.sqrt(np.mean(power, axis=0)), alone * part.numbers / free
     found = _compared(part.record, part.simulated(here), noise, misfits, joint)
-    if part.split is None:
+    if part.split is None or not part.record.y.size:
         return found
     points = part.window.points(part.window.excited)
     origin = noise_arises(part.split, points, len(part.record.axes), part.record.name)

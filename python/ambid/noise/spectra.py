@@ -165,7 +165,7 @@ class NoisyLines(JudgedLines):
         """The noise with what the converters round, which a digital controller acts on, too."""
         rounding = self.measured.rounding
         way = np.array(back)
-        if self._base.rig.controller.is_digital:
+        if self._base.rig.controller.is_digital and self.record.y.size:
             read = heard(self._base, self.measured.channels)
             way[:, :, :read] = np.eye(self.measured.channels)[:, :read]
         return np.asarray(covariance + (way * rounding) @ way.conj().transpose(0, 2, 1))

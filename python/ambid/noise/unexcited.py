@@ -98,7 +98,7 @@ class Unexcited:
         index = index[:: 1 + len(index) // SHAPED]
         tried, split = [self, self._with(Recorder(self.measured.channels))], None
         told = [own._told(index, tones) for own in tried]
-        if self.base.is_stable:
+        if self.base.is_stable and heard(self.base, self.measured.channels):
             with suppress(ModelError):  # no noise on some channel
                 split = self._split(index, told[0].left, tones)
                 other = self._with(split)

@@ -15,7 +15,7 @@ from ambid.channels import SIGNALS, Channel
 from ambid.errors import InputError, RecordError
 from ambid.findings import Finding, Kind
 from ambid.record.content import COLUMNS_NOT_USED, TRANSPOSED, Content, NotNumbers, Stored, unused
-from ambid.record.raw import RawRecord, numbers, require_agreement
+from ambid.record.raw import RawRecord, lacks_motion, numbers, require_agreement
 from ambid.record.timing import aligned
 
 __all__ = ["ChannelMap"]
@@ -64,7 +64,7 @@ class ChannelMap:
         sources = {channel: _source(channel, text) for channel, text in channels.items()}
         self._sources = {channel: own for channel, own in sources.items() if channel not in RESPONSE_COLUMNS}
         self._columns = {channel: own for channel, own in sources.items() if channel in RESPONSE_COLUMNS}
-        if not self._columns and not any(channel.startswith("y.") for channel in channels):
+        if not self._columns and lacks_motion(channels):
             raise InputError(f"map: no y.<axis> in {', '.join(channels) or 'it'}; name one per axis, such as {EXAMPLE}")
 
     @classmethod

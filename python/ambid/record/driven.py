@@ -15,6 +15,7 @@ from ambid.record.applied import applied_excitation
 from ambid.record.free_modes import REBUILT_TOLERANCE
 from ambid.record.mending import mended_excitation, mended_outputs
 from ambid.record.period import find_period, mismatches
+from ambid.record.raw import OF_LOOP
 from ambid.record.rebuild import ExcitationSource, rebuild_excitation
 from ambid.rig import Rig
 
@@ -103,7 +104,7 @@ def driven(
     """
     signals, source, findings = _with_reference(where, rig, logged)
     period, is_known = stated, False
-    if rig is not None and "i_e" in logged and "i_ref" in logged:
+    if rig is not None and {"y", "i_e", "i_ref"} <= set(logged):
         applied, more = applied_excitation(where, rig, sample_rate, signals)
         findings += more
         if applied is not None:
@@ -112,6 +113,7 @@ def driven(
     if "i_e" not in signals:
         if rig is None:
             return Driven(signals, "unknown", stated, [UNKNOWN()])
+        _require_y(where, logged)
         try:
             i_e, period, source, how = rebuild_excitation(
                 rig,
@@ -144,7 +146,8 @@ def driven(
             findings.append(SPENT())
     i_e, r = signals["i_e"], signals.get("r")
     is_known |= "i_e" not in logged and bool(np.any(i_e))
-    findings += checks.findings_of_excitation(where, axes, signals["y"], i_e, r)
+    moved = [own for name, own in signals.items() if name == "y" or name not in OF_LOOP]
+    findings += checks.findings_of_excitation(where, axes, signals.get("y", np.hstack(moved)), i_e, r)
     if is_known and "i_ref" in signals:
         findings += checks.findings_of_limits(axes, signals["i_ref"])
     drives = [s for s in (i_e, r) if s is not None and np.ptp(s, axis=0).max() >= checks.SMALLEST_CHANGE]
@@ -156,7 +159,7 @@ def driven(
     if found is None and not is_known and "i_e" in logged and drives and r is None:
         signals, mended, more = mended_excitation(signals, axes)
         period, findings = period or mended, [*findings, *more]
-    periods = len(signals["y"]) // period if period else 0
+    periods = len(signals["i_e"]) // period if period else 0
     if period is not None and periods >= FEWEST:
         mended_signals, more = mended_outputs(signals, axes, period)
         signals, findings = mended_signals if more else signals, [*findings, *more]
@@ -164,6 +167,14 @@ def driven(
         of = ["i_e"] if r is None else ["i_e", "r"]
         findings.append((FEW_PERIODS if period else NO_PERIOD)(periods=periods, signals=of, needed=FEWEST))
     return Driven(signals, source, period, findings)
+
+
+def _require_y(where: str, logged: Signals) -> None:
+    """Refuse to rebuild i_e where there is no y that the controller acted on."""
+    if "y" not in logged:
+        raise RecordError(
+            f"{where}: neither i_e nor y was recorded, from which i_e is rebuilt; record i_e or y as well"
+        )
 
 
 def _require_repeating(where: str, drives: NDArray[np.float64], stated: int, found: int | None, what: str) -> None:
@@ -192,7 +203,7 @@ def _with_reference(where: str, rig: Rig | None, logged: Signals) -> tuple[Signa
         del signals["r"]
         return signals, "logged", [REFERENCE_LEFT_OUT()]
     if "i_e" not in logged and "i_ref" not in logged and (_moves(logged["r"]) or "i_c" not in logged):
-        signals["i_e"] = np.zeros_like(logged["y"])
+        signals["i_e"] = np.zeros_like(logged["r"])
         return signals, "assumed_zero", [REFERENCE_DRIVES() if _moves(logged["r"]) else NOT_REBUILT()]
     return signals, "logged", []
 

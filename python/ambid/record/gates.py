@@ -30,6 +30,19 @@ READ_WITHOUT_I_C = Kind(
     "record the current that the controller reads",
 )
 
+WITHOUT_Y = Kind(
+    "displacement_not_recorded",
+    "note",
+    "y was not recorded: the model is compared with {channels} alone, and the controller's law is not checked",
+)
+LOOP_NOISE_NOT_RECORDED = Kind(
+    "loop_noise_not_recorded",
+    "warning",
+    "neither y nor i_c was recorded: noise of the sensors that the controller reads goes round the loop, and no "
+    "channel shows it before the rotor does: where it is large, standard errors are too small",
+    "record i_c as well",
+)
+
 Signals = dict[str, NDArray[np.float64]]
 """What was recorded, by name: signals of shape (N, n), and further channels of shape (N, 1)."""
 
@@ -49,7 +62,6 @@ def gated(
     axes: tuple[str, ...],
     sample_rate: float,
     signals: Signals,
-    *,
     period: int | None,
     allow: Collection[str],
 ) -> Passed:
@@ -74,7 +86,7 @@ def gated(
     RecordError
         If a gate refuses a value.
     """
-    checks.require_length(where, len(signals["y"]), period)
+    checks.require_length(where, len(next(iter(signals.values()))), period)
     checks.require_finite(where, columns_of(axes, signals))
     findings: list[Finding] = []
     if rig is not None:
@@ -85,7 +97,8 @@ def gated(
             if signal in signals:
                 is_allowed = "travel" in allow
                 findings += checks.require_metres(where, signal, axes, signals[signal], rig, is_allowed=is_allowed)
-        findings += checks.findings_of_means(axes, signals["y"], rig)
+        if "y" in signals:
+            findings += checks.findings_of_means(axes, signals["y"], rig)
     columns = dict(columns_of(axes, signals))
     for channel, values in columns.items():
         if channel.startswith("i_"):
@@ -96,7 +109,11 @@ def gated(
         if channel in signals:
             checks.require_size(where, channel, values)
     findings += checks.findings_of_clipping(where, columns)
-    if "i_c" not in signals:
+    if "y" not in signals:
+        read = [name for name in signals if name not in ("i_e", "r", "i_ref")]
+        findings.append(WITHOUT_Y(channels=read))
+        findings += [] if "i_c" in signals else [LOOP_NOISE_NOT_RECORDED()]
+    elif "i_c" not in signals:
         findings.append(WITHOUT_I_C())
         if rig is not None and "i_c" in rig.controller.signals:
             findings.append(READ_WITHOUT_I_C())

@@ -40,27 +40,34 @@ def arguments_from(
     findings = list(raw.findings)
     if rig is not None:
         _take_sensors_out(raw, rig)
-    axes = raw.signals["y"][0]
+    named = {signal: found for signal, (found, _) in raw.signals.items() if signal not in FURTHER}
+    if not named:
+        raise RecordError(f"{where}: no signal of the axes; add columns such as i_e.<axis> and i_c.<axis>")
+    first = "y" if "y" in named else next(iter(named))
+    axes = named[first]
     if axes is None:
         if rig is None:
             raise RecordError(f"{where}: the file names no axes; add 'axes', or give the rig")
         axes = tuple(rig.axes)
         findings.append(AXES_OF_RIG(axes=axes))
     arrays: dict[str, Any] = {}
-    named = {signal: found or axes for signal, (found, _) in raw.signals.items()}
-    checks.require_every_y(where, named, None if rig is None else tuple(rig.axes))
+    if "y" in named:
+        own = {signal: found or axes for signal, found in named.items()}
+        checks.require_every_y(where, own, None if rig is None else tuple(rig.axes))
     for signal, (found, array) in list(raw.signals.items()):
         if signal in FURTHER:
             names = (found or axes) if "axis" in SIGNALS[signal].at else ()
             raw.further |= _by_channel(where, signal, array, names, rig)
             continue
-        order = checks.order_of_axes(f"{where}: {signal}", found or axes, axes, "y")
+        order = checks.order_of_axes(f"{where}: {signal}", found or axes, axes, first)
         arrays[signal] = array[:, order] if array.shape[1] == len(order) else array
     if raw.t is not None:
-        if len(raw.t) != len(arrays["y"]):
-            raise RecordError(f"{where}: t has {len(raw.t)} rows, y has {len(arrays['y'])}; give one t per sample")
+        if len(raw.t) != len(arrays[first]):
+            raise RecordError(
+                f"{where}: t has {len(raw.t)} rows, {first} has {len(arrays[first])}; give one t per sample"
+            )
         checks.require_finite(where, [("t", raw.t)])
-    checks.require_length(where, len(arrays["y"]), period)
+    checks.require_length(where, len(arrays[first]), period)
     rate, more = checks.sample_rate_of(where, raw.t, raw.sample_rate, rig)
     return {
         **arrays,
@@ -76,13 +83,15 @@ def arguments_from(
 
 def _take_sensors_out(raw: RawRecord, rig: Rig) -> None:
     """Make further channels of the displacements that are at a [[sensor]] of a rig."""
-    found, array = raw.signals["y"]
+    found, array = raw.signals.get("y", (None, np.empty((0, 0))))
     apart = [sensor.name for sensor in rig.sensors if sensor.channel == f"y.{sensor.name}"]
     if found is None or not (at_sensors := [axis for axis in found if axis in apart]):
         return
     raw.further |= {f"y.{name}": array[:, found.index(name)] for name in at_sensors}
     kept = [k for k, axis in enumerate(found) if axis not in apart]
-    raw.signals["y"] = tuple(found[k] for k in kept), array[:, kept]
+    del raw.signals["y"]
+    if kept:
+        raw.signals = {"y": (tuple(found[k] for k in kept), array[:, kept]), **raw.signals}
 
 
 def _by_channel(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,8 @@ OF_LOOP = ("i_e", "r", "y", "i_c", "i_ref")
 OF_AXES = tuple(f"{signal}." for signal in SIGNALS)
 """What the names of columns begin with."""
 OF_FURTHER = tuple(f"{signal}." for signal in FURTHER)
+AT_SENSORS = {name for name in FURTHER if "axis" not in SIGNALS[name].at}
+"""Signals of sensors of their own, which tell the motion where y was not recorded."""
 APART = "further"
 """Structure of a .mat file that holds single channels, such as ``further.a.drive_end``."""
 NAMES = "rename them, or give a map of them: t=COLUMN, y.A_zeta=COLUMN:FACTOR, ..."
@@ -81,6 +83,12 @@ def raw_record(path: Path, content: Content, sample_rate: float | None = None) -
     return raw
 
 
+def lacks_motion(names: Iterable[str]) -> bool:
+    """Whether columns or variables hold neither y, nor what sensors of their own read beside a signal of the axes."""
+    signals = {name.removeprefix(f"{APART}.").partition(".")[0] for name in names}
+    return "y" not in signals and not (signals & AT_SENSORS and signals & set(OF_LOOP))
+
+
 def require_agreement(path: Path, in_file: float | None, given: float | None) -> None:
     """Refuse a sample rate that contradicts what the file states."""
     if in_file is not None and given is not None and abs(in_file / given - 1.0) > 1e-3:
@@ -116,7 +124,7 @@ def _from_columns(path: Path, content: Content, sample_rate: float | None) -> Ra
     present = ", ".join(columns)
     if raw.t is None and raw.sample_rate is None and sample_rate is None:
         raise RecordError(f"{path}: column 't' [s] is missing; the columns are {present}; {NAMES}")
-    if "y" not in raw.signals:
+    if lacks_motion(own):
         raise RecordError(f"{path}: no column 'y.<axis>' (displacement [m]); the columns are {present}; {NAMES}")
     raw.findings += unused(COLUMNS_NOT_USED, (name for name in columns if name not in used))
     return raw
@@ -127,7 +135,7 @@ def _from_matrices(path: Path, content: Content, sample_rate: float | None) -> R
     values = content.arrays
     of_axes = None if content.axes is None else _axis_names(path, content.axes)
     present = ", ".join(values)
-    if "y" not in values:
+    if lacks_motion(values):
         raise RecordError(
             f"{path}: variable 'y' (displacement [m], N x axes) is missing; the variables are {present}; {NAMES}, "
             "where column k of a matrix M is M[k]"

@@ -51,7 +51,7 @@ class Record(ByValue, WithFindings):
     i_e : ndarray, shape (N, n), or None
         Excitation [A]; ``i_e[k]`` is held from t[k] to t[k+1].
     y : ndarray, shape (N, n)
-        Displacement at the sensors [m], read at t[k].
+        Displacement at the sensors [m], read at t[k]; (N, 0) where it was not recorded, but further channels were.
     i_c : ndarray, shape (N, n), or None
         Control current [A], read at t[k].
     i_ref : ndarray, shape (N, n), or None
@@ -100,12 +100,11 @@ class Record(ByValue, WithFindings):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axes", tuple(self.axes))
-        shape = (len(self.y), len(self.axes))
-        for signal in OF_LOOP:
-            if getattr(self, signal) is None:
-                continue
-            array = np.array(getattr(self, signal), dtype=np.float64, order="C")
-            if array.shape != shape:
+        given = {name: own for name in OF_LOOP if (own := getattr(self, name)) is not None}
+        shape = (len(given.get("y", next(iter(given.values()), ()))), len(self.axes))
+        for signal, own in {"y": np.empty((shape[0], 0)), **given}.items():
+            array = np.array(own, dtype=np.float64, order="C")
+            if array.shape != shape and (signal != "y" or array.shape[1:] != (0,)):
                 raise RecordError(
                     f"{self.path or self.name}: {signal} has the shape {array.shape}, y and the axes "
                     f"({', '.join(self.axes)}) make it {shape}; give N x axes, all of one length"
@@ -167,7 +166,7 @@ class Record(ByValue, WithFindings):
     def from_arrays(
         cls,
         *,
-        y: ArrayLike,
+        y: ArrayLike | None = None,
         sample_rate: float,
         axes: Sequence[str],
         i_e: ArrayLike | None = None,
@@ -202,8 +201,7 @@ class Record(ByValue, WithFindings):
         known: dict[str, Any] = {"name": name, "period": period, "path": path, "provenance": provenance}
         found = (*findings, *remarks(notes))
         given = cls(sample_rate=float(sample_rate), axes=tuple(axes), findings=found, **own, **known)
-        about = given.axes, given.sample_rate, given._signals
-        order, rate, passed, of_gates = gated(where, rig, *about, period=period, allow=allow)
+        order, rate, passed, of_gates = gated(where, rig, given.axes, given.sample_rate, given._signals, period, allow)
         signals, source, period, of_drive = driven(where, rig, order, rate, passed, period)
         found = (*found, *of_gates, *of_drive)
         return replace(
@@ -264,8 +262,8 @@ class Record(ByValue, WithFindings):
     @property
     def channels(self) -> list[str]:
         """Names of the recorded outputs, such as ``y.A_zeta``: y, i_c where it was recorded, further ones."""
-        signals = ["y"] if self.i_c is None else ["y", "i_c"]
-        return [*(f"{signal}.{axis}" for signal in signals for axis in self.axes), *self.further]
+        own = self._signals
+        return [*(f"{name}.{axis}" for name in ("y", "i_c") if name in own for axis in self.axes), *self.further]
 
     @property
     def amplitude(self) -> float:
@@ -295,12 +293,12 @@ class Record(ByValue, WithFindings):
     @property
     def parts(self) -> tuple[NDArray[np.float64], ...]:
         """The same part by part: y, and i_c where it was recorded, shape (N, n) each; each further one, (N, 1)."""
-        own = (self.y,) if self.i_c is None else (self.y, self.i_c)
-        return (*own, *(column[:, None] for column in self.further.values()))
+        return tuple(own for name, own in self._signals.items() if name not in ("i_e", "r", "i_ref"))
 
     def with_outputs(self, outputs: NDArray[np.float64]) -> Record:
         """The same experiment with other outputs, shape (N, channels), as in `channels`."""
-        n, beyond = len(self.axes), len(self.axes) * (1 if self.i_c is None else 2)
+        n = self.y.shape[1]
+        beyond = n + (0 if self.i_c is None else len(self.axes))
         i_c = None if self.i_c is None else outputs[:, n:beyond]
         further = dict(zip(self.further, outputs.T[beyond:], strict=True))
         return replace(self, y=outputs[:, :n], i_c=i_c, further=further)
@@ -386,7 +384,7 @@ class Record(ByValue, WithFindings):
     @property
     def _signals(self) -> dict[str, NDArray[np.float64]]:
         """What was recorded, by name: signals of shape (N, n), and further channels of shape (N, 1)."""
-        own = {name: own for name in OF_LOOP if (own := getattr(self, name)) is not None}
+        own = {name: own for name in OF_LOOP if (own := getattr(self, name)) is not None and own.shape[1]}
         return own | {name: column[:, None] for name, column in self.further.items()}
 
     @property

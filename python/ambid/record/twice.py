@@ -97,8 +97,8 @@ def _is_same(one: Measurement, other: Measurement) -> bool:
     if isinstance(one, Record) and isinstance(other, Record):
         if one.axes != other.axes or abs(one.sample_rate - other.sample_rate) > SAME * one.sample_rate:
             return False
-        pairs = [(getattr(one, name), getattr(other, name)) for name in ("y", "i_e", "i_c", "r")]
-        return all(_are_alike(a, b) for a, b in pairs if a is not None and b is not None)
+        ours, theirs = one.columns(), other.columns()
+        return all(_are_alike(ours[name], theirs[name]) for name in ours if name in theirs)
     if isinstance(one, FrequencyResponse) and isinstance(other, FrequencyResponse):
         if (one.outputs, one.inputs) != (other.outputs, other.inputs):
             return False
