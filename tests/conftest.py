@@ -25,7 +25,7 @@ from virtual import NAMES, VirtualBench
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # what a job in the background inherits
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-pytest_plugins = ["budget"]
+pytest_plugins = ["budget", "validated"]
 settings.register_profile("any machine", deadline=None, derandomize=True, database=None)
 settings.load_profile("any machine")
 DEMO_RIG, DEMO_RECORD = DATA / "rig.toml", DATA / "prbs.mat"

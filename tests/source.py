@@ -1,4 +1,4 @@
-"""What the source of the tests shows without running it: assertions on phrases, and imports that tests do not make."""
+"""What the source of the tests shows without running it: phrases, imports that tests do not make, claims."""
 
 from __future__ import annotations
 
@@ -101,6 +101,16 @@ def _reads_a_clock(node: ast.AST, timed: set[str]) -> bool:
         or (isinstance(part, ast.Name) and part.id in timed)
         for part in ast.walk(node)
     )
+
+
+def claims(tree: ast.AST) -> Iterator[tuple[str, str, str]]:
+    """Test, claim and reference of every call of the fixture `validated`, whose words stand there as they are."""
+    for function in ast.walk(tree):
+        if isinstance(function, ast.FunctionDef) and function.name.startswith("test_"):
+            for node in ast.walk(function):
+                if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "validated":
+                    claim, reference = (ast.literal_eval(argument) for argument in node.args[:2])
+                    yield function.name, claim, reference
 
 
 def sources(folder: Path, without: str) -> Iterator[tuple[Path, ast.AST]]:

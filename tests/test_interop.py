@@ -16,6 +16,7 @@ from ambid.model import Model
 from ambid.rig import FiniteElementRotor, PidController, Rig, StateSpaceController
 from ambid.rotor import assemble, reduced_rotor
 from places import BENCH as BENCH_FILE
+from validated import of_peak
 
 RIG = Rig.load(BENCH_FILE)
 PLACES = [z for bearing in RIG.bearings for z in (bearing.position, bearing.sensor_position)]
@@ -49,13 +50,19 @@ def test_to_scipy(model):
     assert_same(scipy.signal.dlsim(system, I_E)[1], model)
 
 
-def test_to_control(model):
+def test_to_control(model, validated):
     control = pytest.importorskip("control")
     system = to_control(model)
     assert system.dt == 1e-4
     assert system.input_labels == ["i_e_A_zeta", "i_e_A_eta", "i_e_B_zeta", "i_e_B_eta"]
     assert system.output_labels[4:] == ["i_c_A_zeta", "i_c_A_eta", "i_c_B_zeta", "i_c_B_eta"]
-    assert_same(control.forced_response(system, U=I_E.T).outputs.T, model)
+    outputs, record = control.forced_response(system, U=I_E.T).outputs.T, model.simulate(I_E)
+    validated(
+        "Exported loop, analog and digital, with effects: error relative to the peak",
+        "response by python-control {control}",
+        of_peak(outputs, np.hstack([record.y, record.i_c])),
+        1e-10,
+    )
 
 
 def test_control_is_optional(monkeypatch, golden):

@@ -20,8 +20,9 @@ from ambid.excitation import prbs
 from ambid.findings import has
 from ambid.plot import plot_campaign, save_campaign
 from ambid.rig import Rig
-from places import BENCH
+from places import BENCH, SHARED
 from reference.static_loads import CROSS, reactions
+from validated import relative
 
 K_I = {"6A": [217.0, 225.0, 278.0, 285.0], "10A": [316.0, 327.0, 358.0, 367.0]}
 K_S = {"6A": [2.39e6, 2.47e6, 3.13e6, 3.21e6], "10A": [5.69e6, 5.89e6, 6.49e6, 6.65e6]}
@@ -73,7 +74,7 @@ def broken(template, tmp_path):
     return shutil.copytree(template, tmp_path / "campaign")
 
 
-def test_values_at_every_bias_current(found):
+def test_values_at_every_bias_current(found, validated):
     assert [point.folder.name for point in found.points] == ["6A", "10A"]
     assert found.methods == ("prbs_large", "prbs_small", "static")
     for point in found.points:
@@ -82,10 +83,42 @@ def test_values_at_every_bias_current(found):
         for axis in found.axes:
             for method in found.methods:
                 k_i = point.force_current(method, axis)
-                assert abs(k_i.value - true_k_i[axis]) < 5 * k_i.std_error
+                validated(
+                    "K_i of a campaign by closed-loop identification and static loading: error in standard errors",
+                    "truth of virtual experiments, reactions of the bearings by hand",
+                    (k_i.value - true_k_i[axis]) / k_i.std_error,
+                    5.0,
+                )
             for runs in point.runs:
-                assert runs.mean(f"K_s.{axis}") == pytest.approx(true_k_s[axis], rel=0.02)
-                assert runs.joint.parameters["tau_e"].value == pytest.approx(TAU_E, rel=0.02)
+                found_k_s, found_tau_e = runs.mean(f"K_s.{axis}"), runs.joint.parameters["tau_e"].value
+                validated(
+                    "K_s and tau_e of a campaign: relative error",
+                    "truth of virtual experiments",
+                    relative([found_k_s, found_tau_e], [true_k_s[axis], TAU_E]),
+                    0.02,
+                )
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (SHARED / "campaign").is_dir(), reason="the campaign's files are not here")
+@pytest.mark.parametrize("bias", ["6A", "8A", "10A"])
+def test_the_closed_loop_identification_of_the_paper(bias, validated):
+    """Small runs, in which the curvature of the force does not count."""
+    folder = SHARED / "campaign"
+    truth, rig = json.loads((folder / "answers.json").read_text())[bias], Rig.load(folder / bias / "rig.toml")
+    runs = sorted((folder / bias).glob("prbs_small_*.mat"))
+    parameters = ambid.identify(rig, [ambid.Record.load(path, rig) for path in runs]).parameters
+    names = [*(f"{kind}.{axis}" for kind in ("K_i", "K_s") for axis in rig.axes), "tau_e"]
+    true = [*truth["K_i"], *truth["K_s"], truth["tau_e"]]
+    validated(
+        "K_i, K_s, tau_e at 6, 8 and 10 A from five small runs each: error in standard errors",
+        "independent simulator whose K_s are those of Table 2 of the paper",
+        [
+            (parameters[name].value - value) / parameters[name].std_error
+            for name, value in zip(names, true, strict=True)
+        ],
+        4.0,
+    )
 
 
 def test_scatter_over_the_runs(found):

@@ -43,7 +43,7 @@ def of(left, on_tones=0.0, waves=0):
 
 
 @pytest.mark.parametrize("left", [100.0, 1e3, 1e4])
-def test_something_else_is_so_many_numbers_of_an_unknown_power(left):
+def test_something_else_is_so_many_numbers_of_an_unknown_power(left, validated):
     """Against the integral over that power, which is within three decades about what is left."""
 
     def likelihood(log_power):
@@ -55,7 +55,12 @@ def test_something_else_is_so_many_numbers_of_an_unknown_power(left):
     shift = 0.5 * MANY * np.log1p(left / MANY)
     expected = np.log(quad(likelihood, best - reach / 2.0, best + reach / 2.0, points=[best])[0] / reach) - shift
     right = of(0.0)
-    assert of(left).beside(left, right, WAYS) - right.beside(0.0, right, WAYS) == pytest.approx(expected, abs=0.3)
+    validated(
+        "Log probability of something that has no name: deviation",
+        "integral over its unknown power by SciPy {scipy}",
+        of(left).beside(left, right, WAYS) - right.beside(0.0, right, WAYS) - expected,
+        0.3,
+    )
 
 
 def test_a_set_that_leaves_nothing_of_what_has_a_shape_did_so_by_luck():

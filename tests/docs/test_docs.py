@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import ambid
+import validated
 from ambid.demo import DATA
 from ambid.effects import CATALOGUE
 from ambid.findings import Kind
@@ -27,6 +28,7 @@ import records  # noqa: E402
 import rig_file  # noqa: E402
 import rooms  # noqa: E402
 import thresholds  # noqa: E402
+import validation  # noqa: E402
 from words import meanings  # noqa: E402
 
 BENCH = ambid.Rig.load(DATA / "rig.toml").replace(speed=200.0)
@@ -200,6 +202,14 @@ def test_tables_and_pictures_of_benchmarks_are_taken_where_they_are(tmp_path):
 def test_every_figure_in_the_folder_is_on_the_page():
     for path in (DOCS / "calibration").glob("*.*"):
         assert f"calibration/{path.name}" in pages.MEASURED.findall(text("calibration.md")), path
+
+
+def test_the_validation_has_a_row_of_every_claim_of_the_tests_and_no_other():
+    rows = [(row["test"], row["claim"], row["reference"]) for row in validated.read()]
+    assert sorted(rows) == sorted(validated.claimed())
+    assert all(row["figure"] <= row["tolerance"] for row in validated.read())
+    shown = validation.generate(Path())
+    assert all(f"| `{test}` |" in shown for test, _, _ in rows)
 
 
 def test_every_key_of_the_results_is_told():

@@ -21,6 +21,7 @@ from ambid.rig import Rig
 from hidden.bench import simulate
 from hidden.families import BENCHES, voltage_driven
 from hidden.long import LONG
+from validated import relative
 
 TRUTH = BENCHES["bench"].truth
 # name: hidden physics, our parameters, agreement relative to the peak
@@ -74,7 +75,7 @@ def largest_error(found: ambid.Record, expected: ambid.Record) -> float:
 
 
 @pytest.mark.parametrize("name", AGREE)
-def test_effect_is_the_physics_that_it_says(rig, i_e, name):
+def test_effect_is_the_physics_that_it_says(rig, i_e, name, validated):
     hidden, values, tolerance = AGREE[name]
     if name == "sensor_misalignment":
         values = {key: np.deg2rad(value) for key, value in values.items()}
@@ -83,7 +84,12 @@ def test_effect_is_the_physics_that_it_says(rig, i_e, name):
     base = at_truth(rig)
     model = base.add(name, absent)
     without, with_it = largest_error(base.simulate(i_e), truth), largest_error(model.simulate(i_e), truth)
-    assert with_it < tolerance
+    validated(
+        "Effects of the catalogue in y and i_c, each by itself: error relative to the peak",
+        "independent simulator in C, fixed steps",
+        with_it,
+        tolerance,
+    )
     assert without > 5.0 * with_it, "the effect must show"
 
 
@@ -190,24 +196,34 @@ class SingleGain(Effect):
 
 @pytest.mark.parametrize("speed", [0.0, 600.0])
 @pytest.mark.parametrize("share", [1.0, 0.4])
-def test_omitted_bending_modes_come_back(rig, i_e, speed, share):
+def test_omitted_bending_modes_come_back(rig, i_e, speed, share, validated):
     """As computed, and with shapes that are smaller, which count twice, in the force and in what is seen of it."""
     rigid = rig.replace(rotor=rig.rotor.model_copy(update={"flexible_modes": 0}), speed=speed)
     hidden = {"rotor_bending_mode": {"count": 2, "participation": share}}
     truth = simulate(rigid, i_e, hidden, seed=None, **TRUTH)
     own = {f"participation_{k}": share**2 for k in (1, 2)}
     model = at_truth(rigid).add("rotor_bending_mode", own)
-    assert largest_error(model.simulate(i_e), truth) < 1e-6
+    validated(
+        "Bending modes added to a rigid model, at rest and at 600 rad/s: error relative to the peak",
+        "independent simulator in C, with these modes",
+        largest_error(model.simulate(i_e), truth),
+        1e-6,
+    )
     assert largest_error(at_truth(rigid).simulate(i_e), truth) > 1e-2 * share**2
     absent = at_truth(rigid).add("rotor_bending_mode", dict.fromkeys(own, 1e-9))
     assert largest_error(absent.simulate(i_e), at_truth(rigid).simulate(i_e)) < 1e-6
 
 
-def test_gyroscopic_factor(rig, i_e):
+def test_gyroscopic_factor(rig, i_e, validated):
     turning = rig.replace(speed=1000.0)
     truth = simulate(turning, i_e, {"gyroscopic_coupling": {"factor": 1.3}}, seed=None, **TRUTH)
     model = at_truth(turning).add("gyroscopic_coupling", {"factor": 0.3})
-    assert largest_error(model.simulate(i_e), truth) < 1e-8
+    validated(
+        "Gyroscopic moments 1.3 times those of the finite elements at 1000 rad/s: error relative to the peak",
+        "independent simulator in C",
+        largest_error(model.simulate(i_e), truth),
+        1e-8,
+    )
     assert find("gyroscopic_coupling").parameters(rig) == [], "no gyroscopic moments at rest"
 
 
@@ -216,7 +232,7 @@ def periods_of(rig: Rig, record: ambid.Record) -> ambid.Record:
 
 
 @pytest.mark.parametrize("z", [0.43, None])
-def test_unbalance_is_the_physics_that_it_says(rig, i_e, z):
+def test_unbalance_is_the_physics_that_it_says(rig, i_e, z, validated):
     """In one plane at its place, or in the planes of the bearings; the angle is counted from a displacement."""
     turning = rig.replace(speed=200.0)
     hidden = {"unbalance": {"mass_eccentricity": 1e-4, "z": 0.43, "phase": 0.7}}
@@ -224,7 +240,12 @@ def test_unbalance_is_the_physics_that_it_says(rig, i_e, z):
     base = at_truth(turning)
     found = disturbed(base, Unbalance(z), truth)
     total = np.hypot(found[::2].sum(), found[1::2].sum())
-    assert total == pytest.approx(1e-4, rel=0.02)
+    validated(
+        "Unbalance by mass and eccentricity: relative error of its size by least squares",
+        "independent simulator in C",
+        total / 1e-4 - 1.0,
+        0.02,
+    )
 
 
 @pytest.mark.parametrize("port", ["current", "force"])
@@ -315,13 +336,18 @@ def under(rig: Rig, implementation: str, derivative: float) -> Rig:
         *(("digital", seconds, 1e-5, 1e-12) for seconds in (3e-6, 47e-6, 100e-6)),
     ],
 )
-def test_a_delay_is_exact(rig, implementation, seconds, step, tolerance):
+def test_a_delay_is_exact(rig, implementation, seconds, step, tolerance, validated):
     """Within a sample of 100 us, a whole one, and longer; the digital controller has a delay of its own."""
     rig = under(rig, implementation, 40.0)
     i_e = ambid.prbs(6, amplitude=1.0, hold=2, axes=4)
     truth = simulate(rig, i_e, {"loop_delay": {"seconds": seconds}}, seed=None, longest_step=step, **TRUTH)
     model = at_truth(rig).add("loop_delay", {"delay": seconds})
-    assert largest_error(model.simulate(i_e), truth) < tolerance
+    validated(
+        "Delays of any length, analog and digital: error relative to the peak",
+        "independent simulator in C, delay held in a buffer of fine steps",
+        largest_error(model.simulate(i_e), truth),
+        tolerance,
+    )
     stepped = model.simulator().run(i_e)
     assert np.abs(stepped[:, :4] - truth.y).max() < tolerance * np.abs(truth.y).max()
     assert model.decay_rate > 1.0
@@ -371,11 +397,16 @@ def test_pade_is_a_delay():
     np.testing.assert_allclose(response, np.exp(-s) - 1.0, atol=1e-12)
 
 
-def test_half_derivative():
+def test_half_derivative(validated):
     poles, weights = half_derivative()
     s = 1j * np.geomspace(5.0, 5e4, 80)
     response = (weights * s[:, None] / (s[:, None] + poles)).sum(axis=1)
-    np.testing.assert_allclose(response, np.sqrt(s), rtol=3e-4)
+    validated(
+        "Half-order lag of eddy currents as a sum of first-order ones, 0.8 Hz to 8 kHz: relative error",
+        "sqrt(s)",
+        relative(response, np.sqrt(s)),
+        3e-4,
+    )
 
 
 def test_mistakes_are_named(rig, golden):

@@ -14,6 +14,7 @@ from ambid.embedded.unit import LIBRARIES, NATIVE
 from ambid.errors import ModelError
 from embedded.agreement import require_equal
 from places import ROOT
+from validated import of_peak
 
 LIBRARY = NATIVE / LIBRARIES["linux"]
 EXAMPLE = ROOT / "rust" / "c" / "examples" / "step.c"
@@ -50,13 +51,18 @@ def compiled(source, own):
 
 
 @native
-def test_the_example_in_c_steps_as_python_does(model, excitation, program, tmp_path):
+def test_the_example_in_c_steps_as_python_does(model, excitation, program, tmp_path, validated):
     ambid.to_stepper(model, tmp_path / "model.stepper")
     text = "\n".join(" ".join(map(repr, row)) for row in excitation.tolist())
     done = subprocess.run([program, tmp_path / "model.stepper"], input=text, capture_output=True, text=True, check=True)
     assert done.stderr.split()[: len(model.loop.outputs)] == list(model.loop.outputs)
     found = np.array([row.split() for row in done.stdout.splitlines()], dtype=float)
-    require_equal(found, model.simulator().run(excitation))
+    validated(
+        "Stepper in C, linear, digital and nonlinear: error relative to the peak",
+        "the simulator in Python, program compiled by gcc",
+        of_peak(found, model.simulator().run(excitation)),
+        1e-12,
+    )
 
 
 @native

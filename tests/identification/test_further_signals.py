@@ -20,6 +20,7 @@ from hidden.families import BENCHES
 from hidden.machine import magnet
 from hidden.network import library
 from hidden.one_axis import ONE_AXIS
+from validated import relative
 
 MU_0 = 4e-7 * np.pi
 
@@ -55,22 +56,32 @@ def responses(model, frequency_hz):
     return {name: found[:, k, 0] for k, name in enumerate(model.loop.outputs)}
 
 
-def test_acceleration_is_the_second_derivative_with_gyroscopic_and_all_other_forces():
+def test_acceleration_is_the_second_derivative_with_gyroscopic_and_all_other_forces(validated):
     f = np.geomspace(5.0, 2e3, 40)
     seal = ("seal_forces", {"direct_stiffness": 3e5, "cross_stiffness": 2e5})
     seen = responses(Model(SHAFT).add(*seal).with_outputs(("a.middle", "y.middle_y")), f)
-    np.testing.assert_allclose(seen["a.middle"], -((2.0 * np.pi * f) ** 2) * seen["y.middle_y"], rtol=1e-9)
+    validated(
+        "Acceleration of a rotor with a seal that turns: relative error of its response",
+        "-w^2 y at the same place",
+        relative(seen["a.middle"], -((2.0 * np.pi * f) ** 2) * seen["y.middle_y"]),
+        1e-9,
+    )
 
 
-def test_force_on_a_mass_is_mass_times_acceleration_and_flux_goes_with_it():
+def test_force_on_a_mass_is_mass_times_acceleration_and_flux_goes_with_it(validated):
     f = np.geomspace(5.0, 2e3, 40)
     seen = responses(Model(MASS).add("eddy_currents").with_outputs(("a", "f", "b")), f)
     np.testing.assert_allclose(seen["f.A_zeta"], 12.0 * seen["a.mass"], rtol=1e-9)
     gain = 2.0 * 3e-4 * MASS.bearings[0].bias_flux[0] / MU_0
-    np.testing.assert_allclose(gain * seen["b.A_zeta"], seen["f.A_zeta"], rtol=1e-9)
+    validated(
+        "Flux density of a Hall sensor with eddy currents: relative error of its response",
+        "f = 2 A B_0 b / mu_0 (opposed poles)",
+        relative(gain * seen["b.A_zeta"], seen["f.A_zeta"]),
+        1e-9,
+    )
 
 
-def test_voltage_drives_resistance_inductance_and_back_emf():
+def test_voltage_drives_resistance_inductance_and_back_emf(validated):
     coil = MASS.replace(
         amplifier={"time_constant": 1e-3, "resistance": 2.0},
         controller=MASS.controller.model_copy(update={"proportional": 6e4, "integral": 1e5, "derivative": 150.0}),
@@ -80,7 +91,12 @@ def test_voltage_drives_resistance_inductance_and_back_emf():
     seen = responses(Model(coil).add(*emf).with_outputs("u"), f)
     s = 2j * np.pi * f
     needed = 2.0 * (1.0 + 1e-3 * s) * seen["i_c.A_zeta"] + 20.0 * s * seen["y.A_zeta"]
-    np.testing.assert_allclose(seen["u.A_zeta"], needed, rtol=1e-9)
+    validated(
+        "Coil voltage: relative error of its response",
+        "u = R i + L di/dt + k dy/dt",
+        relative(seen["u.A_zeta"], needed),
+        1e-9,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -90,14 +106,18 @@ def record():
 
 @pytest.mark.parametrize("channels", [[name] for name in NOISE] + [list(NOISE)])
 @pytest.mark.parametrize("with_i_c", [True, False])
-def test_one_axis(record, channels, with_i_c):
+def test_one_axis(record, channels, with_i_c, validated):
     own = replace(record, further={name: record.further[name] for name in channels})
     found = identify(MASS, own if with_i_c else replace(own, i_c=None))
     truth = {"K_i.A_zeta": 185.0, "K_s.A_zeta": 1.18e6, "tau_e": 2.85e-4}
     assert found.misfit == pytest.approx(1.0, abs=0.08)
-    for name, value in truth.items():
-        parameter = found.parameters[name]
-        assert abs(parameter.value - value) < 3.5 * parameter.std_error, name
+    parameters = [found.parameters[name] for name in truth]
+    validated(
+        "K_i, K_s, tau_e from flux density, force, acceleration or a further displacement: error in standard errors",
+        "truth of the independent simulator in C",
+        [(own.value - value) / own.std_error for own, value in zip(parameters, truth.values(), strict=True)],
+        3.5,
+    )
 
 
 TILT = BENCH.rig.bearings[0].tilt
@@ -265,7 +285,7 @@ def test_a_wrong_gain_is_an_error_of_the_instrument(record):
     ("name", "hidden"),
     [("force_nonlinearity", {"share": 1.0}), ("flux_saturation", {"level": 0.75, "curve": "blend"})],
 )
-def test_iron_lets_the_flux_level_off_and_the_force_goes_with_its_square(name, hidden):
+def test_iron_lets_the_flux_level_off_and_the_force_goes_with_its_square(name, hidden, validated):
     iron = {key: value for key, value in hidden.items() if key != "share"}
     law = magnet(185.0, 1.18e6, 4.0, **iron)
     flux = np.sqrt(MU_0 * law[2] / 3e-4) * library().iron(law[5], law[6]) / law[6]
@@ -277,8 +297,13 @@ def test_iron_lets_the_flux_level_off_and_the_force_goes_with_its_square(name, h
     )
     start = Model(rig).add(name)
     beside, without = identify(start, given), identify(start, replace(given, further={}))
-    for name, value in {"K_i.A_zeta": 185.0, "K_s.A_zeta": 1.18e6, "tau_e": 2.85e-4}.items():
-        assert abs(beside.parameters[name].value - value) < 3.5 * beside.parameters[name].std_error, name
+    truth = {"K_i.A_zeta": 185.0, "K_s.A_zeta": 1.18e6, "tau_e": 2.85e-4}
+    validated(
+        "K_i, K_s, tau_e beside iron that saturates, with a Hall sensor: error in standard errors",
+        "truth of the independent simulator in C",
+        [(beside.parameters[key].value - value) / beside.parameters[key].std_error for key, value in truth.items()],
+        3.5,
+    )
     assert beside.misfit == pytest.approx(1.0, abs=0.08)
     assert identify(Model(rig), given).misfit > 10.0
     widths = [[p.std_error for key, p in own.parameters.items() if "." in key] for own in (beside, without)]

@@ -11,6 +11,7 @@ from ambid.excitation import prbs
 from ambid.identification import identify_many
 from ambid.model import Model
 from hidden.one_axis import ONE_AXIS
+from validated import relative
 
 NOISE = {"y": 2e-7, "i_c": 1e-2}
 
@@ -31,7 +32,7 @@ def records(seeds, noise=NOISE):
 
 
 @pytest.mark.parametrize("before", [0, 9])
-def test_the_least_squares_of_scipy(before):
+def test_the_least_squares_of_scipy(before, validated):
     """Alone, and as the last of repeats, which take their last step unseen."""
     model, *others, record = start(), *records(range(100, 100 + before)), *records([3])
     noise = np.array([NOISE["y"], NOISE["i_c"]])
@@ -44,20 +45,35 @@ def test_the_least_squares_of_scipy(before):
     covariance = np.linalg.inv(expected.jac.T @ expected.jac)
     errors = np.sqrt(np.diag(covariance))
     found = identify_many(model, [*others, record], noise=NOISE)
-    assert np.abs((found.values[-1] / model.theta - expected.x) / errors).max() < 1e-4
-    assert found.covariances[-1] / np.outer(model.theta, model.theta) == pytest.approx(covariance, rel=1e-4)
+    validated(
+        "Estimates in noise of known size: difference in standard errors",
+        "least_squares of SciPy {scipy}",
+        (found.values[-1] / model.theta - expected.x) / errors,
+        1e-4,
+    )
+    validated(
+        "Covariance in noise of known size: relative difference",
+        "(J'J)^-1 of least_squares of SciPy {scipy}",
+        relative(found.covariances[-1] / np.outer(model.theta, model.theta), covariance),
+        1e-4,
+    )
     dof = 2 * (record.samples - 1) - len(model.theta)
     assert found.misfit[-1] == pytest.approx(2 * expected.cost / dof, rel=1e-9)
     assert found.status[-1] == "converged"
     assert found.adequate[-1]
 
 
-def test_intervals_hold_the_truth():
+def test_intervals_hold_the_truth(validated):
     runs = 200
     found = identify_many(start(), records(range(runs)), noise=NOISE)
     off = (found.values - Model(ONE_AXIS.rig).theta) / found.std_errors
     inside = np.count_nonzero(np.abs(off) < 1.96)
-    assert abs(inside / off.size - 0.95) < 4 * np.sqrt(0.95 * 0.05 / off.size)
+    validated(
+        "95 % intervals in noise of known size, 200 runs: deviation of their coverage from 0.95",
+        "truth of the model; 4 binomial standard deviations",
+        inside / off.size - 0.95,
+        4 * np.sqrt(0.95 * 0.05 / off.size),
+    )
     assert abs(found.misfit.mean() - 1.0) < 0.01
 
 

@@ -26,6 +26,7 @@ from reference.loop_rigs import (
     rig,
 )
 from reference.physical_loop import by_integration
+from validated import of_peak
 
 every_rig = pytest.mark.parametrize("machine", RIGS.values(), ids=RIGS.keys())
 
@@ -67,7 +68,7 @@ def test_bench_without_controller_is_unstable_in_every_rigid_mode(implementation
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("speed", [0.0, 600.0])
-def test_closing_delta_equals_reducing_the_full_rotor_with_its_magnets(speed, seed):
+def test_closing_delta_equals_reducing_the_full_rotor_with_its_magnets(speed, seed, validated):
     """Every freedom of the finite elements, magnets' stiffness at their nodes, then T_L (.) T_R: eqs. 4 to 8."""
     tilts = (30.0, 75.0)
     machine = rig(tilts=tilts, speed=speed, rotor={"bending_frequencies_hz": None}, **OFF)
@@ -107,7 +108,12 @@ def test_closing_delta_equals_reducing_the_full_rotor_with_its_magnets(speed, se
     loop = loop_of(machine)
     closed = close_delta(loop.lft, theta, fills)
     expected = left @ A @ right
-    assert_allclose(closed[0], expected, rtol=0.0, atol=1e-10 * np.max(np.abs(expected)))
+    validated(
+        "State matrix of the plant with Delta closed: error relative to the largest entry",
+        "the full finite-element rotor with its magnets' stiffness, reduced afterwards",
+        (closed[0] - expected) / np.max(np.abs(expected)),
+        1e-10,
+    )
     coupling = left[:, size : 2 * size] @ driven  # of small numbers, so held by itself
     assert_allclose(closed[0][:, -n:][: 2 * len(omega)], coupling[: 2 * len(omega)], rtol=1e-10, atol=1e-12)
     assert_allclose(closed[2][:n, : len(omega)], sensor @ modes.T_R @ turn, rtol=1e-10, atol=1e-12)
@@ -118,10 +124,15 @@ def test_closing_delta_equals_reducing_the_full_rotor_with_its_magnets(speed, se
 
 
 @every_rig
-def test_response_agrees_with_integrated_equations_of_motion(machine):
+def test_response_agrees_with_integrated_equations_of_motion(machine, validated):
     theta, u = parameters(machine), excitation(machine, 60)
     expected = physical(machine, theta).respond(u, propagate=by_integration)[:, :, 0]
-    assert_close(loop_of(machine).simulate(theta, u), expected, 1e-8)
+    validated(
+        "Response of y and i_c of analog and digital loops, at rest and turning: error relative to the peak",
+        "equations of motion integrated by SciPy {scipy} (DOP853, tolerance 1e-12)",
+        of_peak(loop_of(machine).simulate(theta, u), expected),
+        1e-8,
+    )
 
 
 @every_rig
@@ -131,7 +142,7 @@ def test_response_agrees_with_the_series_of_the_equations_of_motion(machine):
 
 
 @pytest.mark.parametrize("name", ["analog, rotating", "analog, rigid rotor", "analog, one axis"])
-def test_analog_response_agrees_with_python_control(name):
+def test_analog_response_agrees_with_python_control(name, validated):
     machine = RIGS[name]
     theta, u = parameters(machine), excitation(machine, 400)
     reference = physical(machine, theta)
@@ -159,7 +170,12 @@ def test_analog_response_agrees_with_python_control(name):
     loop = control.feedback(plant, control.append(*[law] * n) * read)
     sampled = control.sample_system(loop, 1.0 / machine.sample_rate, "zoh")
     expected = np.asarray(control.forced_response(sampled, inputs=u.T).outputs).reshape(3 * n, -1)[n:].T
-    assert_close(loop_of(machine).simulate(theta, u), expected, 1e-9)
+    validated(
+        "Response of y and i_c of analog loops: error relative to the peak",
+        "python-control {control}: blocks in series and feedback, sampled with zero-order hold",
+        of_peak(loop_of(machine).simulate(theta, u), expected),
+        1e-9,
+    )
 
 
 # What the loop promises -----------------------------------------------------------------------------------------------
@@ -214,7 +230,7 @@ NOISY = [
 
 
 @pytest.mark.parametrize("name", NOISY)
-def test_sensor_noise_goes_round_the_loop_by_the_sensitivity_function(name):
+def test_sensor_noise_goes_round_the_loop_by_the_sensitivity_function(name, validated):
     """Spectrum of the response to one pulse of noise, long enough to die out."""
     machine, samples = RIGS[name], 120_000
     loop, theta, n = loop_of(machine, noise=True), parameters(machine), len(machine.axes)
@@ -229,7 +245,12 @@ def test_sensor_noise_goes_round_the_loop_by_the_sensitivity_function(name):
         spectrum = np.fft.rfft(y, axis=0)[bins]
         omega = 2.0 * np.pi * machine.sample_rate / samples * bins
         expected = np.array([reference.sensitivity_function(w)[:, axis] for w in omega])
-        assert np.max(np.abs(spectrum - expected)) < 1e-8
+        validated(
+            "Sensor noise round the loop: error of the sensitivity function, which tends to 1",
+            "(I + P K)^-1 from the equations of motion",
+            spectrum - expected,
+            1e-8,
+        )
 
 
 @pytest.mark.parametrize("name", ["analog", "digital, delay 1.5, twice the rate"])

@@ -9,17 +9,23 @@ from ambid.noise import Adequacy, Criterion
 from ambid.noise.adequacy import misfit_criterion
 from ambid.noise.chance import ADEQUATE, RARE
 from hidden.one_axis import ONE_AXIS, record
+from validated import relative
 
 
 @pytest.mark.parametrize("trials", [1.0, 8.0])
-def test_limit_and_p_value_are_those_of_chi_squared_and_of_f(trials):
+def test_limit_and_p_value_are_those_of_chi_squared_and_of_f(trials, validated):
     for statistic in (0.7, 1.3, 2.5):
         alone = Criterion("power", statistic, 40.0, trials=trials)
-        assert alone.by_chance == pytest.approx(stats.chi2.isf(RARE / trials, 40) / 40)
-        assert alone.p_value == pytest.approx(min(1.0, trials * stats.chi2.sf(40 * statistic, 40)))
         beside = Criterion("motion", statistic, 40.0, 90.0, trials=trials)
-        assert beside.by_chance == pytest.approx(stats.f.isf(RARE / trials, 40, 90))
-        assert beside.p_value == pytest.approx(min(1.0, trials * stats.f.sf(statistic, 40, 90)))
+        limits = stats.chi2.isf(RARE / trials, 40) / 40, stats.f.isf(RARE / trials, 40, 90)
+        tails = np.array([stats.chi2.sf(40 * statistic, 40), stats.f.sf(statistic, 40, 90)])
+        found = [alone.by_chance, beside.by_chance, alone.p_value, beside.p_value]
+        validated(
+            "Limits and p-values of tests of adequacy: relative error",
+            "chi-squared and F distributions of SciPy {scipy}",
+            relative(found, [*limits, *np.minimum(1.0, trials * tails)]),
+            1e-6,
+        )
 
 
 def test_two_models_that_differ_are_told_apart_as_the_worst_difference_allows():

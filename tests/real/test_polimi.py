@@ -18,14 +18,19 @@ def run():
     return rig, Record.load(RUN / "step.csv", rig)
 
 
-def test_the_law_of_its_controller_is_told(run, golden):
+def test_the_law_of_its_controller_is_told(run, golden, validated):
     rig, record = run
     (law,) = check(rig, [record]).laws["step"]
     golden.holds(law.text)
     assert law.left < 1e-7
     assert law.rig_left < 1e-5
-    for name, expected in {"e": 100.0, "int e": 120.0, "de/dt": 13.0}.items():
-        assert law.gains[name] / VOLTS == pytest.approx(expected, rel=1e-3)
+    published = {"e": 100.0, "int e": 120.0, "de/dt": 13.0}
+    validated(
+        "Gains of the controller of a levitator MLS2EM, from its record: relative error",
+        "published gains of its laboratory, tests/data/mls2em",
+        [law.gains[name] / VOLTS / expected - 1.0 for name, expected in published.items()],
+        1e-3,
+    )
 
 
 def test_the_clipped_kick_of_the_derivative_is_a_known_excitation(run):
@@ -58,11 +63,21 @@ def test_a_step_that_the_model_misses_is_not_adequate(found):
 
 
 @pytest.mark.slow
-def test_resistance_and_inductance_are_those_measured_at_rest(run, found):
+def test_resistance_and_inductance_are_those_measured_at_rest(run, found, validated):
     rig, record = run
-    assert found.parameters["R.A_zeta"].value == pytest.approx(4.17, rel=0.02)
+    validated(
+        "Resistance of the coil of a levitator MLS2EM: relative error",
+        "4.17 Ohm, measured at rest",
+        found.parameters["R.A_zeta"].value / 4.17 - 1.0,
+        0.02,
+    )
     with_coil = identify(Model(rig).add("amplifier_bandwidth"), record)
-    assert with_coil.parameters["amplifier_bandwidth.inductance"].value == pytest.approx(0.117, rel=0.05)
+    validated(
+        "Inductance of the coil of a levitator MLS2EM: relative error",
+        "0.117 H, measured at rest",
+        with_coil.parameters["amplifier_bandwidth.inductance"].value / 0.117 - 1.0,
+        0.05,
+    )
 
 
 @pytest.mark.slow

@@ -20,6 +20,7 @@ from ambid.robustness.procedure import NO_COVARIANCE, NOT_LINEAR, UNSTABLE_DRAWS
 from ambid.robustness.result import tolerated
 from ambid.robustness.sensitivity import BrokenLoop
 from places import LEVITATOR
+from validated import relative
 from virtual import VirtualBench
 
 
@@ -60,7 +61,7 @@ def peak_of(system):
     return control.system_norm(control.ss(A, drive * B, C / drive, system.D), "inf", tol=1e-10)
 
 
-def test_peak_and_disk_margin_of_an_analog_axis_are_those_of_python_control(levitator):
+def test_peak_and_disk_margin_of_an_analog_axis_are_those_of_python_control(levitator, validated):
     pid = ambid.rig.PidController(
         implementation="analog", proportional=9e3, integral=2e5, derivative=15.0, derivative_time_constant=1e-4
     )
@@ -69,8 +70,12 @@ def test_peak_and_disk_margin_of_an_analog_axis_are_those_of_python_control(levi
     S = control.feedback(control.ss([], [], [], [[1.0]]), control.ss(K) * control.ss(G))
     found = ambid.margins(Model(rig))
     (own,) = found.axes
-    assert own.sensitivity.value == pytest.approx(peak_of(S), rel=1e-7)
-    assert own.disk.value == pytest.approx(1.0 / peak_of(S - 0.5), rel=1e-7)
+    validated(
+        "Peak of the sensitivity and disk margin of an analog axis: relative error",
+        "python-control {control}: H-infinity norms of S and S - 1/2",
+        relative([own.sensitivity.value, own.disk.value], [peak_of(S), 1.0 / peak_of(S - 0.5)]),
+        1e-7,
+    )
     assert found.multivariable.value == pytest.approx(own.sensitivity.value, rel=1e-9)
     assert found.disk.value == pytest.approx(own.disk.value, rel=1e-9)
     gain, phase, *_ = control.stability_margins(K * G)
@@ -92,7 +97,7 @@ def largest(curve, low, high, points=3000):
 
 
 @pytest.mark.parametrize("place", ["controller", "sensor"])
-def test_four_analog_axes_are_those_of_an_independent_bench(place):
+def test_four_analog_axes_are_those_of_an_independent_bench(place, validated):
     bench = VirtualBench()
     slope, drive = bench.continuous()
     read = np.zeros((4, 28))
@@ -112,19 +117,29 @@ def test_four_analog_axes_are_those_of_an_independent_bench(place):
     found = ambid.margins(Model(bench.rig()), at=place)
     for j, own in enumerate(found.axes):
         value, frequency = peak(lambda f, j=j: np.abs(S(f)[:, j, j]))
-        assert own.sensitivity.value == pytest.approx(value, rel=1e-6)
+        validated(
+            "Peaks of the sensitivities of four analog axes, at controller and sensor: relative error",
+            "equations of motion of an independent bench on a fine grid of frequencies",
+            own.sensitivity.value / value - 1.0,
+            1e-6,
+        )
         assert own.sensitivity.frequency_hz == pytest.approx(frequency, rel=1e-3)
         assert own.disk.value == pytest.approx(1.0 / peak(lambda f, j=j: np.abs(S(f)[:, j, j] - 0.5))[0], rel=1e-6)
         assert own.sensitivity.value >= value * (1.0 - 1e-9)
     half = 0.5 * np.eye(4)
     whole = peak(lambda f: np.linalg.norm(S(f), 2, axis=(1, 2)))[0]
-    assert found.multivariable.value == pytest.approx(whole, rel=1e-6)
+    validated(
+        "Largest singular value of the sensitivity of four axes: relative error",
+        "equations of motion of an independent bench on a fine grid of frequencies",
+        found.multivariable.value / whole - 1.0,
+        1e-6,
+    )
     disk = 1.0 / peak(lambda f: np.linalg.norm(S(f) - half, 2, axis=(1, 2)))[0]
     assert found.disk.value == pytest.approx(disk, rel=1e-6)
 
 
 @pytest.mark.parametrize("faster", [1, 2], ids="{} steps a sample".format)
-def test_a_digital_axis_is_taken_from_sample_to_sample_of_its_controller(levitator, faster):
+def test_a_digital_axis_is_taken_from_sample_to_sample_of_its_controller(levitator, faster, validated):
     rate = faster * levitator.sample_rate
     pid = ambid.rig.PidController(
         implementation="digital", proportional=9e3, integral=2e5, derivative=15.0, derivative_time_constant=2e-4,
@@ -142,7 +157,12 @@ def test_a_digital_axis_is_taken_from_sample_to_sample_of_its_controller(levitat
 
     value, frequency = largest(S, 1.0, 0.5 * rate)
     (own,) = ambid.margins(Model(rig)).axes
-    assert own.sensitivity.value == pytest.approx(value, rel=1e-6)
+    validated(
+        "Peak of the sensitivity of a digital axis with a delay of two samples: relative error",
+        "python-control {control} (Tustin) and SciPy {scipy} (zero-order hold) on a fine grid of frequencies",
+        own.sensitivity.value / value - 1.0,
+        1e-6,
+    )
     assert own.sensitivity.frequency_hz == pytest.approx(frequency, rel=1e-3)
 
 
@@ -207,8 +227,14 @@ def test_slopes_of_the_peaks_by_every_parameter_are_exact(levitator):
         assert_allclose(slopes[:, k], difference, atol=2e-5 * np.abs(slopes).max())
 
 
-def test_zones_are_those_of_the_standard():
-    assert [zone_of(10.0 ** (level / 20.0)) for level in (9.5, 9.6, 12.0, 12.1, 13.9, 14.0, 40.0)] == list("ABBCCDD")
+def test_zones_are_those_of_the_standard(validated):
+    levels = {9.5: "A", 9.6: "B", 12.0: "B", 12.1: "C", 13.9: "C", 14.0: "D", 40.0: "D"}
+    validated(
+        "Zone of a peak of the sensitivity: levels in a wrong zone",
+        "ISO 14839-3:2006, limits of 9.5, 12 and 14 dB",
+        sum(zone_of(10.0 ** (level / 20.0)) != zone for level, zone in levels.items()),
+        0,
+    )
     assert zone_of(np.inf) == "D"
 
 
@@ -310,7 +336,7 @@ def test_the_covariance_goes_with_the_model_until_a_value_changes(spread, tmp_pa
 
 
 @pytest.mark.slow
-def test_intervals_hold_the_truth(levitator):
+def test_intervals_hold_the_truth(levitator, validated):
     """A few seeds of what `tests/benchmarks/margins.py` does with 200: at least 10 of 12 are expected of 95 %."""
     i_e = ambid.prbs(9, amplitude=0.3, hold=2, axes=1, periods=4)
     truth = ambid.margins(Model(levitator)).axes[0].sensitivity.value
@@ -320,4 +346,9 @@ def test_intervals_hold_the_truth(levitator):
         estimate = ambid.identify(start, Model(levitator).virtual_experiment(i_e, seed=seed))
         low, high = ambid.margins(estimate.model, draws=200, seed=seed).axes[0].sensitivity.ci95
         inside += low <= truth <= high
-    assert inside >= 10
+    validated(
+        "95 % intervals of the peak of the sensitivity, 12 identified models: intervals without the truth",
+        "the peak of the true model; two or fewer in 98 % of trials",
+        12 - inside,
+        2,
+    )

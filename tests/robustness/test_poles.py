@@ -13,6 +13,7 @@ from ambid.robustness.eigenvalues import growing
 from ambid.robustness.procedure import NOT_LINEAR
 from ambid.robustness.whirl import whirl_of
 from places import BENCH, LEVITATOR
+from validated import relative
 from virtual import VirtualBench
 
 
@@ -42,9 +43,14 @@ def upper(poles):
     return np.sort_complex(poles[poles.imag >= 0.0])
 
 
-def test_poles_of_one_axis_are_the_roots_of_its_polynomial(levitator):
+def test_poles_of_one_axis_are_the_roots_of_its_polynomial(levitator, validated):
     found = ambid.pole_map(Model(levitator))
-    assert_allclose(np.sort_complex(found.closed), upper(of_levitator(Model(levitator))), rtol=1e-8)
+    validated(
+        "Closed-loop poles of one axis: relative error",
+        "roots of the characteristic polynomial",
+        relative(np.sort_complex(found.closed), upper(of_levitator(Model(levitator)))),
+        1e-8,
+    )
     own = levitator.bearings[0]
     grows = np.sqrt(own.force_displacement[0] / 12.0)
     lags = [-1.0 / levitator.amplifier.time_constant, -1.0 / levitator.actuator.time_constant]
@@ -82,7 +88,7 @@ def test_slopes_of_the_poles_are_those_of_differences(levitator, implementation)
             assert abs((near[0] - near[1]) / (2e-5 * value) - slope) * value < 1e-4 * abs(pole)
 
 
-def test_draws_of_the_parameters_lie_in_the_regions(levitator):
+def test_draws_of_the_parameters_lie_in_the_regions(levitator, validated):
     model = Model(levitator)
     model = model.with_covariance(np.diag((0.002 * model.theta) ** 2))
     found = ambid.pole_map(model)
@@ -94,7 +100,12 @@ def test_draws_of_the_parameters_lie_in_the_regions(levitator):
         roots = of_levitator(model.with_theta(theta))
         off = roots[np.argmin(np.abs(roots - pole))] - pole
         inside += np.array([off.real, off.imag]) @ precision @ [off.real, off.imag] < 5.991
-    assert 0.93 < inside / len(draws) < 0.97
+    validated(
+        "95 % region of a pole, 2000 draws of the parameters: deviation of its coverage from 0.95",
+        "roots of the characteristic polynomial; 4 binomial standard deviations",
+        inside / len(draws) - 0.95,
+        0.02,
+    )
 
 
 def test_poles_of_four_axes_are_those_of_an_independent_bench():
@@ -163,14 +174,19 @@ def whirling(rig, speed):
     return sorted(found, key=lambda own: own[0])
 
 
-def test_whirl_of_a_rigid_rotor_is_that_of_its_complex_polynomial(rigid):
+def test_whirl_of_a_rigid_rotor_is_that_of_its_complex_polynomial(rigid, validated):
     """I s^2 - j I_p w s - 2 a^2 K_s + 2 a b K_i H(s): roots above the axis turn forward, those below backward."""
     found = ambid.campbell(Model(rigid), [0.0, 300.0, 600.0, 900.0])
     for k, speed in enumerate(found.speed):
         expected = whirling(rigid, speed)
         assert len(expected) >= 4
         order = np.argsort(found.frequency_hz[k])
-        assert_allclose(found.frequency_hz[k, order], [frequency for frequency, _ in expected], rtol=1e-6)
+        validated(
+            "Campbell diagram of a rigid rotor in its loop, up to 900 rad/s: relative error",
+            "roots of the complex polynomial of translation and tilt",
+            relative(found.frequency_hz[k, order], [frequency for frequency, _ in expected]),
+            1e-6,
+        )
         for way, (_, shown) in zip(found.direction[k, order], expected, strict=True):
             if shown is not None:
                 assert way == pytest.approx(shown, abs=1e-3)

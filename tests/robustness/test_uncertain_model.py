@@ -55,7 +55,7 @@ def test_closed_again_an_analog_loop_is_the_loop(analog):
         assert_allclose(loop * exact[:, None, None], expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
 
 
-def test_closed_again_a_digital_loop_is_the_loop(digital):
+def test_closed_again_a_digital_loop_is_the_loop(digital, validated):
     own = ambid.uncertain(digital)
     whole = int(own.delay_samples)
     part = own.delay_samples - whole
@@ -70,7 +70,12 @@ def test_closed_again_a_digital_loop_is_the_loop(digital):
         K = frequency_response(own.controller, z)
         loop = G @ np.linalg.inv(np.eye(4) + K @ G)
         expected = digital.loop.frequency_response(theta, F)
-        assert_allclose(loop, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
+        validated(
+            "Exported uncertain model of a digital loop, closed again: error of the response relative to its peak",
+            "SciPy {scipy}: zero-order hold with fractional delay, feedback by NumPy {numpy}",
+            (loop - expected) / np.abs(expected).max(),
+            1e-10,
+        )
 
 
 def test_delta_holds_every_number_at_its_place(analog):
@@ -135,7 +140,7 @@ def test_names_that_no_script_can_have_are_refused(analog, tmp_path, name, golde
 
 
 @pytest.mark.parametrize("kind", ["analog", "digital", "one axis"])
-def test_octave_reads_the_files_and_closes_the_nominal_loop(kind, request, tmp_path):
+def test_octave_reads_the_files_and_closes_the_nominal_loop(kind, request, tmp_path, validated):
     octave = shutil.which("octave-cli") or shutil.which("octave")
     if octave is None:
         pytest.skip("there is no octave on this machine: apt-get install octave")
@@ -153,5 +158,9 @@ def test_octave_reads_the_files_and_closes_the_nominal_loop(kind, request, tmp_p
     poles = model.poles() if own.dt == 0.0 else np.exp(model.poles() * own.dt)
     found = np.atleast_1d(out["nominal_poles"])
     found = found[np.abs(found) > 1e-9]
-    for pole in poles[np.abs(poles) > 1e-9]:
-        assert np.abs(found - pole).min() <= 1e-6 * np.abs(pole)
+    validated(
+        "Poles of the exported uncertain model, closed at its nominal values: relative error",
+        "GNU Octave",
+        [np.abs(found - pole).min() / np.abs(pole) for pole in poles[np.abs(poles) > 1e-9]],
+        1e-6,
+    )

@@ -13,6 +13,7 @@ from ambid.rig import FiniteElementRotor, MatrixRotor, ModalRotor, PointMassRoto
 from ambid.rotor import BeamModel, assemble, matrix_model, reduce, reduced_rotor
 from ambid.rotor.beam import beam_element, both_planes, plane_bases, shear_coefficient
 from places import BENCH, TESTS
+from validated import relative
 
 ROSS = json.loads((TESTS / "reference" / "ross_rotors.json").read_text())
 STEEL = {"density": 7850.0, "youngs_modulus": 2.06e11, "poisson_ratio": 0.3}
@@ -75,22 +76,33 @@ def whirl_rad_s(M, G, K, speed, forward):
 # Reference: ROSS 2.3.0 ------------------------------------------------------------------------------------------------
 
 
-def test_bench_rotor_agrees_with_ross():
+def test_bench_rotor_agrees_with_ross(validated):
     """Values of ROSS with 24 elements a section, Cowper's shear; 0.1 % leaves room for the mesh."""
     model = assemble(bench(), NODES)
     assert model.mass == pytest.approx(69.000, rel=1e-5)
     assert model.centre == pytest.approx(0.4300, rel=1e-6)
     assert model.transverse_inertia == pytest.approx(3.4288, rel=1e-4)
     frequencies = reduce(model, 3).frequencies_rad_s / (2.0 * np.pi)
-    assert_allclose(frequencies[2:], [553.79, 1382.73, 2270.96], rtol=1e-3)
+    validated(
+        "Free bending frequencies of a rotor with disks: relative error",
+        "ROSS 2.3.0, 24 elements a section",
+        relative(frequencies[2:], [553.79, 1382.73, 2270.96]),
+        1e-3,
+    )
 
 
 @pytest.mark.parametrize("name", ["M", "G", "K"])
-def test_hollow_element_agrees_with_ross_entry_by_entry(name):
+def test_hollow_element_agrees_with_ross_entry_by_entry(name, validated):
     """The same formulas in the same order of freedoms: equal to rounding."""
     keys = ("length", "outer_diameter", "inner_diameter", "density", "youngs_modulus", "poisson_ratio")
     ours = dict(zip("MGK", both_planes(beam_element(*(ROSS["element"][key] for key in keys))), strict=True))[name]
     theirs = np.array(ROSS["element"][name])
+    validated(
+        "M, G and K of a hollow Timoshenko element: error of each entry, relative to the largest",
+        "ROSS 2.3.0",
+        (ours - theirs) / np.max(np.abs(theirs)),
+        1e-10,
+    )
     assert_allclose(ours, theirs, rtol=1e-10, atol=1e-12 * np.max(np.abs(theirs)))
 
 
@@ -106,12 +118,17 @@ def test_stepped_hollow_rotor_agrees_with_ross_at_rest():
 
 @pytest.mark.parametrize("direction", ["forward", "backward"])
 @pytest.mark.parametrize("index", [0, 1])
-def test_stepped_hollow_rotor_agrees_with_ross_when_it_turns(direction, index):
+def test_stepped_hollow_rotor_agrees_with_ross_when_it_turns(direction, index, validated):
     reference = ROSS["rotor"]
     model = assemble(stepped(), [])
     whirl = whirl_rad_s(model.M, model.G, model.K, reference["speeds_rad_s"][index], direction == "forward")
     bending = whirl[whirl > 0.6 * reference["frequencies_rad_s"][0]]
-    assert_allclose(bending[:3], reference[f"{direction}_rad_s"][index], rtol=5e-4)
+    validated(
+        "Forward and backward whirl of a stepped hollow rotor that turns: relative error",
+        "ROSS 2.3.0, 16 elements a section",
+        relative(bending[:3], reference[f"{direction}_rad_s"][index]),
+        5e-4,
+    )
 
 
 def test_reduced_gyroscopic_matrix_keeps_the_whirl_split():
@@ -128,16 +145,21 @@ def test_reduced_gyroscopic_matrix_keeps_the_whirl_split():
 # Closed forms ---------------------------------------------------------------------------------------------------------
 
 
-def test_slender_free_beam_has_the_frequencies_of_euler_and_bernoulli():
+def test_slender_free_beam_has_the_frequencies_of_euler_and_bernoulli(validated):
     length, diameter = 5.0, 0.01
     model = assemble(shaft([(length, diameter, 0.0)]), [])
     root = np.sqrt(STEEL["youngs_modulus"] * diameter**2 / 16.0 / STEEL["density"])  # sqrt(E I / (rho A))
     expected = np.array([4.730041, 7.853205, 10.995608]) ** 2 / length**2 * root
-    assert_allclose(reduce(model, 3).frequencies_rad_s[2:], expected, rtol=5e-4)
+    validated(
+        "Frequencies of a slender free beam: relative error",
+        "Euler and Bernoulli: (k l)^2 = 4.730^2, 7.853^2, 10.996^2",
+        relative(reduce(model, 3).frequencies_rad_s[2:], expected),
+        5e-4,
+    )
 
 
 @pytest.mark.parametrize("inner", [0.0, 0.06])
-def test_cantilever_deflects_by_bending_and_shear(inner):
+def test_cantilever_deflects_by_bending_and_shear(inner, validated):
     length, outer, force = 0.3, 0.1, 1e3
     K = assemble(shaft([(length, outer, inner)]), [0.11]).K
     area, second_moment = np.pi / 4 * (outer**2 - inner**2), np.pi / 64 * (outer**4 - inner**4)
@@ -148,7 +170,12 @@ def test_cantilever_deflects_by_bending_and_shear(inner):
     load = np.zeros(len(K) - 4)
     load[-4:-2] = force, -force
     deflection = np.linalg.solve(K[4:, 4:], load)
-    assert_allclose(deflection[-4:-2], [expected, -expected], rtol=1e-9)
+    validated(
+        "Deflection of a short cantilever by bending and shear: relative error",
+        "F l^3/(3 E I) + F l/(kappa G A), kappa of Cowper, J. Appl. Mech. 33, 1966",
+        relative(deflection[-4:-2], [expected, -expected]),
+        1e-9,
+    )
 
 
 def test_shear_coefficient_has_its_published_limits():
@@ -158,7 +185,7 @@ def test_shear_coefficient_has_its_published_limits():
 
 
 @pytest.mark.parametrize("speed", [200.0, -200.0])
-def test_conical_whirl_of_a_rigid_rotor_on_springs(speed):
+def test_conical_whirl_of_a_rigid_rotor_on_springs(speed, validated):
     """I_t w^2 - I_p speed w - k_theta = 0 forward, + backward; springs at z = 0 and z = length."""
     length, stiffness, polar = 0.4, 1e4, 0.9
     stiff = STEEL | {"youngs_modulus": 2e12}
@@ -173,7 +200,12 @@ def test_conical_whirl_of_a_rigid_rotor_on_springs(speed):
     for forward, expected in ((True, (spin + root) / (2 * inertia)), (False, (root - spin) / (2 * inertia))):
         rigid = whirl_rad_s(model.M, model.G, K, speed, forward)[:2]
         cylindrical = np.sqrt(2.0 * stiffness / model.mass)
-        assert_allclose(rigid, sorted([cylindrical, expected]), rtol=1e-4)  # 1e-4: the shaft bends a little
+        validated(
+            "Cylindrical and conical whirl of a stiff rotor on springs: relative error",
+            "I_t w^2 -+ I_p W w - k = 0",
+            relative(rigid, sorted([cylindrical, expected])),
+            1e-4,  # the shaft bends a little
+        )
 
 
 # Mesh and reduction ---------------------------------------------------------------------------------------------------
