@@ -81,6 +81,7 @@ class _Builder:
         s, s_rate = (self._along_axes(places, of) for of in ((self.q, self.house), (self.v, self.house_rate)))
         y = self._sensors()
         i_c, out = self._amplifiers(self._command(y), s, s_rate)
+        self.i_c, self.s_rate = i_c, s_rate
         i_f = self._flux(i_c)
         force = self._force(i_f, s, s_rate)
         for k in range(n):
@@ -94,6 +95,8 @@ class _Builder:
         net.rate(self.v, acceleration)
         self._support()
         read = dict(zip((f"f.{axis}" for axis in self.rig.axes), force, strict=True))
+        if self.rig.amplifier.coil_resistance:
+            read |= dict(zip((f"u.{axis}" for axis in self.rig.axes), self._voltage(), strict=True))
         if any(name.startswith("b.") for name in further):
             read |= dict(zip((f"b.{axis}" for axis in self.rig.axes), self._hall(i_f, s), strict=True))
         for sensor in self.rig.sensors:
@@ -234,6 +237,7 @@ class _Builder:
             if "amplifier_voltage_limit" in hidden:
                 rate = rate + net.each("limit", [[hidden["amplifier_voltage_limit"]["slew"]]] * n, rate)
             net.rate(i_c, rate)
+            self.current_rate = rate
         skew = hidden.get("sampling_skew", {"seconds": 0.0})["seconds"]
         if skew == 0.0:
             return i_c, i_c
@@ -259,6 +263,12 @@ class _Builder:
             iron = hidden["magnetic_hysteresis"]
             i_f = i_f + net.each("hysteresis", [[iron["share"], iron["width"]]] * n, i_f)
         return i_f
+
+    def _voltage(self) -> np.ndarray:
+        """Faraday: R i and the rate of the flux linkage L i + K_i s of two opposed coils, u_+ - u_-."""
+        coil = self.rig.amplifier
+        linkage_rate = coil.coil_inductance * self.current_rate + np.diag(self.K_i) @ self.s_rate
+        return coil.coil_resistance * self.i_c + linkage_rate
 
     def _hall(self, i: np.ndarray, s: np.ndarray) -> np.ndarray:
         """Flux density of opposed poles, B_+ - B_-, of poles of the area A that pull with A B^2/mu_0 a side."""

@@ -99,6 +99,36 @@ def test_voltage_drives_resistance_inductance_and_back_emf(validated):
     )
 
 
+COIL = MASS.replace(amplifier={"time_constant": 1e-4, "coil_resistance": 2.0, "coil_inductance": 0.04})
+
+
+def test_voltage_of_a_coil_whose_current_is_commanded_is_that_of_its_flux_linkage():
+    f = np.geomspace(5.0, 2e3, 40)
+    seen = responses(Model(COIL).add("amplifier_bandwidth").with_outputs("u"), f)
+    s, K_i = 2j * np.pi * f, COIL.bearings[0].force_current[0]
+    linkage = 0.04 * seen["i_c.A_zeta"] + K_i * seen["y.A_zeta"]
+    np.testing.assert_allclose(seen["u.A_zeta"], 2.0 * seen["i_c.A_zeta"] + s * linkage, rtol=1e-9)
+
+
+@pytest.mark.parametrize("with_i_c", [True, False])
+def test_voltage_tells_resistance_and_inductance_and_stands_for_the_current(with_i_c):
+    given = measured(COIL, ONE_AXIS.excitation(1.0), {}, seed=4, further={"u.A_zeta": 0.05}, **ONE_AXIS.truth)
+    off = COIL.amplifier.model_copy(update={"coil_resistance": 1.8, "coil_inductance": 0.05})
+    known = {"exact": False, "coil_resistance": 0.1, "coil_inductance": 0.3, "voltage_gain": 0.0}
+    rig = COIL.replace(amplifier=off, tolerance=known)
+    found = identify(rig, given if with_i_c else replace(given, i_c=None))
+    assert found.is_adequate
+    for name, wanted in {
+        "coil_resistance.A_zeta": 2.0 / 1.8 - 1.0,
+        "coil_inductance.A_zeta": 0.04 / 0.05 - 1.0,
+    }.items():
+        own = found.tolerances[name]
+        assert abs(own.posterior_value - wanted) < 3.5 * own.posterior_std < 0.5 * abs(wanted), name
+    for name, value in {"K_i.A_zeta": 185.0, "K_s.A_zeta": 1.18e6, "tau_e": 2.85e-4}.items():
+        parameter = found.parameters[name]
+        assert abs(parameter.value - value) < 3.5 * parameter.std_error, name
+
+
 @pytest.fixture(scope="module")
 def record():
     return measured(MASS, ONE_AXIS.excitation(1.0), {}, seed=1, further=NOISE, **ONE_AXIS.truth)

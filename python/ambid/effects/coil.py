@@ -53,7 +53,8 @@ class BackEmf(Effect):
         for axis in plant.axes:
             induced = plant.port(slot, plant[f"v.{axis}"])
             plant.inject(f"{port}.{axis}", -induced)
-            plant.inject(f"{READ}u.{axis}", induced)
+            if port == "i_ref":
+                plant.inject(f"{READ}u.{axis}", induced)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from ambid.loop.effect import Effect
 from ambid.loop.plant import READ, Plant
 from ambid.rig import Rig
 
-__all__ = ["KnownGain", "KnownInstants", "instruments_among", "with_instruments"]
+__all__ = ["KnownCoil", "KnownGain", "KnownInstants", "instruments_among", "with_instruments"]
 
 
 @dataclass(frozen=True)
@@ -77,25 +77,61 @@ class KnownInstants(Known):
                 plant.record_late(channel, self.slot(channel.partition(".")[0]), -1.0)
 
 
-Instrument = KnownGain | KnownInstants
+@dataclass(frozen=True)
+class KnownCoil(Known):
+    """Resistance or inductance of coils whose current is commanded and whose voltage is read.
+
+    Attributes
+    ----------
+    name : str
+        Key of [tolerance], and of the amplifier.
+    channels : tuple of str
+        Voltages, such as ``u.A_zeta``.
+    """
+
+    name: str  # type: ignore[misc]
+    channels: tuple[str, ...]
+    no_key = "the rig file has one value for all axes: correct it to their mean"
+    physics = "the resistance or the inductance of the coils of an axis"
+    equation = "u = (1 + d_R) R i + (1 + d_L) L di/dt + K_i v"
+
+    @property
+    def key(self) -> str:  # type: ignore[override]
+        """That of [tolerance]."""
+        return self.name
+
+    def members(self, rig: Rig) -> Sequence[str]:
+        """The axes of the channels, where the coils are known."""
+        return [] if getattr(rig.amplifier, self.name) is None else [own.partition(".")[2] for own in self.channels]
+
+    def attach(self, plant: Plant) -> None:
+        """At every voltage."""
+        value, signal = getattr(plant.rig.amplifier, self.name), {"coil_resistance": "i_a"}.get(self.name, "i_a_rate")
+        for axis in self.members(plant.rig):
+            plant.inject(f"{READ}u.{axis}", plant.port(self.slot(axis), value * plant[f"{signal}.{axis}"]))
 
 
-def instruments_of(channels: Sequence[str]) -> tuple[Instrument, ...]:
-    """Gains, one for every key of [tolerance], and instants of the instruments that read these channels."""
+Instrument = KnownGain | KnownCoil | KnownInstants
+
+
+def instruments_of(channels: Sequence[str], rig: Rig) -> tuple[Instrument, ...]:
+    """Coils, gains, one for every key of [tolerance], and instants of the instruments, where these are not exact."""
     found: dict[str, list[str]] = {}
     for channel in channels:
         found.setdefault(SIGNALS[channel.partition(".")[0]].gain, []).append(channel)
-    gains = (KnownGain(key, tuple(own)) for key, own in found.items())
-    return (*gains, KnownInstants(tuple(channels))) if channels else ()
+    voltages = tuple(own for own in channels if own.startswith("u."))
+    every: list[Instrument] = [KnownCoil(name, voltages) for name in ("coil_resistance", "coil_inductance")]
+    every += [KnownGain(key, tuple(own)) for key, own in found.items()]
+    return tuple(own for own in (*every, KnownInstants(tuple(channels))) if own.parameters(rig))
 
 
-def with_instruments(known: tuple[Effect, ...], channels: Iterable[str], axes: Sequence[str]) -> tuple[Effect, ...]:
+def with_instruments(known: tuple[Effect, ...], channels: Iterable[str], rig: Rig) -> tuple[Effect, ...]:
     """Known values, if any, with those of the instruments that read further channels."""
-    had = next((own.channels for own in known if isinstance(own, KnownInstants)), ())
-    new = [channel for channel in dict.fromkeys(further(channels, axes)) if channel not in had]
+    had = list(dict.fromkeys(channel for own in known if isinstance(own, Instrument) for channel in own.channels))
+    new = [channel for channel in dict.fromkeys(further(channels, rig.axes)) if channel not in had]
     if not known or not new:
         return known
-    return (*(own for own in known if not isinstance(own, Instrument)), *instruments_of([*had, *new]))
+    return (*(own for own in known if not isinstance(own, Instrument)), *instruments_of([*had, *new], rig))
 
 
 def instruments_among(parameters: Iterable[str], rig: Rig) -> tuple[Instrument, ...]:
@@ -106,4 +142,4 @@ def instruments_among(parameters: Iterable[str], rig: Rig) -> tuple[Instrument, 
             channels.append(f"{signals[key]}.{place}")
         elif key == KnownInstants.key and place:
             channels += [output for output in rig.outputs if output.startswith(f"{place}.")]
-    return instruments_of(list(dict.fromkeys(further(channels, rig.axes))))
+    return instruments_of(list(dict.fromkeys(further(channels, rig.axes))), rig)

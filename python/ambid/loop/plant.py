@@ -126,15 +126,27 @@ class Plant(Assembly):
 
         The flux density b = f/(2 A B_0/mu_0) is that of the force which is linear in current and displacement, behind
         eddy currents and hysteresis. The voltage u = R i_a + L i_a' + e of a coil whose voltage is commanded is the
-        command; back-EMF e and limits add to both sides. Acceleration at a sensor is that by all forces on the rotor.
+        command; back-EMF e and limits add to both sides. Where current is commanded, e = K_i v: a magnet without losses
+        makes as much electric power of motion as mechanical power of current. Acceleration at a sensor is that by all
+        forces on the rotor.
         """
         for axis, gain in self.rig.force_per_flux.items():
             self.signal(f"{READ}b.{axis}", self.raw(f"f.{axis}") / gain)
         for axis in self.axes:
             self.signal(f"{READ}f.{axis}", self[f"f.{axis}"])
-            self.signal(f"{READ}u.{axis}", self[f"i_ref.{axis}"])
+            self.signal(f"{READ}u.{axis}", self._voltage(axis))
         for own, direction in zip(self.rig.sensors, sensors_in_planes(self.rig, self.rotor.planes), strict=True):
             self.signal(f"{READ}{own.channel}", self.at(own.z, direction, "eta" if own.signal == "y" else "eta_bend"))
+
+    def _voltage(self, axis: str) -> Signal:
+        """Of the coils of an axis [V]; the command where the rig file does not say what they are."""
+        amplifier = self.rig.amplifier
+        if amplifier.coil_resistance is None or amplifier.coil_inductance is None:
+            return self[f"i_ref.{axis}"]
+        of_current = (
+            amplifier.coil_resistance * self[f"i_a.{axis}"] + amplifier.coil_inductance * self[f"i_a_rate.{axis}"]
+        )
+        return of_current + self.port(f"K_i.{axis}", self[f"v.{axis}"])
 
     def shape(self, z: float, direction: np.ndarray) -> np.ndarray:
         """Displacement of every modal coordinate at `z` in a direction of the planes, shape (coordinates,)."""

@@ -166,7 +166,7 @@ class Contents:
         known: tuple[Effect, ...] = tuple(effect for effect in KNOWN if not effect.why_not(self.rig))
         if self.structure.known or not known:
             return self
-        known = with_instruments(known, self.structure.measured, self.rig.axes)
+        known = with_instruments(known, self.structure.measured, self.rig)
         more = [p for effect in known for p in of_effect(self.rig, effect, {})]
         return self._made_of(replace(self.structure, known=known), (*self.parameters, *more))
 

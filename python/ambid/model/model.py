@@ -129,9 +129,7 @@ class Model(Contents):
         """
         records = tuple(records)
         points = further_points(self.rig, self.points, records)
-        known = with_instruments(
-            self.structure.known, (name for own in records for name in own.channels), self.rig.axes
-        )
+        known = with_instruments(self.structure.known, (name for own in records for name in own.channels), self.rig)
         if len(points) == len(self.points) and known == self.structure.known:
             return self
         usual = [*nominal_of_points(self.rig, points), *(p for own in known for p in of_effect(self.rig, own, {}))]

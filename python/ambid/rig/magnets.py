@@ -40,6 +40,8 @@ SHORTEST_LAG = 1e-7
 AMPLIFIER_LAG = Range(0.0, 0.05, "s", (MILLISECONDS, MICROSECONDS), "0 is an ideal amplifier", SHORTEST_LAG)
 ACTUATOR_LAG = Range(SHORTEST_LAG, 0.05, "s", (MILLISECONDS, MICROSECONDS))
 RESISTANCE = Range(1e-3, 1e5, "ohm", (("kilohm", 1e3),), "of a coil whose voltage is commanded")
+COIL_RESISTANCE = Range(1e-3, 1e5, "ohm", (("kilohm", 1e3),), "of both opposed coils together")
+COIL_INDUCTANCE = Range(1e-7, 1e3, "H", (("mH", 1e-3), ("uH", 1e-6)), "of both opposed coils together")
 
 
 class Bearing(Spec):
@@ -175,10 +177,28 @@ class Amplifier(Spec):
     resistance : float, optional
         Nominal R [ohm] of a coil whose voltage the controller commands: then K is in V/m, i_ref and i_e are in V, and
         R of every axis is a parameter. Leave it out where current is commanded.
+    coil_resistance, coil_inductance : float, optional
+        R [ohm] and L [H] of both opposed coils of an axis together, where current is commanded: they give the voltage
+        u = u_+ - u_- = R i + L di/dt + K_i v that records may hold.
     """
 
     time_constant: Annotated[float, AMPLIFIER_LAG]
     resistance: Annotated[float, RESISTANCE] | None = None
+    coil_resistance: Annotated[float, COIL_RESISTANCE] | None = None
+    coil_inductance: Annotated[float, COIL_INDUCTANCE] | None = None
+
+    @model_validator(mode="after")
+    def _coil_fits(self) -> "Amplifier":
+        if (self.coil_resistance is None) != (self.coil_inductance is None):
+            missing = "coil_inductance" if self.coil_inductance is None else "coil_resistance"
+            refuse(problem("is missing: the voltage of a coil takes both; add it.", NOTHING, missing))
+        if self.coil_resistance is not None and self.resistance is not None:
+            why = "not allowed with resistance, of a coil whose voltage is commanded; remove one of them."
+            refuse(problem(why, self.coil_resistance, "coil_resistance"))
+        if self.coil_resistance is not None and self.time_constant == 0.0:
+            why = "not allowed with time_constant = 0: a current that jumps takes an infinite voltage; give the lag."
+            refuse(problem(why, self.coil_resistance, "coil_resistance"))
+        return self
 
     @property
     def command_unit(self) -> str:

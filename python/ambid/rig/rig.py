@@ -201,8 +201,11 @@ class Rig(Spec):
             return known + hint if "sensor" in own.signal.at else known
         if own.signal.name == "b" and own.place not in self.force_per_flux:
             return f"add pole_area [m^2] or bias_flux [T] to the bearing of {own.place}"
-        if own.signal.name == "u" and self.amplifier.resistance is None:
-            return "add amplifier.resistance, of a coil whose voltage is commanded"
+        if own.signal.name == "u" and self.amplifier.resistance is None and self.amplifier.coil_resistance is None:
+            return (
+                "add amplifier.coil_resistance and coil_inductance, or amplifier.resistance of a coil whose voltage is "
+                "commanded"
+            )
         return ""
 
     def known_to(self, key: str) -> float:

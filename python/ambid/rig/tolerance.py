@@ -38,6 +38,8 @@ TYPICAL: Mapping[str, float] = {
     "air_gap": 0.05,
     "flux_gain": 0.05,
     "voltage_gain": 0.01,
+    "coil_resistance": 0.1,
+    "coil_inductance": 0.2,
     "force_gain": 0.01,
     "acceleration_gain": 0.05,
 }
@@ -71,6 +73,8 @@ SOURCES: Mapping[str, str] = {
     "flux_gain": "force by the flux density b: Hall element 2 %, its place under the pole, area and bias flux of that, "
     "or K_i where one of both is not given: 5 %",
     "voltage_gain": "divider of resistors of 1 %",
+    "coil_resistance": "copper, 0.39 % per kelvin, at a temperature that is known to 25 K: 10 %",
+    "coil_inductance": "air gap as above, fringing and leakage, and the iron's share of the reluctance: 20 %",
     "force_gain": "load cell under the stator with its amplifier, calibrated in place: 1 %",
     "acceleration_gain": "nominal sensitivity of a piezoelectric accelerometer: 5 %; 1 % of one that is calibrated by "
     "ISO 16063-21",
@@ -87,7 +91,7 @@ class Tolerance(Spec):
         Every value is exact, as in a simulation.
     mass, inertia, sensor_gain, current_gain, excitation_gain, bending_frequency, modal_damping : float, optional
     amplifier_time_constant, controller_gain, bias_current, air_gap : float, optional
-    flux_gain, voltage_gain, force_gain, acceleration_gain : float, optional
+    flux_gain, voltage_gain, force_gain, acceleration_gain, coil_resistance, coil_inductance : float, optional
         Relative.
     position, sensor_position : float, optional
         [m].
@@ -115,6 +119,8 @@ class Tolerance(Spec):
     air_gap: Annotated[float, PART] | None = None
     flux_gain: Annotated[float, PART] | None = None
     voltage_gain: Annotated[float, PART] | None = None
+    coil_resistance: Annotated[float, PART] | None = None
+    coil_inductance: Annotated[float, PART] | None = None
     force_gain: Annotated[float, PART] | None = None
     acceleration_gain: Annotated[float, PART] | None = None
 
