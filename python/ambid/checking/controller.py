@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.ndimage import median_filter
 from scipy.optimize import least_squares
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.checking.equations import commanded
-from ambid.checking.lines import AROUND, CLEAR, HIGHEST_FREQUENCY, Lines
+from ambid.checking.lines import HIGHEST_FREQUENCY, Lines
 from ambid.checking.nominal import NominalLoop
 from ambid.rig import PidController
 
@@ -43,10 +43,8 @@ BY_CHANCE = 6.0
 rivals differ by no more than twice the root of either at one standard error."""
 DELAYS = (0.0, -0.5, 0.5, 1.0, 1.5)
 """Delays in samples from which the equation is solved before y is said to be late: what is held has a kink at each."""
-RECORDED = 5.0
-"""Standard deviations by which noise of y that only the recorder has must show to be heeded."""
-FEWEST = 30
-"""Lines clear of noise that an equation is fitted to at least."""
+FEWEST_CLEAR = 30
+"""Lines clear of noise that tell an instant at least."""
 ALONE = 30.0
 """Power that is missed on a line over the median beside it; noise exceeds it once in 2^30 lines."""
 BESIDE = 41
@@ -104,18 +102,17 @@ class Late:
 def fit_controller(loop: NominalLoop, lines: Lines) -> ControllerFit:
     """Scale i_e and the gains of the controller so that i_c follows, axis by axis; see the head of this file.
 
-    Of a record without periods what stands alone on a line, as a hum does that joins i_c, is left out. An axis that
-    does not show its controller's equation clear of noise on enough lines has factors of 1 with infinite errors.
+    By instrumental variables, so that noise of y that only the recorder has biases nothing (errors in variables).
+    Of a record without periods what stands alone on a line, as a hum does that joins i_c, is left out.
     """
     if not (lines.whole_periods or lines.are_responses):
         lines = lines.some(~_alone(loop, lines))
     parts = 1 + len(gains := list(commanded(loop, lines)))
     scale, error, share = (np.full((loop.axes, parts), of_none) for of_none in (1.0, np.inf, 0.0))
     missed = np.full(loop.axes, np.nan)
-    for k, equation in _equations(loop, lines).items():
-        x, spread, left = equation.solved()
-        if lines.are_responses:
-            x, spread = equation.instrumented(x)
+    for k, equation in enumerate(_on_lines(loop, lines, instruments=loop.answered(lines))):
+        x, _, left = equation.solved()
+        x, spread = equation.instrumented(x)
         scale[k], error[k], share[k], missed[k] = x[:parts], spread[:parts], equation.shares, np.sqrt(left)
     return ControllerFit(("i_e", *gains), scale, error, share, missed)
 
@@ -127,10 +124,6 @@ def read_late(loop: NominalLoop, lines: Lines) -> Late | None:
     is not late has 0. Only lines of a periodic record that are clear of noise count: noise of a sensor that is held
     over its sample passes an analog controller half a sample late.
     """
-    clear = lines.clear
-    if clear is None or np.count_nonzero(clear) < FEWEST:
-        return None
-    lines = lines.some(clear)
     seconds, errors, current = np.zeros((3, loop.axes))
     for k, equation in _equations(loop, lines).items():
         numbers = 2 * len(equation.i_c)
@@ -169,11 +162,8 @@ def current_late(loop: NominalLoop, lines: Lines) -> FloatArray | None:
     i_c does not follow from that either has 0, as one has where nothing is excited; None where few lines are clear of
     noise.
     """
-    clear = lines.clear
-    if clear is None or np.count_nonzero(clear) < FEWEST:
-        return None
     found = np.zeros(loop.axes)
-    for k, equation in _equations(loop, lines.some(clear)).items():
+    for k, equation in _equations(loop, lines).items():
         moved = replace(equation, has_factors=False, induces=True)
         sample = 1.0 / (loop.rig.sample_rate * equation.step)
         end = min((moved.solved(part * sample) for part in (0.0, -1.0)), key=lambda end: end[2])
@@ -199,38 +189,21 @@ def _alone(loop: NominalLoop, lines: Lines) -> NDArray[np.bool_]:
 
 
 def _equations(loop: NominalLoop, lines: Lines) -> dict[int, _Equation]:
-    """That of every axis that shows it clear of noise on enough lines, on these.
+    """That of every axis that is clear of noise on enough lines, on these; none where no periods tell which are.
 
-    Noise of y that only a recorder has biases the factors on lines that hold little else (errors in variables). Where
-    nothing is excited, what the equation misses goes with what it makes of y by the power of just that noise: what a
-    controller hears passes the equation, and noise of i_c does not go with y.
+    Noise of a sensor that is held over its sample passes an analog controller half a sample late.
     """
-    whole = dict(enumerate(_on_lines(loop, lines)))
-    if lines.quiet is None or not len(lines.quiet.index):
-        return whole
-    here = np.minimum(np.searchsorted(lines.quiet.frequency_hz, lines.frequency_hz), len(lines.quiet.index) - 1)
-    found = {}
-    for (k, own), still in zip(whole.items(), _on_lines(loop, lines.quiet), strict=True):
-        x, *_ = own.solved()
-        by_i_e, by_y = still.followed(x)
-        missed = by_i_e + by_y - still.i_c
-        together = np.real(missed * by_y.conj())
-        if together.sum() <= RECORDED * np.sqrt(0.5 * np.sum(np.abs(missed * by_y) ** 2)):
-            found[k] = own
-            continue
-        noise = uniform_filter1d(together, AROUND, mode="nearest")
-        clear = np.abs(own.followed(x)[1]) ** 2 > CLEAR * noise[here]
-        if np.count_nonzero(clear) >= FEWEST:
-            found[k] = _on_lines(loop, lines.some(clear))[k]
-    return found
+    clear = np.zeros_like(lines.y, dtype=bool) if lines.clear is None else lines.clear
+    axes = np.flatnonzero(np.count_nonzero(clear, axis=0) >= FEWEST_CLEAR)
+    return {int(k): _on_lines(loop, lines.some(clear[:, k]))[k] for k in axes}
 
 
-def _on_lines(loop: NominalLoop, lines: Lines) -> list[_Equation]:
-    """That of every axis, on all of some lines."""
+def _on_lines(loop: NominalLoop, lines: Lines, instruments: Lines | None = None) -> list[_Equation]:
+    """That of every axis, on all of some lines, with y that instruments are made of."""
     f = lines.frequency_hz
     of_y = ideal = -np.stack([*commanded(loop, lines).values()], axis=2)
-    if lines.are_responses:
-        ideal = -np.stack([*commanded(loop, loop.answered(lines)).values()], axis=2)
+    if instruments is not None:
+        ideal = -np.stack([*commanded(loop, instruments).values()], axis=2)
     held, i_c = _held_by_controller(loop, lines), np.asarray(lines.i_c)
     step = 1.0 / (2.0 * np.pi * HIGHEST_FREQUENCY * loop.rig.sample_rate)
 
@@ -336,7 +309,7 @@ class _Equation:
 
         Noise that only a recorder has in y biases least squares, and nothing that is at right angles to what the
         excitation makes of y. The errors are right whatever the power of each line's noise (Soederstroem and Stoica,
-        System Identification, 1989, chapter 8).
+        System Identification, 1989, chapter 8), on few lines too (MacKinnon and White, J. Econometrics 29 (1985) 305).
         """
         free, x, errors = self._free, x.copy(), np.zeros(len(x))
         ideal = replace(self, of_y=self.ideal)
@@ -350,6 +323,8 @@ class _Equation:
             x[free] -= step
             if np.abs(step).max() > 1.0 / TURN:  # it diverges
                 return x, np.full(len(x), np.inf)
+        own_share = np.einsum("nj,jn->n", columns * size, inverse @ instruments.T)  # of a number in its own prediction
+        left /= np.maximum(1.0 - own_share, 1.0 / len(left))
         errors[free] = np.linalg.norm(inverse @ (instruments * left[:, None]).T, axis=1)
         gains = np.arange(1 + self.of_y.shape[1])
         ended = np.abs(step[gains]) <= errors[gains] + TURN**2
@@ -371,11 +346,6 @@ class _Equation:
     def _residual(self, x: FloatArray) -> FloatArray:
         """What i_c is missed by, relative to it; real parts, then imaginary ones."""
         return _stacked(sum(self._parts(x, self.paths(x[-4], x[-3]))) - self.i_c) / self.size
-
-    def followed(self, x: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """i_c by i_e and by y, nothing having been held."""
-        by_i_e, by_y, _ = self._parts(x, self.paths(x[-4], x[-3]))
-        return by_i_e, by_y
 
     def _parts(self, x: FloatArray, paths: tuple[ComplexArray, ComplexArray]) -> tuple[ComplexArray, ...]:
         """i_c by i_e, by y, and by what was held."""

@@ -30,7 +30,9 @@ __all__ = [
 ]
 
 DOUBTFUL_GAIN, WRONG_GAIN = 0.02, 0.10
-"""Relative error of a controller's gain, beyond five standard errors."""
+"""Relative error of a controller's gain, beyond `SURELY`."""
+SURELY = 5.0
+"""Standard errors."""
 WITHOUT_EXCITATION = 0.1
 """Factor of i_e in i_c up to which i_c was recorded before i_e joins it."""
 MOST_NAMED = 4
@@ -143,7 +145,7 @@ def _gains(record: Record, fit: ControllerFit, scale: FloatArray, judged: NDArra
     off = np.abs(scale - 1.0)
     least = np.maximum(LEAST_SHARE, fit.missed)[:, None]  # below what the whole equation misses no gain is determined
     matters = judged[:, None] & (off * fit.share > least)
-    excess = np.where(matters, off - 5.0 * fit.std_error, 0.0)
+    excess = np.where(matters, off - SURELY * fit.std_error, 0.0)
     significant = excess > DOUBTFUL_GAIN
     doubtful = np.flatnonzero(significant.any(axis=0))
     if not len(doubtful):
@@ -157,7 +159,10 @@ def _gains(record: Record, fit: ControllerFit, scale: FloatArray, judged: NDArra
     severity: Severity = "error" if wrong.any() else "warning"
     causes = {ExcitationGainError.name: bool((doubtful == 0).any()), ControllerGainError.name: bool(doubtful.any())}
     values: dict[str, Any] = {
-        "factors": {fit.parts[k]: _factors(record.axes, scale[:, k], judged, significant[:, k]) for k in doubtful},
+        "factors": {
+            fit.parts[k]: _factors(record.axes, scale[:, k], fit.std_error[:, k], judged, significant[:, k])
+            for k in doubtful
+        },
         "channel": _channel(significant, judged),
         "axes": [axis for axis, own in zip(record.axes, significant, strict=True) if own.any()],
         "table": "controller" if doubtful.any() else None,
@@ -166,11 +171,14 @@ def _gains(record: Record, fit: ControllerFit, scale: FloatArray, judged: NDArra
     return [kind(Where(record=record.name, key="controller"), severity=severity, **values)]
 
 
-def _factors(axes: Sequence[str], scale: FloatArray, judged: NDArray[np.bool_], significant: NDArray[np.bool_]) -> Any:
-    """One factor for all axes, or those of the axes where it is off, or their range where these are many."""
-    own = scale[judged]
-    if np.ptp(own) <= DOUBTFUL_GAIN:
-        return float(np.median(own))
+def _factors(
+    axes: Sequence[str], scale: FloatArray, error: FloatArray, judged: NDArray[np.bool_], significant: NDArray[np.bool_]
+) -> Any:
+    """One factor for all axes where they agree, or those of the axes where it is off, or their range if many are."""
+    own, spread = scale[judged], np.maximum(error[judged], 1e-9)
+    common = float(np.average(own, weights=spread**-2))
+    if np.all(np.abs(own - common) <= DOUBTFUL_GAIN + SURELY * spread):
+        return common
     if np.count_nonzero(significant) > MOST_NAMED:
         return {"median": float(np.median(own)), "lowest": float(own.min()), "highest": float(own.max())}
     return {axis: float(scale[j]) for j, axis in enumerate(axes) if significant[j]}

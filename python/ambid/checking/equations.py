@@ -21,9 +21,6 @@ from ambid.checking.lines import Lines, moves, times
 from ambid.checking.nominal import NominalLoop
 from ambid.rig import Rig
 
-FEWEST_LINES = 8
-"""Complex values for the up to 15 real unknowns of a controller's equation."""
-
 
 def commanded(loop: NominalLoop, lines: Lines) -> dict[str, ComplexArray]:
     """What every gain of the controller makes of what it reads, before delay, hold and amplifier, (lines, axes) [A]."""

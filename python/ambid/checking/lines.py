@@ -21,6 +21,8 @@ CLEAR = 30.0
 """Power of an excited line over that of noise from which on it is clear of it."""
 AROUND = 31
 """Unexcited lines that tell the power of noise at a line."""
+FEWEST_LINES = 16
+"""Lines that an equation is fitted to at least: twice as many numbers as the up to 15 unknowns of a controller's."""
 MOST_LINES = 1000
 """Lines that an equation is held against, at most."""
 
@@ -42,10 +44,8 @@ class Lines:
     window : int
         Samples of one period, or of the record without periods.
     whole_periods : bool
-    clear : ndarray of bool, shape (lines,), or None
-        Which of them y fills by far more than noise on every axis that moves; None where there are no periods to tell.
-    quiet : Lines, or None
-        Those that are not excited, of as many samples; None where there are no periods.
+    clear : ndarray of bool, shape (lines, axes), or None
+        Which of them y fills by far more than noise; None where there are no periods to tell.
     are_responses : bool
         See `of_responses`.
     """
@@ -59,16 +59,13 @@ class Lines:
     window: int
     whole_periods: bool
     clear: NDArray[np.bool_] | None = None
-    quiet: Lines | None = None
     are_responses: bool = False
 
     def some(self, kept: NDArray[np.bool_]) -> Lines:
         """Some of the lines."""
         i_c = None if self.i_c is None else self.i_c[kept]
         own = (self.frequency_hz[kept], self.i_e[kept], self.y[kept], i_c, self.r[kept], self.index[kept])
-        return Lines(
-            *own, self.window, self.whole_periods, None if self.clear is None else self.clear[kept], self.quiet
-        )
+        return Lines(*own, self.window, self.whole_periods, None if self.clear is None else self.clear[kept])
 
     @classmethod
     def of(cls, record: Record) -> Lines:
@@ -97,8 +94,7 @@ class Lines:
         i_c = None if record.i_c is None else spectrum(record.i_c)[kept]
         y = spectrum(record.y)[kept]
         clear = None if window is None else _clear_of_noise(window, record.y, y, kept)
-        quiet = None if window is None else cls._not_excited(record, window)
-        return cls(frequency[kept], i_e[kept], y, i_c, r[kept], index[kept], length, window is not None, clear, quiet)
+        return cls(frequency[kept], i_e[kept], y, i_c, r[kept], index[kept], length, window is not None, clear)
 
     @classmethod
     def of_responses(cls, record: Record) -> Lines:
@@ -131,29 +127,15 @@ class Lines:
             are_responses=True,
         )
 
-    @classmethod
-    def _not_excited(cls, record: Record, window: Window) -> Lines:
-        """Those between the excited lines, up to as high a frequency."""
-        index = window.between(1)
-        frequency = index * record.sample_rate / window.samples
-        kept = frequency < HIGHEST_FREQUENCY * record.sample_rate
-
-        def spectrum(signal: FloatArray | None) -> ComplexArray:
-            return window.lines(np.zeros_like(record.y) if signal is None else signal)[index][kept]
-
-        i_c = None if record.i_c is None else spectrum(record.i_c)
-        own = (spectrum(record.i_e), spectrum(record.y), i_c, spectrum(record.r))
-        return cls(frequency[kept], *own, index[kept], window.samples, whole_periods=True)
-
 
 def _clear_of_noise(
     window: Window, signal: FloatArray, excited: ComplexArray, kept: NDArray[np.intp]
 ) -> NDArray[np.bool_]:
-    """Which excited lines stand above the unexcited ones around them, on every axis that moves."""
+    """Which excited lines of which columns stand above the unexcited ones around them."""
     between = window.between(1)
     noise = uniform_filter1d(np.abs(window.lines(signal)[between]) ** 2, AROUND, axis=0, mode="nearest")
     here = np.minimum(np.searchsorted(between, window.excited[kept]), len(between) - 1)
-    return np.asarray((np.abs(excited) ** 2 > CLEAR * noise[here])[:, moves(excited)].all(axis=1))
+    return np.asarray(np.abs(excited) ** 2 > CLEAR * noise[here])
 
 
 def times(response: ComplexArray, signal: ComplexArray) -> ComplexArray:

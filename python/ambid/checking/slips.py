@@ -11,15 +11,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ambid.checking.controller import FEWEST
 from ambid.checking.controller_slips import DOUBTFUL_GAIN, GAINS_DIFFER, slips_of_controller
-from ambid.checking.equations import FEWEST_LINES
 from ambid.checking.excitation_slips import slips_of_closed_loop
 from ambid.checking.foreign import slips_of_another_rig
 from ambid.checking.instants import CHANNEL_DELAY, slips_of_clocks
 from ambid.checking.law import Law, find_laws
 from ambid.checking.law_slips import slips_of_laws
-from ambid.checking.lines import HIGHEST_FREQUENCY, Lines
+from ambid.checking.lines import FEWEST_LINES, HIGHEST_FREQUENCY, Lines
 from ambid.checking.machine import slips_of_machine
 from ambid.checking.nominal import NominalLoop
 from ambid.checking.path import path
@@ -122,7 +120,7 @@ def _responses(record: Record) -> Lines | None:
         found = Lines.of_responses(record)
     except RecordError:
         return None
-    return found if len(found.index) >= FEWEST else None
+    return found if len(found.index) >= FEWEST_LINES else None
 
 
 def _turned_reference(record: Record, rig: Rig) -> list[Finding]:
