@@ -6,16 +6,20 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from ambid import compare, diagnose
+from ambid import Model, compare, diagnose
 from ambid.diagnosis.candidates import Candidate, Ranking
 from ambid.diagnosis.evidence import DECADES, Evidence, Yardstick
 from ambid.diagnosis.hypotheses import Field, Hypothesis
 from ambid.diagnosis.probabilities import probabilities
 from ambid.effects import find
+from ambid.effects.support import MagneticPull
+from ambid.identification.minimum import refit
 from hidden.bench import simulate
 from hidden.dirt import MARGIN, NOISE_FREE, soiled
+from hidden.experiment import experiment_on
 from hidden.families import BENCHES
-from hidden.sizes import sized
+from hidden.sizes import Sized, sized
+from hidden.strangers import stranger
 
 MANY = 12
 WAYS = np.full(MANY, 1.0 / MANY)
@@ -116,3 +120,24 @@ def test_a_wave_is_not_smooth():
         < min(smooth.beside(3000.0, right, WAYS), standing.beside(3000.0, right, WAYS)) - 20.0
     )
     assert of(6000.0).beside(6000.0, right, WAYS) > both.beside(6000.0, right, WAYS) + 10.0
+
+
+def test_the_truth_begins_a_short_record_settled_though_its_parameters_are_hardly_told():
+    """Eddy currents beside a lag and a pull: 255 chips tell little of the pull that what began the record does not.
+
+    At the least of J alone the squares of how the states of the eddy currents begin are 6.8 times those of their
+    errors, which costs 1.5 a state; where both are least, the cost is less than 1, of noise alone it is 0.5.
+    """
+    machine = replace(stranger(13253), order=8)
+    hidden = {
+        "amplifier_bandwidth": {"frequency_hz": 6578.85, "damping": 2.354},
+        "eddy_currents": {"tau": 4.018e-5},
+        "magnetic_pull": {"stiffness": 54650.0, "z": 0.283},
+    }
+    rig, train, _, _ = experiment_on(machine, {name: Sized(own, 0.341, 0.0) for name, own in hidden.items()}, 3)
+    base = compare(Model(rig), train)
+    model = Model(rig).add(find("amplifier_bandwidth"), {}).add(find("eddy_currents"), {})
+    fit = refit(base.of(model.add(MagneticPull(0.283), {})).renewed())
+    yardstick = Yardstick(base, None, dict.fromkeys(hidden, 0.01))
+    numbers = fit.noise.quadratic(fit.model, []).fitted - base.noise.quadratic(base.model, []).fitted
+    assert yardstick.evidence(fit, None, fit.model.effects, 1.0).beginnings < numbers

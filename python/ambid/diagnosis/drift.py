@@ -29,17 +29,13 @@ from ambid.noise.lines import RecordLines, as_lines
 from ambid.noise.tones import Between
 from ambid.noise.whitener import Spectrum, between_lines
 
-__all__ = ["OVERTURNS", "Change", "largest_change"]
+__all__ = ["Change", "largest_change"]
 
 FASTEST = 24
 """Cycles per record up to which changes are looked for."""
 SUSPECTED = 0.01
 """Chance that noise alone is taken for a change of some parameter, below which a change is taken out of the
 lines that tell the noise."""
-OVERTURNS = 65.0
-"""Power of a change during a record that noise alone never has: what has none stays below it, and one of half a per
-cent of K_i on four axes has 200. Smaller ones are stated beside a verdict."""
-
 SHARE, EVENED = 0.05, 30
 """Of a pattern's energy on any one line, by so many roundings off: a peak of noise that the spectrum does not follow
 stands on a line or two, a change on all of them."""
@@ -77,7 +73,7 @@ class Change:
     def criterion(self) -> Criterion:
         """Of a model beside which it stays."""
         where = Where(record=self.record, key=self.parameter)
-        return Criterion("drift", self.power / 2.0, 2.0, trials=self.trials, least=OVERTURNS / 2.0, where=where)
+        return Criterion("drift", self.power / 2.0, 2.0, trials=self.trials, level=UNUSUAL, where=where)
 
 
 def largest_change(comparison: Comparison) -> Change | None:

@@ -25,13 +25,15 @@ that leaves none of it has taken its place by luck.
 States that effects add begin each record settled, or at rest, or nearly so: the n further numbers c, in units of their
 errors, that are fitted to how a record begins have one variance before it about the likelier of both, which is found.
 With m the mean of c^2 they then lower J by n (m - 1 - log m) where m > 1, and not at all where they are no more than
-chance brings (MacKay, Neural Comput. 4 (1992) 415).
+chance brings (MacKay, Neural Comput. 4 (1992) 415). The parameters are those at which both together are least: a
+direction that J hardly tells may begin the records far from any rest.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -41,7 +43,7 @@ from ambid.arrays import FloatArray
 from ambid.effects import Effect
 from ambid.errors import UnstableLoopError
 from ambid.identification.covariance import inverted
-from ambid.model import Parameter
+from ambid.model import Model, Parameter
 from ambid.noise import Comparison
 from ambid.noise.known import known_residual, known_slopes
 
@@ -84,6 +86,8 @@ TOLD_APART = float((1.645 + np.sqrt(1.645**2 + 2.0 * np.log(SURE / (1.0 - SURE))
 to be `SURE`: J1 - J2 has the mean lambda and the standard deviation 2 sqrt(lambda)."""
 OF_FORMULAS = 0.015
 """Part of what effects explain that their formulas, which are idealised, may leave."""
+NEAR, MOST_STEPS = 0.1, 20
+"""Fall of minus the log evidence that tells no sets apart, and steps towards the likeliest beginnings."""
 BEYOND = 2.0
 """Standard deviations of J above a right model's from which on something is left."""
 
@@ -259,12 +263,12 @@ class Yardstick:
         """Of a set at its optimum, whose effects are the best of so many independent variants."""
         cost, expected, variance = fit.cost, float(fit.dof), deviation(fit) ** 2
         on_tones, waves = fit.noise.on_tones(fit.model)
-        beginnings = self._beginnings(fit, self.base)
+        fits = [(fit, self.base)]
         if kept_back is not None and self.kept_back is not None:
             dof = kept_back.dof + len(fit.model.free)  # nothing further is fitted to them
             try:
                 further = _further_cost(fit, kept_back)
-                beginnings += self._beginnings(kept_back, self.kept_back)
+                fits.append((kept_back, self.kept_back))
                 at_waves = kept_back.noise.on_tones(kept_back.model)
                 on_tones, waves = on_tones + at_waves[0], waves + at_waves[1]
             except UnstableLoopError:
@@ -281,7 +285,7 @@ class Yardstick:
             expected=expected,
             deviation=float(np.sqrt(variance)),
             formula_errors={names - {own.name}: own.formula_error for own in added if own.formula_error},
-            beginnings=beginnings,
+            beginnings=self._beginnings(fits),
             information=_information(fit, kinds),
             kinds=tuple(len(kind) for kind in kinds),
             one_sided=sum(parameters[k].lower >= 0.0 for k in own),
@@ -295,22 +299,91 @@ class Yardstick:
         measured = [own.noise.measured_cost for own in (self.base, self.kept_back) if own is not None]
         return replace(base, cost=sum(measured))
 
-    def _beginnings(self, fit: Comparison, base: Comparison) -> float:
-        """What the numbers cost that say how the states of linear effects begin the records."""
-        model = fit.model.without_nonlinear()
+    def _beginnings(self, fits: Sequence[tuple[Comparison, Comparison]]) -> float:
+        """What the numbers cost that say how the states of linear effects begin some records, each with its base.
+
+        Where they begin far from settled and from rest, the parameters go towards where they would not, as far as J
+        lets them: what J hardly tells, beginnings do.
+        """
+        begun = [own for fit, base in fits if (own := _Begun.of(fit, base, self._transients[id(base)])) is not None]
+        if not begun:
+            return 0.0
+        model = begun[0].model
+        known = known_slopes(model, range(len(model.names)))
+        hessian = sum(own.hessian for own in begun) - (len(begun) - 1) * known.T @ known  # which count once
+        scale, lower, upper = np.array([(p.scale, p.lower - p.value, p.upper - p.value) for p in model.parameters]).T
+        step, least = np.zeros(len(scale)), np.inf
+        for _ in range(MOST_STEPS):
+            variances = [own.squares(step) / own.numbers for own in begun]
+            cost = 0.5 * float(step @ hessian @ step)
+            cost += sum(0.5 * own.numbers * _surprise(v) for own, v in zip(begun, variances, strict=True))
+            if cost > least - NEAR:
+                break
+            least, form, gradient = cost, hessian, np.zeros(len(step))
+            for own, variance in zip(begun, variances, strict=True):
+                form = form + own.form / max(1.0, variance)
+                gradient = gradient + own.gradient / max(1.0, variance)
+            inverse, _ = inverted(form * np.outer(scale, scale))
+            step = np.clip(-scale * (inverse @ (scale * gradient)), lower, upper)
+        return min(cost, least)
+
+
+def _surprise(variance: float) -> float:
+    """What numbers of such a variance, in units of their errors, cost, each twice."""
+    return 1.0 + float(np.log(variance)) if variance > 1.0 else variance
+
+
+class _Begun(NamedTuple):
+    """The squares of the numbers that say how added states begin the records of a fit, about its parameters.
+
+    Attributes
+    ----------
+    model : Model
+        Of the fit, linear.
+    numbers : int
+    least : float
+        Sum of squares at the fit, in units of their errors.
+    gradient, form : ndarray, shapes (q,), (q, q)
+        They grow by ``2 gradient' step + step' form step``.
+    hessian : ndarray, shape (q, q)
+        Of J.
+    """
+
+    model: Model
+    numbers: int
+    least: float
+    gradient: FloatArray
+    form: FloatArray
+    hessian: FloatArray
+
+    def squares(self, step: FloatArray) -> float:
+        """Their sum so far from the fit."""
+        return max(0.0, self.least + float(2.0 * self.gradient @ step + step @ self.form @ step))
+
+    @classmethod
+    def of(cls, fit: Comparison, base: Comparison, known: Sequence[FloatArray]) -> _Begun | None:
+        """Settled or at rest, whichever is nearer; None where no states were added to the base's."""
+        model, noise = fit.model.without_nonlinear(), fit.noise
         fitted, before = (own.noise.quadratic(own.model, []).fitted for own in (fit, base))
         if fitted <= before or not model.is_stable:
-            return 0.0
-        known = self._transients[id(base)]
-        left = min(_freed_power(fit, way(model), known) for way in (fit.noise.departure, fit.noise.departure_from_rest))
-        mean = (left - fit.noise.quadratic(model, []).cost) / (fitted - before)
-        return 0.5 * (fitted - before) * (1.0 + float(np.log(mean)) if mean > 1.0 else max(0.0, mean))
+            return None
+        free = list(range(len(model.names)))
 
+        def freed(rows: FloatArray) -> FloatArray:
+            for part, basis in zip(noise.by_record(rows), known, strict=True):
+                part -= basis @ (basis.T @ part)
+            return rows
 
-def _freed_power(fit: Comparison, departure: FloatArray, transients: Sequence[FloatArray]) -> float:
-    """Sum of squares of a departure, freed from what transients of each record may be."""
-    taken = zip(fit.noise.by_record(departure), transients, strict=True)
-    return float(departure @ departure) - sum(float(np.sum((known.T @ own) ** 2)) for own, known in taken)
+        settled, rests = freed(noise.departure(model)), freed(noise.departure_from_rest(model)[0])
+        if settled @ settled < rests @ rests:
+            departure, slopes = settled, noise.slopes(model, free)
+        else:
+            departure, slopes = rests, noise.departure_from_rest(model, free)[1]
+        slopes = freed(slopes)
+        at = noise.quadratic(model, free)
+        least = float(departure @ departure) - at.cost
+        gradient, form = slopes.T @ departure - at.gradient, slopes.T @ slopes - at.hessian
+        return cls(model, fitted - before, least, gradient, form, at.hessian)
 
 
 def _further_cost(fit: Comparison, kept_back: Comparison) -> float:

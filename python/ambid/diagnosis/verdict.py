@@ -230,7 +230,10 @@ def _left(field: Field, own: Hypothesis, where: Localisation) -> tuple[Change | 
         fit = fit.renewed()
         made = Adequacy().beside(*(test for test in made.tests if test.name != "shape"), *_shapes_left(field, own))
         change = largest_change(fit)
-    return change, made.beside(*_lines(fit), *([change.criterion] if change else ()), *_validation(own))
+    kept_back = None if own.kept_back is None else largest_change(own.kept_back.renewed())
+    changes = [each for each in (change, kept_back) if each is not None]
+    change = max(changes, key=lambda each: each.power, default=None)
+    return change, made.beside(*_lines(fit), *(each.criterion for each in changes), *_validation(own))
 
 
 def _shapes_left(field: Field, best: Hypothesis) -> Iterator[Criterion]:

@@ -103,6 +103,10 @@ class InTime:
         y, slopes = here.loop.core.settled(here.theta, free, inputs, period)
         return self._of_period(self.window.periods * y), self._of_period(self.window.periods * slopes)
 
+    def from_rest(self, here: Model, free: list[int]) -> Lines:
+        """The same of a model that rests when the record begins, all samples simulated."""
+        return self._one_by_one(here, free, self._inputs(here))
+
     def samples(self, here: Model, *, at_rest: bool) -> FloatArray:
         """The response in all samples of the record, shape (samples, p)."""
         inputs = np.ascontiguousarray(here.excitation(self.record))
@@ -114,7 +118,7 @@ class InTime:
 
     def _lines(self, here: Model, free: list[int], *, at_rest: bool) -> Lines:
         if not self._repeats(here):
-            return self._one_by_one(here, free, self._inputs(here))
+            return self.from_rest(here, free)
         key = _Key(here.loop.core, here.theta.tobytes(), at_rest)
         found = self._folded.get(key)
         # derivatives choose the substeps too, unless these are given

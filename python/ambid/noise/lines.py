@@ -231,10 +231,10 @@ class RecordLines(NoisyLines):
             return self.data(here).rows(here.loop.core, here.theta, [], None, False)[:, 0]
         return self.whiten(self._in_time.nearly(here, [])[0] - self.measured_lines)
 
-    def departure_from_rest(self, here: Model) -> FloatArray:
-        """The same of a linear model that rests when the record begins."""
-        response = here.loop.core.simulate(here.theta, np.ascontiguousarray(here.excitation(self.record)))
-        return self.whiten(self.judged_lines(response[:, : self.measured.channels]) - self.measured_lines)
+    def departure_from_rest(self, here: Model, free: Sequence[int] = ()) -> tuple[FloatArray, FloatArray]:
+        """The same of a linear model that rests when the record begins, and its derivatives."""
+        response, slopes = self._in_time.from_rest(here, list(free))
+        return self.whiten(response - self.measured_lines), self.whiten(slopes)
 
     def residual_lines(self, here: Model) -> ComplexArray:
         """Residual on the judged lines at the best transient, not whitened, shape (lines, p)."""

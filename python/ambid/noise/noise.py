@@ -177,10 +177,11 @@ class Noise:
         found = [part.on_tones(part.at(model)) for part in self.in_time]
         return sum(cost for cost, _ in found), sum(numbers for _, numbers in found)
 
-    def departure_from_rest(self, model: Model) -> FloatArray:
-        """The same of a linear model that rests when the records begin."""
-        found = [part.departure_from_rest(part.at(model)) for part in self.parts]
-        return np.concatenate([*found, -known_residual(model)])
+    def departure_from_rest(self, model: Model, free: Sequence[int] = ()) -> tuple[FloatArray, FloatArray]:
+        """The same of a linear model that rests when the records begin, and its derivatives by the parameters."""
+        departures, slopes = zip(*(part.departure_from_rest(part.at(model), free) for part in self.parts), strict=True)
+        known = -known_residual(model), known_slopes(model, free)
+        return np.concatenate([*departures, known[0]]), np.vstack([*slopes, known[1]])
 
     @property
     def measured_cost(self) -> float:

@@ -110,7 +110,9 @@ class ResponseLines:
         """Whitened response less what was measured."""
         return self.whiten(self._response(here, [])[0] - self._z)
 
-    departure_from_rest = departure
+    def departure_from_rest(self, here: Model, free: Sequence[int] = ()) -> tuple[FloatArray, FloatArray]:
+        """The same, and its derivatives: a response has no beginning."""
+        return self.departure(here), self.slopes(here, free)
 
     def with_own_angles(self, model: Model) -> ResponseLines:
         """The same: no wave runs through it."""

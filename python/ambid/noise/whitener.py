@@ -314,5 +314,5 @@ class Around:
 def whitened(whitening: ComplexArray, lines: ComplexArray) -> FloatArray:
     """Lines of shape (lines, p) or (lines, p, q) times the whitening of each, as real numbers."""
     white = whitening @ (lines if lines.ndim == 3 else lines[..., None])
-    flat = np.stack([white.real, white.imag], axis=2).reshape(-1, white.shape[-1])
+    flat = np.stack([white.real, white.imag], axis=2).reshape(2 * white.shape[0] * white.shape[1], white.shape[-1])
     return flat if lines.ndim == 3 else flat[:, 0]
