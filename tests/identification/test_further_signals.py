@@ -198,6 +198,7 @@ def test_accelerations_and_currents_without_displacements_give_all_parameters(sh
     found = identify(FOUR, own)
     assert found.is_adequate
     assert np.abs(errors(found)[:, 1]).max() < 3.5  # of nine standard normal ones once in 240
+    assert found.fit_percent["average"] == np.mean([found.fit_percent[name] for name in own.channels])
     assert "displacement_not_recorded" in {finding.code for finding in check(FOUR, own).findings}
 
 

@@ -39,6 +39,7 @@ from ambid.identification.tolerances import findings_of as findings_of_tolerance
 from ambid.model import Given, Model, as_model
 from ambid.model.parameter import nominal
 from ambid.noise import Comparison, compare
+from ambid.noise.compared import averaged_over
 from ambid.record import Measurement, Record, Source, measured
 from ambid.record.twice import findings_of_repeats, findings_of_validation
 from ambid.threads import with_one_blas_thread
@@ -239,7 +240,8 @@ def _leaving(field: Field, names: frozenset[str], effect: Effect) -> str:
 def _line(own: Hypothesis, base: Hypothesis) -> str:
     """A set that was tried, in a line of text."""
     names = " + ".join(own.effects) or "base model"
-    text = f"{names:36s} misfit {own.fit.misfit:10.3f}   fit of y {own.fit.fit_percent['average']:6.2f} %"
+    percent = own.fit.fit_percent
+    text = f"{names:36s} misfit {own.fit.misfit:10.3f}   fit of {averaged_over(percent)} {percent['average']:6.2f} %"
     if own.validation_misfit is not None and own.kept_back is not None:
         text += f"   validation {own.validation_misfit:.3f}, {own.kept_back.fit_percent['average']:.2f} %"
     return text

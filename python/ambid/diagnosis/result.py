@@ -22,6 +22,7 @@ from ambid.identification.tolerances import Budget, KnownValue
 from ambid.identification.tolerances import lines as tolerance_lines
 from ambid.model import Model
 from ambid.noise import Adequacy, Comparison
+from ambid.noise.compared import averaged_over
 from ambid.noise.window import findings_of
 from ambid.record import Measurement, Record
 from ambid.results import Tabular, band_text, picture, plain
@@ -149,7 +150,8 @@ class Step:
 
     def line(self) -> str:
         """One line of text."""
-        text = f"{self.change:36s} misfit {self.misfit:10.3f}   fit of y {self.fit_percent['average']:6.2f} %"
+        fit = f"fit of {averaged_over(self.fit_percent)} {self.fit_percent['average']:6.2f} %"
+        text = f"{self.change:36s} misfit {self.misfit:10.3f}   {fit}"
         if self.predicted_misfit is not None:
             text += f"   (predicted {self.predicted_misfit:.3f})"
         if self.validation_misfit is not None and self.validation_fit_percent is not None:

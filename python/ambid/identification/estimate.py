@@ -16,6 +16,7 @@ from ambid.identification.curvature import Curvature, with_curvature
 from ambid.identification.tolerances import Budget, KnownValue, lines, percent
 from ambid.model import Model, Parameter
 from ambid.noise import Adequacy, Comparison
+from ambid.noise.compared import averaged_over
 from ambid.record import Measurement
 from ambid.results import Named, Tabular, of_unit, plain
 
@@ -350,7 +351,7 @@ class Estimate(ByValue, WithFindings, Tabular):
             ]
         rows += ["", f"{'channel':14s} {'fit %':>8s} {'noise ceiling %':>16s}", "-" * 40]
         for channel, fit in self.fit_percent.items():
-            name = "average of y" if channel == "average" else channel
+            name = f"average of {averaged_over(self.fit_percent)}" if channel == "average" else channel
             rows.append(f"{name:14s} {fit:8.2f} {self.noise_ceiling_percent.get(channel, np.nan):16.2f}")
         if self.tolerances:
             rows += ["", *lines(self.tolerances, self.variances)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,7 +18,7 @@ from ambid.noise.shape import Split
 from ambid.record import FrequencyResponse, Measurement, Record
 from ambid.results import data_frame
 
-__all__ = ["ChannelComparison", "RecordComparison", "record_against", "unjudged"]
+__all__ = ["ChannelComparison", "RecordComparison", "averaged_over", "record_against", "unjudged"]
 
 
 @dataclass(frozen=True)
@@ -233,9 +234,14 @@ def _compared(
 
 
 def with_average(per_channel: dict[str, float]) -> dict[str, float]:
-    """Add ``average`` over the displacements y; NaN where there are none."""
+    """Add ``average`` over the displacements y; over all channels where there are none."""
     of_y = [value for channel, value in per_channel.items() if channel.startswith("y.")]
-    return {**per_channel, "average": float(np.mean(of_y)) if of_y else np.nan}
+    return {**per_channel, "average": float(np.mean(of_y or list(per_channel.values())))}
+
+
+def averaged_over(percent: Mapping[str, float]) -> str:
+    """What an ``average`` is over, in words."""
+    return "y" if any(channel.startswith("y.") for channel in percent) else "all"
 
 
 NOISE_ARISES = Kind(

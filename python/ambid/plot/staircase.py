@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ambid.diagnosis import Diagnosis
 from ambid.errors import InputError
 from ambid.model.parameter import nominal
+from ambid.noise.compared import averaged_over
 from ambid.plot.style import AXIS_COLOURS, GUIDE, SMALL, dress, misfit_text, new_figure, plain_log
 
 if TYPE_CHECKING:
@@ -70,7 +71,9 @@ def plot_staircase(diagnosis: Diagnosis, ax: Sequence[Axes] | None = None) -> ND
     left.set_ylim(low / 1.5, high * 1.5)
     dress(left, title="Misfit J/dof", grid="y")
     plain_log(left.yaxis)
-    names = [f"{step.change}\nfit of y {step.fit_percent['average']:.2f} %" for step in steps]
+    names = [
+        f"{step.change}\nfit of {averaged_over(step.fit_percent)} {step.fit_percent['average']:.2f} %" for step in steps
+    ]
     left.set_xticks(range(len(steps)), names)
     left.set_xlim(-0.6, len(steps) - 0.4)
     left.legend(fontsize=SMALL, frameon=False, loc="upper left", bbox_to_anchor=(0.0, -0.13), ncols=2)
