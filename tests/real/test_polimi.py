@@ -27,7 +27,7 @@ def test_the_law_of_its_controller_is_told(run, golden, validated):
     published = {"e": 100.0, "int e": 120.0, "de/dt": 13.0}
     validated(
         "Gains of the controller of a levitator MLS2EM, from its record: relative error",
-        "published gains of its laboratory, tests/data/mls2em",
+        "gains in the published results of its laboratory (INTECO MLS2EM, Politecnico di Milano)",
         [law.gains[name] / VOLTS / expected - 1.0 for name, expected in published.items()],
         1e-3,
     )
