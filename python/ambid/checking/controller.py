@@ -88,14 +88,13 @@ class Late:
 
     Attributes
     ----------
-    seconds, std_error : ndarray
+    seconds : ndarray
         By how much y was read late against i_e; 0 where it was not.
     current : ndarray
         By how much i_c comes late against i_e; what the controller's and the amplifier's delays leave to explain.
     """
 
     seconds: FloatArray
-    std_error: FloatArray
     current: FloatArray
 
 
@@ -111,7 +110,7 @@ def fit_controller(loop: NominalLoop, lines: Lines) -> ControllerFit:
     scale, error, share = (np.full((loop.axes, parts), of_none) for of_none in (1.0, np.inf, 0.0))
     missed = np.full(loop.axes, np.nan)
     for k, equation in enumerate(_on_lines(loop, lines, instruments=loop.answered(lines))):
-        x, _, left = equation.solved()
+        x, left = equation.solved()
         x, spread = equation.instrumented(x)
         scale[k], error[k], share[k], missed[k] = x[:parts], spread[:parts], equation.shares, np.sqrt(left)
     return ControllerFit(("i_e", *gains), scale, error, share, missed)
@@ -124,53 +123,51 @@ def read_late(loop: NominalLoop, lines: Lines) -> Late | None:
     is not late has 0. Only lines of a periodic record that are clear of noise count: noise of a sensor that is held
     over its sample passes an analog controller half a sample late.
     """
-    seconds, errors, current = np.zeros((3, loop.axes))
+    seconds, current = np.zeros((2, loop.axes))
     for k, equation in _equations(loop, lines).items():
         numbers = 2 * len(equation.i_c)
         timed = replace(equation, has_factors=False, has_instant=True)
         still = replace(timed, has_instant=False)
-        x, spread, left = timed.solved()
-        *_, without = still.solved()
+        left, without = timed.solved()[1], still.solved()[1]
         if (without / left - 1.0) * numbers < SURE:
             continue
         delays = [part / loop.rig.sample_rate / equation.step for part in DELAYS]  # each may lead to an end of its own
-        x, spread, left = min((timed.solved(delay) for delay in delays), key=lambda end: end[2])
-        without = min(still.solved(delay)[2] for delay in delays)
+        x, left = min((timed.solved(delay) for delay in delays), key=lambda end: end[1])
+        without = min(still.solved(delay)[1] for delay in delays)
         late = x[-1] * equation.step
         gain = (without / left - 1.0) * numbers
         if abs(late) < LEAST_LATE / loop.rig.sample_rate or gain < SURE:
             continue
-        induced = min(replace(still, induces=True).solved(delay)[2] for delay in delays)
+        induced = min(replace(still, induces=True).solved(delay)[1] for delay in delays)
         if (induced / left - 1.0) * numbers < BY_CHANCE * np.sqrt(gain):
             continue  # one unknown for another, and the coil's does as well
-        otherwise = min(replace(equation, induces=True).solved(delay)[2] for delay in delays)
+        otherwise = min(replace(equation, induces=True).solved(delay)[1] for delay in delays)
         spent = equation.of_y.shape[1] + 1  # its unknowns beyond those with an instant
         if (left / otherwise - 1.0) * numbers > spent * np.log(numbers):
             both = replace(equation, has_instant=True)  # wrong gains, and late as well?
-            x, spread, left = min((both.solved(delay) for delay in delays), key=lambda end: end[2])
+            x, left = min((both.solved(delay) for delay in delays), key=lambda end: end[1])
             late = x[-1] * equation.step
             if abs(late) < LEAST_LATE / loop.rig.sample_rate or (otherwise / left - 1.0) * numbers < SURE:
                 continue
-        seconds[k], errors[k], current[k] = late, spread[-1] * equation.step, x[-4] * equation.step
-    return Late(seconds, errors, current) if seconds.any() else None
+        seconds[k], current[k] = late, x[-4] * equation.step
+    return Late(seconds, current) if seconds.any() else None
 
 
-def current_late(loop: NominalLoop, lines: Lines) -> FloatArray | None:
+def current_late(loop: NominalLoop, lines: Lines) -> FloatArray:
     """By how much i_c comes later than the rig's controller and delay bring it, (axes,) [s]; 0 where it does not.
 
     The amplifier may have any lag, be of second order, and have voltage induced in its coil by motion. An axis whose
-    i_c does not follow from that either has 0, as one has where nothing is excited; None where few lines are clear of
-    noise.
+    i_c does not follow from that either has 0, as one has that is clear of noise on few lines.
     """
     found = np.zeros(loop.axes)
     for k, equation in _equations(loop, lines).items():
         moved = replace(equation, has_factors=False, induces=True)
         sample = 1.0 / (loop.rig.sample_rate * equation.step)
-        end = min((moved.solved(part * sample) for part in (0.0, -1.0)), key=lambda end: end[2])
+        end = min((moved.solved(part * sample) for part in (0.0, -1.0)), key=lambda end: end[1])
         if abs(end[0][-4]) > CURRENT_LATE * sample:  # each delay may lead to an end of its own
-            end = min((end, *(moved.solved(part * sample) for part in DELAYS)), key=lambda end: end[2])
-        x, _, left = end
-        in_time = replace(moved, has_delay=False, has_lag=x[-4] < 0.0).solved()[2]  # a slow amplifier is late, too
+            end = min((end, *(moved.solved(part * sample) for part in DELAYS)), key=lambda end: end[1])
+        x, left = end
+        in_time = replace(moved, has_delay=False, has_lag=x[-4] < 0.0).solved()[1]  # a slow amplifier is late, too
         is_sure = (in_time / left - 1.0) * 2 * len(equation.i_c) > SURE
         if left < FOLLOWS**2 and abs(x[-4]) > CURRENT_LATE * sample and is_sure:
             found[k] = x[-4] * equation.step
@@ -270,8 +267,8 @@ class _Equation:
         parts = np.column_stack([excited * self.i_e, fed_back[:, None] * self.of_y])
         return np.asarray(np.linalg.norm(parts, axis=0) / self.size)
 
-    def solved(self, delay: float = 0.0) -> tuple[FloatArray, FloatArray, float]:
-        """Unknowns, their standard errors, and the square of the part of i_c that is left, from a delay on."""
+    def solved(self, delay: float = 0.0) -> tuple[FloatArray, float]:
+        """Unknowns by least squares, and the square of the part of i_c that is left, from a delay on."""
         first = np.concatenate([np.ones(1 + self.of_y.shape[1]), np.zeros(1 + self.held.shape[1] + 4)])
         first[-4] = delay
         free = self._free
@@ -284,7 +281,7 @@ class _Equation:
         linear = free[free < len(first) - 4]
         still = self._jacobian(first)[:, linear]
         if len(still) <= len(free):  # so few lines determine nothing
-            return first, np.full(len(first), np.inf), float(np.sum(self._residual(first) ** 2))
+            return first, float(np.sum(self._residual(first) ** 2))
         first[linear] -= np.linalg.lstsq(still, self._residual(first), rcond=None)[0]
         end = least_squares(
             lambda x: self._residual(whole(x)),
@@ -295,14 +292,7 @@ class _Equation:
             ftol=1e-9,
             xtol=1e-6,
         )
-        size = np.linalg.norm(end.jac, axis=0)
-        size[size == 0.0] = 1.0
-        _, singular, directions = np.linalg.svd(end.jac / size, full_matrices=False)
-        spread = np.sum((directions.T / np.maximum(singular, 1e-12 * singular[0])) ** 2, axis=1)
-        noise = 2.0 * end.cost / (len(end.fun) - len(end.x))
-        errors = np.zeros(len(first))
-        errors[free] = np.sqrt(noise * spread) / size
-        return whole(end.x), errors, 2.0 * float(end.cost)
+        return whole(end.x), 2.0 * float(end.cost)
 
     def instrumented(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Unknowns from those of least squares on, and their standard errors, by instrumental variables.
@@ -312,6 +302,8 @@ class _Equation:
         System Identification, 1989, chapter 8), on few lines too (MacKinnon and White, J. Econometrics 29 (1985) 305).
         """
         free, x, errors = self._free, x.copy(), np.zeros(len(x))
+        if 2 * len(self.i_c) <= len(free):
+            return x, np.full(len(x), np.inf)
         ideal = replace(self, of_y=self.ideal)
         for _ in range(STEPS):
             left, columns, instruments = (own(x) for own in (self._residual, self._jacobian, ideal._jacobian))

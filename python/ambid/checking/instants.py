@@ -104,10 +104,7 @@ def slips_of_instants(record: Record, loop: NominalLoop, lines: Lines) -> list[F
 
 def _currents(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
     """i_c comes when the rig's controller and delay bring it; no loop brings it earlier."""
-    late = current_late(loop, lines)
-    if late is None or record.is_rebuilt:
-        return []
-    findings = []
+    late, findings = np.zeros(loop.axes) if record.is_rebuilt else current_late(loop, lines), []
     for sign, kind, name in ((-1.0, CURRENT_AHEAD, "advance"), (1.0, CURRENT_BEHIND, "delay")):
         own = np.flatnonzero(sign * late > 0.0)
         if not own.size:
