@@ -120,8 +120,7 @@ def read_late(loop: NominalLoop, lines: Lines) -> Late | None:
     """By how much y was read late against i_e; None where no instant of its own explains i_c much better.
 
     Other gains and what a moving coil induces must not explain it better, for the unknowns that they take. An axis that
-    is not late has 0. Only lines of a periodic record that are clear of noise count: noise of a sensor that is held
-    over its sample passes an analog controller half a sample late.
+    is not late has 0.
     """
     seconds, current = np.zeros((2, loop.axes))
     for k, equation in _equations(loop, lines).items():
