@@ -1,5 +1,7 @@
 """Records without periods, of any length: noise that only the recorder has is no fault of rig or record."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -36,6 +38,32 @@ SHORT = [60, 120, 199, 400, 900]
 def test_noise_of_the_recorder_is_no_fault(samples, seed):
     found = check(rig(), record(samples, seed))
     assert {own.code for own in found.findings if own.where.record and own.severity != "note"} <= QUIET
+
+
+def of_another(own, seed):
+    """The same record with an excitation of the same kind that did not drive it."""
+    other = np.repeat(np.random.default_rng([7, seed]).choice([-0.1, 0.1], own.samples), 3)[: own.samples, None]
+    return replace(own, i_e=other)
+
+
+@pytest.mark.parametrize("with_i_c", [True, False])
+@pytest.mark.parametrize(("samples", "loud"), [(199, 3.0), (199, 30.0), (900, 30.0), (3000, 30.0)])
+def test_where_noise_hides_the_response_no_excitation_is_that_of_another_record(samples, loud, with_i_c):
+    """Whether it is right or not; it may be doubted."""
+    for seed in range(3):
+        own = record(samples, seed, loud)
+        own = own if with_i_c else replace(own, i_c=None)
+        for tried in (own, of_another(own, seed)):
+            assert not [found.code for found in check(rig(), tried).findings if found.severity == "error"]
+
+
+@pytest.mark.parametrize(("samples", "loud"), [(900, 1.0), (900, 3.0), (3000, 3.0)])
+def test_an_excitation_of_another_record_is_told_where_the_response_would_show(samples, loud):
+    for seed in range(3):
+        own = record(samples, seed, loud)
+        (found,) = check(rig(), of_another(own, seed)).errors
+        assert found.code == "foreign_excitation"
+        assert not check(rig(), own).errors
 
 
 @pytest.mark.parametrize("seed", range(3))

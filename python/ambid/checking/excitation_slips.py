@@ -74,7 +74,7 @@ def slips_of_closed_loop(record: Record, loop: NominalLoop, lines: Lines) -> lis
 
 
 def slips_of_excitation(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
-    """The recorded i_e is the one that drove the loop."""
+    """The recorded i_e is the one that drove the loop; it is not only where half of its part would have shown."""
     wanted, given = called_for(loop, lines)
     alike, where = correlation(wanted, given), Where(record=record.name, channel="i_e")
     if alike > ALIKE:
@@ -88,6 +88,7 @@ def slips_of_excitation(record: Record, loop: NominalLoop, lines: Lines) -> list
     if height > max(ALIKE, 5.0 * by_chance):  # the best of many shifts
         values: dict[str, Any] = {"shift_samples": shift, "shift_s": shift / record.sample_rate}
         return [EXCITATION_SHIFTED(where, correlation=alike, correlation_shifted=height, **values)]
-    if alike > 3.0 * by_chance or 3.0 * by_chance > ALIKE:
+    part = float(np.linalg.norm(given) / np.linalg.norm(wanted))  # the correlation of i_e with itself beside noise
+    if alike > 3.0 * by_chance or 0.5 * min(part, 1.0) < 3.0 * by_chance:
         return [EXCITATION_DOUBTFUL(where, correlation=alike)]
     return [FOREIGN_EXCITATION(where, correlation=alike)]
