@@ -48,7 +48,7 @@ class Validated:
         assert worst <= tolerance, f"{claim}: {worst:.3g}, at most {tolerance:.3g} ({reference})"
         packages = [name for _, name, _, _ in Formatter().parse(reference) if name]
         row = {"claim": claim, "reference": reference, "versions": {name: version(name) for name in packages}}
-        self.item.user_properties.append((PROPERTY, row | {"tolerance": tolerance, "figure": worst}))
+        self.item.user_properties.append((PROPERTY, row | {"tolerance": float(tolerance), "figure": worst}))
 
 
 def relative(found: Any, expected: Any) -> np.ndarray:
