@@ -179,7 +179,7 @@ class Amplifier(Spec):
         R of every axis is a parameter. Leave it out where current is commanded.
     coil_resistance, coil_inductance : float, optional
         R [ohm] and L [H] of both opposed coils of an axis together, where current is commanded: they give the voltage
-        u = u_+ - u_- = R i + L di/dt + K_i v that records may hold.
+        ``u = u_+ - u_- = R i + L di/dt + K_i v`` that records may hold.
     """
 
     time_constant: Annotated[float, AMPLIFIER_LAG]
