@@ -96,7 +96,7 @@ class NominalLoop:
         y, i_c, r = ([f"{signal}.{axis}" for axis in self.rig.axes] for signal in ("y", "i_c", "r"))
         reading = Reading.of(self.rig, y + i_c, r)
         response = of_read @ np.hstack([reading.outputs, reading.inputs])
-        parts = np.moveaxis(response.reshape(len(s), len(own.gains), self.axes, -1), 1, 0)
+        parts = np.moveaxis(response.reshape(len(s), len(own.gains), self.axes, response.shape[2]), 1, 0)
         return {"K" if gain == "gain" else gain: part for gain, part in zip(own.gains, parts, strict=True)}
 
     def paths(
