@@ -107,10 +107,12 @@ def go(task):
 def spread(count, whole, writing):
     """So many moments: half of them over the whole run, half of them from when its files begin to be written.
 
-    Those do not go by the clock of an undisturbed run, which a loaded machine leaves behind.
+    Those do not go by the clock of an undisturbed run, which a loaded machine leaves behind, nor does the first of
+    several over the whole run, which comes at once; a single one comes in the middle.
     """
     early, late = count - count // 2, count // 2
-    return [(whole * (k + 0.5) / early, False) for k in range(early)] + [
+    begin = 0.5 if early == 1 else 0.0
+    return [(whole * (k + begin) / early, False) for k in range(early)] + [
         (writing * (k + 0.5) / late, True) for k in range(late)
     ]
 
