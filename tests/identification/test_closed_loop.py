@@ -10,8 +10,10 @@ from ambid.errors import ModelError, RecordError, Stopped, UnstableLoopError
 from ambid.excitation import prbs
 from ambid.identification import identify
 from ambid.identification.estimate import STATUS
+from ambid.identification.minimum import refit
 from ambid.identification.problem import noise_levels
 from ambid.model import Model
+from ambid.noise import compare
 from ambid.record import Record
 from ambid.rig import Actuator
 from validated import relative
@@ -215,6 +217,13 @@ def test_several_records_are_pooled(bench, start, i_e):
     twice = identify(start, [one, one])
     assert_allclose(values(twice), values(first), rtol=1e-7)
     assert_allclose(twice.fit_percent["average"], first.fit_percent["average"], rtol=1e-6)
+
+
+def test_a_value_that_misfit_has_driven_to_nothing_comes_back(start, run, estimate):
+    """Steps are of the size that the rig file gives: those of the size of a value that is all but zero lead nowhere."""
+    lost = start.with_values({"K_s.A_zeta": 1e-12})
+    found = refit(compare(lost, run))
+    assert_allclose([found.model[name].value for name in NAMES], values(estimate), rtol=1e-3)
 
 
 def test_starts_find_the_same_optimum_and_their_seed_repeats_it(start, run, estimate):

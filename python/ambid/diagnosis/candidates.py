@@ -137,6 +137,8 @@ class Ranking(WithFindings, Tabular):
         What it was judged in.
     ways : ndarray
         Powers of the independent ways in which candidates may change the response, each as much; their sum is one.
+    at_fit : tuple of Candidate
+        The same candidates where misfit has driven the model to, if they were judged where it began.
     """
 
     candidates: tuple[Candidate, ...]
@@ -144,6 +146,7 @@ class Ranking(WithFindings, Tabular):
     findings: tuple[Finding, ...]
     comparison: Comparison | None = None
     ways: FloatArray = field(default_factory=lambda: np.ones(1))
+    at_fit: tuple[Candidate, ...] = ()
 
     plot = picture("plot_ranking")
 

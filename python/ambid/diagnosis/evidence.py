@@ -416,7 +416,7 @@ def _information(fit: Comparison, kinds: Sequence[Sequence[int]]) -> FloatArray:
     if not own:
         return np.zeros((0, 0))
     parameters = fit.model.parameters
-    size = np.array([max(abs(p.value), p.scale) for p in parameters])
+    size = np.array([p.scale for p in parameters])
     for kind in kinds:
         size[kind] = np.linalg.norm(fit.model.theta[kind])
     hessian = fit.noise.quadratic(fit.model, list(range(len(size)))).hessian * np.outer(size, size)

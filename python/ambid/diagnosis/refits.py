@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from ambid.rig import Rig
 __all__ = ["Start", "added", "ended", "home", "nominal_beside", "ranked", "refined", "without"]
 
 LOST = 2.0
-"""Misfit J/dof above which parameters that have left their start say nothing."""
+"""Misfit J/dof above which parameters that have left their start say little."""
 LIKE = 0.99
 """Part of a variant's score that another must have for both to be refitted; of a base model that is far off, none."""
 FAR_OFF = 20.0
@@ -105,10 +106,13 @@ def _nearest(task: Task, fit: Comparison, effects: Sequence[Effect]) -> list[Sta
 
 
 def ranked(task: Task, fit: Comparison) -> Ranking:
-    """What is outside a set, from the fit, or, where misfit has driven it off, from where the diagnosis began."""
+    """What is outside a set, from the fit; where misfit has driven it off, from where the diagnosis began too."""
     start = nominal_beside(task, fit.model)
-    is_lost = fit.cost > LOST * fit.dof and _is_driven_off(task, fit.model) and start.is_stable
-    return rank(fit.of(start) if is_lost else fit, task.catalogue, start=start, progress=task.progress)
+    own = rank(fit, task.catalogue, start=start, progress=task.progress)
+    if fit.cost <= LOST * fit.dof or not _is_driven_off(task, fit.model) or not start.is_stable:
+        return own
+    begun = rank(fit.of(start), task.catalogue, start=start, progress=task.progress)
+    return replace(begun, at_fit=own.candidates)
 
 
 def refined(task: Task, field_: Field, names: Names) -> Field:
@@ -135,7 +139,7 @@ def refined(task: Task, field_: Field, names: Names) -> Field:
     kept_back = field_.yardstick.kept_back
     if kept_back is not None:
         kept_back = kept_back.of(fit.model).renewed().of(base.model)
-    renewed = Field(Yardstick(base, kept_back, task.prior), {}, field_.rankings, field_.root, field_.parts)
+    renewed = replace(field_, yardstick=Yardstick(base, kept_back, task.prior), tried={})
     renewed = renewed.with_(field_.base.added, base).with_(effects, fit, best.variants)
     for own in field_.tried.values():
         is_rival = len(own.names) >= len(best.names) > 0 and not _is_hopeless(field_, own, best)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from itertools import chain, zip_longest
 
 import numpy as np
 
@@ -155,8 +156,16 @@ def _in_pairs(task: Task, field_: Field) -> Iterator[Field]:
 
 
 def _by_promise(task: Task, field_: Field, hypothesis: Hypothesis, ranking: Ranking) -> list[Candidate]:
-    """The candidates, those first whose scores promise most."""
-    return sorted(ranking.candidates, key=lambda c: _promised(task, field_, hypothesis, c, c.score), reverse=True)
+    """The candidates, those first whose scores promise most; of two places where they were judged, in turn."""
+    both = [
+        sorted(own, key=lambda c: _promised(task, field_, hypothesis, c, c.score), reverse=True)
+        for own in (ranking.candidates, ranking.at_fit)
+    ]
+    first = dict[str, Candidate]()
+    for c in chain.from_iterable(zip_longest(*both)):
+        if c is not None:
+            first.setdefault(c.effect.name, c)
+    return list(first.values())
 
 
 def _may_win(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate) -> bool:

@@ -32,7 +32,6 @@ from scipy.fft import rfft
 from ambid.arrays import FloatArray
 from ambid.identification.problem import Problem, padded
 from ambid.model import Model
-from ambid.model.parameter import nominal
 from ambid.noise import Comparison
 from ambid.noise.colour import loop_noise
 from ambid.noise.known import BANDS, known_weights
@@ -107,10 +106,8 @@ def _by_noise(
 
 
 def sizes(model: Model, free: Sequence[int]) -> FloatArray:
-    """What is large for each parameter; misfit may have driven it to nothing, so that the rig's value counts too."""
-    usual = {p.name: p.value for p in nominal(model.rig)}
-    own = [model.parameters[i] for i in free]
-    return np.array([max(abs(p.value), p.scale, usual.get(p.name, 0.0)) for p in own])
+    """What is large for each parameter, shape (free,)."""
+    return np.array([model.parameters[i].scale for i in free])
 
 
 def sandwich(problem: Problem, theta: FloatArray) -> FloatArray:

@@ -57,7 +57,7 @@ def nominal_of_points(reference: Rig, points: Sequence[Rig]) -> list[Parameter]:
         for p in nominal(rig) if end else ():
             if p.name.startswith(OF_POINT):
                 name = p.name + end
-                found.setdefault(name, Parameter(name, p.value, p.unit, tuple(slot + end for slot in p.slots)))
+                found.setdefault(name, replace(p, name=name, slots=tuple(slot + end for slot in p.slots)))
     return list(found.values())
 
 

@@ -38,7 +38,8 @@ class Parameter:
     lower, upper : float
         What physics allows, in `unit`.
     typical : float or None
-        Size by which the optimiser scales; None where that is its value.
+        Size by which the optimiser scales, though misfit drive the value to nothing: of K_i, K_s, R and tau_e that of
+        the rig file. None where that is its value.
     prior : float or None
         Standard deviation from 0 to which it is known before any record, in `unit`; None where nothing is known.
     """
@@ -137,14 +138,14 @@ def nominal(rig: Rig) -> list[Parameter]:
     if rig.amplifier.resistance is not None:
         of_axes["R"] = [rig.amplifier.resistance] * len(rig.axes)
     parameters = [
-        Parameter(f"{kind}.{axis}", value, UNITS[kind], (f"{kind}.{axis}",), *_one_sign(value))
+        Parameter(f"{kind}.{axis}", value, UNITS[kind], (f"{kind}.{axis}",), *_one_sign(value), abs(value))
         for kind, values in of_axes.items()
         for axis, value in zip(rig.axes, values, strict=True)
     ]
     if rig.actuator.time_constant is not None:
         slots, value = tuple(f"tau_e.{axis}" for axis in rig.axes), rig.actuator.time_constant
         least = min(SHORTEST_LAG / rig.sample_rate, value)
-        parameters.append(Parameter("tau_e", value, UNITS["tau_e"], slots, least))
+        parameters.append(Parameter("tau_e", value, UNITS["tau_e"], slots, least, typical=value))
     return parameters
 
 

@@ -235,9 +235,7 @@ def _parameter(session: Session, own: Parameter) -> dict[str, Any]:
     """Value, interval, what the last step did to it, and the ends of its slider."""
     fitted, before = session.fitted, session.before
     at = session.chain[0].model if fitted is None else fitted.model
-    middle = next((p.value for p in at.parameters if p.name == own.name), own.value)
-    # part of a parameter's value that its slider goes to either side of the last fit
-    reach = max(0.5 * abs(middle), 0.0 if own.typical is None else own.typical)
+    middle = at.parameters[own.name] if own.name in at.parameters else own
     found = None if session.estimate is None else session.estimate.parameters.get(own.name)
     error = None if found is None else found.std_error
     was = None if before is None else next((p.value for p in before.model.parameters if p.name == own.name), None)
@@ -245,8 +243,8 @@ def _parameter(session: Session, own: Parameter) -> dict[str, Any]:
         "name": own.name,
         "value": own.value,
         "unit": "" if own.unit == "1" else own.unit,
-        "low": max(own.lower, middle - reach),
-        "high": min(own.upper, middle + reach),
+        "low": max(own.lower, middle.value - middle.scale),
+        "high": min(own.upper, middle.value + middle.scale),
         "ci95": None if found is None else found.ci95,
         "was": was,
         "moved_by_std_errors": None if was is None or not error else (own.value - was) / error,
