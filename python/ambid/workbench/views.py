@@ -235,7 +235,7 @@ def _parameter(session: Session, own: Parameter) -> dict[str, Any]:
     """Value, interval, what the last step did to it, and the ends of its slider."""
     fitted, before = session.fitted, session.before
     at = session.chain[0].model if fitted is None else fitted.model
-    middle = at.parameters[own.name] if own.name in at.parameters else own
+    middle = next((p for p in at.parameters if p.name == own.name), own)
     found = None if session.estimate is None else session.estimate.parameters.get(own.name)
     error = None if found is None else found.std_error
     was = None if before is None else next((p.value for p in before.model.parameters if p.name == own.name), None)
