@@ -5,14 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ambid import Model, Noise, diagnose, identify, prbs
+from ambid import Model, Noise, compare, diagnose, identify, prbs
 from ambid.effects import find
 from ambid.noise.lines import RecordLines
 from ambid.noise.measured import Measured
 from ambid.noise.tones import OUTSTANDING, find_tones
 from hidden.bench import simulate
+from hidden.experiment import experiment_on
 from hidden.families import BENCHES
 from hidden.one_axis import ONE_AXIS
+from hidden.sizes import find as find_size
+from hidden.strangers import stranger
 from tiers import first_fast
 
 RATE = ONE_AXIS.rig.sample_rate
@@ -120,6 +123,17 @@ def test_the_mains_is_suspected_and_found_where_it_is_small():
     for seed in range(5):
         sizes += [tone for tone in found(hummed((50.0, 5e-4), seed=seed)) if abs(tone.frequency_hz - 50.0) < LINE]
     assert len(sizes) == 5
+
+
+@pytest.mark.parametrize("seed", [1000, 1007])
+def test_the_mains_is_judged_however_much_it_stands_out(seed):
+    """Loud beside its neighbours, and not beside the spectrum of so few periods, which it has raised."""
+    bench = replace(stranger(seed), order=7)
+    for size in np.geomspace(200.0, 3e4, 8)[:3]:
+        hum = find_size("periodic_disturbance", float(size), bench)
+        rig, (record,), *_ = experiment_on(bench, {"periodic_disturbance": hum}, seed)
+        (tones,) = compare(rig, record).noise.tones
+        assert [tone.frequency_hz for tone in tones] == [pytest.approx(50.0, abs=0.5)], size
 
 
 def test_a_turning_rotor_has_a_tone_at_its_speed_however_small():

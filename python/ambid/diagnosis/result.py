@@ -325,8 +325,6 @@ class Diagnosis(ByValue, WithFindings, Tabular):
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""
-        of_records = (finding for record in self.records for finding in findings_of(record))
-        found = tuple(dict.fromkeys([*of_records, *self.findings]))
         return plain(
             {
                 "verdict": self.verdict,
@@ -359,8 +357,8 @@ class Diagnosis(ByValue, WithFindings, Tabular):
                 "next_experiment": self.next_experiment,
                 "next_steps": [step.as_dict() for step in self.next_steps],
                 "seconds": self.seconds,
-                "findings": [finding.as_dict() for finding in found],
-                "notes": [finding.line() for finding in found],
+                "findings": [finding.as_dict() for finding in self._told],
+                "notes": [finding.line() for finding in self._told],
             }
         )
 
@@ -392,9 +390,15 @@ class Diagnosis(ByValue, WithFindings, Tabular):
         ]
 
     @property
+    def _told(self) -> tuple[Finding, ...]:
+        """What is to be known of the records, then the findings."""
+        of_records = (finding for record in self.records for finding in findings_of(record))
+        return tuple(dict.fromkeys([*of_records, *self.findings]))
+
+    @property
     def _further(self) -> list[Finding]:
-        """The findings but that which is the meaning."""
-        return [finding for finding in self.findings if finding.kind not in MEANINGS]
+        """All of these but that which is the meaning."""
+        return [finding for finding in self._told if finding.kind not in MEANINGS]
 
     def save(self, path: str | Path) -> None:
         """Write the last model with its covariance, for ``--model`` and `Model.load`."""

@@ -67,8 +67,7 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
     record, window = part.record, part.window.settled
     here, rate = part.at(model), record.sample_rate
     per_line, turning = rate / window.samples, here.rig.speed / (2.0 * np.pi)
-    own = {f for effect in here.acting for f in effect.frequencies_hz(here.rig)} - {turning}
-    suspects = [f for f in (turning, *sorted(own), *MAINS) if 2.0 * per_line < f < 0.45 * rate]
+    suspects = _suspects(here, per_line, rate)
     if not window.is_periodic:
         return _without_periods(here, part, suspects)
     looked_at = np.concatenate([_outstanding(part), [int(f / per_line) for f in suspects]]).astype(np.intp)
@@ -92,6 +91,13 @@ def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
             height, channel = between.at(frequency / per_line)
             found.append(Tone(frequency, channel, height))
     return (*found, *_on_excited_lines(here, part, found))
+
+
+def _suspects(here: Model, per_line: float, rate: float) -> list[float]:
+    """Frequencies that are known before any record [Hz]: of the speed, of effects of the model, of the mains."""
+    turning = here.rig.speed / (2.0 * np.pi)
+    own = {f for effect in here.acting for f in effect.frequencies_hz(here.rig)} - {turning}
+    return [f for f in (turning, *sorted(own), *MAINS) if 2.0 * per_line < f < 0.45 * rate]
 
 
 def misses_tone(model: Model, part: RecordLines) -> bool:
@@ -118,11 +124,14 @@ def confirmed(model: Model, part: RecordLines) -> tuple[Tone, ...]:
     if not window.is_periodic:
         return part.tones if _is_else_near(part.at(model), part, part.tones) else ()
 
+    suspects = _suspects(part.at(model), per_line, part.record.sample_rate)
+
     def stands_out(tone: Tone) -> bool:
         place = tone.frequency_hz / per_line
         nearest = window.periods * round(place / window.periods)
-        if tone.power < OUTSTANDING or abs(place - nearest) < BARELY:
-            return True  # suspected, or judged on its excited line
+        is_suspected = any(abs(tone.frequency_hz - f) < 0.5 * per_line for f in suspects)
+        if is_suspected or abs(place - nearest) < BARELY:  # judged on its excited line
+            return True
         around = Between.around(part, np.array([int(place)]))
         if around.over_spectrum(place) > OUTSTANDING:
             return True
