@@ -3,8 +3,9 @@
 import pytest
 
 from ambid.diagnosis import diagnose
+from ambid.diagnosis.families import shared_value
 from ambid.effects import CATALOGUE, Effect, EffectParameter
-from ambid.effects.traits import LAG_ROUND_LOOP
+from ambid.effects.traits import GAIN_OF_ANSWER, LAG_OF_READING, LAG_ROUND_LOOP
 from ambid.excitation import prbs
 from hidden.bench import measured
 from hidden.one_axis import ONE_AXIS, record
@@ -103,3 +104,11 @@ def test_it_is_told_in_text_and_json(alone, golden):
 @pytest.mark.slow
 def test_what_no_other_effect_does_has_no_family():
     assert diagnose(ONE_AXIS.rig, record({"sensor_lag": {"tau": 1e-4}}, 1)).families == {}
+
+
+def test_a_negative_lag_is_a_lead():
+    """A record of the current that lags by a sample makes y come earlier."""
+    assert shared_value(LAG_OF_READING, (-1e-4, -1.1e-4)) == (
+        "a lead of 0.10 ms between coil current and displacement reading"
+    )
+    assert shared_value(GAIN_OF_ANSWER, (-0.05,)) == "a gain of -5.0 % from excitation to what answers it"

@@ -11,7 +11,7 @@ from ambid.diagnosis.result import Family
 from ambid.diagnosis.search import traits_of
 from ambid.effects import Effect, Trait
 
-__all__ = ["families"]
+__all__ = ["families", "shared_value"]
 
 NEAR = 20.0
 """Log evidence by which a set with a twin may fall behind, where both reach the noise."""
@@ -36,7 +36,7 @@ def families(field: Field, best: Hypothesis) -> dict[str, Family]:
         members = [(effect, own), *((other, traits) for other, traits in twins if trait in traits)]
         values = tuple(float(traits[trait]) for _, traits in members)
         names = tuple(other.name for other, _ in members)
-        found[effect.name] = Family(names, _told(trait, values), values, trait.unit)
+        found[effect.name] = Family(names, shared_value(trait, values), values, trait.unit)
     return found
 
 
@@ -54,13 +54,16 @@ def _in_place_of(field: Field, best: Hypothesis, effect: Effect) -> list[tuple[E
     return sorted(near, key=lambda pair: field.worth(pair[1]), reverse=True)
 
 
-def _told(trait: Trait, values: Sequence[float]) -> str:
+def shared_value(trait: Trait, values: Sequence[float]) -> str:
     """The number of the first, and from where to where it goes where they do not agree; none where none has one."""
     known = [value for value in values if np.isfinite(value)]
     if not known:
         return f"{trait.what} {trait.where}"
+    what = trait.what
+    if known[0] < 0.0 and trait.opposite:
+        what, known = trait.opposite, [-value for value in known]
     low, high = min(known), max(known)
     factor, unit = {"s": (1e3, "ms"), "1": (1e2, "%")}.get(trait.unit, (1.0, trait.unit))
     size, least, most = (f"{factor * value:#.2g}".removesuffix(".") for value in (known[0], low, high))
     spread = "" if 0.0 < high <= AGREED * low else f" ({least} to {most} among them)"
-    return f"{trait.what} of {size} {unit}{spread} {trait.where}"
+    return f"{what} of {size} {unit}{spread} {trait.where}"

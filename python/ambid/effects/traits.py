@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from ambid.loop.effect import Trait
 
-LAG_OF_CURRENT = Trait("a lag", "between command and coil current", "s")
-LAG_OF_READING = Trait("a lag", "between coil current and displacement reading", "s")
+LAG_OF_CURRENT = Trait("a lag", "between command and coil current", "s", "a lead")
+LAG_OF_READING = Trait("a lag", "between coil current and displacement reading", "s", "a lead")
 LAG_ROUND_LOOP = Trait("a lag", "round the loop", "s")
 GAIN_OF_ANSWER = Trait("a gain", "from excitation to what answers it", "1")
 GAIN_OF_READING = Trait("an error", "of what single displacement sensors read", "1")

@@ -114,11 +114,14 @@ class Trait:
         Between which signals, or at which place.
     unit : str
         ``1`` for a ratio.
+    opposite : str
+        What a negative number is, such as ``a lead``; empty where it is the same with a minus sign.
     """
 
     what: str
     where: str
     unit: str
+    opposite: str = ""
 
 
 class Effect(ABC):
