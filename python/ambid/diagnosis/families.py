@@ -65,5 +65,6 @@ def shared_value(trait: Trait, values: Sequence[float]) -> str:
     low, high = min(known), max(known)
     factor, unit = {"s": (1e3, "ms"), "1": (1e2, "%")}.get(trait.unit, (1.0, trait.unit))
     size, least, most = (f"{factor * value:#.2g}".removesuffix(".") for value in (known[0], low, high))
-    spread = "" if 0.0 < high <= AGREED * low else f" ({least} to {most} among them)"
+    is_one = 0.0 < high <= AGREED * low or 0.0 > low >= AGREED * high
+    spread = "" if is_one else f" ({least} to {most} among them)"
     return f"{what} of {size} {unit}{spread} {trait.where}"
