@@ -9,7 +9,7 @@ LONGEST_MESSAGE = 2000
 LAST_PART = 500
 """Characters of these that are kept for the end, where it says what to do."""
 MOST_NEAR = 4
-"""Names that are told as near."""
+"""Near names that are suggested."""
 _UNSEEN = frozenset({"Cc", "Cf", "Cs", "Co", "Zl", "Zp"})
 """Categories of Unicode that steer a terminal, turn the direction of text, or cannot be encoded."""
 

@@ -98,7 +98,7 @@ def rotor_from_ross(
     """Take over a ROSS rotor: its shaft, cones and disks, its damping, and bearings that are plain springs and dampers.
 
     Its damping is as exact as its mass: what couples modes, or damps rigid motions unlike each other, is the rotor's
-    `C`, beside its `mass_damping` and `modal_damping`. Left out, and told in `findings`, are bearings that no `Support`
+    `C`, beside its `mass_damping` and `modal_damping`. Omitted, as `findings` state, are bearings that no `Support`
     describes; axial motion and torsion; and what ROSS has at other frequencies than 0, in bearings alone.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Fit and diagnose records of two operating points together: what neither can tell alone.
+"""Fit and diagnose records of two operating points together: what neither can determine alone.
 
 The machine is simulated here; of yours, each record is loaded with the rig file of its day, and `record.at(that_rig)`
 says that it belongs to another operating point. From the shell, name the second rig file before its records.

@@ -4,7 +4,7 @@ y is held against its own mean period x: ``y(t) - x(t) = s(t) dx/dt``. A shift s
 one that jumps by whole samples, and stays, is samples lost or repeated, which is sought in short stretches.
 
 A parameter that drifts changes y steadily, too, by ``t dx/dtheta``, in which feedback hides some of dx/dt: the less of
-a force error gets through, the lower the frequency. So a clock is told only where it leaves little of what changes
+a force error gets through, the lower the frequency. So a clock is reported only where it leaves little of what changes
 steadily, and less than the drift of any kind of parameter does.
 """
 
@@ -37,9 +37,9 @@ records that stand out from noise); a K_i that drifts by 2 to 30 % left 0.41 and
 near the sample rate."""
 BETTER = 2.0
 """Power that the best drift of a parameter must leave over that which a clock leaves: where feedback makes them alike,
-no clock is told. In the same records it was 2.6 and more for clocks, and 1.1 and less for drifts."""
+no clock is reported. In the same records it was 2.6 and more for clocks, and 1.1 and less for drifts."""
 LEAST_CLOCK = 2e-6
-"""Difference of two clocks that is told; that of two quartzes is 1e-5 and more."""
+"""Difference of two clocks that is reported; that of two quartzes is 1e-5 and more."""
 WHOLE = 0.15
 """How near to whole samples a jump must be."""
 
@@ -113,7 +113,7 @@ class Change:
     times : float
         Power of such a change over all periods, over that of `each`.
     noise : float
-        Power that noise has in `each`; 0 where two periods do not tell.
+        Power that noise has in `each`; 0 where two periods do not show it.
     """
 
     usual: FloatArray

@@ -44,7 +44,7 @@ rivals differ by no more than twice the root of either at one standard error."""
 DELAYS = (0.0, -0.5, 0.5, 1.0, 1.5)
 """Delays in samples from which the equation is solved before y is said to be late: what is held has a kink at each."""
 FEWEST_CLEAR = 30
-"""Lines clear of noise that tell an instant at least."""
+"""Fewest lines clear of noise that determine an instant."""
 ALONE = 30.0
 """Power that is missed on a line over the median beside it; noise exceeds it once in 2^30 lines."""
 BESIDE = 41
@@ -52,11 +52,11 @@ BESIDE = 41
 SPILLED = 3
 """Lines to each side that hold some of a wave, under a Hann window."""
 FOLLOWS = 0.1
-"""Part of i_c, by rms, up to which an equation holds that is to tell when i_c was read."""
+"""Part of i_c, by rms, up to which an equation holds that is to show when i_c was read."""
 CURRENT_LATE = 0.25
-"""Part of a sample by which i_c must be off to be told; less is ranked as an effect."""
+"""Part of a sample by which i_c must be off to be reported; less is ranked as an effect."""
 LEAST_LATE = 0.05
-"""Part of a sample by which y must be late to be told; an amplifier that the equation only knows nearly brings 0.03."""
+"""Part of a sample by which y must be late to be reported; an amplifier that the equation knows nearly brings 0.03."""
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ def _alone(loop: NominalLoop, lines: Lines) -> NDArray[np.bool_]:
 
 
 def _equations(loop: NominalLoop, lines: Lines) -> dict[int, _Equation]:
-    """That of every axis that is clear of noise on enough lines, on these; none where no periods tell which are.
+    """That of every axis that is clear of noise on enough lines, on these; none where no periods show which are.
 
     Noise of a sensor that is held over its sample passes an analog controller half a sample late.
     """

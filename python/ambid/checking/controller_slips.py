@@ -72,7 +72,7 @@ CURRENT_WITHOUT_EXCITATION = Kind(
 def slips_of_controller(
     record: Record, loop: NominalLoop, lines: Lines, responses: Lines | None = None
 ) -> list[Finding]:
-    """i_c follows from i_e and y through the controller; of a record without periods `responses` tell the gains."""
+    """i_c follows from i_e and y through the controller; of a record without periods `responses` give the gains."""
     missed = controller_missed(loop, lines)
     signal, order, left = reordered(loop, lines)
     if missed > UNEXPLAINED and left < 0.5 * missed:

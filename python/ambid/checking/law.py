@@ -24,13 +24,13 @@ BETTER = 0.3
 EXACT = 1e-6
 """Part of the command below which what is left is rounding of what was logged, and the shortest law is taken."""
 ROUNDING = 1e-6
-"""Share in the largest term of a recursion below which a term is rounding, and not told."""
+"""Share in the largest term of a recursion below which a term is rounding, and not reported."""
 SAME = 1e-6
-"""Part of the rig's own command that its law may leave in the words of another, to be told in these."""
+"""Part of the rig's own command that its law may leave in the words of another, to be stated in these."""
 ALIKE = 0.05
 """Part of the command up to which a law counts as found."""
 TOLD = 3.0
-"""Standard errors that a gain must have to be told."""
+"""Standard errors that a gain must exceed to be reported."""
 MOST_LATE = 2
 """Samples by which a command may come after what it answers to, beside those of the rig's delay."""
 SETTLED = 1e-9

@@ -17,7 +17,7 @@ MATTERS = 1e-3
 NEARLY = 0.01
 """Part of what the rig's controller leaves that may be left by a factor on all of it, beside what a law leaves."""
 DIFFERS = 0.02
-"""Relative difference of a gain from the rig's that is told, beyond five standard errors."""
+"""Relative difference of a gain from the rig's that is reported, beyond five standard errors."""
 WRONG = 0.10
 """Relative difference from which on it is an error."""
 KEYS = {

@@ -20,7 +20,7 @@ BLURRED = 16
 CLEAR = 30.0
 """Power of an excited line over that of noise from which on it is clear of it."""
 AROUND = 31
-"""Unexcited lines that tell the power of noise at a line."""
+"""Unexcited lines that give the power of noise at a line."""
 FEWEST_LINES = 16
 """Lines that an equation is fitted to at least: twice as many numbers as the up to 15 unknowns of a controller's."""
 MOST_LINES = 1000
@@ -45,7 +45,7 @@ class Lines:
         Samples of one period, or of the record without periods.
     whole_periods : bool
     clear : ndarray of bool, shape (lines, axes), or None
-        Which of them y fills by far more than noise; None where there are no periods to tell.
+        Which of them y fills by far more than noise; None where there are no periods to show it.
     are_responses : bool
         See `of_responses`.
     """

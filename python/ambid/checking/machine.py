@@ -1,7 +1,7 @@
 """Does y follow the current as in the nominal machine, and is this the machine of the rig file?
 
 Another machine and physics that takes force look alike in one record: both leave the shape of the response and change
-its size. What tells them apart is the controller's equation, which physics in the machine leaves as it is.
+its size. What distinguishes them is the controller's equation, which physics in the machine leaves as it is.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def slips_of_machine(record: Record, loop: NominalLoop, lines: Lines, *, is_rig_
     alike, gain = correlation(lines.y, expected), gain_of(lines.y, expected)
     found = []
     limit = 0.9
-    if not lines.whole_periods:  # what does not go with the nominal response may be noise, of which only periods tell
+    if not lines.whole_periods:  # what does not go with the nominal response may be noise, which only periods show
         limit, gain = OPPOSITE, gain * abs(alike)
         if OPPOSITE < alike < NOMINAL:
             gain = np.ones(1)

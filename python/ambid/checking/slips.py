@@ -105,7 +105,7 @@ def _laws(record: Record, rig: Rig) -> tuple[Law, ...]:
     """The law of each axis; none where the command cannot be held against the controller."""
     try:
         return find_laws(record, rig)
-    except RecordError:  # another rate, or a current that was not recorded; told where it matters
+    except RecordError:  # another rate, or a current that was not recorded; reported where it matters
         return ()
 
 

@@ -11,7 +11,7 @@ __all__ = ["main"]
 
 
 def main() -> None:
-    """Entry point; what the exit codes mean is told under Results in the documents."""
+    """Entry point; the exit codes are explained under Results in the documents."""
     signals.watch()
     streams.protect()
     try:

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 PRBS, MULTISINE = "prbs", "multisine"
 SENSOR_NOISE = 50e-9
-"""Noise of y [m rms], where none is stated and no record tells."""
+"""Noise of y [m rms], where none is stated and no record gives it."""
 
 FullScale = Annotated[
     float | None, typer.Option(metavar="AMPERE", help="What full scale of a .wav file stands for; default: the peak.")
@@ -211,7 +211,7 @@ def _following(
     limits: Limits,
     without_currents: bool,
 ) -> Proposals | None:
-    """Experiments after the designed one that would tell effects apart."""
+    """Experiments after the designed one that would distinguish effects."""
     if not apart:
         return None
     hypotheses = {}

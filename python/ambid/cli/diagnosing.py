@@ -310,7 +310,7 @@ def diagnose_command(
 
 
 def _with_next(found: ambid.Diagnosis) -> tuple[str, dict[str, Any]]:
-    """What is told beside an ambiguous diagnosis: the experiments that would settle it."""
+    """What is reported beside an ambiguous diagnosis: the experiments that would settle it."""
     try:
         proposals = ambid.next_experiments(found)
     except (InputError, RecordError) as error:  # no periods or no i_e: the diagnosis stands

@@ -34,9 +34,9 @@ ERRORS_NOT_TAKEN = Kind(
 )
 
 MOST_KEYS = 5
-"""Keys of another rig that are told one by one."""
+"""Keys of another rig that are listed one by one."""
 NOMINAL = ("force_current", "force_displacement", "actuator.time_constant")
-"""Keys that a saved model has values of its own for: they matter least, and are told last."""
+"""Keys that a saved model has values of its own for: they matter least, and are listed last."""
 
 
 def load_rig(path: Path, exact: bool) -> ambid.Rig:
@@ -106,7 +106,7 @@ def naming_unstable(rig: Path, start: ambid.Model, model: Path | None = None) ->
         if isinstance(error, UnstableStartError):
             raise UnstableStartError(f"{error}{_held_by(start)}") from None
         if start.is_stable:
-            raise  # as a fit tells it, with what it has tried; or a response that leaves all bounds
+            raise  # as a fit reports it, with what it has tried; or a response that leaves all bounds
         pole = start.poles()[0]
         why = f"a pole at {abs(pole.imag) / (2.0 * np.pi):.3g} Hz grows with {pole.real:.3g} 1/s"
         if not ambid.Model(start.rig).is_stable:

@@ -157,7 +157,7 @@ def _left_by(before: ambid.Model, after: ambid.Model) -> str:
 def _slips(machine: ambid.Rig, loaded: list[ambid.Record], estimate: ambid.Estimate) -> list[Finding]:
     """What `check` finds where the misfit is above its bound: dirt on a record looks like missing physics.
 
-    Operating points that a record passes through are told in any case: they hide what is missing.
+    Operating points that a record passes through are reported in any case: they hide what is missing.
     """
     from ambid.checking import OPERATING_POINT_DRIFT  # not at the top: --help need not open that room
 

@@ -1,4 +1,4 @@
-"""stdout and stderr that never stop a job: what cannot be printed is told at the end, when all files are written."""
+"""stdout and stderr that never stop a job: what cannot be printed is stated at the end, when all files are written."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def finish(code: int) -> int:
     sys.stderr.flush()
     if failure is None or code != 0:
         return code
-    # exit code when the reader of stdout has gone, as `head` goes: 128 and SIGPIPE, as a shell tells of any program
+    # exit code when the reader of stdout has gone, as `head` goes: 128 and SIGPIPE, as a shell reports any program
     return 141 if failure.errno == errno.EPIPE else 1
 
 

@@ -22,7 +22,7 @@ DATA = Path(__file__).parent / "data"
 """A two-bearing test bench at 6 A bias.
 
 The rig file, a pseudo-random record and five static loadings; then two records of the bench with something in it that
-the rig file does not tell (`hidden_train.mat`; `hidden_validate.mat` at half the amplitude), and `hidden_truth.json`.
+the rig file does not state (`hidden_train.mat`; `hidden_validate.mat` at half the amplitude), and `hidden_truth.json`.
 """
 
 FILES = (

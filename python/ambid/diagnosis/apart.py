@@ -24,7 +24,7 @@ from ambid.rig import Rig
 __all__ = ["Changing", "changing"]
 
 KNOWN = 0.1
-"""Standard error over its value with which a point tells a parameter at the least."""
+"""Standard error over its value up to which a point determines a parameter."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Changing:
     ----------
     parameter, unit : str
     points : tuple of str
-        Where it was told: the first record of each operating point.
+        Where it was determined: the first record of each operating point.
     values, std_errors : tuple of float
     power : float
         Chi-squared of the values about their mean.
@@ -80,7 +80,7 @@ def changing(fit: Comparison) -> tuple[Changing, ...]:
 
 
 def _alone(joint: Comparison, members: list[int]) -> Comparison | None:
-    """The last model, refitted to the records of one point, in the noise that these tell; None if it is not stable."""
+    """The last model, refitted to the records of one point, in their noise; None if it is not stable."""
     try:
         fit = refit(compare(joint.model, [joint.noise.records[k] for k in members]))
         return refit(fit.renewed())
@@ -89,7 +89,7 @@ def _alone(joint: Comparison, members: list[int]) -> Comparison | None:
 
 
 def _told(k: int, names: tuple[str, ...], fits: list[Comparison]) -> Changing | None:
-    """A parameter as the points tell it that know it; None where their values agree."""
+    """A parameter at the points that determine it; None where their values agree."""
     parameter = fits[0].model.parameters[k]
     values = np.array([own.model.theta[k] for own in fits])
     errors = np.sqrt([covariance(own, range(len(own.model.names)))[k, k] for own in fits])

@@ -4,7 +4,7 @@ Excitations of several axes are played at the same time. On the excited lines of
 
     r(l) = sum over inputs i of (a_i + b_i x) U_i(l) + what follows no excitation,
 
-x from -1 to 1 over a few neighbouring lines: least squares, weighted by the output's noise, tell the response
+x from -1 to 1 over a few neighbouring lines: least squares, weighted by the output's noise, give the response
 ``a_i + b_i x`` that the model lacks to each input, beside all others, as far as their sequences differ there.
 """
 
@@ -38,9 +38,9 @@ LINES = 4
 TERMS = 2
 """Numbers that each response has over such lines: a value and a slope."""
 SHARED = 100.0
-"""An excitation that has less than one part in so many of its power apart from the others is not told from them."""
+"""An excitation that has less than one part in so many of its power apart from the others is not distinguished."""
 FALSE_CELL = 1e-3
-"""Chance that any cell of a matrix is told where there is nothing but noise."""
+"""Chance that any cell of a matrix is significant where there is nothing but noise."""
 SIGN = 4.0
 """Standard errors beyond which a mean has a sign: chance has it in one of 16 000."""
 INSEPARABLE = Kind(
@@ -63,7 +63,7 @@ class MisfitMatrix(WithFindings):
     edges_hz : ndarray, shape (bands + 1,)
     power : ndarray, shape (bands, outputs, inputs)
         Of that answer, over the power of the output's noise, mean over the lines, without what noise alone brings: 0 is
-        nothing; NaN where an excitation is not told apart from the others.
+        nothing; NaN where an excitation is not distinguished from the others.
     response : ndarray of complex, shape (bands, outputs, inputs)
         The response that the model lacks [m/A, A/A], mean over the band.
     std : ndarray, shape (bands, outputs, inputs)
@@ -89,7 +89,7 @@ class MisfitMatrix(WithFindings):
 
     @property
     def sign(self) -> NDArray[np.int_]:
-        """Of the real part of `response`, shape (bands, outputs, inputs); 0 where it is not told from noise."""
+        """Of the real part of `response`, shape (bands, outputs, inputs); 0 where it is not significant."""
         real = np.nan_to_num(self.response.real)
         return np.where(self.is_told & (np.abs(real) > SIGN * self.std), np.sign(real), 0).astype(int)
 
@@ -143,7 +143,7 @@ class MisfitMatrix(WithFindings):
         )
 
     def _pair(self, output: str, inlet: str) -> ComplexArray:
-        """The response of one pair in standard errors, shape (bands,); NaN where it is not told or not there."""
+        """The response of one pair in standard errors, shape (bands,); NaN where it is not significant or not there."""
         if output not in self.outputs or inlet not in self.inputs:
             return np.full(len(self.power), np.nan, dtype=complex)
         o, i = self.outputs.index(output), self.inputs.index(inlet)

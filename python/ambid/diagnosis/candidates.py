@@ -23,7 +23,7 @@ __all__ = ["ALPHA", "Candidate", "Ranking"]
 ALPHA = 0.005
 """Chance of a false alarm over the whole catalogue: half of the 1 % that all tests of a diagnosis may have together."""
 SAME = 1e-6
-"""Part of what a candidate does that another must leave for both to be told apart at all."""
+"""Part of what a candidate does that another must leave for both to be distinguished at all."""
 SMALLEST_TOLD = 1e-300
 """Smaller p-values are not printed as numbers: they are as good as none, and their order is that of the scores."""
 
@@ -63,7 +63,7 @@ class Candidate:
     variants : float
         So many independent places, frequencies or sizes were tried.
     near : tuple of (Effect, dict, float)
-        Other variants with a score that is near enough for a refit to tell, the values predicted for them, and their
+        Other variants with a score that is near enough for a refit to decide, the values predicted for them, and their
         score over that of the best.
     """
 
@@ -177,7 +177,7 @@ class Ranking(WithFindings, Tabular):
 
     @cached_property
     def told_apart(self) -> float:
-        """How many independent changes of the response the candidates are, as far as these records tell them apart."""
+        """How many independent changes of the response the candidates are, as far as these records distinguish them."""
         return independent_tests(self.cosines, len(self.cosines)) if len(self.cosines) else 1.0
 
     def joint_scores(self) -> Iterator[tuple[Candidate, Candidate, float]]:

@@ -5,7 +5,7 @@ excited lines l = M k of the spectrum stands psi; what m(t) holds at d cycles pe
 and, taken back through the loop, changes it little on the way. The residual there, whitened, is projected on psi; noise
 alone leaves a chi-squared of two degrees. A ramp stands mostly at one cycle per record.
 
-What changes is louder than noise on the very lines that tell the noise, and hides behind itself, the more the larger
+What changes is louder than noise on the very lines that give the noise, and hides behind itself, the more the larger
 it is. So what is suspected is taken out of them by least squares, and all is whitened by what is left, and tried again.
 """
 
@@ -35,7 +35,7 @@ FASTEST = 24
 """Cycles per record up to which changes are looked for."""
 SUSPECTED = 0.01
 """Chance that noise alone is taken for a change of some parameter, below which a change is taken out of the
-lines that tell the noise."""
+lines that give the noise."""
 SHARE, EVENED = 0.05, 30
 """Of a pattern's energy on any one line, by so many roundings off: a peak of noise that the spectrum does not follow
 stands on a line or two, a change on all of them."""
@@ -88,7 +88,7 @@ def largest_change(comparison: Comparison) -> Change | None:
     for part in comparison.noise.in_time:
         record, window = part.record, part.window.settled
         shifts = np.arange(1, min(FASTEST, window.periods * (len(window.excited) // 2)) + 1)
-        # a line half-way between two excited ones is on either side of one, and cannot tell them apart
+        # a line half-way between two excited ones is on either side of one, and cannot distinguish them
         shifts = shifts[2 * shifts % window.periods != 0]
         if not len(shifts):
             continue

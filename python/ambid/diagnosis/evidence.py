@@ -26,7 +26,7 @@ States that effects add begin each record settled, or at rest, or nearly so: the
 errors, that are fitted to how a record begins have one variance before it about the likelier of both, which is found.
 With m the mean of c^2 they then lower J by n (m - 1 - log m) where m > 1, and not at all where they are no more than
 chance brings (MacKay, Neural Comput. 4 (1992) 415). The parameters are those at which both together are least: a
-direction that J hardly tells may begin the records far from any rest.
+direction that J hardly determines may begin the records far from any rest.
 """
 
 from __future__ import annotations
@@ -82,12 +82,12 @@ SURE = 0.9
 LARGEST_SCORE = 1e4
 """Beyond all that is needed."""
 TOLD_APART = float((1.645 + np.sqrt(1.645**2 + 2.0 * np.log(SURE / (1.0 - SURE)))) ** 2)
-"""Mean difference lambda of J by which two sets of as many parameters are told apart in 95 % of records, where one is
-to be `SURE`: J1 - J2 has the mean lambda and the standard deviation 2 sqrt(lambda)."""
+"""Mean difference lambda of J by which two sets of as many parameters are distinguished in 95 % of records, where
+one is to be `SURE`: J1 - J2 has the mean lambda and the standard deviation 2 sqrt(lambda)."""
 OF_FORMULAS = 0.015
 """Part of what effects explain that their formulas, which are idealised, may leave."""
 NEAR, MOST_STEPS = 0.1, 20
-"""Fall of minus the log evidence that tells no sets apart, and steps towards the likeliest beginnings."""
+"""Fall of minus the log evidence that distinguishes no sets, and steps towards the likeliest beginnings."""
 BEYOND = 2.0
 """Standard deviations of J above a right model's from which on something is left."""
 
@@ -99,7 +99,7 @@ def deviation(fit: Comparison) -> float:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What tells one set from another.
+    """What distinguishes one set from another.
 
     Attributes
     ----------
@@ -303,7 +303,7 @@ class Yardstick:
         """What the numbers cost that say how the states of linear effects begin some records, each with its base.
 
         Where they begin far from settled and from rest, the parameters go towards where they would not, as far as J
-        lets them: what J hardly tells, beginnings do.
+        lets them: what J hardly determines, beginnings do.
         """
         begun = [own for fit, base in fits if (own := _Begun.of(fit, base, self._transients[id(base)])) is not None]
         if not begun:

@@ -29,7 +29,7 @@ __all__ = ["Cell", "Growth", "Localisation", "MisfitMap", "largest_cell", "local
 BANDS = 12
 """Bands of the map, of equal ratio in frequency."""
 BEYOND_CHANCE = 3.0
-"""Standard deviations by which a port must explain more than another to be told from it."""
+"""Standard deviations by which a port must explain more than another to be distinguished from it."""
 SHAPED = 0.3
 """Part of the excess misfit that an odd or even shape must explain to give the misfit its kind."""
 PORT = Kind("missing_port", "note", "what is missing acts most likely as a {port} ({meaning})")
@@ -174,7 +174,7 @@ class Localisation(WithFindings):
     def likely(self) -> tuple[Port, ...]:
         """The port types that what is missing may act at: several where chance can make the difference between them.
 
-        A simple shape that explains more at one of them than any does at the others tells it from them.
+        A simple shape that explains more at one of them than any does at the others distinguishes it.
         """
         known = [port for port in self.ports if np.isfinite(port.misfit)]
         if not known:
@@ -262,7 +262,7 @@ def localise(comparison: Comparison) -> Localisation:
 
 
 def largest_cell(comparison: Comparison, left: Comparison, change: Change | None) -> Cell:
-    """Where a model misses most; `left` is it in the noise that its own residual tells, with what changes in that."""
+    """Where a model misses most; `left` is it in the noise of its own residual, with what changes in that."""
     return _cells(misfit_maps(comparison), left, change, "")[0]
 
 

@@ -16,7 +16,7 @@ from ambid.noise import Comparison
 __all__ = ["Moved", "moved", "standard_errors"]
 
 TOLD = 2.0
-"""Standard errors beyond which a move is told."""
+"""Standard errors beyond which a change is reported."""
 
 
 @dataclass(frozen=True)

@@ -108,7 +108,7 @@ def _share(excess: float, left: float) -> float:
 
 
 def _seen(channels: Sequence[str], rig: Rig) -> dict[str, tuple[str, str, str]]:
-    """The ports of which what was recorded tells something: no reading of a current that was not recorded."""
+    """The ports of which what was recorded shows something: no reading of a current that was not recorded."""
     ports = PORTS if rig.amplifier.resistance is None else PORTS | VOLTAGE
     return {
         name: own
@@ -118,6 +118,6 @@ def _seen(channels: Sequence[str], rig: Rig) -> dict[str, tuple[str, str, str]]:
 
 
 def _by_misfit_then_shape(port: Port) -> tuple[float, float]:
-    """Ports that leave about as little are told apart by how much of it a simple shape explains."""
+    """Ports that leave about as little are ordered by how much of it a simple shape explains."""
     left = 1.0 if np.isnan(port.misfit) else max(port.misfit, 1.0)
     return round(np.log(left) / 0.2), -port.terms[0].score if port.terms else 0.0

@@ -1,4 +1,4 @@
-"""Name the missing effect: see that the data can tell, fit the base model, search, and say what was found."""
+"""Name the missing effect: check that the data suffice, fit the base model, search, and report what was found."""
 
 from __future__ import annotations
 
@@ -177,7 +177,7 @@ def diagnose(
                 say(_line(field.foremost, field.base))
         return told(is_stopped=False)
     except KeyboardInterrupt:
-        pass  # what is told of the sets that were tried is no part of the stack that was interrupted
+        pass  # what is reported of the sets that were tried is no part of the stack that was interrupted
     raise Stopped(told(is_stopped=True))
 
 
@@ -321,7 +321,7 @@ def _nominal(start: Model) -> Model:
 
 
 def _uninformed(start: Model, estimate: Estimate) -> Iterator[Finding]:
-    """Why the records cannot tell what is missing, with the misfit, if there is one; nothing where they can."""
+    """Why the records cannot determine what is missing, with the misfit, if there is one; nothing where they can."""
     comparison, names = estimate.comparison, start.free
     frequency = only_frequency(comparison, names) if comparison.is_judged else None
     if estimate.inconsistency is None:

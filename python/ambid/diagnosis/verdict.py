@@ -52,7 +52,7 @@ class Verdict:
     effects : tuple of str
         That explain the misfit, in order.
     sets : tuple of tuple of str
-        Effects that these data cannot tell apart.
+        Effects that these data cannot distinguish.
     fit : Comparison
         Of the last model; of the base model where nothing is explained.
     where : Localisation
@@ -290,7 +290,7 @@ def _validation(best: Hypothesis) -> Iterator[Criterion]:
     """Misfit of the records to validate on against their bound, and what errors of the fit bring to it.
 
     The parameters' covariance C of the fit makes the J of a record with the Hessian H larger by tr(C H) on average:
-    the larger, the more a record tells that was kept back. It is bounded as chi-squared with that mean and the variance
+    the larger, the more a record shows that was kept back. It is bounded as chi-squared with that mean and the variance
     2 tr(C H C H) (Satterthwaite).
     """
     misfit, kept_back = best.validation_misfit, best.kept_back
@@ -316,5 +316,5 @@ def _others(task: Task, base: Comparison) -> str:
 
 
 def _amplitudes(records: Sequence[Measurement]) -> list[float]:
-    """Rms of what drives each record in time; a frequency response tells none."""
+    """Rms of what drives each record in time; a frequency response gives none."""
     return [record.amplitude for record in records if isinstance(record, Record)]

@@ -32,7 +32,7 @@ def mass_of(rig: Rig) -> float:
 
 
 def mass_or_one(rig: Rig) -> float:
-    """Mass of the rotor [kg]; 1 kg where its modes do not tell."""
+    """Mass of the rotor [kg]; 1 kg where its modes do not give it."""
     mass = mass_of(rig)
     return mass if mass > 0.0 else 1.0
 

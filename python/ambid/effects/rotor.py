@@ -215,7 +215,7 @@ class RotorInertiaError(Effect):
     source = "Friswell, Penny, Garvey, Lees, Dynamics of Rotating Machines, 2010, chapter 3"
 
     def why_not(self, rig: Rig) -> str:
-        """A rotor whose rigid modes do not tell its mass from its inertia."""
+        """A rotor whose rigid modes do not distinguish its mass from its inertia."""
         if isinstance(rig.rotor, PointMassRotor):
             return "an error of the mass alone is one of K_i and K_s"
         given = rotor_of(rig).rigid_modes

@@ -62,8 +62,8 @@ class SensorGainError(Effect):
     Attributes
     ----------
     between_planes : bool
-        Whether one plane's gain against the other's is told, too, as a rotor that turns, or a controller or another
-        effect that acts from one plane to the other, may tell it; bearings that are turned against each other always
+        Whether one plane's gain against the other's is estimated, too; a rotor that turns, or a controller or another
+        effect that acts from one plane to the other, may show it; bearings that are turned against each other always
         do.
     """
 

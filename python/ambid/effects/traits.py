@@ -1,4 +1,4 @@
-"""What effects of one family share: the numbers by which records that cannot tell them apart still agree."""
+"""What effects of one family share: the numbers on which records that cannot distinguish them still agree."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ OFF_SPEED = 0.02
 MOST_HARMONICS = 10
 """Times the frequency of rotation, up to which a line is one of the rotor's surface."""
 NEAR = 12
-"""Lines to each side of a frequency, for each excitation and once more, that a response is told by."""
+"""Lines to each side of a frequency, for each excitation and once more, that give a response."""
 
 
 class Wave(Effect):
@@ -76,7 +76,7 @@ def cosine_and_sine(
 
 
 def _is_apart(frequency: float, record: Record) -> bool:
-    """Whether a frequency is far enough from any excited line to be told beside it."""
+    """Whether a frequency is far enough from any excited line to be distinguished from it."""
     if record.period is None or record.periods < 2:
         return False
     place = frequency / record.sample_rate * record.period

@@ -33,5 +33,5 @@ def to_stepper(model: Model, path: str | Path) -> None:
 
 
 def packed(model: Model) -> bytes:
-    """The content of the file; its layout is told in ``rust/core/src/packed.rs``."""
+    """The content of the file; for its layout see ``rust/core/src/packed.rs``."""
     return model.loop.packed(model.theta, model.names)

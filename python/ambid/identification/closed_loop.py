@@ -137,7 +137,7 @@ def identify(
     weights : str or mapping of str to float
         ``likelihood`` or ``eq9``; or eq. 9 with further factors for the signals ``y`` and ``i_c``, or single channels
         such as ``y.A_zeta``; 0 leaves them out. Where the noise on lines is not known, since the record is too short or
-        holds none, it is eq. 9, and a finding tells it. Eq. 9 is for records in time alone.
+        holds none, it is eq. 9, and a finding states it. Eq. 9 is for records in time alone.
     starts : int
         Number of starts; those after the first are spread by about 30 % around it, and the best end counts.
     seed : int
@@ -267,7 +267,7 @@ def _likeliest(
     max_evaluations: int,
     progress: Callable[[int, float], None] | None,
 ) -> Steps:
-    """The fit that minimises J, in the noise that its own residual tells.
+    """The fit that minimises J, in the noise of its own residual.
 
     It begins as if the values that are known to a tolerance were exact, and goes on with their errors beside the rest.
     """

@@ -2,7 +2,7 @@
 
 The pull of one magnet goes with ((i0 + i)/(s0 - s))^2. Of a pair that pulls against each other the even orders cancel;
 of a single magnet they do not, and a step moves its K_i and K_s by as much, in parts, as it moves the gap. The fit is
-done once more with the law in place of its slopes: how far the parameters move then, and whether J falls, tells.
+done once more with the law in place of its slopes: how far the parameters move then, and whether J falls, decides.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from ambid.record import Record
 __all__ = ["Curvature", "curvature", "with_curvature"]
 
 SEEN = 12.0
-"""Fall of J by which records tell the law from its slopes, with no parameter more. Of two such models that differ by
+"""Fall of J by which records distinguish the law from its slopes, with no parameter more. Of two models that differ by
 the mean lambda, the right one has the larger J by as much as f with a chance that is largest at lambda = f: that of
 sqrt(f) standard deviations, three and a half of them."""
 MATTERS = 0.5
-"""Standard errors by which a parameter must move for it to be told: less widens no interval by more than an eighth."""
+"""Standard errors by which a parameter must move to be reported: less widens no interval by more than an eighth."""
 MOVES = "y moves by {travel:.2g|%} of the gap and i_c by {swing:.2g|%} of the bias, and the force of a single magnet "
 BY_LAW = "by the law {by_law:.4g} instead of {by_slopes:.4g}, and the intervals are widened by the difference"
 SHOWN = Kind(
@@ -71,7 +71,7 @@ class Curvature:
 
     @property
     def is_seen(self) -> bool:
-        """Whether the records tell the law from its slopes."""
+        """Whether the records distinguish the law from its slopes."""
         return self.fall > SEEN
 
     def finding(self) -> Finding:
@@ -143,7 +143,7 @@ def curvature(comparison: Comparison, free: Sequence[int], limits: Limits, covar
 
 
 def _law(comparison: Comparison) -> ForceNonlinearity | None:
-    """The law of a single magnet, if the records tell one from its slopes, and say that one holds the weight."""
+    """The law of a single magnet, if the records distinguish it from its slopes and one carries the weight."""
     model, records = comparison.model, comparison.noise.records
     are_driven = all(isinstance(record, Record) and not record.is_free_response for record in records)
     law = ForceNonlinearity()

@@ -21,7 +21,7 @@ FIRST = 0.1
 """Of the rate at which the rotor falls with the controller off: by about as much are the modes on the magnets moved
 where K_i and K_s are some 10 % off, as nominal ones are."""
 UNFELT = 0.01
-"""Part by which a record fades away at last: a loop that decays slowly is told from one that grows by as little."""
+"""Part by which a record decays in the end: so little distinguishes a loop that decays slowly from one that grows."""
 MOST = 40
 """Evaluations of each of them."""
 CORRECTIONS, BEYOND = 8, 0.1

@@ -2,7 +2,7 @@
 
 K_i and K_s were identified at every point by themselves. A law F(i, g) of current and gap gives all of them at once,
 K_i = dF/di and K_s = -dF/dg, from a few numbers. They are fitted by generalised least squares to the identified values
-in their covariance, which is as good as a fit to the records themselves where these tell the slopes well (minimum
+in their covariance, which is as good as a fit to the records themselves where these determine the slopes well (minimum
 distance, Malinvaud 1970); what is correlated with them moves with them.
 """
 

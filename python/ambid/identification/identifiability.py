@@ -1,6 +1,6 @@
 """Which combinations of parameters the records determine, and which are near the limit of that.
 
-What a transient of noise tells of a loop counts for nothing: poles of noise that goes round it look like those of free
+What a transient of noise shows of a loop counts for nothing: poles of noise that goes round it look like those of free
 motion. So where not all is surely known, it is asked what the excitation alone determines. Free motion that does
 determine a parameter well is not asked about; near that limit, too, it is reported which side of it records are on.
 """
@@ -101,11 +101,11 @@ def weakest(comparison: Comparison, free: Sequence[int]) -> list[dict[str, float
 
 
 def only_frequency(comparison: Comparison, free: Sequence[int]) -> float | None:
-    """The one frequency at which records in time tell all that they tell beside noise [Hz].
+    """The one frequency at which records in time contain all that they contain beside noise [Hz].
 
-    There a loop is two numbers for each channel, whatever is in it, and no effect is told from another. None where the
-    excitation tells more than nothing of a parameter beside such numbers, as `WHOLLY_UNKNOWN` has it, where more than
-    noise is left beside them, such as harmonics, or where nothing drives a record.
+    There a loop is two numbers for each channel, whatever is in it, and effects are not distinguished. None where the
+    excitation determines something of a parameter beside such numbers, by `WHOLLY_UNKNOWN`, where more than noise
+    is left beside them, such as harmonics, or where nothing drives a record.
     """
     parts, records = comparison.noise.in_time, comparison.noise.records
     if len(parts) < len(records) or any(part.record.is_free_response for part in parts):
@@ -165,7 +165,7 @@ def _covariance(hessian: FloatArray) -> FloatArray:
 
 
 def _by_excitation(comparison: Comparison, free: Sequence[int]) -> FloatArray:
-    """J'J of what the excitation alone tells, by the scaled parameters."""
+    """J'J of what the excitation alone determines, by the scaled parameters."""
     parts = zip(*_driven(comparison, free), strict=True)
     slopes = np.vstack([freed(columns, basis) for columns, basis in parts])
     return slopes.T @ slopes

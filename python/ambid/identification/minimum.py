@@ -85,8 +85,8 @@ class WhitenedProblem(LeastSquares):
 def refit(comparison: Comparison, most: int = 40, step: float = EXACTLY) -> Comparison:
     """Minimise J over all parameters of the model; nonlinear effects in such steps that the noise hides what they miss.
 
-    Of several records, each tells the angle that the waves of the model begin it at: what a channel holds of a wave is
-    turned by the loop, otherwise at every speed.
+    Of several records, each determines the angle at which the waves of the model begin it: what a channel contains of a
+    wave is turned by the loop, differently at every speed.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def refit(comparison: Comparison, most: int = 40, step: float = EXACTLY) -> Comp
     most : int
         Evaluations.
     step : float
-        Relative step at which the descent ends; `ROUGHLY` tells rivals from each other.
+        Relative step at which the descent ends; `ROUGHLY` distinguishes rivals.
     """
     fit = _descended(comparison, most, step)
     # so often are the angles of waves asked for anew, at the most, beside the parameters that change them

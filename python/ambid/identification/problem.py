@@ -25,7 +25,7 @@ nothing to be gained where values are known to a tolerance, whose derivatives ma
 
 
 ROUGHLY, NEAR, UPHILL = 1e-4, 0.1, 2
-"""Of a fit that is judged among others: relative step at which it ends, fall of J that tells none apart, and how many
+"""Of a fit that is judged among others: relative step at which it ends, fall of J that distinguishes none, and how many
 steps in a row may lead uphill, each a quarter of the one before."""
 
 
@@ -137,7 +137,7 @@ class LeastSquares(ABC):
     ) -> End:
         """Go downhill from x with SciPy's trust-region method; a step into an unstable loop is rejected.
 
-        To be judged `among_others` J, in units of noise, need be no nearer to its least than tells them apart.
+        To be judged `among_others` J, in units of noise, need be no nearer to its least than distinguishes them.
         """
         self._best, self._gain = (np.inf, x), step**1.5
         self._least, self._most_uphill, self._uphill = (NEAR, UPHILL, 0) if among_others else (self.enough, np.inf, 0)

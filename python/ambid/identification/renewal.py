@@ -30,7 +30,7 @@ def renewed(
 ) -> Generator[Descent, End, Renewed]:
     """The optimum of J near an end, in the noise of its own residual.
 
-    The noise that a model tells depends on the model: with periods through the way that it takes round the loop, and
+    The noise estimated with a model depends on it: with periods through the way that it takes round the loop, and
     through tones; without them altogether. It is taken from the residual again until J does not change by that.
     """
     comparison = Comparison(model.with_theta(best.theta), rough.noise.records, rough.noise).renewed()

@@ -36,7 +36,7 @@ LEAST_SHARE = 0.01
 LEAST_PERCENT = 0.1
 """What is less is printed as less than that."""
 MOVED = 1.5
-"""Standard deviations of its tolerance by which a value of the rig file is moved that is told: one in eight is, by
+"""Standard deviations of its tolerance beyond which a moved value of the rig file is reported: one in eight is, by
 chance."""
 TYPICAL = Kind(
     "typical_tolerances",

@@ -127,7 +127,7 @@ class Trait:
 class Effect(ABC):
     """A physical effect. Subclass it for one of your own; it is then ranked beside those of the catalogue.
 
-    Settings that tell its variants apart, such as a place or a frequency, are the fields of a frozen dataclass: repr,
+    Settings that distinguish its variants, such as a place or a frequency, are the fields of a frozen dataclass: repr,
     equality and what is saved with a model follow from them. An effect without settings may be a plain class.
 
     Attributes

@@ -24,7 +24,7 @@ BATCH = 16
 """Identifications of a task: a second of work or so, to which sending it adds milliseconds. A diagnosis is one."""
 
 MOST_RUNS = 10_000_000
-"""Runs of a plan: their rows are held for what is told of all, a kilobyte or so each."""
+"""Runs of a plan: their rows are kept for what is reported of all, a kilobyte or so each."""
 
 
 def run_monte_carlo(

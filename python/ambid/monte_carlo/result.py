@@ -1,4 +1,4 @@
-"""What many runs tell: bias, spread, coverage and correlation of the parameters, and how often what was named."""
+"""What many runs show: bias, spread, coverage and correlation of the parameters, and how often what was named."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The angle that waves of an effect begin a record at.
 
 An effect counts it from what a channel of the record holds, which is little beside a strong excitation. A record that
-was kept back tells it by all of its lines: the response to a wave turns with it, so that J is nearly a cosine over it,
+was kept back determines it by all lines: the response to a wave turns with it, so that J is nearly a cosine over it,
 and a parabola about its least.
 """
 

@@ -15,7 +15,7 @@ SPREAD = 1.5
 
 With m unexcited lines to each excited one, it is sqrt(1 + 1/m): 1.41 for two periods."""
 RESPONSE_SPREAD = 2.5
-"""The same of a frequency response, whose covariance is told by fewer lines, which neighbouring frequencies share.
+"""The same of a frequency response: its covariance is estimated from fewer lines, shared by neighbouring frequencies.
 
 Of 60 responses made from records, with a right model, J/dof lies on average 1.4 % above 1, and its root mean square
 about 1 is 0.024, of some 21 750 degrees of freedom."""

@@ -254,7 +254,7 @@ NOISE_ARISES = Kind(
 """Rms as recorded, what is heard once round the loop, in the mean over all axes. What may be either is of frequencies
 at which the loop leaves noise as it is. That of i_c where the controller reads it."""
 LEAST = 0.1
-"""Part of the power that may be either, to be told of."""
+"""Part of the power that may be either, to be reported."""
 
 
 def noise_arises(split: Split, points: ComplexArray, axes: int, record: str) -> Finding:

@@ -88,7 +88,7 @@ class Comparison(WithFindings, Tabular):
         return hash((self.model, self._records))
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but what is told again."""
+        """All but what is computed again."""
         return {name: self.__dict__[name] for name in ("model", "_records", "_noise", "_why")}
 
     def of(self, model: Model) -> Comparison:
@@ -99,7 +99,7 @@ class Comparison(WithFindings, Tabular):
         """The same with the angle that waves of effects begin each record at, of records that nothing is fitted to.
 
         An unbalance or a hum is counted from what a channel holds of it, and that may be little beside a strong
-        excitation; here each record tells the angle by all of its lines.
+        excitation; here each record determines the angle by all of its lines.
         """
         if not (self.is_judged and self._has_waves):
             return self
@@ -115,7 +115,7 @@ class Comparison(WithFindings, Tabular):
         return any(effect.quarters(self.model.rig) for effect in self.model.acting)
 
     def renewed(self) -> Comparison:
-        """The same model in the noise that its own residual tells.
+        """The same model in the noise of its own residual.
 
         A nonlinear model whose loop is unstable at rest shapes no noise: there that of the model before stays.
         """

@@ -25,7 +25,7 @@ MATTERS = 1.25
 LEAST_SAMPLES = 500
 """Samples of a half that is judged."""
 JUDGED = 4096
-"""Lines of a half that are judged: they tell the ratio to 5 %."""
+"""Lines of a half that are judged: they give the ratio to 5 %."""
 BESIDE = 3
 """Lines to each side that even out the spectrum, so that no peak speaks for all lines."""
 UNEVEN = Kind(

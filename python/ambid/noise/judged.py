@@ -111,7 +111,7 @@ class JudgedLines:
         return self._some(self.window.excited_lines(signal), lambda index: self.window.single_lines(signal, index))
 
     def _some(self, excited: ComplexArray, single: Callable[[NDArray[np.intp]], ComplexArray]) -> ComplexArray:
-        """Those that are judged of the excited lines, and of others, which are told one by one."""
+        """Those that are judged of the excited lines, and of others, which are given one by one."""
         lines = np.concatenate([excited, single(self.more)]) if len(self.more) else excited
         return np.ascontiguousarray(lines[:: self._every])
 

@@ -26,7 +26,7 @@ DEGREE = 2
 ENOUGH = 3
 """Free lines in a regression, per channel: with fewer S is known too badly for J to be 1 when the model is right."""
 MOST_TAKEN = 0.95
-"""Part of a line's noise that a regression may take, at the most, for the rest to tell its power."""
+"""Part of a line's noise that a regression may take, at the most, for the rest to determine its power."""
 FEW = 4000
 """Lines up to which regressions are wide beside the colour of the noise, and are weighted by it."""
 NARROWEST, WIDEST = 8, 40

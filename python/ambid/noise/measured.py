@@ -37,7 +37,7 @@ class Measured:
         self.folded: Folded = {}  # what was simulated of it
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but what was simulated by compiled loops, and what is told again."""
+        """All but what was simulated by compiled loops, and what is computed again."""
         return {"record": self.record, "window": self.window, "channels": self.channels, "folded": {}}
 
     @cached_property
@@ -67,7 +67,7 @@ class Measured:
             quiet = self.quiet[settled.between(1)]
             power = np.median(np.abs(quiet) ** 2, axis=0) / np.log(2.0)
         else:
-            power = np.full(self.channels, np.inf)  # then what is left of excited lines tells all of it
+            power = np.full(self.channels, np.inf)  # then the residual of excited lines gives all of it
         columns = (column for part in self.record.parts for column in part.T)
         own = [repeated_rounding(x, float(noise)) for x, noise in zip(columns, power, strict=True)]
         return self.window.periods * np.array(own)

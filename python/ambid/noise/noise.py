@@ -222,7 +222,7 @@ class Noise:
         """
         place = self._place(model)
         key: tuple[object, tuple[int, ...], bool] = (place, tuple(free), roughly)
-        if not free:  # J alone, which any of them tells
+        if not free:  # J alone, which any of them gives
             key = next((known for known in reversed(self._known) if known[0] == place), key)
         if key not in self._known:
             self._keep(key, self._quadratic(model, free, near, roughly))

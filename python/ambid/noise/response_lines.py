@@ -41,7 +41,7 @@ class ResponseLines:
     ----------
     response : FrequencyResponse
     model : Model
-        Its residual tells how much the errors of pairs are one, where their covariance is not known.
+        Its residual shows how much the errors of pairs are one, where their covariance is not known.
 
     Attributes
     ----------

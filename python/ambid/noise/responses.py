@@ -138,7 +138,7 @@ def _modelled(model: Model, own: RecordComparison, measured: FrequencyResponse) 
     if not here.is_linear and isinstance(own.record, Record):
         response = _of_signals(own.record, np.asarray(own.simulated, dtype=np.float64))
         return Modelled(name, response, f, response)
-    # frequencies at which a linear model is told beside the measured ones: its modes show between them
+    # frequencies at which a linear model is shown beside the measured ones: its modes appear between them
     dense = np.union1d(f, np.geomspace(f[0], f[-1], 800))
     nothing = np.zeros((len(dense), len(measured.outputs), len(measured.inputs)), dtype=complex)
     asked = replace(measured, frequency_hz=dense, response=nothing, std=nothing.real + 1.0, covariance=None)
@@ -147,5 +147,5 @@ def _modelled(model: Model, own: RecordComparison, measured: FrequencyResponse) 
 
 
 def _of_signals(record: Record, simulated: FloatArray) -> ComplexArray:
-    """What a record with these outputs would tell, at the same frequencies."""
+    """What a record with these outputs would show, at the same frequencies."""
     return record.with_outputs(simulated).frequency_response().response

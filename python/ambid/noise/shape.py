@@ -20,7 +20,7 @@ def heard(base: Model, channels: int) -> int:
 
 
 class Shape(Protocol):
-    """What is known of noise over frequency, but for what the lines around tell.
+    """What is known of noise over frequency, but for what the lines around show.
 
     Attributes
     ----------

@@ -36,7 +36,7 @@ class NoisyLines(JudgedLines):
     tones : sequence of Tone
         The lines around them, and around the frequencies of effects in the model, are judged beside the excited ones.
     rough : bool
-        Few lines, the noise of one channel not told from another's: good enough to come near an optimum.
+        Few lines, the noise of one channel not separated from another's: good enough to come near an optimum.
     angles : mapping of str to float
         By which waves of effects, by name, are turned in this record [rad].
     unexcited : Unexcited, optional

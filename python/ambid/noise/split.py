@@ -9,7 +9,7 @@ curve over the logarithm of frequency: cubic splines, whose coefficients make th
 Fisher's scoring. With h_c the columns of H = [G, 1] and P_c the powers, the score of log P_c on a line z is
 P_c (|h_c^H S^-1 z|^2 - h_c^H S^-1 h_c), the information of two of them P_c P_d |h_c^H S^-1 h_d|^2. Second differences
 of the coefficients cost a little, and so does the way from the start: of a power far below what stands beside it the
-lines tell nothing.
+lines show nothing.
 
 A line that noise makes once in ten thousand times or less counts for less, q = z^H S^-1 z being replaced by
 c (1 + log(q / c)) beyond c: what a model misses beside a tone is no noise.
@@ -39,10 +39,9 @@ FITTED = 1000
 LOWEST = 12
 """Unexcited lines up to the frequency below which knots no longer lie evenly over its logarithm, one an octave."""
 ROUGHLY = 400
-"""Lines that tell roughly where noise arises."""
+"""Lines that show roughly where noise arises."""
 TOLD = 0.7
-"""Standard deviation of the logarithm of the ratio of two powers below which they are told from each other: a factor of
-two."""
+"""Standard deviation of the log of the ratio of two powers below which they are distinguished: a factor of two."""
 STIFFNESS, HOLD = 0.3, 1e-3
 """What a second difference of coefficients costs, and the square of the way from the start."""
 STEPS, LARGEST, CLOSE = 25, 3.0, 0.1
@@ -144,7 +143,7 @@ class SplitNoise:
         """Where noise of which half is heard would be known to be so, shape (frequencies, heard).
 
         By the information that as many lines as were fitted to would have on the ratio of the halves. Where the loop
-        does nothing to what is heard, no line tells.
+        does nothing to what is heard, no line shows it.
         """
         few, channels = _thinned(len(angle), ROUGHLY), range(self.heard)
         at, own = angle[few], way[few]

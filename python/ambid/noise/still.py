@@ -20,9 +20,9 @@ from ambid.noise.lines import RecordLines
 __all__ = ["LOUDER", "motion_left"]
 
 PARTS = 40
-"""Stretches of a record that are held against each other: short beside the time between steps, and enough to tell how
+"""Stretches of a record that are compared: short beside the time between steps, and enough to show how
 much noise changes from one to the next. Where too few of them stand still, as between many steps, there are twice as
-many, or four times, and so on; how noise changes is told by as many of them together as fill one of these."""
+many, or four times, and so on; how noise changes is estimated from as many together as fill one of these."""
 LEAST_SAMPLES = 16
 """Samples of a stretch that is judged."""
 BAND = 0.8
@@ -45,7 +45,7 @@ def motion_left(part: RecordLines, here: Model) -> Criterion | None:
     """Hold what is left of a record without periods, where it moves, against what is left where it stands still.
 
     In the band where the machine moves, the mean power of the whitened residual over the stretches that move, over that
-    of those that stand still, is held against F. What a stretch has of degrees of freedom is told by the scatter of
+    of those that stand still, is compared with F. The degrees of freedom of a stretch are estimated from the scatter of
     those that stand still, 2 mean^2/variance: noise may change on the way.
 
     Parameters
@@ -57,7 +57,7 @@ def motion_left(part: RecordLines, here: Model) -> Criterion | None:
     Returns
     -------
     Criterion or None
-        None where the record moves all along, or it is too short or too long to tell.
+        None where the record moves all along, or it is too short or too long to show it.
     """
     response, index = part.simulated(undisturbed(here)), part.index  # a hum never stands still
     left, whitening, samples = part.residual_lines(here), part.spectrum.whitening, len(response)

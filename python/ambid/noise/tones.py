@@ -37,7 +37,7 @@ frequency that is known, such as the speed, it is asked where nothing else confi
 SCREENED = 30.0
 """Power of a line as recorded over the mean of those beside it, below which no line is looked at but the suspects."""
 AROUND = 40
-"""Lines to each side of a suspected frequency that tell what is usual there."""
+"""Lines to each side of a suspected frequency that show what is usual there."""
 MAINS = (50.0, 60.0, 100.0, 120.0)
 """Frequencies of the mains and their first harmonics, which are suspected [Hz]."""
 NEIGHBOURS = 10
@@ -49,9 +49,9 @@ BARELY = 0.05
 BLURRED = 3
 """Lines to each side that hold some of a wave, under a Hann window."""
 CYCLES = 2 * NEAR
-"""In a record without periods, below which only what is suspected is told: around fewer, lines are not alike."""
+"""In a record without periods, below which only what is suspected is reported: around fewer, lines are not alike."""
 MOST = 8
-"""Tones that are told of a record."""
+"""Tones that are reported of a record."""
 
 
 def find_tones(model: Model, part: RecordLines) -> tuple[Tone, ...]:
@@ -101,7 +101,7 @@ def _suspects(here: Model, per_line: float, rate: float) -> list[float]:
 
 
 def misses_tone(model: Model, part: RecordLines) -> bool:
-    """Whether a model leaves a tone on an excited line that is none of those told; of one far off it is not alone."""
+    """Whether a model leaves a tone on an excited line beside those reported; of one far off it is not alone."""
     if not part.window.is_periodic:
         present = [tone.frequency_hz for tone in part.tones]
         per_line = part.record.sample_rate / part.window.samples
@@ -116,8 +116,8 @@ def confirmed(model: Model, part: RecordLines) -> tuple[Tone, ...]:
     """The tones of a record's lines that stand out of the noise which is left without them.
 
     Under a peak of noise a single line may be as loud beside its neighbours; without it the peak is still there. Of a
-    tone next to an excited line, little is left between: there that line tells. Without periods, the noise beside a
-    model that misses much holds what is missed: there tones are told where they are most of it.
+    tone next to an excited line, little is left between: there that line decides. Without periods, the noise beside a
+    model that misses much contains what it misses: there tones are reported where they are most of it.
     """
     window = part.window.settled
     per_line = part.record.sample_rate / window.samples
@@ -184,7 +184,7 @@ def _on_excited_lines(here: Model, part: RecordLines, found: Sequence[Tone]) -> 
 def _without_periods(here: Model, part: RecordLines, suspects: Sequence[float]) -> tuple[Tone, ...]:
     """Lines that a model misses, and that are not excited so; of what is suspected, what stands out less.
 
-    What is not suspected must make many cycles; the speed is always told.
+    What is not suspected must make many cycles; the speed is always reported.
     """
     window, per_line = part.window, part.record.sample_rate / part.window.samples
     drive = _hann_of(part.drive, part.index).sum(axis=1)
@@ -233,7 +233,7 @@ def _loudest(
 def _relative(here: Model, part: RecordLines, present: Sequence[Tone]) -> FloatArray:
     """Power that a model leaves on lines of a record without periods over that beside them, shape (lines, p).
 
-    As it was recorded: the noise of such a record is told by what is left, tones included.
+    As it was recorded: the noise of such a record is estimated from the residual, tones included.
     """
     per_line = part.record.sample_rate / part.window.samples
     power = _hann_of(part.residual_lines(here), part.index)

@@ -70,7 +70,7 @@ def lines_beside_poles(here: Model, window: Window, sample_rate: float, but: Seq
     sample_rate : float
         [Hz].
     but : sequence of Tone
-        Lines next to them tell nothing else.
+        Lines next to them show nothing else.
     """
     if not window.is_periodic or isinstance(window, DampedWindow):
         return np.zeros(0, dtype=np.intp)
@@ -80,7 +80,7 @@ def lines_beside_poles(here: Model, window: Window, sample_rate: float, but: Seq
     for pole in here.loop.core.poles(here.theta):
         half = WIDTHS * abs(pole.real) / line
         if abs(pole.real) < window.periods * line:
-            # half of the lines about a pole; what is wider than they reach is told by the excited ones
+            # half of the lines about a pole; what is wider than they reach is determined by the excited ones
             reach = int(np.ceil(np.clip(half, 1.0, 12.0)))
             centre = int(round(abs(pole.imag) / line))
             found.update(range(centre - reach, centre + reach + 1))

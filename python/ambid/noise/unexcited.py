@@ -32,14 +32,14 @@ LEFT = 0.2
 ENOUGH = 2000
 """Unexcited lines that determine a transient well enough to take it out of the noise."""
 SEVERAL, AROUND = 4, 60
-"""Lines between two excited ones, and excited ones to each side, that tell the noise in the measurement of i_e; no loop
+"""Lines between two excited ones, and excited ones to each side, that give the noise in the measurement of i_e; no loop
 shapes it."""
 SHAPED = 3000
-"""Unexcited lines that tell the shape of the noise."""
+"""Unexcited lines that determine the shape of the noise."""
 
 
 class _Told(NamedTuple):
-    """Some lines behind a shape, what took them there, and how they tell the noise between them."""
+    """Some lines behind a shape, what took them there, and how they give the noise between them."""
 
     back: ComplexArray
     left: ComplexArray
@@ -89,7 +89,7 @@ class Unexcited:
         return self.shape.back(points)
 
     def around(self, tones: Sequence[Tone] = ()) -> Around:
-        """How the lines without tones tell the noise between them."""
+        """How the lines without tones give the noise between them."""
         return self._told(self._between(), tones).around
 
     def with_likeliest_shape(self, tones: Sequence[Tone] = ()) -> tuple[Unexcited, Split | None]:
@@ -118,7 +118,7 @@ class Unexcited:
         return self.window.between(self.gap)
 
     def _told(self, index: NDArray[np.intp], tones: Sequence[Tone]) -> _Told:
-        """What some of the lines tell; of few, that tell the noise and its shape, it is kept until asked for again."""
+        """What some of the lines show; of few, that give the noise and its shape, it is kept until asked for again."""
         key = tuple(tones)
         is_kept = len(index) < SHAPED and len(index) == len(self._between())
         if is_kept and key in self._kept:
@@ -136,12 +136,12 @@ class Unexcited:
         angle, way = np.angle(points), loop_noise(self.base, points, p)
         own = way[:, :, : heard(self.base, p)]
         rough = SplitNoise(_core.through(way, behind), own, angle, ROUGHLY).whitening(own, angle)
-        left = self._left(index, tones, rough, is_heard=self.is_heard)  # less the transient that such noise tells
+        left = self._left(index, tones, rough, is_heard=self.is_heard)  # less the transient estimated in such noise
         return Split(self.base, p, SplitNoise(_core.through(_core.inverses(rough), left), own, angle))
 
     @property
     def gap(self) -> int:
-        """Lines between two excited ones that tell the noise."""
+        """Lines between two excited ones that give the noise."""
         return max(2, -(-PER_CHANNEL * self.measured.channels // (2 * HALF_WIDTH)))
 
     @cached_property

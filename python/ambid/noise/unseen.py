@@ -41,9 +41,9 @@ OVER_CEILING = Kind(
 def power_left(part: RecordLines, here: Model) -> Criterion:
     """The channel of a record without periods that is left with most beyond its noise.
 
-    The sum of the powers of all lines is held against that of the noise there, which is about chi-squared with
-    2 (sum P)^2 / sum P^2 degrees of freedom (Welch and Satterthwaite). Lines of tones are left out, which are told by
-    themselves.
+    The sum of the powers of all lines is compared with that of the noise there, which is about chi-squared with
+    2 (sum P)^2 / sum P^2 degrees of freedom (Welch and Satterthwaite). Lines of tones are excluded: they are reported
+    by themselves.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def power_left(part: RecordLines, here: Model) -> Criterion:
 
 
 def shape_left(part: RecordLines, model: Model, least: float = 0.0) -> Criterion | None:
-    """The nonlinear shape that a model leaves of a record most surely; None where it cannot be told.
+    """The nonlinear shape that a model leaves of a record most surely; None where it cannot be determined.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ __all__ = ["NEAR", "OUTSTANDING", "refined_places", "waves_between"]
 OUTSTANDING = 70.0
 """Power of a tone over that around it; noise alone reaches 40 in a few of a hundred records of 60 000 lines."""
 NEAR = 15
-"""Lines to each side of a wave that tell its amplitude and its frequency."""
+"""Lines to each side of a wave that determine its amplitude and its frequency."""
 
 
 def refined_places(quiet: ComplexArray, window: Window, places: Sequence[float]) -> list[float]:

@@ -47,7 +47,7 @@ WIDEST = 60
 PER_CHANNEL = 10
 """Unexcited lines per channel that a spectrum of all channels needs, for a spread of 10/9 over exact whitening."""
 TRIED = 9
-"""One of so many unexcited lines tells whether noise is that smooth."""
+"""One of so many unexcited lines shows whether noise is that smooth."""
 SILENT = (
     "a record holds no noise on some channel, so that there is no misfit in units of it; if it was simulated, add "
     "noise as `virtual_experiment` does"
@@ -82,7 +82,7 @@ class Spectrum:
     def of(
         cls, covariance: ComplexArray, back: ComplexArray, spread: FloatArray, raised: FloatArray | None = None
     ) -> Spectrum:
-        """From the covariance of the lines that `back` has been applied to; it is raised by its spread, unless told.
+        """From the covariance of the lines that `back` has been applied to; it is raised by its spread, unless given.
 
         Raises
         ------
@@ -153,7 +153,7 @@ def likelier_shape(fits: Sequence[Around], backs: Sequence[ComplexArray], number
 
 
 def around(quiet: ComplexArray, at: FloatArray) -> Around:
-    """The likeliest way to tell a line's noise by those around it, see `between_lines`."""
+    """The likeliest way to estimate a line's noise from those around it, see `between_lines`."""
     p = quiet.shape[1]
     if len(quiet) <= 2 * p:
         raise RecordError(
@@ -195,7 +195,7 @@ def around(quiet: ComplexArray, at: FloatArray) -> Around:
 
 @dataclass(frozen=True)
 class _Way:
-    """How far the lines may be that tell the noise at a place, in excited lines, and what they tell of it."""
+    """How far the lines may be that give the noise at a place, in excited lines, and what they show of it."""
 
     least: float
     most: float
@@ -282,7 +282,7 @@ class _Lines:
 
 @dataclass(frozen=True)
 class Around:
-    """How lines tell the noise between them, with the envelope that was taken out of them, if any."""
+    """How lines give the noise between them, with the envelope that was taken out of them, if any."""
 
     lines: _Lines
     way: _Way

@@ -177,7 +177,7 @@ def _of_runs(runs: Sequence[Runs], method: str, name: str) -> ParameterEstimate 
 
 
 def _single(campaign: Campaign, name: str, axis: str, method: str) -> Iterator[tuple[float, list[float]]]:
-    """Bias current, and what each run by itself told."""
+    """Bias current, and the estimate of each run by itself."""
     for point in campaign.points:
         for runs in point.runs:
             if runs.kind == method:

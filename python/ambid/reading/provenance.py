@@ -1,4 +1,4 @@
-"""The bytes that something was read from, told by their hash: what becomes of the file afterwards does not matter."""
+"""The bytes that something was read from, identified by their hash: later changes of the file do not matter."""
 
 from __future__ import annotations
 

@@ -156,7 +156,7 @@ class ChannelMap:
         Raises
         ------
         RecordError
-            If a column is missing or holds no numbers, the lengths differ, or nothing tells the sample rate.
+            If a column is missing or holds no numbers, the lengths differ, or nothing gives the sample rate.
         """
         if not self._sources:
             first = next(iter(self._columns))

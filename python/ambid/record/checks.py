@@ -56,7 +56,7 @@ COMMAND_CLIPPED = Kind(
 )
 
 SMALLEST_CHANGE = 1e-20
-"""Metres, or ampere, that a channel must change by: no sensor tells less, and its square loses its digits."""
+"""Metres, or ampere, that a channel must change by: no sensor resolves less, and its square loses its digits."""
 LARGEST_VALUE = 1e100
 """In any unit: the squares of larger ones, summed over a record, come near the end of floating point."""
 MIN_SAMPLES = 3
@@ -66,7 +66,7 @@ LARGEST_CURRENT_RMS = 100.0
 BIASES_OF_CURRENT = 20.0
 """Where the bias currents are known, an rms of more than so many of them is needed, too, to look like mA."""
 GAPS_OF_TRAVEL = 10.0
-"""Air gaps beyond which |y| looks like mm; from one on it is told."""
+"""Air gaps beyond which |y| looks like mm; from one on it is reported."""
 FROM_ELSEWHERE = 0.9
 """Air gaps from which on a mean is no displacement from their middle, but an absolute gap: no rotor stands so far."""
 ALLOWED = ("travel", "current")

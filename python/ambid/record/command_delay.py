@@ -48,7 +48,7 @@ class CommandDelay(NamedTuple):
 
     @classmethod
     def of(cls, delay_samples: float, by_law: bool | None, by_current: float | None) -> CommandDelay:
-        """Both judgements together: the law tells where the command stands, i_c whether a delay follows it."""
+        """Both judgements together: the law shows where the command stands, i_c whether a delay follows it."""
         whole, ratio = int(delay_samples), by_current or 0.0
         if by_law is False or (by_law is None and ratio < SURE):
             return cls(whole)

@@ -40,7 +40,7 @@ LONGEST_LINE = 1 << 20
 COMMENTS = ("#", "%", "!", "sep=")
 """What lines above the header begin with that are none of the table; the last one is of spreadsheets."""
 HEAD = 1 << 16
-"""Bytes that tell the encoding of a file."""
+"""Bytes that determine the encoding of a file."""
 WINDOWS = "cp1252"
 UNIT = re.compile(r"[\[(]?[A-Za-zµμΩ°%][\w/*^·.µμΩ° -]{0,11}[\])]?")
 """What a cell of a line of units looks like."""
@@ -50,7 +50,7 @@ UNIT = re.compile(r"[\[(]?[A-Za-zµμΩ°%][\w/*^·.µμΩ° -]{0,11}[\])]?")
 class _Sheet:
     """Names of the columns, the lines below them, and what was noticed.
 
-    The separator is None where white space parts the cells; `ends_empty` tells of rows that end with a separator.
+    The separator is None where white space parts the cells; `ends_empty` where rows end with a separator.
     """
 
     names: list[str]
@@ -213,7 +213,7 @@ def _encoding(path: Path) -> str:
 
 def _without_words(path: Path) -> tuple[_Sheet, dict[str, FloatArray | NotNumbers]]:
     """Read a table some of whose cells are no numbers: their columns have no values."""
-    with suppress(ValueError):  # most have them in every row, so that the first one tells
+    with suppress(ValueError):  # most have them in every row, so that the first one shows them
         return _without(path, _words(path, 1))
     try:
         return _without(path, _words(path, None))

@@ -209,7 +209,7 @@ def _with_reference(where: str, rig: Rig | None, logged: Signals) -> tuple[Signa
 
 
 def _stands(logged: Signals) -> bool:
-    """Whether there is a reference that does not move, and only a current tells whether anything drives the loop."""
+    """Whether there is a reference that does not move, and only a current shows whether anything drives the loop."""
     return "r" in logged and "i_ref" not in logged and not _moves(logged["r"])
 
 

@@ -1,4 +1,4 @@
-"""What the states of a controller held when a record began: its free response, told apart from an excitation."""
+"""What the states of a controller held when a record began: its free response, separated from an excitation."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ VALUES_MISSING = Kind(
 LARGEST_TRAVEL = 1e3
 """Air gaps that the bias current of a bearing may move y by, by the response; a weakly damped mode moves some ten."""
 FEWEST = 3
-"""Frequencies of a response: each is held against both of its neighbours, which tells how much errors go together."""
+"""Frequencies of a response: each is compared with both of its neighbours, which shows how much errors go together."""
 TOGETHER = 1024
 """Frequencies whose covariances are looked at together: of 32 pairs they are 16 MB."""
 

@@ -200,7 +200,7 @@ class FrequencyResponse(ByValue, WithFindings):
             how far the response is from a smooth curve through its neighbours.
         coherence : array_like, shape (F, outputs, inputs), optional
         averages : float, optional
-            That the coherence is from; without it the scatter about a smooth curve tells how many.
+            That the coherence is from; without it the scatter about a smooth curve gives how many.
         spread : float, optional
             As the attribute, of a covariance that is given; 1 without it.
         rig : Rig, optional

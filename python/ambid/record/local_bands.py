@@ -1,10 +1,10 @@
 """Polynomials over neighbouring lines, of all bands of a record: what the response and the transient are in each.
 
 Most bands are plain polynomials, which are fitted many at a time; those beside a mode have poles, and are refined one
-by one. Columns are told apart by orthogonal bases; where they cannot be, by the pseudo-inverse.
+by one. Columns are separated by orthogonal bases; where they cannot be, by the pseudo-inverse.
 
 Towards zero a loop has more poles than that within a band. But its response at -f is the conjugate of that at f: the
-lowest band is taken with its mirror image, so that as many lines tell a polynomial of twice the degree over one that
+lowest band is taken with its mirror image, so that as many lines give a polynomial of twice the degree over one that
 has the poles of three modes, or of integrators.
 """
 
@@ -54,13 +54,13 @@ SHARPER = 50.0
 """Fall of the whitened sum of squares from which on a band takes such a polynomial: where there is nothing but noise
 two poles are free to be anywhere, and bring that much in one of a hundred bands."""
 FREE = 10
-"""Lines of a band beyond the numbers that are fitted to them: so many degrees of freedom tell its noise."""
+"""Lines of a band beyond the numbers that are fitted to them: so many degrees of freedom determine its noise."""
 NODES = np.polynomial.legendre.leggauss(DEGREE + 1)[0]
 """Gauss's points, in half widths of a band."""
 MIRRORED = np.polynomial.legendre.leggauss(2 * (DEGREE + 1))[0][DEGREE + 1 :]
 """Those of a band and its mirror image, in widths of the band from zero."""
 APART = 1e-6
-"""Part of a column, of length 1, that must be at right angles to those before it for a basis to tell them apart."""
+"""Part of a column, of length 1, that must be at right angles to those before it for a basis to separate them."""
 LEAST = 1e-8
 """Singular value of such columns, over the largest, below which they are taken to be alike."""
 TOGETHER = 1 << 18
@@ -111,7 +111,7 @@ def fitted_bands(u: ComplexArray, z: ComplexArray) -> Bands:
 
 
 def lowest_band(u: ComplexArray, z: ComplexArray) -> Bands:
-    """The band next to zero, whose lines tell half as much each with their mirror images.
+    """The band next to zero, whose lines count half as much each with their mirror images.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def lowest_nodes(count: int) -> NDArray[np.intp]:
 
 
 def _fitted(u: ComplexArray, z: ComplexArray, x: FloatArray, at: FloatArray, form: Form) -> Bands:
-    """Bands that are fitted at a time, with lines at x, and told at `at`."""
+    """Bands that are fitted at a time, with lines at x, and given at `at`."""
     bands, lines, inputs = u.shape
     driving: ComplexArray = np.concatenate([u, np.ones((bands, lines, 1))], axis=2)
     table = np.asarray(driving[..., None] * _powers(x, form.degree)[:, None, :]).reshape(bands, lines, -1)
@@ -164,7 +164,7 @@ def _least_squares(
 ) -> tuple[ComplexArray, ComplexArray, ComplexArray, NDArray[np.intp]]:
     """Numbers, what makes them of z, a basis of all that is at right angles to the columns, and where these are alike.
 
-    Where columns are alike, the basis lacks what only seems to be told by them.
+    Where columns are alike, the basis lacks what only seems to be determined by them.
     """
     columns = table.shape[2]
     size = np.linalg.norm(table, axis=1)
@@ -198,7 +198,7 @@ def _common_poles(across: ComplexArray, z: ComplexArray, x: FloatArray, order: i
 
     Found by linear least squares, again and again, each time weighted by the polynomial found before (Sanathanan and
     Koerner, IEEE Trans. Autom. Control 8 (1963) 56). Columns that are divided by a polynomial are at right angles to
-    what was so before, times its conjugate: a few directions, `across`, in which all is told.
+    what was so before, times its conjugate: a few directions, `across`, that contain all of it.
     """
     bands, lines, channels = z.shape
     powers = _powers(x, order)

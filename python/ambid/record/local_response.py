@@ -5,12 +5,12 @@ On the lines l of the discrete Fourier transform of a stretch of a record,
     Z(l) = H(l) U(l) + T(l) + noise,
 
 the response H and the transient T are smooth over frequency, while the excitations U of several axes, of different
-sequences, are not: over a few neighbouring lines both are polynomials of degree three, which least squares tell apart
+sequences, are not: over a few neighbouring lines both are polynomials of degree three, which least squares separate
 (Pintelon and Schoukens, System Identification: A Frequency Domain Approach, 2nd ed., chapter 7). Near a pole they are
 such polynomials over another one, which all of them share, since they have the poles of one loop (McKelvey and Guerin,
 16th IFAC Symposium on System Identification, 2012); its errors are in the covariance. Bands do not overlap.
-In each H is told at the lines next to the four points of Gauss's quadrature, where the errors of a cubic are
-independent of each other if the lines are excited alike: so what the band tells of H is told, and nothing twice.
+In each H is given at the lines next to the four points of Gauss's quadrature, where the errors of a cubic are
+independent of each other if the lines are excited alike: so all that the band shows of H is given, and nothing twice.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ in 1e13 has as much."""
 
 
 class LocalResponse(NamedTuple):
-    """What local polynomials tell.
+    """The estimates of local polynomials.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ def local_response(
     Raises
     ------
     RecordError
-        If there are too few lines, or too few in every band are excited: what unexcited ones would tell is left out.
+        If there are too few lines, or too few in every band are excited: what unexcited ones would show is left out.
     """
     power = np.var(drives, axis=0)
     # power of an axis over that of the loudest below which it is not excited
@@ -208,7 +208,7 @@ def noise_of(groups: Sequence[Bands]) -> tuple[ComplexArray, FloatArray]:
 
 
 def _is_known(moving: NDArray[np.bool_], at: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Which points of bands (bands, lines, axes) tell of H: each axis moves lines enough, and on both sides."""
+    """Which points of bands (bands, lines, axes) determine H: each axis moves lines enough, and on both sides."""
     below, above = (np.logical_or.accumulate(own, axis=1) for own in (moving, moving[:, ::-1]))
     between = (below & above[:, ::-1])[:, at]
     enough = moving.sum(axis=1)[:, None] > DEGREE

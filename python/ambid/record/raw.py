@@ -23,7 +23,7 @@ OF_AXES = tuple(f"{signal}." for signal in SIGNALS)
 """What the names of columns begin with."""
 OF_FURTHER = tuple(f"{signal}." for signal in FURTHER)
 AT_SENSORS = {name for name in FURTHER if "axis" not in SIGNALS[name].at}
-"""Signals of sensors of their own, which tell the motion where y was not recorded."""
+"""Signals of sensors of their own, which show the motion where y was not recorded."""
 APART = "further"
 """Structure of a .mat file that holds single channels, such as ``further.a.drive_end``."""
 NAMES = "rename them, or give a map of them: t=COLUMN, y.A_zeta=COLUMN:FACTOR, ..."

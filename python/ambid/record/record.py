@@ -277,7 +277,7 @@ class Record(ByValue, WithFindings):
 
     @property
     def is_free_response(self) -> bool:
-        """Whether nothing drives it: all that it tells is how it comes to rest."""
+        """Whether nothing drives it: all that it shows is how it comes to rest."""
         return not self._driving
 
     @property

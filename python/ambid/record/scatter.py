@@ -59,7 +59,7 @@ def std_of(
     Raises
     ------
     RecordError
-        If a std is not positive, is given for a part of a pair, or cannot be told from so few frequencies.
+        If a std is not positive, is given for a part of a pair, or cannot be estimated from so few frequencies.
     """
     shape = response.shape
     h, given, shared = (table.reshape(len(response), -1) for table in (response, std, coherence))

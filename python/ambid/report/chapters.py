@@ -1,4 +1,4 @@
-"""The story of a diagnosis, chapter by chapter, as the page tells it."""
+"""The story of a diagnosis, chapter by chapter, as the page shows it."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def _fits(diagnosis: Diagnosis, first: Step, last: Step) -> list[dict[str, Any]]
 
 
 def _choices(names: list[str], history: Sequence[Step], rig: Rig) -> list[dict[str, Any]]:
-    """What stands to choose from where effects cannot be told apart; values are those of the first ranking."""
+    """The choices where effects cannot be distinguished; values are those of the first ranking."""
     ranked: dict[str, Effect] = {c.effect.name: c.effect for step in history for c in step.ranking.candidates}
     first, found = history[0].ranking, []
     for name in names:

@@ -1,4 +1,4 @@
-"""How far the last model stands from instability, as the page tells it."""
+"""How far the last model is from instability, as the page shows it."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from ambid.robustness import Margin, Margins, margins, pole_map
 from ambid.robustness.result import tolerated
 
 DRAWS = 200
-"""Of the parameters: they tell a probability to 4 % (one standard error), in less time than a diagnosis takes."""
+"""Of the parameters: they give a probability to 4 % (one standard error), in less time than a diagnosis takes."""
 
 
 def standing(model: Model, base: Model | None) -> dict[str, Any]:
     """Margins of a model with their zones, and its poles beside those of the base model."""
     try:
         found = margins(model, draws=DRAWS)
-    except AmbidError as error:  # unstable at its values, or a covariance that tells nothing
+    except AmbidError as error:  # unstable at its values, or a covariance that determines nothing
         return {"why_not": str(error)}
     rows = [
         _row(own.axis, own.sensitivity, own.disk, own.zone, own.zone_probability.get(own.zone)) for own in found.axes

@@ -98,7 +98,7 @@ def values(start: Mapping[str, float], units: Mapping[str, str]) -> str:
 
 @dataclass(frozen=True)
 class Row:
-    """A parameter, or a setting of an effect, as texts, in one unit and with as many decimals as its interval tells.
+    """A parameter, or a setting of an effect, as texts, in one unit and with as many decimals as its interval allows.
 
     Attributes
     ----------

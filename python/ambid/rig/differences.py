@@ -9,7 +9,7 @@ from ambid.rig.rig import Rig
 __all__ = ["differences"]
 
 LONGEST_VALUE = 40
-"""Characters of a value that are told."""
+"""Characters of a value that are shown."""
 MISSING = "nothing"
 
 

@@ -1,4 +1,4 @@
-"""What the models of the rig file share: ranges in SI units, and problems told in the words of the file."""
+"""What the models of the rig file share: ranges in SI units, and problems in the words of the file."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -133,7 +133,7 @@ def refuse(*problems: InitErrorDetails) -> None:
 
 
 class Spec(BaseModel):
-    """Base of every table of the rig file: frozen, without unknown keys, problems told in the file's words.
+    """Base of every table of the rig file: frozen, without unknown keys, problems in the file's words.
 
     Raises
     ------

@@ -135,7 +135,7 @@ class Bearing(Spec):
     def _stiffness_fits_the_magnet(self) -> "Bearing":
         """K_s s0 / (K_i i0) is 1 for a differential pair of magnets; where a unit mends it, that is wrong.
 
-        A drive without a bias has next to no K_s; `check` tells what is far from a magnet's.
+        A drive without a bias has next to no K_s; `check` reports what is far from a magnet's.
         """
         for k_i, k_s in zip(self.force_current, self.force_displacement, strict=True):
             ideal = k_i * self.bias_current / self.air_gap

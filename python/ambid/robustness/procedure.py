@@ -17,7 +17,7 @@ from ambid.robustness.uncertainty import COVERED, Draws, Uncertainty, drawn, is_
 from ambid.threads import with_one_blas_thread
 
 DRAWS = 500
-"""Draws of the parameters: they tell a probability to 2 % (one standard error), which no zone asks more of."""
+"""Draws of the parameters: they give a probability to 2 % (one standard error), which no zone asks more of."""
 FEWEST_DRAWS, MOST_DRAWS = 40, 100_000
 """Below, a 95 % interval has no draw beyond its ends; above, the curves of four axes fill a small computer's memory."""
 APART = 0.25

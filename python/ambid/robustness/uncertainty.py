@@ -19,7 +19,7 @@ COVERED = 0.95
 ROUNDS = 3
 """Of the search for the peaks of a draw, which finds them to 1e-5."""
 FEWEST_ALLOWED = 0.5
-"""Part of the draws that must be what physics allows: else the covariance tells nothing of the parameters."""
+"""Part of the draws that must be what physics allows: else the covariance does not describe the parameters."""
 STEPS = 12
 """Of the way to the worst of the ellipsoid, which ends before where nothing more is won."""
 

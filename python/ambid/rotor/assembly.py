@@ -268,7 +268,7 @@ def lowest_modes(z: FloatArray, stiffness: FloatArray, mass: FloatArray, count: 
     # entries a freedom up to which a matrix is a narrow band; a chain of beams has six
     if narrow is None or narrow.nnz > 12 * len(mass) or 4 * wanted > len(mass):
         return eigh(stiffness, mass, subset_by_index=[2, wanted - 1])
-    # Lanczos from below: a parabola bends about as the first mode does, and tells where the spectrum begins
+    # Lanczos from below: a parabola bends about as the first mode does, and shows where the spectrum begins
     bent = np.column_stack([(z - z.mean()) ** 2, 2.0 * (z - z.mean())]).ravel()
     begins = (bent @ stiffness @ bent) / (bent @ mass @ bent)
     start = np.cos(np.arange(len(mass)))  # any vector that holds something of every mode, always the same

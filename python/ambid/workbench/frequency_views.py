@@ -181,7 +181,7 @@ def _drawn(compared: Responses, o: int, i: int, names: list[str], pixels: int) -
 
 
 def _modelled(f: FloatArray, response: ComplexArray, least: float, factor: float, pixels: int) -> dict[str, Any]:
-    """Size and phase of a model; nothing where it answers less than that, which no record could tell."""
+    """Magnitude and phase of a model; nothing below the magnitude that any record could show."""
     size = np.where(np.abs(response) > least, np.abs(response), np.nan)
     phase = np.where(np.isfinite(size), np.degrees(np.angle(response)), np.nan)
     kept = _on_a_log_scale(f, np.column_stack([size, phase]), pixels)

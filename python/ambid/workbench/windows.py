@@ -19,7 +19,7 @@ __all__ = ["Job", "Window", "Windows"]
 class Window:
     """The present step of one window, and the job that makes the next.
 
-    A window that was duplicated shares its session; the one whose view is older is told so before it changes anything.
+    A window that was duplicated shares its session; the one whose view is older is warned before it changes anything.
     """
 
     def __init__(self, session: Session) -> None:
@@ -137,7 +137,7 @@ class Job:
     what : str
         Such as ``fit``.
     call : callable
-        The work; told where to tell its progress.
+        The work; takes what to report its progress to.
     done : callable
         Takes the result, in the same thread; not called for a job that failed or was cancelled.
     """
@@ -155,7 +155,7 @@ class Job:
         return self._thread.is_alive()
 
     def cancel(self) -> None:
-        """End it when it tells its progress next; what it has found is dropped."""
+        """End it when it reports its progress next; what it has found is dropped."""
         self._cancelled.set()
 
     def as_dict(self) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import ambid
 from ambid.errors import AmbidError
 
 OPEN = ("rig", "effects", "robustness", "plot", "workbench")
-"""Packages all of whose public names are told, also those that are not at the top."""
+"""Packages all of whose public names are documented, also those that are not at the top."""
 FIRST = (
     "identification",
     "diagnosis",

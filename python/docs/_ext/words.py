@@ -30,7 +30,7 @@ def paragraphs(described: object) -> str:
 
 
 def meanings(described: type, section: str = "Parameters") -> dict[str, tuple[str, str]]:
-    """Type and meaning of each entry in the docstrings of a class and its bases, those that share a line told alike."""
+    """Type and meaning of each entry in the docstrings of a class and its bases, alike for those that share a line."""
     found: dict[str, tuple[str, str]] = {}
     for one in reversed(described.__mro__):
         _, *parts = SECTION.split(inspect.cleandoc(one.__doc__ or ""))
