@@ -4,10 +4,13 @@ import pytest
 
 import ambid
 from ambid.diagnosis import rank
+from ambid.diagnosis.ranking import silent
+from ambid.diagnosis.refits import ranked
+from ambid.diagnosis.task import Task
 from ambid.loop.effect import EffectParameter
 from hidden.bench import measured
 from hidden.families import BENCHES
-from hidden.one_axis import NAMED
+from hidden.one_axis import NAMED, ONE_AXIS
 from hidden.physics import CATALOGUE
 from hidden.sizes import sized
 from tiers import first_fast
@@ -46,3 +49,17 @@ def test_an_effect_that_no_record_can_feel_scores_nothing():
     record = measured(BENCH.rig, i_e, {}, seed=1, **BENCH.truth)
     (candidate,) = rank(ambid.compare(ambid.identify(BENCH.rig, record).model, record), [Unfelt()]).candidates
     assert (candidate.score, candidate.p_value) == (0.0, 1.0)
+
+
+def test_where_misfit_has_driven_a_model_off_effects_are_judged_where_it_began_too():
+    hidden = {"loop_delay": {"seconds": 1e-4}}
+    i_e = ONE_AXIS.excitation(ONE_AXIS.amplitude)
+    record = measured(ONE_AXIS.rig, i_e, hidden, seed=1, period=ONE_AXIS.period, **ONE_AXIS.truth)
+    start = ambid.Model(ONE_AXIS.rig)
+    task = Task(start, (), ambid.CATALOGUE, silent)
+    near, off = (ambid.compare(start.with_values({"tau_e": f * start["tau_e"].value}), record) for f in (1.1, 4.0))
+    scores = [[c.score for c in rank(own).candidates] for own in (off.of(start), off)]
+    both = ranked(task, off)
+    assert ranked(task, near).at_fit == ()
+    assert [c.score for c in both.candidates] == pytest.approx(scores[0])
+    assert [c.score for c in both.at_fit] == pytest.approx(scores[1])

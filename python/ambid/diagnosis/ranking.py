@@ -39,7 +39,7 @@ from ambid.threads import with_one_blas_thread
 __all__ = ["Point", "rank", "see"]
 
 Progress = Callable[[str, int, int], None]
-
+"""Called with what is being done, how much of it is done, and how much there is, 0 where nobody knows."""
 VISIBLE = 1e-4
 """Chance of a score that counts as visible, for one degree of freedom."""
 OWN = 1e-12

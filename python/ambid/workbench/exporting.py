@@ -6,11 +6,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from ambid.diagnosis import diagnose
+from ambid.diagnosis.ranking import Progress, silent
 from ambid.errors import ModelError
 from ambid.record import Measurement
 from ambid.report import write_report
 from ambid.rig import Rig
-from ambid.workbench.session import Bench, Progress, Session, silent
+from ambid.workbench.session import Bench, Session
 
 __all__ = ["as_model_file", "as_python", "as_report"]
 

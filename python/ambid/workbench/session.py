@@ -5,31 +5,24 @@ A step never changes. To undo is to go on from the one before; the chain is what
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
 from ambid.diagnosis import Localisation, Ranking, localise, rank
+from ambid.diagnosis.ranking import Progress, silent
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification import Estimate, identify
 from ambid.model import Model
 from ambid.noise import Comparison, compare
 from ambid.record import Measurement
 
-__all__ = ["Bench", "Session", "Progress", "silent"]
+__all__ = ["Bench", "Session"]
 
 KEPT = 8
 """Maps that are kept, for steps that are shown again; each holds a comparison with its records."""
 AGAIN = "\nkept_back = ambid.compare(comparison.model, validate) if validate else None"
 MOVED = "\nkept_back = kept_back.of(comparison.model).with_own_angles() if validate else None"
-
-Progress = Callable[[str, int, int], None]
-"""Told what is being done, how much of it is done, and how much there is, 0 where nobody knows."""
-
-
-def silent(what: str, done: int, total: int) -> None:
-    """Tell nobody."""
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,10 @@ from collections.abc import Callable
 from threading import Event, Lock, Thread
 from typing import Any, TypeVar
 
+from ambid.diagnosis.ranking import Progress
 from ambid.errors import AmbidError, Cancelled, InputError, StaleWindow
 from ambid.workbench.exporting import as_report
-from ambid.workbench.session import Progress, Session
+from ambid.workbench.session import Session
 from ambid.workbench.views import overview
 
 __all__ = ["Job", "Window", "Windows"]
