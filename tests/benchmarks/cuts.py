@@ -1,4 +1,4 @@
-"""Does a record tell the same wherever it begins and ends? Random cuts of records with a known answer.
+"""Does a record show the same wherever it begins and ends? Random cuts of records with a known answer.
 
     python tests/benchmarks/cuts.py CASES --cuts 100 --out cuts.jsonl
     python tests/benchmarks/cuts.py CASES --out cuts.jsonl --report --table cuts.md

@@ -40,7 +40,7 @@ HEAD = (
     "refused or stopped",
     "named by check",
     "values off",
-    "of them told",
+    "of them reported",
     "wrong name",
     "right name",
 )

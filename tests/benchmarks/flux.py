@@ -1,4 +1,4 @@
-"""What Hall sensors tell apart: sets and probabilities of hidden effects with and without the flux density b.
+"""What Hall sensors distinguish: sets and probabilities of hidden effects with and without the flux density b.
 
     python tests/benchmarks/flux.py flux.jsonl --seeds 3
     python tests/benchmarks/flux.py flux.jsonl --report

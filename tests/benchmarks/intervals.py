@@ -65,7 +65,7 @@ def judged(model: Model, records: Sequence[Record], truth: Mapping[str, float]) 
 
 
 def misfit_of(estimate: Estimate, records: Sequence[Record]) -> float | None:
-    """J/dof of the fitted model, by the estimate itself where it tells it; None where it is not known."""
+    """J/dof of the fitted model, by the estimate itself where it gives it; None where it is not known."""
     shown = getattr(estimate, "misfit", None)
     if shown is None:
         shown = float(np.mean([one.misfit for one in compare(estimate.model, records).records]))

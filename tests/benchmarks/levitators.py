@@ -4,8 +4,8 @@
     python tests/benchmarks/levitators.py --out levitators.jsonl --report --wrong
 
 Machines are drawn at random (`hidden/levitators.py`). Every effect is as large as lifts the misfit of the base model
-clearly above its bound, and at most to 3; what no physical size makes visible on a machine is left out. What its true
-name cannot be told from is reported by the diagnosis as a set or a family, which counts as right if the truth is in it.
+clearly above its bound, and at most to 3; what no physical size makes visible on a machine is left out. What its
+true name cannot be distinguished from the diagnosis reports as a set or a family, right if the truth is in it.
 Runs go on where the file ends; no part of it is a test.
 """
 

@@ -12,7 +12,7 @@ over its noise, after the base parameters took what they can (`hidden/sizes.py`)
 freedom here, a clear one alone lifts J/dof from 1 to between 1.2 and 1.4. Where several are hidden, each is of that
 size. What has no name is not tried barely visible: it is then too weak for its shape to show, and nothing can be said
 of it but that all is well. The same holds of what acts as more noise and does not repeat: a record that shows its noise
-by itself has nothing to tell it by.
+by itself has nothing to show it by.
 """
 
 from __future__ import annotations

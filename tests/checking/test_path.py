@@ -1,4 +1,4 @@
-"""A set-point or a load that moves slowly is told as operating points, from where to where; nothing else is."""
+"""A set-point or a load that moves slowly is reported as operating points, from where to where; nothing else is."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A sign that is opposite in a levitator's record is told as that, with the channel, and not as another machine."""
+"""A sign that is opposite in a levitator's record is reported as that, with the channel, and not as another machine."""
 
 from dataclasses import replace
 

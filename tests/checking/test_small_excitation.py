@@ -1,4 +1,4 @@
-"""An excitation that is too small beside the reference to be told has no wrong sign."""
+"""An excitation that is too small beside the reference to be detected has no wrong sign."""
 
 import numpy as np
 

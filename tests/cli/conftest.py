@@ -1,4 +1,4 @@
-"""What several tests of the commands share: a loop with a delay more than its rig file tells, and its records."""
+"""What several tests of the commands share: a loop with a delay more than its rig file states, and its records."""
 
 import pytest
 

@@ -399,7 +399,7 @@ def test_the_commands_of_the_readme_do_their_work(here, one_axis, bench, command
 
 
 def test_identify_begins_with_a_misfit_above_its_bound_and_ends_with_what_check_finds(command, tmp_path):
-    """A card that reads y a sample late: no parameter can make up for it, and the record is told to be wrong."""
+    """A card that reads y a sample late: no parameter can make up for it, and the record is reported as wrong."""
     rig = ambid.Rig.load(DATA / "rig.toml")
     record = ambid.Record.load(DATA / "prbs.mat", rig)
     late = tmp_path / "late.mat"

@@ -1,4 +1,4 @@
-"""What is to be done next is told with the command that does it."""
+"""What is to be done next is stated with the command that does it."""
 
 import importlib
 import json

@@ -1,4 +1,4 @@
-"""The command `simulate`: what it tells of the virtual experiment, and what it does not write."""
+"""The command `simulate`: what it reports of the virtual experiment, and what it does not write."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The demo tells a true story, and its data are what they are said to be."""
+"""What the demo shows is true, and its data are what they are said to be."""
 
 import json
 from pathlib import Path

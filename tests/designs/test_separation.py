@@ -1,4 +1,4 @@
-"""Which next experiment tells hypotheses apart, against that experiment when it is made."""
+"""Which next experiment distinguishes hypotheses, against that experiment when it is made."""
 
 from dataclasses import replace
 from itertools import permutations
@@ -129,7 +129,7 @@ def test_the_length_that_is_told_brings_the_evidence():
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.effect}-{case.amplitude}")
 def test_the_proposed_experiment_names_the_truth_alone(case):
-    """On the independent simulator: TOLD_APART tells in 95 % of records, so 3 of 4 fail by chance once in 70."""
+    """On the independent simulator: TOLD_APART decides in 95 % of records, so 3 of 4 fail by chance once in 70."""
     ends = [run(case, seed, SHORT) for seed in range(4)]
     assert case.with_i_c or sum(best is not None for _, best, _ in ends) >= 3
     assert sum(is_truth_alone(case, after or before) for before, _, after in ends) >= 3

@@ -1,4 +1,4 @@
-"""Several operating points that share all but one number: what is missing is named, and what changes is told."""
+"""Several operating points that share all but one number: what is missing is named, and what changes is reported."""
 
 from dataclasses import replace
 

@@ -94,7 +94,7 @@ def test_tests_on_complex_lines_count_like_tests_on_their_parts():
 
 
 def test_the_best_of_many_correlated_directions_is_as_likely_as_said():
-    """A scan over frequency: the largest of 30 overlapping scores, against the chance that is told."""
+    """A scan over frequency: the largest of 30 overlapping scores, against the p-value that is stated."""
     rng = np.random.default_rng(2)
     places = np.linspace(0.0, 1.0, 400)
     columns = np.array([np.exp(-(((places - at) / 0.03) ** 2)) for at in np.linspace(0.0, 1.0, 30)]).T

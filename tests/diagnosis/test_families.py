@@ -1,4 +1,4 @@
-"""Near twins: one levitator at three sample rates gives one family with one number; all three together tell more."""
+"""Near twins: one levitator at three sample rates gives one family with one number; all three together show more."""
 
 import pytest
 
@@ -45,7 +45,7 @@ def at_rates(hidden, *, with_i_c):
 
 @pytest.fixture(scope="module")
 def delayed():
-    """A delay of 0.1 ms, as y alone tells it."""
+    """A delay of 0.1 ms, as y alone shows it."""
     return at_rates({"loop_delay": {"seconds": 1e-4}}, with_i_c=False)
 
 

@@ -123,7 +123,7 @@ def test_a_wave_is_not_smooth():
 
 
 def test_the_truth_begins_a_short_record_settled_though_its_parameters_are_hardly_told():
-    """Eddy currents beside a lag and a pull: 255 chips tell little of the pull that what began the record does not.
+    """Eddy currents beside a lag and a pull: 255 chips show little of the pull that what began the record does not.
 
     At the least of J alone the squares of how the states of the eddy currents begin are 6.8 times those of their
     errors, which costs 1.5 a state; where both are least, the cost is less than 1, of noise alone it is 0.5.

@@ -19,7 +19,7 @@ def record(hidden, seed, **truth):
 
 @pytest.mark.parametrize("lag", first_fast([6e-4, 5e-5], 0))
 def test_of_two_lags_in_series_the_base_model_keeps_the_one_near_its_own(lag):
-    """A lag of the magnet and one of the sensor may be exchanged: J cannot tell which is whose, the rig file can."""
+    """A lag of the magnet and one of the sensor may be exchanged: J cannot show which is whose, the rig file can."""
     train = record({"sensor_lag": {"tau": lag}}, 1)
     found = diagnose(RIG, train)
     assert found.effects == ("sensor_lag",)

@@ -1,4 +1,4 @@
-"""What would be left with an effect is what its refit leaves, where it is small; and what adding it moved is told."""
+"""What would be left with an effect is what its refit leaves, where it is small; and what moved with it is stated."""
 
 import json
 

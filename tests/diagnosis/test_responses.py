@@ -126,7 +126,7 @@ def test_responses_and_records_are_diagnosed_together():
 
 
 def test_beside_a_record_a_nonlinear_effect_is_named():
-    """The record tells it; the response, at rest, does not contradict."""
+    """The record shows it; the response, at rest, does not contradict."""
     own = record({"force_nonlinearity": NAMED["force_nonlinearity"]}, 1)
     few = [find("force_nonlinearity"), find("loop_delay"), find("sensor_lag")]
     found = diagnose(RIG, [own, measured()], catalogue=few)

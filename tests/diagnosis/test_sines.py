@@ -1,4 +1,4 @@
-"""One sine tells two numbers a channel: not which effect is missing. Two and three tell it."""
+"""One sine gives two numbers a channel: not which effect is missing. Two and three show it."""
 
 from dataclasses import replace
 
@@ -48,7 +48,7 @@ def test_one_sine_names_the_misfit_and_the_direction_but_no_effect(frequency, dr
 
 def test_one_sine_of_the_right_model_names_the_direction():
     rig, begun = levitator([10.0], "i_e", samples=2 * SAMPLES)
-    record = begun.rows(SAMPLES, 2 * SAMPLES)  # how it began from rest, which tells more, is over
+    record = begun.rows(SAMPLES, 2 * SAMPLES)  # how it began from rest, which shows more, is over
     found = diagnose(rig, record)
     assert found.verdict == "not_informative"
     direction, single = found.findings

@@ -33,7 +33,7 @@ def record(size: float, seed: int, holding: float = BIAS) -> Record:
 
 @pytest.mark.parametrize("holding", first_fast([BIAS, 0.0]))
 def test_the_law_of_a_single_magnet_is_named_and_the_values_come_right(holding):
-    """Also where i_c is stated about what holds the weight, which then tells nothing of the magnets."""
+    """Also where i_c is stated about what carries the weight, which then shows nothing of the magnets."""
     few = [ForceNonlinearity(), FluxSaturation(), find("sensor_lag"), find("back_emf")]
     found = diagnose(rig(), record(1e-4, 1, holding), validate=[record(7e-5, 2, holding)], catalogue=few)
     assert found.effects == ("force_nonlinearity",), found

@@ -1,4 +1,4 @@
-"""Settings of the effects: what tells variants apart, prints them, and comes back from a saved model."""
+"""Settings of the effects: what distinguishes variants, prints them, and comes back from a saved model."""
 
 import json
 from dataclasses import FrozenInstanceError

@@ -1,4 +1,4 @@
-"""What a rotor that turns at several speeds shows, and what its planes tell of each other."""
+"""What a rotor that turns at several speeds shows, and what its planes show of each other."""
 
 from dataclasses import replace
 
@@ -41,7 +41,7 @@ def test_unbalance_is_named_from_two_speeds_together():
     few = [find(name) for name in ("unbalance", "periodic_disturbance", "gyroscopic_coupling")]
     found = ambid.diagnose(SLOW, records, catalogue=few)
     assert found.verdict == "explained"
-    assert found.effects == ("unbalance",), "each record begins it at an angle of its own, which no channel tells well"
+    assert found.effects == ("unbalance",), "each record begins it at an angle of its own, which no channel shows well"
     assert found.history[-1].misfit < found.fit.bound
     assert not any(isinstance(effect, Unbalance) and effect.frequency_hz for effect in found.model.effects)
 

@@ -108,7 +108,7 @@ def test_a_name_among_the_chosen_is_one_of_that_catalogue(found):
 
 
 def test_a_plain_class_is_found_as_it_stands():
-    """It has no settings that a file could tell: what stands in the catalogue is taken."""
+    """It has no settings that a file could state: what is in the catalogue is taken."""
 
     class Plain(Effect):
         name = "plain"

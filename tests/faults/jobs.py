@@ -140,7 +140,7 @@ def ended(*arguments, **options):
 
 
 def disturbed(folder, arguments, moments, *, drawn=True, data=None):
-    """What `driver` tells of a command to which signals came at so many moments each.
+    """What `driver` reports of a command to which signals came at so many moments each.
 
     Maybe with an empty report, or a story of other data.
     """

@@ -70,7 +70,7 @@ def test_many_moments(job, folder, tmp_path):
 
 @pytest.mark.slow
 def test_the_demo(tmp_path):
-    """Its files are whole; which of them are there is told by their being new. On one axis it takes a third as long."""
+    """Its files are whole; the new ones show which are there. On one axis it takes a third as long."""
     (tmp_path / "data").mkdir()
     data = one_axis(tmp_path / "data")
     found = disturbed(prepare(tmp_path), STORY, {"SIGKILL": 1, "SIGINT": 1}, drawn=False, data=data)
@@ -127,7 +127,7 @@ def stop(folder, number, moment):
 
 
 def shell_code(process):
-    """As a shell tells it: the interpreter's very end has the usual handlers again, and dies of the signal."""
+    """As a shell reports it: the interpreter's very end has the usual handlers again, and dies of the signal."""
     return process.returncode if process.returncode >= 0 else 128 - process.returncode
 
 

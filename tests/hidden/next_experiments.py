@@ -12,7 +12,7 @@ from hidden.one_axis import ONE_AXIS
 
 @dataclass(frozen=True)
 class Case:
-    """Physics that one record does not tell from other physics.
+    """Physics that one record does not distinguish from other physics.
 
     Attributes
     ----------

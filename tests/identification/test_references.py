@@ -115,7 +115,7 @@ def test_every_format_holds_the_reference(tmp_path, suffix):
 
 
 def test_a_still_reference_is_no_excitation(golden):
-    """What moved y is then not told: the law of the controller, about a reference that stood, does not give it."""
+    """What moved y is then not stated: the law of the controller, about a reference that stood, does not give it."""
     name = "slow computer"
     truth = Levitator(MASS, K_I, K_S, MACHINES[name][1])
     signals, *_ = run(name, "stairs", truth)

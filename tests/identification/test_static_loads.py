@@ -114,7 +114,7 @@ def test_intervals_of_loadings_whose_load_cell_differs(seeds):
         return [loaded(force=small, gain=gain, seed=1000 * k + seed) for k, gain in enumerate(gains)]
 
     share, ratio = coverage(five, seeds)
-    assert abs(share - 0.95) < 0.03 * np.sqrt(500 / seeds)  # the axes share their error, so that seeds tell less
+    assert abs(share - 0.95) < 0.03 * np.sqrt(500 / seeds)  # the axes share their error, so that seeds show less
     assert_allclose(ratio, 1.0, atol=0.15)
 
 

@@ -146,7 +146,7 @@ def test_a_virtual_experiment_reads_its_noise():
 
 @pytest.mark.parametrize("reads", [True, False])
 def test_y_alone_of_a_controller_that_reads_i_c_is_told(reads):
-    """Noise of y is then of two colours, which one way back cannot tell apart."""
+    """Noise of y is then of two colours, which one inverse filter cannot separate."""
     own = rig(**({} if reads else {"inputs": ["y"], "B": [[1.0], [1.0]], "D": [[102389.0]]}))
     y, i_e = 1e-5 * np.random.default_rng(1).standard_normal((2, 4000, 1))
     record = Record.from_arrays(y=y, i_e=1e3 * i_e, sample_rate=RATE, axes=own.axes, rig=own)

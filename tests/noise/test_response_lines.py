@@ -97,7 +97,7 @@ def test_the_noise_of_all_pairs_may_be_correlated(truth):
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.9])
 def test_errors_that_go_together_count_as_fewer(truth, share):
-    """Where the std alone is known, the scatter of the residual over frequency tells sum l^2 / sum l to a third.
+    """Where the std alone is known, the scatter of the residual over frequency gives sum l^2 / sum l to a third.
 
     A misfit that is smooth over frequency does not bring more.
     """
@@ -134,7 +134,7 @@ def test_an_unstable_model_is_refused(truth):
 
 
 def test_a_nonlinear_model_acts_as_at_rest(truth):
-    """The force law is the linear one near rest; a record at large amplitude would tell them apart."""
+    """The force law is the linear one near rest; a record at large amplitude would distinguish them."""
     own = response_of(truth, F)
     law = truth.add("force_nonlinearity", {"bias_ratio": 1.0})
     assert compare(law, own).cost == pytest.approx(compare(truth, own).cost)

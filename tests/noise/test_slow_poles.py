@@ -1,4 +1,4 @@
-"""A model at noise level fits to the ceiling in time, too, where poles are slower than excited lines can tell."""
+"""A model at noise level fits to the ceiling in time, too, where poles are slower than excited lines can show."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -25,7 +25,7 @@ def below_ceiling(effect, seed):
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("effect", ["eddy_currents", "sensor_lag"])
 def test_fit_is_at_the_ceiling(effect, seed):
-    """The half-order lag has poles far slower than a period; excited lines alone told a fit of -1900 %."""
+    """The half-order lag has poles far slower than a period; excited lines alone gave a fit of -1900 %."""
     assert below_ceiling(effect, seed) < 0.3
 
 

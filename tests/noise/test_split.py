@@ -1,4 +1,4 @@
-"""Noise that the controller hears is told from noise of the recorder, and J/dof of a right model is 1 in any of both.
+"""Noise that the controller hears is separated from that of the recorder; J/dof of a right model is 1 in either.
 
 Lines of known powers behind a way with a resonance; and records of the simulator.
 """

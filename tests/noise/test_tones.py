@@ -98,7 +98,7 @@ def test_a_hum_on_an_excited_line_is_found_there():
 
 @pytest.mark.parametrize("off", [0.04, 0.053, 0.07, -0.2])
 def test_a_hum_beside_an_excited_line_is_kept(off):
-    """Little of it is left between, where tones are told from peaks of noise."""
+    """Little of it is left between, where tones are distinguished from peaks of noise."""
     record = hummed(((3 * 40 + off) * LINE, 3e-3))
     tones = Noise(EXACT, [record]).tones[0]
     assert len(tones) == 1

@@ -1,4 +1,4 @@
-"""Pole map and Campbell diagram draw the numbers of their results, and can be told apart in grey."""
+"""Pole map and Campbell diagram draw the numbers of their results, and can be distinguished in grey."""
 
 import numpy as np
 import pytest

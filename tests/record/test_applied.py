@@ -1,4 +1,4 @@
-"""i_e that was logged beside the command: a clip of the command is an excitation, and another law is told."""
+"""i_e that was logged beside the command: a clip of the command is an excitation, and another law is reported."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Frequency responses that are too short, or lack values or their phase: refused, or told, and never dropped."""
+"""Frequency responses that are too short, or lack values or their phase: refused, or reported, and never dropped."""
 
 from warnings import catch_warnings, simplefilter
 

@@ -1,4 +1,4 @@
-"""Records that nothing drives: how a loop comes to rest tells of it, and rest tells nothing."""
+"""Records that nothing drives: how a loop comes to rest identifies it, and rest shows nothing."""
 
 import numpy as np
 

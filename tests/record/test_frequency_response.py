@@ -185,7 +185,7 @@ def test_a_broken_mat_is_refused_in_its_own_words(measured, tmp_path, key, value
 
 
 def test_the_std_of_coherence_and_averages(tmp_path):
-    """Bendat and Piersol: |H|^2 (1 - g) / (g n), raised by n / (n - 2); without n the scatter tells it."""
+    """Bendat and Piersol: |H|^2 (1 - g) / (g n), raised by n / (n - 2); without n the scatter gives it."""
     h, coherence = exact(), 0.8 * np.ones((60, 2, 1))
     std = np.abs(h) * np.sqrt(0.2 / 0.8 / 14)
     shown = FrequencyResponse.from_arrays(F, h, outputs=OUTPUTS, inputs=INPUTS, coherence=coherence, averages=16)
@@ -321,7 +321,7 @@ def test_the_local_response_is_the_loops(periods, validated):
 
 @pytest.mark.parametrize(("channels", "free"), [(2, 10), (8, 10), (4, 6)])
 def test_the_spread_of_noise_that_is_told_by_few_lines(channels, free):
-    """Whitened by its estimate, noise has a mean square of 1; along what is whitened too, the variance told."""
+    """Whitened by its estimate, noise has a mean square of 1; along what is whitened too, the variance stated."""
     random, count = np.random.default_rng(0), 40
     power, direction, shown = [], [], 0.0
     for _ in range(60):

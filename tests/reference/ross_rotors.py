@@ -71,7 +71,7 @@ def rotor() -> dict:
     at_rest = np.sqrt(eigh(K, M, eigvals_only=True, subset_by_index=[4, 11])[::2])
 
     # Whirl in complex form: with r = x + j y the isotropic rotor has half the freedoms, and the sign of its
-    # frequency tells forward (+) from backward (-).
+    # frequency distinguishes forward (+) from backward (-).
     nodes = len(shaft) + 1
     rotate = np.kron(np.eye(nodes), np.array([[1, 1j, 0, 0], [0, 0, -1j, 1]])) / np.sqrt(2)
     M, K, G = (rotate @ matrix @ rotate.conj().T for matrix in (M, K, G))

@@ -1,4 +1,4 @@
-"""The report tells the story of a diagnosis in one self-contained file, with the numbers of the JSON."""
+"""The report shows the course of a diagnosis in one self-contained file, with the numbers of the JSON."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""Slips of a rig file that were once taken in silence, or told under another key."""
+"""Slips of a rig file that were once taken in silence, or reported under another key."""
 
 import numpy as np
 import pytest

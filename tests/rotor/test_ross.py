@@ -49,7 +49,7 @@ class BearingOfRoss:
 
 
 class MagneticBearingOfRoss(BearingOfRoss):
-    """A magnetic one: its kind is told by its name."""
+    """A magnetic one: its name gives its kind."""
 
 
 class RotorOfRoss:

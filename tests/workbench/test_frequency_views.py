@@ -1,4 +1,4 @@
-"""What the page is told over frequency is what the public functions say of the same model."""
+"""What the page gets over frequency is what the public functions return of the same model."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What the page is told, where a record is no plain one: frequency responses, and other operating points."""
+"""What the page gets, where a record is no plain one: frequency responses, and other operating points."""
 
 import json
 import runpy

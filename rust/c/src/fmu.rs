@@ -21,7 +21,7 @@ const ROUNDING: f64 = 1e-6;
 pub const OK: i32 = 0;
 pub const ERROR: i32 = 3;
 
-/// What tells the importer what went wrong.
+/// What reports to the importer what went wrong.
 pub type Log = Rc<dyn Fn(&str)>;
 
 pub struct Instance {
@@ -182,7 +182,7 @@ impl Instance {
     }
 }
 
-/// Makes an instance, or tells why not.
+/// Makes an instance, or states why not.
 ///
 /// # Safety
 /// `token` is NULL or ends with a zero byte.

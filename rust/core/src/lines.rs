@@ -223,7 +223,7 @@ fn multiply(re: &mut [f64], im: &mut [f64], by: C64) {
 impl ClosedLoop {
     /// Every part on lines, with the derivatives by those of `free` that act on it.
     ///
-    /// Transients are told in states that depend on the way which is taken: not where there are `values_only`.
+    /// Transients are given in states that depend on the way which is taken: not where there are `values_only`.
     pub(crate) fn on_lines(
         &self,
         theta: &[f64],

@@ -23,7 +23,7 @@ const OWN: f64 = 1e-6;
 pub struct Windows<'a> {
     /// First line of each.
     pub starts: &'a [usize],
-    /// Of every line the regression that tells its power; never falling.
+    /// Of every line the regression that gives its power; never falling.
     pub nearest: &'a [usize],
     /// Lines of each.
     pub width: usize,
@@ -154,7 +154,7 @@ struct Table<'a> {
     stride: usize,
 }
 
-/// By which the part of a line that a regression takes is told.
+/// By which the part of a line that a regression takes is determined.
 enum Basis {
     /// The Cholesky factor of T'T in columns of norm one, and by what these are scaled.
     Factor(DMatrix<C64>, Vec<f64>),

@@ -78,7 +78,7 @@ pub(crate) fn each<T: Sync, R: Send>(items: &[T], work: impl Fn(usize, &T) -> Re
             match finished.recv_timeout(PATIENCE) {
                 Ok(found) => return found,
                 Err(RecvTimeoutError::Timeout) => stop.fetch_or(wanted(), Ordering::Relaxed),
-                Err(RecvTimeoutError::Disconnected) => return Err(Error::Stopped), // it panicked, which the scope tells
+                Err(RecvTimeoutError::Disconnected) => return Err(Error::Stopped), // it panicked, which the scope shows
             };
         }
     })

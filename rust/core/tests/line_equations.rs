@@ -144,7 +144,7 @@ fn assert_equations(p: &Problem, free: &[usize], records: &[Record], near: &[Vec
     let fitted: usize = found.fitted.iter().sum();
     assert!((ranks[0]..=ranks[1]).contains(&fitted), "{what}: {fitted} numbers of {ranks:?}");
     if ranks[0] < ranks[1] {
-        return; // what a column at the limit takes over depends on the way a transient is told
+        return; // what a column at the limit takes over depends on the way a transient is given
     }
     let error = (found.cost - cost).abs() / total;
     assert!(error < 1e2 * exact, "{what}: cost off by {error:.1e}");
@@ -258,7 +258,7 @@ fn same_bits_for_one_and_many_threads() {
     assert_eq!(one.transients, four.transients);
 }
 
-/// A transient that is far off tells J to the digits that one from nothing does.
+/// A transient that is far off gives J to the digits that one from nothing does.
 #[test]
 fn from_a_transient_that_is_far_off() {
     let mut random = Random(54);

@@ -74,7 +74,7 @@ fn cut_records_of_every_kind() {
         let error = (by_basis - &found.response).amax();
         assert!(error < 1e-10, "{name}: the transient is off its basis by {error:.1e}");
 
-        // transients that leave no trace, of states that are not seen, are not to be told; what they add to slopes is
+        // transients that leave no trace, of states that are not seen, are not to be given; what they add to slopes is
         let (_, taken, _) = orthonormal(&found.basis, 1e-13);
         let hidden: Vec<Rows> = (0..n)
             .filter(|k| !taken.contains(k))

@@ -68,7 +68,7 @@ fn signals_keep_their_places() {
     assert_exact(&p);
 }
 
-/// An input may be shared by parts: it tells nothing of one to another.
+/// An input may be shared by parts: it shows nothing of one to another.
 #[test]
 fn shared_inputs_couple_nothing() {
     let (b, c) = (entries(2, 2, &[(0, 0), (1, 1), (1, 0)]), entries(2, 2, &[(0, 0), (1, 1)]));

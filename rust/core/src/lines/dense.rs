@@ -1,7 +1,7 @@
 //! Lines of a loop whose poles are too clustered for a modal form: elimination in Schur form, a group of lines at a time.
 //!
 //! With `M = w I - A`, `x = M^-1 (B u + w d)` and `Y = C M^-1`: `z = C x + D u`, `dz = Y (dA x + dB u) + dC x + dD u`,
-//! and the basis of the transient is `w Y`. A transient is told in the states of the loop: other than those of the Schur
+//! and the basis of the transient is `w Y`. A transient has the states of the loop: other than those of the Schur
 //! form they change smoothly with the parameters, so that it is near that of other parameters.
 
 use nalgebra::linalg::Schur;
