@@ -139,7 +139,7 @@ class _Sidebands:
         energy = level = np.sum(np.abs(patterns) ** 2, axis=1)
         for _ in range(EVENED):
             level = SHARE * np.minimum(energy, level).sum(axis=0)
-        self.weights = np.sqrt(np.minimum(1.0, level / np.maximum(energy, 1e-300)))
+        self.weights = np.sqrt(level / np.maximum(energy, level))
         stacked = patterns.reshape(-1, patterns.shape[2])
         unit = stacked / np.linalg.norm(stacked, axis=0)
         self.tests = len(shifts) * independent_tests(unit.conj().T @ unit, unit.shape[1])
