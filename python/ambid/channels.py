@@ -8,7 +8,18 @@ from functools import lru_cache
 from math import inf
 from typing import Literal, NamedTuple
 
-__all__ = ["FURTHER", "SIGNALS", "Channel", "SignalType", "first_outputs", "further", "in_order", "read_in", "unit_of"]
+__all__ = [
+    "FURTHER",
+    "SIGNALS",
+    "Channel",
+    "SignalType",
+    "by_signal",
+    "first_outputs",
+    "further",
+    "in_order",
+    "read_in",
+    "unit_of",
+]
 
 
 @dataclass(frozen=True)
@@ -32,6 +43,8 @@ class SignalType:
         Largest value that a sound record has, in `unit`.
     slip : str
         What larger values look like.
+    instrument : str
+        What reads it, in the plural.
     """
 
     name: str
@@ -42,19 +55,45 @@ class SignalType:
     gain: str = ""
     most: float = inf
     slip: str = ""
+    instrument: str = ""
 
 
 _EVERY = (
     SignalType("i_e", "A", "excitation", "drive"),
     SignalType("r", "m", "reference of the controller", "drive"),
-    SignalType("y", "m", "displacement at a sensor", "heard", ("axis", "sensor"), "sensor_gain"),
-    SignalType("i_c", "A", "control current", "heard", gain="current_gain"),
+    SignalType(
+        "y",
+        "m",
+        "displacement at a sensor",
+        "heard",
+        ("axis", "sensor"),
+        "sensor_gain",
+        instrument="displacement sensors",
+    ),
+    SignalType("i_c", "A", "control current", "heard", gain="current_gain", instrument="current sensors"),
     SignalType("i_ref", "A", "command that reaches the amplifier", "command"),
     # beyond twice 2.4 T, where cobalt iron, the best there is, saturates
-    SignalType("b", "T", "flux density in the gap, opposed poles", "recorder", gain="flux_gain", most=4.8, slip="mT"),
-    SignalType("u", "V", "coil voltage", "recorder", gain="voltage_gain"),
-    SignalType("f", "N", "magnet force", "recorder", gain="force_gain"),
-    SignalType("a", "m/s^2", "acceleration of the rotor", "recorder", ("sensor",), "acceleration_gain"),
+    SignalType(
+        "b",
+        "T",
+        "flux density in the gap, opposed poles",
+        "recorder",
+        gain="flux_gain",
+        most=4.8,
+        slip="mT",
+        instrument="Hall sensors",
+    ),
+    SignalType("u", "V", "coil voltage", "recorder", gain="voltage_gain", instrument="voltage probes"),
+    SignalType("f", "N", "magnet force", "recorder", gain="force_gain", instrument="load cells"),
+    SignalType(
+        "a",
+        "m/s^2",
+        "acceleration of the rotor",
+        "recorder",
+        ("sensor",),
+        "acceleration_gain",
+        instrument="accelerometers",
+    ),
 )
 SIGNALS = {own.name: own for own in _EVERY}
 """By name, in the order of the columns of a file."""
@@ -101,6 +140,14 @@ def further(channels: Iterable[str], axes: Sequence[str]) -> tuple[str, ...]:
     """Those of the channels that are neither y nor i_c of an axis."""
     usual = {f"{signal}.{axis}" for axis in axes for signal in ("y", "i_c")}
     return tuple(name for name in channels if name not in usual)
+
+
+def by_signal(channels: Iterable[str]) -> dict[str, list[str]]:
+    """The channels by the name of their signal, each in its order."""
+    found: dict[str, list[str]] = {}
+    for channel in channels:
+        found.setdefault(channel.partition(".")[0], []).append(channel)
+    return found
 
 
 @lru_cache(maxsize=256)

@@ -114,6 +114,21 @@ def test_design_takes_values_and_noise_from_a_record(rig, tmp_path):
     assert data["parameters"]["K_i.A_zeta"]["value"] != 180.0
 
 
+def test_design_tells_what_a_load_cell_would_save_beside_a_record_without_one(rig, tmp_path, refused_by):
+    record, shown = tmp_path / "run.csv", tmp_path / "told.json"
+    assert run("simulate", rig, "--out", record, "--seconds", 0.5, "--quiet").exit_code == 0
+    given = ("--record", record, "--channel", "f:0.3", "--signal", "prbs", "--seconds", 1)
+    ended = run("design", rig, *given, "--exact", "--json", shown)
+    assert ended.exit_code == 0, ended.output
+    data = json.loads(shown.read_text())
+    told = data["seconds_without"]["f"]
+    assert told > data["seconds"]
+    (finding,) = (own for own in data["findings"] if own["code"] == "further_signal_shortens")
+    assert finding["values"]["without_s"] == told
+    assert finding["message"] in ended.output
+    refused_by(run("design", rig, "--record", record, "--sensor-noise", 1e-8))
+
+
 @pytest.mark.slow
 def test_diagnose_proposes_what_settles_an_ambiguous_verdict(rig, tmp_path):
     record, shown = tmp_path / "run.csv", tmp_path / "told.json"
@@ -152,7 +167,6 @@ def test_design_proposes_what_tells_effects_apart(rig, tmp_path):
         ("--signal", "chirp"),
         ("--sensor-noise", "0"),
         ("--peak", "-1"),
-        ("--record", "run.csv", "--sensor-noise", "1e-8"),
     ],
     ids="_".join,
 )

@@ -83,9 +83,12 @@ def test_evidence_is_what_fits_find():
 @pytest.mark.slow
 def test_recording_the_currents_tells_lags_apart_that_y_alone_does_not():
     alone = STATED.without_currents()
-    found = tell_apart(LAGS, I_E, 510, alone, more_instruments=STATED)
-    assert row(found, "record i_c").evidence > 100.0 * row(found, "the same once more").evidence
-    assert not any(own.change.currents for own in tell_apart(LAGS, I_E, 510, STATED).experiments)
+    found = tell_apart(LAGS, I_E, 510, alone, more_instruments=STATED.beside({"f.A_zeta": 0.3}))
+    for change in ("record i_c", "record f.A_zeta"):
+        assert row(found, change).evidence > 100.0 * row(found, "the same once more").evidence
+    only = tell_apart(LAGS, I_E, 510, alone, more_instruments=STATED)
+    assert row(only, "record i_c").evidence == pytest.approx(row(found, "record i_c").evidence)
+    assert not any(own.change.record for own in tell_apart(LAGS, I_E, 510, STATED).experiments)
 
 
 @pytest.mark.slow

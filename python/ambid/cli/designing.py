@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -37,6 +38,7 @@ from ambid.writing import is_device
 
 if TYPE_CHECKING:
     from ambid.designs import Design, Instruments, Limits, Proposals
+    from ambid.record import Measurement
 
 PRBS, MULTISINE = "prbs", "multisine"
 SENSOR_NOISE = 50e-9
@@ -109,7 +111,11 @@ def design_command(
     rig: RigFile,
     record: Annotated[
         list[Path],
-        typer.Option("--record", metavar="RECORD", help="Fitted first: its values and its noise count; repeatable."),
+        typer.Option(
+            "--record",
+            metavar="RECORD",
+            help="Fitted first: its values and its noise count; repeatable. Options state that of more.",
+        ),
     ] = [],  # noqa: B006
     period: Period = None,
     columns: Columns = [],  # noqa: B006
@@ -162,10 +168,6 @@ def design_command(
     require_outputs(inputs, {"--json": json_file})
     from ambid.designs.separation import CURRENT_NOISE  # not at the top: --help need not open that room
 
-    if record and (sensor_noise is not None or current_noise is not None or channel):
-        raise InputError(
-            "--record tells the noise; leave --sensor-noise, --current-noise and --channel out, or the record"
-        )
     of_record = {"--period": period, "--map": columns or None, "--sample-rate": sample_rate}
     if not record and (given := [option for option, value in of_record.items() if value is not None]):
         raise InputError(f"{given[0]} is of a record; name it with --record, or leave it out")
@@ -175,8 +177,12 @@ def design_command(
     limits = ambid.Limits(travel=travel, current=current, excitation=peak, slew_rate=slew_rate)
     with stoppable(), naming_unstable(rig, start, model):
         if record:
-            fit = ambid.identify(start, load_records(machine, record, period, columns, sample_rate))
-            start, instruments = fit.model, ambid.Instruments.of(fit.comparison)
+            stated = {"y": sensor_noise, "i_c": current_noise, **noise_of(channel, machine)}
+            more = {name: rms for name, rms in stated.items() if rms is not None}
+            records = load_records(machine, record, period, columns, sample_rate)
+            _require_not_recorded(more, records)
+            fit = ambid.identify(start, records)
+            start, instruments = fit.model, ambid.Instruments.of(fit.comparison).beside(more)
         else:
             instruments = ambid.Instruments.stated(
                 len(machine.axes),
@@ -201,6 +207,15 @@ def design_command(
         data |= {"excitation": str(out), **_scale(out, found.i_e, full_scale)}
         writers.append(lambda: _played(out, machine, found.i_e, full_scale))
     conclude(found if following is None else f"{found}\n{following}", data, json_file, quiet, *writers)
+
+
+def _require_not_recorded(noise: Iterable[str], records: Sequence[Measurement]) -> None:
+    """Refuse a noise that is stated of what a record tells it of."""
+    recorded = {name for own in records for name in own.channels}
+    for name in noise:
+        if name in recorded | {channel.partition(".")[0] for channel in recorded if name in ("y", "i_c")}:
+            option = {"y": "--sensor-noise", "i_c": "--current-noise"}.get(name, f"--channel {name}")
+            raise InputError(f"{option}: --record tells the noise of {name}; leave the option out, or the record")
 
 
 def _following(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,14 +12,14 @@ from ambid.arrays import FloatArray
 from ambid.checking import LoopFigures
 from ambid.checking.nominal import NominalLoop
 from ambid.designs.intervals import FEWEST, Prospect, prospect
-from ambid.designs.options import MULTISINE, PRBS, SIGNALS, Option, Task, multisines, sequences
+from ambid.designs.length import LONGEST, missed, of_signals, periods_of, without_signals
+from ambid.designs.options import MULTISINE, PRBS, SIGNALS, Option, Task, compared
 from ambid.designs.peaks import Forecast, Limits, forecast
 from ambid.designs.sight import Visibility, visible
 from ambid.effects import Effect, find
 from ambid.errors import InputError, ModelError
-from ambid.findings import NOWHERE, Finding, Kind, Where, WithFindings
+from ambid.findings import Finding, Kind, Where, WithFindings
 from ambid.identification.estimate import NORMAL_95
-from ambid.identification.tolerances import NOISE
 from ambid.model import Given, Model, as_model
 from ambid.noise.foreseen import Instruments
 from ambid.results import Tabular, plain
@@ -35,26 +35,6 @@ ROUNDING = 1e-9
 """Part of the largest response of a parameter below which one moves nothing."""
 FINEST, COARSEST = 1e-15, 1e15
 """Of a parameter's scale: half of the narrowest and of the widest interval that can be wanted."""
-LONGEST = 3600.0
-"""Seconds that an experiment may last: no machine stays the same for longer."""
-TOO_SHORT = Kind(
-    "accuracy_takes_longer",
-    "warning",
-    "the wanted accuracy takes {needed_s:.3g} s, and the record has {seconds_s:.3g} s",
-    "allow more peak, or more time",
-)
-NOT_ACCURATE = Kind(
-    "accuracy_not_reached",
-    "warning",
-    "{parameter}: a 95 % interval of +- {predicted:.3g} {unit} is predicted, +- {wanted:.3g} {unit} is wanted",
-)
-OUT_OF_REACH = Kind(
-    "accuracy_out_of_reach",
-    "warning",
-    "{parameter}: tolerances of the rig file alone make a 95 % interval of +- {by_tolerances:.3g} {unit}, and +- "
-    "{wanted:.3g} {unit} is wanted: no record reaches that; {tolerance} makes {share:.0f|%} of it",
-    "measure {tolerance} better, and state its tolerance in [tolerance]",
-)
 SENSITIVE = Kind(
     "peaks_uncertain",
     "warning",
@@ -86,6 +66,9 @@ class Design(Tabular, WithFindings):
         Half widths of 95 % intervals that were asked for, SI units.
     visibility : Visibility
         Smallest sizes of effects that the record shows.
+    without : dict of str to float
+        By further signal, such as ``b``: seconds that the best experiment without it takes for the same accuracy;
+        infinite where no length does.
     findings : tuple of Finding
     """
 
@@ -97,6 +80,7 @@ class Design(Tabular, WithFindings):
     prospect: Prospect
     wanted: dict[str, float]
     visibility: Visibility
+    without: dict[str, float]
     findings: tuple[Finding, ...]
 
     @property
@@ -129,6 +113,7 @@ class Design(Tabular, WithFindings):
                 "forecast": self.forecast.to_json(),
                 **self.prospect.to_json(),
                 "wanted": self.wanted,
+                "seconds_without": self.without,
                 "options": [{"signal": o.signal, **o.settings, "cost": o.cost} for o in self.options],
                 "effects": [own.as_dict() for own in self.visibility.effects],
                 "not_shown": self.visibility.not_shown,
@@ -208,12 +193,9 @@ def design(
     scale = np.array([full.parameters[k].scale for k in free])
     period = _period(base, seconds)
     task = Task(full, free, scale, weights, instruments, limits, period, spread)
-    options, efficiency = multisines(task) if signal != PRBS else ([], np.nan)
-    if signal != MULTISINE:
-        options += list(sequences(task))
-    options.sort(key=lambda own: own.cost)
+    options, efficiency = compared(task, signal)
     chosen = options[0]
-    periods, findings = _periods(task, chosen, known, wanted, seconds)
+    periods, findings = periods_of(task, chosen, known, wanted, seconds)
     i_e = np.tile(chosen.wave, (periods, 1))
     period = len(chosen.wave)
     i_e /= max(
@@ -221,6 +203,7 @@ def design(
     )  # a start may last longer than was looked at
     expected = prospect(known, i_e, period=period, instruments=instruments)
     shown = visible(prospect(base, i_e, period=period, instruments=instruments).comparison)
+    others = without_signals(task, signal, known, wanted, expected)
     return Design(
         i_e=i_e,
         option=chosen,
@@ -230,7 +213,13 @@ def design(
         prospect=expected,
         wanted=wanted,
         visibility=shown,
-        findings=(*findings, *_missed(expected, wanted, findings), *_sensitive(base, limits)),
+        without=others,
+        findings=(
+            *findings,
+            *missed(expected, wanted, findings),
+            *of_signals(task, chosen, known, wanted, expected, others),
+            *_sensitive(base, limits),
+        ),
     )
 
 
@@ -318,66 +307,6 @@ def _period(model: Model, seconds: float | None) -> int:
     if width * most <= rate:  # a pole at zero, or nearly so, has no width
         return most
     return int(min(max(2 ** np.ceil(np.log2(rate / width)), least), most))
-
-
-def _periods(
-    task: Task, option: Option, known: Model, wanted: Mapping[str, float], seconds: float | None
-) -> tuple[int, tuple[Finding, ...]]:
-    """How many are played, and whether more would be needed."""
-    period, rate = len(option.wave), task.model.rig.sample_rate
-    most = int((LONGEST if seconds is None else seconds) * rate / period)
-    if not wanted:
-        # periods where neither a length nor an accuracy is asked for
-        return max(FEWEST, 8 if seconds is None else most), ()
-    expected = prospect(known, np.tile(option.wave, (FEWEST, 1)), period=period, instruments=task.instruments)
-    beyond = tuple(_out_of_reach(expected, wanted))
-    lost = {finding.values["parameter"] for finding in beyond}
-    reached = {name: half for name, half in wanted.items() if name not in lost}
-    # part that is played beyond what is needed: transients take more of few periods than of many
-    needed = max(FEWEST, *(int(np.ceil(FEWEST * 1.02 * _ratio(expected, *own))) for own in reached.items()), 0)
-    if needed <= max(most, FEWEST):
-        return needed, beyond
-    played = max(most, FEWEST)
-    return played, (
-        *beyond,
-        TOO_SHORT(needed_s=needed * period / rate, seconds_s=played * period / rate),
-    )
-
-
-def _ratio(expected: Prospect, name: str, half: float) -> float:
-    """Variance by noise over that which tolerances leave of a wanted half width of an interval."""
-    own = expected.budget[name]
-    return own[NOISE] / ((half / NORMAL_95) ** 2 - sum(own.values()) + own[NOISE])
-
-
-def _out_of_reach(expected: Prospect, wanted: Mapping[str, float]) -> Iterator[Finding]:
-    """Parameters whose interval is wider than wanted whatever is recorded, and the tolerance that makes most of it."""
-    for name, half in wanted.items():
-        own = {key: variance for key, variance in expected.budget[name].items() if key != NOISE}
-        total = sum(own.values())
-        if NORMAL_95 * np.sqrt(total) >= half:
-            largest = max(own, key=lambda key: own[key])
-            yield OUT_OF_REACH(
-                NOWHERE,
-                parameter=name,
-                by_tolerances=NORMAL_95 * float(np.sqrt(total)),
-                wanted=half,
-                unit=expected.parameters[name].unit,
-                tolerance=largest,
-                share=own[largest] / total,
-            )
-
-
-def _missed(expected: Prospect, wanted: Mapping[str, float], known: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Parameters whose interval is wider than wanted, but those that findings say it of."""
-    lost = {finding.values.get("parameter") for finding in known}
-    parameters = expected.parameters
-    wide = {name: NORMAL_95 * (parameters[name].std_error or 0.0) for name in wanted}
-    return tuple(
-        NOT_ACCURATE(parameter=name, predicted=wide[name], wanted=half, unit=parameters[name].unit)
-        for name, half in wanted.items()
-        if wide[name] > half and name not in lost
-    )
 
 
 def _sensitive(model: Model, limits: Limits) -> tuple[Finding, ...]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
+from ambid.channels import by_signal
 from ambid.errors import RigError
 from ambid.model import Model
 from ambid.record import Record
@@ -35,14 +36,14 @@ class Change:
         Over the present one.
     rig : Rig or None
         At another operating point; None at the present one.
-    currents : bool
-        Whether i_c is to be recorded that was not.
+    record : tuple of str
+        What is to be recorded that was not: ``i_c``, or further channels.
     """
 
     what: str
     amplitude: float = 1.0
     rig: Rig | None = None
-    currents: bool = False
+    record: tuple[str, ...] = ()
 
     def at(self, model: Model) -> Model:
         """A model at the operating point of the experiment."""
@@ -53,11 +54,11 @@ class Change:
         return model.covering([anything.at(self.rig)]).at(self.rig)
 
 
-def changes(rig: Rig, *, currents: bool) -> Iterator[Change]:
-    """All experiments that may be tried next on a machine; `currents` if its i_c could be recorded and is not."""
+def changes(rig: Rig, record: Iterable[str]) -> Iterator[Change]:
+    """All experiments that may be tried next on a machine; `record` is what could be recorded and is not."""
     yield Change("the same once more")
-    if currents:
-        yield Change("record i_c", currents=True)
+    for channels in by_signal(record).values():
+        yield Change(f"record {', '.join(channels)}", record=tuple(channels))
     for factor in AMPLITUDES:
         yield Change(f"{factor:g} times the amplitude", amplitude=factor)
     for factor in SPEEDS if rig.speed > 0.0 else ():

@@ -113,7 +113,7 @@ def prospect(model: Given, i_e: FloatArray, *, period: int, instruments: Instrum
     period : int
         Samples per period.
     instruments : Instruments
-        Noise; where it has no currents, i_c is not recorded.
+        Noise of what is recorded.
 
     Returns
     -------
@@ -137,5 +137,5 @@ def planned(model: Model, i_e: FloatArray, period: int, instruments: Instruments
     if period < 1 or len(i_e) < 2 * period:
         raise InputError(f"{len(i_e)} samples of i_e, periods of {period}: expected two periods or more")
     record = instruments.of_model(model).simulate(i_e)
-    i_c = record.i_c if instruments.channels - len(instruments.further) > len(model.rig.axes) else None
-    return replace(record, period=period, i_c=i_c)
+    y = record.y if "y" in instruments.signals else np.empty((record.samples, 0))
+    return replace(record, period=period, y=y, i_c=record.i_c if "i_c" in instruments.signals else None)

@@ -69,7 +69,7 @@ class PoweredLines:
         """
         model = instruments.of_model(model)
         rig, p, axes = model.rig, instruments.channels, len(model.rig.axes)
-        currents = [model.loop.outputs.index(f"i_c.{axis}") for axis in rig.axes]
+        at = {name: [model.loop.outputs.index(f"{name}.{axis}") for axis in rig.axes] for name in ("y", "i_c")}
         lines = np.arange(1, 1 + min((period - 1) // 2, int(HIGHEST * period)))
         points = np.exp(2j * np.pi * lines / period)
         inputs = np.zeros((len(lines), model.loop.core.inputs), dtype=complex)
@@ -80,18 +80,13 @@ class PoweredLines:
         white = whitening @ slopes[:, :p] * scale
         information = 0.5 * np.real(white.conj().transpose(0, 2, 1) @ white)
         count, own = np.arange(len(lines)), np.arange(len(lines)) % axes
-        answers = {"i_e": inputs[count, own], "y": response[count, own], "i_c": response[count, np.take(currents, own)]}
-        usual = response[:, [*range(axes), *currents]]
-        return cls(lines, information, _costs(inputs, usual, points, limits, model), answers)
+        limited = {"i_e": inputs[:, :axes], **{name: response[:, columns] for name, columns in at.items()}}
+        answers = {name: values[count, own] for name, values in limited.items()}
+        return cls(lines, information, _costs(limited, points, limits, model), answers)
 
 
-def _costs(
-    inputs: ComplexArray, response: ComplexArray, points: ComplexArray, limits: Limits, model: Model
-) -> FloatArray:
-    """Power of every limited signal over its limit squared, shape (L, signals)."""
-    axes = len(model.rig.axes)
-    y, i_c = response[:, :axes], response[:, axes : 2 * axes]
-    slope = i_c * (points - 1.0)[:, None] * model.rig.sample_rate
-    signals = {"i_e": inputs[:, :axes], "y": y, "i_c": i_c, "slope": slope}
+def _costs(signals: dict[str, ComplexArray], points: ComplexArray, limits: Limits, model: Model) -> FloatArray:
+    """Power of every limited signal, shape (L, axes) each, over its limit squared, shape (L, signals)."""
+    slope = signals["i_c"] * (points - 1.0)[:, None] * model.rig.sample_rate
     allowed = limits.of(model.rig)
-    return np.hstack([np.abs(signals[name]) ** 2 / own**2 for name, own in allowed.items()])
+    return np.hstack([np.abs((signals | {"slope": slope})[name]) ** 2 / own**2 for name, own in allowed.items()])

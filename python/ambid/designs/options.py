@@ -16,7 +16,7 @@ from ambid.excitation import multisine, prbs
 from ambid.model import Model
 from ambid.noise.foreseen import Instruments
 
-__all__ = ["MULTISINE", "PRBS", "SIGNALS", "Option", "Task", "multisines", "sequences"]
+__all__ = ["MULTISINE", "PRBS", "SIGNALS", "Option", "Task", "compared"]
 
 PRBS, MULTISINE = "prbs", "multisine"
 SIGNALS = (PRBS, MULTISINE)
@@ -86,6 +86,14 @@ class Option:
         relative = accuracy.covariance[np.ix_(task.free, task.free)] / np.outer(task.scale, task.scale)
         cost = criterion(np.asarray(np.linalg.inv(relative)), task.wanted) * accuracy.seconds
         return cls(signal, settings | {"peak": float(np.abs(wave).max())}, wave, cost)
+
+
+def compared(task: Task, signal: str | None) -> tuple[list[Option], float]:
+    """All options of a signal, or of both, the best first; and the efficiency that `multisines` proves, else NaN."""
+    options, efficiency = multisines(task) if signal != PRBS else ([], np.nan)
+    if signal != MULTISINE:
+        options += list(sequences(task))
+    return sorted(options, key=lambda own: own.cost), efficiency
 
 
 def sequences(task: Task) -> Iterator[Option]:

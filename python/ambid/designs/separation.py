@@ -164,7 +164,7 @@ def tell_apart(
     instruments : Instruments
         Noise of the present record.
     more_instruments : Instruments, optional
-        Noise with that of i_c, where it was not recorded and could be.
+        Noise with that of what was not recorded and could be, such as i_c or the flux density.
     limits : Limits, optional
         An experiment beyond them is not tried.
     probabilities : mapping of str to float, optional
@@ -186,8 +186,10 @@ def tell_apart(
     rig = next(iter(hypotheses.values())).rig
     likely = _normalised(dict.fromkeys(hypotheses, 1.0) if probabilities is None else probabilities, hypotheses)
     found, not_tried = [], {}
-    for change in changes(rig, currents=more_instruments is not None):
-        further = more_instruments if change.currents and more_instruments is not None else instruments
+    more = more_instruments or instruments
+    new = [name for name in (*more.signals, *more.further) if name not in (*instruments.signals, *instruments.further)]
+    for change in changes(rig, new):
+        further = more.without(*(name for name in new if name not in change.record))
         try:
             load = max(forecast(change.at(own), i_e, period=period, limits=limits).load for own in hypotheses.values())
             if change.amplitude > 1.0:
@@ -207,7 +209,7 @@ def tell_apart(
             continue
         seconds = repeats * len(i_e) / rig.sample_rate
         # seconds that another operating point costs beside its record: the machine is stopped, set up and warmed again
-        cost = seconds + (600.0 if change.rig is not None or change.currents else 0.0)
+        cost = seconds + (600.0 if change.rig is not None or change.record else 0.0)
         found.append(Proposal(change, evidence, information, repeats, seconds, load * change.amplitude, cost))
     found.sort(key=lambda own: (own.cost, -own.information))
     return Proposals(tuple(hypotheses), tuple(found), not_tried, gained(likely, np.inf))
@@ -242,7 +244,11 @@ def gained(probabilities: FloatArray, evidence: FloatArray | float) -> float:
 
 
 def next_experiments(
-    diagnosis: Diagnosis, *, current_noise: float = CURRENT_NOISE, limits: Limits | None = None
+    diagnosis: Diagnosis,
+    *,
+    current_noise: float = CURRENT_NOISE,
+    further_noise: Mapping[str, float] | None = None,
+    limits: Limits | None = None,
 ) -> Proposals:
     """Foresee which next experiment settles an ambiguous verdict.
 
@@ -252,6 +258,8 @@ def next_experiments(
         Of records of which the first in time has periods and i_e.
     current_noise : float
         Rms that i_c would have [A], where it was not recorded and could be.
+    further_noise : mapping of str to float, optional
+        The same of further channels that could be recorded, such as ``b.A_zeta``, in their units.
     limits : Limits, optional
 
     Returns
@@ -270,7 +278,9 @@ def next_experiments(
     if record is None or record.i_e is None or record.period is None:
         raise InputError("none of the records has periods and i_e; give what was played to tell_apart()")
     instruments = Instruments.of(diagnosis.fit)
-    more = None if record.i_c is not None else instruments.with_currents(current_noise)
+    noise = {"i_c": current_noise, **(further_noise or {})}
+    recorded = (*instruments.signals, *instruments.further)
+    more = instruments.beside({name: rms for name, rms in noise.items() if name not in recorded})
     whole = record.periods * record.period
     i_e = record.i_e[:whole] - record.i_e[:whole].mean(axis=0)
     hypotheses = _members(diagnosis, diagnosis.fit)

@@ -262,9 +262,22 @@ class Model(Contents):
         ModelError
             If the machine has no such output.
         """
-        names = selected_outputs(self.rig, channels)
         usual = (f"{signal}.{axis}" for signal in ("y", "i_c")[: 1 + currents] for axis in self.rig.axes)
-        measured = first_outputs((*usual, *names), self.rig.axes)
+        return self.recorded_as((*usual, *selected_outputs(self.rig, channels)))
+
+    def recorded_as(self, channels: Iterable[str]) -> Model:
+        """Return the model whose loop has exactly the channels of a record first, by their names, in its order.
+
+        Raises
+        ------
+        ModelError
+            If the machine has no such output.
+        """
+        names = tuple(channels)
+        selected_outputs(self.rig, further(names, self.rig.axes))
+        measured = first_outputs(names, self.rig.axes)
+        if measured == self.structure.measured:
+            return self
         return self._made_of(replace(self.structure, measured=measured), tuple(self.parameters))
 
     def with_noise_inputs(self) -> Loop:

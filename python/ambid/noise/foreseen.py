@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,26 +32,42 @@ class Instruments:
     frequency_hz : ndarray, shape (F,)
         Rising.
     covariance : ndarray, shape (F, p, p)
-        Of y, then of i_c where it is recorded, then of `further`, of each sample if it were white [m^2, m A, A^2, ...].
+        Of `signals` of every axis each, then of `further`, of each sample if it were white [m^2, m A, A^2, ...].
     further : tuple of str
-        Channels beyond y and i_c, such as ``b.A_zeta``.
+        Channels beyond y and i_c of the axes, such as ``b.A_zeta``.
+    signals : tuple of str
+        Of y and i_c, those that are recorded; of every axis.
     """
 
     frequency_hz: FloatArray
     covariance: ComplexArray
     further: tuple[str, ...] = ()
+    signals: tuple[str, ...] = ("y", "i_c")
 
     @property
     def channels(self) -> int:
-        """Channels p of y, i_c and what is recorded beside them."""
+        """Number p of all channels."""
         return self.covariance.shape[1]
+
+    def names(self, axes: Sequence[str]) -> tuple[str, ...]:
+        """Names of the channels on a rig with these axes.
+
+        Raises
+        ------
+        InputError
+            If they are not as many as the covariance has.
+        """
+        found = (*(f"{signal}.{axis}" for signal in self.signals for axis in axes), *self.further)
+        if len(found) != self.channels:
+            raise InputError(
+                f"the noise of {self.channels} channels is given; expected that of the {len(found)} channels "
+                f"{', '.join(found)}"
+            )
+        return found
 
     def of_model(self, model: Model) -> Model:
         """A model whose first outputs are the channels."""
-        if not self.further:
-            return model
-        has_currents = self.channels - len(self.further) > len(model.rig.axes)
-        return model.with_outputs(self.further, currents=has_currents)
+        return model.recorded_as(self.names(model.rig.axes))
 
     @classmethod
     def stated(
@@ -73,12 +89,9 @@ class Instruments:
         levels = {"sensor_noise": sensor_noise} | ({} if current_noise is None else {"current_noise": current_noise})
         beyond = dict(further or {})
         for name, rms in {**levels, **beyond}.items():
-            if not SMALLEST_CHANGE <= rms <= LARGEST_VALUE:
-                raise InputError(
-                    f"{name} = {rms!r}: expected an rms from {SMALLEST_CHANGE:g} to {LARGEST_VALUE:g}, in its SI unit"
-                )
+            _require_noise(name, rms)
         power = np.append(np.repeat([rms**2 for rms in levels.values()], axes), [rms**2 for rms in beyond.values()])
-        return cls(np.zeros(1), np.diag(power).astype(complex)[None], tuple(beyond))
+        return cls(np.zeros(1), np.diag(power).astype(complex)[None], tuple(beyond), ("y", "i_c")[: len(levels)])
 
     @classmethod
     def of(cls, comparison: Comparison) -> Instruments:
@@ -100,32 +113,63 @@ class Instruments:
         root = back @ _core.inverses(np.ascontiguousarray(part.spectrum.whitening[:count]))
         covariance = 2.0 * root @ root.conj().transpose(0, 2, 1) / part.spectrum.raised[:count, None, None]
         frequency_hz = part.window.excited * part.record.sample_rate / part.window.samples
-        return cls(frequency_hz, covariance, tuple(part.record.further))
+        record = part.record
+        signals = tuple(name for name in ("y", "i_c") if f"{name}.{record.axes[0]}" in record.channels)
+        return cls(frequency_hz, covariance, tuple(record.further), signals)
+
+    def beside(self, noise: Mapping[str, float]) -> Instruments:
+        """The same where more is recorded, in white noise.
+
+        Parameters
+        ----------
+        noise : mapping of str to float
+            Rms of a signal of every axis, ``y`` or ``i_c``, or of a further channel, such as ``b.A_zeta``.
+
+        Raises
+        ------
+        InputError
+            If a noise is not above zero, or there is one already.
+        """
+        for name, rms in noise.items():
+            _require_noise(name, rms)
+            if name in (*self.signals, *self.further):
+                raise InputError(f"{name} = {rms!r}: its noise is known already; leave it out")
+        signals = tuple(name for name in ("y", "i_c") if name in (*self.signals, *noise))
+        further = (*self.further, *(name for name in noise if name not in signals))
+        axes = range((self.channels - len(self.further)) // len(self.signals))
+        names = [*((signal, axis) for signal in signals for axis in axes), *((name, 0) for name in further)]
+        covariance = np.zeros((len(self.covariance), len(names), len(names)), dtype=complex)
+        had = [k for k, (name, _) in enumerate(names) if name not in noise]
+        covariance[:, np.array(had)[:, None], had] = self.covariance
+        for k, (name, _) in enumerate(names):
+            covariance[:, k, k] += noise.get(name, 0.0) ** 2
+        return Instruments(self.frequency_hz, covariance, further, signals)
+
+    def without(self, *names: str) -> Instruments:
+        """The same where less is recorded: no ``i_c``, of all axes, or no further channels, by their names."""
+        axes = (self.channels - len(self.further)) // len(self.signals)
+        own = [*(signal for signal in self.signals for _ in range(axes)), *self.further]
+        kept = np.array([k for k, name in enumerate(own) if name not in names])
+        signals, further = ([name for name in some if name not in names] for some in (self.signals, self.further))
+        return Instruments(self.frequency_hz, self.covariance[:, kept[:, None], kept], tuple(further), tuple(signals))
 
     def with_currents(self, current_noise: float) -> Instruments:
-        """The same where i_c is recorded too, in white noise [A rms]; of instruments that have y alone.
+        """The same where i_c is recorded too, in white noise [A rms]; of instruments that have none.
 
         Raises
         ------
         InputError
             If the noise is not above zero.
         """
-        axes = self.channels - len(self.further)
-        stated = Instruments.stated(axes, 1.0, current_noise, dict.fromkeys(self.further, 1.0)).covariance
-        covariance = np.repeat(stated, len(self.covariance), axis=0)
-        kept = np.r_[:axes, 2 * axes : covariance.shape[1]]
-        covariance[:, kept[:, None], kept] = self.covariance
-        return Instruments(self.frequency_hz, covariance, self.further)
+        return self.beside({"i_c": current_noise})
+
+    def without_currents(self) -> Instruments:
+        """The same where i_c is not recorded."""
+        return self.without("i_c")
 
     def averaged(self, times: float) -> Instruments:
         """Noise of the mean of so many records, which tells as much as one that is so many times as long."""
-        return Instruments(self.frequency_hz, self.covariance / times, self.further)
-
-    def without_currents(self) -> Instruments:
-        """The same where y alone is recorded."""
-        axes = (self.channels - len(self.further)) // 2
-        kept = np.r_[:axes, 2 * axes : self.channels]
-        return Instruments(self.frequency_hz, self.covariance[:, kept[:, None], kept], self.further)
+        return replace(self, covariance=self.covariance / times)
 
     def at(self, frequency_hz: FloatArray) -> ComplexArray:
         """Covariance at frequencies, shape (frequencies, p, p): between its own ones straight, beyond them constant."""
@@ -135,6 +179,13 @@ class Instruments:
         share = np.where(width > 0.0, (frequency_hz - self.frequency_hz[low]) / np.where(width > 0.0, width, 1.0), 0.0)
         share = np.clip(share, 0.0, 1.0)[:, None, None]
         return np.asarray((1.0 - share) * self.covariance[low] + share * self.covariance[high])
+
+
+def _require_noise(name: str, rms: float) -> None:
+    if not SMALLEST_CHANGE <= rms <= LARGEST_VALUE:
+        raise InputError(
+            f"{name} = {rms!r}: expected an rms from {SMALLEST_CHANGE:g} to {LARGEST_VALUE:g}, in its SI unit"
+        )
 
 
 class ForeseenLines(RecordLines):

@@ -186,6 +186,13 @@ class Rig(Spec):
         of_axes = [f"{name}.{axis}" for name, own in SIGNALS.items() if own.path in OUTPUTS for axis in self.axes]
         return (*(name for name in of_axes if not self.lacks(name)), *(sensor.channel for sensor in self.sensors))
 
+    @property
+    def instrumented(self) -> tuple[str, ...]:
+        """Of `outputs`, those that keys of the file are there for: flux densities, voltages of coils, sensors."""
+        coils = self.axes if self.amplifier.coil_resistance is not None else ()
+        of_axes = [f"{name}.{axis}" for name, axes in (("b", self.force_per_flux), ("u", coils)) for axis in axes]
+        return (*of_axes, *(sensor.channel for sensor in self.sensors))
+
     def lacks(self, channel: str) -> str:
         """Why no such output is known of the machine, and what to add to the rig file; empty where it is."""
         own = Channel.of(channel)
