@@ -37,16 +37,16 @@ class Golden:
 
     def holds(self, text: str) -> None:
         """Assert that a text is the golden one."""
-        told, key = self._normal(text), f"{self.key} {self.count[0]}".removesuffix(" 0")
+        now, key = self._normal(text), f"{self.key} {self.count[0]}".removesuffix(" 0")
         self.count[0] += 1
         if self.writes:
-            _write(self.file, key, told)
+            _write(self.file, key, now)
             return
         known = _read(self.file)
         assert key in known, f"{self.file}: no text under {key!r}; write it with pytest --golden=write -n 0"
-        assert NUMBER.sub("#", told) == NUMBER.sub("#", known[key])
-        for own, wanted in zip(NUMBER.findall(told), NUMBER.findall(known[key]), strict=True):
-            assert own == wanted or isclose(float(own), float(wanted), rel_tol=DIGITS), told
+        assert NUMBER.sub("#", now) == NUMBER.sub("#", known[key])
+        for own, wanted in zip(NUMBER.findall(now), NUMBER.findall(known[key]), strict=True):
+            assert own == wanted or isclose(float(own), float(wanted), rel_tol=DIGITS), now
 
     @contextmanager
     def raises(self, *errors: type[BaseException]) -> Iterator[pytest.ExceptionInfo[BaseException]]:

@@ -91,13 +91,13 @@ class WrongUnit(RecordError):
 
     Attributes
     ----------
-    told : str
+    problem : str
         Channel, value and what is allowed, without a guess at the cause.
     """
 
-    def __init__(self, where: str, told: str, advice: str) -> None:
-        super().__init__(f"{where}: {told}: {advice}")
-        self.told = told
+    def __init__(self, where: str, problem: str, advice: str) -> None:
+        super().__init__(f"{where}: {problem}: {advice}")
+        self.problem = problem
 
 
 class UnstableLoopError(AmbidError):

@@ -73,7 +73,7 @@ def prbs(
     if len(set(delays % chips)) < axes:
         raise InputError(
             f"shifts = {list(shifts)}: two of the {axes} axes carry the same signal (period {chips} chips) and "
-            "cannot be told apart; give different shifts or a higher order"
+            "cannot be distinguished; give different shifts or a higher order"
         )
     start = int(np.random.default_rng(seed).integers(1, chips + 1))
     state = [start >> bit & 1 for bit in range(order)]

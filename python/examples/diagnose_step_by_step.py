@@ -21,7 +21,7 @@ print(where.sentence())
 ranking = ambid.rank(comparison)
 for candidate in ranking.candidates[:2]:
     print(f"{candidate.effect.name} would take the misfit to {candidate.predicted_misfit:.2f}")
-    print(f"hard to tell from it: {', '.join(candidate.confusable_with) or 'nothing'}")
+    print(f"hard to distinguish from it: {', '.join(candidate.confusable_with) or 'nothing'}")
 
 # Add each at its predicted value, fit everything again, and keep the better; then look at a record that was not used.
 fits = [ambid.identify(estimate.model.add(own.effect, own.start), train) for own in ranking.candidates[:2]]

@@ -32,9 +32,9 @@ def test_what_makes_the_base_stable_is_tried_and_evidence_decides(machine):
     assert not Model(rig).is_stable
     found = diagnose(rig, record, catalogue=FEW)
     assert (found.verdict, found.effects) == ("explained", ("back_emf",))
-    told = the(found, "base_unstable").values
-    assert set(told["effects"]) == HOLD
-    assert told["growth_per_s"] == pytest.approx(Model(rig).poles()[0].real)
+    values = the(found, "base_unstable").values
+    assert set(values["effects"]) == HOLD
+    assert values["growth_per_s"] == pytest.approx(Model(rig).poles()[0].real)
     for name, value in {"K_i.A_zeta": TRUTH.K_i, "K_s.A_zeta": TRUTH.K_s}.items():
         own = found.parameters[name]
         assert own.ci95[0] < value < own.ci95[1]
@@ -62,8 +62,8 @@ def test_a_base_that_nothing_holds_is_refused_with_its_pole(machine):
     rig, record = machine
     found = diagnose(rig, record, catalogue=[find("loop_delay"), find("sensor_lag")])
     assert found.verdict == "not_informative"
-    told = the(found, "base_unstable_with_every_effect").values
-    assert told["growth_per_s"] > 0.0
+    values = the(found, "base_unstable_with_every_effect").values
+    assert values["growth_per_s"] > 0.0
     assert "base_unstable" not in codes(found)
     with pytest.raises(UnstableLoopError):
         compare(rig, record)

@@ -286,9 +286,9 @@ def test_what_an_experiment_with_further_channels_would_tell_is_foreseen(record)
     for instruments in (stated, Instruments.of(found.comparison)):
         for currents, i_c in ((instruments, own.i_c), (instruments.without_currents(), None)):
             seen = identify(MASS, replace(own, i_c=i_c))
-            told = prospect(found.model, ONE_AXIS.excitation(1.0), period=ONE_AXIS.period, instruments=currents)
+            expected = prospect(found.model, ONE_AXIS.excitation(1.0), period=ONE_AXIS.period, instruments=currents)
             for name, parameter in seen.parameters.items():
-                assert told.parameters[name].std_error == pytest.approx(parameter.std_error, rel=0.2), name
+                assert expected.parameters[name].std_error == pytest.approx(parameter.std_error, rel=0.2), name
     assert stated.without_currents().with_currents(5e-3).channels == stated.channels == 4
 
 

@@ -92,7 +92,7 @@ def test_the_matrix_is_that_of_misfit_matrix(fitted):
 def test_of_a_model_that_is_right_no_cell_is_told(added):
     cells = [cell for band in frequency_views.matrices(added)[0]["bands"] for row in band["rows"] for cell in row]
     assert {(cell["text"], cell["level"]) for cell in cells} == {("", 0)}
-    assert len({cell["told"] for cell in cells}) == 1
+    assert len({cell["words"] for cell in cells}) == 1
 
 
 @pytest.mark.skipif(not SEAL.exists(), reason="the measured cases are not here")

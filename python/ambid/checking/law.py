@@ -29,7 +29,7 @@ SAME = 1e-6
 """Part of the rig's own command that its law may leave in the words of another, to be stated in these."""
 ALIKE = 0.05
 """Part of the command up to which a law counts as found."""
-TOLD = 3.0
+SIGNIFICANT = 3.0
 """Standard errors that a gain must exceed to be reported."""
 MOST_LATE = 2
 """Samples by which a command may come after what it answers to, beside those of the rig's delay."""
@@ -277,7 +277,7 @@ class _Fit:
         names = list(columns)
         while True:
             x, error, left = self._solved(np.column_stack([columns[name] for name in names]), 1)
-            sure = np.abs(x) > TOLD * error
+            sure = np.abs(x) > SIGNIFICANT * error
             if sure.all() or len(names) == 1:
                 gains, lag = _named(names, x), {"lag": 0.5 * h} if "de/dt" in names else {}
                 return _pid_text(gains | lag), gains | lag, _named(names, error), left

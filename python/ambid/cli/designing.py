@@ -78,7 +78,7 @@ def excitation_command(
     json_file: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
-    """Write what to play on the machine, and tell what it would do there."""
+    """Write what to play on the machine, and predict what it would do there."""
     _require_out({"RIG": rig, "--model": model}, out, json_file, force)
     machine = load_rig(rig, exact)
     limits = ambid.Limits(travel=travel, current=current, slew_rate=slew_rate)
@@ -134,7 +134,7 @@ def design_command(
         list[str],
         typer.Option(
             metavar="NAME:param=value,...",
-            help="Effects that are to be told apart, each as it was found: which experiment next? Twice or more.",
+            help="Effects that are to be distinguished, each as it was found: which experiment next? Twice or more.",
             autocompletion=known_effects,
         ),
     ] = [],  # noqa: B006
@@ -161,7 +161,7 @@ def design_command(
     json_file: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
-    """Find the excitation that gives a wanted accuracy or shows an effect, within limits, and tell what it shows."""
+    """Find the excitation that gives a wanted accuracy or shows an effect, within limits, and report what it shows."""
     inputs: Files = {"RIG": rig, "--record": record, "--model": model}
     if out is not None:
         _require_out(inputs, out, json_file, force)
@@ -234,7 +234,7 @@ def _following(
         own = with_effects(start, [text])
         hypotheses[own.effects[-1].name] = own
     if len(hypotheses) < max(2, len(apart)):
-        raise InputError("--apart: name two effects or more that are to be told apart, each once")
+        raise InputError("--apart: name two effects or more that are to be distinguished, each once")
     present = instruments.without_currents() if without_currents else instruments
     more = instruments if without_currents else None
     period = len(found.option.wave)

@@ -170,7 +170,7 @@ def _require_possible(made: ambid.Record, rig: ambid.Rig, out: Path, amplitude: 
                 require_ampere(str(out), f"{signal}.{axis}", own, rig)
     except WrongUnit as error:
         raise InputError(
-            f"--amplitude {amplitude:g}: {error.told}; give a smaller amplitude, or less noise; {out} was not written"
+            f"--amplitude {amplitude:g}: {error.problem}; give a smaller amplitude or less noise; {out} was not written"
         ) from None
 
 

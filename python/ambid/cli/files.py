@@ -110,7 +110,7 @@ def naming_unstable(rig: Path, start: ambid.Model, model: Path | None = None) ->
         pole = start.poles()[0]
         why = f"a pole at {abs(pole.imag) / (2.0 * np.pi):.3g} Hz grows with {pole.real:.3g} 1/s"
         if not ambid.Model(start.rig).is_stable:
-            problem = f"{rig}: the nominal loop is unstable ({why}); `ambid check {shlex.quote(str(rig))}` tells why"
+            problem = f"{rig}: the nominal loop is unstable ({why}); `ambid check {shlex.quote(str(rig))}` shows why"
             problem += f".{held}" if (held := _held_by(start)) else ""
         else:
             beside = ", ".join(effect.name for effect in start.effects)

@@ -97,11 +97,11 @@ def mended(found: ambid.Diagnosis, files: Sequence[Path]) -> Updated:
         none = NOT_MENDED(Where(file=str(files[0])))
         return Updated(f"\n{none.severity}: {none.line()}", {"mended": {}}, (none,), lambda: ())
     values = {p.name: p.value for p in found.model.parameters}
-    told = []
+    corrected = []
     for effect in found.model.effects:
         own = {p.name: values[effect.slot(p.name)] for p in effect.parameters(found.model.rig)}
         if effect.mended(changed[0][1], own) is not changed[0][1]:
-            told += [finding.line(advises=False) for finding in effect.findings(found.model.rig, own)]
+            corrected += [finding.line(advises=False) for finding in effect.findings(found.model.rig, own)]
 
     def write() -> Sequence[Path]:
         for path, record in changed:
@@ -109,5 +109,5 @@ def mended(found: ambid.Diagnosis, files: Sequence[Path]) -> Updated:
         return [path for path, _ in changed]
 
     names = [str(path) for path, _ in changed]
-    lines = ["", "", f"corrected in {', '.join(names)}:", *(f"  {line}" for line in told)]
-    return Updated("\n".join(lines), {"mended": dict.fromkeys(names, told)}, (), write)
+    lines = ["", "", f"corrected in {', '.join(names)}:", *(f"  {line}" for line in corrected)]
+    return Updated("\n".join(lines), {"mended": dict.fromkeys(names, corrected)}, (), write)

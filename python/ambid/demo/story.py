@@ -78,7 +78,7 @@ def run(out: Path, say: Callable[[str], None] = print) -> dict[str, Any]:
     say(f"4. Validation\n{_validated(found)}\n")
     healthy = identify(rig, Record.load(DATA / "prbs.mat", rig))
     loading = static_load(rig, [StaticLoading.load(path, rig) for path in sorted(DATA.glob("static_*.csv"))])
-    say(f"5. K_i another way [N/A]: static loading of the bench as its rig file tells it\n{_both(healthy, loading)}\n")
+    say(f"5. K_i another way [N/A]: static loading of the bench as its rig file states it\n{_both(healthy, loading)}\n")
     uncertain = identify(rig.replace(tolerance={}), healthy.records)
     say(f"6. How well is the rig file known?\n{_of_tolerances(healthy, uncertain)}\n")
     files = _write(found, out)

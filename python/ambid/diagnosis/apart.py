@@ -75,7 +75,7 @@ def changing(fit: Comparison) -> tuple[Changing, ...]:
             return ()
         fits.append(own)
     names = tuple(own.noise.records[0].name for own in fits)
-    found = [_told(k, names, fits) for k in range(len(fit.model.names))]
+    found = [_changing(k, names, fits) for k in range(len(fit.model.names))]
     return tuple(sorted((own for own in found if own is not None), key=lambda own: -own.power))
 
 
@@ -88,7 +88,7 @@ def _alone(joint: Comparison, members: list[int]) -> Comparison | None:
         return None
 
 
-def _told(k: int, names: tuple[str, ...], fits: list[Comparison]) -> Changing | None:
+def _changing(k: int, names: tuple[str, ...], fits: list[Comparison]) -> Changing | None:
     """A parameter at the points that determine it; None where their values agree."""
     parameter = fits[0].model.parameters[k]
     values = np.array([own.model.theta[k] for own in fits])
@@ -101,5 +101,5 @@ def _told(k: int, names: tuple[str, ...], fits: list[Comparison]) -> Changing | 
     power = float(weight @ (values[known] - mean) ** 2)
     if power < chdtri(len(known) - 1, ALPHA):
         return None
-    told = [tuple(float(own[j]) for j in known) for own in (values, errors)]
-    return Changing(parameter.name, parameter.unit, tuple(names[j] for j in known), told[0], told[1], power)
+    found = [tuple(float(own[j]) for j in known) for own in (values, errors)]
+    return Changing(parameter.name, parameter.unit, tuple(names[j] for j in known), found[0], found[1], power)

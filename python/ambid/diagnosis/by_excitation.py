@@ -105,9 +105,9 @@ class MisfitMatrix(WithFindings):
             a, b = (name.removeprefix("y.") for name in (first, second))
             bearing = a.rpartition("_")[0]
             one, other = self._pair(first, f"i_e.{b}"), self._pair(second, f"i_e.{a}")
-            told = np.isfinite(one) & np.isfinite(other)
-            one, other = one[told], other[told]
-            if bearing == b.rpartition("_")[0] and told.any():
+            known = np.isfinite(one) & np.isfinite(other)
+            one, other = one[known], other[known]
+            if bearing == b.rpartition("_")[0] and known.any():
                 size = np.linalg.norm(one) * np.linalg.norm(other)
                 found[bearing] = float(np.vdot(one, other).real / size)
         return found
@@ -218,20 +218,20 @@ def _of_lines(part: RecordLines, here: Model) -> MisfitMatrix | None:
         free = sum(fit.free for fit in fits)
         rest[b] = sum(fit.left for fit in fits) / free
         noise = np.maximum(rest[b], 1.0)[:, None]
-        told = np.array([fit.is_told_apart for fit in fits])
-        lines: FloatArray = told.T @ np.array([float(len(rows)) for rows in parts])
+        separable = np.array([fit.is_separable for fit in fits])
+        lines: FloatArray = separable.T @ np.array([float(len(rows)) for rows in parts])
         known = np.greater(lines, 0.0)
         seen, by_chance, score = (
-            np.einsum("ki,koi->oi", told, np.array([getattr(fit, name) for fit in fits]))
+            np.einsum("ki,koi->oi", separable, np.array([getattr(fit, name) for fit in fits]))
             for name in ("power", "by_chance", "score")
         )
-        weight = np.array([own[None, :] / fit.variance for own, fit in zip(told, fits, strict=True)])
+        weight = np.array([own[None, :] / fit.variance for own, fit in zip(separable, fits, strict=True)])
         mean = np.sum(weight * np.array([fit.value for fit in fits]), axis=0)
         total = weight.sum(axis=0)
         power[b][:, known] = (np.maximum(seen - noise * by_chance, 0.0)[:, known]) / lines[known]
         response[b][:, known] = mean[:, known] / total[:, known]
         std[b][:, known] = (np.sqrt(0.5 * noise / np.where(known, total, 1.0)))[:, known]
-        degrees = 2 * TERMS * told.sum(axis=0)
+        degrees = 2 * TERMS * separable.sum(axis=0)
         ratio = score / (np.maximum(degrees, 1) * noise)
         is_told[b] = known & (fdtrc(np.maximum(degrees, 1), 2 * free, ratio) < FALSE_CELL / power.size)
     channels = tuple(part.record.channels)
@@ -240,7 +240,7 @@ def _of_lines(part: RecordLines, here: Model) -> MisfitMatrix | None:
 
 @dataclass(frozen=True)
 class _Fit:
-    """Of a few lines; tables of shape (outputs, inputs) but `left`, (outputs,), and `is_told_apart`, (inputs,)."""
+    """Of a few lines; tables of shape (outputs, inputs) but `left`, (outputs,), and `is_separable`, (inputs,)."""
 
     power: FloatArray
     by_chance: FloatArray
@@ -249,7 +249,7 @@ class _Fit:
     variance: FloatArray
     left: FloatArray
     free: int
-    is_told_apart: NDArray[np.bool_]
+    is_separable: NDArray[np.bool_]
 
 
 def _fit(u: ComplexArray, root: FloatArray, white: ComplexArray) -> _Fit:

@@ -24,7 +24,7 @@ ALPHA = 0.005
 """Chance of a false alarm over the whole catalogue: half of the 1 % that all tests of a diagnosis may have together."""
 SAME = 1e-6
 """Part of what a candidate does that another must leave for both to be distinguished at all."""
-SMALLEST_TOLD = 1e-300
+SMALLEST_PRINTED = 1e-300
 """Smaller p-values are not printed as numbers: they are as good as none, and their order is that of the scores."""
 
 
@@ -107,7 +107,7 @@ class Candidate:
     @property
     def p_text(self) -> str:
         """The p-value as it is printed: what is smaller than a number can hold ranks nothing."""
-        return f"{self.p_value:.2g}" if self.p_value > SMALLEST_TOLD else f"< {SMALLEST_TOLD:.0e}"
+        return f"{self.p_value:.2g}" if self.p_value > SMALLEST_PRINTED else f"< {SMALLEST_PRINTED:.0e}"
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, as in JSON."""

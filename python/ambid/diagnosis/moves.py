@@ -87,9 +87,9 @@ def moved(before: Model, after: Model, std_errors: Mapping[str, float]) -> tuple
         Of the parameters after.
     """
     known = {p.name: p.value for p in before.parameters}
-    told = {p.name: p.value for p in nominal(after.rig)}
+    stated = {p.name: p.value for p in nominal(after.rig)}
     found = [
-        Moved(p.name, p.unit, known[p.name], p.value, std_errors.get(p.name, np.nan), told.get(p.name))
+        Moved(p.name, p.unit, known[p.name], p.value, std_errors.get(p.name, np.nan), stated.get(p.name))
         for p in after.parameters
         if p.name in known
     ]

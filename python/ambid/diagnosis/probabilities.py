@@ -14,7 +14,7 @@ __all__ = ["Probabilities", "SetProbability", "probabilities"]
 
 NEGLIGIBLE = 1e-4
 """Probability below which a set is not listed."""
-TOLD = 0.01
+PRINTED = 0.01
 """Probability from which on a hypothesis is printed."""
 
 
@@ -90,12 +90,12 @@ class Probabilities:
     def listed(self) -> dict[str, float]:
         """Those that are worth showing, by name, the most probable effect first; empty where nothing was tried."""
         rest = {"nothing missing": self.nothing, "something without a name": self.something_else}
-        return {name: p for name, p in (self.effects | rest).items() if p >= TOLD} if self.sets else {}
+        return {name: p for name, p in (self.effects | rest).items() if p >= PRINTED} if self.sets else {}
 
     def lines(self) -> list[str]:
         """In words, such as ``loop_delay 97 %, amplifier_bandwidth 3 %``; none where nothing was tried."""
-        told = ", ".join(f"{name} {100.0 * p:.3g} %" for name, p in self.listed.items())
-        return [f"probabilities: {told}"] if told else []
+        listed = ", ".join(f"{name} {100.0 * p:.3g} %" for name, p in self.listed.items())
+        return [f"probabilities: {listed}"] if listed else []
 
     def as_dict(self) -> dict[str, float]:
         """As in JSON."""
@@ -124,22 +124,22 @@ def probabilities(
     clean : frozenset of str, optional
         A set that leaves nothing to these tests, nor do those that hold it.
     """
-    told: list[tuple[float, tuple[str, ...], bool]] = []
+    weighed: list[tuple[float, tuple[str, ...], bool]] = []
     for own in field.tried.values():
         if own.names & local:
             continue
         is_clean = not against or (clean is not None and clean <= own.names)
         beside = field.beside(own.evidence, shape)
-        told.append((field.alone(own.evidence) - (0.0 if is_clean else against), own.effects, False))
+        weighed.append((field.alone(own.evidence) - (0.0 if is_clean else against), own.effects, False))
         if is_clean and field.is_of_formulas(own):
-            told.append((field.beside(own.evidence, prior=INEXACT), own.effects, False))
+            weighed.append((field.beside(own.evidence, prior=INEXACT), own.effects, False))
         else:
-            told.append((beside, own.effects, True))
-        told += [(beside + odds, rest.effects, True) for rest, odds in field.stood_in_for(own, shape)]
-    most = max(log for log, _, _ in told)
-    total = sum(np.exp(log - most) for log, _, _ in told)
+            weighed.append((beside, own.effects, True))
+        weighed += [(beside + odds, rest.effects, True) for rest, odds in field.stood_in_for(own, shape)]
+    most = max(log for log, _, _ in weighed)
+    total = sum(np.exp(log - most) for log, _, _ in weighed)
     found: dict[tuple[str, ...], list[float]] = {}
-    for log, names, is_else in told:
+    for log, names, is_else in weighed:
         found.setdefault(names, [0.0, 0.0])[is_else] += float(np.exp(log - most) / total)
     sets = [SetProbability(own_names, *p) for own_names, p in found.items()]
     kept = [own for own in sets if own.total > NEGLIGIBLE or not own.effects]

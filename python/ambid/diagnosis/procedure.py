@@ -155,7 +155,7 @@ def diagnose(
         bases = [refit(bases[0])]  # `identify` did not trust the weights, as physics is missing
     field = begun(task, *bases)
 
-    def told(*, is_stopped: bool) -> Diagnosis:
+    def concluded(*, is_stopped: bool) -> Diagnosis:
         own = (
             field
             if is_stopped or not (chosen or field.is_explained)
@@ -163,7 +163,7 @@ def diagnose(
         )
         end = of_choice(own)
         verdict = judged(task, own, tolerance, is_stopped=is_stopped, chosen=end)
-        return _told(verdict, own, end or own.best, bases[0], task, records, start, findings, begun_at)
+        return _diagnosis(verdict, own, end or own.best, bases[0], task, records, start, findings, begun_at)
 
     def of_choice(field: Field) -> Hypothesis | None:
         return None if chosen is None else max(field.tried.values(), key=lambda own: len(own.added))
@@ -175,10 +175,10 @@ def diagnose(
             before, field = field.foremost, further
             if field.foremost.names != before.names:
                 say(_line(field.foremost, field.base))
-        return told(is_stopped=False)
+        return concluded(is_stopped=False)
     except KeyboardInterrupt:
         pass  # what is reported of the sets that were tried is no part of the stack that was interrupted
-    raise Stopped(told(is_stopped=True))
+    raise Stopped(concluded(is_stopped=True))
 
 
 def _base(start: Model, records: tuple[Measurement, ...]) -> tuple[Estimate | None, list[Comparison]]:
@@ -247,7 +247,7 @@ def _line(own: Hypothesis, base: Hypothesis) -> str:
     return text
 
 
-def _told(
+def _diagnosis(
     verdict: Verdict,
     field: Field,
     best: Hypothesis,
@@ -316,8 +316,8 @@ def _is_slip(finding: Finding) -> bool:
 def _nominal(start: Model) -> Model:
     """The start with the values of its rig file, if they make a stable loop: a fit before may have been driven off."""
     own = {p.name: p.value for p in nominal(start.rig) if p.name in start.names}
-    told = start.with_values(own)
-    return told if told.is_stable else start
+    stated = start.with_values(own)
+    return stated if stated.is_stable else start
 
 
 def _uninformed(start: Model, estimate: Estimate) -> Iterator[Finding]:

@@ -170,7 +170,7 @@ def judged(
     sets: tuple[tuple[str, ...], ...] = ()
     tried: tuple[str, ...] = ()
     if word == "ambiguous":
-        sets = _told_apart(found, effects)
+        sets = _indistinguishable(found, effects)
     elif word == "adequate" and chosen is None:
         effects, fit = (), base
     elif word == "none_of_the_candidates" and chosen is None:
@@ -261,7 +261,7 @@ def _lines(fit: Comparison) -> Iterator[Criterion]:
             yield Criterion("line", tone.power, 2.0, 2.0 * BESIDE.sum(), trials, OUTSTANDING, where=at, values=own)
 
 
-def _told_apart(found: Probabilities, effects: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
+def _indistinguishable(found: Probabilities, effects: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
     """Of each effect of the best set, what stands in its place in other sets that are credible."""
     total, credible = 0.0, []
     for own in found.sets:

@@ -46,9 +46,9 @@ def renewed(
             other = yield Descent(problem, behind[free] / problem.scale, limits, most)
             best = min(best, other, key=lambda end: end.cost)
         fit = comparison.of(model.with_theta(best.theta))
-        is_told = not fit.noise.misses_tone(fit.model)
+        has_all_tones = not fit.noise.misses_tone(fit.model)
         comparison = fit.renewed()
-        if is_told and abs(comparison.cost / fit.cost - 1.0) < RENEWED:
+        if has_all_tones and abs(comparison.cost / fit.cost - 1.0) < RENEWED:
             break
     return problem, best, comparison
 

@@ -83,7 +83,7 @@ def beside_excitation(
     free = width - fitted
     if free < ENOUGH * p:
         raise RecordError(
-            f"{count} lines are too few to tell the noise of {p} channels from what follows {excitation.shape[1]} "
+            f"{count} lines are too few to separate the noise of {p} channels from what follows {excitation.shape[1]} "
             "excitations; record for longer, or excite periodically"
         )
     starts = np.append(np.arange(0, count - width, max(1, width // 8)), count - width)  # the last ends with the lines

@@ -215,7 +215,7 @@ class NoShapes:
     def weights(self, port: str, *_: FloatArray) -> tuple[FloatArray, float]:
         """Refuse."""
         raise ModelError(
-            f"a frequency response tells no signal at the {port} port; measure its shape from a record in time"
+            f"a frequency response has no signal at the {port} port; measure its shape from a record in time"
         )
 
 

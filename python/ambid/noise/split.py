@@ -40,7 +40,7 @@ LOWEST = 12
 """Unexcited lines up to the frequency below which knots no longer lie evenly over its logarithm, one an octave."""
 ROUGHLY = 400
 """Lines that show roughly where noise arises."""
-TOLD = 0.7
+DISTINCT = 0.7
 """Standard deviation of the log of the ratio of two powers below which they are distinguished: a factor of two."""
 STIFFNESS, HOLD = 0.3, 1e-3
 """What a second difference of coefficients costs, and the square of the way from the start."""
@@ -164,7 +164,7 @@ class SplitNoise:
         for c in channels:
             r = self.heard + c
             ratio = blocks[c, c] + blocks[r, r] - blocks[c, r] - blocks[r, c]
-            found[:, c] = np.einsum("lj,jk,lk->l", every, ratio, every) < TOLD**2
+            found[:, c] = np.einsum("lj,jk,lk->l", every, ratio, every) < DISTINCT**2
         return found
 
     @property

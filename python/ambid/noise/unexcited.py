@@ -38,7 +38,7 @@ SHAPED = 3000
 """Unexcited lines that determine the shape of the noise."""
 
 
-class _Told(NamedTuple):
+class _Shaped(NamedTuple):
     """Some lines behind a shape, what took them there, and how they give the noise between them."""
 
     back: ComplexArray
@@ -64,7 +64,7 @@ class Unexcited:
     def __init__(self, base: Model, measured: Measured) -> None:
         self.base, self.measured, self.window = base, measured, measured.window.settled
         self.shape: Shape = Loop(base, measured.channels)
-        self._kept: dict[tuple[Tone, ...], _Told] = {}
+        self._kept: dict[tuple[Tone, ...], _Shaped] = {}
 
     def __copy__(self) -> Unexcited:
         """With what is known of them."""
@@ -90,22 +90,22 @@ class Unexcited:
 
     def around(self, tones: Sequence[Tone] = ()) -> Around:
         """How the lines without tones give the noise between them."""
-        return self._told(self._between(), tones).around
+        return self._shaped(self._between(), tones).around
 
     def with_likeliest_shape(self, tones: Sequence[Tone] = ()) -> tuple[Unexcited, Split | None]:
         """The same lines with what makes them likeliest, each by those around it, and where their noise arises."""
         index = self._between()
         index = index[:: 1 + len(index) // SHAPED]
         tried, split = [self, self._with(Recorder(self.measured.channels))], None
-        told = [own._told(index, tones) for own in tried]
+        shaped = [own._shaped(index, tones) for own in tried]
         if self.base.is_stable and heard(self.base, self.measured.channels):
             with suppress(ModelError):  # no noise on some channel
-                split = self._split(index, told[0].left, tones)
+                split = self._split(index, shaped[0].left, tones)
                 other = self._with(split)
-                told.append(other._told(index, tones))
+                shaped.append(other._shaped(index, tones))
                 tried.append(other)
         numbers = [own.shape.numbers for own in tried]
-        best = likelier_shape([own.around for own in told], [own.back for own in told], numbers)
+        best = likelier_shape([own.around for own in shaped], [own.back for own in shaped], numbers)
         return tried[best], split
 
     def _with(self, shape: Shape) -> Unexcited:
@@ -117,7 +117,7 @@ class Unexcited:
     def _between(self) -> NDArray[np.intp]:
         return self.window.between(self.gap)
 
-    def _told(self, index: NDArray[np.intp], tones: Sequence[Tone]) -> _Told:
+    def _shaped(self, index: NDArray[np.intp], tones: Sequence[Tone]) -> _Shaped:
         """What some of the lines show; of few, that give the noise and its shape, it is kept until asked for again."""
         key = tuple(tones)
         is_kept = len(index) < SHAPED and len(index) == len(self._between())
@@ -125,7 +125,7 @@ class Unexcited:
             return self._kept.pop(key)
         back = self.back(self.window.points(index))
         left = self._left(index, tones, back, is_heard=self.is_heard)
-        found = _Told(back, left, around(left, index / self.window.periods))
+        found = _Shaped(back, left, around(left, index / self.window.periods))
         if is_kept:
             self._kept[key] = found
         return found

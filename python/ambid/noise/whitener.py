@@ -157,7 +157,7 @@ def around(quiet: ComplexArray, at: FloatArray) -> Around:
     p = quiet.shape[1]
     if len(quiet) <= 2 * p:
         raise RecordError(
-            f"{len(quiet)} unexcited lines are too few to tell the noise of {p} channels; record more periods, or "
+            f"{len(quiet)} unexcited lines are too few to estimate the noise of {p} channels; record more periods, or "
             "excite with a longer period"
         )
     extent = at[-1] - at[0]

@@ -306,7 +306,7 @@ def _rows(path: Path, sheet: _Sheet) -> Iterator[list[str]]:
         problem = f"row {row} has {len(cells)} cells, the header {len(sheet.names)}"
         if sheet.separator == "," and len(cells) > len(sheet.names) and "." not in line and _all_whole(cells):
             problem += (
-                ", and no number has a decimal point: decimal commas between commas cannot be told from "
+                ", and no number has a decimal point: decimal commas between commas cannot be distinguished from "
                 "separators; export with decimal points, or with semicolons or tabs between the cells"
             )
         elif row == 1 and len(cells) == len(sheet.names) + 1 and sheet.separator is not None:

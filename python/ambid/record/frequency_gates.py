@@ -13,7 +13,7 @@ from ambid.channels import FURTHER
 from ambid.errors import RecordError
 from ambid.findings import Finding, Kind
 from ambid.record.checks import require_known_outputs
-from ambid.record.passed_over import MOST_TOLD
+from ambid.record.passed_over import MOST_LISTED
 from ambid.rig import Rig
 
 PAIRS_MISSING = Kind(
@@ -123,23 +123,23 @@ def findings_of_missing(frequency_hz: FloatArray, known: NDArray[np.bool_], pair
     findings = []
     if not has_pair.all():
         left_out = [pairs[k] for k in np.flatnonzero(~has_pair).tolist()]
-        findings.append(PAIRS_MISSING(pairs=left_out[:MOST_TOLD], **_counted(len(left_out))))
+        findings.append(PAIRS_MISSING(pairs=left_out[:MOST_LISTED], **_counted(len(left_out))))
     if not has_frequency.all():
         own = frequency_hz[~has_frequency].tolist()
-        findings.append(FREQUENCIES_MISSING(frequencies_hz=own[:MOST_TOLD], **_counted(len(own))))
+        findings.append(FREQUENCIES_MISSING(frequencies_hz=own[:MOST_LISTED], **_counted(len(own))))
     single: NDArray[np.bool_] = np.asarray(~flat)
     single[:, ~has_pair] = single[~has_frequency] = False
     if single.any():
         columns = np.flatnonzero(single.any(axis=0)).tolist()
-        at = [frequency_hz[single[:, k]].tolist()[:MOST_TOLD] for k in columns[:MOST_TOLD]]
-        some: dict[str, Any] = {"pairs": [pairs[k] for k in columns[:MOST_TOLD]], "frequencies_hz": at}
+        at = [frequency_hz[single[:, k]].tolist()[:MOST_LISTED] for k in columns[:MOST_LISTED]]
+        some: dict[str, Any] = {"pairs": [pairs[k] for k in columns[:MOST_LISTED]], "frequencies_hz": at}
         findings.append(VALUES_MISSING(**(_counted(len(columns)) | {"count": int(single.sum())}), **some))
     return findings
 
 
 def _counted(count: int) -> dict[str, Any]:
     """How many there are, and how many more than are named."""
-    return {"count": count, "more": count - MOST_TOLD if count > MOST_TOLD else None}
+    return {"count": count, "more": count - MOST_LISTED if count > MOST_LISTED else None}
 
 
 def require_covariance(

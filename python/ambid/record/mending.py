@@ -9,7 +9,7 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.channels import SIGNALS, unit_of
 from ambid.findings import Finding, Kind, Where
-from ambid.record.passed_over import MOST_TOLD
+from ambid.record.passed_over import MOST_LISTED
 from ambid.record.repeats import Repeats, repeats
 from ambid.record.spikes import without_spikes
 
@@ -87,8 +87,8 @@ def _right(logged: FloatArray, axes: Sequence[str], found: Repeats) -> tuple[Flo
         at = Where(channel=f"i_e.{axes[axis]}")
         findings.append(WRONG_SAMPLE(at, row=row + 1, logged_a=float(i_e[row, axis]), usual_a=usual))
         i_e[row, axis] = usual
-    if len(findings) > MOST_TOLD:
-        findings = [*findings[:MOST_TOLD], WRONG_SAMPLES(Where(channel="i_e"), count=len(findings) - MOST_TOLD)]
+    if len(findings) > MOST_LISTED:
+        findings = [*findings[:MOST_LISTED], WRONG_SAMPLES(Where(channel="i_e"), count=len(findings) - MOST_LISTED)]
     return i_e, findings
 
 

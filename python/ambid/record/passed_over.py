@@ -27,7 +27,7 @@ COHERENCE_MISSING = Kind(
     "values whose coherence is zero or missing, not used: {count} ({pairs}[ and {more} more pairs], at "
     "{frequencies_hz:g} Hz)",
 )
-MOST_TOLD = 3
+MOST_LISTED = 3
 """Pairs, and frequencies of each, that a finding names one by one."""
 
 
@@ -71,6 +71,6 @@ def informative(lines: Lines, pairs: Sequence[str]) -> tuple[Lines, list[Finding
 def _finding(kind: Kind, wrong: NDArray[np.bool_], frequency_hz: FloatArray, pairs: Sequence[str]) -> Finding:
     flat = wrong.reshape(len(wrong), -1)
     columns = np.flatnonzero(flat.any(axis=0)).tolist()
-    at = [frequency_hz[flat[:, k]].tolist()[:MOST_TOLD] for k in columns[:MOST_TOLD]]
-    more = len(columns) - MOST_TOLD if len(columns) > MOST_TOLD else None
-    return kind(count=int(flat.sum()), pairs=[pairs[k] for k in columns[:MOST_TOLD]], frequencies_hz=at, more=more)
+    at = [frequency_hz[flat[:, k]].tolist()[:MOST_LISTED] for k in columns[:MOST_LISTED]]
+    more = len(columns) - MOST_LISTED if len(columns) > MOST_LISTED else None
+    return kind(count=int(flat.sum()), pairs=[pairs[k] for k in columns[:MOST_LISTED]], frequencies_hz=at, more=more)

@@ -120,7 +120,7 @@ def scatter(where: str, pair: str, frequency_hz: FloatArray, values: ComplexArra
     count = len(values)
     if count < WIDTH:
         raise RecordError(
-            f"{where}: {pair} has {count} frequencies and neither std nor coherence; its noise can be told from "
+            f"{where}: {pair} has {count} frequencies and neither std nor coherence; its noise can be estimated from "
             f"{WIDTH} on: give std, or measure more"
         )
     free = WIDTH - DEGREE - 1

@@ -23,7 +23,7 @@ from ambid.report.numbers import files_of
 from ambid.report.standing import standing
 from ambid.rig import Rig
 
-TOLD_SHARE = 0.02
+LISTED_SHARE = 0.02
 """Of the variance of some parameter: a tolerance that makes less of all is no row of the budget."""
 
 
@@ -208,7 +208,7 @@ def _parameters(diagnosis: Diagnosis, first: Step, changes: Sequence[Moved]) -> 
 def _budget(diagnosis: Diagnosis) -> dict[str, Any]:
     """What makes the variance of each parameter [%]: noise, and every tolerance that makes much of one of them."""
     parts = {name: dict(shares(own)) for name, own in diagnosis.budget().items()}
-    much = [name for name in diagnosis.tolerances if any(own[name] >= TOLD_SHARE for own in parts.values())]
+    much = [name for name in diagnosis.tolerances if any(own[name] >= LISTED_SHARE for own in parts.values())]
     rows = {source: [own[source] for own in parts.values()] for source in (NOISE, *much)}
     rest = [max(0.0, 1.0 - sum(own)) for own in zip(*rows.values(), strict=True)]
     shown = rows | {"all others": rest}

@@ -254,7 +254,7 @@ def verdict_sentence(diagnosis: Diagnosis, before: float, after: float, validati
             return f"{listed(diagnosis.effects).capitalize()} {verb} what the base model missed: {fall}."
         case "ambiguous":
             sets = "; and one of ".join(listed(names, "or") for names in diagnosis.ambiguous_sets)
-            return f"One of {sets} explains what the base model missed; these data cannot tell which: {fall}."
+            return f"One of {sets} explains what the base model missed; these data cannot determine which: {fall}."
         case "none_of_the_candidates":
             return (
                 f"Something is missing (misfit {misfit(before)}, where 1 is noise alone) that no effect of the "

@@ -132,7 +132,7 @@ def drawn(
         where = loop.model.rig.path or loop.model.rig.name
         raise ModelError(
             f"{where}: {count - allowed.sum()} of {count} draws from the covariance have values that physics does not "
-            "allow; the records tell too little of the parameters: excite more, or longer, and identify again"
+            "allow; the records determine the parameters too poorly: excite more, or longer, and identify again"
         )
     z = z[allowed]
     peaks, curves = np.full((len(z), 2 * loop.axes + 2), np.inf), []

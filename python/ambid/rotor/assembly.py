@@ -183,7 +183,7 @@ def assemble(rotor: FiniteElementRotor, nodes_at: Sequence[float]) -> BeamModel:
                 break
             raise RigError(
                 f"rotor.flexible_modes = {rotor.flexible_modes}: the highest of these modes is not converged with "
-                f"{len(z)} nodes, so that a beam model cannot tell it. Keep fewer modes."
+                f"{len(z)} nodes, so that a beam model cannot determine it. Keep fewer modes."
             )
         coarse, longest = frequencies, longest / 2.0
         z, plane = _mesh(rotor, ends, places, longest)

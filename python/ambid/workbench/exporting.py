@@ -20,7 +20,7 @@ SCRIPT = '''"""What was done on the workbench, step by step, with the same numbe
 import ambid
 
 
-def tell(step):
+def report(step):
     """The misfit J/dof after a step: 1 when the model is right."""
     line = f"{{step:32s}} misfit {{comparison.misfit:.9g}}"
     if validate:  # nothing was fitted to these records
@@ -52,7 +52,7 @@ def as_python(session: Session) -> str:
         records=_loaded(bench, bench.records),
         validate=_loaded(bench, bench.validate),
         start=start,
-        steps="\n\n".join(f"{step.code}\ntell({step.did!r})" for step in session.chain),
+        steps="\n\n".join(f"{step.code}\nreport({step.did!r})" for step in session.chain),
     )
 
 

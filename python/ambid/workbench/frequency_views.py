@@ -219,17 +219,17 @@ def _answer(own: MisfitMatrix, b: int, o: int, i: int) -> dict[str, Any]:
     """A cell: its text with the sign of the real part, how dark it is, and the same in words."""
     power, sign = float(own.power[b, o, i]), int(own.sign[b, o, i])
     if np.isnan(power):
-        return {"text": "?", "level": 0, "told": "not told apart from the other excitations"}
+        return {"text": "?", "level": 0, "words": "not distinguished from the other excitations"}
     if not own.is_told[b, o, i]:
-        return {"text": "", "level": 0, "told": "may be chance"}
+        return {"text": "", "level": 0, "words": "may be chance"}
     words = f"{_short(power)} times noise{WORDS[sign]}"
-    return {"text": SIGNS[sign] + _short(power), "level": max(1, _level(power)), "told": words}
+    return {"text": SIGNS[sign] + _short(power), "level": max(1, _level(power)), "words": words}
 
 
 def _rest(power: float) -> dict[str, Any]:
     level = 0 if np.isnan(power) else _level(power)
     words = f"{_short(power)} times noise" if level else "not known" if np.isnan(power) else "noise alone"
-    return {"text": _short(power) if level else "", "level": level, "told": words}
+    return {"text": _short(power) if level else "", "level": level, "words": words}
 
 
 def _level(power: float) -> int:

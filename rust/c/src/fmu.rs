@@ -218,7 +218,7 @@ pub unsafe fn with(instance: *mut c_void, work: impl FnOnce(&mut Instance) -> Re
 /// No panic leaves the library.
 fn guard<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     let done = catch_unwind(AssertUnwindSafe(work));
-    done.unwrap_or_else(|_| Err("a mistake in the library; please tell its developers".to_owned()))
+    done.unwrap_or_else(|_| Err("a mistake in the library; please report it".to_owned()))
 }
 
 /// # Safety

@@ -201,7 +201,7 @@ type Fault = (AmbidStatus, String);
 
 /// Runs what may fail or panic, and keeps the words of it.
 fn guard(work: impl FnOnce() -> Result<(), Fault>) -> AmbidStatus {
-    let unexpected = || Err((AmbidStatus::Internal, "a mistake in the library; please tell its developers".to_owned()));
+    let unexpected = || Err((AmbidStatus::Internal, "a mistake in the library; please report it".to_owned()));
     let Err((status, what)) = catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| unexpected()) else {
         return AmbidStatus::Ok;
     };

@@ -50,7 +50,7 @@ function matrixTable(own) {
   const head = element("tr", {}, element("th", { scope: "col" }, "by"), ...own.bands.flatMap(() => inputs.map((name) => element("th", { scope: "col", className: name === NONE ? "last" : "" }, element("span", { className: "upright" }, name)))));
   const rows = own.outputs.map((channel, r) => element("tr", {}, element("th", { scope: "row" }, channel), ...own.bands.flatMap(({ low, high, rows: cells, rest }, b) => inputs.map((input, c) => {
     const cell = input === NONE ? rest[r] : cells[r][c];
-    const label = `${channel} by ${input}, ${bandText([low, high])}, ${cell.told}`;
+    const label = `${channel} by ${input}, ${bandText([low, high])}, ${cell.words}`;
     const made = button(r, b * inputs.length + c, cell.level, label, cell.text, { channel, input, band: [low, high] }, own.index);
     if (input === NONE) made.className = "last";
     return made;
