@@ -8,6 +8,8 @@ from numpy.testing import assert_array_equal
 
 from ambid import Model, compare, prbs
 from ambid.noise.in_time import InTime
+from ambid.noise.lines import RecordLines
+from ambid.noise.tones import Tone
 from hidden.one_axis import ONE_AXIS
 
 PERIOD = 1020
@@ -20,7 +22,7 @@ def judged():
     i_e = prbs(8, amplitude=1.0, hold=4, periods=4)
     record = replace(model.virtual_experiment(i_e, sensor_noise=5e-8, current_noise=5e-3, seed=1), period=PERIOD)
     (part,) = compare(model, record).noise.parts
-    return model.at(record), part, InTime(part.record, part.window, part.judged_lines, 1)
+    return model.at(record), part, InTime(part.record, part.window, part.judged_lines, part.lines_of_period)
 
 
 def test_a_start_from_the_linear_steady_state_is_as_good_as_a_long_lead(judged):
@@ -37,13 +39,28 @@ def test_a_start_from_the_linear_steady_state_is_as_good_as_a_long_lead(judged):
     assert np.linalg.norm(part.whiten(part.window.of_period(4.0 * linear)) - long) > 10.0
 
 
+def test_between_the_excited_lines_a_settled_response_is_nothing(judged):
+    """Of a record with a tone as of one without: simulated sample by sample, from a start that is forgotten."""
+    here, part, _ = judged
+    with_tone = RecordLines(part._base, part.measured, [Tone(50.0, 0, 1e3)])
+    own, one_by_one = with_tone._in_time, part.record.samples
+    lead = np.tile(here.excitation(part.record)[:PERIOD], (20, 1))
+    simulated = here.loop.core.simulate(here.theta, np.vstack([lead, here.excitation(part.record)]))[-one_by_one:]
+    expected = with_tone.whiten(with_tone.judged_lines(simulated[:, : own.channels]))
+    assert len(with_tone.more) > 0
+    assert_array_equal(own.lines(here, [], at_rest=False)[0][-len(with_tone.more) :], 0.0)
+    left = with_tone.whiten(own.lines(here, [], at_rest=False)[0]) - expected
+    basis = with_tone.transients(here)
+    assert np.linalg.norm(left - basis @ (basis.T @ left)) < 0.1
+
+
 def test_a_response_does_not_depend_on_those_before(judged):
     own, part, in_time = judged
     here = own.with_substeps(2)
     free = list(range(len(here.names)))
     with_slopes, slopes = in_time.lines(here, free, at_rest=True)
     known, none = in_time.lines(here, [], at_rest=True)
-    fresh, _ = InTime(part.record, part.window, part.judged_lines, 1).lines(here, free, at_rest=True)
+    fresh, _ = InTime(part.record, part.window, part.judged_lines, part.lines_of_period).lines(here, free, at_rest=True)
     assert (slopes.shape[2], none.shape[2]) == (len(free), 0)
     assert_array_equal(known, with_slopes)
     assert_array_equal(fresh, with_slopes)
@@ -55,10 +72,12 @@ def test_derivatives_of_a_response_that_need_not_repeat_come_in_groups(judged, m
     here, part, _ = judged
     here = here.with_substeps(2)
     free = list(range(len(here.names)))
-    in_time = InTime(part.record, part.window, part.judged_lines, 0)
+    in_time = InTime(part.record, part.window, part.judged_lines, part.lines_of_period, are_between=True)
     response, slopes = in_time.lines(here, free, at_rest=True)
     monkeypatch.setattr("ambid.noise.in_time.AT_A_TIME", 1)
-    alone, one_by_one = InTime(part.record, part.window, part.judged_lines, 0).lines(here, free, at_rest=True)
+    alone, one_by_one = InTime(
+        part.record, part.window, part.judged_lines, part.lines_of_period, are_between=True
+    ).lines(here, free, at_rest=True)
     np.testing.assert_allclose(alone, response, rtol=1e-9)
     np.testing.assert_allclose(one_by_one, slopes, rtol=1e-9)
 

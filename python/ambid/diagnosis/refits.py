@@ -64,33 +64,42 @@ def added(task: Task, field_: Field, names: Names, candidate: Candidate) -> Fiel
 def _refitted(task: Task, before: Hypothesis, candidate: Candidate) -> list[Comparison]:
     """A candidate beside a set, from its predicted values; where the set is far off, from the rig file's too.
 
-    Of variants with as many parameters each the best: by J alone, the one with most parameters always is.
+    Of variants with as many parameters each the best, those with fewer too: by J alone, that with most always is.
     """
     fit = before.fit
     is_far_off = fit.cost > FAR_OFF * fit.dof
     starts: list[Start] = [(fit.model, candidate.effect, candidate.start)]
-    starts += [(fit.model, effect, values) for effect, values, share in candidate.near if is_far_off or share > LIKE]
+    starts += [
+        (fit.model, effect, values)
+        for effect, values, share in candidate.near
+        if is_far_off or share > LIKE or _numbers(fit, effect) < _numbers(fit, candidate.effect)
+    ]
     if candidate.from_start or is_far_off or _is_driven_off(task, fit.model):
         starts.append((nominal_beside(task, fit.model), candidate.effect, candidate.start))
     if fit.cost > fit.dof * fit.by_chance:
         starts += _nearest(task, fit, [candidate.effect, *(effect for effect, _, _ in candidate.near)])
     starts.append((fit.model, candidate.effect, {}))
+    enough = fit.dof + max(fit.dof * (fit.by_chance - 1.0), OF_FORMULAS * (fit.cost - fit.dof))
     ends: list[Comparison] = []
+    explained = set[int]()  # with so many parameters
     for base, effect, values in starts:
+        if _numbers(fit, effect) in explained or len(ends) == len(starts) - 1:
+            continue
         try:
             ends.append(refit(fit.of(base.add(effect, values)), step=ROUGHLY))
         except (UnstableLoopError, ModelError, ValueError):
             continue
-        left = ends[-1].cost - fit.dof
-        if (
-            left < max(fit.dof * (fit.by_chance - 1.0), OF_FORMULAS * (fit.cost - fit.dof))
-            or len(ends) == len(starts) - 1
-        ):
-            break
+        if ends[-1].cost < enough:
+            explained.add(_numbers(fit, effect))
     least: dict[int, Comparison] = {}
     for end in sorted(ends, key=lambda end: end.cost):
         least.setdefault(len(end.model.names), end)
     return list(least.values())
+
+
+def _numbers(fit: Comparison, effect: Effect) -> int:
+    """How many parameters an effect has beside a model."""
+    return len(effect.parameters(home(fit.model, effect)))
 
 
 def _nearest(task: Task, fit: Comparison, effects: Sequence[Effect]) -> list[Start]:

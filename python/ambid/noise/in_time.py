@@ -55,10 +55,12 @@ class InTime:
     window : Window
     judged : callable
         The judged lines of a signal that starts with the record.
-    every : int
-        Of the excited lines so many make one that is judged; 0 where there are others beside them.
+    of_period : callable
+        The same of a signal that repeats, from its sum over the periods.
     folded : dict, optional
         Where the last responses of the record are kept, which do not depend on its noise.
+    are_between : bool
+        Whether lines between the excited ones are judged too: there stands what a start from rest leaves.
     """
 
     def __init__(
@@ -66,10 +68,13 @@ class InTime:
         record: Record,
         window: Window,
         judged: Callable[[FloatArray], ComplexArray],
-        every: int,
+        of_period: Callable[[FloatArray], ComplexArray],
         folded: Folded | None = None,
+        *,
+        are_between: bool = False,
     ) -> None:
-        self.record, self.window, self.judged, self.every = record, window, judged, every
+        self.record, self.window, self.judged, self.of_period = record, window, judged, of_period
+        self.are_between = are_between
         self._folded: Folded = {} if folded is None else folded
         self.channels = len(record.channels)
         self._known: dict[_Key, ComplexArray] = {}
@@ -117,7 +122,7 @@ class InTime:
         return here.loop.core.simulate(here.theta, np.vstack([before, inputs]))[lead:, : self.channels]
 
     def _lines(self, here: Model, free: list[int], *, at_rest: bool) -> Lines:
-        if not self._repeats(here):
+        if not self._repeats(here) or (at_rest and self.are_between):
             return self.from_rest(here, free)
         key = _Key(here.loop.core, here.theta.tobytes(), at_rest)
         found = self._folded.get(key)
@@ -157,7 +162,7 @@ class InTime:
 
     def _repeats(self, here: Model) -> bool:
         """Whether all that acts on the loop repeats with the excitation."""
-        return self.window.is_periodic and here.loop.core.inputs == here.loop.driven and self.every > 0
+        return self.window.is_periodic and here.loop.core.inputs == here.loop.driven
 
     def _inputs(self, here: Model) -> FloatArray:
         return np.ascontiguousarray(here.excitation(self.record)[: self.window.first + self.window.samples])
@@ -171,7 +176,7 @@ class InTime:
         return np.ascontiguousarray(inputs.reshape(window.periods, window.period, -1).mean(axis=0))
 
     def _of_period(self, folded: FloatArray) -> ComplexArray:
-        return self.window.of_period(folded[:, : self.channels])[:: self.every]
+        return self.of_period(folded[:, : self.channels])
 
     def _lead(self, here: Model) -> int:
         """Periods from rest after which a transient of the model does not matter."""

@@ -110,6 +110,12 @@ class JudgedLines:
         """The judged lines of a signal that starts with the record."""
         return self._some(self.window.excited_lines(signal), lambda index: self.window.single_lines(signal, index))
 
+    def lines_of_period(self, folded: FloatArray) -> ComplexArray:
+        """The same of a signal that repeats, from its sum over the periods: nothing stands between excited lines."""
+        return self._some(
+            self.window.of_period(folded), lambda index: np.zeros((len(index), *folded.shape[1:]), dtype=complex)
+        )
+
     def _some(self, excited: ComplexArray, single: Callable[[NDArray[np.intp]], ComplexArray]) -> ComplexArray:
         """Those that are judged of the excited lines, and of others, which are given one by one."""
         lines = np.concatenate([excited, single(self.more)]) if len(self.more) else excited

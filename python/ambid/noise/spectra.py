@@ -61,8 +61,8 @@ class NoisyLines(JudgedLines):
     ) -> None:
         super().__init__(model, measured, tones, rough=rough, angles=angles or {})
         self.unexcited = Unexcited(self._base, measured) if unexcited is None else unexcited
-        every = 0 if len(self.more) else self._every
-        self._in_time = InTime(self.record, self.window, self.judged_lines, every, measured.folded)
+        ways = self.judged_lines, self.lines_of_period
+        self._in_time = InTime(self.record, self.window, *ways, measured.folded, are_between=len(self.more) > 0)
         way = self._rough if rough else self._between if self.window.is_periodic else self._without_periods
         self.spectrum = way()
 
