@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
 
 from ambid.arrays import ByValue, FloatArray
 from ambid.errors import IdentificationError, RigError
 from ambid.findings import NOWHERE, Finding, Kind, WithFindings
 from ambid.identification.estimate import ParameterEstimate
-from ambid.identification.load_dependence import IntArray, centred, dependence_on_load
+from ambid.identification.load_dependence import centred, dependence_on_load
+from ambid.identification.static_flux import flux_forces, of_flux, with_gain
+from ambid.identification.static_line import Line, fit_by_flux, fit_line
 from ambid.identification.static_slips import exchanged_bearings, far_from_nominal, of_deflection, require_units
 from ambid.loop.geometry import axis_angles, axis_directions, lies_in_one_plane, modal_geometry, rotor_of
 from ambid.record import StaticLoading
@@ -46,7 +47,9 @@ class StaticEstimate(ByValue, WithFindings):
     Attributes
     ----------
     parameters : dict of str to ParameterEstimate
-        ``K_i.<axis>`` [N/A].
+        ``K_i.<axis>`` [N/A], by load.
+    parameters_by_flux : dict of str to ParameterEstimate
+        The same by the flux densities of Hall sensors, of axes that have them; `flux_gain` of [tolerance] included.
     residual_newton : float
         Root mean square of `residuals` [N].
     residuals : ndarray, shape (M, n)
@@ -68,6 +71,7 @@ class StaticEstimate(ByValue, WithFindings):
     axes: tuple[str, ...]
     loadings: tuple[StaticLoading, ...]
     findings: tuple[Finding, ...]
+    parameters_by_flux: dict[str, ParameterEstimate]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", Named(self.parameters))
@@ -85,6 +89,7 @@ class StaticEstimate(ByValue, WithFindings):
         """Plain data as the command's ``--json`` writes it."""
         return {
             "parameters": {name: k_i.as_dict() for name, k_i in self.parameters.items()},
+            "parameters_by_flux": {name: k_i.as_dict() for name, k_i in self.parameters_by_flux.items()},
             "residual_newton": self.residual_newton,
             "residual_newton_by_axis": self.residual_newton_by_axis,
             "loadings": [loading.name for loading in self.loadings],
@@ -98,6 +103,10 @@ class StaticEstimate(ByValue, WithFindings):
             low, high = k_i.ci95 or (np.nan, np.nan)
             interval = f"{low:.6g} .. {high:.6g} {k_i.unit}"
             lines.append(f"{name:14s} {k_i.value:13.6g} {k_i.std_error:11.3g} {residual:11.3g}   {interval}")
+            if (flux := self.parameters_by_flux.get(name)) is not None:
+                low, high = flux.ci95 or (np.nan, np.nan)
+                interval = f"{low:.6g} .. {high:.6g} {flux.unit}"
+                lines.append(f"{'  by flux':14s} {flux.value:13.6g} {flux.std_error:11.3g} {'':11s}   {interval}")
         lines.append(
             f"forces: f = K_i i + K_s s; residual {self.residual_newton:.3g} N rms, "
             f"steps: {len(self.residuals)}, loadings: {len(self.loadings)}"
@@ -121,7 +130,9 @@ def static_load(
 
         i_c = f / K_i + c + e.
 
-    The known load is the regressor: regressing on the current, whose noise is the larger, would bias K_i low.
+    The known load is the regressor: regressing on the current, whose noise is the larger, would bias K_i low. Where the
+    loadings have flux densities b, K_i follows from the force by flux 2 A B_0 b/mu_0 too, with the load as instrument
+    (Ljung, System Identification, 2nd ed., section 7.6): neither noise biases it, and no gain of a load cell is in it.
 
     Intervals are Student's for 1/K_i, inverted. From three comparable loadings on, they come from the scatter between
     the loadings, which holds what the steps of one loading have in common, such as drift or the gain of a load cell;
@@ -184,41 +195,53 @@ def _solved(rig: Rig, loadings: tuple[StaticLoading, ...], deflection: bool) -> 
     current = np.concatenate([_currents(rig, loading) for loading in loadings])
     _require_loaded(rig, loadings, _rms(centred(force, of)))
     try:
-        bent = _deflection_forces(rig, z, loads, force)
+        moved, carried = _deflection_forces(rig, z, loads, force)
+        bent = moved - carried
     except RigError as error:
         if deflection:
             raise
         found.append(_UNKNOWN(NOWHERE, reason=str(error)))
+        moved = np.zeros_like(force)
     else:
         held = len([own for own in rig.rotor.support if own.stiffness])
         found += of_deflection(centred(force, of), centred(bent, of), held, deflection)
         force = force - bent if deflection else force
 
-    lines = [_fit_line(force[:, j], current[:, j], of) for j in range(len(rig.axes))]
+    lines = [fit_line(force[:, j], current[:, j], of) for j in range(len(rig.axes))]
     for axis, line in zip(rig.axes, lines, strict=True):
         _require_slope(_names(loadings), axis, line)
     k_i = np.array([1.0 / line.slope for line in lines])
     require_units(_names(loadings), rig, k_i)
 
     def fitted(order: list[int]) -> tuple[FloatArray, float]:
-        others = [_fit_line(force[:, j], current[:, k], of) for j, k in enumerate(order)]
+        others = [fit_line(force[:, j], current[:, k], of) for j, k in enumerate(order)]
         left = float(sum(line.residual @ line.residual for line in others))
         return np.array([1.0 / line.slope for line in others]), left
 
     found += [*far_from_nominal(rig, k_i), *exchanged_bearings(rig, fitted)]
     residuals = np.stack([line.residual / line.slope for line in lines], axis=1)
     found += _of_scatter(rig, lines)
+    by_load = {f"K_i.{axis}": line.k_i() for axis, line in zip(rig.axes, lines, strict=True)}
+    by_flux, flux = dict[str, ParameterEstimate](), flux_forces(rig, loadings, _names(loadings))
+    for j, axis in enumerate(rig.axes):
+        if axis in flux and axis in rig.force_per_flux:
+            own = flux[axis] - (moved[:, j] if deflection else 0.0)
+            line = fit_by_flux(own, force[:, j], current[:, j], of)
+            _require_slope(f"{_names(loadings)}: by flux", axis, line)
+            by_flux[f"K_i.{axis}"] = with_gain(line.k_i(), rig.known_to("flux_gain"))
+    found += of_flux(rig, flux, by_load, by_flux)
     for j, axis in enumerate(rig.axes):
         # p-value, over all axes, below which a finding is made
         found += dependence_on_load(axis, force[:, j], current[:, j], of, 1e-3 / len(rig.axes))
     return StaticEstimate(
-        parameters={f"K_i.{axis}": line.k_i() for axis, line in zip(rig.axes, lines, strict=True)},
+        parameters=by_load,
         residual_newton=float(_rms(residuals.ravel())),
         residuals=residuals,
         magnet_forces=force,
         axes=rig.axes,
         loadings=loadings,
         findings=tuple(found),
+        parameters_by_flux=by_flux,
     )
 
 
@@ -259,10 +282,12 @@ def _planes(rig: Rig) -> FloatArray:
     return axis_directions(rig)[:1] if lies_in_one_plane(rig) else np.eye(2)
 
 
-def _deflection_forces(rig: Rig, z: FloatArray, loads: FloatArray, magnet_forces: FloatArray) -> FloatArray:
-    """What the bent rotor takes off the force that each current makes while the sensors read zero, shape (M, n) [N].
+def _deflection_forces(
+    rig: Rig, z: FloatArray, loads: FloatArray, magnet_forces: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """K_s s of the bent rotor by the nominal K_s, and what its supports add to the magnet forces, (M, n) each [N].
 
-    K_s s by the nominal K_s, and what the supports carry, by the kept modes.
+    By the kept modes, while the sensors read zero; the first less the second is taken off the force of each current.
     """
     rotor = rotor_of(rig, places=np.unique(z))
     where = modal_geometry(rig, rotor)
@@ -283,7 +308,7 @@ def _deflection_forces(rig: Rig, z: FloatArray, loads: FloatArray, magnet_forces
     under_load = bent(z, loads, magnet_forces)
     k_s = np.array([k_s for bearing in rig.bearings for k_s in bearing.force_displacement])
     if not (supports := [own for own in rig.rotor.support if own.stiffness]):
-        return np.asarray(under_load @ where.force * k_s)
+        return under_load @ where.force * k_s, np.zeros(magnet_forces.shape)
     planes = _planes(rig)
     at = np.repeat([own.z for own in supports], len(planes))
     stiffness = np.repeat([own.stiffness for own in supports], len(planes))
@@ -294,48 +319,7 @@ def _deflection_forces(rig: Rig, z: FloatArray, loads: FloatArray, magnet_forces
     # forces p = -K u of the supports, which move by u = (under_load + p by_unit) shapes'
     system = np.eye(len(at)) + by_unit @ shapes.T * stiffness
     p = np.linalg.solve(system.T, -(under_load @ shapes.T * stiffness).T).T
-    return np.asarray((under_load + p @ by_unit) @ where.force * k_s - p @ carried)
-
-
-class _Line(NamedTuple):
-    """Line i_c = slope f + a constant of each loading, with what its interval rests on."""
-
-    slope: float  # 1/K_i [A/N]
-    std_error: float
-    freedom: float
-    residual: FloatArray  # [A]
-    by_loading: FloatArray  # slope of each loading that loads the axis
-    clustered: bool  # whether the interval rests on the scatter between loadings
-
-    @property
-    def half_width(self) -> float:
-        """Of the 95 % interval of the slope."""
-        return float(stdtrit(self.freedom, 0.975)) * self.std_error
-
-    def k_i(self) -> ParameterEstimate:
-        ci95 = (1.0 / (self.slope + self.half_width), 1.0 / (self.slope - self.half_width))
-        return ParameterEstimate(1.0 / self.slope, self.std_error / self.slope**2, ci95, "N/A")
-
-
-def _fit_line(force: FloatArray, current: FloatArray, of: IntArray) -> _Line:
-    f, i = centred(force, of), centred(current, of)
-    total = f @ f
-    slope = f @ i / total
-    residual = i - slope * f
-    share = np.bincount(of, f * f) / total
-    loaded = share > 1e-6
-    by_loading = np.bincount(of, f * i)[loaded] / (share[loaded] * total)
-    concentration = float(share @ share)  # 1/L for L equal loadings
-    clustered = 1.0 / concentration >= 2.5  # effective number of loadings from which their scatter gives the intervals
-    if clustered:
-        variance = float(share[loaded] @ (by_loading - slope) ** 2 * concentration / (1.0 - concentration))
-        freedom = 1.0 / concentration - 1.0
-    else:
-        leverage = 1.0 / np.bincount(of)[of] + f * f / total
-        alone = leverage.max() > 0.999  # above it one step alone decides the slope
-        variance = np.inf if alone else float(f**2 @ (residual / (1.0 - leverage)) ** 2 / total**2)
-        freedom = len(f) - len(share) - 1.0
-    return _Line(float(slope), float(np.sqrt(variance)), freedom, residual, by_loading, clustered)
+    return (under_load + p @ by_unit) @ where.force * k_s, p @ carried
 
 
 def _require_loaded(rig: Rig, loadings: Sequence[StaticLoading], load: FloatArray) -> None:
@@ -356,7 +340,7 @@ def _require_loaded(rig: Rig, loadings: Sequence[StaticLoading], load: FloatArra
     )
 
 
-def _require_slope(where: str, axis: str, line: _Line) -> None:
+def _require_slope(where: str, axis: str, line: Line) -> None:
     """Refuse a K_i that the data do not tell, or that is negative."""
     if not line.half_width < _WIDEST * abs(line.slope):
         raise IdentificationError(
@@ -370,7 +354,7 @@ def _require_slope(where: str, axis: str, line: _Line) -> None:
         )
 
 
-def _of_scatter(rig: Rig, lines: Sequence[_Line]) -> Iterator[Finding]:
+def _of_scatter(rig: Rig, lines: Sequence[Line]) -> Iterator[Finding]:
     """What the intervals rest on."""
     scatter = max(float(np.std(line.by_loading) / line.slope) for line in lines)
     if max(len(line.by_loading) for line in lines) > 1:

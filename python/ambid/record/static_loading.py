@@ -36,6 +36,8 @@ class StaticLoading(ByValue, WithFindings):
         F_x and F_y in global axes [N].
     i_c : ndarray, shape (M, n)
         Mean control currents [A].
+    b : ndarray, shape (M, n), or None
+        Mean flux densities in the gap [T], of Hall sensors, in the order of `axes`; NaN of an axis that has none.
     findings : tuple of Finding
         Every warning and repair; `notes` are their lines.
     path : Path or None
@@ -49,10 +51,11 @@ class StaticLoading(ByValue, WithFindings):
     i_c: NDArray[np.float64]
     findings: tuple[Finding, ...] = ()
     path: Path | None = None
+    b: NDArray[np.float64] | None = None
 
     @classmethod
     def load(cls, path: str | Path, rig: Rig | None = None) -> StaticLoading:
-        """Read a loading from a .csv file with the columns step, z, F_x, F_y, i_c.<axis>, and check it.
+        """Read a loading from a .csv file with the columns step, z, F_x, F_y, i_c.<axis>, b.<axis>, and check it.
 
         Parameters
         ----------
@@ -64,7 +67,8 @@ class StaticLoading(ByValue, WithFindings):
         Raises
         ------
         RecordError
-            If the file cannot be read, has fewer than 3 steps or no change of load, or z is off the shaft.
+            If the file cannot be read, has fewer than 3 steps or no change of load, z is off the shaft, or a flux
+            density is of an axis without i_c.
         """
         path = Path(path)
         where = str(path)
@@ -78,7 +82,12 @@ class StaticLoading(ByValue, WithFindings):
         if missing or not axes:
             missing += [] if axes else ["i_c.<axis>"]
             raise RecordError(f"{where}: no column {', '.join(missing)}; the columns are {', '.join(read)}")
-        used = (*known, *(f"i_c.{axis}" for axis in axes))
+        hall = [name for name in read if name.startswith("b.")]
+        if strange := [name for name in hall if name.removeprefix("b.") not in axes]:
+            raise RecordError(
+                f"{where}: {', '.join(strange)}: expected b of the axes of i_c, {', '.join(axes)}; rename the column"
+            )
+        used = (*known, *(f"i_c.{axis}" for axis in axes), *hall)
         columns = {name: numbers(path, name, values) for name, values in read.items() if name in used}
         checks.require_finite(where, columns.items())
         findings = unused(COLUMNS_NOT_USED, (name for name in read if name not in used))
@@ -96,9 +105,13 @@ class StaticLoading(ByValue, WithFindings):
         for j, axis in enumerate(axes):
             checks.require_ampere(where, f"i_c.{axis}", i_c[:, j], otherwise="")
             checks.require_alive(where, f"i_c.{axis}", i_c[:, j])
+        for name in hall:
+            checks.require_size(where, name, columns[name])
+            checks.require_alive(where, name, columns[name])
         if rig is not None:
             checks.require_on_shaft(where, z, rig)
-        return cls(path.stem, axes, z, force, i_c, tuple(findings), path)
+        b = np.stack([columns.get(f"b.{axis}", np.full(len(z), np.nan)) for axis in axes], axis=1) if hall else None
+        return cls(path.stem, axes, z, force, i_c, tuple(findings), path, b)
 
     def __repr__(self) -> str:
         largest = np.linalg.norm(self.force, axis=1).max()

@@ -102,5 +102,6 @@ def _static() -> str:
     rows = [[f"`{name}`", *lines] for name, lines in meanings(StaticLoading, "Attributes").items()]
     return (
         f"## Static loading\n\n{paragraphs(StaticLoading)}\n\n{table(['in Python', 'type', 'meaning'], rows)}\n\n"
-        "A `.csv` file has the columns `step`, `z`, `F_x`, `F_y` and `i_c.<axis>`, a row a step."
+        "A `.csv` file has the columns `step`, `z`, `F_x`, `F_y` and `i_c.<axis>`, a row a step; "
+        "it may have `b.<axis>`."
     )
