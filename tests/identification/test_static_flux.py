@@ -63,7 +63,8 @@ def test_both_are_exact_without_noise_and_a_load_cell_s_gain_is_in_one_alone():
     assert_allclose(values(loud.parameters), 1.04 * TRUE, rtol=5e-3)
     assert codes(loud).count("force_by_flux_differs") == 4
     assert list(loud.to_json()["parameters_by_flux"]) == [f"K_i.{axis}" for axis in RIG.axes]
-    assert repr(loud).count("by flux") >= 4
+    rows = repr(loud).splitlines()
+    assert all(any(f" {k_i.value:.6g} " in row for row in rows) for k_i in loud.parameters_by_flux.values())
 
 
 def test_an_error_of_the_pole_area_is_one_of_the_flux_within_its_tolerance():
@@ -90,7 +91,7 @@ def test_what_is_missing_is_named():
     assert codes(static_load(no_gain, loaded())).count("flux_gain_unknown") == 4
     half = RIG.replace(bearings=[b.model_copy(update={"bias_flux": None}) for b in RIG.bearings])
     assert codes(static_load(half, loaded())).count("flux_gain_by_nominal") == 4
-    with pytest.raises(IdentificationError, match="not in every loading"):
+    with pytest.raises(IdentificationError):
         static_load(RIG, [loaded(), replace(loaded(seed=1), b=None)])
     assert not static_load(RIG, replace(loaded(), b=None)).parameters_by_flux
 

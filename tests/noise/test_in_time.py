@@ -42,8 +42,9 @@ def test_a_start_from_the_linear_steady_state_is_as_good_as_a_long_lead(judged):
 def test_between_the_excited_lines_a_settled_response_is_nothing(judged):
     """Of a record with a tone as of one without: simulated sample by sample, from a start that is forgotten."""
     here, part, _ = judged
-    with_tone = RecordLines(part._base, part.measured, [Tone(50.0, 0, 1e3)])
-    own, one_by_one = with_tone._in_time, part.record.samples
+    with_tone = RecordLines(here.without("force_nonlinearity"), part.measured, [Tone(50.0, 0, 1e3)])
+    ways = with_tone.judged_lines, with_tone.lines_of_period
+    own, one_by_one = InTime(part.record, part.window, *ways, are_between=True), part.record.samples
     lead = np.tile(here.excitation(part.record)[:PERIOD], (20, 1))
     simulated = here.loop.core.simulate(here.theta, np.vstack([lead, here.excitation(part.record)]))[-one_by_one:]
     expected = with_tone.whiten(with_tone.judged_lines(simulated[:, : own.channels]))
