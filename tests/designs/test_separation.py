@@ -11,7 +11,7 @@ from scipy.stats import norm
 import ambid
 from ambid.designs import Instruments, Limits, next_experiments, tell_apart
 from ambid.designs.separation import gained
-from ambid.diagnosis.evidence import TOLD_APART
+from ambid.diagnosis.evidence import DISTINCT
 from ambid.errors import InputError
 from ambid.identification.minimum import refit
 from hidden.next_experiments import CASES, is_truth_alone, run
@@ -126,13 +126,13 @@ def test_what_was_not_recorded_is_proposed_and_what_was_is_not():
 def test_the_length_that_is_told_brings_the_evidence():
     found = row(tell_apart(PAIR, I_E, 510, STATED), "the same once more")
     length = found.evidence * (1.0 + found.repeats) / 2.0
-    assert found.evidence < 0.9 * TOLD_APART < 0.98 * TOLD_APART < length < 1.05 * TOLD_APART
+    assert found.evidence < 0.9 * DISTINCT < 0.98 * DISTINCT < length < 1.05 * DISTINCT
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.effect}-{case.amplitude}")
 def test_the_proposed_experiment_names_the_truth_alone(case):
-    """On the independent simulator: TOLD_APART decides in 95 % of records, so 3 of 4 fail by chance once in 70."""
+    """On the independent simulator: DISTINCT decides in 95 % of records, so 3 of 4 fail by chance once in 70."""
     ends = [run(case, seed, SHORT) for seed in range(4)]
     assert case.with_i_c or sum(best is not None for _, best, _ in ends) >= 3
     assert sum(is_truth_alone(case, after or before) for before, _, after in ends) >= 3

@@ -210,12 +210,12 @@ def design_command(
 
 
 def _require_not_recorded(noise: Iterable[str], records: Sequence[Measurement]) -> None:
-    """Refuse a noise that is stated of what a record tells it of."""
+    """Refuse a noise that is stated of what a record gives it of."""
     recorded = {name for own in records for name in own.channels}
     for name in noise:
         if name in recorded | {channel.partition(".")[0] for channel in recorded if name in ("y", "i_c")}:
             option = {"y": "--sensor-noise", "i_c": "--current-noise"}.get(name, f"--channel {name}")
-            raise InputError(f"{option}: --record tells the noise of {name}; leave the option out, or the record")
+            raise InputError(f"{option}: --record gives the noise of {name}; omit the option, or the record")
 
 
 def _following(

@@ -1,4 +1,4 @@
-"""Which experiment to make: what an excitation does, what a record of it would tell, and the best one within limits."""
+"""Which experiment to make: what an excitation does, what a record of it would show, and the best one within limits."""
 
 from ambid.designs.best import Design, design
 from ambid.designs.intervals import Prospect, prospect

@@ -28,7 +28,7 @@ from ambid.threads import with_one_blas_thread
 __all__ = ["Design", "design"]
 
 SPREAD = 0.05
-"""Part of the power that all lines share: the best powers are on few lines, and tell nothing of a model's misfit."""
+"""Part of the power that all lines share: the best powers are on few lines, and show nothing of a model's misfit."""
 PERIODS = (512, 16384)
 """Samples of a period, least and most."""
 ROUNDING = 1e-9
@@ -242,8 +242,8 @@ def _with_sizes(base: Model, effects: Sequence[Effect | str]) -> tuple[Model, li
         full = full.add(own, smallest)
     if not full.is_linear:
         raise ModelError(
-            "the model or an effect is nonlinear, and what a record tells of it is no matter of the powers of lines; "
-            "design for the linear part, and see the smallest sizes that are told there"
+            "the model or an effect is nonlinear, and what a record shows of it is no matter of the powers of lines; "
+            "design for the linear part, and see the smallest sizes that are stated there"
         )
     w = np.exp(2j * np.pi * np.linspace(0.001, 0.4, 50))
     u = np.ones((50, full.loop.core.inputs), dtype=complex)

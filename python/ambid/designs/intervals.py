@@ -1,4 +1,4 @@
-"""What a record of a planned experiment would tell: standard errors of the parameters, before anything is played."""
+"""What a record of a planned experiment would show: standard errors of the parameters, before anything is played."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ UNKNOWN = 100.0
 
 @dataclass(frozen=True, repr=False)
 class Prospect(Tabular):
-    """What a record of an experiment would tell; result of `prospect`.
+    """What a record of an experiment would show; result of `prospect`.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ class Prospect(Tabular):
 
 
 def prospect(model: Given, i_e: FloatArray, *, period: int, instruments: Instruments) -> Prospect:
-    """Foresee what a record of an experiment would tell.
+    """Predict what a record of an experiment would show.
 
     Parameters
     ----------

@@ -80,7 +80,7 @@ class Option:
 
     @classmethod
     def of(cls, task: Task, signal: str, settings: dict[str, float], wave: FloatArray) -> Option:
-        """Scale a wave to its limit, and see what it tells."""
+        """Scale a wave to its limit, and see what it determines."""
         wave = wave / _load(task, wave)
         accuracy = prospect(task.model, np.tile(wave, (FEWEST, 1)), period=len(wave), instruments=task.instruments)
         relative = accuracy.covariance[np.ix_(task.free, task.free)] / np.outer(task.scale, task.scale)
@@ -107,7 +107,7 @@ def sequences(task: Task) -> Iterator[Option]:
 def multisines(task: Task) -> tuple[list[Option], float]:
     """Multisines between one of flat load and one of the best powers, and the proven efficiency of the best powers.
 
-    Those of few lines have the best powers, and the higher peaks: which is best within limits of peaks, they tell.
+    Those of few lines have the best powers, and the higher peaks: they show which is best within limits of peaks.
     """
     lines = PoweredLines.of(task.model, task.period, task.instruments, task.limits, task.free, task.scale)
     best = best_powers(lines, task.wanted)

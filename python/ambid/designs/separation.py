@@ -1,10 +1,10 @@
-"""The cheapest next experiment after an ambiguous verdict: what would tell hypotheses apart, and how clearly.
+"""The cheapest next experiment after an ambiguous verdict: what would distinguish hypotheses, and how clearly.
 
 Of each experiment that may be made the record is simulated as each hypothesis would have it, beside the present one,
 and every other hypothesis is fitted to both: what that fit leaves, J without noise, is the evidence lambda against it
-(T-optimality; Atkinson and Fedorov 1975), S (1 - rho^2) where effects are small. 63 tell in 95 % of records.
+(T-optimality; Atkinson and Fedorov 1975), S (1 - rho^2) where effects are small. `DISTINCT` decides in 95 % of records.
 
-What a record is expected to tell at all is the information that it brings of which hypothesis is true: with
+What a record is expected to show at all is the information that it brings of which hypothesis is true: with
 probabilities p_k now and the lambda_kj that it adds, no less than
 
     I = -sum_k p_k log2 sum_j p_j exp(-lambda_kj / 8)    bits
@@ -27,7 +27,7 @@ from ambid.designs.changes import Change, changes
 from ambid.designs.intervals import planned
 from ambid.designs.peaks import Limits, forecast
 from ambid.diagnosis import Diagnosis
-from ambid.diagnosis.evidence import TOLD_APART
+from ambid.diagnosis.evidence import DISTINCT
 from ambid.diagnosis.probabilities import NEGLIGIBLE
 from ambid.errors import InputError, ModelError, UnstableLoopError
 from ambid.identification.minimum import ROUGHLY, refit
@@ -61,7 +61,7 @@ class Proposal:
     information : float
         That such a next record is expected to bring at the least, of which hypothesis is true [bits].
     repeats : float
-        So many times as long as the present record must it be to tell them apart; infinite where no length would do.
+        So many times as long as the present record must it be to distinguish them; infinite where no length would do.
     seconds : float
         That are to be recorded for that.
     load : float
@@ -91,7 +91,7 @@ class Proposals(Tabular):
     Attributes
     ----------
     hypotheses : tuple of str
-        That are to be told apart.
+        That are to be distinguished.
     experiments : tuple of Proposal
     not_tried : dict of str to str
         Experiments that cannot be made, and why.
@@ -119,9 +119,9 @@ class Proposals(Tabular):
         names = " from ".join(self.hypotheses)
         if self.best is None:
             most = max(self.experiments, key=lambda own: own.information, default=None)
-            told = f"; {most.change.what} tells most" if most is not None else ""
-            return [f"to tell {names}: none of these experiments would do{told}"]
-        return [f"to tell {names}: {self.best.change.what}; {self.best.seconds:.3g} s are to be recorded"]
+            most_by = f"; {most.change.what} shows most" if most is not None else ""
+            return [f"to distinguish {names}: none of these experiments would do{most_by}"]
+        return [f"to distinguish {names}: {self.best.change.what}; {self.best.seconds:.3g} s are to be recorded"]
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""
@@ -134,8 +134,8 @@ class Proposals(Tabular):
         lines = [*self.summary(), f"{'experiment':36s} {bits:>12s} {'evidence':>10s} {'seconds':>10s} {'load':>6s}"]
         for own in self.experiments:
             seconds = f"{own.seconds:10.3g}" if np.isfinite(own.seconds) else f"{'never':>10s}"
-            told = f"{own.information:12.2g} {own.evidence:10.3g} {seconds} {own.load:6.2f}"
-            lines.append(f"{own.change.what:36s} {told}")
+            row = f"{own.information:12.2g} {own.evidence:10.3g} {seconds} {own.load:6.2f}"
+            lines.append(f"{own.change.what:36s} {row}")
         lines += [f"{what}: not tried, {why}" for what, why in self.not_tried.items()]
         return "\n".join(lines)
 
@@ -151,7 +151,7 @@ def tell_apart(
     limits: Limits | None = None,
     probabilities: Mapping[str, float] | None = None,
 ) -> Proposals:
-    """Foresee which next experiment tells hypotheses apart.
+    """Predict which next experiment distinguishes hypotheses.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def tell_apart(
         If there are fewer than two hypotheses, or periods, or one has no probability above zero.
     """
     if len(hypotheses) < 2:
-        raise InputError(f"{len(hypotheses)} hypothesis: give two or more that are to be told apart")
+        raise InputError(f"{len(hypotheses)} hypothesis: give two or more that are to be distinguished")
     limits = limits or Limits()
     rig = next(iter(hypotheses.values())).rig
     likely = _normalised(dict.fromkeys(hypotheses, 1.0) if probabilities is None else probabilities, hypotheses)
@@ -273,7 +273,7 @@ def next_experiments(
         If the verdict is another, or there is no such record.
     """
     if diagnosis.verdict != "ambiguous" or diagnosis.fit is None:
-        raise InputError(f"the verdict is {diagnosis.verdict}: only what is ambiguous can be told apart")
+        raise InputError(f"the verdict is {diagnosis.verdict}: only what is ambiguous can be distinguished")
     record = next((own for own in diagnosis.records if isinstance(own, Record) and own.period is not None), None)
     if record is None or record.i_e is None or record.period is None:
         raise InputError("none of the records has periods and i_e; give what was played to tell_apart()")
@@ -333,13 +333,13 @@ class _Pair:
         """So many times as long as the present one must the next record be; infinite where no length would do."""
         before, times, evidence = 0.0, 1.0, self.once
         collected = 0.0
-        while evidence < NEARLY * TOLD_APART:
+        while evidence < NEARLY * DISTINCT:
             slope = (evidence - collected) / (times - before)
             # length of the next record over the present one that is not to be had: what needs more is rounding
-            if slope * 1e4 < TOLD_APART - evidence:
+            if slope * 1e4 < DISTINCT - evidence:
                 return float("inf")
             before, collected = times, evidence
-            times += (TOLD_APART - evidence) / slope
+            times += (DISTINCT - evidence) / slope
             evidence = self._evidence(times)
         return times
 

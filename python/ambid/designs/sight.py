@@ -3,8 +3,8 @@
 An effect of size a changes the whitened record by a psi, of which the known parameters absorb a part; what is left,
 a psi~, has the score S = a^2 |psi~|^2 in the mean beyond chance. Seen half of the time is the size that half of all
 records name: there their scores make the effect as probable as a diagnosis asks for. Of the effects that it could be
-taken for, another with the response phi~ explains the part rho^2 of it; the rest, lambda = S (1 - rho^2), tells them
-apart.
+taken for, another with the response phi~ explains the part rho^2 of it; the rest, lambda = S (1 - rho^2),
+distinguishes them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from scipy.special import chndtr
 
 from ambid.arrays import FloatArray
 from ambid.diagnosis.chance import independent_tests
-from ambid.diagnosis.evidence import TOLD_APART, USUAL, needed
+from ambid.diagnosis.evidence import DISTINCT, USUAL, needed
 from ambid.diagnosis.ranking import CONFUSABLE, Point, see
 from ambid.effects import CATALOGUE, Effect, EffectParameter, Seen
 from ambid.errors import ModelError, UnstableLoopError
@@ -58,8 +58,8 @@ class Visible:
     settings : dict
         Of the variant, such as its place.
     twins : dict of str to float
-        Effects whose response is alike, each with the factor in size, beyond the typical one, from which they are told
-        apart with 95 % certainty; infinite where never.
+        Effects whose response is alike, each with the factor in size, beyond the typical one, from which they are
+        distinguished with 95 % certainty; infinite where never.
     """
 
     effect: str
@@ -172,9 +172,7 @@ def visible(comparison: Comparison, catalogue: Sequence[Effect] = CATALOGUE) -> 
         for other, its in felt.items():
             share = max(float(np.sum((one.basis.T @ response) ** 2)) / score for one in its)
             if other != name and share > CONFUSABLE**2:
-                twins[other] = (
-                    float(np.sqrt(TOLD_APART / (1.0 - share) / score)) if 1.0 - share > FELT else float("inf")
-                )
+                twins[other] = float(np.sqrt(DISTINCT / (1.0 - share) / score)) if 1.0 - share > FELT else float("inf")
         size = _size(point, own, parameter)
         settings = own.effect.settings()
         rows.append(Visible(name, parameter.name, parameter.unit, size, parameter.probe, score, settings, twins))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ambid.diagnosis.evidence import TOLD_APART
+from ambid.diagnosis.evidence import DISTINCT
 from ambid.diagnosis.messages import place
 from ambid.diagnosis.result import Step
 from ambid.diagnosis.verdict import Verdict
@@ -145,7 +145,7 @@ def _distinguish(names: Sequence[str], history: Sequence[Step]) -> Finding:
         apart = [first.evidence_against(other) for other in others if other is not None]
         evidence = min(apart, default=first.score)
         if evidence > first.score * (1.0 - TWINS**2):
-            factor = max(1.0, TOLD_APART / max(evidence, 1e-9))
+            factor = max(1.0, DISTINCT / max(evidence, 1e-9))
             own: dict[str, Any] = {"periods_factor": factor, "amplitude_factor": float(np.sqrt(factor))}
             return MORE_PERIODS(NOWHERE, effects=effects, **own)
         return OTHER_EXPERIMENT(NOWHERE, effects=effects)

@@ -52,7 +52,7 @@ __all__ = [
     "NAMELESS",
     "OF_FORMULAS",
     "SURE",
-    "TOLD_APART",
+    "DISTINCT",
     "UNRANKED",
     "USUAL",
     "Evidence",
@@ -81,7 +81,7 @@ SURE = 0.9
 """Probability from which on effects are named, and a set is called the explanation."""
 LARGEST_SCORE = 1e4
 """Beyond all that is needed."""
-TOLD_APART = float((1.645 + np.sqrt(1.645**2 + 2.0 * np.log(SURE / (1.0 - SURE)))) ** 2)
+DISTINCT = float((1.645 + np.sqrt(1.645**2 + 2.0 * np.log(SURE / (1.0 - SURE)))) ** 2)
 """Mean difference lambda of J by which two sets of as many parameters are distinguished in 95 % of records, where
 one is to be `SURE`: J1 - J2 has the mean lambda and the standard deviation 2 sqrt(lambda)."""
 OF_FORMULAS = 0.015

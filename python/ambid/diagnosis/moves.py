@@ -15,7 +15,7 @@ from ambid.noise import Comparison
 
 __all__ = ["Moved", "moved", "standard_errors"]
 
-TOLD = 2.0
+REPORTED = 2.0
 """Standard errors beyond which a change is reported."""
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from ambid.arrays import ByValue, FloatArray
 from ambid.diagnosis.candidates import Ranking
 from ambid.diagnosis.localisation import Cell, Localisation, MisfitMap, misfit_maps
-from ambid.diagnosis.moves import TOLD, Moved
+from ambid.diagnosis.moves import REPORTED, Moved
 from ambid.diagnosis.probabilities import Probabilities
 from ambid.effects import CATALOGUE, Effect
 from ambid.findings import NOWHERE, Finding, Kind, WithFindings
@@ -31,7 +31,7 @@ from ambid.rig import Rig
 VERDICTS = {
     "adequate": "nothing is missing that these data can show, in this band and at this amplitude",
     "explained": "the effects named explain the misfit",
-    "ambiguous": "one of the effects of each set explains the misfit; these data cannot tell which",
+    "ambiguous": "one of the effects of each set explains the misfit; these data cannot determine which",
     "none_of_the_candidates": "something is missing that no effect of the catalogue explains; nothing was added",
     "not_informative": "these data cannot decide",
 }
@@ -159,8 +159,8 @@ class Step:
         return text
 
     def moves(self, most: int = 4) -> list[str]:
-        """Which parameters the step moved most, beyond `TOLD` standard errors, a line each."""
-        return [f"  {self.change} moved {own.line()}" for own in self.moved[:most] if abs(own.errors) > TOLD]
+        """Which parameters the step moved most, beyond `REPORTED` standard errors, a line each."""
+        return [f"  {self.change} moved {own.line()}" for own in self.moved[:most] if abs(own.errors) > REPORTED]
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, as in JSON."""
@@ -186,7 +186,7 @@ class Diagnosis(ByValue, WithFindings, Tabular):
     effects : tuple of str
         Added, in order.
     ambiguous_sets : list of list of str
-        Effects that these data cannot tell apart.
+        Effects that these data cannot distinguish.
     probabilities : Probabilities
         Of every set that was tried, of effects, of nothing and of something else.
     history : list of Step
@@ -357,8 +357,8 @@ class Diagnosis(ByValue, WithFindings, Tabular):
                 "next_experiment": self.next_experiment,
                 "next_steps": [step.as_dict() for step in self.next_steps],
                 "seconds": self.seconds,
-                "findings": [finding.as_dict() for finding in self._told],
-                "notes": [finding.line() for finding in self._told],
+                "findings": [finding.as_dict() for finding in self._to_report],
+                "notes": [finding.line() for finding in self._to_report],
             }
         )
 
@@ -377,7 +377,7 @@ class Diagnosis(ByValue, WithFindings, Tabular):
     def summary(self) -> list[str]:
         """Verdict, what it means, what to do next, and the findings."""
         named = f": {', '.join(self.effects)}" if self.effects else ""
-        sets = [f"cannot be told apart: {', '.join(names)}" for names in self.ambiguous_sets]
+        sets = [f"cannot be distinguished: {', '.join(names)}" for names in self.ambiguous_sets]
         verdict = f"verdict: {self.verdict}{named}; {self.meaning}"
         families = [family.line() for family in self.families.values()]
         return [
@@ -390,7 +390,7 @@ class Diagnosis(ByValue, WithFindings, Tabular):
         ]
 
     @property
-    def _told(self) -> tuple[Finding, ...]:
+    def _to_report(self) -> tuple[Finding, ...]:
         """What is to be known of the records, then the findings."""
         of_records = (finding for record in self.records for finding in findings_of(record))
         return tuple(dict.fromkeys([*of_records, *self.findings]))
@@ -398,7 +398,7 @@ class Diagnosis(ByValue, WithFindings, Tabular):
     @property
     def _further(self) -> list[Finding]:
         """All of these but that which is the meaning."""
-        return [finding for finding in self._told if finding.kind not in MEANINGS]
+        return [finding for finding in self._to_report if finding.kind not in MEANINGS]
 
     def save(self, path: str | Path) -> None:
         """Write the last model with its covariance, for ``--model`` and `Model.load`."""
@@ -407,7 +407,7 @@ class Diagnosis(ByValue, WithFindings, Tabular):
     def __repr__(self) -> str:
         named = f": {', '.join(self.effects)}" if self.effects else ""
         lines = [f"verdict: {self.verdict}{named}", f"  {self.meaning}"]
-        lines += [f"  cannot be told apart: {', '.join(names)}" for names in self.ambiguous_sets]
+        lines += [f"  cannot be distinguished: {', '.join(names)}" for names in self.ambiguous_sets]
         lines += [
             f"  {line}" for line in (*(own.line() for own in self.families.values()), *self.probabilities.lines())
         ]

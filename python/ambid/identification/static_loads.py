@@ -28,7 +28,7 @@ from ambid.threads import with_one_blas_thread
 __all__ = ["StaticEstimate", "static_load"]
 
 _LEAST_SHARE = 0.02  # an axis that carries less than this part of the most loaded one was not loaded
-_WIDEST = 0.5  # relative half width of the 95 % interval of 1/K_i beyond which the data do not tell K_i
+_WIDEST = 0.5  # relative half width of the 95 % interval of 1/K_i beyond which the data do not determine K_i
 _UNKNOWN = Kind("deflection_unknown", "note", "the deflection of the rotor is not known, and left out: {reason}")
 _SCATTER = Kind("force_current_scatter", "note", "K_i differs between the loadings by up to {scatter:.2%} rms")
 _STEPS_ONLY = Kind(
@@ -123,7 +123,7 @@ def static_load(
 ) -> StaticEstimate:
     """Find K_i of every axis by static loading.
 
-    Integral action holds the sensor displacements at zero, so that statics alone tell what each magnet carries: the
+    Integral action holds the sensor displacements at zero, so that statics alone give what each magnet carries: the
     equilibrium of forces along two directions and of moments about two (of one force for a plain mass) is solved for
     the magnet forces f of each step. With a constant c of each axis and loading for gravity and offsets, and the noise
     e of the current, every axis is then one least-squares problem in K_i,
@@ -341,7 +341,7 @@ def _require_loaded(rig: Rig, loadings: Sequence[StaticLoading], load: FloatArra
 
 
 def _require_slope(where: str, axis: str, line: Line) -> None:
-    """Refuse a K_i that the data do not tell, or that is negative."""
+    """Refuse a K_i that the data do not determine, or that is negative."""
     if not line.half_width < _WIDEST * abs(line.slope):
         raise IdentificationError(
             f"{where}: K_i.{axis} is not identifiable: 1/K_i = {line.slope:.3g} A/N with a 95 % interval of "

@@ -105,7 +105,7 @@ class Instruments:
         part = next((own for own in comparison.noise.in_time if own.window.is_periodic), None)
         if part is None:
             raise RecordError(
-                "none of the records has periods, and without them noise is not told from what they miss; give one "
+                "none of the records has periods, and without them noise is not separated from misfit; give one "
                 "whose excitation repeats, or state the noise"
             )
         count = len(part.window.excited)
@@ -168,7 +168,7 @@ class Instruments:
         return self.without("i_c")
 
     def averaged(self, times: float) -> Instruments:
-        """Noise of the mean of so many records, which tells as much as one that is so many times as long."""
+        """Noise of the mean of so many records, which shows as much as one that is so many times as long."""
         return replace(self, covariance=self.covariance / times)
 
     def at(self, frequency_hz: FloatArray) -> ComplexArray:
