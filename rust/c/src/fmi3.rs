@@ -127,9 +127,9 @@ pub unsafe extern "C" fn fmi3DoStep(
 ) -> i32 {
     // SAFETY: an instance of ours, and numbers that are NULL or may be written.
     unsafe {
-        [event, terminate, early].into_iter().for_each(|told| {
-            if let Some(told) = told.as_mut() {
-                *told = false;
+        [event, terminate, early].into_iter().for_each(|flag| {
+            if let Some(flag) = flag.as_mut() {
+                *flag = false;
             }
         });
         let done = with(instance, |own| own.step(from, length));

@@ -19,7 +19,7 @@ thread_local! {
     /// When this thread may ask next.
     static NEXT: Cell<Option<Instant>> = const { Cell::new(None) };
     /// Of a thread that works for another one: whether that one wants it to stop.
-    static TOLD: RefCell<Option<Arc<AtomicBool>>> = const { RefCell::new(None) };
+    static STOP: RefCell<Option<Arc<AtomicBool>>> = const { RefCell::new(None) };
 }
 
 /// From now on `wanted` is asked, by the thread that called into the core and some twenty times a second, whether to
@@ -35,8 +35,8 @@ pub fn ask_before_going_on(wanted: fn() -> bool) {
 pub(crate) fn go_on() -> Result<()> {
     #[cfg(test)]
     tests::count();
-    let told = TOLD.with_borrow(|told| told.as_ref().map(|told| told.load(Ordering::Relaxed)));
-    if told.unwrap_or_else(wanted) { Err(Error::Stopped) } else { Ok(()) }
+    let stops = STOP.with_borrow(|stop| stop.as_ref().map(|stop| stop.load(Ordering::Relaxed)));
+    if stops.unwrap_or_else(wanted) { Err(Error::Stopped) } else { Ok(()) }
 }
 
 /// Whether the caller of this thread wants it to stop, as far as it is time to ask.
@@ -58,15 +58,15 @@ pub(crate) fn each<T: Sync, R: Send>(items: &[T], work: impl Fn(usize, &T) -> Re
     if items.len() < 2 {
         return items.iter().enumerate().map(|(k, item)| work(k, item)).collect();
     }
-    let stop = TOLD.with_borrow(Clone::clone).unwrap_or_default();
+    let stop = STOP.with_borrow(Clone::clone).unwrap_or_default();
     let all = || {
-        let told = |(k, item)| {
-            let before = TOLD.replace(Some(stop.clone()));
+        let run = |(k, item)| {
+            let before = STOP.replace(Some(stop.clone()));
             let found = work(k, item);
-            TOLD.set(before);
+            STOP.set(before);
             found
         };
-        items.par_iter().enumerate().map(told).collect()
+        items.par_iter().enumerate().map(run).collect()
     };
     if rayon::current_thread_index().is_some() {
         return all(); // a thread of the pool has to work, and cannot wait

@@ -40,8 +40,8 @@ fn unstable_loops() {
     // its poles, its matrices and a run of it are still to be had
     let poles = system.poles(&p.theta).unwrap();
     let Err(Error::Unstable { rate, frequency_hz, .. }) = system.simulate(&p.theta, &u) else { panic!("unstable") };
-    let told = Complex::new(rate, frequency_hz * std::f64::consts::TAU);
-    assert!(poles.iter().any(|p| (p - told).norm() < 1e-9 * p.norm()), "{told} is none of {poles:?}");
+    let stated = Complex::new(rate, frequency_hz * std::f64::consts::TAU);
+    assert!(poles.iter().any(|p| (p - stated).norm() < 1e-9 * p.norm()), "{stated} is none of {poles:?}");
     assert!(system.discrete(&p.theta).is_ok());
     assert!(Stepper::new(&system, &p.theta).is_ok());
 }

@@ -191,7 +191,7 @@ fn of_some_parameters_in_any_order() {
 
 /// Two equal states, and one that is not seen, are one number of the transient fewer.
 #[test]
-fn transients_that_cannot_be_told_apart() {
+fn transients_that_cannot_be_separated() {
     let mut random = Random(53);
     for (name, p) in clusters(0.0).into_iter().filter(|(name, _)| name.contains("lag")) {
         let system = p.system();

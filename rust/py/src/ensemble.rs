@@ -83,13 +83,13 @@ pub fn fit_all<'py>(py: Python<'py>, fits: Vec<Fit<'py>>) -> PyResult<Vec<Bound<
     let own: Vec<Core<'_>> = fits.iter().map(Fit::core).collect::<PyResult<_>>()?;
     let ended = py.detach(|| core(&own)).map_err(raise)?;
     let each = ended.into_iter().zip(&own).map(|(ended, fit)| match ended {
-        Ok(ended) => told(py, ended, fit.free.len()),
+        Ok(ended) => as_dict(py, ended, fit.free.len()),
         Err(error) => Ok(raise(error).into_value(py).into_bound(py).into_any()),
     });
     each.collect()
 }
 
-fn told<'py>(py: Python<'py>, ended: End, parameters: usize) -> PyResult<Bound<'py, PyAny>> {
+fn as_dict<'py>(py: Python<'py>, ended: End, parameters: usize) -> PyResult<Bound<'py, PyAny>> {
     let End { theta, status, evaluations, normal } = ended;
     let status = match status {
         Status::Converged => "converged",
