@@ -115,7 +115,7 @@ def next_experiment(runs):
                 new = record_of(best.change.at(truth), best.change.amplitude * longer, period, 2 * seed + 1)
                 if not currents:
                     old = replace(old, i_c=None)
-                    new = new if best.change.currents else replace(new, i_c=None)
+                    new = new if "i_c" in best.change.record else replace(new, i_c=None)
                 before += _likelier(pair, [old]) == name
                 after += _likelier(pair, [old, new]) == name
                 count += 1

@@ -53,7 +53,7 @@ def made(case, seed, change: Change, repeats, bench=ONE_AXIS):
     i_e = bench.excitation(change.amplitude * case.amplitude)[: bench.period]
     i_e = np.tile(i_e, (int(np.ceil(repeats * bench.periods)), 1))
     truth = {"K_i": K_i, "K_s": K_s, "tau_e": bench.tau_e}
-    with_i_c = case.with_i_c or change.currents
+    with_i_c = case.with_i_c or "i_c" in change.record
     record = measured(rig, i_e, {case.effect: case.parameters}, seed=2 * seed + 1, with_i_c=with_i_c, **truth)
     return record if change.rig is None else record.at(change.rig)
 
