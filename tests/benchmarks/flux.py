@@ -1,7 +1,7 @@
 """What Hall sensors distinguish: sets and probabilities of hidden effects with and without the flux density b.
 
     python tests/benchmarks/flux.py flux.jsonl --seeds 3
-    python tests/benchmarks/flux.py flux.jsonl --report
+    python tests/benchmarks/flux.py flux.jsonl --report --table flux.md
 
 Records of a mass on one axis by the independent simulator, each effect barely visible (30 in J, in y and i_c) and
 clear (1e4), diagnosed four times: of y alone, of y and i_c, and of both with b beside them; with typical tolerances.
@@ -21,14 +21,22 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 
 from ambid import Record, Rig, diagnose
-from benchmarks.grid import Row, aligned, read_rows, run_all
+from benchmarks.grid import Row, aligned, markdown, read_rows, run_all
 from hidden.bench import measured
 from hidden.machine import magnet
 from hidden.network import library
 from hidden.one_axis import ONE_AXIS
 from hidden.sizes import TARGETS, find
 
-EFFECTS = ("nothing", "eddy_currents", "amplifier_bandwidth", "loop_delay", "flux_saturation")
+EFFECTS = (
+    "nothing",
+    "eddy_currents",
+    "magnetic_hysteresis",
+    "amplifier_bandwidth",
+    "loop_delay",
+    "sensor_lag",
+    "flux_saturation",
+)
 SIZES = ("barely", "clear")
 AREA = 3e-4
 """Of a pole [m^2]."""
@@ -99,6 +107,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--report", action="store_true")
+    parser.add_argument("--table", type=Path, help="write it as Markdown")
     given = parser.parse_args()
     if not given.report:
         jobs = [
@@ -108,7 +117,10 @@ def main() -> None:
             for size in (SIZES if effect != "nothing" else SIZES[:1])
         ]
         run_all(run, jobs, given.rows, given.workers)
-    print(aligned(HEAD, report(read_rows(given.rows))))
+    lines = list(report(read_rows(given.rows)))
+    print(aligned(HEAD, lines))
+    if given.table is not None:
+        given.table.write_text(markdown(HEAD, lines))
 
 
 if __name__ == "__main__":
