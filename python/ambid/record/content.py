@@ -17,7 +17,7 @@ from ambid.findings import REMARK, Finding, Kind
 from ambid.reading import MOST_COLUMNS, Provenance
 from ambid.record.timing import Timing
 
-__all__ = ["Content", "NotNumbers", "Stored", "remarks", "require_columns", "unused"]
+__all__ = ["Content", "NotNumbers", "Stored", "remarks", "require_columns", "require_names", "unused"]
 
 COLUMNS_NOT_USED = Kind("columns_not_used", "note", "columns not used: {names}")
 VARIABLES_NOT_USED = Kind("variables_not_used", "note", "variables not used: {names}")
@@ -107,6 +107,12 @@ def require_columns(path: Path, count: int) -> None:
     """Refuse a table on its side."""
     if count > MOST_COLUMNS:
         raise RecordError(f"{path}: {count} columns, at most {MOST_COLUMNS} are read; give one a channel")
+
+
+def require_names(path: Path, has_names: bool) -> None:
+    """Refuse a table without names of its columns."""
+    if not has_names:
+        raise RecordError(f"{path}: the first line holds numbers; put the names of the columns above them")
 
 
 def unused(kind: Kind, names: Iterable[str]) -> list[Finding]:

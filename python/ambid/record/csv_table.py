@@ -18,7 +18,7 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.errors import RecordError
 from ambid.findings import Finding, Kind
-from ambid.record.content import Content, NotNumbers, require_columns
+from ambid.record.content import Content, NotNumbers, require_columns, require_names
 
 __all__ = ["UNITS_NOT_READ", "Cells", "header_of", "read_cells", "read_table"]
 
@@ -168,8 +168,7 @@ def read_cells(path: Path) -> Cells:
         As `read_table`, and for numbers where names are expected.
     """
     with _opened(path) as sheet:
-        if not sheet.has_names:
-            raise RecordError(f"{path}: the first line holds numbers; put the names of the columns above them")
+        require_names(path, sheet.has_names)
         rows = list(_rows(path, sheet))
         words = {k for row in rows for k, own in enumerate(row) if own and not _is_number(own.replace(",", "."))}
         cells = [[cell if k in words else sheet.pointed(cell) for k, cell in enumerate(row)] for row in rows]

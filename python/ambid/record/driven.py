@@ -13,7 +13,7 @@ from ambid.findings import Finding, Kind
 from ambid.record import checks
 from ambid.record.applied import applied_excitation
 from ambid.record.free_modes import REBUILT_TOLERANCE
-from ambid.record.mending import mended_excitation, mended_outputs
+from ambid.record.mending import FEWEST, mended_excitation, mended_outputs
 from ambid.record.period import find_period, mismatches
 from ambid.record.raw import OF_LOOP
 from ambid.record.rebuild import ExcitationSource, rebuild_excitation
@@ -62,8 +62,6 @@ LAGS, BY_FAR = 24, 4.0
 """Samples of i_e that y may follow from, and how many times what chance explains it must then."""
 UNLIKE = 1.0
 """Mismatch of one period with the next, relative to the rms, of a signal with as much noise; by chance it is 1.41."""
-FEWEST = 3
-"""Periods that the noise is estimated from by themselves."""
 
 Signals = dict[str, NDArray[np.float64]]
 """What was recorded, by name."""

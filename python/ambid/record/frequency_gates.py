@@ -1,8 +1,12 @@
-"""Gates that every frequency response passes: each refuses with what was found and what to do."""
+"""Gates that every frequency response passes: each refuses with what was found and what to do, or finds it.
+
+Lines that say nothing are taken out, with a finding that says which.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,9 +17,22 @@ from ambid.channels import FURTHER
 from ambid.errors import RecordError
 from ambid.findings import Finding, Kind
 from ambid.record.checks import require_known_outputs
-from ambid.record.passed_over import MOST_LISTED
 from ambid.rig import Rig
 
+ZERO_FREQUENCY = Kind(
+    "zero_frequency_not_used", "note", "the line at 0 Hz is not used: a mean is no response to the excitation"
+)
+ZERO_VALUES = Kind(
+    "zero_values_not_used",
+    "note",
+    "values of exactly zero, not used: {count} ({pairs}[ and {more} more pairs], at {frequencies_hz:g} Hz)",
+)
+COHERENCE_MISSING = Kind(
+    "coherence_missing",
+    "note",
+    "values whose coherence is zero or missing, not used: {count} ({pairs}[ and {more} more pairs], at "
+    "{frequencies_hz:g} Hz)",
+)
 PAIRS_MISSING = Kind(
     "pairs_missing", "note", "pairs without a value at any frequency, not used: {count} ({pairs}[ and {more} more])"
 )
@@ -30,12 +47,52 @@ VALUES_MISSING = Kind(
     "single values that are missing or NaN, left out: {count} "
     "({pairs}[ and {more} more pairs], at {frequencies_hz:g} Hz)",
 )
+MOST_LISTED = 3
+"""Pairs, and frequencies of each, that a finding names one by one."""
 LARGEST_TRAVEL = 1e3
 """Air gaps that the bias current of a bearing may move y by, by the response; a weakly damped mode moves some ten."""
 FEWEST = 3
 """Frequencies of a response: each is compared with both of its neighbours, which shows how much errors go together."""
 TOGETHER = 1024
 """Frequencies whose covariances are looked at together: of 32 pairs they are 16 MB."""
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Frequencies [Hz], shape (F,), and tables of shape (F, outputs, inputs), of the covariance (F, pairs, pairs)."""
+
+    frequency_hz: FloatArray
+    response: ComplexArray
+    std: FloatArray
+    coherence: FloatArray
+    covariance: ComplexArray | None = None
+
+
+def informative(lines: Lines, pairs: Sequence[str]) -> tuple[Lines, list[Finding]]:
+    """Lines without the one at 0 Hz, with NaN for single values that are zero or have no coherence; and findings.
+
+    A pair that is zero everywhere, or has no coherence anywhere, stays as it is.
+    """
+    findings = []
+    at_zero = lines.frequency_hz == 0.0
+    if at_zero.any():
+        findings.append(ZERO_FREQUENCY(frequencies_hz=[0.0]))
+        kept = ~at_zero
+        covariance = None if lines.covariance is None else lines.covariance[kept]
+        lines = Lines(
+            lines.frequency_hz[kept], lines.response[kept], lines.std[kept], lines.coherence[kept], covariance
+        )
+    response = lines.response.copy()
+    zero = (response == 0.0) & (np.nan_to_num(response) != 0.0).any(axis=0)
+    counts = np.isnan(lines.std).all(axis=0) & (lines.coherence > 0.0).any(axis=0) & (lines.covariance is None)
+    silent = (np.isnan(lines.coherence) | (lines.coherence == 0.0)) & counts
+    silent &= np.isfinite(response) & ~zero
+    for kind, wrong in ((ZERO_VALUES, zero), (COHERENCE_MISSING, silent)):
+        if wrong.any():
+            count, named = _named(wrong.reshape(len(wrong), -1), lines.frequency_hz, pairs)
+            findings.append(kind(count=int(wrong.sum()), **named, more=_counted(count)["more"]))
+            response[wrong] = np.nan
+    return replace(lines, response=response), findings
 
 
 def require_names(where: str, outputs: Sequence[str], inputs: Sequence[str], rig: Rig | None) -> None:
@@ -130,16 +187,21 @@ def findings_of_missing(frequency_hz: FloatArray, known: NDArray[np.bool_], pair
     single: NDArray[np.bool_] = np.asarray(~flat)
     single[:, ~has_pair] = single[~has_frequency] = False
     if single.any():
-        columns = np.flatnonzero(single.any(axis=0)).tolist()
-        at = [frequency_hz[single[:, k]].tolist()[:MOST_LISTED] for k in columns[:MOST_LISTED]]
-        some: dict[str, Any] = {"pairs": [pairs[k] for k in columns[:MOST_LISTED]], "frequencies_hz": at}
-        findings.append(VALUES_MISSING(**(_counted(len(columns)) | {"count": int(single.sum())}), **some))
+        count, named = _named(single, frequency_hz, pairs)
+        findings.append(VALUES_MISSING(**(_counted(count) | {"count": int(single.sum())}), **named))
     return findings
 
 
 def _counted(count: int) -> dict[str, Any]:
     """How many there are, and how many more than are named."""
     return {"count": count, "more": count - MOST_LISTED if count > MOST_LISTED else None}
+
+
+def _named(wrong: NDArray[np.bool_], frequency_hz: FloatArray, pairs: Sequence[str]) -> tuple[int, dict[str, Any]]:
+    """How many pairs have wrong values, shape (F, pairs), and the first of them by name, with frequencies of each."""
+    columns = np.flatnonzero(wrong.any(axis=0)).tolist()
+    at = [frequency_hz[wrong[:, k]].tolist()[:MOST_LISTED] for k in columns[:MOST_LISTED]]
+    return len(columns), {"pairs": [pairs[k] for k in columns[:MOST_LISTED]], "frequencies_hz": at}
 
 
 def require_covariance(

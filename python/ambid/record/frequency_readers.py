@@ -12,7 +12,7 @@ from ambid.errors import RecordError
 from ambid.reading import reading, variables_of, watched
 from ambid.record.channel_map import ChannelMap
 from ambid.record.content import VARIABLES_NOT_USED, unused
-from ambid.record.quantities import Quantity, hz_of, quantity_of, values_of
+from ambid.record.quantities import OURS, hz_of, values_of
 from ambid.record.raw_response import RawResponse
 from ambid.record.readers import flatten_cells, opened, require_content
 from ambid.record.response_table import is_response_table, read_response_table
@@ -112,17 +112,11 @@ def _from_mat(path: Path) -> RawResponse:
         used = {frequency, "outputs", "inputs", *found}
         left_out = unused(VARIABLES_NOT_USED, (name for name in held if name not in used))
         if given != ("response",):
-            own = {key: (name, _ours(name)) for key, name in (("magnitude", size), ("phase", angle))}
+            own = {key: (name, OURS[name]) for key, name in (("magnitude", size), ("phase", angle))}
             values = {key: found.pop(name) for key, (name, _) in own.items()}
             found["response"], _ = values_of(path, own, values, names["outputs"])
-        f, _ = hz_of(path, frequency, _ours(frequency), f)
+        f, _ = hz_of(path, frequency, OURS[frequency], f)
     return RawResponse(f, names["outputs"], names["inputs"], **found, findings=left_out)
-
-
-def _ours(name: str) -> Quantity:
-    found = quantity_of(name)
-    assert found is not None
-    return found
 
 
 def _array(path: Path, key: str, value: Any, kind: Any) -> Any:

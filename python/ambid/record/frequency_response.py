@@ -17,7 +17,9 @@ from ambid.reading import Provenance
 from ambid.record.channel_map import ChannelMap
 from ambid.record.content import remarks
 from ambid.record.frequency_gates import (
+    Lines,
     findings_of_missing,
+    informative,
     require_covariance,
     require_frequencies,
     require_names,
@@ -27,7 +29,6 @@ from ambid.record.frequency_gates import (
 )
 from ambid.record.frequency_readers import read_response
 from ambid.record.frequency_writers import write_response
-from ambid.record.passed_over import Lines, informative
 from ambid.record.scatter import std_of
 from ambid.results import data_frame, html_table, picture
 from ambid.rig import Rig

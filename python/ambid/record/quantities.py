@@ -14,7 +14,17 @@ from ambid.errors import RecordError
 from ambid.findings import Kind
 from ambid.record.units import Unit, frequency_unit, ratio_of
 
-__all__ = ["SIGNALS", "UNITS_ASSUMED", "VALUES", "Quantity", "holds_quantities", "hz_of", "quantity_of", "values_of"]
+__all__ = [
+    "OURS",
+    "SIGNALS",
+    "UNITS_ASSUMED",
+    "VALUES",
+    "Quantity",
+    "holds_quantities",
+    "hz_of",
+    "quantity_of",
+    "values_of",
+]
 
 UNITS_ASSUMED = Kind(
     "units_assumed",
@@ -72,7 +82,7 @@ class Quantity:
     label: str = ""
 
 
-_OURS = {
+OURS = {
     "frequency_hz": Quantity("frequency", "hz", True),
     "frequency_rad_s": Quantity("frequency", "rad/s", True),
     "frequency_rpm": Quantity("frequency", "rpm", True),
@@ -80,18 +90,21 @@ _OURS = {
     "magnitude_db": Quantity("magnitude", DECIBEL, True),
     "phase_deg": Quantity("phase", "deg", True),
     "phase_rad": Quantity("phase", "rad", True),
-    **{name: Quantity(name, is_ours=True) for name in ("output", "input", "re", "im", "std", "coherence", "averages")},
-    "spread": Quantity("spread", is_ours=True),
+    **{
+        name: Quantity(name, is_ours=True)
+        for name in ("output", "input", "re", "im", "std", "coherence", "averages", "spread")
+    },
 }
+"""By our names of columns and variables."""
 
 
 def quantity_of(header: str) -> Quantity | None:
     """What a column holds by its name, such as ``phase_rad``, ``Magnitude (dB)`` or ``Freq [Hz]``; None for another."""
-    if header in _OURS:
-        return _OURS[header]
+    if header in OURS:
+        return OURS[header]
     text = header.rpartition(": ")[2].strip().lower()
-    if text in _OURS:
-        return _OURS[text]
+    if text in OURS:
+        return OURS[text]
     for name, is_named in (
         ("frequency", frequency_unit(text)),
         ("magnitude", text == DECIBEL),

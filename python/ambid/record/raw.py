@@ -13,8 +13,16 @@ from numpy.typing import NDArray
 from ambid.channels import FURTHER, SIGNALS
 from ambid.errors import RecordError
 from ambid.findings import Finding
-from ambid.record.content import COLUMNS_NOT_USED, TRANSPOSED, VARIABLES_NOT_USED, Content, NotNumbers, Stored, unused
-from ambid.record.readers import require_names
+from ambid.record.content import (
+    COLUMNS_NOT_USED,
+    TRANSPOSED,
+    VARIABLES_NOT_USED,
+    Content,
+    NotNumbers,
+    Stored,
+    require_names,
+    unused,
+)
 from ambid.record.timing import aligned
 
 OF_LOOP = ("i_e", "r", "y", "i_c", "i_ref")
@@ -107,7 +115,7 @@ def numbers(path: Path, name: str, value: Any) -> NDArray[np.float64]:
 
 def _from_columns(path: Path, content: Content, sample_rate: float | None) -> RawRecord:
     """Gather columns t, i_e.<axis>, y.<axis>, ... into signals."""
-    require_names(path, content)
+    require_names(path, content.has_names)
     named = {name: name for name in content.arrays} | content.aliases
     own = {name: at for name, at in named.items() if name == "t" or name.startswith(OF_AXES)}
     own = {name: own[name] for name in sorted(own, key=lambda name: name != "t")}

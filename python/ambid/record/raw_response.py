@@ -65,7 +65,7 @@ class RawResponse:
         there = ("t", "fs", *names["outputs"], *names["inputs"])
         missing = [channel for channel in mapping.channels if channel not in there]
         if missing:
-            present = ", ".join((*self.outputs, *self.inputs))
+            present = ", ".join(own_names)
             raise RecordError(f"{path}: map {missing[0]}: there is no such channel; the channels are {present}")
         scale = factors["outputs"][:, None] / factors["inputs"]
         chosen = np.ix_(range(len(self.frequency_hz)), kept["outputs"], kept["inputs"])
@@ -82,7 +82,6 @@ class RawResponse:
             coherence=None if self.coherence is None else self.coherence[chosen],
             covariance=covariance,
             findings=[*self.findings, *unused(CHANNELS_NOT_USED, left_out)],
-            provenance=self.provenance,
         )
 
 

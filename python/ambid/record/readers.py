@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ambid.errors import InputError, RecordError
 from ambid.findings import Finding, Kind
 from ambid.reading import load_mat, reading, require_size, variables_of, watched
-from ambid.record.content import Content, NotNumbers, Stored, require_columns
+from ambid.record.content import Content, NotNumbers, Stored, require_columns, require_names
 from ambid.record.csv_table import read_table
 from ambid.record.hdf5 import read_hdf5
 from ambid.record.timing import Timing
@@ -100,14 +100,8 @@ def read_csv_columns(path: Path) -> dict[str, NDArray[np.float64] | NotNumbers]:
         For a missing header, a duplicated column, or a header without rows.
     """
     with opened(path) as content:
-        require_names(path, content)
+        require_names(path, content.has_names)
         return content.arrays
-
-
-def require_names(path: Path, content: Content) -> None:
-    """Refuse a table without names of its columns."""
-    if not content.has_names:
-        raise RecordError(f"{path}: the first line holds numbers; put the names of the columns above them")
 
 
 @contextmanager

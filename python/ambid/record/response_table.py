@@ -16,6 +16,7 @@ from ambid.record.channel_map import ChannelMap
 from ambid.record.content import COLUMNS_NOT_USED, unused
 from ambid.record.csv_table import UNITS_NOT_READ, Cells, header_of, read_cells
 from ambid.record.quantities import (
+    OURS,
     PLAIN,
     SIGNALS,
     UNITS_ASSUMED,
@@ -190,8 +191,7 @@ def _columns(
     factors: dict[str, float] = {}
     constants: dict[str, str] = {}
     for name, (column, factor) in ({} if mapping is None else mapping.response_columns).items():
-        quantity = quantity_of(name)
-        assert quantity is not None
+        quantity = OURS[name]
         if column in table.names:
             columns[quantity.name] = column, quantity
         elif column.isdecimal() and 1 <= int(column) <= len(table.names):

@@ -14,7 +14,7 @@ from ambid.findings import Finding, WithFindings
 from ambid.record import checks
 from ambid.record.content import COLUMNS_NOT_USED, unused
 from ambid.record.raw import numbers
-from ambid.record.readers import read_csv_columns, require_content
+from ambid.record.readers import read_csv_columns
 from ambid.rig import Rig
 
 __all__ = ["StaticLoading"]
@@ -74,7 +74,6 @@ class StaticLoading(ByValue, WithFindings):
         where = str(path)
         if path.suffix.lower() != ".csv":
             raise RecordError(f"{where}: suffix {path.suffix!r} is not that of a static loading; use .csv")
-        require_content(path)
         read = read_csv_columns(path)
         known = ("step", "z", "F_x", "F_y")
         missing = [name for name in known if name not in read]
