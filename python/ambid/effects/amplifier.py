@@ -10,7 +10,7 @@ import numpy as np
 
 from ambid.effects.traits import LAG_OF_CURRENT, LAG_ROUND_LOOP
 from ambid.loop.assembly import Signal
-from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
+from ambid.loop.effect import Effect, EffectParameter, OneProbe, Seen, Trait
 from ambid.loop.plant import Plant
 from ambid.rig import Rig
 
@@ -201,7 +201,7 @@ def _of_series(p: float, q: float) -> dict[str, float]:
 
 
 @dataclass(frozen=True)
-class AmplifierVoltageLimit(Effect):
+class AmplifierVoltageLimit(OneProbe):
     """The supply voltage limits how fast the current can change.
 
     Attributes
@@ -215,6 +215,8 @@ class AmplifierVoltageLimit(Effect):
     equation = "i_a' = clip((i_ref - i_a)/tau_a, -r, r)"
     signature = "odd; only where the excitation steps or the amplitude is large; i_c late after large steps alone"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, section 4.3"
+    size, most = "inverse_slew_rate", 10.0
+
     probed: float = 1e-4
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
@@ -233,14 +235,6 @@ class AmplifierVoltageLimit(Effect):
         meaning = "one over the largest rate r of the current"
         return [EffectParameter("inverse_slew_rate", "s/A", self.probed, upper=1.0, meaning=meaning)]
 
-    def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
-        """More or less than the probe."""
-        return np.zeros(1), np.full(1, 10.0)
-
-    def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
-        """The limit of the probe."""
-        return {"inverse_slew_rate": self.probed}
-
     def attach(self, plant: Plant) -> None:
         """What the limit cuts off, rounded at the corners."""
         slots, constants = {"inverse_limit": self.slot("inverse_slew_rate")}, {"smoothing": SMOOTHING}
@@ -250,7 +244,7 @@ class AmplifierVoltageLimit(Effect):
 
 
 @dataclass(frozen=True)
-class CommandSaturation(Effect):
+class CommandSaturation(OneProbe):
     """The controller's output ends at a limit.
 
     Attributes
@@ -264,6 +258,7 @@ class CommandSaturation(Effect):
     equation = "i_ref = clip(-K y + i_e, -r, r)"
     signature = "odd; only where the command is large; i_c cut off at the peaks of the command alone"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 8"
+    size, most = "inverse_limit", 10.0
 
     probed: float = 1.0
 
@@ -275,14 +270,6 @@ class CommandSaturation(Effect):
         """One over the limit."""
         unit = f"1/{rig.amplifier.command_unit}"
         return [EffectParameter("inverse_limit", unit, self.probed, meaning="one over the largest command r")]
-
-    def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
-        """More or less than the probe."""
-        return np.zeros(1), np.full(1, 10.0)
-
-    def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
-        """The limit of the probe."""
-        return {"inverse_limit": self.probed}
 
     def attach(self, plant: Plant) -> None:
         """What the limit cuts off, rounded at the corners."""

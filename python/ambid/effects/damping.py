@@ -10,7 +10,7 @@ import numpy as np
 from ambid.effects.hysteresis import drawn_along, gradual
 from ambid.effects.places import AtPlace, acting_at, half_way, mass_of, mass_or_one, size_of_stiffness
 from ambid.effects.traits import DAMPING
-from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
+from ambid.loop.effect import Effect, EffectParameter, OneProbe, Seen, Trait
 from ambid.loop.geometry import lies_in_one_plane
 from ambid.loop.plant import Plant
 from ambid.rig import PointMassRotor, Rig
@@ -116,7 +116,7 @@ class InternalDamping(AtPlace):
 
 
 @dataclass(frozen=True)
-class CoulombFriction(AtPlace):
+class CoulombFriction(OneProbe, AtPlace):
     """Dry friction at every magnet, or at one place, which sticks like a spring before it slips.
 
     Attributes
@@ -137,6 +137,7 @@ class CoulombFriction(AtPlace):
     everywhere = True
     across_planes = True
     formula_error = 0.03  # of a slider on a spring it leaves less than 0.1 %, of Dahl's law in two planes up to 3 %
+    size, refitted = "force", (0.01, 1e3)
 
     width: float = 3e-6
     fastest: float = 1e-2
@@ -167,20 +168,6 @@ class CoulombFriction(AtPlace):
             ),
             gradual(),
         ]
-
-    def probes(self, rig: Rig) -> Sequence[Mapping[str, float]]:
-        """A small force with the loop of this variant, which begins to slip gradually."""
-        return [{p.name: p.probe for p in self.parameters(rig)}]
-
-    def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
-        """Friction only takes energy."""
-        return np.zeros(1), np.full(1, np.inf)
-
-    def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
-        """The loop of the probe, and the force that the residual calls for."""
-        force, *loop = self.parameters(rig)
-        wanted = float(np.clip(amplitudes[0], 0.01, 1e3))
-        return {force.name: wanted * force.probe} | {own.name: own.probe for own in loop}
 
     def attach(self, plant: Plant) -> None:
         """A state for each axis or plane that is drawn along until it slips; those of one place slip together."""

@@ -13,8 +13,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from ambid.effects.places import on_both_sides
-from ambid.effects.rotor import RotorInertiaError, kept_modes
+from ambid.effects.places import of_two_axes, on_both_sides, slopes_along
+from ambid.effects.rotor import RotorInertiaError, divide_forces, kept_modes
 from ambid.effects.sensor import SamplingSkew, SensorMisalignment, SensorPositionError
 from ambid.effects.slips import ControllerGainError
 from ambid.effects.updates import (
@@ -135,12 +135,7 @@ class _OfRotor(Known, RotorInertiaError):
             motion = np.ones(1)
         else:
             motion = dict(zip(("mass", "inertia"), plant.rotor.rigid_motions(), strict=True))[self.key]
-        n = len(plant.rotor.frequencies_rad_s)
-        for plane in range(plant.rotor.planes):
-            forces = [f"modal_force.{plane * n + k}" for k in range(len(motion))]
-            heavier = plant.port(self.slot(""), combine(motion, [plant[force] for force in forces]))
-            for force, share in zip(forces, motion, strict=True):
-                plant.inject(force, -share * heavier)
+        divide_forces(plant, {self.slot(""): motion})
 
     def _with(self, rig: Rig, parameter: str, error: float) -> Rig | None:
         return with_inertia(rig, self.key, error)
@@ -190,20 +185,14 @@ class KnownPosition(_AlongShaft):
 
     def attach(self, plant: Plant) -> None:
         """Exact to first order in the offset."""
-        at = iter(self.positions(plant.rig))
-        places = iter(zip(plant.axes, plant.directions, strict=True))
-        for bearing in plant.rig.bearings:
-            below, above = next(at), next(at)
-            for _ in bearing.axes:
-                axis, direction = next(places)
-                slope = (plant.shape(above, direction) - plant.shape(below, direction)) / (above - below)
-                for signal, of in (("s", "eta"), ("v", "eta_rate")):
-                    tilt = combine(slope, [plant[f"{of}.{k}"] for k in range(plant.coordinates)])
-                    plant.inject(f"{signal}.{axis}", plant.port(self.slot(bearing.name), tilt))
-                moved = plant.port(self.slot(bearing.name), plant[f"f.{axis}"])
-                for k, onto in enumerate(slope):
-                    if onto:
-                        plant.inject(f"modal_force.{k}", onto * moved)
+        for bearing, axis, slope in slopes_along(plant, self.positions(plant.rig)):
+            for signal, of in (("s", "eta"), ("v", "eta_rate")):
+                tilt = combine(slope, [plant[f"{of}.{k}"] for k in range(plant.coordinates)])
+                plant.inject(f"{signal}.{axis}", plant.port(self.slot(bearing.name), tilt))
+            moved = plant.port(self.slot(bearing.name), plant[f"f.{axis}"])
+            for k, onto in enumerate(slope):
+                if onto:
+                    plant.inject(f"modal_force.{k}", onto * moved)
 
 
 @dataclass(frozen=True)
@@ -227,7 +216,7 @@ class KnownSensorAngle(Known, SensorMisalignment):
 
     def members(self, rig: Rig) -> Sequence[str]:
         """Bearings of two axes."""
-        return [b.name for b in rig.bearings if len(b.axes) == 2]
+        return [b.name for b in of_two_axes(rig)]
 
     def slot(self, parameter: str) -> str:
         """Such as ``sensor_angle.A``."""

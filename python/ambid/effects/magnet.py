@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
+from typing import Self
 
 import numpy as np
 from scipy.optimize import nnls
 
 from ambid.arrays import FloatArray
 from ambid.effects.hysteresis import drawn_along, gradual
+from ambid.effects.places import of_two_axes
 from ambid.effects.traits import CURVATURE, LAG_OF_READING, LAG_ROUND_LOOP
 from ambid.loop.assembly import combine
-from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
+from ambid.loop.effect import Effect, EffectParameter, OneProbe, Seen, Trait
 from ambid.loop.plant import READ, Plant
 from ambid.rig import Rig
 
@@ -30,15 +32,22 @@ NODES = 81
 BIAS_RATIO = "nu: bias current of the rig file over the effective one"
 
 
-def _unless_attracting(rig: Rig) -> str:
-    """Why a law of attracting magnets is not tried; empty where all attract."""
-    centres = any(k_s < 0.0 for bearing in rig.bearings for k_s in bearing.force_displacement)
-    return "K_s is negative, and the law is that of attracting magnets" if centres else ""
+class _Law(Effect):
+    """What a law of attracting magnets has beyond its slopes at rest."""
+
+    def why_not(self, rig: Rig) -> str:
+        """Magnets that centre: the law is that of attracting ones."""
+        centres = any(k_s < 0.0 for bearing in rig.bearings for k_s in bearing.force_displacement)
+        return "K_s is negative, and the law is that of attracting magnets" if centres else ""
+
+    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
+        """Another curvature, in whichever direction."""
+        return {CURVATURE: float("nan")}
 
 
 @dataclass(frozen=True)
-class ForceNonlinearity(Effect):
-    """The square law of the magnets in place of its linearisation.
+class _OddLaw(_Law):
+    """A law of the force of opposed magnets that are alike, or of a single one.
 
     Attributes
     ----------
@@ -47,6 +56,18 @@ class ForceNonlinearity(Effect):
     single : bool
         Whether one magnet holds the weight, with the bias current, and none acts against it.
     """
+
+    held: tuple[float, ...] = ()
+    single: bool = False
+
+    def variants(self, seen: Seen) -> Sequence[Self]:
+        """About the currents that hold the weight; of one magnet where it may be that, see `_magnets`."""
+        return [replace(self, held=held, single=single) for held, single in _magnets(seen)]
+
+
+@dataclass(frozen=True)
+class ForceNonlinearity(_OddLaw):
+    """The square law of the magnets in place of its linearisation."""
 
     name = "force_nonlinearity"
     physics = "the unsaturated force law k((i0+i)^2/(s0-s)^2 - (i0-i)^2/(s0+s)^2) in place of its linearisation"
@@ -57,17 +78,6 @@ class ForceNonlinearity(Effect):
     signature = "odd; grows with the cube of the amplitude, where current and displacement are large together"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, section 4.1"
 
-    held: tuple[float, ...] = ()
-    single: bool = False
-
-    def variants(self, seen: Seen) -> Sequence[ForceNonlinearity]:
-        """About the currents that hold the weight; of one magnet where it may be that, see `_magnets`."""
-        return [ForceNonlinearity(held, single) for held, single in _magnets(seen)]
-
-    def why_not(self, rig: Rig) -> str:
-        """Magnets that centre: the law is that of attracting ones."""
-        return _unless_attracting(rig)
-
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Bias current of the rig file over the effective one: 1 for the law as it stands, 0 for the linear one."""
         return [EffectParameter("bias_ratio", "1", 1.0, upper=10.0, meaning=BIAS_RATIO)]
@@ -76,26 +86,14 @@ class ForceNonlinearity(Effect):
         """The nonlinear part grows with the square of the ratio."""
         return {"bias_ratio": float(np.sqrt(np.clip(amplitudes[0], 1e-4, 9.0)))}
 
-    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
-        """Another curvature in every direction."""
-        return {CURVATURE: float("nan")}
-
     def attach(self, plant: Plant) -> None:
         """What the law adds to ``K_i i + K_s s``, which stay the slopes at rest."""
         _force_law(plant, "unsaturated", {"nu": self.slot("bias_ratio")}, self.held, self.single)
 
 
 @dataclass(frozen=True)
-class FluxSaturation(Effect):
-    """Iron whose flux density levels off.
-
-    Attributes
-    ----------
-    held : tuple of float
-        Current of each axis that holds the weight [A]; empty where it is not known.
-    single : bool
-        Whether one magnet holds the weight, with the bias current, and none acts against it.
-    """
+class FluxSaturation(_OddLaw):
+    """Iron whose flux density levels off."""
 
     name = "flux_saturation"
     physics = "the iron saturates: force per current falls at high flux"
@@ -107,17 +105,6 @@ class FluxSaturation(Effect):
     source = "Froehlich (1881) and its generalisation B = u/(1 + (sigma u)^n)^(1/n)"
     contains = ("force_nonlinearity",)
     formula_error = 0.004  # iron curves differ: of others than its own it leaves 0.03 to 0.4 %
-
-    held: tuple[float, ...] = ()
-    single: bool = False
-
-    def variants(self, seen: Seen) -> Sequence[Effect]:
-        """About the currents that hold the weight; of one magnet where it may be that, see `_magnets`."""
-        return [FluxSaturation(held, single) for held, single in _magnets(seen)]
-
-    def why_not(self, rig: Rig) -> str:
-        """Magnets that centre: the law is that of attracting ones."""
-        return _unless_attracting(rig)
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Linear flux density at bias over that of saturation, sharpness of the knee, bias ratio of the square law."""
@@ -141,10 +128,6 @@ class FluxSaturation(Effect):
     def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
         """A middling knee."""
         return {"level": 0.7, "sharpness": 2.5, "bias_ratio": 1.0}
-
-    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
-        """Another curvature in every direction."""
-        return {CURVATURE: float("nan")}
 
     def attach(self, plant: Plant) -> None:
         """The square law with the flux of saturating iron; K_i and K_s stay the slopes at rest."""
@@ -194,7 +177,7 @@ def _of_axes(rig: Rig) -> list[tuple[float, float, float]]:
 
 
 @dataclass(frozen=True)
-class BiasAsymmetry(Effect):
+class BiasAsymmetry(_Law):
     """Opposed magnets that are not alike: the even part of the square law, which a pair that is alike has none of."""
 
     name = "bias_asymmetry"
@@ -209,10 +192,6 @@ class BiasAsymmetry(Effect):
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, section 4.1"
     formula_error = 0.03  # K_i and K_s in it are those of the rig file: of 10 % in i0 K_i/K_s so much is left
 
-    def why_not(self, rig: Rig) -> str:
-        """Magnets that centre: the law is that of attracting ones."""
-        return _unless_attracting(rig)
-
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Relative difference of the biases, and of the strengths, of opposed magnets."""
         half = "of opposed magnets, half their difference over their mean"
@@ -220,10 +199,6 @@ class BiasAsymmetry(Effect):
             EffectParameter("bias", "1", 0.01, -0.9, 0.9, f"a: bias currents {half}"),
             EffectParameter("strength", "1", 0.01, -0.9, 0.9, f"b: strengths {half}"),
         ]
-
-    def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
-        """Another curvature."""
-        return {CURVATURE: float("nan")}
 
     def attach(self, plant: Plant) -> None:
         """On every axis, with K_i and K_s of the rig file."""
@@ -294,7 +269,7 @@ def half_derivative() -> tuple[np.ndarray, np.ndarray]:
 
 
 @dataclass(frozen=True)
-class MagneticHysteresis(Effect):
+class MagneticHysteresis(OneProbe):
     """A rate-independent loop between current and flux.
 
     Attributes
@@ -311,6 +286,7 @@ class MagneticHysteresis(Effect):
     signature = "the flux lags by the same angle at every frequency, and less at larger amplitude"
     source = "Wen, ASCE J. Eng. Mech. 102 (1976) 249"
     formula_error = 0.07  # laws differ: of plays in parallel it leaves up to 7 %, most where loops are small
+    size, most, refitted = "share", 90.0, (0.01, 60.0)
 
     width: float = 0.3
     fastest: float = 3e3
@@ -342,19 +318,6 @@ class MagneticHysteresis(Effect):
             gradual(),
         ]
 
-    def probes(self, rig: Rig) -> Sequence[Mapping[str, float]]:
-        """A small loop of the width of this variant."""
-        return [{p.name: p.probe for p in self.parameters(rig)}]
-
-    def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
-        """Flux may only lag."""
-        return np.zeros(1), np.full(1, 90.0)
-
-    def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
-        """The width of the probe, and as much of it as the residual calls for."""
-        share = 0.01 * float(np.clip(amplitudes[0], 0.01, 60.0))
-        return {p.name: p.probe for p in self.parameters(rig)} | {"share": share}
-
     def attach(self, plant: Plant) -> None:
         """A Bouc-Wen state for each axis."""
         for axis in plant.axes:
@@ -375,11 +338,10 @@ class AxisCrossCoupling(Effect):
 
     def why_not(self, rig: Rig) -> str:
         """Bearings of one axis."""
-        return "" if any(len(b.axes) == 2 for b in rig.bearings) else "no bearing has two axes"
+        return "" if of_two_axes(rig) else "no bearing has two axes"
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Part of the force that appears on the other axis, of each bearing."""
-        both = [b for b in rig.bearings if len(b.axes) == 2]
         return [
             EffectParameter(
                 f"share_{b.name}",
@@ -389,14 +351,12 @@ class AxisCrossCoupling(Effect):
                 upper=0.5,
                 meaning=f"part c of the current that acts along the other axis too, bearing {b.name}",
             )
-            for b in both
+            for b in of_two_axes(rig)
         ]
 
     def attach(self, plant: Plant) -> None:
         """Of the current that makes force."""
-        for bearing in plant.rig.bearings:
-            if len(bearing.axes) < 2:
-                continue
+        for bearing in of_two_axes(plant.rig):
             zeta, eta = bearing.axis_names
             slot = self.slot(f"share_{bearing.name}")
             for to, source in ((zeta, eta), (eta, zeta)):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -12,7 +12,7 @@ from ambid.arrays import FloatArray
 from ambid.loop.effect import Effect, Seen
 from ambid.loop.geometry import rotor_of, why_unknown
 from ambid.loop.plant import Plant
-from ambid.rig import FiniteElementRotor, PointMassRotor, Rig
+from ambid.rig import Bearing, FiniteElementRotor, PointMassRotor, Rig
 from ambid.rotor import further_modes
 
 
@@ -62,6 +62,21 @@ def on_both_sides(rig: Rig, places: Iterable[float], step: float) -> list[float]
         return []
     low, high = rig.rotor.span
     return [float(np.clip(z + d, low, high)) for z in places for d in (-step, step)]
+
+
+def of_two_axes(rig: Rig) -> list[Bearing]:
+    """Bearings that act in two directions."""
+    return [bearing for bearing in rig.bearings if len(bearing.axes) == 2]
+
+
+def slopes_along(plant: Plant, positions: Iterable[float]) -> Iterator[tuple[Bearing, str, FloatArray]]:
+    """Bearing, axis, and slope of the shapes along the shaft, of every axis; two positions a bearing."""
+    at, directions = iter(positions), dict(zip(plant.axes, plant.directions, strict=True))
+    for bearing in plant.rig.bearings:
+        below, above = next(at), next(at)
+        for axis in bearing.axis_names:
+            apart = plant.shape(above, directions[axis]) - plant.shape(below, directions[axis])
+            yield bearing, axis, apart / (above - below)
 
 
 def acting_at(plant: Plant, z: float | None) -> dict[float, dict[str, FloatArray]]:

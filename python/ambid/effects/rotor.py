@@ -8,6 +8,7 @@ from math import pi
 
 import numpy as np
 
+from ambid.arrays import FloatArray
 from ambid.effects.places import likely_places
 from ambid.effects.traits import RESONANCE
 from ambid.effects.waves import Wave, is_synchronous
@@ -234,15 +235,19 @@ class RotorInertiaError(Effect):
 
     def attach(self, plant: Plant) -> None:
         """The force of rotation and translation is divided by 1 + d."""
-        n = len(plant.rotor.frequencies_rad_s)
         motions = dict(zip(("mass", "inertia"), plant.rotor.rigid_motions(), strict=True))
-        for plane in range(plant.rotor.planes):
-            forces = [f"modal_force.{plane * n + k}" for k in range(2)]
-            for parameter in self.parameters(plant.rig):
-                motion = motions[parameter.name]
-                heavier = plant.port(self.slot(parameter.name), combine(motion, [plant[force] for force in forces]))
-                for force, share in zip(forces, motion, strict=True):
-                    plant.inject(force, -share * heavier)
+        divide_forces(plant, {self.slot(p.name): motions[p.name] for p in self.parameters(plant.rig)})
+
+
+def divide_forces(plant: Plant, motions: Mapping[str, FloatArray]) -> None:
+    """Divide the force of rigid motions, by slot, in every plane by 1 + what fills the slot."""
+    n = len(plant.rotor.frequencies_rad_s)
+    for plane in range(plant.rotor.planes):
+        for slot, motion in motions.items():
+            forces = [f"modal_force.{plane * n + k}" for k in range(len(motion))]
+            heavier = plant.port(slot, combine(motion, [plant[force] for force in forces]))
+            for force, share in zip(forces, motion, strict=True):
+                plant.inject(force, -share * heavier)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from ambid.effects.places import on_both_sides
+from ambid.effects.places import of_two_axes, on_both_sides, slopes_along
 from ambid.effects.traits import CURVATURE, GAIN_OF_READING, LAG_OF_CURRENT, LAG_OF_READING, LAG_ROUND_LOOP
 from ambid.loop.assembly import combine
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
@@ -160,22 +160,19 @@ class SensorMisalignment(Effect):
 
     def why_not(self, rig: Rig) -> str:
         """Bearings of one axis."""
-        return "" if any(len(b.axes) == 2 for b in rig.bearings) else "no bearing has two axes"
+        return "" if of_two_axes(rig) else "no bearing has two axes"
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Angle of each bearing's sensors [rad], counted from zeta to eta."""
-        both = [b for b in rig.bearings if len(b.axes) == 2]
         meaning = "angle a from magnets to sensors, from zeta to eta, of bearing"
         return [
             EffectParameter(f"angle_{b.name}", "rad", 0.01, lower=-0.8, upper=0.8, meaning=f"{meaning} {b.name}")
-            for b in both
+            for b in of_two_axes(rig)
         ]
 
     def attach(self, plant: Plant) -> None:
         """Exact to first order in the angle."""
-        for bearing in plant.rig.bearings:
-            if len(bearing.axes) < 2:
-                continue
+        for bearing in of_two_axes(plant.rig):
             zeta, eta = (f"turned.{axis}" for axis in bearing.axis_names)
             slot = self.slot(f"angle_{bearing.name}")
             plant.inject(zeta, plant.port(slot, plant.raw(eta)))
@@ -218,15 +215,9 @@ class SensorPositionError(Effect):
 
     def attach(self, plant: Plant) -> None:
         """Exact to first order in the offset."""
-        places = iter(zip(plant.axes, plant.directions, strict=True))
-        at = iter(self.positions(plant.rig))
-        for bearing in plant.rig.bearings:
-            below, above = next(at), next(at)
-            for _ in bearing.axes:
-                axis, direction = next(places)
-                slope = (plant.shape(above, direction) - plant.shape(below, direction)) / (above - below)
-                tilt = combine(slope, [plant[f"eta.{k}"] for k in range(plant.coordinates)])
-                plant.inject(f"at_sensor.{axis}", plant.port(self.slot(f"offset_{bearing.name}"), tilt))
+        for bearing, axis, slope in slopes_along(plant, self.positions(plant.rig)):
+            tilt = combine(slope, [plant[f"eta.{k}"] for k in range(plant.coordinates)])
+            plant.inject(f"at_sensor.{axis}", plant.port(self.slot(f"offset_{bearing.name}"), tilt))
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ambid.effects.places import AtPlace, acting_at, mass_or_one, size_of_stiffness
 from ambid.effects.traits import DAMPING, RESONANCE, STIFFNESS
-from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
+from ambid.loop.effect import Effect, EffectParameter, OneProbe, Seen, Trait
 from ambid.loop.plant import Plant
 from ambid.rig import PointMassRotor, Rig
 
@@ -182,7 +182,7 @@ class MagneticPull(AtPlace):
 
 
 @dataclass(frozen=True)
-class RotorContact(AtPlace):
+class RotorContact(OneProbe, AtPlace):
     """The rotor touches its touch-down bearing, or another stop all round, at every magnet or at one place.
 
     Attributes
@@ -205,6 +205,7 @@ class RotorContact(AtPlace):
     )
     everywhere = True
     across_planes = True
+    size, refitted = "stiffness", (0.01, 1e3)
 
     clearance: float = 1e-5
     fastest: float = 1e-2
@@ -233,20 +234,6 @@ class RotorContact(AtPlace):
             ),
         ]
 
-    def probes(self, rig: Rig) -> Sequence[Mapping[str, float]]:
-        """A spring beyond the clearance of this variant."""
-        stiffness, clearance, damping = self.parameters(rig)
-        return [{stiffness.name: stiffness.probe, clearance.name: clearance.probe, damping.name: damping.probe}]
-
-    def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
-        """A stop pushes back."""
-        return np.zeros(1), np.full(1, np.inf)
-
-    def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
-        """The clearance of the probe, and the stiffness that the residual calls for."""
-        wanted = float(np.clip(amplitudes[0], 0.01, 1e3))
-        return {p.name: p.probe * (wanted if p.name == "stiffness" else 1.0) for p in self.parameters(rig)}
-
     def attach(self, plant: Plant) -> None:
         """Rounded where it begins to touch."""
         slots = {name: self.slot(name) for name in ("clearance", "damping")}
@@ -261,7 +248,7 @@ class RotorContact(AtPlace):
 
 
 @dataclass(frozen=True)
-class FoundationResonance(Effect):
+class FoundationResonance(OneProbe):
     """A mode of the housing that carries magnets and sensors.
 
     Attributes
@@ -275,6 +262,7 @@ class FoundationResonance(Effect):
     equation = "h'' = -w^2 h - 2 zeta w h' - F/m, w = 2 pi f; magnets and sensors see the rotor less h"
     signature = "a narrow band in y and i_c where no rotor mode lies, all axes"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 10"
+    size, refitted = "inverse_mass", (0.1, 100.0)
 
     frequency_hz: float | None = None
 
@@ -303,20 +291,6 @@ class FoundationResonance(Effect):
             EffectParameter("damping", "1", 0.07, upper=0.5, meaning="its damping ratio zeta"),
             EffectParameter("inverse_mass", "1/kg", 1e-3, meaning="its compliance: one over the moving mass m"),
         ]
-
-    def probes(self, rig: Rig) -> Sequence[dict[str, float]]:
-        """The mode at its frequency with a heavy housing."""
-        return [{p.name: p.probe for p in self.parameters(rig)}]
-
-    def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
-        """Any mass."""
-        return np.zeros(1), np.full(1, np.inf)
-
-    def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
-        """As probed, with the mass that the residual calls for."""
-        start = {p.name: p.probe for p in self.parameters(rig)}
-        start["inverse_mass"] *= float(np.clip(amplitudes[0], 0.1, 100.0))
-        return start
 
     def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
         """Its frequency."""

@@ -293,3 +293,34 @@ class Effect(ABC):
     def slot(self, parameter: str) -> str:
         """Name of a parameter in the model, such as ``loop_delay.delay``."""
         return f"{self.name}.{parameter}"
+
+
+class OneProbe(Effect):
+    """An effect whose one probe has all parameters at their probes: how much of it there is, is in proportion to one.
+
+    Attributes
+    ----------
+    size : str
+        The parameter that is 0 where the effect is absent, and never less.
+    most : float
+        How much of the probe physics allows.
+    refitted : tuple of float
+        Least and most of it that a refit starts from; by default all of the probe.
+    """
+
+    size: ClassVar[str]
+    most: ClassVar[float] = float("inf")
+    refitted: ClassVar[tuple[float, float]] = (1.0, 1.0)
+
+    def probes(self, rig: Rig) -> Sequence[Mapping[str, float]]:
+        """One, of this variant."""
+        return [{p.name: p.probe for p in self.parameters(rig)}]
+
+    def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
+        """Nothing or any size."""
+        return np.zeros(1), np.full(1, self.most)
+
+    def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
+        """The probe, with the size that the residual calls for."""
+        wanted = float(np.clip(amplitudes[0], *self.refitted))
+        return {p.name: p.probe * (wanted if p.name == self.size else 1.0) for p in self.parameters(rig)}
