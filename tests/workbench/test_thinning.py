@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from ambid.workbench.thinning import in_a_row, thinned
+from ambid.workbench.places import thinned
+
+
+def in_a_row(count, pixels):
+    """The pixels of so many samples, evenly spread over a chart."""
+    return np.arange(count) * pixels // count
 
 
 @pytest.mark.parametrize("at", [0, 1, 499_999, 999_998, 999_999])

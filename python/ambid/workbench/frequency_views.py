@@ -19,9 +19,8 @@ from ambid.plot.matrix import SIGNS
 from ambid.plot.responses import HIDDEN, SIGMAS, unbroken, unit_of
 from ambid.plot.style import short_number, shown_in
 from ambid.results import plain
-from ambid.workbench.places import chart, column_of, input_of, place_of
+from ambid.workbench.places import chart, column_of, input_of, place_of, thinned
 from ambid.workbench.session import KEPT, Session
-from ambid.workbench.thinning import thinned
 from ambid.workbench.views import LEVELS, THOUSAND
 
 __all__ = ["lines", "matrices", "prediction", "responses"]

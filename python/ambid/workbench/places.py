@@ -1,15 +1,19 @@
-"""What a call of the page points at: a record, a channel, an excitation, and a chart so many pixels wide."""
+"""What a call of the page points at: a record, a channel, an excitation, and a chart so many pixels wide.
+
+Of long signals every pixel shows the smallest and the largest sample, so that no peak is lost.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambid.arrays import FloatArray
 from ambid.errors import InputError
 from ambid.noise import Comparison
 from ambid.workbench.session import Session
 
-__all__ = ["chart", "column_of", "input_of", "place_of"]
+__all__ = ["chart", "column_of", "input_of", "place_of", "thinned"]
 
 FEWEST_PIXELS, MOST_PIXELS = 50, 4000
 """Widths of a chart that are drawn."""
@@ -57,3 +61,29 @@ def chart(pixels: int) -> int:
     if not FEWEST_PIXELS <= pixels <= MOST_PIXELS:
         raise InputError(f"pixels = {pixels}: expected {FEWEST_PIXELS} to {MOST_PIXELS}")
     return pixels
+
+
+def thinned(signals: FloatArray, pixel: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Which samples to draw: those where a signal is smallest or largest within a pixel, and both ends.
+
+    Parameters
+    ----------
+    signals : ndarray, shape (N, k)
+        Drawn over the same samples; NaN where there is nothing.
+    pixel : ndarray of int, shape (N,)
+        Which pixel each sample falls in, rising.
+
+    Returns
+    -------
+    ndarray of int
+        In order; of a pixel with many equal extremes the first.
+    """
+    first = np.flatnonzero(np.diff(pixel, prepend=pixel[0] - 1))
+    own = np.repeat(np.arange(len(first)), np.diff(first, append=len(pixel)))
+    kept = [np.array([0, len(pixel) - 1])]
+    for signal in signals.T:
+        for least in (signal, -signal):
+            reached = np.fmin.reduceat(least, first)[own] == least
+            at = np.flatnonzero(reached)
+            kept.append(at[np.unique(own[at], return_index=True)[1]])
+    return np.asarray(np.unique(np.concatenate(kept)), dtype=np.intp)

@@ -34,6 +34,7 @@ LARGEST_BODY = 10_000
 Json = dict[str, Any]
 Answer = Callable[[Window, Json], Json | Response]
 Look = Callable[[Session, Json], Json]
+Do = Callable[[Window, Json], None]
 
 
 def application(windows: Windows, token: str, port: int) -> ASGIApp:
@@ -70,6 +71,13 @@ def application(windows: Windows, token: str, port: int) -> ASGIApp:
 
         return answer
 
+    def viewed(do: Do) -> Answer:
+        def answer(window: Window, given: Json) -> Json:
+            do(window, given)
+            return window.view()
+
+        return answer
+
     def route(path: str, answer: Answer, method: str) -> Route:
         return Route(f"/{token}/windows/{{window}}/{path}", of_window(answer), methods=[method])
 
@@ -80,21 +88,9 @@ def application(windows: Windows, token: str, port: int) -> ASGIApp:
         Route(f"/{token}/windows", opened, methods=["POST"]),
         *(route(path, of_step(look), "GET") for path, look in SHOWN.items()),
         *(route(path, answer, "GET") for path, answer in ASKED.items()),
-        *(route(path, answer, "POST") for path, answer in DONE.items()),
+        *(route(path, viewed(do), "POST") for path, do in DONE.items()),
     ]
     return Guard(Starlette(routes=routes, exception_handlers={AmbidError: _refused}), token, port)
-
-
-def _view(window: Window, _: Json) -> Json:
-    return window.view()
-
-
-def _where(session: Session, _: Json) -> Json:
-    return views.where(session)
-
-
-def _candidates(session: Session, _: Json) -> Json:
-    return views.candidates(session)
 
 
 def _lines(session: Session, given: Json) -> Json:
@@ -114,10 +110,6 @@ def _responses(session: Session, given: Json) -> Json:
     return frequency_views.responses(session, record, channel, inlet, pixels)
 
 
-def _matrix(session: Session, _: Json) -> Json:
-    return {"matrices": frequency_views.matrices(session)}
-
-
 def _predicted(session: Session, given: Json) -> Json:
     """What would be left with a candidate; nothing is changed."""
     channel, effect = str(_given(given, "channel")), str(_given(given, "effect"))
@@ -129,92 +121,68 @@ def _preview(session: Session, given: Json) -> Json:
     return views.misfits(session.move(str(_given(given, "name")), _number(given, "value")))
 
 
-def _python(window: Window, _: Json) -> Response:
-    return _download("workbench.py", "text/x-python", as_python(window.session).encode())
-
-
-def _model(window: Window, _: Json) -> Response:
-    return _download("model.json", "application/json", as_model_file(window.session))
-
-
 def _report(window: Window, _: Json) -> Response:
     if not window.report:
         raise InputError("there is no report yet; write it first")
     return _download("report.html", "text/html", window.report)
 
 
-def _move(window: Window, given: Json) -> Json:
+def _move(window: Window, given: Json) -> None:
     name, value = str(_given(given, "name")), _number(given, "value")
     window.go(_whole(given, "revision"), lambda session: session.move(name, value))
-    return window.view()
 
 
-def _undo(window: Window, given: Json) -> Json:
+def _undo(window: Window, given: Json) -> None:
     window.go(_whole(given, "revision"), lambda session: session.undo())
-    return window.view()
 
 
-def _fit(window: Window, given: Json) -> Json:
+def _fit(window: Window, given: Json) -> None:
     window.start(_whole(given, "revision"), "fit", lambda session, progress: session.fit(progress))
-    return window.view()
 
 
-def _rank(window: Window, given: Json) -> Json:
+def _rank(window: Window, given: Json) -> None:
     window.start(_whole(given, "revision"), "rank", lambda session, progress: session.ranked(progress))
-    return window.view()
 
 
-def _add(window: Window, given: Json) -> Json:
+def _add(window: Window, given: Json) -> None:
     name = str(_given(given, "name"))
     window.start(_whole(given, "revision"), f"add {name}", lambda session, progress: session.add(name, progress))
-    return window.view()
 
 
-def _remove(window: Window, given: Json) -> Json:
+def _remove(window: Window, given: Json) -> None:
     name = str(_given(given, "name"))
     window.start(_whole(given, "revision"), f"remove {name}", lambda session, progress: session.remove(name, progress))
-    return window.view()
-
-
-def _write_report(window: Window, given: Json) -> Json:
-    window.start_report(_whole(given, "revision"))
-    return window.view()
-
-
-def _cancel(window: Window, _: Json) -> Json:
-    window.cancel()
-    return window.view()
 
 
 SHOWN: dict[str, Look] = {
-    "where": _where,
-    "candidates": _candidates,
+    "where": lambda session, _: views.where(session),
+    "candidates": lambda session, _: views.candidates(session),
     "lines": _lines,
     "signals": _signals,
     "responses": _responses,
-    "matrix": _matrix,
+    "matrix": lambda session, _: {"matrices": frequency_views.matrices(session)},
     "predicted": _predicted,
     "preview": _preview,
 }
 """Views of the step that the page shows, which it names: one that has been left behind is not answered for another."""
 ASKED: dict[str, Answer] = {
-    "view": _view,
-    "workbench.py": _python,
-    "model.json": _model,
+    "view": lambda window, _: window.view(),
+    "workbench.py": lambda window, _: _download("workbench.py", "text/x-python", as_python(window.session).encode()),
+    "model.json": lambda window, _: _download("model.json", "application/json", as_model_file(window.session)),
     "report.html": _report,
 }
 """Further calls that change nothing, about the step as it is now."""
-DONE: dict[str, Answer] = {
+DONE: dict[str, Do] = {
     "move": _move,
     "undo": _undo,
     "fit": _fit,
     "rank": _rank,
     "add": _add,
     "remove": _remove,
-    "report": _write_report,
-    "cancel": _cancel,
+    "report": lambda window, given: window.start_report(_whole(given, "revision")),
+    "cancel": lambda window, _: window.cancel(),
 }
-"""Calls that make a step, or begin the job that makes it."""
+"""Calls that make a step, or begin the job that makes it; the answer is how the window stands then."""
 
 
 async def _body(request: Request) -> Json:

@@ -15,9 +15,8 @@ from ambid.plot import worst_stretch
 from ambid.plot.style import misfit_text, shown_in
 from ambid.record import Record
 from ambid.results import plain
-from ambid.workbench.places import chart, column_of, input_of, place_of
+from ambid.workbench.places import chart, column_of, input_of, place_of, thinned
 from ambid.workbench.session import Session
-from ambid.workbench.thinning import in_a_row, thinned
 
 __all__ = ["LEVELS", "THOUSAND", "candidates", "held", "misfits", "overview", "signals", "where"]
 
@@ -167,7 +166,7 @@ def signals(
     first = max(0, min(first, len(x) - FEWEST_SAMPLES))
     last = max(last, first + FEWEST_SAMPLES)
     x, drawn = x[first:last], factor * drawn[first:last]
-    kept = thinned(drawn, in_a_row(len(x), pixels))
+    kept = thinned(drawn, np.arange(len(x)) * pixels // len(x))
     measured, simulated, residual = drawn[kept].T.tolist()
     return plain(
         {

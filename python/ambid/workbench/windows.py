@@ -16,6 +16,8 @@ from ambid.workbench.views import overview
 
 __all__ = ["Job", "Window", "Windows"]
 
+Result = TypeVar("Result")
+
 
 class Window:
     """The present step of one window, and the job that makes the next.
@@ -58,24 +60,25 @@ class Window:
 
     def start(self, revision: int, what: str, step: Callable[[Session, Progress], Session]) -> None:
         """Begin a step that is long; `StaleWindow` as above."""
-        with self._lock:
-            self._require_present(revision)
-            session = self.session
-            self._jobs += 1
-            self.job = Job(what, lambda progress: step(session, progress), self._take)
+        self._begin(revision, what, step, self._take)
 
     def start_report(self, revision: int) -> None:
         """Begin to write the report; `StaleWindow` as above."""
-        with self._lock:
-            self._require_present(revision)
-            session = self.session
-            self._jobs += 1
-            self.job = Job("report", lambda progress: as_report(session, progress), self._keep)
+        self._begin(revision, "report", as_report, self._keep)
 
     def cancel(self) -> None:
         """End the job, if one is running."""
         if self.job is not None:
             self.job.cancel()
+
+    def _begin(
+        self, revision: int, what: str, work: Callable[[Session, Progress], Result], done: Callable[[Result], None]
+    ) -> None:
+        with self._lock:
+            self._require_present(revision)
+            session = self.session
+            self._jobs += 1
+            self.job = Job(what, lambda progress: work(session, progress), done)
 
     def _require_present(self, revision: int) -> None:
         if self.job is not None and self.job.is_running:
@@ -125,9 +128,6 @@ class Windows:
                 raise InputError("this session is not known here; reload the page for a new one")
             self._open.move_to_end(name)
             return self._open[name]
-
-
-Result = TypeVar("Result")
 
 
 class Job:
