@@ -28,9 +28,9 @@ from ambid.cli.options import (
     known_effects,
     names,
     noise_of,
-    number,
+    span,
 )
-from ambid.cli.outputs import Files, conclude, require_outputs
+from ambid.cli.outputs import Files, conclude, require_new, require_outputs
 from ambid.cli.signals import stoppable
 from ambid.errors import InputError
 from ambid.excitation import MOST_ORDER
@@ -252,8 +252,8 @@ def _require_out(inputs: Files, out: Path, json_file: Path | None, force: bool) 
 
     require_playable(out)
     require_outputs(inputs, {"--out": out, "--json": json_file}, replaced=["--out"])
-    if out.exists() and not is_device(out) and not force:
-        raise InputError(f"--out {out}: is there already; give another file, or replace it with --force")
+    if not is_device(out):
+        require_new("--out", out, force)
 
 
 def _require_short(period: int, periods: int) -> None:
@@ -278,10 +278,7 @@ def _band(rig: ambid.Rig, period: int, text: str | None) -> tuple[float, float]:
     """Lowest and highest frequency of a multisine [Hz]."""
     if text is None:
         return rig.sample_rate / max(period, 1), rig.sample_rate / 10.0
-    low, colon, high = text.partition(":")
-    if not colon:
-        raise InputError(f"--band {text}: expected LOW:HIGH in Hz, such as --band 5:1500")
-    return number("--band", low), number("--band", high)
+    return span("--band", text, "LOW:HIGH in Hz", "5:1500")
 
 
 def _scale(out: Path, i_e: np.ndarray, full_scale: float | None) -> dict[str, float]:

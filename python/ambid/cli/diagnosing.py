@@ -102,7 +102,7 @@ def compare_command(
     for option, value in (("--before", before), ("--stretch", stretch)):
         if value is not None and plot is None:
             raise InputError(f"{option} {value}: says what is drawn, and nothing is; add --plot FILE, or leave it out")
-    shown = None if stretch is None else span("--stretch", stretch, "0.5:0.56")
+    shown = None if stretch is None else span("--stretch", stretch, "FROM:TO", "0.5:0.56")
     start, loaded = _opened(rig, exact, records, model, period, columns, sample_rate, allow, outputs, before)
     earlier = None if before is None else load_model(start.rig, before).covering(loaded)
     with stoppable(), naming_unstable(rig, start, model):

@@ -22,7 +22,7 @@ from ambid.cli.options import (
     known_effects,
     noise_of,
 )
-from ambid.cli.outputs import conclude, require_outputs
+from ambid.cli.outputs import conclude, require_new, require_outputs
 from ambid.cli.signals import stoppable
 from ambid.errors import InputError, WrongUnit
 from ambid.findings import Finding, Kind, has
@@ -64,8 +64,7 @@ def init_command(
     if out.suffix.lower() != ".toml":
         raise InputError(f"--out {out}: the suffix is {out.suffix or 'missing'}; expected .toml")
     require_outputs({}, {"--out": out, "--json": json_file}, replaced=["--out"])
-    if out.exists() and not force:
-        raise InputError(f"--out {out}: is there already; give another file, or replace it with --force")
+    require_new("--out", out, force)
 
     def saved() -> Sequence[Path]:
         with whole_file(out) as stream:
@@ -106,8 +105,7 @@ def simulate_command(
     require_outputs({"RIG": rig, "--model": model}, {"--out": out, "--json": json_file}, replaced=["--out"])
     if is_device(out):
         raise InputError(f"--out {out}: is no regular file; give one")
-    if out.exists() and not force:
-        raise InputError(f"--out {out}: is there already; give another file, or replace it with --force")
+    require_new("--out", out, force)
     machine = load_rig(rig, exact)
     start = with_effects(load_model(machine, model), effect)
     excitation = excitation_of(machine, seconds, amplitude)

@@ -10,7 +10,7 @@ import typer
 
 import ambid
 from ambid.cli.options import Force, JsonFile, Quiet
-from ambid.cli.outputs import conclude, require_outputs
+from ambid.cli.outputs import conclude, require_new, require_outputs
 from ambid.errors import InputError, ModelError
 from ambid.results import plain
 
@@ -44,8 +44,7 @@ def export_command(
         require_fmu(fmu, fmi)
     for option, paths in files.items():
         for path in paths:
-            if path.exists() and not force:
-                raise InputError(f"{option} {path}: is there already; give another file, or replace it with --force")
+            require_new(option, path, force)
     require_outputs({"MODEL": model}, {**files, "--json": json_file}, replaced=list(files))
     own = ambid.Model.load(model)
     result: object = own

@@ -146,6 +146,11 @@ def require_first_point(rig: Path, paths: Sequence[Path]) -> None:
         )
 
 
+def count_of(paths: Sequence[Path]) -> int:
+    """How many of these are records, and no rig files."""
+    return sum(path.suffix.lower() != ".toml" for path in paths)
+
+
 def map_options(columns: Sequence[str]) -> list[str]:
     """Options of ``--map``, each ``CHANNEL=COLUMN`` or a text file of these."""
     options: list[str] = []

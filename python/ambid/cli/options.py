@@ -156,11 +156,11 @@ def number(option: str, text: str) -> float:
         raise InputError(f"{option}: {text!r} is no number; give one in SI units, such as 3e-4") from None
 
 
-def span(option: str, text: str, example: str) -> tuple[float, float]:
-    """The two numbers of ``FROM:TO``."""
+def span(option: str, text: str, form: str, example: str) -> tuple[float, float]:
+    """The two numbers of a form such as ``FROM:TO``."""
     low, colon, high = text.partition(":")
     if not colon:
-        raise InputError(f"{option} {text}: expected FROM:TO, such as {option} {example}")
+        raise InputError(f"{option} {text}: expected {form}, such as {option} {example}")
     return number(option, low), number(option, high)
 
 

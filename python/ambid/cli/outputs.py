@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import ambid
+from ambid.cli.files import count_of
 from ambid.cli.noted import with_findings
 from ambid.cli.signals import begin_results, came, stopped
 from ambid.errors import AmbidError, InputError, printable
@@ -55,6 +56,12 @@ def require_outputs(inputs: Files, outputs: Files, replaced: Sequence[str | Path
         require_writable(path)
         if option not in replaced and path not in replaced and path.is_file():
             _require_own_kind(option, path)
+
+
+def require_new(option: str, path: Path, force: bool) -> None:
+    """Refuse to replace a file that is there, but with ``--force``."""
+    if path.exists() and not force:
+        raise InputError(f"{option} {path}: is there already; give another file, or replace it with --force")
 
 
 def conclude(
@@ -153,7 +160,7 @@ def pictures(path: Path | None, records: Sequence[Path]) -> Sequence[Path]:
     if path is None:
         return ()
     ambid.plot.check_format(path)
-    return ambid.plot.picture_files(path, sum(record.suffix.lower() != ".toml" for record in records))
+    return ambid.plot.picture_files(path, count_of(records))
 
 
 def _each(files: Files) -> list[tuple[str, Path]]:

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 import ambid
-from ambid.cli.files import load_model, load_records, load_rig
+from ambid.cli.files import count_of, load_model, load_records, load_rig
 from ambid.cli.options import (
     Before,
     Columns,
@@ -24,9 +24,8 @@ from ambid.cli.options import (
     RigFile,
     SampleRate,
 )
-from ambid.cli.outputs import Files, conclude, pictures, require_outputs
+from ambid.cli.outputs import Files, conclude, pictures, require_new, require_outputs
 from ambid.cli.signals import stoppable
-from ambid.errors import InputError
 
 
 def frequency_response_command(
@@ -53,12 +52,10 @@ def frequency_response_command(
     """
     from ambid.record.frequency_writers import require_response_format  # not at the top: --help need not open that room
 
-    count = sum(record.suffix.lower() != ".toml" for record in records)
-    written = [] if out is None else ambid.plot.picture_files(out, count)
+    written = [] if out is None else ambid.plot.picture_files(out, count_of(records))
     for path in written:
         require_response_format(path)
-        if path.exists() and not force:
-            raise InputError(f"--out {path}: is there already; give another file, or replace it with --force")
+        require_new("--out", path, force)
     drawn = pictures(plot, records)
     outputs = {"--out": written, "--json": json_file, "--plot": drawn}
     inputs: Files = {"RIG": rig, "RECORD": records, "--model": model, "--before": before}

@@ -130,7 +130,7 @@ def _speeds(text: str) -> tuple[float, float]:
     """Ends of the diagram [rad/s]."""
     from ambid.rig.rig import SPEED  # not at the top: --help need not open that room
 
-    low, high = span("--speeds", text, "0:1000")
+    low, high = span("--speeds", text, "FROM:TO", "0:1000")
     if not SPEED.low <= low < high <= SPEED.high:
         raise InputError(
             f"--speeds {text}: expected FROM below TO, from {SPEED.low:g} to {SPEED.high:g} rad/s, "

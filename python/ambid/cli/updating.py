@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import ambid
+from ambid.cli.files import count_of
 from ambid.errors import InputError
 from ambid.findings import Finding, Kind, Where, has
 
@@ -83,8 +84,7 @@ def files_of_mended(path: Path | None, records: Sequence[Path]) -> list[Path]:
     from ambid.record.writers import require_format  # not at the top: --help need not open that room
 
     require_format(path)
-    count = sum(record.suffix.lower() != ".toml" for record in records)
-    return [path.with_stem(f"{path.stem}_{k + 1}") for k in range(count)] if count > 1 else [path]
+    return ambid.plot.picture_files(path, count_of(records))
 
 
 def mended(found: ambid.Diagnosis, files: Sequence[Path]) -> Updated:
