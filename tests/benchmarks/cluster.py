@@ -20,8 +20,8 @@ import numpy as np
 from distributed import Client, LocalCluster
 from speed import PERIOD, excitation, rigid
 
-from ambid.monte_carlo import Plan, cluster, procedure, run_monte_carlo
-from ambid.monte_carlo.cluster import made_on_cluster
+from ambid.monte_carlo import Plan, executors, procedure, run_monte_carlo
+from ambid.monte_carlo.executors import made_by
 from ambid.monte_carlo.runs import Row, failed_row, rows_of
 from virtual import VirtualBench
 
@@ -43,11 +43,11 @@ def overhead(
     job: Callable[[], object], tasks: int, work: Callable[[list[int], Plan], list[Row]]
 ) -> tuple[float, float]:
     """Seconds a task: of the processor for client and scheduler, and by wall."""
-    usual, cluster._rows = cluster._rows, work
+    usual, executors.make_rows = executors.make_rows, work
     wall, busy = time.perf_counter(), time.process_time()
     job()
     wall, busy = time.perf_counter() - wall, time.process_time() - busy
-    cluster._rows = usual
+    executors.make_rows = usual
     return busy / tasks, wall / tasks
 
 
@@ -80,7 +80,7 @@ def main() -> None:
             f"{given.tasks:7d} tasks, written: {1e3 * busy:.2f} ms of the processor, {1e3 * wall:.2f} ms by wall, each"
         )
         graph = [[run] for run in range(given.largest)]
-        empty, wall = overhead(lambda: list(made_on_cluster(client, plan, graph)), given.largest, instant)
+        empty, wall = overhead(lambda: list(made_by(client, plan, graph)), given.largest, instant)
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
         print(
             f"{given.largest:7d} tasks, no rows: {1e3 * empty:.2f} ms of the processor, {1e3 * wall:.2f} ms by wall, "

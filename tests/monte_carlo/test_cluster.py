@@ -8,8 +8,7 @@ import pytest
 
 from ambid.cli import workers
 from ambid.errors import IdentificationError
-from ambid.monte_carlo import cluster as module
-from ambid.monte_carlo import procedure, run_monte_carlo
+from ambid.monte_carlo import executors, procedure, run_monte_carlo
 from monte_carlo.planned import CHUNK, RUNS, content, plan
 from monte_carlo.test_chunks import rig_file  # noqa: F401
 from tiers import first_fast
@@ -105,14 +104,14 @@ def test_a_worker_that_joins(whole, tmp_path):
 def test_a_run_that_kills_its_workers_is_a_row(cluster, client, whole, monkeypatch, golden):
     """Its neighbours, whom dask blames too, are not."""
     monkeypatch.setattr(cluster.scheduler, "allowed_failures", 0)
-    usual = module.make_rows
+    usual = executors.make_rows
 
     def deadly(runs, plan):
         if 5 in runs:
             os._exit(1)
         return usual(runs, plan)
 
-    monkeypatch.setattr(module, "make_rows", deadly)
+    monkeypatch.setattr(executors, "make_rows", deadly)
     rows = run_monte_carlo(plan(), 8, executor=client).rows
     assert [row for row in rows if row["run"] != 5] == [row for row in whole.rows[:8] if row["run"] != 5]
     assert rows[5]["status"] == "failed"

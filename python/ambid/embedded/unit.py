@@ -1,4 +1,7 @@
-"""Functional mock-up units: a zip of the description, the native library, and the model in its resources."""
+"""A loop as the file that the stepper in C reads, and as a functional mock-up unit.
+
+The latter is a zip of the description, the native library, and the former in its resources.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +11,11 @@ import zipfile
 from pathlib import Path
 
 from ambid.embedded.description import description, identifier
-from ambid.embedded.stepper import packed
 from ambid.errors import InputError, ModelError
 from ambid.model import Model
 from ambid.writing import whole_file
 
-__all__ = ["to_fmu"]
+__all__ = ["to_fmu", "to_stepper"]
 
 NATIVE = Path(__file__).with_name("native")
 """Where the installation keeps the library of the stepper."""
@@ -27,6 +29,28 @@ FOLDERS = {
 }
 """Names of platforms in a unit, by version of the standard."""
 RESOURCE = "resources/model.stepper"
+
+
+def to_stepper(model: Model, path: str | Path) -> None:
+    """Write the closed loop for the stepper in C, which needs no Python: see ``ambid.h``.
+
+    It steps as `Model.simulator` does, to rounding, nonlinear effects too; SI units, inputs and outputs in the order of
+    ``model.loop.inputs`` and ``model.loop.outputs``.
+
+    Parameters
+    ----------
+    model : Model
+        At its own rig's operating point.
+    path : str or Path
+
+    Raises
+    ------
+    ModelError
+        If the loop is too large to be stepped: more than 1024 states, commands under way among them.
+    """
+    content = _packed(model)
+    with whole_file(path) as stream:
+        stream.write(content)
 
 
 def to_fmu(model: Model, path: str | Path, *, fmi: int = 2) -> None:
@@ -55,7 +79,7 @@ def to_fmu(model: Model, path: str | Path, *, fmi: int = 2) -> None:
     path = Path(path)
     require_fmu(path, fmi)
     library = _library()
-    content, name = packed(model), identifier(model.rig.name)
+    content, name = _packed(model), identifier(model.rig.name)
     # bytes at the end of a stepper file; they are the token by which description and model know each other
     token = f"{int.from_bytes(content[-8:], 'little'):016x}"
     folder = FOLDERS[sys.platform, platform.machine()][fmi]
@@ -68,6 +92,11 @@ def to_fmu(model: Model, path: str | Path, *, fmi: int = 2) -> None:
         for part, data in parts.items():
             # a date of its own, so that equal models are equal files
             archive.writestr(zipfile.ZipInfo(part), data, zipfile.ZIP_DEFLATED)
+
+
+def _packed(model: Model) -> bytes:
+    """The file of the stepper; for its layout see ``rust/core/src/packed.rs``."""
+    return model.loop.packed(model.theta, model.names)
 
 
 def require_fmu(path: Path, fmi: int) -> None:

@@ -5,15 +5,15 @@ from __future__ import annotations
 import pickle
 import sys
 from collections.abc import Generator, Sequence
-from concurrent.futures import Future, as_completed
+from concurrent.futures import BrokenExecutor, Future, as_completed
 from functools import lru_cache, partial
 from importlib.metadata import version
 from typing import Any, NamedTuple
+from uuid import uuid4
 
 from ambid.errors import InputError
-from ambid.monte_carlo.cluster import made_on_cluster
 from ambid.monte_carlo.plan import Plan
-from ambid.monte_carlo.runs import Row, rows_of
+from ambid.monte_carlo.runs import Row, failed_row, rows_of
 
 __all__ = ["hold_plan", "made_by"]
 
@@ -50,7 +50,7 @@ def made_by(executor: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> Genera
         If a worker, or the scheduler, has gone.
     """
     if (client := _client_of_dask(executor)) is not None:
-        yield from made_on_cluster(client, plan, tasks)
+        yield from _on_cluster(client, plan, tasks)
     elif hasattr(executor, "submit"):
         yield from _submitted(executor, plan, tasks)
     elif hasattr(executor, "map"):
@@ -113,11 +113,68 @@ class _Parcel(NamedTuple):
 
 @lru_cache(maxsize=1)
 def _opened(parcel: _Parcel) -> Plan:
-    if parcel.version != (own := version("ambid")):
-        raise InputError(f"a worker has ambid {own}, and the plan is of {parcel.version}; install the same everywhere")
+    _require_version(parcel.version)
     plan: Plan = pickle.loads(parcel.content)
     return plan
 
 
 def _rows_sent(parcel: _Parcel, runs: Sequence[int]) -> list[Row]:
     return rows_of(_opened(parcel), runs)
+
+
+def _on_cluster(client: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> Generator[list[Row]]:
+    """The rows of each task, made on a cluster of dask distributed: workers come and go.
+
+    The plan is the result of a task of its own: it is sent to the scheduler once, handed from worker to worker, and,
+    unlike scattered data, made again when all that had it are gone. A lost task is run again by dask. Where all workers
+    die that try a task, dask may blame what waited there too: so its runs are tried at the end, one at a time, and one
+    that kills its workers alone is a failed row.
+    """
+    from distributed import CancelledError, KilledWorker
+    from distributed import as_completed as completed
+
+    name = uuid4().hex
+    sent = client.submit(_received, plan, version("ambid"), key=f"ambid-plan-{name}")
+    left: dict[Any, Sequence[int]] = {}
+    suspects: list[int] = []
+
+    def submit(several: Sequence[Sequence[int]]) -> list[Any]:
+        keys = [(f"ambid-runs-{name}", runs[0], len(runs)) for runs in several]
+        futures: list[Any] = client.map(make_rows, several, plan=sent, key=keys)
+        left.update(zip(futures, several, strict=True))
+        return futures
+
+    try:
+        for future in completed(submit(tasks), loop=client.loop):
+            runs = left.pop(future)
+            try:
+                yield future.result()
+            except KilledWorker:
+                suspects += runs
+        for run in suspects:
+            (future,) = submit([[run]])
+            try:
+                yield future.result()
+            except KilledWorker as killed:
+                times = killed.allowed_failures + 1
+                yield [failed_row(plan, run, f"killed its worker, or took all its memory, in {times} of {times} tries")]
+            del left[future]
+    except CancelledError:
+        raise BrokenExecutor("the scheduler answers no more, or has cancelled the runs") from None
+    finally:
+        client.cancel(list(left))
+
+
+def _received(plan: Plan, sender: str) -> Plan:
+    _require_version(sender)
+    return plan
+
+
+def _require_version(sender: str) -> None:
+    if sender != (own := version("ambid")):
+        raise InputError(f"a worker has ambid {own}, and the plan is of {sender}; install the same everywhere")
+
+
+def make_rows(runs: Sequence[int], plan: Plan) -> list[Row]:
+    """The rows of one task, in a worker."""
+    return rows_of(plan, runs)

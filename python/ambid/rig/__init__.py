@@ -6,10 +6,9 @@ from ambid.rig.controller import (
     StateSpaceController,
     TransferFunctionController,
 )
-from ambid.rig.given import as_rig
 from ambid.rig.magnets import Actuator, Amplifier, Bearing
 from ambid.rig.parts import Disk, Material, Section, Sensor, Support
-from ambid.rig.rig import Rig
+from ambid.rig.rig import Rig, as_rig
 from ambid.rig.rotor import FiniteElementRotor, MatrixRotor, ModalRotor, PointMassRotor, Rotor
 from ambid.rig.tolerance import Tolerance
 

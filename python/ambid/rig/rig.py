@@ -350,3 +350,18 @@ class Rig(Spec):
 
     def _values(self) -> tuple[Any, ...]:
         return tuple(getattr(self, key) for key in type(self).model_fields)
+
+
+def as_rig(given: Rig | str | Path) -> Rig:
+    """The rig itself, or the one in a file.
+
+    Raises
+    ------
+    RigError
+        If it is neither, or the file is none.
+    """
+    if isinstance(given, Rig):
+        return given
+    if isinstance(given, str | Path):
+        return Rig.load(given)
+    raise RigError(f"rig: {type(given).__name__} given; expected a Rig, or the path of a rig file")
