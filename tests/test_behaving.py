@@ -129,11 +129,22 @@ def test_residuals_have_the_names_of_their_channels(estimate, record):
     assert list(left) == ["y.A_zeta", "i_c.A_zeta"]
     np.testing.assert_array_equal(left["i_c.A_zeta"], one.residual[:, 1])
     response = record.frequency_response()
-    other = ambid.compare(estimate.model, response).records[0].residual_by_channel
+    against = ambid.compare(estimate.model, response).records[0]
+    other = against.residual_by_channel
     assert list(other) == ["y.A_zeta / i_e.A_zeta", "i_c.A_zeta / i_e.A_zeta"]
+    np.testing.assert_array_equal(other["i_c.A_zeta / i_e.A_zeta"], against.residual[:, 1, 0])
     pandas = pytest.importorskip("pandas")
     assert isinstance(one.to_pandas(), pandas.DataFrame)
     assert list(one.to_pandas().columns) == ["t", *left]
+
+
+def test_a_measurement_names_what_it_is_measured_over(record):
+    response = record.frequency_response()
+    for own, name, unit in ((record, "t", "s"), (response, "frequency_hz", "Hz")):
+        *words, values = own.abscissa
+        assert (own.is_in_time, *words) == (unit == "s", name, unit)
+        np.testing.assert_array_equal(values, getattr(own, name))
+    assert response.period is None
 
 
 def test_a_record_draws_its_signals(record):

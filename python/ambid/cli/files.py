@@ -127,11 +127,6 @@ def _held_by(start: ambid.Model) -> str:
     return f" With {', '.join(found)} in the model it is stable: `ambid diagnose` tries these." if found else ""
 
 
-def in_time(records: Sequence[ambid.Record | ambid.FrequencyResponse]) -> list[ambid.Record]:
-    """Those that are no frequency responses."""
-    return [record for record in records if isinstance(record, ambid.Record)]
-
-
 def require_first_point(rig: Path, paths: Sequence[Path]) -> None:
     """Refuse to fit the parameters of an operating point that no record is from.
 

@@ -10,7 +10,7 @@ import typer
 
 import ambid
 from ambid.cli.commands import command_of, with_command
-from ambid.cli.files import in_time, load_model, load_records, load_rig, naming_unstable, require_first_point
+from ambid.cli.files import load_model, load_records, load_rig, naming_unstable, require_first_point
 from ambid.cli.options import (
     Allow,
     Columns,
@@ -111,7 +111,7 @@ def identify_command(
                 f"{held}: the closed loop is unstable with what is fixed, and stable at {_left_by(free_start, start)}, "
                 "where the rig file or the model has it; correct the value, in SI units"
             ) from error
-    slips = _slips(machine, in_time(loaded), estimate)
+    slips = _slips(machine, [own for own in loaded if own.is_in_time], estimate)
     lines = [f"{slip.severity}: {slip.line(advises=not estimate.is_adequate)}" for slip in slips]
     command = command_of([estimate.next_step])
     update = updated(estimate, save_rig)

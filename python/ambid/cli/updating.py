@@ -92,7 +92,7 @@ def mended(found: ambid.Diagnosis, files: Sequence[Path]) -> Updated:
     if not files:
         return Updated("", {}, (), lambda: ())
     pairs = zip(files, found.records, found.mended(), strict=True)
-    changed = [(path, new) for path, old, new in pairs if isinstance(new, ambid.Record) and new is not old]
+    changed = [(path, new) for path, old, new in pairs if new.is_in_time and new is not old]
     if not changed:
         none = NOT_MENDED(Where(file=str(files[0])))
         return Updated(f"\n{none.severity}: {none.line()}", {"mended": {}}, (none,), lambda: ())

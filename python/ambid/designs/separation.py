@@ -34,7 +34,6 @@ from ambid.identification.minimum import ROUGHLY, refit
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.foreseen import Instruments, foreseen
-from ambid.record import Record
 from ambid.results import Tabular, plain
 from ambid.threads import with_one_blas_thread
 
@@ -274,7 +273,7 @@ def next_experiments(
     """
     if diagnosis.verdict != "ambiguous" or diagnosis.fit is None:
         raise InputError(f"the verdict is {diagnosis.verdict}: only what is ambiguous can be distinguished")
-    record = next((own for own in diagnosis.records if isinstance(own, Record) and own.period is not None), None)
+    record = next((own for own in diagnosis.records if own.period is not None), None)
     if record is None or record.i_e is None or record.period is None:
         raise InputError("none of the records has periods and i_e; give what was played to tell_apart()")
     instruments = Instruments.of(diagnosis.fit)

@@ -191,7 +191,7 @@ def misfit_matrix(comparison: Comparison) -> tuple[MisfitMatrix, ...]:
     found = []
     for part in comparison.noise.parts:
         here = part.at(comparison.model)
-        own = _of_response(part, here) if isinstance(part, ResponseLines) else _of_lines(part, here)
+        own = _of_lines(part, here) if part.is_in_time else _of_response(part, here)
         if own is not None:
             found.append(own)
     return tuple(found)
@@ -201,8 +201,7 @@ def _of_lines(part: RecordLines, here: Model) -> MisfitMatrix | None:
     inputs, u = part.excitations
     if not inputs:
         return None
-    count = len(u)
-    frequency = part.window.excited[:count] * part.record.sample_rate / part.window.samples
+    count, frequency = len(u), part.frequency_hz
     root = 1.0 / np.sqrt(part.noise_power()[:count])
     white = part.residual_lines(here)[:count] * root
     width = LINES * len(inputs)

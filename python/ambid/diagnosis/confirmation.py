@@ -15,7 +15,7 @@ from ambid.errors import RecordError, UnstableLoopError
 from ambid.identification.minimum import ROUGHLY, refit
 from ambid.noise import Comparison
 from ambid.noise.angles import undisturbed
-from ambid.record import FrequencyResponse, Measurement
+from ambid.record import Measurement
 
 __all__ = ["is_everywhere"]
 
@@ -73,7 +73,7 @@ def _fall_by_wave(before: Comparison, better: Comparison, records: Sequence[Meas
 
 def halves(record: Measurement) -> tuple[Measurement, ...]:
     """Both halves of a record, of whole periods, or every other band of a response; nothing if too short."""
-    if isinstance(record, FrequencyResponse):
+    if not record.is_in_time:
         is_first = np.arange(len(record.frequency_hz))[::-1] // BESIDE % 2 == 0
         return (record.some(is_first), record.some(~is_first)) if len(is_first) >= LEAST_FREQUENCIES else ()
     if record.period is None:

@@ -12,7 +12,6 @@ from ambid.findings import NOWHERE, Finding, Kind, Where
 from ambid.noise import Noise
 from ambid.noise.adequacy import WHEN
 from ambid.noise.halves import UNEVEN
-from ambid.noise.response_lines import ResponseLines
 from ambid.noise.still import LOUDER
 from ambid.noise.unseen import OVER_CEILING
 
@@ -119,9 +118,9 @@ def findings_of(verdict: Verdict, noise: Noise, history: Sequence[Step]) -> Iter
     if verdict.shows_elsewhere:
         yield VALIDATION(NOWHERE, misfit=verdict.left.failed("validation")[0].statistic)
     for part in noise.parts:
-        if isinstance(part, ResponseLines):
+        if not part.is_in_time:
             yield SMALL_MOTION(Where(record=part.record.name))
-        elif not part.window.is_periodic:
+        elif not part.noise_is_measured:
             yield NO_PERIODS(Where(record=part.record.name))
     kinds = (UNEVEN,) if verdict.is_to_the_noise else (UNEVEN, LOUDER, OVER_CEILING)
     for record in verdict.fit.records:

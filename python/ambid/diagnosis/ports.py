@@ -16,7 +16,6 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.noise import Comparison
 from ambid.noise.inlets import Sight
-from ambid.noise.response_lines import ResponseLines
 from ambid.noise.shapes import NoShapes, Shapes, Term
 from ambid.rig import Rig
 
@@ -86,10 +85,10 @@ def needed_at_ports(comparison: Comparison, index: int = 0) -> tuple[Port, ...]:
     """
     part, rig = comparison.noise.parts[index], comparison.model.rig
     model, seen = comparison.model.at(part.record), _seen(part.record.channels, rig)
-    if isinstance(part, ResponseLines) and not model.is_linear:
+    if not (part.is_in_time or model.is_linear):
         model = model.without_nonlinear()
     sight = Sight.of(model, part, {name: signal for name, (signal, _, _) in seen.items()})
-    shapes = NoShapes(len(rig.axes), {}) if isinstance(part, ResponseLines) else Shapes.of(sight, part)
+    shapes = Shapes.of(sight, part) if part.is_in_time else NoShapes(len(rig.axes), {})
     first = {name: sight.left_by(name) for name in seen}
     near = RIVAL * min(left.cost for left in first.values())
     found = []

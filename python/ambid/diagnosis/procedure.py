@@ -40,7 +40,7 @@ from ambid.model import Given, Model, as_model
 from ambid.model.parameter import nominal
 from ambid.noise import Comparison, compare
 from ambid.noise.compared import averaged_over
-from ambid.record import Measurement, Record, Source, measured
+from ambid.record import Measurement, Source, measured
 from ambid.record.twice import findings_of_repeats, findings_of_validation
 from ambid.threads import with_one_blas_thread
 
@@ -127,7 +127,7 @@ def diagnose(
         rig = start.to_rig()
     except RigError:  # a fit has driven its values beyond what a rig file may hold
         rig = start.rig
-    in_time = [record for record in (*records, *validate) if isinstance(record, Record) and record.y.size]
+    in_time = [record for record in (*records, *validate) if record.is_in_time and record.y.size]
     findings = check(rig, in_time).findings
     stops = [finding for finding in findings if stops_diagnosis(finding)]
     if stops:

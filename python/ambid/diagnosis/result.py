@@ -24,7 +24,7 @@ from ambid.model import Model
 from ambid.noise import Adequacy, Comparison
 from ambid.noise.compared import averaged_over
 from ambid.noise.window import findings_of
-from ambid.record import Measurement, Record
+from ambid.record import Measurement
 from ambid.results import Tabular, band_text, picture, plain
 from ambid.rig import Rig
 
@@ -285,7 +285,7 @@ class Diagnosis(ByValue, WithFindings, Tabular):
         found = list(self.records)
         for effect in effects:
             own = {p.name: values[effect.slot(p.name)] for p in effect.parameters(self.model.rig)}
-            found = [effect.mended(record, own) if isinstance(record, Record) else record for record in found]
+            found = [effect.mended(record, own) if record.is_in_time else record for record in found]
         return tuple(found)
 
     def budget(self) -> Budget:

@@ -9,7 +9,6 @@ from ambid.effects import MeasuredShape
 from ambid.errors import ModelError
 from ambid.identification.minimum import ROUGHLY, WhitenedProblem
 from ambid.noise import Comparison
-from ambid.record import Record
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["measured_shape"]
@@ -49,7 +48,7 @@ def measured_shape(
         If there is no such port, or it needs nothing.
     """
     record = comparison.noise.records[0]
-    if isinstance(record, Record) and record.period is not None and record.periods > PERIODS:
+    if record.period is not None and record.periods > PERIODS:
         record = record.rows(0, PERIODS * record.period)
     base = fit = Comparison(comparison.model, [record])
     shape: MeasuredShape | None = None

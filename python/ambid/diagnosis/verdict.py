@@ -23,7 +23,7 @@ from ambid.noise.adequacy import misfit_criterion
 from ambid.noise.chance import RARE
 from ambid.noise.tones import BESIDE, OUTSTANDING
 from ambid.noise.unseen import shape_left
-from ambid.record import Measurement, Record
+from ambid.record import Measurement
 
 __all__ = ["Verdict", "judged", "share_explained"]
 
@@ -317,4 +317,4 @@ def _others(task: Task, base: Comparison) -> str:
 
 def _amplitudes(records: Sequence[Measurement]) -> list[float]:
     """Rms of what drives each record in time; a frequency response gives none."""
-    return [record.amplitude for record in records if isinstance(record, Record)]
+    return [record.amplitude for record in records if record.is_in_time]

@@ -276,7 +276,7 @@ def _likeliest(
     best, more = yield from best_of(
         rough, origins if not moved else [stable.theta[free]], limits, max_evaluations, ROUGHLY
     )
-    in_time = tuple(record for record in records if isinstance(record, Record))
+    in_time = tuple(record for record in records if record.is_in_time)
     has_eq_9 = len(in_time) == len(records) and not any(record.is_free_response for record in in_time)
     if in_time and best.status in ("converged", "at_bound"):
         best = yield from way_around(rough, best, stable, in_time, limits, max_evaluations)

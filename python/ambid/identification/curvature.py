@@ -20,7 +20,6 @@ from ambid.findings import NOWHERE, Finding, Kind
 from ambid.identification.minimum import ROUGHLY, SUBSTEPS, WhitenedProblem
 from ambid.identification.problem import Limits
 from ambid.noise import Adequacy, Comparison, Criterion
-from ambid.record import Record
 
 __all__ = ["Curvature", "curvature", "with_curvature"]
 
@@ -145,7 +144,7 @@ def curvature(comparison: Comparison, free: Sequence[int], limits: Limits, covar
 def _law(comparison: Comparison) -> ForceNonlinearity | None:
     """The law of a single magnet, if the records distinguish it from its slopes and one carries the weight."""
     model, records = comparison.model, comparison.noise.records
-    are_driven = all(isinstance(record, Record) and not record.is_free_response for record in records)
+    are_driven = all(record.is_in_time and not record.is_free_response for record in records)
     law = ForceNonlinearity()
     if not are_driven or not model.is_linear or law.why_not(model.rig):
         return None

@@ -72,7 +72,7 @@ def prepare(
         model = model.with_values({model.names[i]: v for name, v in fixed.items() for i in model.index([name])})
     _check_records(model, records)
     model = model.covering(records)
-    in_time = tuple(record for record in records if isinstance(record, Record))
+    in_time = tuple(record for record in records if record.is_in_time)
     for record in in_time:
         model.excitation(record)  # refuses a record without one
         rate = (record.point or model.rig).sample_rate

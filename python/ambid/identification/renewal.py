@@ -60,7 +60,7 @@ def improbability(comparison: Comparison) -> float:
     noise counts by its witnesses, see `noise.known`.
     """
     noise, known = comparison.noise, known_residual(comparison.model)
-    gain = sum(float(np.linalg.slogdet(part.spectrum.whitening)[1].sum()) for part in noise.in_time)
+    gain = sum(float(np.linalg.slogdet(part.whitening)[1].sum()) for part in noise.in_time)
     beforehand = float(known @ known)
     left = comparison.cost - beforehand
     size = noise.size

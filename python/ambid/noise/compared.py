@@ -15,7 +15,7 @@ from ambid.model import Model
 from ambid.noise.noise import Part
 from ambid.noise.response_lines import ResponseLines
 from ambid.noise.shape import Split
-from ambid.record import FrequencyResponse, Measurement, Record
+from ambid.record import Measurement, Record
 from ambid.results import data_frame
 
 __all__ = ["ChannelComparison", "RecordComparison", "averaged_over", "record_against", "unjudged"]
@@ -91,7 +91,7 @@ class RecordComparison(ByValue, WithFindings):
     @property
     def residual(self) -> FloatArray | ComplexArray:
         """Measured minus simulated, shape of `simulated`; means over time removed."""
-        if isinstance(self.record, FrequencyResponse):
+        if not self.record.is_in_time:
             return np.asarray(self.record.response - self.simulated)
         left = self.record.outputs
         left -= self.simulated.real
@@ -101,15 +101,8 @@ class RecordComparison(ByValue, WithFindings):
     @property
     def residual_by_channel(self) -> dict[str, FloatArray | ComplexArray]:
         """The residual of every channel, such as ``y.A_zeta``; of a frequency response of every ``output / input``."""
-        if not isinstance(self.record, FrequencyResponse):
-            left = self.residual
-            return {own.channel: left[:, k] for k, own in enumerate(self.channels)}
-        left, inputs = self.residual, self.record.inputs
-        return {
-            f"{output} / {inlet}": left[:, o, i]
-            for o, output in enumerate(self.record.outputs)
-            for i, inlet in enumerate(inputs)
-        }
+        names = self.record.channels if self.record.is_in_time else self.record.pairs
+        return dict(zip(names, self.residual.reshape(-1, len(names)).T, strict=True))
 
     def to_pandas(self) -> Any:
         """Convert the residuals to a pandas.DataFrame, `t` [s] or `frequency_hz` before them.
@@ -119,9 +112,8 @@ class RecordComparison(ByValue, WithFindings):
         InputError
             If pandas is not installed.
         """
-        own = self.record
-        over = {"frequency_hz": own.frequency_hz} if isinstance(own, FrequencyResponse) else {"t": own.t}
-        return data_frame({**over, **self.residual_by_channel})
+        name, _, values = self.record.abscissa
+        return data_frame({name: values, **self.residual_by_channel})
 
     def __repr__(self) -> str:
         return f"RecordComparison({self.record.name!r}: misfit {self.misfit:.2f}, {len(self.channels)} channels)"
@@ -153,7 +145,7 @@ class RecordComparison(ByValue, WithFindings):
 def record_against(model: Model, part: Part) -> RecordComparison:
     """A record whose noise is known."""
     here = part.at(model)
-    if isinstance(part, ResponseLines):
+    if not part.is_in_time:
         return _of_response(here, part)
     power = part.noise_power()
     alone = np.mean(np.abs(part.residual_lines(here)) ** 2 / power * part.alone, axis=0)
@@ -203,7 +195,7 @@ def _rms(values: FloatArray) -> float:
 
 def unjudged(model: Model, record: Measurement) -> RecordComparison:
     """A record whose noise is not known, against a response from rest."""
-    if isinstance(record, FrequencyResponse):
+    if not record.is_in_time:
         return _of_response(model.at(record), ResponseLines(record, model))
     unknown = np.full(len(record.channels), np.nan)
     return _compared(record, model.response(record)[:, : len(unknown)], unknown, unknown, np.nan)

@@ -30,7 +30,7 @@ from ambid.noise.response_lines import ResponseLines
 from ambid.noise.still import LOUDER, motion_left
 from ambid.noise.unseen import OVER_CEILING, power_left, shape_left
 from ambid.noise.window import findings_of
-from ambid.record import FrequencyResponse, Measurement, Record, Source, measured
+from ambid.record import Measurement, Source, measured
 from ambid.results import Tabular, picture, plain
 from ambid.threads import with_one_blas_thread
 
@@ -56,7 +56,7 @@ class Comparison(WithFindings, Tabular):
         self.model, self._records, self._noise, self._why = model, tuple(records), noise, ""
         for record in self._records:
             record.require_rig(model.rig)
-            if isinstance(record, Record):
+            if record.is_in_time:
                 model.excitation(record)  # refuses a record without one
         if noise is None:
             try:
@@ -203,7 +203,7 @@ class Comparison(WithFindings, Tabular):
     @property
     def held(self) -> tuple[float, ...]:
         """Mean current of each axis at the model's own operating point [A]; empty where it was not recorded."""
-        in_time = [record for record in self._records if isinstance(record, Record)]
+        in_time = [record for record in self._records if record.is_in_time]
         at_home = [record for record in in_time if not suffix(record.point or self.model.rig, self.model.rig)]
         measured = [record.i_c.mean(axis=0) for record in at_home if record.i_c is not None]
         return tuple(np.mean(measured, axis=0).tolist()) if measured else ()
@@ -227,7 +227,7 @@ class Comparison(WithFindings, Tabular):
     def _findings_in(self, own: RecordComparison) -> Iterator[Finding]:
         """What is left of a record that the misfit does not show."""
         record = own.record
-        if self.is_adequate and isinstance(record, Record) and record.period is None:
+        if self.is_adequate and record.is_in_time and record.period is None:
             driven = self.model.excitation(record)[:, : len(record.axes)]
             if found := uneven(record, own.residual.real, driven):
                 yield found
@@ -249,13 +249,13 @@ class Comparison(WithFindings, Tabular):
         return self._pooled("noise_ceiling_percent")
 
     def _pooled(self, which: str) -> dict[str, float]:
-        pooled = [own for own in self.records if isinstance(own.record, Record)] or self.records
+        pooled = [own for own in self.records if own.record.is_in_time] or self.records
         names = [c for c in pooled[0].record.channels if all(c in own.record.channels for own in pooled)]
         power, total = np.zeros(len(names)), np.zeros(len(names))
         for own in pooled:
             rows = [row for row in own.channels if row.channel in names]
             rows.sort(key=lambda row: names.index(row.channel))
-            length = own.record.samples if isinstance(own.record, Record) else own.record.measured.sum() / len(rows)
+            length = own.record.samples if own.record.is_in_time else own.record.measured.sum() / len(rows)
             measured = length * np.array([row.measured_rms for row in rows]) ** 2
             power += measured * (1.0 - np.array([getattr(row, which) for row in rows]) / 100.0) ** 2
             total += measured
@@ -345,7 +345,7 @@ def compare(model: Given, records: Source | Sequence[Source]) -> Comparison:
     model = model.covering(records)
     with model.loop.naming_the_mode(model.theta):
         for record in records:
-            if isinstance(record, FrequencyResponse):  # refuses a loop that is unstable or lacks its channels
+            if not record.is_in_time:  # refuses a loop that is unstable or lacks its channels
                 ResponseLines(record, model).simulated(model.at(record))
         found = Comparison(model, records).with_own_angles()
         return _with_known_values(found) if is_new and found.is_judged else found

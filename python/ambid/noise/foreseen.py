@@ -110,12 +110,11 @@ class Instruments:
             )
         count = len(part.window.excited)
         back = back_through_loop(part.unexcited.base, part.points[:count], part.measured.channels)
-        root = back @ _core.inverses(np.ascontiguousarray(part.spectrum.whitening[:count]))
+        root = back @ _core.inverses(np.ascontiguousarray(part.whitening[:count]))
         covariance = 2.0 * root @ root.conj().transpose(0, 2, 1) / part.spectrum.raised[:count, None, None]
-        frequency_hz = part.window.excited * part.record.sample_rate / part.window.samples
         record = part.record
         signals = tuple(name for name in ("y", "i_c") if f"{name}.{record.axes[0]}" in record.channels)
-        return cls(frequency_hz, covariance, tuple(record.further), signals)
+        return cls(part.frequency_hz, covariance, tuple(record.further), signals)
 
     def beside(self, noise: Mapping[str, float]) -> Instruments:
         """The same where more is recorded, in white noise.

@@ -119,19 +119,13 @@ class Sight:
         if (growth := loop.poles(through.theta)[0].real) >= 0.0:
             raise UnstableLoopError(f"the loop, linearised at rest, grows by {growth:.3g} 1/s: no way back to a port")
         inlets = [k for k, name in enumerate(loop.inputs) if name.split(".")[0] in signals]
-        if isinstance(part, ResponseLines):
-            outputs = [loop.outputs.index(name) for name in part.record.outputs]
-            frequency, whitening, inputs = part.record.frequency_hz, part.whitening, part.record.response.shape[2]
-        else:
-            outputs = list(range(len(part.record.channels)))
-            line_hz, inputs = part.record.sample_rate / part.window.samples, 1
-            frequency = np.asarray(part.window.excited * line_hz, dtype=np.float64)
-            whitening = part.spectrum.whitening[: len(frequency)]
+        outputs, frequency = [loop.outputs.index(name) for name in part.record.channels], part.frequency_hz
+        whitening = part.whitening[: len(frequency)]
         # of an analog loop in continuous time: a signal held from sample to sample is no displacement
         responses = loop.frequency_response(through.theta, frequency)[:, outputs][..., inlets]
         # each excitation of a response calls for a signal of its own
-        ways = np.einsum("koc,ij->koicj", responses, np.eye(inputs))
-        pairs = len(outputs) * inputs
+        pairs = whitening.shape[1]
+        ways = np.einsum("koc,ij->koicj", responses, np.eye(pairs // len(outputs)))
         ways = whitening @ ways.reshape(len(frequency), pairs, -1)
         residual, slopes, *_ = part.white(model, list(range(len(model.names))))
         lines = as_lines(residual, pairs)[: len(frequency)], as_lines(slopes, pairs)[: len(frequency)]
@@ -140,7 +134,7 @@ class Sight:
     @property
     def judged(self) -> int:
         """Numbers among the lines that were measured."""
-        return self.part.judged if isinstance(self.part, ResponseLines) else 2 * self.residual.size
+        return 2 * self.residual.size - (self.part.numbers - self.part.judged)
 
     @property
     def cost(self) -> float:

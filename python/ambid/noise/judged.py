@@ -64,6 +64,11 @@ class JudgedLines:
         self.points = self.window.points(self.index)
         self.measured_lines = self._some(measured.excited, measured.single)
 
+    @property
+    def frequency_hz(self) -> FloatArray:
+        """The excited lines [Hz]."""
+        return np.asarray(self.window.excited * self.record.sample_rate / self.window.samples)
+
     def at(self, model: Model) -> Model:
         """The model at the operating point of the record, with its own angles where they are known."""
         here = model.at(self.record)

@@ -11,14 +11,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from functools import cached_property, partial
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
 
 from ambid import _core
-from ambid.arrays import ComplexArray, FloatArray, is_same
+from ambid.arrays import ComplexArray, FloatArray
 from ambid.loop.effect import Effect
 from ambid.model import Model
 from ambid.noise.angles import best_angle
@@ -59,6 +59,7 @@ class RecordLines(NoisyLines):
     See `NoisyLines` for parameters and attributes.
     """
 
+    is_in_time: Literal[True] = True
     scatter = SPREAD
 
     @cached_property
@@ -89,13 +90,6 @@ class RecordLines(NoisyLines):
         own.split = split
         return own
 
-    def is_alike(self, other: object) -> bool:
-        """Whether the same numbers are whitened alike, as where one is a copy of the other."""
-        if not isinstance(other, RecordLines) or self.angles != other.angles or self.tones != other.tones:
-            return False
-        pairs = [(own.measured_lines, own.spectrum.whitening) for own in (self, other)]
-        return is_same(*pairs)
-
     def __copy__(self) -> RecordLines:
         """With what is known of compiled loops."""
         other = type(self).__new__(type(self))
@@ -122,10 +116,9 @@ class RecordLines(NoisyLines):
     def by_channel(self, white: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Excited lines [Hz], and the power of whitened numbers in each channel over its noise, shape (lines, p)."""
         count = len(self.window.excited)
-        frequency = self.window.excited * self.record.sample_rate / self.window.samples
         lines = as_lines(white, self.measured.channels)[:count, :, None]
-        back = (_core.inverses(self.spectrum.whitening)[:count] @ lines)[..., 0]
-        return frequency, np.asarray(np.abs(back) ** 2 / self.noise_power()[:count])
+        back = (_core.inverses(self.whitening)[:count] @ lines)[..., 0]
+        return self.frequency_hz, np.asarray(np.abs(back) ** 2 / self.noise_power()[:count])
 
     @property
     def excitations(self) -> tuple[tuple[str, ...], ComplexArray]:
@@ -150,7 +143,7 @@ class RecordLines(NoisyLines):
         """The lines for the core, with the inputs that a model at this operating point has."""
         drives = tuple(here.acting) if here.loop.core.inputs > here.loop.driven else ()
         if drives not in self._data:
-            inputs, whitening = self._inputs(here), self.spectrum.whitening
+            inputs, whitening = self._inputs(here), self.whitening
             self._data[drives] = _core.LineData(here.loop.core, self.points, inputs, self.measured_lines, whitening)
         return self._data[drives]
 
@@ -295,7 +288,7 @@ class RecordLines(NoisyLines):
     def _whitening_with(self, more: NDArray[np.intp]) -> ComplexArray:
         """That of the judged lines, then of others, each that of the excited line beside it."""
         beside = np.minimum(np.searchsorted(self.window.excited, more), len(self.window.excited) - 1)
-        return np.concatenate([self.spectrum.whitening, self.spectrum.whitening[beside]])
+        return np.concatenate([self.whitening, self.whitening[beside]])
 
     def _simulated_in_time(self, here: Model) -> FloatArray:
         """The same of a nonlinear model."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ambid import _core
-from ambid.arrays import FloatArray
+from ambid.arrays import FloatArray, is_same
 from ambid.errors import UnstableLoopError
 from ambid.loop.effect import Tone
 from ambid.model import Model
@@ -20,7 +20,7 @@ from ambid.noise.lines import RecordLines, White
 from ambid.noise.measured import Measured
 from ambid.noise.response_lines import ResponseLines
 from ambid.noise.tones import confirmed, find_tones, misses_tone
-from ambid.record import FrequencyResponse, Measurement
+from ambid.record import Measurement
 
 __all__ = ["Noise", "Quadratic"]
 
@@ -78,7 +78,7 @@ class Noise:
     """
 
     def __init__(self, model: Model, records: Sequence[Measurement]) -> None:
-        self._take([_judged(model, _before_models(record)) for record in records])
+        self._take([_part(model, record) for record in records])
 
     def _take(self, parts: Sequence[Part]) -> None:
         self.parts = tuple(parts)
@@ -89,13 +89,7 @@ class Noise:
     @classmethod
     def rough(cls, model: Model, records: Sequence[Measurement], damping: float = 0.0) -> Noise:
         """A rough one of few lines, to come near an optimum with; of samples that fade away at a rate [1/s], if any."""
-        measured = [_before_models(record, damping) for record in records]
-        return cls.of_parts(
-            [
-                ResponseLines(own, model) if isinstance(own, FrequencyResponse) else RecordLines(model, own, rough=True)
-                for own in measured
-            ]
-        )
+        return cls.of_parts([_part(model, record, damping, is_rough=True) for record in records])
 
     @classmethod
     def of_parts(cls, parts: Sequence[Part]) -> Noise:
@@ -108,9 +102,11 @@ class Noise:
         """Whether the same lines are whitened alike."""
         if not isinstance(other, Noise):
             return NotImplemented
-        if len(self.parts) != len(other.parts):
-            return False
-        return all(own.is_alike(its) for own, its in zip(self.parts, other.parts, strict=True))
+        own, its = (
+            [(part.angles, part.tones, part.measured_lines, part.whitening) for part in noise.parts]
+            for noise in (self, other)
+        )
+        return is_same(own, its)
 
     def __hash__(self) -> int:
         return hash((self.lines, len(self.parts)))
@@ -121,7 +117,12 @@ class Noise:
 
     def renewed(self, model: Model) -> Noise:
         """The noise of the same records by the residual of another model, with the angles that are known."""
-        return Noise.of_parts([_judged(model, part.measured, part.angles) for part in self.parts])
+        return Noise.of_parts(
+            [
+                _judged(model, part.measured, part.angles) if part.is_in_time else _part(model, part.record)
+                for part in self.parts
+            ]
+        )
 
     def with_own_angles(self, model: Model) -> Noise:
         """The same noise, with the angle of every wave of a model where it fits each record best."""
@@ -130,7 +131,7 @@ class Noise:
     @property
     def in_time(self) -> tuple[RecordLines, ...]:
         """The parts that are of records in time."""
-        return tuple(part for part in self.parts if isinstance(part, RecordLines))
+        return tuple(part for part in self.parts if part.is_in_time)
 
     @property
     def tones(self) -> list[tuple[Tone, ...]]:
@@ -233,21 +234,19 @@ class Noise:
         own: OnLines = {}
         for k, part in enumerate(self.parts):
             here = part.at(model)
-            if not (here.is_linear and isinstance(part, RecordLines)):
+            if not (here.is_linear and part.is_in_time):
                 return None
             own.setdefault(here.loop.core, []).append((k, part, part.data(here)))
         return own
 
     def remember(self, model: Model, free: Sequence[int], ended: _core.Ended) -> None:
         """Keep the quadratic form about a model that the core ended at, its records in the order of `on_lines`."""
-        order = [k for some in (self.on_lines(model) or {}).values() for k, *_ in some]
+        order = [(k, part) for some in (self.on_lines(model) or {}).values() for k, part, _ in some]
         transients, turning = [np.zeros(0)] * len(order), [np.zeros((len(free), 0))] * len(order)
-        for k, transient, slopes, fitted in zip(
+        for (k, part), transient, slopes, fitted in zip(
             order, ended["transients"], ended["slopes"], ended["fitted"], strict=True
         ):
             transients[k], turning[k] = transient, slopes
-            part = self.parts[k]
-            assert isinstance(part, RecordLines)
             part.remember(part.at(model), transient, fitted)
         found = Quadratic(ended["hessian"], ended["gradient"], ended["cost"], sum(ended["fitted"]), transients, turning)
         self._keep((self._place(model), tuple(free), False), found)
@@ -267,7 +266,7 @@ class Noise:
         own: dict[tuple[_core.ClosedLoop, bytes], list[tuple[int, RecordLines, Model]]] = {}
         for k, part in enumerate(self.parts):
             here = part.at(model)
-            if here.is_linear and isinstance(part, RecordLines):
+            if here.is_linear and part.is_in_time:
                 own.setdefault((here.loop.core, here.theta.tobytes()), []).append((k, part, here))
                 continue
             residual, columns, states, _ = part.white(here, free, roughly=roughly)
@@ -294,18 +293,19 @@ class Noise:
         return Quadratic(hessian, gradient, cost, fitted, transients, turning)
 
 
-def _judged(model: Model, measured: Measured | FrequencyResponse, angles: Mapping[str, float] | None = None) -> Part:
+def _part(model: Model, record: Measurement, damping: float = 0.0, *, is_rough: bool = False) -> Part:
+    """What was measured, on its lines; see `Noise.rough`."""
+    if not record.is_in_time:
+        return ResponseLines(record, model)
+    measured = Measured(record, damping)
+    return RecordLines(model, measured, rough=True) if is_rough else _judged(model, measured)
+
+
+def _judged(model: Model, measured: Measured, angles: Mapping[str, float] | None = None) -> RecordLines:
     """A record on its judged lines, the tones found that a model leaves of it."""
-    if isinstance(measured, FrequencyResponse):
-        return ResponseLines(measured, model)
     part = RecordLines(model, measured, angles=angles)
     if tones := find_tones(model, part):
         part = RecordLines(model, measured, tones, angles=angles)
         if (kept := confirmed(model, part)) != tones:
             part = RecordLines(model, measured, kept, angles=angles)
     return part.where_noise_arises(model)
-
-
-def _before_models(record: Measurement, damping: float = 0.0) -> Measured | FrequencyResponse:
-    """What lines are taken from, before any model."""
-    return record if isinstance(record, FrequencyResponse) else Measured(record, damping)

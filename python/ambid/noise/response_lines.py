@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import polygamma
 
-from ambid.arrays import ComplexArray, FloatArray, is_same
+from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import ModelError, RecordError
 from ambid.loop.effect import Tone
 from ambid.model import Model
@@ -49,25 +50,26 @@ class ResponseLines:
         Real numbers of every whitened table: 2 for each pair of an output and an input at each frequency.
     judged : int
         How many of them were measured; the others are zero.
+    measured_lines : ndarray of complex, shape (F, pairs)
+        What was measured.
+    whitening : ndarray of complex, shape (F, pairs, pairs)
+    frequency_hz : ndarray, shape (F,)
     """
 
+    is_in_time: Literal[False] = False
     noise_is_measured = True
     scatter = RESPONSE_SPREAD
     tones: tuple[Tone, ...] = ()
     angles = None
 
     def __init__(self, response: FrequencyResponse, model: Model) -> None:
-        self.record = self.measured = response
+        self.record, self.frequency_hz = response, response.frequency_hz
         self._base = model.at(response)
         pairs = response.response[0].size
         self._known = response.measured.reshape(-1, pairs)
-        self._z = np.where(self._known, response.response.reshape(-1, pairs), 0.0)
+        self.measured_lines = np.where(self._known, response.response.reshape(-1, pairs), 0.0)
         self.whitening = _whitening(response, self._known)
         self.numbers, self.judged = 2 * self._known.size, 2 * int(self._known.sum())
-
-    def is_alike(self, other: object) -> bool:
-        """Whether the same numbers are whitened alike."""
-        return isinstance(other, ResponseLines) and is_same((self._z, self.whitening), (other._z, other.whitening))
 
     def at(self, model: Model) -> Model:
         """The model at the operating point of the response."""
@@ -96,7 +98,7 @@ class ResponseLines:
         """Residual and derivatives, as `RecordLines.white`; there is no transient, and no rough way."""
         response, slopes = self._response(here, free)
         nothing = np.zeros((self.numbers, 0))
-        return White(self.whiten(self._z - response), self.whiten(slopes), 0, nothing)
+        return White(self.whiten(self.measured_lines - response), self.whiten(slopes), 0, nothing)
 
     def slopes(self, here: Model, free: Sequence[int]) -> FloatArray:
         """Whitened derivatives of the response by the parameters in `free`, shape (numbers, free)."""
@@ -108,7 +110,7 @@ class ResponseLines:
 
     def departure(self, here: Model) -> FloatArray:
         """Whitened response less what was measured."""
-        return self.whiten(self._response(here, [])[0] - self._z)
+        return self.whiten(self._response(here, [])[0] - self.measured_lines)
 
     def departure_from_rest(self, here: Model, free: Sequence[int] = ()) -> tuple[FloatArray, FloatArray]:
         """The same, and its derivatives: a response has no beginning."""
@@ -121,7 +123,7 @@ class ResponseLines:
     @property
     def whitened_measured(self) -> FloatArray:
         """What was measured."""
-        return self.whiten(self._z)
+        return self.whiten(self.measured_lines)
 
     def whiten(self, lines: ComplexArray) -> FloatArray:
         """Numbers of shape (F, pairs) or (F, pairs, q), whitened, as real ones."""
@@ -135,7 +137,7 @@ class ResponseLines:
 
     def points(self, here: Model) -> ComplexArray:
         """The frequencies as points of the unit circle, at the sample rate of the loop."""
-        return np.exp(2j * np.pi * self.record.frequency_hz * here.loop.sample_time)
+        return np.exp(2j * np.pi * self.frequency_hz * here.loop.sample_time)
 
     def by_channel(self, white: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Frequencies [Hz], and the power of whitened numbers in each output over its noise, shape (F, outputs)."""
@@ -144,7 +146,7 @@ class ResponseLines:
         left = np.where(self.record.measured, np.abs(back) ** 2, np.nan) / self.record.std**2
         count = np.sum(self.record.measured, axis=2)
         relative = np.nansum(left, axis=2) / np.maximum(count, 1)
-        return self.record.frequency_hz, np.where(count > 0, relative, np.nan)
+        return self.frequency_hz, np.where(count > 0, relative, np.nan)
 
     def by_line(self, rows: FloatArray) -> FloatArray:
         """Rows of whitened numbers, summed frequency by frequency."""

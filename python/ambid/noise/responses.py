@@ -135,7 +135,7 @@ def frequency_responses(comparison: Comparison, record: int = 0, before: Sequenc
 def _modelled(model: Model, own: RecordComparison, measured: FrequencyResponse) -> Modelled:
     name = " + ".join(effect.name for effect in model.effects) or "base model"
     here, f = model.at(own.record), measured.frequency_hz
-    if not here.is_linear and isinstance(own.record, Record):
+    if own.record.is_in_time and not here.is_linear:
         response = _of_signals(own.record, np.asarray(own.simulated, dtype=np.float64))
         return Modelled(name, response, f, response)
     # frequencies at which a linear model is shown beside the measured ones: its modes appear between them

@@ -79,6 +79,11 @@ class NoisyLines(JudgedLines):
     judged = numbers
 
     @property
+    def whitening(self) -> ComplexArray:
+        """`Spectrum.whitening`."""
+        return self.spectrum.whitening
+
+    @property
     def spreads(self) -> FloatArray:
         """`Spectrum.spread` of every number."""
         return np.repeat(self.spectrum.spread, 2 * self.measured.channels)
@@ -90,11 +95,11 @@ class NoisyLines(JudgedLines):
 
     def whiten(self, lines: ComplexArray) -> FloatArray:
         """Judged lines of shape (lines, p) or (lines, p, q), whitened, as real numbers."""
-        return whitened(self.spectrum.whitening, lines)
+        return whitened(self.whitening, lines)
 
     def noise_power(self) -> FloatArray:
         """Power of the noise of each channel on the judged lines, shape (lines, p), in units of the lines."""
-        inverse = _core.inverses(self.spectrum.whitening)
+        inverse = _core.inverses(self.whitening)
         own = 2.0 * np.sum(np.abs(inverse) ** 2, axis=2)
         return np.asarray(own / self.spectrum.raised[:, None])
 

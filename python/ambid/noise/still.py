@@ -60,7 +60,7 @@ def motion_left(part: RecordLines, here: Model) -> Criterion | None:
         None where the record moves all along, or it is too short or too long to show it.
     """
     response, index = part.simulated(undisturbed(here)), part.index  # a hum never stands still
-    left, whitening, samples = part.residual_lines(here), part.spectrum.whitening, len(response)
+    left, whitening, samples = part.residual_lines(here), part.whitening, len(response)
     change = np.diff(response, axis=0, append=response[-1:])
     together, is_still = 1, _still(change, samples // PARTS)
     while is_still.sum() < LEAST_STILL * len(is_still):

@@ -15,7 +15,7 @@ from scipy.fft import rfft
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
 from ambid.findings import Finding, Kind, Where
-from ambid.record import FrequencyResponse, Measurement, Record
+from ambid.record import Measurement, Record
 
 __all__ = ["Window", "findings_of", "thinned"]
 
@@ -137,7 +137,7 @@ class Window:
 def findings_of(record: Measurement) -> tuple[Finding, ...]:
     """What is to be known beside a result of a record on lines: its own findings, and whether lines were left out."""
     found = tuple(own.at(record=record.name) for own in record.findings)
-    if isinstance(record, FrequencyResponse) or record.period is not None:
+    if not record.is_in_time or record.period is not None:
         return found
     window = Window.of(record)
     judged, there = len(window.excited), (window.period + 1) // 2 - window.lowest

@@ -27,7 +27,7 @@ from ambid.plot.style import (
     save_figure,
     shown_in,
 )
-from ambid.record import FrequencyResponse, Measurement, Record
+from ambid.record import Measurement, Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -80,7 +80,7 @@ def plot_comparison(
     one = _record(comparison, record)
     k = _column(one, channel)
     row = one.channels[k]
-    if isinstance(one.record, FrequencyResponse):
+    if not one.record.is_in_time:
         found = frequency_responses(comparison, record, [] if before is None else [_model(before)])
         inlet = one.record.inputs[int(np.argmax(np.nansum(found.left(-1)[:, k], axis=0)))]
         return plot_frequency_response(found, row.channel, inlet, ax=ax)
@@ -141,7 +141,7 @@ def worst_stretch(
         Length of the stretch, but `FEWEST` samples at least.
     """
     one = _record(comparison, record)
-    if not isinstance(one.record, Record):
+    if not one.record.is_in_time:
         raise InputError(f"{one.record.name}: a frequency response has no stretch of time; leave the stretch out")
     residual = one.residual[:, _column(one, channel)]
     period, rate, samples = one.record.period, one.record.sample_rate, one.record.samples
@@ -166,7 +166,7 @@ def draw_record(
     title = f"{one.record.name}: measured against simulated"
     if np.isfinite(one.misfit):
         title += f"   (misfit {one.misfit:.2f}, 1 when the model is right)"
-    if isinstance(one.record, FrequencyResponse):
+    if not one.record.is_in_time:
         return draw_responses(frequency_responses(comparison, record, [] if before is None else [before]), title)
     signals: dict[str, list[str]] = {}
     for c in one.channels:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -71,6 +71,8 @@ class FrequencyResponse(ByValue, WithFindings):
         Size and hash of what was read of it.
     point : Rig or None
         Rig of the operating point that it was measured at, where that is another one than the model's; see `at`.
+    is_in_time, period
+        As `Record` has them: False, and None.
 
     Raises
     ------
@@ -91,6 +93,8 @@ class FrequencyResponse(ByValue, WithFindings):
     provenance: Provenance | None = None
     point: Rig | None = None
     read_only: ClassVar[tuple[str, ...]] = ("frequency_hz", "response", "std", "covariance")
+    is_in_time: ClassVar[Literal[False]] = False
+    period: ClassVar[None] = None
     is_free_response: ClassVar[bool] = False
     has_known_command: ClassVar[bool] = False
 
@@ -289,6 +293,11 @@ class FrequencyResponse(ByValue, WithFindings):
     def pairs(self) -> list[str]:
         """Names such as ``y.A_zeta / i_e.A_zeta``, in the order of ``response[k].ravel()``."""
         return [f"{output} / {inlet}" for output in self.outputs for inlet in self.inputs]
+
+    @property
+    def abscissa(self) -> tuple[str, str, FloatArray]:
+        """What it was measured over, as `Record.abscissa`: `frequency_hz`."""
+        return "frequency_hz", "Hz", self.frequency_hz
 
     @property
     def channels(self) -> list[str]:

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -74,6 +74,8 @@ class Record(ByValue, WithFindings):
         Size and hash of what was read of it.
     point : Rig or None
         Rig of the operating point that it was recorded at, where that is another one than the model's; see `at`.
+    is_in_time : bool
+        True: it was measured over time, and not over frequency.
 
     Raises
     ------
@@ -97,6 +99,7 @@ class Record(ByValue, WithFindings):
     excitation_source: ExcitationSource = "logged"
     further: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     read_only: ClassVar[tuple[str, ...]] = tuple(OF_LOOP)
+    is_in_time: ClassVar[Literal[True]] = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axes", tuple(self.axes))
@@ -260,6 +263,11 @@ class Record(ByValue, WithFindings):
         return np.arange(self.samples) / self.sample_rate
 
     @property
+    def abscissa(self) -> tuple[str, str, NDArray[np.float64]]:
+        """What it was measured over: the name in tables, the unit, and the values, `t`."""
+        return "t", "s", self.t
+
+    @property
     def channels(self) -> list[str]:
         """Names of the recorded outputs, such as ``y.A_zeta``: y, i_c where it was recorded, further ones."""
         own = self._signals
@@ -324,16 +332,10 @@ class Record(ByValue, WithFindings):
     @cached_property
     def _frequency_response(self) -> FrequencyResponse:
         """Found once: a record without a period takes a second for 50 000 samples."""
-        where = str(self.path or self.name)
-        require_driven(where, self.i_e is not None, self._driving)
+        where, driving = str(self.path or self.name), self._driving
+        require_driven(where, self.i_e is not None, driving)
         made = response_of_signals(
-            where,
-            self._driving,
-            self.axes,
-            self.outputs,
-            self.channels,
-            sample_rate=self.sample_rate,
-            period=self.period,
+            where, driving, self.axes, self.outputs, self.channels, sample_rate=self.sample_rate, period=self.period
         )
         about = {name: getattr(self, name) for name in ("name", "path", "provenance", "point")}
         return replace(made, **about, findings=(*self.findings, *made.findings))
@@ -390,8 +392,7 @@ class Record(ByValue, WithFindings):
     @property
     def _driving(self) -> dict[str, NDArray[np.float64]]:
         """What drives it: those of i_e and r of which any axis changes."""
-        own = {"i_e": self.i_e, "r": self.r}
-        return {name: one for name, one in own.items() if one is not None and np.any(one != one[:1])}
+        return {name: own for name, own in self._signals.items() if name in ("i_e", "r") and np.any(own != own[:1])}
 
     def _of(self, signals: Mapping[str, NDArray[np.float64]]) -> Record:
         """The same with these as `_signals`."""

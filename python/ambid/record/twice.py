@@ -94,16 +94,14 @@ def _of_two(kind: Kind, own: _Named, other: _Named) -> Finding:
 
 def _is_same(one: Measurement, other: Measurement) -> bool:
     """Whether two measurements hold the same values in all that both have."""
-    if isinstance(one, Record) and isinstance(other, Record):
+    if one.is_in_time and other.is_in_time:
         if one.axes != other.axes or abs(one.sample_rate - other.sample_rate) > SAME * one.sample_rate:
             return False
         ours, theirs = one.columns(), other.columns()
         return all(_are_alike(ours[name], theirs[name]) for name in ours if name in theirs)
-    if isinstance(one, FrequencyResponse) and isinstance(other, FrequencyResponse):
-        if (one.outputs, one.inputs) != (other.outputs, other.inputs):
-            return False
-        return _are_alike(one.frequency_hz, other.frequency_hz) and _are_alike(one.response, other.response)
-    return False
+    if one.is_in_time or other.is_in_time or (one.outputs, one.inputs) != (other.outputs, other.inputs):
+        return False
+    return _are_alike(one.frequency_hz, other.frequency_hz) and _are_alike(one.response, other.response)
 
 
 def _are_alike(one: FloatArray | ComplexArray, other: FloatArray | ComplexArray) -> bool:

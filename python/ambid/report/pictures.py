@@ -32,7 +32,6 @@ from ambid.plot.needed import HALF, SEEN
 from ambid.plot.responses import legend
 from ambid.plot.signals import legend as signal_legend
 from ambid.plot.style import new_figure
-from ambid.record import FrequencyResponse
 from ambid.robustness import Margins, PoleMap
 
 if TYPE_CHECKING:
@@ -172,7 +171,7 @@ def signals(before: Comparison, after: Comparison | None, index: int) -> Picture
     None of a frequency response, which has no time.
     """
     one = before.records[index]
-    if isinstance(one.record, FrequencyResponse):
+    if not one.record.is_in_time:
         return None
     groups: dict[str, list[ChannelComparison]] = {}
     for c in one.channels:

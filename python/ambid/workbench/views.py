@@ -13,7 +13,6 @@ from ambid.model import Parameter
 from ambid.noise.chance import ADEQUATE
 from ambid.plot import worst_stretch
 from ambid.plot.style import misfit_text, shown_in
-from ambid.record import Record
 from ambid.results import plain
 from ambid.workbench.places import chart, column_of, input_of, place_of, thinned
 from ambid.workbench.session import Session
@@ -148,14 +147,13 @@ def signals(
     row = one.channels[column]
     factor, unit = shown_in(row.unit)
     noise = np.full(1, factor * row.noise_rms)
-    if isinstance(one.record, Record):
-        x, x_unit, inlet = one.record.t, "s", None
-        window = window or worst_stretch(comparison, k, channel)
+    _, x_unit, x = one.record.abscissa
+    if one.record.is_in_time:
+        inlet, window = None, window or worst_stretch(comparison, k, channel)
         simulated, residual = np.asarray(one.simulated)[:, column], np.asarray(one.residual)[:, column]
         simulated = simulated - np.nanmean(simulated)
         drawn = np.column_stack([simulated + residual, simulated, residual])
     else:
-        x, x_unit = one.record.frequency_hz, "Hz"
         response, simulated = one.record.response[:, column], np.asarray(one.simulated)[:, column]
         left = response - simulated
         i = input_of(one.record.inputs, inlet, np.abs(left) / one.record.std[:, column])
@@ -221,11 +219,10 @@ def _records(session: Session) -> list[dict[str, Any]]:
             rows = [
                 {"channel": row.channel, "misfit": row.misfit, "fit_percent": row.fit_percent} for row in own.channels
             ]
-            span = own.record.t[-1] if isinstance(own.record, Record) else own.record.frequency_hz[-1]
-            unit = "s" if isinstance(own.record, Record) else "Hz"
+            _, unit, over = own.record.abscissa
             found.append(
                 {"name": own.record.name, "role": role, "misfit": own.misfit, "channels": rows}
-                | {"span": float(span), "span_unit": unit}
+                | {"span": float(over[-1]), "span_unit": unit}
             )
     return found
 
